@@ -1,0 +1,1 @@
+"""The ROS 1 navigation stack in one package: world, map, localization, costmaps, planning, control, and a move_base."""

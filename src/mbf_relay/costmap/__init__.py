@@ -1,0 +1,1 @@
+"""Costmaps: layers of knowledge about obstacles, merged into one grid of costs."""

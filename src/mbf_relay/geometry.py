@@ -1,0 +1,93 @@
+"""Planar poses, velocities and angles: the few types every room of the package shares."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+
+def normalize_angle(angle: float) -> float:
+    """Return `angle` (rad) wrapped to [-pi, pi)."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def normalize_angles(angles: np.ndarray) -> np.ndarray:
+    """Return an array of angles (rad) wrapped to [-pi, pi)."""
+    return (angles + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def angle_between(start: float, end: float) -> float:
+    """Return the signed shortest turn (rad) that leads from `start` to `end`."""
+    return normalize_angle(end - start)
+
+
+class Pose2D(NamedTuple):
+    """A pose in the plane, equally a rigid transform: x and y in metres, theta in radians.
+
+    A pose `b_in_a` is the transform that takes points given in frame b to frame a.
+    """
+
+    x: float
+    y: float
+    theta: float
+
+    def compose(self, other: Pose2D) -> Pose2D:
+        """Return `other`, given in this pose's frame, in the frame this pose is given in."""
+        cos, sin = math.cos(self.theta), math.sin(self.theta)
+        return Pose2D(
+            self.x + cos * other.x - sin * other.y,
+            self.y + sin * other.x + cos * other.y,
+            normalize_angle(self.theta + other.theta),
+        )
+
+    def inverse(self) -> Pose2D:
+        """Return the inverse transform."""
+        cos, sin = math.cos(self.theta), math.sin(self.theta)
+        return Pose2D(-cos * self.x - sin * self.y, sin * self.x - cos * self.y, normalize_angle(-self.theta))
+
+    def relative_to(self, reference: Pose2D) -> Pose2D:
+        """Return this pose in the frame of `reference`, both given in one frame."""
+        return reference.inverse().compose(self)
+
+    def distance_to(self, other: Pose2D) -> float:
+        """Return the distance (m) between the two positions."""
+        return math.hypot(other.x - self.x, other.y - self.y)
+
+    def is_finite(self) -> bool:
+        """Tell whether no coordinate is NaN or infinite."""
+        return math.isfinite(self.x) and math.isfinite(self.y) and math.isfinite(self.theta)
+
+    def transform_points(self, points: np.ndarray) -> np.ndarray:
+        """Take points of this pose's frame, shape (N, 2) in metres, to the frame this pose is given in."""
+        cos, sin = math.cos(self.theta), math.sin(self.theta)
+        rotation = np.array([[cos, -sin], [sin, cos]])
+        return np.asarray(points, dtype=float)[:, :2] @ rotation.T + (self.x, self.y)
+
+    def transform_poses(self, poses: np.ndarray) -> np.ndarray:
+        """Take poses of this pose's frame, shape (N, 3) as x, y, theta, to the frame this pose is given in."""
+        poses = np.asarray(poses, dtype=float)
+        return np.column_stack((self.transform_points(poses), normalize_angles(poses[:, 2] + self.theta)))
+
+
+IDENTITY = Pose2D(0.0, 0.0, 0.0)
+
+
+class Twist2D(NamedTuple):
+    """A velocity in the body frame: x and y in m/s, theta in rad/s."""
+
+    x: float
+    y: float
+    theta: float
+
+    def is_finite(self) -> bool:
+        """Tell whether no component is NaN or infinite."""
+        return math.isfinite(self.x) and math.isfinite(self.y) and math.isfinite(self.theta)
+
+    def speed(self) -> float:
+        """Return the translational speed (m/s)."""
+        return math.hypot(self.x, self.y)
+
+
+STOP = Twist2D(0.0, 0.0, 0.0)

@@ -1,0 +1,1 @@
+"""Localization: where on the map the robot is, by a particle filter over scans and odometry."""

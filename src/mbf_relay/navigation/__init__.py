@@ -1,0 +1,1 @@
+"""Navigation: executions of planners, controllers and recoveries, and the move_base logic over them; stepped, no threads."""

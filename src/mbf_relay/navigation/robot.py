@@ -1,0 +1,39 @@
+"""The port through which navigation reaches a robot: tf and topics under ROS, the simulation itself in lockstep."""
+
+from __future__ import annotations
+
+import abc
+
+from mbf_relay.geometry import Pose2D, Twist2D
+
+
+class Robot(abc.ABC):
+    """Where the robot is, how it moves, and how to move it."""
+
+    @abc.abstractmethod
+    def pose_in(self, frame: str) -> Pose2D:
+        """Return the newest pose of the robot's base in `frame`.
+
+        Raises:
+            TransformError: The frames are not connected or the newest relation is too old.
+        """
+
+    @abc.abstractmethod
+    def transform(self, target_frame: str, source_frame: str) -> Pose2D:
+        """Return the newest transform that takes poses in `source_frame` to `target_frame`.
+
+        Raises:
+            TransformError: As for `pose_in`.
+        """
+
+    @abc.abstractmethod
+    def velocity(self) -> Twist2D:
+        """Return the newest velocity from odometry, body frame.
+
+        Raises:
+            StaleDataError: There is none, or it is too old.
+        """
+
+    @abc.abstractmethod
+    def command(self, velocity: Twist2D) -> None:
+        """Send a velocity to the wheels; finite, within limits."""

@@ -1,0 +1,176 @@
+"""Declared parameters: frozen dataclasses whose fields carry unit, range and meaning, checked when made.
+
+    class AnyParameters(ParameterSet):
+        "Parameters of ..."
+        sim_time: float = parameter(1.5, "how far trajectories reach", unit="s", above=0.0)
+        max_vel_x: float = parameter(0.22, "top forward speed", unit="m/s", aliases=("max_trans_vel_x",))
+
+Decorate with `@dataclass(frozen=True)`. `from_mapping` fills such a class from a node's YAML or from the parameter server.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import typing
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Type, TypeVar
+
+T = TypeVar("T", bound="ParameterSet")
+
+
+def parameter(
+    default: Any,
+    description: str,
+    unit: str = "",
+    minimum: Optional[float] = None,
+    maximum: Optional[float] = None,
+    above: Optional[float] = None,
+    choices: Optional[Sequence[Any]] = None,
+    aliases: Sequence[str] = (),
+) -> Any:
+    """Declare a parameter as a dataclass field.
+
+    Args:
+        default: Value where none is given.
+        description: What it does, one line.
+        unit: SI unit, empty for none.
+        minimum, maximum: Allowed range, both included.
+        above: Lower bound that is itself not allowed.
+        choices: The allowed values.
+        aliases: Older names still read, with one warning.
+    """
+    metadata = dict(
+        description=description, unit=unit, minimum=minimum, maximum=maximum, above=above, choices=choices,
+        aliases=tuple(aliases),
+    )
+    if isinstance(default, (list, dict)):
+        return dataclasses.field(default_factory=lambda: type(default)(default), metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+@dataclasses.dataclass(frozen=True)
+class ParameterSet:
+    """Base of all parameter dataclasses: validates every field when made.
+
+    Raises:
+        ValueError: Naming the parameter, its value and what is allowed.
+    """
+
+    def __post_init__(self) -> None:
+        hints = typing.get_type_hints(type(self))
+        for field in dataclasses.fields(self):
+            value = convert(field.name, getattr(self, field.name), hints[field.name])
+            _check_range(field.name, value, field.metadata)
+            object.__setattr__(self, field.name, value)
+        self.check()
+
+    def check(self) -> None:
+        """Check what involves several parameters; raise ValueError. Override where there is such a thing."""
+
+    @classmethod
+    def from_mapping(cls: Type[T], values: Mapping[str, Any]) -> T:
+        """Make one from names and values; names it does not know are left alone (see `unknown_names`)."""
+        return cls(**cls.known(values))
+
+    @classmethod
+    def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
+        """Return the values that belong here, by present names; the present name wins over an alias."""
+        result: Dict[str, Any] = {}
+        for field in dataclasses.fields(cls):
+            for name in (field.name,) + tuple(field.metadata.get("aliases", ())):
+                if name in values:
+                    result[field.name] = values[name]
+                    break
+        return result
+
+    @classmethod
+    def unknown_names(cls, values: Mapping[str, Any]) -> List[str]:
+        """Return the names in `values` that are neither a parameter here nor a group of further parameters."""
+        names = set(cls.names())
+        for field in dataclasses.fields(cls):
+            names.update(field.metadata.get("aliases", ()))
+        return [name for name, value in values.items() if name not in names and not isinstance(value, Mapping)]
+
+    @classmethod
+    def deprecated_names(cls, values: Mapping[str, Any]) -> Dict[str, str]:
+        """Return the older names used in `values`, each with the present name."""
+        return {
+            alias: field.name
+            for field in dataclasses.fields(cls)
+            for alias in field.metadata.get("aliases", ())
+            if alias in values
+        }
+
+    @classmethod
+    def names(cls) -> List[str]:
+        """Return the names of the parameters."""
+        return [field.name for field in dataclasses.fields(cls)]
+
+    @classmethod
+    def nearest_name(cls, name: str) -> Optional[str]:
+        """Return the parameter whose name looks most like `name`, for error messages."""
+        matches = difflib.get_close_matches(name, cls.names(), n=1)
+        return matches[0] if matches else None
+
+    def replace(self: T, **changes: Any) -> T:
+        """Return a copy with some parameters changed, validated anew."""
+        return dataclasses.replace(self, **changes)
+
+    def as_dict(self) -> Dict[str, Any]:
+        """Return names and values."""
+        return dataclasses.asdict(self)
+
+
+def convert(name: str, value: Any, hint: Any) -> Any:
+    """Return `value` as the annotated type, or raise a ValueError that names the parameter.
+
+    A whole number is taken for a float and a float without fraction for an int; a bool is never a number.
+    """
+    origin = getattr(hint, "__origin__", None)
+    if origin is typing.Union:
+        options = [option for option in hint.__args__ if option is not type(None)]
+        return None if value is None else convert(name, value, options[0])
+    if origin is tuple:
+        return _convert_tuple(name, value, hint.__args__)
+    if hint is bool and isinstance(value, bool):
+        return value
+    if hint is float and isinstance(value, (int, float)) and not isinstance(value, bool):
+        if math.isnan(value):
+            raise ValueError(f"parameter {name} is not a number (NaN)")
+        return float(value)
+    if hint is int and isinstance(value, (int, float)) and not isinstance(value, bool) and value == int(value):
+        return int(value)
+    if hint in (bool, float, int, str) and not (hint is str and isinstance(value, str)):
+        raise ValueError(f"parameter {name} is {value!r}; it must be of type {hint.__name__}")
+    return value
+
+
+def _convert_tuple(name: str, value: Any, hints: Tuple[Any, ...]) -> Tuple[Any, ...]:
+    if isinstance(value, str) or not isinstance(value, (list, tuple)):
+        raise ValueError(f"parameter {name} is {value!r}; it must be a list")
+    if len(hints) == 2 and hints[1] is Ellipsis:
+        hints = (hints[0],) * len(value)
+    if len(hints) != len(value):
+        raise ValueError(f"parameter {name} has {len(value)} entries; it must have {len(hints)}")
+    return tuple(convert(f"{name}[{i}]", entry, hint) for i, (entry, hint) in enumerate(zip(value, hints)))
+
+
+def _check_range(name: str, value: Any, metadata: Mapping[str, Any]) -> None:
+    choices = metadata.get("choices")
+    if choices is not None and value not in choices:
+        raise ValueError(f"parameter {name} is {value!r}; it must be one of {', '.join(map(repr, choices))}")
+    minimum, maximum, above = (metadata.get(key) for key in ("minimum", "maximum", "above"))
+    if value is None:
+        return
+    for entry in value if isinstance(value, tuple) else (value,):
+        if minimum is not None and entry < minimum:
+            raise ValueError(f"parameter {name} is {value}; it must be at least {minimum}{_unit(metadata)}")
+        if maximum is not None and entry > maximum:
+            raise ValueError(f"parameter {name} is {value}; it must be at most {maximum}{_unit(metadata)}")
+        if above is not None and entry <= above:
+            raise ValueError(f"parameter {name} is {value}; it must be above {above}{_unit(metadata)}")
+
+
+def _unit(metadata: Mapping[str, Any]) -> str:
+    return f" {metadata['unit']}" if metadata.get("unit") else ""

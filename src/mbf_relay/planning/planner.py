@@ -1,0 +1,58 @@
+"""The abstract planner and the flag by which a running plan is called off."""
+
+from __future__ import annotations
+
+import abc
+
+import numpy as np
+
+from mbf_relay.costmap.cost_grid import CostGrid
+from mbf_relay.geometry import Pose2D
+from mbf_relay.planning.path import Path
+from mbf_relay.plugins import Plugin
+
+
+class Cancellation:
+    """A flag one thread sets and another one's loop reads, compiled loops included.
+
+    Attributes:
+        flag: Shape (1,), uint8: 0 until cancelled; kernels read it every few thousand cells.
+    """
+
+    def __init__(self) -> None:
+        self.flag = np.zeros(1, dtype=np.uint8)
+
+    def cancel(self) -> None:
+        """Ask the running plan to stop; it does so within 10 ms."""
+        self.flag[0] = 1
+
+    def is_cancelled(self) -> bool:
+        """Tell whether the plan was called off."""
+        return bool(self.flag[0])
+
+
+class Planner(Plugin, abc.ABC):
+    """Finds a path over a costmap.
+
+    A planner may keep what it learned between calls, to replan faster; the path it returns must depend on the
+    arguments alone. It is never called by two threads at once.
+    """
+
+    @abc.abstractmethod
+    def plan(
+        self, costmap: CostGrid, start: Pose2D, goal: Pose2D, tolerance: float, cancelled: Cancellation
+    ) -> Path:
+        """Return a path from `start` to `goal`, both in the costmap's frame, every pose with a heading.
+
+        Args:
+            costmap: The picture to plan on.
+            start: The robot's pose; the path begins there.
+            goal: Where to go; the last pose is it, or where it cannot be reached, the reachable point nearest to it
+                within `tolerance`.
+            tolerance: Distance (m) by which the goal may be missed; 0 or above.
+            cancelled: Stops the search when set.
+
+        Raises:
+            PlanningError: OUT_OF_MAP, BLOCKED_START, BLOCKED_GOAL, NO_PATH_FOUND or CANCELED, with a text that says
+                what is where.
+        """

@@ -1,0 +1,57 @@
+"""The abstract recovery behaviour."""
+
+from __future__ import annotations
+
+import abc
+from typing import Any, Iterator, Mapping
+
+from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.plugins import Plugin
+
+
+class RecoveryContext(abc.ABC):
+    """What a behaviour may see and touch; its values are those of the current step."""
+
+    @property
+    @abc.abstractmethod
+    def now(self) -> float:
+        """Time (s)."""
+
+    @property
+    @abc.abstractmethod
+    def period(self) -> float:
+        """Time (s) between two steps."""
+
+    @property
+    @abc.abstractmethod
+    def velocity(self) -> Twist2D:
+        """The robot's velocity from odometry, body frame."""
+
+    @abc.abstractmethod
+    def pose_in(self, frame: str) -> Pose2D:
+        """Return the robot's pose in `frame`; raise TransformError where it is not known."""
+
+    @property
+    @abc.abstractmethod
+    def costmaps(self) -> Mapping[str, Any]:
+        """The live costmaps (mbf_relay.costmap.costmap.Costmap), "local" and "global"."""
+
+    @property
+    @abc.abstractmethod
+    def controller(self) -> Any:
+        """The controller that failed, or None: a behaviour may change its limits for a while."""
+
+
+class Recovery(Plugin, abc.ABC):
+    """Tries to get the robot going again, step by step, so that it can be cancelled between any two of them."""
+
+    @abc.abstractmethod
+    def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
+        """Yield the velocity to command until the next step; return when done.
+
+        Whoever drives the generator commands a stop after its last step, and closes it (GeneratorExit) when cancelled:
+        undo what must not last in a `finally`.
+
+        Raises:
+            RecoveryError: IMPASSABLE, TF_ERROR or FAILURE, with a text that says why.
+        """

@@ -1,0 +1,1 @@
+"""The ROS edge: nodes, clients, and conversions between messages and the package's own types."""

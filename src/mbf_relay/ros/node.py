@@ -1,0 +1,36 @@
+"""How every node starts and ends: one line for what is wrong, no traceback for what a user can mend."""
+
+from __future__ import annotations
+
+import sys
+from typing import Callable
+
+import rospy
+import rospy.core
+
+from mbf_relay.outcomes import StaleDataError, TransformError
+
+USER_ERRORS = (ValueError, OSError, TransformError, StaleDataError)
+"""What a wrong parameter, a missing file or an absent node raise; their text is the whole message."""
+
+
+def run_node(name: str, main: Callable[[], None]) -> None:
+    """Register a node, run `main` until it returns, and exit.
+
+    The exit status is 0 after `main` returned or ROS was shut down and 1 after an error a user can mend, which is
+    logged as one line. A programming error keeps its traceback.
+    """
+    rospy.init_node(name)
+    try:
+        main()
+    except rospy.ROSInterruptException:
+        sys.exit(0)
+    except USER_ERRORS as error:
+        rospy.logfatal("%s", one_line(error))
+        rospy.signal_shutdown(one_line(error))
+        sys.exit(1)
+
+
+def one_line(error: BaseException) -> str:
+    """Return an exception's text on one line."""
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,34 @@
+"""A planar laser scan: what the lidar measures, localization weighs and costmaps mark."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class LaserScan:
+    """One sweep of a planar lidar, in the sensor's frame.
+
+    Attributes:
+        ranges: Shape (B,) in metres; +inf where nothing came back, NaN or below `range_min` where the reading is invalid.
+        angle_min: Direction (rad) of the first beam, counter-clockwise from the sensor's x axis.
+        angle_increment: Angle (rad) from one beam to the next.
+        range_min, range_max: Readings (m) outside of these are no measurements.
+        stamp: Time (s) of the scan.
+        frame: Name of the sensor's frame.
+    """
+
+    ranges: np.ndarray
+    angle_min: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+    stamp: float
+    frame: str = "base_scan"
+
+    @property
+    def angles(self) -> np.ndarray:
+        """Directions of the beams, shape (B,) in radians."""
+        return self.angle_min + self.angle_increment * np.arange(len(self.ranges))

@@ -1,0 +1,1 @@
+"""The simulated world: the only room that knows the physics engine."""
