@@ -139,7 +139,7 @@ def convert(name: str, value: Any, hint: Any) -> Any:
         if math.isnan(value):
             raise ValueError(f"parameter {name} is not a number (NaN)")
         return float(value)
-    if hint is int and isinstance(value, (int, float)) and not isinstance(value, bool) and value == int(value):
+    if hint is int and isinstance(value, (int, float)) and not isinstance(value, bool) and float(value).is_integer():
         return int(value)
     if hint in (bool, float, int, str) and not (hint is str and isinstance(value, str)):
         raise ValueError(f"parameter {name} is {value!r}; it must be of type {hint.__name__}")

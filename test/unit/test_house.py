@@ -1,0 +1,70 @@
+"""Rules of the house that a reader could break without noticing, held by reading the sources."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).resolve().parents[2] / "src" / "mbf_relay"
+MODULES = sorted(SOURCE.rglob("*.py"))
+ROS = re.compile(r"^(rospy|roslib|rosgraph|roslaunch|rosbag|rospkg|tf|tf2_\w+|actionlib|dynamic_reconfigure|\w+_msgs|\w+_srvs)$")
+CLOCKS = {"time.time", "time.monotonic", "time.perf_counter", "time.sleep", "datetime.now", "datetime.utcnow"}
+TIMING_ROOMS = {"ros", "benchmarks"}
+
+
+def imports(tree):
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            yield node.module
+
+
+def room(path):
+    return path.relative_to(SOURCE).parts[0]
+
+
+def parsed(path):
+    return ast.parse(path.read_text(encoding="utf-8"), str(path))
+
+
+def dotted(node):
+    if isinstance(node, ast.Attribute):
+        return f"{dotted(node.value)}.{node.attr}"
+    return node.id if isinstance(node, ast.Name) else "?"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
+def test_a_module_imports_only_what_its_room_may(path):
+    for name in imports(parsed(path)):
+        top = name.split(".")[0]
+        if room(path) not in ("ros", "benchmarks"):
+            assert not ROS.match(top), f"{path.name} imports {name}: only ros/ knows ROS"
+            assert not name.startswith("mbf_relay.ros"), f"{path.name} imports {name}: nothing leans on ros/"
+        if room(path) != "simulation":
+            assert top not in ("pybullet", "pybullet_data"), f"{path.name} imports {name}: only simulation/ knows it"
+
+
+@pytest.mark.parametrize("path", [p for p in MODULES if room(p) not in TIMING_ROOMS], ids=lambda p: p.name)
+def test_no_clock_is_read_and_no_global_chance_used_below_the_ros_edge(path):
+    for node in ast.walk(parsed(path)):
+        if isinstance(node, ast.Call):
+            name = dotted(node.func)
+            assert name not in CLOCKS, f"{path.name}:{node.lineno} reads a clock: take `now` as an argument"
+            chance = re.match(r"(np|numpy)\.random\.(?!default_rng|Generator|SeedSequence|PCG64|Philox)", name)
+            assert not chance and not name.startswith("random."), f"{path.name}:{node.lineno} uses global chance"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
+def test_modules_are_short_and_documented(path):
+    text = path.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 400, f"{path.name} has two jobs"
+    assert ast.get_docstring(ast.parse(text)), f"{path.name} does not say what it is for"
+
+
+def test_kernels_share_one_decorator():
+    for path in MODULES:
+        if path.name != "kernels.py":
+            assert "njit" not in path.read_text(encoding="utf-8"), f"{path} compiles on its own: use mbf_relay.kernels.kernel"

@@ -1,0 +1,73 @@
+"""Declared parameters: ranges, types, aliases and the words of a refusal."""
+
+from dataclasses import dataclass
+from typing import Optional, Tuple
+
+import pytest
+
+from mbf_relay.parameters import ParameterSet, parameter
+
+
+@dataclass(frozen=True)
+class Example(ParameterSet):
+    speed: float = parameter(0.22, "top speed", unit="m/s", minimum=0.0, maximum=1.0, aliases=("max_speed",))
+    period: float = parameter(0.1, "time between cycles", unit="s", above=0.0)
+    samples: int = parameter(20, "how many", minimum=1)
+    model: str = parameter("diff", "kind of drive", choices=("diff", "omni"))
+    active: bool = parameter(True, "whether it is on")
+    outline: Tuple[Tuple[float, float], ...] = parameter(((0.0, 0.0), (1.0, 0.0)), "corner points", unit="m")
+    limit: Optional[float] = parameter(None, "none for no limit", unit="m", minimum=0.0)
+
+    def check(self):
+        if self.speed * self.period > 0.5:
+            raise ValueError("speed times period is above 0.5 m")
+
+
+def test_numbers_are_taken_as_the_declared_type():
+    example = Example(speed=1, samples=3.0, outline=[[0, 0], [1, 2]])
+    assert example.speed == 1.0 and isinstance(example.speed, float)
+    assert example.samples == 3 and isinstance(example.samples, int)
+    assert example.outline == ((0.0, 0.0), (1.0, 2.0))
+
+
+@pytest.mark.parametrize(
+    "values, words",
+    [
+        ({"speed": -0.1}, ["speed", "-0.1", "at least 0.0 m/s"]),
+        ({"speed": 1.5}, ["speed", "1.5", "at most 1.0 m/s"]),
+        ({"speed": "fast"}, ["speed", "'fast'", "float"]),
+        ({"speed": True}, ["speed", "True", "float"]),
+        ({"speed": float("nan")}, ["speed", "NaN"]),
+        ({"period": 0}, ["period", "0.0", "above 0.0 s"]),
+        ({"samples": 2.5}, ["samples", "2.5", "int"]),
+        ({"samples": float("inf")}, ["samples", "inf", "int"]),
+        ({"model": "car"}, ["model", "'car'", "'diff', 'omni'"]),
+        ({"active": 1}, ["active", "1", "bool"]),
+        ({"outline": "square"}, ["outline", "'square'", "list"]),
+        ({"outline": [[0, 0, 0]]}, ["outline", "3 entries", "2"]),
+        ({"limit": -1}, ["limit", "-1.0", "at least 0.0 m"]),
+        ({"speed": 1.0, "period": 1.0}, ["above 0.5 m"]),
+    ],
+)
+def test_a_refusal_names_parameter_value_and_what_is_allowed(values, words):
+    with pytest.raises(ValueError) as refusal:
+        Example.from_mapping(values)
+    for word in words:
+        assert word in str(refusal.value)
+
+
+def test_an_old_name_is_read_and_reported_and_the_present_one_wins():
+    assert Example.from_mapping({"max_speed": 0.5}).speed == 0.5
+    assert Example.from_mapping({"max_speed": 0.5, "speed": 0.4}).speed == 0.4
+    assert Example.deprecated_names({"max_speed": 0.5}) == {"max_speed": "speed"}
+
+
+def test_unknown_names_are_told_and_groups_are_left_to_others():
+    values = {"sped": 1, "max_speed": 0.5, "plugin": {"speed": 1}}
+    assert Example.unknown_names(values) == ["sped"]
+    assert Example.nearest_name("sped") == "speed"
+
+
+def test_a_changed_copy_is_checked_too():
+    with pytest.raises(ValueError, match="speed"):
+        Example().replace(speed=-1.0)

@@ -1,0 +1,49 @@
+"""Plugins found by upstream name, by path, or refused with what there is."""
+
+from dataclasses import dataclass
+
+import pytest
+
+from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.plugins import Plugin, PluginError, create
+
+
+class Tool(Plugin):
+    """A kind of plugin."""
+
+
+class Hammer(Tool):
+    @dataclass(frozen=True)
+    class Parameters(ParameterSet):
+        weight: float = parameter(1.0, "how heavy", unit="kg", above=0.0)
+
+
+class Apple(Plugin):
+    """Another kind."""
+
+
+KNOWN = {"tools/Hammer": f"{__name__}.Hammer"}
+
+
+def test_a_known_name_and_a_path_lead_to_the_same_class():
+    for type_name in ("tools/Hammer", f"{__name__}.Hammer"):
+        plugin = create("mine", type_name, {"weight": 2}, Tool, KNOWN)
+        assert isinstance(plugin, Hammer) and plugin.name == "mine" and plugin.parameters.weight == 2.0
+
+
+@pytest.mark.parametrize(
+    "type_name, values, words",
+    [
+        ("tools/Saw", {}, ["tools/Saw", "tools/Hammer"]),
+        ("Saw", {}, ["Saw", "tools/Hammer", "package.module.Class"]),
+        (f"{__name__}.Saw", {}, ["Saw", "tools/Hammer"]),
+        ("no_such_package.Saw", {}, ["no_such_package", "tools/Hammer"]),
+        (f"{__name__}.Apple", {}, ["Apple", "must derive from", "Tool"]),
+        ("tools/Hammer", {"weight": 0}, ["mine", "tools/Hammer", "weight", "above 0.0 kg"]),
+    ],
+)
+def test_a_refusal_names_the_plugin_and_what_there_is(type_name, values, words):
+    with pytest.raises(PluginError) as refusal:
+        create("mine", type_name, values, Tool, KNOWN)
+    for word in words:
+        assert word in str(refusal.value)
