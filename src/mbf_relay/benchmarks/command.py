@@ -1,0 +1,116 @@
+"""The benchmark command: runs the benchmarks asked for and shows their figures as a table and as JSON."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import importlib
+import importlib.util
+import json
+import sys
+import traceback
+from pathlib import Path
+from typing import Any, Dict, List, Optional, Sequence, Tuple
+
+from mbf_relay.benchmarks import NAMES
+from mbf_relay.benchmarks.figure import Figure, describe_machine, table
+
+MARKER_BEGIN = "<!-- benchmark: made by `rosrun mbf_relay benchmark.py --readme` -->"
+MARKER_END = "<!-- end of benchmark -->"
+
+Results = List[Tuple[str, Figure]]
+
+
+def main(arguments: Optional[Sequence[str]] = None) -> int:
+    """Run the command; return its exit status: 0, or 1 where a benchmark failed."""
+    options = _parse(arguments)
+    machine = describe_machine()
+    print(_machine_line(machine), flush=True)
+    results, failed = run(options.names or available(), options.quick)
+    print(table(results))
+    if options.json:
+        Path(options.json).write_text(as_json(machine, results), encoding="utf-8")
+        print(f"figures written to {options.json}")
+    if options.readme:
+        readme = Path(options.readme)
+        readme.write_text(rewrite_section(readme.read_text(encoding="utf-8"), machine, results), encoding="utf-8")
+        print(f"table written into {options.readme}")
+    for name in failed:
+        print(f"benchmark {name} failed: see above", file=sys.stderr)
+    return 1 if failed else 0
+
+
+def run(names: Sequence[str], quick: bool) -> Tuple[Results, List[str]]:
+    """Run benchmarks one after the other, telling each figure as it is taken.
+
+    Returns:
+        The figures, each with its benchmark's name, and the names of the benchmarks that ended in an exception.
+    """
+    results: Results = []
+    failed = []
+    for name in names:
+        try:
+            module = importlib.import_module(f"mbf_relay.benchmarks.{name}")
+            for figure in module.figures(quick):
+                results.append((name, figure))
+                print(f"  {name}: {figure.name}: {figure.value:.4g} {figure.unit}", file=sys.stderr, flush=True)
+        except Exception:  # one broken benchmark must not cost the figures of the others
+            traceback.print_exc()
+            failed.append(name)
+    return results, failed
+
+
+def available() -> List[str]:
+    """Return the names of the benchmarks that are part of this installation."""
+    return [name for name in NAMES if importlib.util.find_spec(f"mbf_relay.benchmarks.{name}")]
+
+
+def as_json(machine: Dict[str, Any], results: Results) -> str:
+    """Return the machine and one object per figure as JSON."""
+    figures = [{"benchmark": name, **figure.as_dict()} for name, figure in results]
+    return json.dumps({"machine": machine, "figures": figures}, indent=1) + "\n"
+
+
+def rewrite_section(readme: str, machine: Dict[str, Any], results: Results) -> str:
+    """Return the README's text with the table between its two markers made anew.
+
+    Raises:
+        ValueError: The README lacks the markers.
+    """
+    before, begin, rest = readme.partition(MARKER_BEGIN)
+    _, end, after = rest.partition(MARKER_END)
+    if not (begin and end):
+        raise ValueError(f"the README has no section between '{MARKER_BEGIN}' and '{MARKER_END}'; add these two lines")
+    return f"{before}{begin}\n{_machine_line(machine)}\n\n{table(results)}\n{end}{after}"
+
+
+def _machine_line(machine: Dict[str, Any]) -> str:
+    libraries = ", ".join(f"{name} {machine[name]}" for name in ("numpy", "numba", "cv2", "pybullet") if machine[name])
+    return (
+        f"Measured on {machine['processor']}, {machine['cores']} cores, {machine['memory_gib']} GiB, "
+        f"{machine['system']}, Python {machine['python']}, {libraries}."
+    )
+
+
+def without_remappings(arguments: Sequence[str]) -> List[str]:
+    """Return the arguments without the name:=value pairs that roslaunch adds."""
+    return [argument for argument in arguments if ":=" not in argument]
+
+
+def _parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="benchmark.py", description="Measure this package and show the figures as a table."
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(NAMES)}; all where none is given")
+    parser.add_argument("--json", metavar="FILE", help="write the figures and the machine there")
+    parser.add_argument("--quick", action="store_true", help="fewer repeats and smaller cases, for a first look")
+    parser.add_argument(
+        "--readme", metavar="FILE", nargs="?", const="README.md", help="rewrite the table in the README (default README.md)"
+    )
+    options = parser.parse_args(without_remappings(sys.argv[1:] if arguments is None else arguments))
+    for name in options.names:
+        if name not in NAMES:
+            nearest = difflib.get_close_matches(name, NAMES, n=1)
+            hint = f"; did you mean '{nearest[0]}'?" if nearest else ""
+            parser.error(f"there is no benchmark '{name}' (available: {', '.join(NAMES)}){hint}")
+    return options

@@ -1,0 +1,69 @@
+"""Figures: medians, tables, JSON and the README's section."""
+
+import json
+
+import pytest
+
+from mbf_relay.benchmarks import command, figure
+from mbf_relay.benchmarks.figure import Figure
+
+
+def test_value_is_the_median_and_p95_the_percentile():
+    taken = figure.figure_of("plan", [1.0, 2.0, 3.0, 4.0, 100.0], "ms", cells=9)
+    assert taken.value == taken.median == 3.0
+    assert taken.p95 == pytest.approx(80.8)
+    assert (taken.repeats, taken.parameters) == (5, {"cells": 9})
+
+
+def test_single_sample_has_no_spread():
+    assert figure.figure_of("plan", [7.0], "ms").p95 is None
+
+
+def test_time_call_calls_as_often_as_told():
+    calls = []
+    taken = figure.time_call("call", lambda: calls.append(1), repeats=5, warm_up=2)
+    assert len(calls) == 7
+    assert taken.repeats == 5 and taken.value >= 0.0
+
+
+def test_no_repeats_is_an_error():
+    with pytest.raises(ValueError, match="taken 0 times"):
+        Figure("plan", 1.0, repeats=0)
+
+
+@pytest.mark.parametrize(
+    "value, text", [(None, "-"), (0.0, "0"), (0.01234, "0.0123"), (1.5, "1.50"), (123.4, "123"), (98765.4, "98765"), (3, "3")]
+)
+def test_numbers_for_people(value, text):
+    assert figure.round_for_people(value) == text
+
+
+def test_table_has_one_row_per_figure_and_equal_widths():
+    lines = figure.table([("planning", Figure("a", 1.5, "ms")), ("control", Figure("longer", 2.0))]).splitlines()
+    assert len(lines) == 4
+    assert len({len(line) for line in lines}) == 1
+
+
+def test_json_carries_every_field():
+    text = command.as_json({"cores": 2}, [("planning", Figure("a", 1.5, "ms", parameters={"n": 1}))])
+    parsed = json.loads(text)
+    assert parsed["machine"] == {"cores": 2}
+    assert parsed["figures"] == [
+        {"benchmark": "planning", "name": "a", "value": 1.5, "unit": "ms", "median": 1.5, "p95": None, "repeats": 1,
+         "parameters": {"n": 1}}
+    ]
+
+
+def test_readme_section_is_replaced_and_the_rest_kept():
+    readme = f"top\n{command.MARKER_BEGIN}\nold\n{command.MARKER_END}\nbottom\n"
+    made = command.rewrite_section(readme, figure.describe_machine(), [("planning", Figure("new", 1.0))])
+    assert made.startswith("top\n") and made.endswith("\nbottom\n")
+    assert "old" not in made and "new" in made
+    with pytest.raises(ValueError, match="no section"):
+        command.rewrite_section("nothing", figure.describe_machine(), [])
+
+
+def test_unknown_benchmark_names_the_nearest(capsys):
+    with pytest.raises(SystemExit):
+        command.main(["plannning"])
+    assert "did you mean 'planning'" in capsys.readouterr().err
