@@ -1,0 +1,106 @@
+"""The robot's outline and its cost on a grid."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mbf_relay.costmap import footprint as fp
+from mbf_relay.costmap.cost_grid import LETHAL, NO_INFORMATION
+from mbf_relay.geometry import Pose2D
+from mbf_relay.grid import Grid
+
+BURGER = np.array([[-0.105, -0.105], [-0.105, 0.105], [0.041, 0.105], [0.041, -0.105]])
+
+
+def test_reads_lists_and_texts():
+    expected = [[-0.1, 0.0], [0.1, 0.1], [0.1, -0.1]]
+    assert fp.parse_footprint(expected).tolist() == expected
+    assert fp.parse_footprint("[[-0.1, 0], [0.1, 0.1], [0.1, -0.1]]").tolist() == expected
+    assert fp.parse_footprint("[]").shape == (0, 2)
+
+
+@pytest.mark.parametrize(
+    "value", [[[0, 0], [1, 1]], "[[0,0],[1,1]]", [[0, 0, 1], [1, 1], [2, 2]], "nonsense(", 3, [[0, "a"], [1, 1], [2, 2]],
+              [[0, math.inf], [1, 1], [2, 0]]])
+def test_bad_footprints_are_named_with_their_value(value):
+    with pytest.raises(ValueError, match="footprint is"):
+        fp.parse_footprint(value)
+
+
+def test_radii_of_the_burger():
+    inscribed, circumscribed = fp.radii(BURGER)
+    assert inscribed == pytest.approx(0.041)
+    assert circumscribed == pytest.approx(math.hypot(0.105, 0.105))
+
+
+def test_padding_moves_each_corner_outwards_along_both_axes():
+    assert np.abs(fp.padded(BURGER, 0.01)) == pytest.approx(np.abs(BURGER) + 0.01)
+
+
+def outline_reference(footprint, pose, grid):
+    """Cells under the outline, drawn line by line as costmap_2d does, in plain Python."""
+    corners = grid.cells_at(pose.transform_points(footprint)).tolist()
+    cells = set()
+    for (x0, y0), (x1, y1) in zip(corners, corners[1:] + corners[:1]):
+        dx, dy = abs(x1 - x0), abs(y1 - y0)
+        sx, sy = (1 if x1 >= x0 else -1), (1 if y1 >= y0 else -1)
+        longer, shorter = max(dx, dy), min(dx, dy)
+        for step in range(longer + 1):
+            minor = (longer // 2 + step * shorter) // longer if longer else 0
+            cells.add((x0 + sx * step, y0 + sy * minor) if dx >= dy else (x0 + sx * minor, y0 + sy * step))
+    return cells
+
+
+def test_outline_cost_is_that_of_the_cells_under_the_lines():
+    rng = np.random.default_rng(3)
+    grid = Grid(0.05, -1.0, -2.0, 40, 50)
+    verdicts = set()
+    for _ in range(300):
+        costs = rng.integers(0, 253, grid.shape).astype(np.uint8)
+        costs[tuple(rng.integers(0, 40, (2, 30)))] = rng.choice([LETHAL, NO_INFORMATION])
+        pose = Pose2D(rng.uniform(-1.0, 1.0), rng.uniform(-2.0, 0.5), rng.uniform(-4.0, 4.0))
+        cells = outline_reference(BURGER, pose, grid)
+        found = fp.footprint_cost(grid, costs, BURGER, pose)
+        verdicts.add(min(found, 0.0))
+        if not all(grid.contains_cell(*cell) for cell in cells):
+            assert found == fp.OUTSIDE
+            continue
+        values = {int(costs[row, column]) for column, row in cells}
+        if found == fp.IN_COLLISION:
+            assert LETHAL in values
+        elif found == fp.ON_UNKNOWN:
+            assert NO_INFORMATION in values
+        else:
+            assert found == max(values)
+    assert verdicts == {0.0, fp.IN_COLLISION, fp.ON_UNKNOWN, fp.OUTSIDE}
+
+
+def test_many_poses_cost_what_each_costs_alone():
+    rng = np.random.default_rng(4)
+    grid = Grid(0.05, 0.0, 0.0, 60, 60)
+    costs = rng.integers(0, 256, grid.shape).astype(np.uint8)
+    costs[costs >= 253] = 0
+    poses = rng.uniform(-0.2, 3.2, (200, 3))
+    together = fp.footprint_costs(grid, costs, BURGER, poses)
+    assert together.tolist() == [fp.footprint_cost(grid, costs, BURGER, Pose2D(*pose)) for pose in poses]
+
+
+def test_a_point_robot_collides_where_its_centre_is_inscribed():
+    grid = Grid(1.0, 0.0, 0.0, 3, 1)
+    costs = np.array([[0, 253, 255]], dtype=np.uint8)
+    point = np.zeros((0, 2))
+    assert [fp.footprint_cost(grid, costs, point, Pose2D(x, 0.5, 0.0)) for x in (0.5, 1.5, 2.5, 3.5)] == [
+        0.0, fp.IN_COLLISION, fp.ON_UNKNOWN, fp.OUTSIDE]
+
+
+def test_covered_cells_hold_outline_and_inside():
+    grid = Grid(0.05, -1.0, -1.0, 40, 40)
+    square = np.array([[-0.2, -0.2], [-0.2, 0.2], [0.2, 0.2], [0.2, -0.2]])
+    cells = {tuple(cell) for cell in fp.footprint_cells(grid, square, Pose2D(0.01, 0.01, 0.0)).tolist()}
+    assert cells == {(c, r) for c in range(16, 25) for r in range(16, 25)}
+    turned = {tuple(cell) for cell in fp.footprint_cells(grid, square, Pose2D(0.01, 0.01, 0.6)).tolist()}
+    assert outline_reference(square, Pose2D(0.01, 0.01, 0.6), grid) <= turned
+    corner = fp.footprint_cells(grid, square, Pose2D(-1.0, -1.0, 0.3))
+    assert len(corner) and grid.contains_cells(corner).all()
+    assert len(fp.footprint_cells(grid, square, Pose2D(9.0, 9.0, 0.0))) == 0
