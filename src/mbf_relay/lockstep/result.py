@@ -1,0 +1,111 @@
+"""What one episode came to."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import Any, Dict, List, Mapping, Optional, Tuple
+
+from mbf_relay.lockstep.smoothness import Smoothness
+
+SUCCEEDED = "SUCCEEDED"
+CONTACT = "CONTACT"
+TIMEOUT = "TIMEOUT"
+ERROR = "ERROR"
+
+
+@dataclasses.dataclass(frozen=True)
+class EpisodeResult:
+    """One drive: what happened, how well, and (apart from it) how long the computer took.
+
+    Everything but `message` and `machine` is decided by world, parameters and seed alone.
+
+    Attributes:
+        world: Name of the world.
+        seed: Seed of everything random.
+        success: All goals reached, in time, without a contact.
+        outcome: SUCCEEDED, CONTACT, TIMEOUT, ERROR (the episode could not be driven), or the outcome navigation ended with.
+        message: Why, for people.
+        goals_reached, goals: How many of how many.
+        contacts: How often the robot came to touch something that is not the ground.
+        time: Seconds driven, on the simulation's clock.
+        time_limit: Seconds allowed.
+        path_length: Metres driven.
+        smallest_clearance: Least distance (m) between the robot's hull and anything standing; None where nothing stands.
+        score: Success weighed with the time taken (BARN's); None where the world states no reference path.
+        localization_error_mean, localization_error_max: Metres between the true and the believed position.
+        heading_error_mean: Radians between the true and the believed heading.
+        final_error: Metres between the true final position and the last goal.
+        smoothness: See Smoothness.
+        goal_times: Seconds at which each goal was reached.
+        trajectory: Rows (time, x, y, theta, forward velocity, angular velocity) of the truth, rounded for the file.
+        believed: Rows (x, y, theta) of what the robot believed at the same times.
+        digest: Hash over the unrounded trajectory and every velocity commanded: equal digests are equal drives.
+        machine: What depends on the machine and the day: seconds per stage, wall time, memory.
+    """
+
+    world: str
+    seed: int
+    success: bool
+    outcome: str
+    message: str = ""
+    goals_reached: int = 0
+    goals: int = 0
+    contacts: int = 0
+    time: float = 0.0
+    time_limit: float = 0.0
+    path_length: float = 0.0
+    smallest_clearance: Optional[float] = None
+    score: Optional[float] = None
+    localization_error_mean: float = 0.0
+    localization_error_max: float = 0.0
+    heading_error_mean: float = 0.0
+    final_error: float = 0.0
+    smoothness: Smoothness = Smoothness()
+    goal_times: Tuple[float, ...] = ()
+    trajectory: List[List[float]] = dataclasses.field(default_factory=list)
+    believed: List[List[float]] = dataclasses.field(default_factory=list)
+    digest: str = ""
+    machine: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    def drive(self) -> Dict[str, Any]:
+        """Return what equal seeds must give equally: everything but the texts and the machine's times."""
+        fields = dataclasses.asdict(self)
+        return {name: value for name, value in fields.items() if name not in ("message", "machine")}
+
+    def to_line(self) -> str:
+        """Return the result as one line of JSON."""
+        return json.dumps(dataclasses.asdict(self), separators=(",", ":"))
+
+    @classmethod
+    def from_line(cls, line: str) -> EpisodeResult:
+        """Return the result a line holds.
+
+        Raises:
+            ValueError: The line is broken; the text says how.
+        """
+        values = json.loads(line)
+        if not isinstance(values, dict):
+            raise ValueError(f"is a {type(values).__name__}, not an object")
+        known = {field.name for field in dataclasses.fields(cls)}
+        missing = sorted({"world", "seed", "success", "outcome"} - set(values))
+        if missing:
+            raise ValueError(f"lacks {', '.join(missing)}")
+        values = {name: value for name, value in values.items() if name in known}
+        try:
+            values["smoothness"] = Smoothness(**values.get("smoothness", {}))
+            values["goal_times"] = tuple(values.get("goal_times", ()))
+            return cls(**values)
+        except TypeError as error:
+            raise ValueError(str(error)) from error
+
+
+def failed(world: str, seed: int, message: str) -> EpisodeResult:
+    """Return the result of an episode that could not be driven."""
+    return EpisodeResult(world, seed, False, ERROR, message)
+
+
+def score(success: bool, time: float, reference_path_length: float, top_speed: float) -> float:
+    """Return BARN's score of one run: success x OT / clip(T, 2 OT, 8 OT), OT the time of the reference path at top speed."""
+    optimal = reference_path_length / top_speed
+    return optimal / min(max(time, 2.0 * optimal), 8.0 * optimal) if success else 0.0

@@ -1,0 +1,123 @@
+"""Results on disk: a folder with one line per finished episode, which survives being killed at any moment."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from pathlib import Path
+from typing import Any, Dict, List, Mapping, Set, Tuple
+
+from mbf_relay.lockstep.result import EpisodeResult
+
+LINES = "episodes.jsonl"
+SETTINGS = "settings.json"
+
+Key = Tuple[str, int]
+"""World and seed: what tells the episodes of one batch apart."""
+
+
+class ResultsFile:
+    """The results of one batch, open for appending by one process at a time.
+
+    Attributes:
+        results: What was found and appended, one per episode.
+        warnings: One per line that could not be read.
+    """
+
+    def __init__(self, folder: Path, settings: Mapping[str, Any]) -> None:
+        """Open or make the folder.
+
+        Args:
+            folder: Where to keep the results.
+            settings: What was driven with which parameters; a folder holds the results of one such thing.
+
+        Raises:
+            ValueError: The folder holds results of other settings, or another batch is writing there.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        self._descriptor = os.open(str(folder / LINES), os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+        try:
+            self._lock(folder)
+            _check_settings(folder, settings)
+            self._end_last_line()
+            self.results, self.warnings = read_lines(folder / LINES)
+        except BaseException:
+            os.close(self._descriptor)
+            raise
+
+    def _lock(self, folder: Path) -> None:
+        try:
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise ValueError(f"another batch is writing to {folder}; wait for it or choose another --out") from error
+
+    def _end_last_line(self) -> None:
+        """End a line that a kill cut short, so that the next one starts on its own."""
+        size = os.fstat(self._descriptor).st_size
+        if size and os.pread(self._descriptor, 1, size - 1) != b"\n":
+            os.write(self._descriptor, b"\n")
+
+    @property
+    def done(self) -> Set[Key]:
+        """World and seed of every episode that has a result."""
+        return {(result.world, result.seed) for result in self.results}
+
+    def append(self, result: EpisodeResult) -> None:
+        """Write a result; when this returns, it survives a crash of the machine."""
+        os.write(self._descriptor, (result.to_line() + "\n").encode())
+        os.fsync(self._descriptor)
+        self.results.append(result)
+
+    def close(self) -> None:
+        """Release the folder."""
+        os.close(self._descriptor)
+
+
+def read_lines(path: Path) -> Tuple[List[EpisodeResult], List[str]]:
+    """Return the results in a file, the newest where an episode stands twice, and a warning for each broken line.
+
+    Raises:
+        ValueError: There is no such file.
+    """
+    if not path.is_file():
+        raise ValueError(f"there are no results: {path} does not exist")
+    results: Dict[Key, EpisodeResult] = {}
+    warnings = []
+    with open(path, encoding="utf-8", errors="replace") as lines:
+        for number, line in enumerate(lines, 1):
+            if not line.strip():
+                continue
+            try:
+                result = EpisodeResult.from_line(line)
+                results[result.world, result.seed] = result
+            except ValueError as error:
+                warnings.append(f"{path}, line {number}, is left out: {error}")
+    return list(results.values()), warnings
+
+
+def _check_settings(folder: Path, settings: Mapping[str, Any]) -> None:
+    path = folder / SETTINGS
+    text = json.dumps(settings, indent=1, sort_keys=True) + "\n"
+    if not path.exists():
+        partial = path.with_suffix(".partial")
+        partial.write_text(text, encoding="utf-8")
+        os.replace(str(partial), str(path))
+        return
+    try:
+        before = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path} cannot be read ({error}); choose another --out") from error
+    now = json.loads(text)
+    changed = sorted(name for name in set(before) | set(now) if before.get(name) != now.get(name))
+    if changed:
+        name = changed[0]
+        raise ValueError(
+            f"{folder} holds results of other settings ({name} was {_short(before.get(name))}, "
+            f"now {_short(now.get(name))}); choose another --out"
+        )
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else text[:57] + "..."

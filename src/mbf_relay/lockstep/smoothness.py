@@ -1,0 +1,69 @@
+"""How calmly a robot drove: figures of a trajectory that a passenger would notice."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+TURNING = 0.05
+"""Turning slower than this (rad/s) counts as going straight when changes of side are counted."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Smoothness:
+    """Figures of one drive; all zero for a robot that never moved.
+
+    Attributes:
+        turn_changes_per_metre: How often per metre the turning changed from left to right or back.
+        mean_acceleration: Mean absolute acceleration along the path (m/s^2).
+        mean_jerk: Mean absolute change of it (m/s^3).
+        mean_angular_acceleration: Mean absolute angular acceleration (rad/s^2).
+        standing_share: Share of the time in which it neither drove (0.005 m/s) nor turned (TURNING).
+    """
+
+    turn_changes_per_metre: float = 0.0
+    mean_acceleration: float = 0.0
+    mean_jerk: float = 0.0
+    mean_angular_acceleration: float = 0.0
+    standing_share: float = 0.0
+
+
+def path_length(positions: np.ndarray) -> float:
+    """Return the length (m) of the polyline through `positions`, shape (N, 2) or wider."""
+    steps = np.diff(np.asarray(positions, dtype=float)[:, :2], axis=0)
+    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+
+def turn_changes(angular: np.ndarray) -> int:
+    """Return how often the turning changed sides, ignoring what is slower than TURNING.
+
+    Args:
+        angular: Angular velocities (rad/s), shape (N,).
+    """
+    sides = np.sign(angular[np.abs(angular) >= TURNING])
+    return int(np.count_nonzero(np.diff(sides)))
+
+
+def smoothness(times: np.ndarray, linear: np.ndarray, angular: np.ndarray, length: float) -> Smoothness:
+    """Return the figures of a drive.
+
+    Args:
+        times: Shape (N,), seconds, rising.
+        linear: Forward velocities (m/s), shape (N,).
+        angular: Angular velocities (rad/s), shape (N,).
+        length: How far it drove (m).
+    """
+    if len(times) < 3:
+        return Smoothness()
+    periods = np.diff(times)
+    acceleration = np.diff(linear) / periods
+    jerk = np.diff(acceleration) / periods[1:]
+    standing = (np.abs(linear) < 0.005) & (np.abs(angular) < TURNING)
+    return Smoothness(
+        turn_changes_per_metre=turn_changes(angular) / length if length > 0.0 else 0.0,
+        mean_acceleration=float(np.abs(acceleration).mean()),
+        mean_jerk=float(np.abs(jerk).mean()),
+        mean_angular_acceleration=float(np.abs(np.diff(angular) / periods).mean()),
+        standing_share=float(standing.mean()),
+    )

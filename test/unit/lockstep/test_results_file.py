@@ -1,0 +1,82 @@
+"""Results on disk: kills, broken lines, other settings, two writers."""
+
+import dataclasses
+
+import pytest
+
+from mbf_relay.lockstep.result import EpisodeResult, failed, score
+from mbf_relay.lockstep.results_file import LINES, ResultsFile, read_lines
+from mbf_relay.lockstep.smoothness import Smoothness
+
+RESULT = EpisodeResult(
+    "barn_001", 3, True, "SUCCEEDED", goals=1, goals_reached=1, time=12.5, smallest_clearance=0.1, score=0.4,
+    smoothness=Smoothness(0.5, 0.1), goal_times=(12.5,), trajectory=[[0.1, 0.2, 0.3, 0.0, 0.1, 0.2]],
+)
+
+
+def test_a_line_keeps_everything():
+    assert EpisodeResult.from_line(RESULT.to_line()) == RESULT
+
+
+def test_drive_leaves_out_what_the_machine_did():
+    other = dataclasses.replace(RESULT, machine={"wall": 3.0}, message="differs")
+    assert other.drive() == RESULT.drive()
+    assert dataclasses.replace(RESULT, time=12.6).drive() != RESULT.drive()
+
+
+@pytest.mark.parametrize("text", ['{"world": "a"}', "[1]", '{"world": "a", "seed"', "null", '{"world":"a","seed":1,"success":true,"outcome":"x","smoothness":{"no":1}}'])
+def test_a_broken_line_says_what_is_wrong(text):
+    with pytest.raises(ValueError):
+        EpisodeResult.from_line(text)
+
+
+def test_appended_results_are_found_again(tmp_path):
+    file = ResultsFile(tmp_path, {"controller": "dwa"})
+    file.append(RESULT)
+    file.close()
+    again = ResultsFile(tmp_path, {"controller": "dwa"})
+    assert again.done == {("barn_001", 3)}
+    assert again.results == [RESULT]
+    again.close()
+
+
+def test_a_line_cut_short_by_a_kill_is_left_out_and_the_next_stands_alone(tmp_path):
+    file = ResultsFile(tmp_path, {})
+    file.append(RESULT)
+    file.close()
+    with open(tmp_path / LINES, "a", encoding="utf-8") as lines:
+        lines.write(failed("barn_002", 3, "x").to_line()[:40])
+    file = ResultsFile(tmp_path, {})
+    assert file.done == {("barn_001", 3)}
+    assert len(file.warnings) == 1 and "line 2" in file.warnings[0]
+    file.append(failed("barn_002", 3, "x"))
+    file.close()
+    results, warnings = read_lines(tmp_path / LINES)
+    assert [result.world for result in results] == ["barn_001", "barn_002"]
+    assert len(warnings) == 1
+
+
+def test_other_settings_are_refused_by_name(tmp_path):
+    ResultsFile(tmp_path, {"controller": "dwa", "seeds": 1}).close()
+    with pytest.raises(ValueError, match='controller was "dwa", now "pure_pursuit"'):
+        ResultsFile(tmp_path, {"controller": "pure_pursuit", "seeds": 1})
+
+
+def test_two_batches_do_not_write_to_one_folder(tmp_path):
+    first = ResultsFile(tmp_path, {})
+    with pytest.raises(ValueError, match="another batch"):
+        ResultsFile(tmp_path, {})
+    first.close()
+    ResultsFile(tmp_path, {}).close()
+
+
+def test_missing_results_are_named(tmp_path):
+    with pytest.raises(ValueError, match="does not exist"):
+        read_lines(tmp_path / LINES)
+
+
+def test_score_is_barns():
+    assert score(True, 1.0, 0.44, 0.22) == 0.5
+    assert score(True, 10.0, 0.44, 0.22) == pytest.approx(0.2)
+    assert score(True, 1000.0, 0.44, 0.22) == 0.125
+    assert score(False, 1.0, 0.44, 0.22) == 0.0

@@ -1,0 +1,55 @@
+"""Intervals against values worked out elsewhere, and against what they promise."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mbf_relay.lockstep import statistics
+
+
+def test_share_as_in_wilson():
+    # Newcombe (1998), table I: 81 of 263 gives 0.2553 to 0.3662, 0 of 20 gives 0 to 0.1611.
+    assert statistics.share(81, 263) == pytest.approx((0.30798, 0.2553, 0.3662), abs=5e-5)
+    assert statistics.share(0, 20) == pytest.approx((0.0, 0.0, 0.1611), abs=5e-5)
+    assert statistics.share(29, 29).high == 1.0
+
+
+def test_nothing_measured_has_no_value():
+    assert math.isnan(statistics.share(0, 0).value)
+    assert math.isnan(statistics.mean({"a": []}).value)
+
+
+def test_mean_interval_holds_the_truth_about_as_often_as_it_says():
+    rng = np.random.default_rng(3)
+    held = 0
+    for _ in range(200):
+        groups = {str(i): rng.normal(1.0, 0.5, 3) + rng.normal(0.0, 0.5) for i in range(30)}
+        estimate = statistics.mean(groups)
+        held += estimate.low <= 1.0 <= estimate.high
+    assert 178 <= held <= 199
+
+
+def test_mean_interval_is_wider_for_groups_that_agree_within():
+    values = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0] * 4
+    alone = statistics.mean({str(i): [value] for i, value in enumerate(values)})
+    grouped = statistics.mean({str(i): [float(i % 2)] * 3 for i in range(8)})
+    assert alone.value == grouped.value
+    assert grouped.high - grouped.low > alone.high - alone.low
+
+
+def test_equal_samples_equal_intervals():
+    groups = {"b": [1.0, 2.0], "a": [3.0]}
+    assert statistics.mean(groups) == statistics.mean(dict(reversed(list(groups.items()))))
+
+
+def test_one_group_is_drawn_by_sample_and_one_sample_has_no_interval():
+    assert statistics.mean({"a": [1.0, 2.0, 3.0]}).low < 2.0
+    assert math.isnan(statistics.mean({"a": [1.0]}).low)
+
+
+def test_sign_test():
+    assert statistics.sign_test(0, 0) == 1.0
+    assert statistics.sign_test(5, 0) == pytest.approx(2 / 32)
+    assert statistics.sign_test(3, 3) == 1.0
+    assert statistics.sign_test(8, 2) == statistics.sign_test(2, 8) == pytest.approx(0.109375)
