@@ -1,0 +1,110 @@
+"""Collects a drive from events as they come, live from topics or out of a bag."""
+
+from __future__ import annotations
+
+import bisect
+from typing import Dict, List, Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.report.drive import Contact, Drive, GoalRecord
+
+
+class DriveLog:
+    """Takes events in the order of their times and gives the drive they make. All times are in seconds.
+
+    An instance belongs to one thread; whoever fills it from several guards it.
+    """
+
+    def __init__(self) -> None:
+        self.map: Optional[OccupancyMap] = None
+        self._truth: List[Tuple[float, ...]] = []
+        self._odometry: List[Tuple[float, ...]] = []
+        self._corrections: List[Tuple[float, Pose2D]] = []
+        self._commands: List[Tuple[float, float, float]] = []
+        self._measured: List[Tuple[float, float, float]] = []
+        self._plans: List[Tuple[float, np.ndarray]] = []
+        self._contacts: List[Contact] = []
+        self._goals: Dict[str, GoalRecord] = {}
+
+    def add_truth(self, stamp: float, pose: Pose2D) -> None:
+        """Note where the robot really is, in the map frame."""
+        self._append(self._truth, (stamp, *pose))
+
+    def add_odometry(self, stamp: float, pose: Pose2D, velocity: Twist2D) -> None:
+        """Note what odometry says: pose in the odom frame, velocity in the body frame."""
+        self._append(self._odometry, (stamp, *pose))
+        self._append(self._measured, (stamp, velocity.x, velocity.theta))
+
+    def add_correction(self, stamp: float, map_from_odom: Pose2D) -> None:
+        """Note what localization says of the odom frame from now on."""
+        if not self._corrections or self._corrections[-1][1] != map_from_odom:
+            self._append(self._corrections, (stamp, map_from_odom))
+
+    def add_command(self, stamp: float, velocity: Twist2D) -> None:
+        """Note a velocity sent to the wheels."""
+        self._append(self._commands, (stamp, velocity.x, velocity.theta))
+
+    def add_plan(self, stamp: float, poses: np.ndarray) -> None:
+        """Note a global plan, shape (P, 3), in the map frame."""
+        self._append(self._plans, (stamp, np.asarray(poses, dtype=float)))
+
+    def add_contact(self, stamp: float, x: float, y: float, body: str) -> None:
+        """Note a touch; one that goes on within a second of the last with the same body is the same touch."""
+        last = self._contacts[-1] if self._contacts else None
+        if last is None or last.body != body or stamp - last.stamp > 1.0:
+            self._contacts.append(Contact(stamp, x, y, body))
+        else:
+            last.stamp = stamp
+
+    def start_goal(self, stamp: float, identity: str, pose: Pose2D) -> None:
+        """Note that a goal, given in the map frame, was accepted; a second time changes nothing."""
+        if identity not in self._goals:
+            self._goals[identity] = GoalRecord(pose, stamp)
+
+    def end_goal(self, stamp: float, identity: str, state: str, text: str) -> None:
+        """Note how a goal ended; the first word counts."""
+        goal = self._goals.get(identity)
+        if goal is not None and goal.ended is None:
+            goal.ended, goal.state, goal.text = stamp, state, text
+
+    def add_recovery(self, name: str) -> None:
+        """Note a recovery behaviour of the goal that runs."""
+        running = [goal for goal in self._goals.values() if goal.ended is None]
+        if running:
+            running[-1].recoveries.append(name)
+
+    def drive(self) -> Drive:
+        """Return the drive so far; who knows more (wall time, seed, versions) fills it in."""
+        return Drive(
+            truth=_rows(self._truth, 4),
+            estimate=self._estimate(),
+            commands=_rows(self._commands, 3),
+            measured=_rows(self._measured, 3),
+            plans=list(self._plans),
+            goals=list(self._goals.values()),
+            contacts=list(self._contacts),
+            map=self.map,
+        )
+
+    def _estimate(self) -> np.ndarray:
+        stamps = [stamp for stamp, _ in self._corrections]
+        rows = []
+        for stamp, x, y, theta in self._odometry:
+            index = bisect.bisect_right(stamps, stamp) - 1
+            if index >= 0:
+                rows.append((stamp, *self._corrections[index][1].compose(Pose2D(x, y, theta))))
+        return _rows(rows, 4)
+
+    @staticmethod
+    def _append(rows: List, row: Tuple) -> None:
+        # A clock set back starts the drive anew: what came after its new time never happened.
+        while rows and rows[-1][0] > row[0]:
+            rows.pop()
+        rows.append(row)
+
+
+def _rows(rows: List[Tuple[float, ...]], columns: int) -> np.ndarray:
+    return np.array(rows, dtype=float).reshape(-1, columns)
