@@ -1,0 +1,64 @@
+"""Parameter files and changes to them."""
+
+import pytest
+
+from mbf_relay.lockstep.settings import change, full_name, load_settings, names_in, parse_change
+
+SETTINGS = {
+    "simulator": {"time_step": 0.005},
+    "move_base_flex": {"controller_frequency": 10.0, "DWA": {"sim_time": 1.5}, "local_costmap": {"inflation": {"inflation_radius": 1.0}}},
+}
+KNOWN = names_in(SETTINGS) + ["move_base_flex.DWA.vx_samples", "simulator.odometry.update_rate", "amcl.update_rate"]
+
+
+def test_names_are_dotted():
+    assert "move_base_flex.local_costmap.inflation.inflation_radius" in names_in(SETTINGS)
+
+
+@pytest.mark.parametrize("text, value", [("a.b=1", 1), ("a.b=1.5", 1.5), ("a.b=true", True), ("a.b=x", "x"), ("a.b=[1, 2]", [1, 2]), ("a.b=c=d", "c=d")])
+def test_values_are_yaml(text, value):
+    assert parse_change(text) == ("a.b", value)
+
+
+@pytest.mark.parametrize("text", ["", "a", "=1", "a=[1"])
+def test_malformed_changes_are_refused(text):
+    with pytest.raises(ValueError):
+        parse_change(text)
+
+
+def test_the_end_of_a_name_is_enough():
+    assert full_name("sim_time", KNOWN) == "move_base_flex.DWA.sim_time"
+    assert full_name("DWA.sim_time", KNOWN) == "move_base_flex.DWA.sim_time"
+
+
+def test_an_ambiguous_name_is_refused():
+    with pytest.raises(ValueError, match="amcl.update_rate or simulator.odometry.update_rate"):
+        full_name("update_rate", KNOWN)
+
+
+@pytest.mark.parametrize(
+    "name, nearest",
+    [("DWA.simtime", "move_base_flex.DWA.sim_time"), ("inflation_radus", "inflation.inflation_radius"),
+     ("move_base_flex.controler_frequency", "move_base_flex.controller_frequency")],
+)
+def test_an_unknown_name_is_answered_with_the_nearest(name, nearest):
+    with pytest.raises(ValueError, match=f"no parameter '{name}'; did you mean '.*{nearest}'"):
+        full_name(name, KNOWN)
+
+
+def test_change_leaves_the_original_alone_and_makes_missing_groups():
+    made = change(SETTINGS, ["sim_time=2.0", "vx_samples=5", "odometry.update_rate=30"], KNOWN)
+    assert made["move_base_flex"]["DWA"] == {"sim_time": 2.0, "vx_samples": 5}
+    assert made["simulator"]["odometry"] == {"update_rate": 30}
+    assert SETTINGS["move_base_flex"]["DWA"] == {"sim_time": 1.5}
+
+
+def test_missing_and_malformed_files_are_named(tmp_path):
+    with pytest.raises(ValueError, match="simulator.yaml cannot be read"):
+        load_settings(tmp_path)
+    (tmp_path / "simulator.yaml").write_text("a: [1")
+    with pytest.raises(ValueError, match="simulator.yaml is no YAML"):
+        load_settings(tmp_path)
+    (tmp_path / "simulator.yaml").write_text("3")
+    with pytest.raises(ValueError, match="holds no parameters"):
+        load_settings(tmp_path)
