@@ -27,7 +27,7 @@ def draw(drive: Drive, path: str, dpi: int = 110) -> None:
     figure = Figure(figsize=(14.0, 8.0), facecolor="white")
     FigureCanvasAgg(figure)
     layout = GridSpec(
-        3, 2, figure=figure, width_ratios=(1.35, 1.0), left=0.05, right=0.98, top=0.89, bottom=0.07, wspace=0.14, hspace=0.42
+        3, 2, figure=figure, width_ratios=(1.35, 1.0), left=0.05, right=0.945, top=0.89, bottom=0.07, wspace=0.14, hspace=0.42
     )
     figure.suptitle(headline(drive), x=0.05, y=0.965, ha="left", fontsize=15, fontweight="bold")
     draw_map(figure.add_subplot(layout[:, 0]), drive)
@@ -131,7 +131,7 @@ def _limits(drive: Drive) -> Optional[Tuple[float, float, float, float]]:
 
 def _draw_error(axes: Any, drive: Drive) -> None:
     errors = drive.localization_errors()
-    axes.set_title("localization error", loc="left", fontsize=11)
+    axes.set_title("localization error", loc="left", fontsize=11, pad=14)
     axes.set_ylabel("cm")
     if not len(errors):
         axes.text(0.5, 0.5, "no ground truth recorded", ha="center", va="center", transform=axes.transAxes, color=LIMIT)
@@ -148,7 +148,7 @@ def _draw_error(axes: Any, drive: Drive) -> None:
 
 def _draw_speed(axes: Any, drive: Drive, column: int, name: str, unit: str, limit: float) -> None:
     start = drive.span[0]
-    axes.set_title(f"{name}: asked and driven, limit dotted", loc="left", fontsize=11)
+    axes.set_title(f"{name}: asked and driven, limit dotted", loc="left", fontsize=11, pad=14)
     axes.set_ylabel(unit)
     for rows, colour, width in ((drive.commands, PLAN, 2.2), (drive.measured, TRUTH, 0.9)):
         rows = drive.within_span(rows)
