@@ -1,0 +1,72 @@
+"""What the rostests share: waiting for conditions, bounded by the wall clock, and listening to topics."""
+
+import threading
+import time
+from typing import Any, Callable, List, Optional
+
+_PAUSE = threading.Event()
+
+
+def wait_until(condition: Callable[[], Any], what: str, timeout: float = 30.0, period: float = 0.02) -> Any:
+    """Return the condition's first true value.
+
+    Args:
+        condition: Asked again every `period` wall seconds.
+        what: Named in the failure: "waited 30 s for WHAT, in vain".
+        timeout: Wall seconds to wait at most.
+        period: Wall seconds between two looks.
+
+    Raises:
+        AssertionError: It did not come true.
+    """
+    end = time.monotonic() + timeout
+    while True:
+        value = condition()
+        if value:
+            return value
+        if time.monotonic() >= end:
+            raise AssertionError(f"waited {timeout:.0f} s for {what}, in vain")
+        _PAUSE.wait(period)
+
+
+class Listener:
+    """Keeps every message of a topic, from any thread."""
+
+    def __init__(self, topic: str, message_type: Any, connected: bool = False) -> None:
+        import rospy
+
+        self.topic = topic
+        self.messages: List[Any] = []
+        self._subscriber = rospy.Subscriber(topic, message_type, self.messages.append, queue_size=1000, tcp_nodelay=True)
+        if connected:
+            wait_until(lambda: self._subscriber.get_num_connections() > 0, f"a publisher of {topic}")
+
+    @property
+    def last(self) -> Optional[Any]:
+        """The newest message, None before the first."""
+        return self.messages[-1] if self.messages else None
+
+    def wait_for(self, condition: Callable[[Any], bool], what: str, timeout: float = 30.0, since: int = 0) -> Any:
+        """Return the first message, from index `since` on, for which the condition holds."""
+
+        def found() -> Any:
+            for message in self.messages[since:]:
+                if condition(message):
+                    return [message]
+            return None
+
+        return wait_until(found, f"{what} on {self.topic}", timeout)[0]
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._subscriber.unregister()
+
+
+def connected_publisher(topic: str, message_type: Any, timeout: float = 30.0, **options: Any) -> Any:
+    """Return a publisher that somebody already listens to."""
+    import rospy
+
+    options.setdefault("queue_size", 10)
+    publisher = rospy.Publisher(topic, message_type, **options)
+    wait_until(lambda: publisher.get_num_connections() > 0, f"a subscriber of {topic}", timeout)
+    return publisher

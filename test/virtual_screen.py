@@ -1,0 +1,104 @@
+"""A screen without a monitor, RViz on it, and a hand on its mouse: what tests need to click as a person does."""
+
+import math
+import os
+import subprocess
+import tempfile
+from typing import Dict, List, Tuple
+
+from ros_testing import wait_until
+
+WIDTH, HEIGHT = 1400, 960
+
+
+class VirtualScreen:
+    """An X server on a free display; a context manager that ends what it started."""
+
+    def __init__(self) -> None:
+        self._processes: List[subprocess.Popen] = []
+        self.environment: Dict[str, str] = {}
+
+    def __enter__(self) -> "VirtualScreen":
+        reading, writing = os.pipe()
+        self._processes.append(
+            subprocess.Popen(
+                ["Xvfb", "-displayfd", str(writing), "-screen", "0", f"{WIDTH}x{HEIGHT}x24", "-nolisten", "tcp"],
+                pass_fds=[writing], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            )
+        )
+        os.close(writing)
+        with os.fdopen(reading) as stream:
+            display = stream.readline().strip()
+        if not display:
+            raise RuntimeError("Xvfb did not start; is the package xvfb installed?")
+        self._home = tempfile.TemporaryDirectory()
+        self.environment = dict(
+            os.environ, DISPLAY=f":{display}", LIBGL_ALWAYS_SOFTWARE="1", HOME=self._home.name,
+            XDG_RUNTIME_DIR=self._home.name,
+        )
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in reversed(self._processes):
+            process.terminate()
+        for process in self._processes:
+            try:
+                process.wait(10.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        self._home.cleanup()
+
+    def start(self, command: List[str], log: str) -> subprocess.Popen:
+        """Start a program on this screen, its output in the file `log`."""
+        with open(log, "wb") as stream:
+            process = subprocess.Popen(command, env=self.environment, stdout=stream, stderr=subprocess.STDOUT)
+        self._processes.append(process)
+        return process
+
+    def xdotool(self, *arguments: object) -> str:
+        """Run xdotool and return what it prints."""
+        command = ["xdotool"] + [str(argument) for argument in arguments]
+        run = subprocess.run(command, env=self.environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        return run.stdout.decode()
+
+    def screenshot(self, path: str) -> None:
+        """Write what the screen shows as PNG."""
+        subprocess.run(["import", "-window", "root", path], env=self.environment, check=True)
+
+
+class RViz:
+    """RViz on a virtual screen, seen from straight above at a known scale."""
+
+    def __init__(self, screen: VirtualScreen, config: str, log: str, scale: float = 110.0) -> None:
+        self.screen = screen
+        self.scale = scale
+        self.process = screen.start(["rviz", "-d", config, "__name:=rviz"], log)
+        self._view: Tuple[int, int, int, int] = wait_until(self._find_view, "the 3D view of RViz", 60.0)
+
+    def drag(self, key: str, x: float, y: float, heading: float) -> None:
+        """Take the tool with a shortcut key, press at a map position (m), drag towards `heading` (rad), release."""
+        column, row = self.pixel(x, y)
+        xdotool = self.screen.xdotool
+        xdotool("mousemove", column, row)
+        xdotool("key", key)
+        xdotool("mousedown", 1)
+        for reach in (20, 40, 60, 80):
+            xdotool("mousemove", column + reach * math.cos(heading), row - reach * math.sin(heading))
+        xdotool("mouseup", 1)
+
+    def pixel(self, x: float, y: float) -> Tuple[float, float]:
+        """Return the screen position of a map position (m)."""
+        left, top, width, height = self._view
+        return round(left + width / 2.0 + self.scale * x), round(top + height / 2.0 - self.scale * y)
+
+    def _find_view(self) -> object:
+        if self.process.poll() is not None:
+            raise AssertionError(f"rviz ended with status {self.process.returncode} before it showed anything")
+        # The renderer draws into a window of its own, without a name, inside the main window.
+        for window in self.screen.xdotool("search", "--name", "^$").split():
+            lines = self.screen.xdotool("getwindowgeometry", "--shell", window).split()
+            box = dict(line.split("=", 1) for line in lines if "=" in line)
+            if int(box.get("WIDTH", 0)) > 500 and int(box.get("HEIGHT", 0)) > 500:
+                return tuple(int(box[key]) for key in ("X", "Y", "WIDTH", "HEIGHT"))
+        return None
