@@ -14,6 +14,7 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 from mbf_relay.benchmarks import NAMES
 from mbf_relay.benchmarks.figure import Figure, describe_machine, table
+from mbf_relay.lockstep.command import without_remappings
 
 MARKER_BEGIN = "<!-- benchmark: made by `rosrun mbf_relay benchmark.py --readme` -->"
 MARKER_END = "<!-- end of benchmark -->"
@@ -90,11 +91,6 @@ def _machine_line(machine: Dict[str, Any]) -> str:
         f"Measured on {machine['processor']}, {machine['cores']} cores, {machine['memory_gib']} GiB, "
         f"{machine['system']}, Python {machine['python']}, {libraries}."
     )
-
-
-def without_remappings(arguments: Sequence[str]) -> List[str]:
-    """Return the arguments without the name:=value pairs that roslaunch adds."""
-    return [argument for argument in arguments if ":=" not in argument]
 
 
 def _parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:

@@ -29,9 +29,9 @@ class _Worker:
         self.task: Any = None
         self.since = 0.0
 
-    def give(self, task: Any) -> None:
+    def give(self, task: Any, now: float) -> None:
         """Send a task; where the process has died meanwhile, the answer will say so."""
-        self.task, self.since = task, time.perf_counter()
+        self.task, self.since = task, now
         try:
             self.pipe.send(task)
         except OSError:
@@ -50,19 +50,24 @@ class _Worker:
 class Pool(Generic[Task, Result]):
     """Runs `call` on every task in up to `jobs` processes, each started afresh (spawn), so that none inherits state."""
 
-    def __init__(self, call: Callable[[Task], Result], jobs: int, time_limit: float) -> None:
+    def __init__(
+        self, call: Callable[[Task], Result], jobs: int, time_limit: float,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
         """Make a pool; the processes start with the first task.
 
         Args:
             call: A function at the top level of a module, as it goes to other processes by name.
             jobs: Number of processes, 1 or more.
-            time_limit: Wall time (s) after which a task counts as hung and its process is ended.
+            time_limit: Seconds of `clock` after which a task counts as hung and its process is ended.
+            clock: Tells the time (s).
         """
         if jobs < 1:
             raise ValueError(f"--jobs is {jobs}; it must be at least 1")
         self._call = call
         self._jobs = jobs
         self._time_limit = time_limit
+        self._clock = clock
 
     def run(self, tasks: Sequence[Task]) -> Iterator[Tuple[Task, Optional[Result], Optional[Lost]]]:
         """Yield each task as it ends, with its result, or with how it was lost.
@@ -77,13 +82,13 @@ class Pool(Generic[Task, Result]):
                 while waiting and len(workers) < self._jobs:
                     worker = _Worker(context, self._call)
                     workers[worker.pipe] = worker
-                    worker.give(waiting.popleft())
+                    worker.give(waiting.popleft(), self._clock())
                 for pipe in connection.wait(list(workers), timeout=1.0):
                     worker = workers[pipe]
                     task = worker.task
                     result, lost = _collect(worker)
                     if lost is None and waiting:
-                        worker.give(waiting.popleft())
+                        worker.give(waiting.popleft(), self._clock())
                     else:
                         workers.pop(pipe).end()
                     yield task, result, lost
@@ -95,7 +100,7 @@ class Pool(Generic[Task, Result]):
                 worker.end()
 
     def _hung(self, workers: Dict[Any, _Worker]) -> Sequence[_Worker]:
-        now = time.perf_counter()
+        now = self._clock()
         return [worker for worker in workers.values() if now - worker.since > self._time_limit]
 
 

@@ -1,0 +1,52 @@
+"""What the lockstep commands share: arguments, a progress bar, numbers for JSON."""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import List, Optional, Sequence, TextIO
+
+
+def without_remappings(arguments: Sequence[str]) -> List[str]:
+    """Return the arguments without the name:=value pairs that roslaunch adds."""
+    return [argument for argument in arguments if ":=" not in argument]
+
+
+def finite(values: Sequence[float]) -> List[Optional[float]]:
+    """Return the values with None for what JSON has no number for."""
+    return [value if math.isfinite(value) else None for value in values]
+
+
+class Progress:
+    """A bar on a terminal; elsewhere a line for every tenth of the way."""
+
+    def __init__(self, total: int, stream: Optional[TextIO] = None) -> None:
+        self._total = total
+        self._stream = stream or sys.stderr
+        self._is_terminal = self._stream.isatty()
+        self._tenths = -1
+
+    def show(self, done: int, elapsed: float, note: str) -> None:
+        """Show that `done` of all were done in `elapsed` seconds; `note` says how they went."""
+        share = done / self._total if self._total else 1.0
+        left = elapsed * (1.0 - share) / share if share > 0.0 else math.nan
+        rest = f", {_minutes(left)} left" if math.isfinite(left) and done < self._total else ""
+        text = f"{done}/{self._total} in {_minutes(elapsed)}{rest}: {note}"
+        if self._is_terminal:
+            bar = "#" * int(24 * share)
+            self._stream.write(f"\r\x1b[K[{bar:<24}] {text}")
+            self._stream.flush()
+        elif int(10 * share) > self._tenths:
+            self._tenths = int(10 * share)
+            self._stream.write(text + "\n")
+            self._stream.flush()
+
+    def end(self) -> None:
+        """Leave the bar's line."""
+        if self._is_terminal:
+            self._stream.write("\n")
+
+
+def _minutes(seconds: float) -> str:
+    minutes, rest = divmod(int(seconds + 0.5), 60)
+    return f"{minutes}:{rest:02d}"
