@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Optional, Tuple
 
 import numpy as np
 
+from mbf_relay.costmap.window import EMPTY, Window
 from mbf_relay.grid import Grid
 
 FREE_SPACE = 0
@@ -25,8 +27,10 @@ class CostGrid:
         footprint: Outline of the robot around its base frame, shape (K, 2) in metres, padding included.
         inscribed_radius: Largest circle (m) around the base within the footprint.
         circumscribed_radius: Smallest circle (m) around the base that holds the footprint.
-        revision: Grows with every change of `costs`, so equal revisions of one costmap are equal pictures.
+        revision: Grows with every change of `costs` and is never used twice, so that equal revisions are equal pictures;
+            0 for a picture that no costmap made.
         stamp: Time (s) of the update it shows.
+        history: The latest changes, oldest first: the revision each led to, and the cells it touched.
     """
 
     grid: Grid
@@ -37,3 +41,13 @@ class CostGrid:
     circumscribed_radius: float
     revision: int = 0
     stamp: float = 0.0
+    history: Tuple[Tuple[int, Window], ...] = ()
+
+    def changed_since(self, revision: int) -> Optional[Window]:
+        """Return a window that holds all that changed since an earlier picture, or None where that is not known."""
+        changed = EMPTY
+        for later, window in reversed(self.history):
+            if later == revision:
+                return changed
+            changed = changed.union(window)
+        return None

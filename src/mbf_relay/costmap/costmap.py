@@ -1,0 +1,305 @@
+"""The costmap: layers of knowledge about obstacles, kept up to date and merged into one grid of costs."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import threading
+from collections import deque
+from dataclasses import dataclass
+from typing import Any, Collection, Deque, Dict, Iterator, List, Optional, Sequence, Tuple
+
+import numpy as np
+
+from mbf_relay.costmap import footprint as footprints
+from mbf_relay.costmap.cost_grid import FREE_SPACE, NO_INFORMATION, CostGrid
+from mbf_relay.costmap.layer import Layer, LayerContext, changed_window, shifted
+from mbf_relay.costmap.observation import Observation
+from mbf_relay.costmap.window import EMPTY, Window
+from mbf_relay.geometry import Pose2D
+from mbf_relay.grid import Grid
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.parameters import ParameterSet, parameter
+
+HISTORY = 64
+"""How many changes back a picture knows what changed since."""
+
+_revisions: Iterator[int] = itertools.count(1)
+
+
+@dataclass(frozen=True)
+class CostmapParameters(ParameterSet):
+    """Parameters of a costmap, by costmap_2d's names; its layers' stand in groups beside them."""
+
+    global_frame: str = parameter("map", "frame of the costmap")
+    robot_base_frame: str = parameter("base_link", "frame of the robot's base")
+    update_frequency: float = parameter(5.0, "updates per second", unit="Hz", minimum=0.0, maximum=100.0)
+    publish_frequency: float = parameter(0.0, "publications per second; 0 for none", unit="Hz", minimum=0.0, maximum=100.0)
+    transform_tolerance: float = parameter(0.3, "oldest robot pose to update with", unit="s", minimum=0.0, maximum=10.0)
+    rolling_window: bool = parameter(False, "the costmap is a window that moves with the robot")
+    track_unknown_space: bool = parameter(False, "cells no layer knows of are unknown; otherwise they are free")
+    always_send_full_costmap: bool = parameter(False, "publish the whole costmap each time instead of what changed")
+    width: float = parameter(10.0, "width of the costmap", unit="m", above=0.0)
+    height: float = parameter(10.0, "height of the costmap", unit="m", above=0.0)
+    resolution: float = parameter(0.05, "side of a cell", unit="m", above=0.0, maximum=50.0)
+    origin_x: float = parameter(0.0, "x of the lower left corner", unit="m")
+    origin_y: float = parameter(0.0, "y of the lower left corner", unit="m")
+    footprint: Any = parameter((), "outline of the robot in its base frame, [[x, y], ...]", unit="m")
+    robot_radius: float = parameter(0.46, "radius of a round robot, where no footprint is given", unit="m", minimum=0.0, maximum=10.0)
+    footprint_padding: float = parameter(0.01, "how much the footprint is widened", unit="m")
+    footprint_topic: str = parameter("footprint", "topic on which another footprint may come")
+    published_footprint_topic: str = parameter("footprint", "topic of the footprint at the robot's pose", aliases=("published_footprint",))
+
+    def check(self) -> None:
+        footprints.parse_footprint(self.footprint)
+
+    def outline(self) -> np.ndarray:
+        """Return the robot's outline without padding, shape (K, 2) in metres."""
+        corners = footprints.parse_footprint(self.footprint)
+        return corners if len(corners) else footprints.footprint_from_radius(self.robot_radius)
+
+    def grid(self) -> Grid:
+        """Return the grid these parameters ask for."""
+        columns, rows = int(self.width / self.resolution + 1e-9), int(self.height / self.resolution + 1e-9)
+        return Grid(self.resolution, self.origin_x, self.origin_y, columns, rows)
+
+
+class Costmap:
+    """A grid of costs fed by its layers. Every method may be called from any thread.
+
+    `update` does the work; `snapshot` gives the picture it made. Observations and maps wait in the layers until then.
+
+    Attributes:
+        name: For messages, e.g. "local_costmap".
+        parameters: The values it was made with.
+        layers: In the order in which they write.
+    """
+
+    def __init__(self, name: str, parameters: CostmapParameters, layers: Sequence[Layer]) -> None:
+        self.name = name
+        self.parameters = parameters
+        self.layers: List[Layer] = list(layers)
+        # the only lock: held for an update, for a copy of the picture, and while input is handed to the layers
+        self._lock = threading.RLock()
+        self._grid = parameters.grid()
+        self._costs = np.zeros((0, 0), dtype=np.uint8)
+        self._default = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
+        self._last_update: Optional[float] = None
+        self._copy: Optional[np.ndarray] = None  # of the costs, made when somebody asks
+        self._history: Deque[Tuple[int, Window]] = deque(maxlen=HISTORY)
+        for layer in self.layers:
+            layer.attach(parameters.rolling_window, parameters.track_unknown_space)
+        self._resize(self._grid)
+        self.set_footprint(parameters.outline())
+
+    @property
+    def frame(self) -> str:
+        """Frame of the costmap."""
+        return self.parameters.global_frame
+
+    @property
+    def robot_frame(self) -> str:
+        """Frame of the robot's base."""
+        return self.parameters.robot_base_frame
+
+    @property
+    def sources(self) -> Dict[str, Any]:
+        """All layers' sensors by name, with their parameters (SourceParameters)."""
+        return {name: source for layer in self.layers for name, source in layer.sources.items()}
+
+    @property
+    def footprint(self) -> np.ndarray:
+        """The padded outline in the base frame, shape (K, 2) in metres."""
+        return self._footprint
+
+    def layer(self, name: str) -> Optional[Layer]:
+        """Return the layer of that name, or None."""
+        return next((layer for layer in self.layers if layer.name == name), None)
+
+    def set_footprint(self, outline: np.ndarray) -> None:
+        """Take another outline of the robot, without padding, shape (K, 2) in metres.
+
+        Raises:
+            ValueError: It has one or two points, or a number that is not finite.
+        """
+        corners = footprints.parse_footprint(np.asarray(outline, dtype=float))
+        with self._lock:
+            self._footprint = footprints.padded(corners, self.parameters.footprint_padding)
+            self._inscribed_radius, self._circumscribed_radius = footprints.radii(self._footprint)
+            for layer in self.layers:
+                layer.set_footprint(self._inscribed_radius)
+
+    def observe(self, source: str, observation: Observation, now: Optional[float] = None) -> None:
+        """Take what a sensor saw; it shows from the next update on.
+
+        Args:
+            source: One of `sources`.
+            observation: In the costmap's frame.
+            now: Time (s) of arrival, from which its age counts; the observation's stamp where None.
+
+        Raises:
+            ValueError: There is no such source.
+        """
+        takers = [layer for layer in self.layers if source in layer.sources]
+        if not takers:
+            raise ValueError(
+                f"{self.name} has no observation source '{source}'; it has: {', '.join(self.sources) or 'none'}")
+        with self._lock:
+            for layer in takers:
+                layer.observe(source, observation, observation.stamp if now is None else now)
+
+    def set_map(self, occupancy: OccupancyMap) -> Optional[str]:
+        """Take a map of the floor; a costmap that is no rolling window takes its size and resolution.
+
+        Returns:
+            What the user should know of it, or None.
+
+        Raises:
+            ValueError: The map is turned, which only a rolling window can take.
+        """
+        height, width = occupancy.data.shape
+        grid = Grid(occupancy.resolution, occupancy.origin.x, occupancy.origin.y, width, height)
+        notice = None
+        if abs(grid.resolution - self.parameters.resolution) > 1e-6:
+            taken = "is sampled at the costmap's" if self.parameters.rolling_window else "replaces the costmap's"
+            notice = (f"{self.name}: the map's resolution of {grid.resolution:.6g} m {taken} resolution of "
+                      f"{self.parameters.resolution:.6g} m")
+        with self._lock:
+            if not self.parameters.rolling_window:
+                if abs(occupancy.origin.theta) > 1e-6:
+                    raise ValueError(
+                        f"{self.name}: the map is turned by {occupancy.origin.theta:.6g} rad; a costmap lies along the axes, "
+                        "so the third number of the map's origin must be 0")
+                if grid != self._grid:
+                    self._resize(grid)
+            for layer in self.layers:
+                layer.set_map(occupancy)
+        return notice
+
+    def update_map(self, x: int, y: int, data: np.ndarray) -> None:
+        """Take a changed part of the map: int8 of shape (rows, columns), its lower left cell at column x, row y.
+
+        Raises:
+            ValueError: It does not lie within the map.
+        """
+        with self._lock:
+            for layer in self.layers:
+                layer.update_map(x, y, data)
+
+    def set_map_from_costmap(self, transform: Pose2D) -> None:
+        """Tell a rolling window where it lies on the map: the transform from the costmap's frame to the map's."""
+        with self._lock:
+            for layer in self.layers:
+                layer.set_map_from_costmap(transform)
+
+    def update(self, now: float, robot_pose: Pose2D) -> None:
+        """Bring the picture up to date.
+
+        Args:
+            now: Time (s).
+            robot_pose: The robot's base in the costmap's frame.
+
+        Raises:
+            ValueError: The pose is not finite.
+        """
+        if not robot_pose.is_finite():
+            raise ValueError(f"{self.name}: robot pose {tuple(robot_pose)} is not finite")
+        with self._lock:
+            if self.parameters.rolling_window:
+                self._follow(robot_pose)
+            context = LayerContext(now, robot_pose, self._footprint)
+            active = [layer for layer in self.layers if layer.enabled]
+            window = EMPTY
+            for layer in active:
+                window = layer.update_bounds(context, window)
+            window = window.within(self._grid)
+            if not window.is_empty:
+                self._redo(window, active)
+            self._last_update = now
+
+    def _redo(self, window: Window, layers: Sequence[Layer]) -> None:
+        before = self._costs[window.slices].copy()
+        self._costs[window.slices] = self._default
+        for layer in layers:
+            layer.update_costs(self._costs, window)
+        self._note_change(changed_window(before, self._costs[window.slices], window))
+
+    def _note_change(self, changed: Window) -> None:
+        if not changed.is_empty:
+            self._history.append((next(_revisions), changed))
+            self._copy = None
+
+    def _follow(self, robot_pose: Pose2D) -> None:
+        """Move the window so that the robot stands in its middle, by whole cells."""
+        grid = self._grid
+        columns = int((robot_pose.x - grid.width * grid.resolution / 2.0 - grid.origin_x) / grid.resolution)
+        rows = int((robot_pose.y - grid.height * grid.resolution / 2.0 - grid.origin_y) / grid.resolution)
+        if columns == 0 and rows == 0:
+            return
+        self._grid = Grid(
+            grid.resolution, grid.origin_x + columns * grid.resolution, grid.origin_y + rows * grid.resolution,
+            grid.width, grid.height)
+        self._costs = shifted(self._costs, columns, rows, self._default)
+        for layer in self.layers:
+            layer.shift(self._grid, columns, rows)
+        self._history.clear()
+        self._note_change(Window.of(self._grid))
+
+    def _resize(self, grid: Grid) -> None:
+        self._grid = grid
+        self._costs = np.full(grid.shape, self._default, dtype=np.uint8)
+        for layer in self.layers:
+            layer.resize(grid)
+        self._history.clear()
+        self._history.append((next(_revisions), Window.of(grid)))
+        self._copy = None
+
+    def snapshot(self) -> CostGrid:
+        """Return the present picture; it does not change when the costmap does."""
+        with self._lock:
+            if self._copy is None:
+                self._copy = self._costs.copy()
+            return CostGrid(
+                self._grid, self._copy, self.frame, self._footprint, self._inscribed_radius, self._circumscribed_radius,
+                self._history[-1][0], self._last_update or 0.0, tuple(self._history))
+
+    def oriented_footprint(self, pose: Pose2D) -> np.ndarray:
+        """Return the padded outline at a pose, shape (K, 2) in metres."""
+        return pose.transform_points(self._footprint)
+
+    def clear(
+        self, layers: Optional[Collection[str]] = None, around: Optional[Pose2D] = None, side: float = math.inf,
+        inside: bool = True,
+    ) -> None:
+        """Forget what was observed; the next update shows it, with the newest observations put in again.
+
+        Args:
+            layers: Names of the layers to clear; all where None. What a static layer's map says stays.
+            around: Centre of a square, in the costmap's frame; the whole costmap where None.
+            side: Length (m) of the square's sides.
+            inside: Clear in the square; otherwise everything outside of it.
+        """
+        with self._lock:
+            window = Window.of(self._grid)
+            if around is not None and math.isfinite(side):
+                x0, y0 = self._grid.cell_at(around.x - side / 2.0, around.y - side / 2.0)
+                x1, y1 = self._grid.cell_at(around.x + side / 2.0, around.y + side / 2.0)
+                window = Window(x0, y0, x1 + 1, y1 + 1)
+            for layer in self.layers:
+                if layers is None or layer.name in layers:
+                    layer.clear(window, inside)
+
+    def stale_reason(self, now: float) -> Optional[str]:
+        """Return why the picture must not be driven on, or None."""
+        with self._lock:
+            if self._last_update is None:
+                return f"{self.name} was not updated yet"
+            for layer in self.layers:
+                reason = layer.stale_reason(now) if layer.enabled else None
+                if reason is not None:
+                    return f"{self.name}: {reason}"
+            age = now - self._last_update
+            limit = max(1.0, 5.0 / self.parameters.update_frequency) if self.parameters.update_frequency > 0.0 else math.inf
+            if age > limit:
+                return f"{self.name} was last updated {age:.2f} s ago; at most {limit:.2f} s is allowed"
+            return None

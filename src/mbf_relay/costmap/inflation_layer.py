@@ -1,0 +1,108 @@
+"""The inflation layer: costs that fall off with the distance from obstacles (costmap_2d's InflationLayer)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Tuple
+
+import numpy as np
+
+from mbf_relay.costmap import inflation_kernels
+from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL
+from mbf_relay.costmap.layer import Layer, LayerContext
+from mbf_relay.costmap.window import Window
+from mbf_relay.grid import Grid
+from mbf_relay.parameters import ParameterSet, parameter
+
+MAXIMUM_CELLS = inflation_kernels.MAXIMUM_RADIUS
+
+
+@dataclass(frozen=True)
+class InflationLayerParameters(ParameterSet):
+    """Parameters of the inflation layer, by costmap_2d's names."""
+
+    enabled: bool = parameter(True, "take part in the costmap")
+    inflation_radius: float = parameter(0.55, "obstacles bear on cells no farther than this", unit="m", minimum=0.0, maximum=50.0)
+    cost_scaling_factor: float = parameter(10.0, "how fast costs fall off", unit="1/m", minimum=0.0, maximum=100.0)
+    inflate_unknown: bool = parameter(False, "unknown cells take costs as free ones do")
+
+
+class InflationLayer(Layer):
+    """Raises the costs round lethal cells; it keeps nothing of its own."""
+
+    Parameters = InflationLayerParameters
+
+    def __init__(self, name: str, parameters: Any) -> None:
+        super().__init__(name, parameters)
+        self._inscribed_radius = 0.0
+        self._table, self._radius = np.zeros(1, dtype=np.uint8), 0
+        self._redo = True
+
+    def _rebuild(self) -> None:
+        self._table, self._radius = cost_table(
+            self.parameters.inflation_radius, self.parameters.cost_scaling_factor, self._inscribed_radius,
+            self.grid.resolution)
+        self._redo = True
+
+    def reconfigure(self, parameters: Any) -> None:
+        super().reconfigure(parameters)
+        self._rebuild()
+
+    def resize(self, grid: Grid) -> None:
+        super().resize(grid)
+        self._rebuild()
+
+    def set_footprint(self, inscribed_radius: float) -> None:
+        if inscribed_radius != self._inscribed_radius:
+            self._inscribed_radius = inscribed_radius
+            self._rebuild()
+
+    def update_bounds(self, context: LayerContext, window: Window) -> Window:
+        if self._redo:
+            self._redo = False
+            return Window.of(self.grid)
+        return window.grown(self._radius)
+
+    def update_costs(self, costs: np.ndarray, window: Window) -> None:
+        if self._radius > 0:
+            inflation_kernels.inflate(costs, *window, self._table, self._radius, self.parameters.inflate_unknown)
+
+
+def cost_of_distance(distance: float, resolution: float, inscribed_radius: float, cost_scaling_factor: float) -> int:
+    """Return the cost at a distance (cells) from an obstacle: costmap_2d's InflationLayer::computeCost."""
+    if distance == 0.0:
+        return LETHAL
+    metres = distance * resolution
+    if metres <= inscribed_radius:
+        return INSCRIBED
+    return int((INSCRIBED - 1) * math.exp(-cost_scaling_factor * (metres - inscribed_radius)))
+
+
+def cost_table(
+    inflation_radius: float, cost_scaling_factor: float, inscribed_radius: float, resolution: float
+) -> Tuple[np.ndarray, int]:
+    """Return the costs by squared distance in cells, and the radius (cells) beyond which all are 0.
+
+    The radius is costmap_2d's, or the smaller one at which the costs have fallen to 0.
+
+    Raises:
+        ValueError: The radius is more cells than the distances can be computed for.
+    """
+    radius = math.ceil(inflation_radius / resolution)
+    costs = [LETHAL]
+    last = 0
+    for squared in range(1, radius * radius + 1):
+        cost = cost_of_distance(math.sqrt(squared), resolution, inscribed_radius, cost_scaling_factor)
+        if cost == 0:
+            break
+        costs.append(cost)
+        last = squared
+    radius = math.ceil(math.sqrt(last))
+    if radius > MAXIMUM_CELLS:
+        raise ValueError(
+            f"parameter inflation_radius is {inflation_radius} m, at {resolution} m per cell {radius} cells; it must be at "
+            f"most {MAXIMUM_CELLS} cells, or cost_scaling_factor larger so that costs fall to 0 before")
+    table = np.zeros(radius * radius + 1, dtype=np.uint8)
+    table[:len(costs)] = costs
+    return table, radius

@@ -1,0 +1,164 @@
+"""The abstract layer: one source of knowledge about obstacles."""
+
+from __future__ import annotations
+
+import abc
+from dataclasses import dataclass
+from typing import Any, Mapping, Optional
+
+import numpy as np
+
+from mbf_relay.costmap.observation import Observation
+from mbf_relay.costmap.window import EMPTY, Window
+from mbf_relay.geometry import Pose2D
+from mbf_relay.grid import Grid
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.plugins import Plugin
+
+
+@dataclass(frozen=True)
+class LayerContext:
+    """What a layer may know in one update.
+
+    Attributes:
+        now: Time (s).
+        robot_pose: The robot's base in the costmap's frame.
+        footprint: The padded outline in the base frame, shape (K, 2) in metres.
+    """
+
+    now: float
+    robot_pose: Pose2D
+    footprint: np.ndarray
+
+
+class Layer(Plugin, abc.ABC):
+    """Writes what it knows into the costmap's grid. The costmap calls it, under its lock, in this order per update:
+
+    `shift` where a rolling window moved, `update_bounds` of every layer, then `update_costs` of every layer over the
+    union of the windows, whose cells were reset before. Layers write over what earlier layers in the list wrote.
+
+    Attributes:
+        grid: Where the costmap's cells lie at present.
+        enabled: A layer that is not is passed over.
+    """
+
+    def __init__(self, name: str, parameters: Any) -> None:
+        super().__init__(name, parameters)
+        self.grid = Grid(1.0, 0.0, 0.0, 0, 0)
+        self.rolling = False
+        self.tracks_unknown = False
+
+    @property
+    def enabled(self) -> bool:
+        """Whether the layer takes part; from its parameter of that name where it has one."""
+        return bool(getattr(self.parameters, "enabled", True))
+
+    @property
+    def sources(self) -> Mapping[str, Any]:
+        """The layer's sensors by name, with their parameters (SourceParameters)."""
+        return {}
+
+    def attach(self, rolling: bool, tracks_unknown: bool) -> None:
+        """Learn what the costmap is like; called once, before anything else."""
+        self.rolling = rolling
+        self.tracks_unknown = tracks_unknown
+
+    def resize(self, grid: Grid) -> None:
+        """Take a new size, resolution or place; what was known of cells is lost."""
+        self.grid = grid
+
+    def shift(self, grid: Grid, columns: int, rows: int) -> None:
+        """Take a window that moved by whole cells; cells in both windows keep what was known of them."""
+        self.grid = grid
+
+    def set_footprint(self, inscribed_radius: float) -> None:
+        """Take a new inscribed radius (m)."""
+
+    def observe(self, source: str, observation: Observation, now: float) -> None:
+        """Take what one of `sources` saw."""
+
+    def set_map(self, occupancy: OccupancyMap) -> None:
+        """Take a map of the floor."""
+
+    def update_map(self, x: int, y: int, data: np.ndarray) -> None:
+        """Take a changed part of the map: int8 of shape (rows, columns) with its lower left cell at (x, y)."""
+
+    def set_map_from_costmap(self, transform: Pose2D) -> None:
+        """Take the transform from the costmap's frame to the map's."""
+
+    @abc.abstractmethod
+    def update_bounds(self, context: LayerContext, window: Window) -> Window:
+        """Bring the layer up to date and return `window` widened by the cells whose costs this may change."""
+
+    @abc.abstractmethod
+    def update_costs(self, costs: np.ndarray, window: Window) -> None:
+        """Write into the window of `costs`, shape (height, width), uint8; cells outside may be read only."""
+
+    def clear(self, window: Window, inside: bool) -> None:
+        """Forget what was observed inside of a window, or outside of it; what a map says stays."""
+
+    def reset(self) -> None:
+        """Forget everything observed."""
+        self.clear(Window.of(self.grid), inside=True)
+
+    def stale_reason(self, now: float) -> Optional[str]:
+        """Return what the layer waits for, or None where it may be relied on."""
+        return None
+
+
+class CellLayer(Layer):
+    """A layer that keeps costs of its own, one per cell, and notes where they changed.
+
+    Attributes:
+        costs: Shape (height, width), uint8; NO_INFORMATION where the layer says nothing.
+    """
+
+    default_cost = 0
+
+    def __init__(self, name: str, parameters: Any) -> None:
+        super().__init__(name, parameters)
+        self.costs = np.zeros((0, 0), dtype=np.uint8)
+        self._pending = EMPTY
+
+    def resize(self, grid: Grid) -> None:
+        super().resize(grid)
+        self.costs = np.full(grid.shape, self.default_cost, dtype=np.uint8)
+        self._pending = Window.of(grid)
+
+    def shift(self, grid: Grid, columns: int, rows: int) -> None:
+        super().shift(grid, columns, rows)
+        self.costs = shifted(self.costs, columns, rows, self.default_cost)
+        self._pending = Window.of(grid)
+
+    def touch(self, window: Window) -> None:
+        """Have the next update redo a window."""
+        self._pending = self._pending.union(window.within(self.grid))
+
+    def take_pending(self) -> Window:
+        """Return what `touch` collected since the last call."""
+        pending, self._pending = self._pending, EMPTY
+        return pending
+
+
+def shifted(costs: np.ndarray, columns: int, rows: int, fill: int) -> np.ndarray:
+    """Return an array over a window that moved by `columns` and `rows`; cells new in it are `fill`."""
+    height, width = costs.shape
+    result = np.full_like(costs, fill)
+    x0, x1 = max(columns, 0), min(width + columns, width)
+    y0, y1 = max(rows, 0), min(height + rows, height)
+    if x0 < x1 and y0 < y1:
+        result[y0 - rows:y1 - rows, x0 - columns:x1 - columns] = costs[y0:y1, x0:x1]
+    return result
+
+
+def changed_window(before: np.ndarray, after: np.ndarray, window: Window) -> Window:
+    """Return the smallest window that holds the cells in which two pictures of `window` differ."""
+    differs = before != after
+    rows = np.flatnonzero(differs.any(axis=1))
+    if len(rows) == 0:
+        return EMPTY
+    columns = np.flatnonzero(differs.any(axis=0))
+    return Window(
+        window.x0 + int(columns[0]), window.y0 + int(rows[0]), window.x0 + int(columns[-1]) + 1,
+        window.y0 + int(rows[-1]) + 1,
+    )

@@ -1,0 +1,135 @@
+"""Compiled loops of the layers: rays drawn over cells, and layers merged into the costmap."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mbf_relay.kernels import kernel
+
+_FREE = 0
+_LETHAL = 254
+_NO_INFORMATION = 255
+
+
+@kernel("void(uint8[:,::1], float64, float64, float64, float64, float64, float64[:,::1], float64)")
+def clear_rays(costs, origin_x, origin_y, resolution, sensor_x, sensor_y, ends, reach):
+    """Free the cells from a sensor to each end point, as costmap_2d's obstacle layer draws its rays.
+
+    A ray that leaves the grid is cut at its border; beyond `reach` it is not followed. Nothing happens where the
+    sensor itself stands outside.
+
+    Args:
+        costs: Shape (height, width).
+        origin_x, origin_y, resolution: The grid (m).
+        sensor_x, sensor_y: Position of the sensor (m).
+        ends: Shape (N, 2) in metres.
+        reach: Length (cells) beyond which rays are not followed.
+    """
+    height, width = costs.shape
+    first_column = int(math.floor((sensor_x - origin_x) / resolution))
+    first_row = int(math.floor((sensor_y - origin_y) / resolution))
+    if not (0 <= first_column < width and 0 <= first_row < height):
+        return
+    far_x, far_y = origin_x + width * resolution, origin_y + height * resolution
+    for index in range(ends.shape[0]):
+        x, y = ends[index, 0], ends[index, 1]
+        dx, dy = x - sensor_x, y - sensor_y
+        if x < origin_x:
+            x, y = origin_x, sensor_y + dy * (origin_x - sensor_x) / dx
+        if y < origin_y:
+            x, y = sensor_x + dx * (origin_y - sensor_y) / dy, origin_y
+        if x > far_x:
+            x, y = far_x - 0.001, sensor_y + dy * (far_x - sensor_x) / dx
+        if y > far_y:
+            x, y = sensor_x + dx * (far_y - sensor_y) / dy, far_y - 0.001
+        column = int(math.floor((x - origin_x) / resolution))
+        row = int(math.floor((y - origin_y) / resolution))
+        if not (0 <= column < width and 0 <= row < height):
+            continue
+        length_x, length_y = abs(column - first_column), abs(row - first_row)
+        step_x = 1 if column > first_column else -1
+        step_y = 1 if row > first_row else -1
+        along_x = length_x >= length_y
+        longer = length_x if along_x else length_y
+        shorter = length_y if along_x else length_x
+        distance = math.hypot(length_x, length_y)
+        scale = 1.0 if distance == 0.0 else min(1.0, reach / distance)
+        steps = min(int(scale * longer), longer)
+        error = longer // 2
+        column, row = first_column, first_row
+        for _ in range(steps):
+            costs[row, column] = _FREE
+            error += shorter
+            turn = error >= longer
+            if turn:
+                error -= longer
+            if along_x:
+                column += step_x
+                if turn:
+                    row += step_y
+            else:
+                row += step_y
+                if turn:
+                    column += step_x
+        costs[row, column] = _FREE
+
+
+@kernel("void(uint8[:,::1], float64, float64, float64, float64[:,::1])")
+def mark_points(costs, origin_x, origin_y, resolution, points):
+    """Make the cells of points, shape (N, 2) in metres, lethal; points outside the grid are passed over."""
+    height, width = costs.shape
+    for index in range(points.shape[0]):
+        column = math.floor((points[index, 0] - origin_x) / resolution)
+        row = math.floor((points[index, 1] - origin_y) / resolution)
+        if 0 <= column < width and 0 <= row < height:
+            costs[int(row), int(column)] = _LETHAL
+
+
+@kernel("void(uint8[:,::1], uint8[:,::1], int64, int64, int64, int64)")
+def merge_maximum(costs, layer, x0, y0, x1, y1):
+    """Raise a window of `costs` to the layer's costs; a layer's unknown says nothing, a known cost beats unknown."""
+    for y in range(y0, y1):
+        for x in range(x0, x1):
+            cost = layer[y, x]
+            if cost != _NO_INFORMATION and (costs[y, x] == _NO_INFORMATION or costs[y, x] < cost):
+                costs[y, x] = cost
+
+
+@kernel("void(uint8[:,::1], uint8[:,::1], int64, int64, int64, int64)")
+def merge_overwrite(costs, layer, x0, y0, x1, y1):
+    """Set a window of `costs` to the layer's costs where it has any."""
+    for y in range(y0, y1):
+        for x in range(x0, x1):
+            if layer[y, x] != _NO_INFORMATION:
+                costs[y, x] = layer[y, x]
+
+
+@kernel("void(uint8[:,::1], int64, int64, int64, int64, float64, float64, float64, uint8[:,::1], float64, float64,"
+        " float64, float64, float64, float64, boolean)")
+def sample_map(
+    costs, x0, y0, x1, y1, origin_x, origin_y, resolution, layer, layer_x, layer_y, layer_resolution, shift_x, shift_y,
+    turn, use_maximum,
+):
+    """Write a map that lies in another frame into a window: each cell takes the map's cell under its centre.
+
+    Args:
+        costs, x0, y0, x1, y1: The costmap and the window.
+        origin_x, origin_y, resolution: The costmap's grid (m).
+        layer, layer_x, layer_y, layer_resolution: The map's costs and grid.
+        shift_x, shift_y, turn: The transform (m, rad) from the costmap's frame to the map's.
+        use_maximum: Raise only, as `merge_maximum`'s order of costs; otherwise overwrite.
+    """
+    height, width = layer.shape
+    cos, sin = math.cos(turn), math.sin(turn)
+    for y in range(y0, y1):
+        world_y = origin_y + (y + 0.5) * resolution
+        for x in range(x0, x1):
+            world_x = origin_x + (x + 0.5) * resolution
+            column = math.floor((shift_x + cos * world_x - sin * world_y - layer_x) / layer_resolution)
+            row = math.floor((shift_y + sin * world_x + cos * world_y - layer_y) / layer_resolution)
+            if 0 <= column < width and 0 <= row < height:
+                cost = layer[int(row), int(column)]
+                if not use_maximum or cost > costs[y, x]:
+                    costs[y, x] = cost

@@ -1,0 +1,83 @@
+"""What a sensor saw at one moment, in the costmap's frame: the form in which scans and point clouds reach a costmap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.scan import LaserScan
+
+MISS_MARGIN = 1e-3
+"""Readings this near below range_max (m) are misses: drivers report "nothing there" as range_max less a little."""
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Rays from one origin to many end points.
+
+    Attributes:
+        origin: The sensor's position in the costmap's frame: (x, y) or (x, y, z) in metres.
+        points: End points in the costmap's frame, shape (N, 2) or (N, 3) in metres; rows that are not finite are left
+            out. Heights are looked at only where there are three columns.
+        hits: Shape (N,), bool: True where something was hit there, False where the ray only shows free space. None
+            where all are hits.
+        stamp: Time (s) of measurement.
+    """
+
+    origin: Tuple[float, ...]
+    points: np.ndarray
+    hits: Optional[np.ndarray]
+    stamp: float
+
+
+def observation_from_scan(
+    scan: LaserScan, sensor_pose: Pose2D, inf_is_valid: bool = True, height: Optional[float] = None
+) -> Observation:
+    """Return what a level lidar saw.
+
+    Args:
+        scan: The scan.
+        sensor_pose: The sensor in the costmap's frame when the scan was taken.
+        inf_is_valid: Beams without a return show free space up to range_max; otherwise they say nothing.
+        height: The sensor's height (m) in the costmap's frame; without it, heights are not looked at.
+    """
+    points, hits = scan_points(scan, inf_is_valid)
+    ends = sensor_pose.transform_points(points)
+    if height is None:
+        return Observation((sensor_pose.x, sensor_pose.y), ends, hits, scan.stamp)
+    ends = np.column_stack((ends, np.full(len(ends), height)))
+    return Observation((sensor_pose.x, sensor_pose.y, height), ends, hits, scan.stamp)
+
+
+def scan_points(scan: LaserScan, inf_is_valid: bool = True) -> Tuple[np.ndarray, np.ndarray]:
+    """Return a scan's end points in the sensor's frame, (N, 2) in metres, and which of them are hits, (N,) bool.
+
+    Readings below range_min or NaN are left out. Those at or above range_max and infinite ones are no hits: they stay,
+    at range_max, where `inf_is_valid`, and are left out otherwise.
+    """
+    ranges = scan.ranges
+    misses = ranges >= scan.range_max - MISS_MARGIN  # False for NaN
+    with np.errstate(invalid="ignore"):
+        hits = (ranges >= scan.range_min) & ~misses
+    kept = hits | misses if inf_is_valid else hits
+    lengths = np.where(misses, scan.range_max, ranges)[kept]
+    angles = scan.angles[kept]
+    return np.column_stack((lengths * np.cos(angles), lengths * np.sin(angles))), hits[kept]
+
+
+def observation_from_points(
+    points: np.ndarray, hits: Optional[np.ndarray], rotation: np.ndarray, translation: np.ndarray, stamp: float
+) -> Observation:
+    """Return an observation from points of a sensor that may be tilted.
+
+    Args:
+        points: In the sensor's frame, shape (N, 2) or (N, 3) in metres.
+        hits: As in Observation.
+        rotation, translation: Shapes (3, 3) and (3,): take points of the sensor's frame to the costmap's frame.
+        stamp: Time (s) of measurement.
+    """
+    ends = points @ rotation[:, :points.shape[1]].T + translation
+    return Observation((float(translation[0]), float(translation[1]), float(translation[2])), ends, hits, stamp)

@@ -1,0 +1,224 @@
+"""The obstacle layer: what scanners and depth cameras see, marked and cleared (costmap_2d's ObstacleLayer)."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Any, Deque, Dict, List, Mapping, Optional
+
+import numpy as np
+
+from mbf_relay.costmap import footprint, layer_kernels
+from mbf_relay.costmap.cost_grid import FREE_SPACE, NO_INFORMATION
+from mbf_relay.costmap.layer import CellLayer, LayerContext, changed_window
+from mbf_relay.costmap.observation import Observation
+from mbf_relay.costmap.window import EMPTY, Window
+from mbf_relay.parameters import ParameterSet, parameter
+
+OVERWRITE, MAXIMUM, NOTHING = 0, 1, 99
+
+
+@dataclass(frozen=True)
+class SourceParameters(ParameterSet):
+    """Parameters of one sensor of an obstacle layer, by costmap_2d's names."""
+
+    topic: str = parameter("", "topic; the source's name where empty")
+    sensor_frame: str = parameter("", "frame the rays start from; the message's own where empty")
+    data_type: str = parameter("PointCloud", "type of message", choices=("LaserScan", "PointCloud", "PointCloud2"))
+    observation_persistence: float = parameter(0.0, "how long observations count; 0 for the newest alone", unit="s", minimum=0.0)
+    expected_update_rate: float = parameter(
+        0.0, "longest time between two messages before the costmap is stale; 0 for the layer's source_timeout (scans)",
+        unit="s", minimum=0.0)
+    min_obstacle_height: float = parameter(0.0, "points below are left out", unit="m")
+    max_obstacle_height: float = parameter(2.0, "points above are left out", unit="m")
+    inf_is_valid: bool = parameter(True, "beams without a return free the cells they pass, up to range_max")
+    marking: bool = parameter(True, "points become obstacles")
+    clearing: bool = parameter(False, "rays free the cells they pass")
+    obstacle_range: float = parameter(2.5, "points farther from the sensor do not become obstacles", unit="m", minimum=0.0)
+    raytrace_range: float = parameter(3.0, "rays free cells no farther than this", unit="m", minimum=0.0)
+
+    def check(self) -> None:
+        if self.min_obstacle_height > self.max_obstacle_height:
+            raise ValueError(
+                f"parameter min_obstacle_height is {self.min_obstacle_height} m; it must not be above "
+                f"max_obstacle_height, {self.max_obstacle_height} m")
+
+
+@dataclass(frozen=True)
+class ObstacleLayerParameters(ParameterSet):
+    """Parameters of the obstacle layer, by costmap_2d's names; each source has a group of its own beside them."""
+
+    enabled: bool = parameter(True, "take part in the costmap")
+    observation_sources: str = parameter("", "names of the sensors, separated by blanks")
+    footprint_clearing_enabled: bool = parameter(True, "free the cells the robot stands on")
+    max_obstacle_height: float = parameter(2.0, "points above do not become obstacles", unit="m", minimum=0.0, maximum=50.0)
+    combination_method: int = parameter(1, "0 overwrites earlier layers, 1 takes the higher cost, 99 does nothing",
+                                        choices=(OVERWRITE, MAXIMUM, NOTHING))
+    track_unknown_space: bool = parameter(False, "cells no ray has passed are unknown; otherwise they are free")
+    transform_tolerance: float = parameter(0.2, "how long an observation waits for its transform", unit="s", minimum=0.0)
+    source_timeout: float = parameter(
+        1.0, "a LaserScan source without expected_update_rate is stale after this; 0 for never", unit="s", minimum=0.0)
+    source_parameters: Any = parameter({}, "sources by name; filled from the groups beside")
+
+    @classmethod
+    def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
+        """Return the layer's own values, and its sources' parameters out of their groups."""
+        result = super().known(values)
+        sources: Dict[str, SourceParameters] = {}
+        for name in str(result.get("observation_sources", "")).split():
+            group = values.get(name, {})
+            if not isinstance(group, Mapping):
+                raise ValueError(f"parameter {name} is {group!r}; it must be the group of the observation source's parameters")
+            inherited = {key: values[key] for key in ("obstacle_range", "raytrace_range") if key in values}
+            try:
+                source = SourceParameters.from_mapping({**inherited, **group})
+            except ValueError as error:
+                raise ValueError(f"observation source '{name}': {error}") from error
+            sources[name] = source.replace(topic=source.topic or name)
+        result["source_parameters"] = sources
+        return result
+
+
+@dataclass(frozen=True)
+class _Rays:
+    """An observation made ready for the kernels: where its rays end and which ends are obstacles."""
+
+    x: float
+    y: float
+    ends: np.ndarray
+    marks: np.ndarray
+    reach: float
+    stamp: float
+
+
+class _Source:
+    """One sensor: its parameters, the observations still counted and when the newest came."""
+
+    def __init__(self, parameters: SourceParameters) -> None:
+        self.parameters = parameters
+        self.kept: Deque[_Rays] = deque()
+        self.last_update: Optional[float] = None
+
+    def add(self, observation: Observation, now: float, max_height: float) -> None:
+        """Keep an observation, newest first, and drop those too old to count."""
+        self.kept.appendleft(prepare(observation, self.parameters, max_height))
+        self.last_update = now
+        keep_time = self.parameters.observation_persistence
+        if keep_time == 0.0:
+            while len(self.kept) > 1:
+                self.kept.pop()
+        else:
+            while self.kept and now - self.kept[-1].stamp > keep_time:
+                self.kept.pop()
+
+
+class ObstacleLayer(CellLayer):
+    """Keeps what was seen: rays free the cells they pass, what they hit becomes lethal, until a ray passes there."""
+
+    Parameters = ObstacleLayerParameters
+
+    def __init__(self, name: str, parameters: Any) -> None:
+        super().__init__(name, parameters)
+        self.default_cost = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
+        self._sources = {key: _Source(value) for key, value in parameters.source_parameters.items()}
+
+    @property
+    def sources(self) -> Mapping[str, SourceParameters]:
+        return {name: source.parameters for name, source in self._sources.items()}
+
+    def observe(self, source: str, observation: Observation, now: float) -> None:
+        self._sources[source].add(observation, now, self.parameters.max_obstacle_height)
+
+    def update_bounds(self, context: LayerContext, window: Window) -> Window:
+        clearing = [rays for s in self._sources.values() if s.parameters.clearing for rays in s.kept]
+        marking = [rays for s in self._sources.values() if s.parameters.marking for rays in s.kept]
+        covered = np.zeros((0, 2), dtype=np.int32)
+        if self.parameters.footprint_clearing_enabled:
+            covered = footprint.footprint_cells(self.grid, context.footprint, context.robot_pose)
+        touched = self._touched(clearing + marking, covered)
+        before = self.costs[touched.slices].copy()
+        grid = (self.grid.origin_x, self.grid.origin_y, self.grid.resolution)
+        for rays in clearing:
+            reach = math.ceil(rays.reach / self.grid.resolution)
+            layer_kernels.clear_rays(self.costs, *grid, rays.x, rays.y, rays.ends, float(reach))
+        for rays in marking:
+            layer_kernels.mark_points(self.costs, *grid, rays.marks)
+        self.costs[covered[:, 1], covered[:, 0]] = FREE_SPACE
+        if not touched.is_empty:
+            self.touch(changed_window(before, self.costs[touched.slices], touched))
+        return window.union(self.take_pending())
+
+    def _touched(self, observations: List[_Rays], covered: np.ndarray) -> Window:
+        """Return a window that holds every cell the observations and the footprint may change."""
+        touched = EMPTY
+        for rays in observations:
+            column, row = self.grid.cell_at(rays.x, rays.y)
+            touched = touched.union(Window(column, row, column + 1, row + 1).grown(
+                math.ceil(rays.reach / self.grid.resolution) + 1))
+            if len(rays.marks):
+                cells = self.grid.cells_at(rays.marks)
+                low, high = cells.min(axis=0), cells.max(axis=0)
+                touched = touched.union(Window(int(low[0]), int(low[1]), int(high[0]) + 1, int(high[1]) + 1))
+        if len(covered):
+            low, high = covered.min(axis=0), covered.max(axis=0)
+            touched = touched.union(Window(int(low[0]), int(low[1]), int(high[0]) + 1, int(high[1]) + 1))
+        return touched.within(self.grid)
+
+    def update_costs(self, costs: np.ndarray, window: Window) -> None:
+        if self.parameters.combination_method == OVERWRITE:
+            layer_kernels.merge_overwrite(costs, self.costs, *window)
+        elif self.parameters.combination_method == MAXIMUM:
+            layer_kernels.merge_maximum(costs, self.costs, *window)
+
+    def clear(self, window: Window, inside: bool) -> None:
+        window = window.within(self.grid)
+        if inside:
+            if not window.is_empty:
+                self.costs[window.slices] = self.default_cost
+                self.touch(window)
+            return
+        kept = self.costs[window.slices].copy()
+        self.costs.fill(self.default_cost)
+        self.costs[window.slices] = kept
+        self.touch(Window.of(self.grid))
+
+    def stale_reason(self, now: float) -> Optional[str]:
+        for name, source in self._sources.items():
+            limit = source.parameters.expected_update_rate
+            if limit == 0.0 and source.parameters.data_type == "LaserScan":
+                limit = self.parameters.source_timeout
+            if limit == 0.0:
+                continue
+            topic = source.parameters.topic
+            if source.last_update is None:
+                return f"no data has come from source '{name}' on topic '{topic}'"
+            if now - source.last_update > limit:
+                return (f"source '{name}' on topic '{topic}' sent nothing for {now - source.last_update:.2f} s; "
+                        f"at most {limit:.2f} s is allowed")
+        return None
+
+
+def prepare(observation: Observation, source: SourceParameters, max_height: float) -> _Rays:
+    """Return an observation's rays with heights and ranges looked at once.
+
+    Args:
+        observation: What was seen.
+        source: The sensor's limits.
+        max_height: The layer's own limit (m) on what becomes an obstacle.
+    """
+    points = np.asarray(observation.points, dtype=np.float64)
+    origin = observation.origin
+    kept = np.isfinite(points).all(axis=1)
+    squared = (points[:, 0] - origin[0]) ** 2 + (points[:, 1] - origin[1]) ** 2
+    marks = squared < source.obstacle_range ** 2
+    if points.shape[1] > 2:
+        heights = points[:, 2]
+        kept &= (heights >= source.min_obstacle_height) & (heights <= source.max_obstacle_height)
+        rise = heights - (origin[2] if len(origin) > 2 else 0.0)
+        marks = (squared + rise ** 2 < source.obstacle_range ** 2) & (heights <= max_height)
+    if observation.hits is not None:
+        marks &= observation.hits
+    return _Rays(
+        float(origin[0]), float(origin[1]), np.ascontiguousarray(points[kept, :2]),
+        np.ascontiguousarray(points[kept & marks, :2]), source.raytrace_range, observation.stamp)

@@ -1,0 +1,124 @@
+"""The static layer: what a map of the floor says (costmap_2d's StaticLayer)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Optional
+
+import numpy as np
+
+from mbf_relay.costmap import layer_kernels
+from mbf_relay.costmap.cost_grid import FREE_SPACE, LETHAL, NO_INFORMATION
+from mbf_relay.costmap.layer import CellLayer, LayerContext
+from mbf_relay.costmap.window import Window
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.grid import Grid
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.parameters import ParameterSet, parameter
+
+
+@dataclass(frozen=True)
+class StaticLayerParameters(ParameterSet):
+    """Parameters of the static layer, by costmap_2d's names."""
+
+    enabled: bool = parameter(True, "take part in the costmap")
+    map_topic: str = parameter("map", "topic of the map")
+    first_map_only: bool = parameter(False, "keep the first map, whatever is published later")
+    subscribe_to_updates: bool = parameter(False, "take changed parts of the map from MAP_TOPIC_updates")
+    track_unknown_space: bool = parameter(True, "unknown cells of the map stay unknown; otherwise they are free")
+    use_maximum: bool = parameter(False, "raise the costs of earlier layers instead of replacing them")
+    lethal_cost_threshold: int = parameter(
+        100, "map values from here on are lethal", minimum=0, maximum=100, aliases=("lethal_threshold",))
+    unknown_cost_value: int = parameter(-1, "map value that means unknown", minimum=-128, maximum=255)
+    trinary_costmap: bool = parameter(True, "only free, lethal and unknown; otherwise costs grow with the map's values")
+
+
+class StaticLayer(CellLayer):
+    """Turns a map's values into costs. A costmap that is not a rolling window takes the map's size and resolution."""
+
+    Parameters = StaticLayerParameters
+
+    def __init__(self, name: str, parameters: Any) -> None:
+        super().__init__(name, parameters)
+        self._map: Optional[OccupancyMap] = None
+        self._map_costs = np.zeros((0, 0), dtype=np.uint8)
+        self._map_from_costmap = IDENTITY
+        self._table = cost_table(parameters)
+
+    def reconfigure(self, parameters: Any) -> None:
+        super().reconfigure(parameters)
+        self._table = cost_table(parameters)
+        if self._map is not None:
+            self._map_costs = self._table[self._map.data.view(np.uint8)]
+        self.touch(Window.of(self.grid))
+
+    def resize(self, grid: Grid) -> None:
+        self.grid = grid
+        self._pending = Window.of(grid)
+
+    def shift(self, grid: Grid, columns: int, rows: int) -> None:
+        self.resize(grid)
+
+    def set_map(self, occupancy: OccupancyMap) -> None:
+        data = np.ascontiguousarray(occupancy.data, dtype=np.int8)
+        self._map = OccupancyMap(data, occupancy.resolution, occupancy.origin)
+        self._map_costs = self._table[data.view(np.uint8)]
+        self.touch(Window.of(self.grid))
+
+    def update_map(self, x: int, y: int, data: np.ndarray) -> None:
+        """Raises ValueError where the part does not lie within the map."""
+        rows, columns = data.shape
+        height, width = self._map_costs.shape
+        if self._map is None:
+            return
+        if x < 0 or y < 0 or x + columns > width or y + rows > height:
+            raise ValueError(
+                f"map update of {columns} x {rows} cells at ({x}, {y}) does not fit the map of {width} x {height} cells")
+        part = np.ascontiguousarray(data, dtype=np.int8)
+        self._map.data[y:y + rows, x:x + columns] = part
+        self._map_costs[y:y + rows, x:x + columns] = self._table[part.view(np.uint8)]
+        self.touch(Window.of(self.grid) if self.rolling else Window(x, y, x + columns, y + rows))
+
+    def set_map_from_costmap(self, transform: Pose2D) -> None:
+        if self.rolling and transform != self._map_from_costmap:
+            self._map_from_costmap = transform
+            self.touch(Window.of(self.grid))
+
+    def update_bounds(self, context: LayerContext, window: Window) -> Window:
+        return window.union(self.take_pending()) if self._map is not None else window
+
+    def update_costs(self, costs: np.ndarray, window: Window) -> None:
+        if self._map is None:
+            return
+        if self.rolling:
+            at = self._map_from_costmap
+            origin = self._map.origin
+            # the map's own origin may be turned; its cells are then looked up in the map's axes
+            in_cells = origin.inverse().compose(at)
+            layer_kernels.sample_map(
+                costs, *window, self.grid.origin_x, self.grid.origin_y, self.grid.resolution, self._map_costs, 0.0, 0.0,
+                self._map.resolution, in_cells.x, in_cells.y, in_cells.theta, self.parameters.use_maximum)
+        elif self._map_costs.shape == self.grid.shape:
+            if self.parameters.use_maximum:
+                layer_kernels.merge_maximum(costs, self._map_costs, *window)
+            else:
+                costs[window.slices] = self._map_costs[window.slices]
+
+    def clear(self, window: Window, inside: bool) -> None:
+        """A map is not forgotten."""
+
+    def stale_reason(self, now: float) -> Optional[str]:
+        return None if self._map is not None else f"no map has come on topic '{self.parameters.map_topic}'"
+
+
+def cost_table(parameters: StaticLayerParameters) -> np.ndarray:
+    """Return the cost of each map value, indexed by the value as an unsigned byte: shape (256,), uint8."""
+    values = np.arange(256)
+    threshold = parameters.lethal_cost_threshold
+    if parameters.trinary_costmap or threshold == 0:
+        costs = np.full(256, FREE_SPACE, dtype=np.uint8)
+    else:
+        costs = np.minimum(values / threshold * LETHAL, LETHAL).astype(np.uint8)
+    costs[values >= threshold] = LETHAL
+    costs[parameters.unknown_cost_value % 256] = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
+    return costs

@@ -1,0 +1,207 @@
+"""The costmap as a whole: made from files of both forms, fed, updated, seen."""
+
+import math
+import threading
+
+import numpy as np
+import pytest
+import yaml
+
+from mbf_relay.costmap import factory
+from mbf_relay.costmap.cost_grid import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
+from mbf_relay.costmap.observation import Observation, observation_from_scan
+from mbf_relay.costmap.window import Window
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.scan import LaserScan
+
+OLD_FORM_GLOBAL = yaml.safe_load("""
+obstacle_range: 3.0
+raytrace_range: 3.5
+footprint: [[-0.105, -0.105], [-0.105, 0.105], [0.041, 0.105], [0.041, -0.105]]
+inflation_radius: 1.0
+cost_scaling_factor: 3.0
+map_type: costmap
+observation_sources: scan
+scan: {sensor_frame: base_scan, data_type: LaserScan, topic: scan, marking: true, clearing: true}
+global_frame: map
+robot_base_frame: base_footprint
+update_frequency: 10.0
+publish_frequency: 10.0
+transform_tolerance: 0.5
+static_map: true
+""")
+
+NEW_FORM = yaml.safe_load("""
+global_frame: odom
+robot_base_frame: base_footprint
+update_frequency: 10.0
+rolling_window: true
+width: 3
+height: 3
+resolution: 0.05
+robot_radius: 0.1
+footprint_padding: 0.0
+plugins:
+  - {name: obstacles, type: "costmap_2d::ObstacleLayer"}
+  - {name: inflation, type: "costmap_2d::InflationLayer"}
+obstacles:
+  observation_sources: scan
+  scan: {data_type: LaserScan, marking: true, clearing: true, obstacle_range: 3.0, raytrace_range: 3.5}
+inflation: {inflation_radius: 1.0, cost_scaling_factor: 3.0}
+""")
+
+
+def room(size=80, resolution=0.05):
+    data = np.zeros((size, size), dtype=np.int8)
+    data[0, :] = data[-1, :] = data[:, 0] = data[:, -1] = 100
+    return OccupancyMap(data, resolution, Pose2D(-size * resolution / 2.0, -size * resolution / 2.0, 0.0))
+
+
+def test_the_form_without_plugins_makes_the_three_layers():
+    costmap = factory.build_costmap("global_costmap", OLD_FORM_GLOBAL)
+    assert [layer.name for layer in costmap.layers] == ["static_layer", "obstacle_layer", "inflation_layer"]
+    assert (costmap.frame, costmap.robot_frame) == ("map", "base_footprint")
+    source = costmap.sources["scan"]
+    assert (source.topic, source.obstacle_range, source.raytrace_range) == ("scan", 3.0, 3.5)
+    assert costmap.layer("inflation_layer").parameters.inflation_radius == 1.0
+    assert factory.unknown_names(OLD_FORM_GLOBAL) == []
+
+
+def test_the_form_with_plugins_makes_those_listed():
+    costmap = factory.build_costmap("local_costmap", NEW_FORM)
+    assert [layer.name for layer in costmap.layers] == ["obstacles", "inflation"]
+    assert costmap.sources["scan"].raytrace_range == 3.5
+    assert factory.unknown_names(NEW_FORM) == []
+    misspelt = {**NEW_FORM, "robot_radios": 1.0, "obstacles": {**NEW_FORM["obstacles"], "scam": 1}}
+    assert factory.unknown_names(misspelt) == ["robot_radios", "obstacles/scam"]
+
+
+@pytest.mark.parametrize("change, named", [
+    ({"plugins": [{"name": "a", "type": "costmap_2d::NoLayer"}]}, "costmap_2d::NoLayer"),
+    ({"plugins": [{"name": "a"}]}, "plugins holds"),
+    ({"resolution": -0.05}, "resolution is -0.05"),
+    ({"footprint": [[0, 0], [1, 1]]}, "2 points"),
+    ({"robot_radius": -1.0}, "robot_radius is -1.0"),
+    ({"inflation": {"inflation_radius": -1.0}}, "inflation_radius is -1.0"),
+    ({"obstacles": {"observation_sources": "scan", "scan": {"data_type": "Sonar"}}}, "Sonar"),
+])
+def test_bad_parameters_are_named_with_their_value(change, named):
+    with pytest.raises(ValueError, match="local_costmap.*") as error:
+        factory.build_costmap("local_costmap", {**NEW_FORM, **change})
+    assert named in str(error.value)
+
+
+def test_static_map_gives_size_and_costs():
+    costmap = factory.build_costmap("global_costmap", OLD_FORM_GLOBAL)
+    assert costmap.stale_reason(0.0) is not None
+    costmap.set_map(room())
+    costmap.update(1.0, IDENTITY)
+    picture = costmap.snapshot()
+    assert picture.costs.shape == (80, 80)
+    assert (picture.costs[0] == LETHAL).all()
+    assert picture.costs[1, 40] == INSCRIBED  # 0.05 m from the wall, within the inscribed 0.051 m
+    assert picture.costs[40, 40] == FREE_SPACE
+    assert picture.costs[10, 40] == int(252 * math.exp(-3.0 * (0.5 - 0.051)))
+
+
+def test_scan_marks_clears_and_the_picture_stays_as_it_was_seen():
+    costmap = factory.build_costmap("local_costmap", NEW_FORM)
+    sees = LaserScan(np.array([1.0, np.inf, 0.5]), 0.0, math.pi / 2.0, 0.12, 3.5, 1.0)
+    costmap.observe("scan", observation_from_scan(sees, IDENTITY))
+    costmap.update(1.0, IDENTITY)
+    first = costmap.snapshot()
+    ahead, behind = first.grid.cell_at(1.0, 0.0), first.grid.cell_at(-0.5, 0.0)
+    assert first.costs[ahead[1], ahead[0]] == first.costs[behind[1], behind[0]] == LETHAL
+    gone = LaserScan(np.array([np.inf, np.inf, 0.5]), 0.0, math.pi / 2.0, 0.12, 3.5, 2.0)
+    costmap.observe("scan", observation_from_scan(gone, IDENTITY))
+    costmap.update(2.0, IDENTITY)
+    second = costmap.snapshot()
+    assert second.costs[ahead[1], ahead[0]] == FREE_SPACE
+    assert first.costs[ahead[1], ahead[0]] == LETHAL
+    assert second.revision > first.revision
+    changed = second.changed_since(first.revision)
+    outside = np.ones(second.costs.shape, dtype=bool)
+    outside[changed.slices] = False
+    assert (first.costs[outside] == second.costs[outside]).all()
+    costmap.update(2.1, IDENTITY)
+    assert costmap.snapshot().revision == second.revision
+
+
+def test_rolling_window_moves_with_the_robot_and_keeps_obstacles_in_place():
+    costmap = factory.build_costmap("local_costmap", NEW_FORM)
+    costmap.observe("scan", Observation((0.0, 0.0), np.array([[1.01, 0.01]]), None, 0.0))
+    costmap.update(0.0, IDENTITY)
+    costmap.observe("scan", Observation((0.7, 0.3), np.zeros((0, 2)), None, 0.1))
+    costmap.update(0.1, Pose2D(0.7, 0.3, 0.0))
+    picture = costmap.snapshot()
+    assert picture.grid.origin_x == pytest.approx(0.7 - 1.5, abs=0.05)
+    column, row = picture.grid.cell_at(1.01, 0.01)
+    assert picture.costs[row, column] == LETHAL
+    assert (picture.costs == LETHAL).sum() == 1
+    costmap.update(0.2, Pose2D(50.0, 3.0, 0.0))
+    assert (costmap.snapshot().costs == FREE_SPACE).all()
+
+
+def test_updates_in_windows_give_what_an_update_of_everything_gives():
+    rng = np.random.default_rng(7)
+    stepwise = factory.build_costmap("local_costmap", NEW_FORM)
+    for step in range(40):
+        pose = Pose2D(0.03 * step, 0.02 * step, 0.1 * step)
+        points = pose.transform_points(rng.uniform(-2.0, 2.0, (60, 2)))
+        stepwise.observe("scan", Observation((pose.x, pose.y), points, rng.random(60) < 0.7, float(step)))
+        stepwise.update(float(step), pose)
+        costs = np.zeros((60, 60), dtype=np.uint8)
+        for layer in stepwise.layers:
+            layer.update_costs(costs, Window(0, 0, 60, 60))
+        assert (costs == stepwise.snapshot().costs).all(), step
+
+
+def test_clearing_forgets_the_square_or_all_but_it():
+    for inside in (True, False):
+        costmap = factory.build_costmap("local_costmap", NEW_FORM)
+        costmap.observe("scan", Observation((0.0, 0.0), np.array([[0.5, 0.0], [1.2, 0.0]]), None, 0.0))
+        costmap.update(0.0, IDENTITY)
+        costmap.observe("scan", Observation((0.0, 0.0), np.zeros((0, 2)), None, 0.1))
+        costmap.clear(around=IDENTITY, side=1.6, inside=inside)
+        costmap.update(0.1, IDENTITY)
+        picture = costmap.snapshot()
+        left = np.argwhere(picture.costs == LETHAL)[:, ::-1].tolist()
+        assert left == [list(picture.grid.cell_at(1.2 if inside else 0.5, 0.0))]
+
+
+def test_stale_sources_are_named_with_their_age():
+    costmap = factory.build_costmap("local_costmap", NEW_FORM)
+    costmap.update(0.0, IDENTITY)
+    assert "no data has come from source 'scan'" in costmap.stale_reason(0.0)
+    costmap.observe("scan", Observation((0.0, 0.0), np.zeros((0, 2)), None, 0.0))
+    assert costmap.stale_reason(0.5) is None
+    costmap.update(3.0, IDENTITY)
+    assert "3.00 s" in costmap.stale_reason(3.0)
+
+
+def test_threads_may_observe_update_and_look_at_once():
+    costmap = factory.build_costmap("local_costmap", NEW_FORM)
+    errors = []
+
+    def guarded(work):
+        try:
+            for step in range(150):
+                work(step)
+        except Exception as error:  # noqa: the test reports whatever a thread met
+            errors.append(error)
+
+    rng = np.random.default_rng(1)
+    points = rng.uniform(-2.0, 2.0, (100, 2))
+    works = [
+        lambda step: costmap.observe("scan", Observation((0.0, 0.0), points, None, 0.1 * step)),
+        lambda step: costmap.update(0.1 * step, Pose2D(0.01 * step, 0.0, 0.0)),
+        lambda step: costmap.snapshot().costs.sum(),
+        lambda step: costmap.clear(),
+    ]
+    threads = [threading.Thread(target=guarded, args=(work,)) for work in works]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert errors == []
