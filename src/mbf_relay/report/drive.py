@@ -61,6 +61,7 @@ class Drive:
         plans: Time (s) and poses, shape (P, 3), of each new global plan.
         goals: In the order they were accepted.
         contacts: Every touch.
+        seen: Shape (S, 2): points the lidar saw, map frame (m).
         map: The map driven on, None without one.
         speed_limits: Top speed (m/s) and top turn rate (rad/s) drawn beside the speeds.
         wall_time: Seconds the drive took on a wall clock.
@@ -77,6 +78,7 @@ class Drive:
     plans: List[Tuple[float, np.ndarray]] = field(default_factory=list)
     goals: List[GoalRecord] = field(default_factory=list)
     contacts: List[Contact] = field(default_factory=list)
+    seen: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
     map: Optional[OccupancyMap] = None
     speed_limits: Tuple[float, float] = (0.22, 2.84)
     wall_time: Optional[float] = None

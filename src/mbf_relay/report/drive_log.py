@@ -27,16 +27,24 @@ class DriveLog:
         self._measured: List[Tuple[float, float, float]] = []
         self._plans: List[Tuple[float, np.ndarray]] = []
         self._contacts: List[Contact] = []
+        self._seen: List[np.ndarray] = []
         self._goals: Dict[str, GoalRecord] = {}
 
     def add_truth(self, stamp: float, pose: Pose2D) -> None:
         """Note where the robot really is, in the map frame."""
         self._append(self._truth, (stamp, *pose))
 
-    def add_odometry(self, stamp: float, pose: Pose2D, velocity: Twist2D) -> None:
-        """Note what odometry says: pose in the odom frame, velocity in the body frame."""
+    def add_odometry(self, stamp: float, pose: Pose2D) -> None:
+        """Note where the robot is in the odom frame."""
         self._append(self._odometry, (stamp, *pose))
+
+    def add_velocity(self, stamp: float, velocity: Twist2D) -> None:
+        """Note how fast the robot goes by its odometry, body frame."""
         self._append(self._measured, (stamp, velocity.x, velocity.theta))
+
+    def add_seen(self, points: np.ndarray) -> None:
+        """Note what the lidar saw, shape (S, 2) in the map frame: it is drawn where there is no map."""
+        self._seen.append(np.asarray(points, dtype=float))
 
     def add_correction(self, stamp: float, map_from_odom: Pose2D) -> None:
         """Note what localization says of the odom frame from now on."""
@@ -86,6 +94,7 @@ class DriveLog:
             plans=list(self._plans),
             goals=list(self._goals.values()),
             contacts=list(self._contacts),
+            seen=np.concatenate(self._seen) if self._seen else np.empty((0, 2)),
             map=self.map,
         )
 

@@ -56,6 +56,8 @@ def draw_map(axes: Any, drive: Drive) -> None:
     """Draw map, plans, truth, estimate, goals and contacts into a matplotlib axes."""
     if drive.map is not None:
         _draw_occupancy(axes, drive)
+    elif len(drive.seen):
+        axes.plot(drive.seen[:, 0], drive.seen[:, 1], ",", color=LIMIT, label="seen by the lidar")
     for index, (_, poses) in enumerate(_plans_worth_drawing(drive)):
         axes.plot(poses[:, 0], poses[:, 1], color=PLAN, linewidth=3.0, alpha=0.7, label=None if index else "plan")
     if len(drive.truth):

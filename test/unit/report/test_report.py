@@ -23,7 +23,8 @@ def straight_drive(offset=0.02, end_state="SUCCEEDED"):
     for step in range(101):
         now = 0.1 * step
         log.add_truth(now, Pose2D(0.5 + 0.2 * now, 0.0, 0.0))
-        log.add_odometry(now, Pose2D(0.2 * now, 0.0, 0.0), Twist2D(0.2, 0.0, 0.0))
+        log.add_odometry(now, Pose2D(0.2 * now, 0.0, 0.0))
+        log.add_velocity(now, Twist2D(0.2, 0.0, 0.0))
         log.add_command(now, Twist2D(0.2, 0.0, 0.0))
     log.end_goal(10.0, "one", end_state, "Goal reached.")
     return log
@@ -63,7 +64,7 @@ def test_headings_are_compared_the_short_way():
     log.add_correction(0.0, Pose2D(0.0, 0.0, 0.0))
     for now in (0.0, 1.0, 2.0):
         log.add_truth(now, Pose2D(0.0, 0.0, math.pi - 0.01))
-        log.add_odometry(now, Pose2D(0.0, 0.0, -math.pi + 0.01), Twist2D(0.0, 0.0, 0.0))
+        log.add_odometry(now, Pose2D(0.0, 0.0, -math.pi + 0.01))
     assert log.drive().localization_errors()[:, 2] == pytest.approx(0.02)
 
 
@@ -71,7 +72,7 @@ def test_a_correction_counts_from_its_time_on():
     log = DriveLog()
     for now, offset in ((0.0, 0.0), (1.0, 0.5)):
         log.add_correction(now, Pose2D(offset, 0.0, 0.0))
-        log.add_odometry(now, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0))
+        log.add_odometry(now, Pose2D(0.0, 0.0, 0.0))
     assert list(log.drive().estimate[:, 1]) == [0.0, 0.5]
 
 

@@ -1,0 +1,158 @@
+"""Messages of a running graph, or of a bag, to the events of a drive: one table serves both."""
+
+from __future__ import annotations
+
+from typing import Any, Callable, Dict, List, Optional, Tuple
+
+import numpy as np
+import rospy
+import tf2_ros
+from actionlib_msgs.msg import GoalStatus
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.report.drive import Drive
+from mbf_relay.report.drive_log import DriveLog
+from mbf_relay.ros import conversions
+from mbf_relay.ros.conversions import InvalidMessage
+
+STATES: Dict[int, str] = {value: name for name, value in vars(GoalStatus).items() if name.isupper() and value in range(10)}
+GOAL_ACTIONS = ("move_base", "move_base_flex/move_base", "move_base_flex/exe_path")
+"""Actions that drive; the first one that saw a goal tells the goals, for a relayed goal shows in two of them."""
+SCAN_PERIOD = 0.5
+
+
+class DriveEvents:
+    """Turns messages into the events of a drive. Call `handle` in the order the messages came, from one thread at a time."""
+
+    def __init__(self, map_frame: str = "map", odom_frame: str = "odom", base_frame: str = "base_footprint") -> None:
+        self.frames = (map_frame, odom_frame, base_frame)
+        self._log = DriveLog()
+        self._goal_logs = {action: DriveLog() for action in GOAL_ACTIONS}
+        self._buffer = tf2_ros.BufferCore(rospy.Duration(30.0))
+        self._last_scan = -np.inf
+        self.handlers: Dict[str, Callable[[Any, float], None]] = {
+            "map": self._map,
+            "tf": self._tf,
+            "tf_static": self._tf_static,
+            "odom": self._odom,
+            "scan": self._scan,
+            "cmd_vel": self._command,
+            "ground_truth": self._truth,
+            "contacts": self._contacts,
+            "move_base/recovery_status": self._recovery,
+        }
+        for action in GOAL_ACTIONS:
+            self.handlers[f"{action}/goal"] = lambda message, now, action=action: self._goal(action, message, now)
+            self.handlers[f"{action}/result"] = lambda message, now, action=action: self._result(action, message, now)
+
+    def handle(self, topic: str, message: Any, now: float) -> None:
+        """Take one message that came at `now` (s); topics it does not know and messages that mean nothing are left out."""
+        handler = self.handlers.get(topic.lstrip("/"), self._plan if topic.endswith("/plan") else None)
+        if handler is not None:
+            try:
+                handler(message, now)
+            except InvalidMessage:
+                pass
+
+    def drive(self) -> Drive:
+        """Return the drive so far."""
+        drive = self._log.drive()
+        for action in GOAL_ACTIONS:
+            goals = self._goal_logs[action].drive().goals
+            if goals:
+                drive.goals = goals
+                break
+        return drive
+
+    def _map(self, message: Any, _now: float) -> None:
+        self._log.map = conversions.map_from_message(message)
+
+    def _tf(self, message: Any, _now: float, static: bool = False) -> None:
+        map_frame, odom_frame, base_frame = self.frames
+        for stamped in message.transforms:
+            parent, child = stamped.header.frame_id.lstrip("/"), stamped.child_frame_id.lstrip("/")
+            stamped.header.frame_id, stamped.child_frame_id = parent, child
+            (self._buffer.set_transform_static if static else self._buffer.set_transform)(stamped, "drive")
+            stamp = stamped.header.stamp.to_sec()
+            pose = conversions.transform_from_message(stamped.transform)
+            if (parent, child) == (map_frame, odom_frame):
+                # Localization dates its correction ahead; it counts from now on.
+                self._log.add_correction(min(stamp, _now), pose)
+            elif (parent, child) == (odom_frame, base_frame):
+                self._log.add_odometry(stamp, pose)
+
+    def _tf_static(self, message: Any, now: float) -> None:
+        self._tf(message, now, static=True)
+
+    def _odom(self, message: Any, _now: float) -> None:
+        self._log.add_velocity(message.header.stamp.to_sec(), conversions.twist_from_message(message.twist.twist))
+
+    def _scan(self, message: Any, now: float) -> None:
+        if now - self._last_scan < SCAN_PERIOD:
+            return
+        map_from_laser = self._lookup(self.frames[0], message.header.frame_id)
+        if map_from_laser is not None:
+            self._last_scan = now
+            scan = conversions.scan_from_message(message)
+            hit = np.isfinite(scan.ranges) & (scan.ranges < scan.range_max)
+            ranges, angles = scan.ranges[hit], scan.angles[hit]
+            points = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles)))
+            self._log.add_seen(map_from_laser.transform_points(points))
+
+    def _command(self, message: Any, now: float) -> None:
+        self._log.add_command(now, conversions.twist_from_message(message))
+
+    def _truth(self, message: Any, _now: float) -> None:
+        self._log.add_truth(message.header.stamp.to_sec(), conversions.pose_from_message(message.pose.pose))
+
+    def _contacts(self, message: Any, now: float) -> None:
+        for state in message.states:
+            for point in state.contact_positions[:1]:
+                self._log.add_contact(now, point.x, point.y, state.collision2_name)
+
+    def _recovery(self, message: Any, _now: float) -> None:
+        for log in self._goal_logs.values():
+            log.add_recovery(message.recovery_behavior_name)
+
+    def _plan(self, message: Any, now: float) -> None:
+        path = conversions.path_from_message(message)
+        if len(path) and path.frame.lstrip("/") == self.frames[0]:
+            self._log.add_plan(now, path.poses)
+
+    def _goal(self, action: str, message: Any, now: float) -> None:
+        stamped = message.goal.path.poses[-1:] if hasattr(message.goal, "path") else [message.goal.target_pose]
+        for pose_stamped in stamped:
+            pose = conversions.pose_from_message(pose_stamped.pose)
+            frame = pose_stamped.header.frame_id.lstrip("/") or self.frames[0]
+            map_from_frame = Pose2D(0.0, 0.0, 0.0) if frame == self.frames[0] else self._lookup(self.frames[0], frame)
+            if map_from_frame is not None:
+                self._goal_logs[action].start_goal(now, message.goal_id.id, map_from_frame.compose(pose))
+
+    def _result(self, action: str, message: Any, now: float) -> None:
+        state = STATES.get(message.status.status, str(message.status.status))
+        self._goal_logs[action].end_goal(now, message.status.goal_id.id, state, message.status.text)
+
+    def _lookup(self, target: str, source: str) -> Optional[Pose2D]:
+        try:
+            found = self._buffer.lookup_transform_core(target, source.lstrip("/"), rospy.Time(0))
+        except tf2_ros.TransformException:
+            return None
+        return conversions.transform_from_message(found.transform)
+
+
+def read_bag(path: str) -> Tuple[Drive, List[str]]:
+    """Return the drive recorded in a bag and the topics it was made of.
+
+    Raises:
+        OSError, rosbag.ROSBagException: The file is missing or no bag.
+    """
+    import rosbag
+
+    events = DriveEvents()
+    used = set()
+    with rosbag.Bag(path) as bag:
+        for topic, message, stamp in bag.read_messages():
+            if topic.lstrip("/") in events.handlers or topic.endswith("/plan"):
+                used.add(topic)
+                events.handle(topic, message, stamp.to_sec())
+    return events.drive(), sorted(used)
