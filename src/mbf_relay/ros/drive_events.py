@@ -8,6 +8,7 @@ import numpy as np
 import rospy
 import tf2_ros
 from actionlib_msgs.msg import GoalStatus
+from geometry_msgs.msg import TransformStamped
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.report.drive import Drive
@@ -67,17 +68,18 @@ class DriveEvents:
     def _map(self, message: Any, _now: float) -> None:
         self._log.map = conversions.map_from_message(message)
 
-    def _tf(self, message: Any, _now: float, static: bool = False) -> None:
+    def _tf(self, message: Any, now: float, static: bool = False) -> None:
         map_frame, odom_frame, base_frame = self.frames
         for stamped in message.transforms:
             parent, child = stamped.header.frame_id.lstrip("/"), stamped.child_frame_id.lstrip("/")
-            stamped.header.frame_id, stamped.child_frame_id = parent, child
-            (self._buffer.set_transform_static if static else self._buffer.set_transform)(stamped, "drive")
             stamp = stamped.header.stamp.to_sec()
             pose = conversions.transform_from_message(stamped.transform)
+            # Messages out of a bag are of classes made for it, which tf2 warns of; the planar part is all that is used.
+            planar = TransformStamped(conversions.header(parent, stamp), child, conversions.transform_to_message(pose))
+            (self._buffer.set_transform_static if static else self._buffer.set_transform)(planar, "drive")
             if (parent, child) == (map_frame, odom_frame):
                 # Localization dates its correction ahead; it counts from now on.
-                self._log.add_correction(min(stamp, _now), pose)
+                self._log.add_correction(min(stamp, now), pose)
             elif (parent, child) == (odom_frame, base_frame):
                 self._log.add_odometry(stamp, pose)
 

@@ -1,0 +1,103 @@
+"""A bag made by hand and the drive read back from it; runs where ROS's message packages are."""
+
+import math
+
+import pytest
+
+rosbag = pytest.importorskip("rosbag")
+
+import rospy
+from actionlib_msgs.msg import GoalStatus
+from geometry_msgs.msg import PoseStamped, TransformStamped, Twist
+from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult
+from nav_msgs.msg import Odometry
+from nav_msgs.msg import Path as PathMessage
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.ros import conversions, drive_report
+from mbf_relay.ros.drive_events import read_bag
+
+
+def transform(parent, child, pose, stamp):
+    return TransformStamped(conversions.header(parent, stamp), child, conversions.transform_to_message(pose))
+
+
+def write_bag(path, with_truth=True):
+    """Five seconds along y of the map at 0.2 m/s: the odom frame is turned by a quarter."""
+    map_from_odom = Pose2D(1.0, 2.0, math.pi / 2.0)
+    with rosbag.Bag(path, "w") as bag:
+        static = TFMessage([transform("base_footprint", "base_scan", Pose2D(-0.03, 0.0, 0.0), 1.0)])
+        bag.write("/tf_static", static, rospy.Time.from_sec(1.0))
+        goal = MoveBaseActionGoal()
+        goal.goal_id.id = "goal"
+        goal.goal.target_pose = conversions.pose_stamped(Pose2D(1.0, 3.0, 0.0), "map", 1.0)
+        bag.write("/move_base/goal", goal, rospy.Time.from_sec(1.0))
+        for step in range(51):
+            now = 1.0 + 0.1 * step
+            stamp = rospy.Time.from_sec(now)
+            pose = Pose2D(0.02 * step, 0.0, 0.0)
+            frames = [transform("map", "odom", map_from_odom, now + 0.5), transform("odom", "base_footprint", pose, now)]
+            bag.write("/tf", TFMessage(frames), stamp)
+            bag.write("/cmd_vel", conversions.twist_to_message(conversions.Twist2D(0.2, 0.0, 0.0)), stamp)
+            scan = LaserScan(header=conversions.header("base_scan", now), angle_min=0.0, angle_increment=1.0,
+                             range_min=0.1, range_max=3.5, ranges=[1.0, math.inf, math.nan])
+            bag.write("/scan", scan, stamp)
+            if with_truth:
+                truth = Odometry(header=conversions.header("map", now))
+                truth.pose.pose = conversions.pose_to_message(map_from_odom.compose(pose))
+                bag.write("/ground_truth", truth, stamp)
+        bad = Twist()
+        bad.linear.x = math.nan
+        bag.write("/cmd_vel", bad, stamp)
+        bag.write("/planner/plan", PathMessage(conversions.header("map", now), [PoseStamped()]), stamp)
+        result = MoveBaseActionResult()
+        result.status.goal_id.id, result.status.status, result.status.text = "goal", GoalStatus.SUCCEEDED, "Goal reached."
+        bag.write("/move_base/result", result, stamp)
+
+
+def test_a_bag_gives_the_drive_it_holds(tmp_path):
+    path = str(tmp_path / "drive.bag")
+    write_bag(path)
+    drive, topics = read_bag(path)
+    figures = drive.summary()
+    assert "/tf" in topics and figures["success"] is True
+    assert figures["path_length"] == pytest.approx(1.0, abs=1e-6)
+    assert figures["localization_error_max"] == pytest.approx(0.0, abs=1e-6)
+    assert drive.estimate[-1, 1:] == pytest.approx([1.0, 3.0, math.pi / 2.0])
+    assert drive.goals[0].text == "Goal reached."
+    assert drive.seen[:, 0] == pytest.approx(1.0) and len(drive.seen) >= 8
+    assert drive.seen[-1, 1] - drive.seen[0, 1] == pytest.approx(0.1 * (len(drive.seen) - 1), abs=0.03)
+    assert len(drive.commands) == 51
+
+
+def test_without_ground_truth_the_estimate_is_the_path(tmp_path):
+    path = str(tmp_path / "drive.bag")
+    write_bag(path, with_truth=False)
+    figures = read_bag(path)[0].summary()
+    assert figures["path_length"] == pytest.approx(1.0, abs=1e-6)
+    assert figures["localization_error_mean"] is None
+
+
+def test_the_command_leaves_a_report_beside_the_bag(tmp_path, capsys):
+    write_bag(str(tmp_path / "drive.bag"))
+    drive_report.main([str(tmp_path / "drive.bag")])
+    assert {"report.json", "report.png", "report.html"} <= {file.name for file in tmp_path.iterdir()}
+    assert "report.png" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("kind, words", [("missing", "cannot be read"), ("empty", "shows no drive"), ("text", "cannot be read")])
+def test_a_file_that_shows_no_drive_is_named_with_the_reason(tmp_path, kind, words):
+    path = tmp_path / "odd.bag"
+    if kind == "empty":
+        rosbag.Bag(str(path), "w").close()
+    elif kind == "text":
+        path.write_text("not a bag")
+    with pytest.raises(SystemExit, match=words) as ended:
+        drive_report.main([str(path)])
+    assert "odd.bag" in str(ended.value)
+
+
+def test_identity_is_what_it_says():
+    assert conversions.transform_from_message(conversions.transform_to_message(IDENTITY)) == IDENTITY
