@@ -1,0 +1,317 @@
+"""A drive along a path: control cycles, retries, patience, what to do when blind, and a zero velocity at its end."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Callable, NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.control.controller import Controller, ControlState, GoalTolerance
+from mbf_relay.geometry import STOP, Twist2D, angle_between
+from mbf_relay.navigation.goals import FollowFeedback, FollowGoal, FollowResult, FramedPose
+from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.navigation.progress import IgnoredCommands, OscillationDetector
+from mbf_relay.navigation.registry import Seat
+from mbf_relay.navigation.robot import Robot
+from mbf_relay.navigation.task import Ending, Task
+from mbf_relay.navigation.timing import Pacer, Stopwatch
+from mbf_relay.navigation.worker import Job
+from mbf_relay.outcomes import ControlError, ControlOutcome, StaleDataError, TransformError
+from mbf_relay.planning.path import Path
+
+OVERRUN_PERIODS = 3.0
+"""Control periods a velocity stays in force without a new one; a controller that thinks longer lets the robot stand."""
+
+
+BUSY_DELAY = 0.01
+"""Seconds between two looks at a controller that is still in a call of an ended drive."""
+
+
+class Answer(NamedTuple):
+    """What a controller said in one cycle: a velocity, or None when it has arrived."""
+
+    velocity: Optional[Twist2D]
+
+
+class View(NamedTuple):
+    """What one cycle saw: the controller's state and the robot's pose and the goal in the reported frame."""
+
+    state: ControlState
+    pose: FramedPose
+    distance: float
+    angle: float
+
+
+class ControllerExecution:
+    """Drives one path after the other with one controller; advanced by `update` until its task is done.
+
+    Each cycle's thinking runs on the worker. Behaviour as mbf_abstract_nav's AbstractControllerExecution and
+    ControllerAction, with these races gone: velocities go out in `update` alone, right after a look at the cancel
+    request, and whatever ends a drive sends a zero velocity before the task ends.
+
+    Args:
+        seat: The controller.
+        robot: Where it is and how to move it.
+        costmap: What the robot sees around it; asked for `stale_reason(now)` and `snapshot()`.
+        parameters: Called for the values in force.
+        watch_oscillation: False where the owner judges oscillation over several drives.
+    """
+
+    def __init__(
+        self, seat: Seat[Controller], robot: Robot, costmap: Any, parameters: Callable[[], NavigatorParameters],
+        watch_oscillation: bool = True,
+    ) -> None:
+        self.seat = seat
+        self.task: "Task[FollowResult]" = Task()
+        self.watch_oscillation = watch_oscillation
+        self._robot, self._costmap, self._parameters = robot, costmap, parameters
+        self._goal: Optional[FollowGoal] = None
+        self._path_is_new, self._goal_is_new = False, False
+        self._job: Optional[Job] = None
+        self._job_task = self.task
+        self._view: Optional[View] = None
+        self._command = STOP
+        self._pacer = Pacer()
+        self._since_start, self._since_valid, self._since_call = Stopwatch(), Stopwatch(), Stopwatch()
+        self._since_pose = Stopwatch()
+        self._retries = 0
+        self._oscillation, self._ignored = OscillationDetector(), IgnoredCommands()
+
+    @property
+    def goal(self) -> Optional[FollowGoal]:
+        """What it is driving along."""
+        return self._goal
+
+    @property
+    def due(self) -> float:
+        """Time (s) at which the next update is needed, beside the end of a job."""
+        return math.inf if self.task.done else self._pacer.next
+
+    def follow(self, goal: FollowGoal, task: "Task[FollowResult]") -> None:
+        """Drive along another path from the next cycle on, without a stop; the running task ends as replaced."""
+        if self._goal is not None:
+            self._end(Ending.CANCELED, ControlOutcome.CANCELED, "Goal preempted by a new plan", stop=False)
+        same = goal.same_goal
+        if same is None:
+            same = self._goal is not None and _same_end(self._goal.path, goal.path)
+        self._goal_is_new = self._goal is None or not same or self._goal_is_new
+        self._goal, self._path_is_new, self.task = goal, True, task
+        self._pacer.hasten()
+
+    def replaced(self) -> None:
+        """End because another goal takes over at once; the robot is stopped only where the user wants that."""
+        self._end(
+            Ending.CANCELED, ControlOutcome.CANCELED, "Goal preempted by a new goal",
+            stop=self._parameters().force_stop_on_cancel,
+        )
+
+    def update(self, now: float) -> None:
+        """Look at what came of the last cycle, command it, and begin the next one when it is time."""
+        if self.task.done:
+            return
+        if not self._since_start.running:
+            self._since_start.start(now)
+        if self.task.cancel_requested:
+            self._end(Ending.CANCELED, ControlOutcome.CANCELED, "Controller canceled")
+            return
+        if self._job is not None:
+            self._watch(now)
+        if not self.task.done and self._job is None and self._pacer.is_due(now):
+            self._begin(now)
+
+    # one cycle
+
+    def _begin(self, now: float) -> None:
+        assert self._goal is not None
+        period = 1.0 / self._parameters().controller_frequency
+        self._pacer.passed(now, period)
+        if self.seat.busy:
+            message = f"controller '{self.seat.name}' is still busy with an earlier call that was given up"
+            self._no_command(now, ControlOutcome.PAT_EXCEEDED, message)
+            self._pacer.postpone(now, BUSY_DELAY)
+            return
+        try:
+            self._view = view = self._look(now, period)
+        except TransformError as error:
+            self._blind(now, error)
+            return
+        except StaleDataError as error:
+            self._no_command(now, ControlOutcome.NO_VALID_CMD, str(error))
+            return
+        self._since_pose.reset()
+        path = self._goal.path if self._path_is_new else None
+        goal_is_new = self._goal_is_new
+        self._path_is_new, self._goal_is_new = False, False
+        tolerance = self._goal.tolerance
+        self._since_call.start(now)
+        self._job_task = self.task
+        self._job = self.seat.call(lambda controller: _cycle(controller, view.state, path, goal_is_new, tolerance))
+        if self._job.done:
+            self._collect(now)
+
+    def _look(self, now: float, period: float) -> View:
+        frame = self._costmap.frame
+        pose = self._robot.pose_in(frame)
+        velocity = self._robot.velocity()
+        stale = self._costmap.stale_reason(now)
+        if stale:
+            raise StaleDataError(stale)
+        path = self._goal.path
+        costmap_from_path = self._robot.transform(frame, path.frame)
+        pose_in_path = pose.relative_to(costmap_from_path)
+        global_frame = self._parameters().global_frame
+        global_pose = pose_in_path if path.frame == global_frame else self._robot.pose_in(global_frame)
+        state = ControlState(now, pose, velocity, self._costmap.snapshot(), costmap_from_path, period)
+        goal = path.goal
+        return View(
+            state, FramedPose(global_pose, global_frame), pose_in_path.distance_to(goal),
+            abs(angle_between(pose_in_path.theta, goal.theta)),
+        )
+
+    def _watch(self, now: float) -> None:
+        """Collect the running cycle, or see to it that the robot does not drive on while its controller hangs."""
+        if self._job.done:
+            self._collect(now)
+            return
+        parameters = self._parameters()
+        elapsed = self._since_call.elapsed(now)
+        patience = parameters.controller_patience
+        if patience > 0.0 and elapsed > patience:
+            message = f"Controller '{self.seat.name}' has not returned for {elapsed:.1f} s; its patience is {patience:g} s"
+            self._end(Ending.ABORTED, ControlOutcome.PAT_EXCEEDED, message)
+        elif elapsed > OVERRUN_PERIODS / parameters.controller_frequency and self._command != STOP:
+            self._send(STOP)
+        if not self.task.done and self._pacer.is_due(now):
+            self._pacer.passed(now, 1.0 / parameters.controller_frequency)
+
+    def _collect(self, now: float) -> None:
+        job, self._job = self._job, None
+        if self._job_task is not self.task:  # the path was replaced meanwhile; the new one is due at once
+            return
+        try:
+            answer = job.result()
+            velocity = None if answer.velocity is None else Twist2D(*answer.velocity)
+        except ControlError as error:
+            if error.outcome is ControlOutcome.INVALID_PATH:
+                self._end(Ending.ABORTED, ControlOutcome.INVALID_PATH, error.message)
+            else:
+                self._fail(now, error.outcome, error.message)
+        except Exception as error:  # a plugin may raise anything, and the server lives on
+            message = f"controller '{self.seat.name}' failed with {type(error).__name__}: {error}"
+            self._end(Ending.ABORTED, ControlOutcome.INTERNAL_ERROR, message)
+        else:
+            if velocity is None or self._arrived():
+                self._end(Ending.SUCCEEDED, ControlOutcome.SUCCESS, "Controller succeeded; arrived at goal!")
+            elif not velocity.is_finite():
+                message = f"controller '{self.seat.name}' returned velocity {tuple(velocity)}, which is not finite"
+                self._fail(now, ControlOutcome.NO_VALID_CMD, message)
+            else:
+                self._drive(now, velocity)
+
+    def _arrived(self) -> bool:
+        """Judge arrival ourselves where the user wants that."""
+        parameters = self._parameters()
+        if not parameters.mbf_tolerance_check:
+            return False
+        tolerance = self._goal.tolerance or GoalTolerance(parameters.dist_tolerance, parameters.angle_tolerance)
+        return self._view.distance < tolerance.distance and self._view.angle < tolerance.angle
+
+    def _drive(self, now: float, velocity: Twist2D) -> None:
+        parameters = self._parameters()
+        if self.task.cancel_requested:  # it may have come while the controller was thinking
+            self._end(Ending.CANCELED, ControlOutcome.CANCELED, "Controller canceled")
+            return
+        self._send(velocity)
+        self._since_valid.start(now)
+        self._retries = 0
+        ignored = self._ignored.ignored_for(now, velocity, self._view.state.velocity)
+        if 0.0 < parameters.cmd_vel_ignored_tolerance < ignored:
+            message = f"Robot has stood still for {ignored:.1f} s against velocity commands"
+            self._end(Ending.ABORTED, ControlOutcome.ROBOT_STUCK, message)
+            return
+        self._oscillation.progressed(now, self._view.pose.pose, parameters)
+        stuck = self._oscillation.stuck_for(now, parameters) if self.watch_oscillation else None
+        if stuck is not None:
+            message = f"Oscillation detected! No progress for {stuck:.1f} s"
+            self._end(Ending.ABORTED, ControlOutcome.OSCILLATION, message)
+            return
+        self._report(ControlOutcome.SUCCESS, "")
+
+    # cycles without a velocity
+
+    def _blind(self, now: float, error: TransformError) -> None:
+        """Stand without a pose, for a while."""
+        if not self._since_pose.running:
+            self._since_pose.start(now)
+        if self._since_pose.elapsed(now) >= self._parameters().control_tf_timeout:
+            self._end(Ending.ABORTED, ControlOutcome.TF_ERROR, f"Could not get the robot pose: {error}")
+        else:
+            self._send(STOP)
+            self._report(ControlOutcome.TF_ERROR, str(error))
+
+    def _no_command(self, now: float, outcome: ControlOutcome, message: str) -> None:
+        """Stand because the controller cannot be asked; that is no failed try of its own."""
+        if self._patience_exceeded(now):
+            self._run_out_of_patience(message)
+            return
+        self._send(STOP)
+        self._report(outcome, message)
+
+    def _fail(self, now: float, outcome: ControlOutcome, message: str) -> None:
+        parameters = self._parameters()
+        self._retries += 1
+        retries = parameters.controller_max_retries
+        if retries == 0 or 0 < retries < self._retries:
+            self._end(Ending.ABORTED, outcome, message)
+        elif self._patience_exceeded(now):
+            self._run_out_of_patience(message)
+        else:
+            slower = Twist2D(*(0.5 * part for part in self._command))
+            self._send(STOP if parameters.force_stop_on_retry or slower.speed() < 1e-2 else slower)
+            self._report(outcome, message)
+
+    def _patience_exceeded(self, now: float) -> bool:
+        patience = self._parameters().controller_patience
+        since = self._since_valid if self._since_valid.running else self._since_start
+        return patience > 0.0 and since.elapsed(now) > patience
+
+    def _run_out_of_patience(self, message: str) -> None:
+        patience = self._parameters().controller_patience
+        self._end(Ending.ABORTED, ControlOutcome.PAT_EXCEEDED, f"Controller patience of {patience:g} s exceeded: {message}")
+
+    # what goes out
+
+    def _send(self, velocity: Twist2D) -> None:
+        self._command = velocity
+        self._robot.command(velocity)
+
+    def _report(self, outcome: ControlOutcome, message: str) -> None:
+        pose, distance, angle = self._where()
+        self.task.add_feedback(FollowFeedback(outcome, message, pose, self._command, distance, angle))
+
+    def _end(self, ending: Ending, outcome: ControlOutcome, message: str, stop: bool = True) -> None:
+        if stop:
+            self._send(STOP)
+        pose, distance, angle = self._where()
+        self.task.end(ending, FollowResult(outcome, message, pose, distance, angle))
+
+    def _where(self) -> Tuple[Optional[FramedPose], float, float]:
+        return (None, math.inf, math.inf) if self._view is None else self._view[1:]
+
+
+def _cycle(
+    controller: Controller, state: ControlState, path: Optional[Path], is_new_goal: bool,
+    tolerance: Optional[GoalTolerance],
+) -> Answer:
+    """Run one cycle of a controller; on the worker."""
+    if path is not None:
+        controller.set_path(path, is_new_goal)
+    if controller.is_goal_reached(state, tolerance):
+        return Answer(None)
+    return Answer(controller.compute_velocity(state))
+
+
+def _same_end(old: Path, new: Path) -> bool:
+    """Tell whether two paths lead to one goal."""
+    return old.frame == new.frame and bool(np.allclose(old.poses[-1], new.poses[-1], atol=1e-3))

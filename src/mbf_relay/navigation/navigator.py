@@ -1,0 +1,222 @@
+"""The navigator: plugins, slots, and the four actions over them, stepped by one caller."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Dict, List, Mapping, Optional, Tuple
+
+from mbf_relay.control import CONTROLLERS
+from mbf_relay.control.controller import Controller
+from mbf_relay.navigation.controller_execution import ControllerExecution
+from mbf_relay.navigation.goals import (
+    FollowGoal, FollowResult, FramedPose, NavigateGoal, NavigateResult, PlanGoal, PlanResult, RecoverGoal, RecoverResult,
+)
+from mbf_relay.navigation.move_base import MoveBase
+from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.navigation.planner_execution import PlannerExecution
+from mbf_relay.navigation.recovery_execution import RecoveryExecution
+from mbf_relay.navigation.registry import Registry
+from mbf_relay.navigation.robot import Robot
+from mbf_relay.navigation.task import Ending, Task
+from mbf_relay.navigation.worker import InlineWorker, Worker
+from mbf_relay.outcomes import ControlOutcome, PlanOutcome, RecoveryOutcome
+from mbf_relay.planning import PLANNERS
+from mbf_relay.planning.planner import Planner
+from mbf_relay.plugins import PluginError
+from mbf_relay.recovery import RECOVERIES
+from mbf_relay.recovery.recovery import Recovery
+
+OWN_SEAT = "move_base"
+"""The seat of planners and recoveries that move_base uses, so that goals of the slots do not disturb it."""
+
+
+class Navigator:
+    """Answers the four actions' goals; advanced by `update` from one thread.
+
+    Each of `get_path`, `exe_path`, `recovery` and `move_base` takes a goal and returns its task, which may be done
+    already. One goal runs per action and slot: a newer one replaces it. Every method belongs to the stepping thread;
+    only `Task.cancel` may be called from others.
+
+    Args:
+        config: The server's parameters as a mapping: `planners`, `controllers`, `recovery_behaviors`, each plugin's own
+            group, and NavigatorParameters.
+        robot: Where the robot is and how to move it.
+        costmaps: "global" and "local", live.
+        worker: Runs plugins; inline where None.
+
+    Raises:
+        PluginError, ValueError: A list, a plugin or a parameter is wrong; the text says which.
+    """
+
+    def __init__(
+        self, config: Mapping[str, Any], robot: Robot, costmaps: Mapping[str, Any], worker: Optional[Worker] = None
+    ) -> None:
+        worker = worker or InlineWorker()
+        values = dict(config)
+        values.setdefault("global_frame", config.get("map_frame", "map"))
+        self.parameters = NavigatorParameters.from_mapping(values)
+        self.robot, self.costmaps = robot, costmaps
+        self.planners: Registry[Planner] = Registry("planners", config, Planner, PLANNERS, worker, "global")
+        self.controllers: Registry[Controller] = Registry("controllers", config, Controller, CONTROLLERS, worker, "local")
+        self.recoveries: Registry[Recovery] = Registry("recovery_behaviors", config, Recovery, RECOVERIES, worker, "global")
+        self._plans: Dict[int, PlannerExecution] = {}
+        self._drives: Dict[int, ControllerExecution] = {}
+        self._recovery_runs: Dict[int, RecoveryExecution] = {}
+        self._move_base: Optional[MoveBase] = None
+        self._now = -math.inf
+        self._announced: List[Tuple[str, FramedPose]] = []
+
+    # the actions
+
+    def get_path(self, goal: PlanGoal) -> "Task[PlanResult]":
+        """Find a path."""
+        execution = self.new_plan(goal, seat=goal.slot)
+        running = self._plans.get(goal.slot)
+        if execution.task.done:
+            return execution.task
+        if running is not None and not running.task.done:
+            running.give_up(Ending.CANCELED, PlanOutcome.CANCELED, "Goal preempted by a new goal")
+        self._plans[goal.slot] = execution
+        return execution.task
+
+    def exe_path(self, goal: FollowGoal, watch_oscillation: bool = True) -> "Task[FollowResult]":
+        """Drive along a path; the same controller in the same slot goes over to it without a stop."""
+        task: "Task[FollowResult]" = Task()
+        try:
+            name = self.controllers.choose(goal.controller)
+            if len(goal.path) == 0:
+                raise ValueError("Controller started with an empty plan!")
+        except PluginError as error:
+            task.end(Ending.REJECTED, FollowResult(ControlOutcome.INVALID_PLUGIN, str(error)))
+            return task
+        except ValueError as error:
+            task.end(Ending.ABORTED, FollowResult(ControlOutcome.INVALID_PATH, str(error)))
+            return task
+        running = self._drives.get(goal.slot)
+        if running is not None and not running.task.done and running.seat.name != name:
+            running.replaced()
+        if running is None or running.task.done:
+            seat = self.controllers.seat(name, goal.slot)
+            running = ControllerExecution(seat, self.robot, self.costmaps[seat.costmap], lambda: self.parameters)
+            self._drives[goal.slot] = running
+        running.watch_oscillation = watch_oscillation
+        running.follow(goal, task)
+        self._announced.append(("controller", FramedPose(goal.path.goal, goal.path.frame)))
+        return task
+
+    def recovery(self, goal: RecoverGoal) -> "Task[RecoverResult]":
+        """Run a recovery behaviour."""
+        execution = self.new_recovery(goal, seat=goal.slot)
+        if execution.task.done:
+            return execution.task
+        running = self._recovery_runs.get(goal.slot)
+        if running is not None and not running.task.done:
+            running.replaced()
+        self._recovery_runs[goal.slot] = execution
+        return execution.task
+
+    def move_base(self, goal: NavigateGoal) -> "Task[NavigateResult]":
+        """Go somewhere; a running goal ends as replaced, its drive goes on until there is a path to the new one."""
+        task: "Task[NavigateResult]" = Task()
+        try:
+            self.planners.choose(goal.planner)
+        except PluginError as error:
+            task.end(Ending.REJECTED, NavigateResult(PlanOutcome.INVALID_PLUGIN, str(error)))
+            return task
+        try:
+            self.controllers.choose(goal.controller)
+        except PluginError as error:
+            task.end(Ending.REJECTED, NavigateResult(ControlOutcome.INVALID_PLUGIN, str(error)))
+            return task
+        running, driving = self._move_base, None
+        if running is not None and not running.task.done:
+            driving = running.driving
+            running.replaced()
+        self._move_base = MoveBase(goal, self, task, driving)
+        self._move_base.start(self._now)
+        return task
+
+    # stepping
+
+    def update(self, now: float) -> None:
+        """Advance everything to `now` (s)."""
+        self._now = now
+        for execution in list(self._plans.values()) + list(self._recovery_runs.values()):
+            execution.update(now)
+        for drive in list(self._drives.values()):
+            drive.update(now)
+        if self._move_base is not None:
+            self._move_base.update(now)
+            self.update_drive(now)  # what move_base has just begun starts without waiting for the next call
+        self._drop_finished()
+
+    def update_drive(self, now: float) -> None:
+        """Advance the drive of slot 0 alone, for whoever owns it."""
+        if 0 in self._drives:
+            self._drives[0].update(now)
+
+    @property
+    def due(self) -> float:
+        """Time (s) at which the next update is needed, beside the end of a plugin's call; infinite when idle."""
+        parts: List[Any] = [*self._plans.values(), *self._drives.values(), *self._recovery_runs.values()]
+        if self._move_base is not None:
+            parts.append(self._move_base)
+        return min((part.due for part in parts), default=math.inf)
+
+    @property
+    def idle(self) -> bool:
+        """Tell whether no goal runs."""
+        return not (self._plans or self._drives or self._recovery_runs or self._move_base)
+
+    def cancel_all(self, now: float) -> None:
+        """Call everything off and see it end; the robot is left standing."""
+        tasks = [part.task for part in (*self._plans.values(), *self._drives.values(), *self._recovery_runs.values())]
+        if self._move_base is not None:
+            tasks.append(self._move_base.task)
+        for task in tasks:
+            task.cancel()
+        self.update(now)
+
+    def take_announced(self) -> List[Tuple[str, FramedPose]]:
+        """Return the goals given to planners ("planner") and controllers ("controller") since the last call."""
+        announced, self._announced = self._announced, []
+        return announced
+
+    def _drop_finished(self) -> None:
+        for slots in (self._plans, self._drives, self._recovery_runs):
+            for slot in [slot for slot, part in slots.items() if part.task.done]:
+                del slots[slot]
+        if self._move_base is not None and self._move_base.task.done:
+            self._move_base = None
+
+    # parameters
+
+    def reconfigure(self, parameters: NavigatorParameters) -> None:
+        """Take new parameters; they hold from the next cycle on."""
+        self.parameters = parameters
+
+    # parts that have no slot
+
+    def new_plan(self, goal: PlanGoal, retry: bool = True, seat: Any = OWN_SEAT) -> PlannerExecution:
+        """Return an execution of `goal`; its task is done already where no planner has that name."""
+        task: "Task[PlanResult]" = Task()
+        try:
+            name = self.planners.choose(goal.planner)
+        except PluginError as error:
+            task.end(Ending.REJECTED, PlanResult(PlanOutcome.INVALID_PLUGIN, str(error)))
+            name = ""
+        planner = self.planners.seat(name, seat) if name else None
+        costmap = self.costmaps[planner.costmap] if planner is not None else None
+        self._announced.append(("planner", goal.target))
+        return PlannerExecution(goal, planner, self.robot, costmap, lambda: self.parameters, task, retry)
+
+    def new_recovery(self, goal: RecoverGoal, controller: str = "", seat: Any = OWN_SEAT) -> RecoveryExecution:
+        """Return an execution of `goal`; its task is done already where no behaviour has that name."""
+        task: "Task[RecoverResult]" = Task()
+        behavior = None
+        try:
+            behavior = self.recoveries.seat(self.recoveries.choose(goal.behavior), seat)
+        except PluginError as error:
+            task.end(Ending.REJECTED, RecoverResult(RecoveryOutcome.INVALID_PLUGIN, str(error), goal.behavior))
+        failed = self.controllers.plugin(self.controllers.choose(controller)) if self.controllers.names else None
+        return RecoveryExecution(goal, behavior, self.robot, self.costmaps, failed, lambda: self.parameters, task)

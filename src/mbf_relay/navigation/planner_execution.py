@@ -1,0 +1,183 @@
+"""One plan from request to result: frames, retries, patience and cancelling."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Callable, Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.navigation.goals import FramedPose, PlanGoal, PlanResult
+from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.navigation.registry import Seat
+from mbf_relay.navigation.robot import Robot
+from mbf_relay.navigation.task import Ending, Task
+from mbf_relay.navigation.timing import Pacer, Stopwatch
+from mbf_relay.navigation.worker import Job
+from mbf_relay.outcomes import PlanningError, PlanOutcome, StaleDataError, TransformError
+from mbf_relay.planning.path import Path
+from mbf_relay.planning.planner import Cancellation, Planner
+
+RETRY_DELAY = 0.2
+"""Seconds between two tries: what a plan depends on changes no faster, and a plan that fails at once must not spin."""
+
+HOPELESS = (PlanOutcome.INVALID_START, PlanOutcome.INVALID_GOAL, PlanOutcome.OUT_OF_MAP, PlanOutcome.CANCELED)
+"""Failures that waiting does not mend."""
+
+
+class PlannerExecution:
+    """Finds one path; advanced by `update` until its task is done.
+
+    The plan itself runs on the worker. Behaviour as mbf_abstract_nav's AbstractPlannerExecution and PlannerAction:
+    failures are tried again up to planner_max_retries times and planner_patience seconds, a hanging planner is given up
+    after its patience. A planner still in a call that was given up is waited for.
+
+    Args:
+        goal: What to plan, valid in itself.
+        seat: The planner.
+        robot: Tells frames and the robot's pose.
+        costmap: Gives the picture to plan on.
+        parameters: Called for the values in force.
+        task: Ends with the result.
+        retry: Whether to try again at all; replans while driving do not.
+    """
+
+    def __init__(
+        self, goal: PlanGoal, seat: Seat[Planner], robot: Robot, costmap: Any,
+        parameters: Callable[[], NavigatorParameters], task: "Task[PlanResult]", retry: bool = True,
+    ) -> None:
+        self.goal, self.task, self.seat = goal, task, seat
+        self._robot, self._costmap, self._parameters = robot, costmap, parameters
+        self._retry = retry
+        self._cancellation = Cancellation()
+        self._job: Optional[Job] = None
+        self._since_goal, self._since_call = Stopwatch(), Stopwatch()
+        self._pacer = Pacer()
+        self._retries = 0
+        self._last_failure = ""
+        self._patience_end = math.inf
+
+    @property
+    def due(self) -> float:
+        """Time (s) at which the next update is needed, beside the end of a job."""
+        if self.task.done:
+            return math.inf
+        return self._patience_end if self._job is not None else self._pacer.next
+
+    def update(self, now: float) -> None:
+        """Look at what came of the last step and begin the next one."""
+        if self.task.done:
+            return
+        if not self._since_goal.running:
+            self._since_goal.start(now)
+        if self.task.cancel_requested:
+            self.give_up(Ending.CANCELED, PlanOutcome.CANCELED, "Planning was cancelled")
+            return
+        if self._job is not None and self._job.done:
+            self._collect(now)
+        if not self.task.done and self._patience_exceeded(now):
+            self._run_out_of_patience()
+        if not self.task.done and self._job is None and self._pacer.is_due(now):
+            self._begin(now)
+
+    def give_up(self, ending: Ending, outcome: PlanOutcome, message: str) -> None:
+        """End now, whatever the planner does; its answer is dropped."""
+        self._cancellation.cancel()
+        self.task.end(ending, PlanResult(outcome, message))
+
+    def _begin(self, now: float) -> None:
+        if self.seat.busy:
+            self._start_patience(now)
+            self._last_failure = f"planner '{self.seat.name}' is still busy with an earlier call that was given up"
+            self._pacer.postpone(now, 0.01)
+            return
+        try:
+            start, goal = self._locate()
+            snapshot = self._costmap.snapshot()
+        except TransformError as error:
+            self._wait_for(now, PlanOutcome.TF_ERROR, str(error))
+            return
+        except StaleDataError as error:
+            self._wait_for(now, PlanOutcome.NOT_INITIALIZED, str(error))
+            return
+        self._start_patience(now)
+        tolerance, cancelled = self.goal.tolerance, self._cancellation
+        self._job = self.seat.call(lambda planner: planner.plan(snapshot, start, goal, tolerance, cancelled))
+        if self._job.done:
+            self._collect(now)
+
+    def _locate(self) -> Tuple[Pose2D, Pose2D]:
+        frame = self._costmap.frame
+        start = self._robot.pose_in(frame) if self.goal.start is None else self._in_frame(self.goal.start, frame)
+        return start, self._in_frame(self.goal.target, frame)
+
+    def _in_frame(self, pose: FramedPose, frame: str) -> Pose2D:
+        if pose.frame == frame:
+            return pose.pose
+        return self._robot.transform(frame, pose.frame).compose(pose.pose)
+
+    def _wait_for(self, now: float, outcome: PlanOutcome, message: str) -> None:
+        if not self._retry or self._since_goal.elapsed(now) >= self._parameters().planning_tf_timeout:
+            self.give_up(Ending.ABORTED, outcome, message)
+        else:
+            self._pacer.postpone(now, 0.05)
+
+    def _collect(self, now: float) -> None:
+        job, self._job = self._job, None
+        assert job is not None
+        try:
+            path = self._checked(job.result())
+        except PlanningError as error:
+            self._fail(now, error)
+        except Exception as error:  # a plugin may raise anything, and the server lives on
+            self.give_up(
+                Ending.ABORTED, PlanOutcome.INTERNAL_ERROR,
+                f"planner '{self.seat.name}' failed with {type(error).__name__}: {error}",
+            )
+        else:
+            cost = path.cost if path.cost != 0.0 else path.length
+            self.task.end(
+                Ending.SUCCEEDED,
+                PlanResult(PlanOutcome.SUCCESS, f"Path of {len(path)} poses, {path.length:.2f} m", path, cost),
+            )
+
+    def _checked(self, path: Any) -> Path:
+        if not isinstance(path, Path):
+            raise TypeError(f"it returned {type(path).__name__}, not a path")
+        if len(path) == 0:
+            raise PlanningError(PlanOutcome.EMPTY_PATH, f"planner '{self.seat.name}' returned an empty path")
+        if not np.isfinite(path.poses).all():
+            raise ValueError("it returned a path with poses that are not finite")
+        frame = self._parameters().global_frame
+        if path.frame == frame:
+            return path
+        try:
+            poses = self._robot.transform(frame, path.frame).transform_poses(path.poses)
+        except TransformError as error:
+            raise PlanningError(PlanOutcome.TF_ERROR, str(error)) from error
+        return Path(poses, frame, path.cost)
+
+    def _fail(self, now: float, error: PlanningError) -> None:
+        retries = self._parameters().planner_max_retries
+        self._retries += 1
+        self._last_failure = error.message
+        tried_enough = retries == 0 or (retries > 0 and self._retries > retries)
+        if not self._retry or tried_enough or error.outcome in HOPELESS:
+            self.give_up(Ending.ABORTED, error.outcome, error.message)
+        else:
+            self._pacer.postpone(now, RETRY_DELAY)
+
+    def _start_patience(self, now: float) -> None:
+        if not self._since_call.running:
+            self._since_call.start(now)
+            self._patience_end = now + (self._parameters().planner_patience or math.inf)
+
+    def _patience_exceeded(self, now: float) -> bool:
+        patience = self._parameters().planner_patience
+        return patience > 0.0 and self._since_call.elapsed(now) >= patience
+
+    def _run_out_of_patience(self) -> None:
+        why = self._last_failure or f"planner '{self.seat.name}' has not returned"
+        message = f"Planner patience of {self._parameters().planner_patience:g} s exceeded: {why}"
+        self.give_up(Ending.ABORTED, PlanOutcome.PAT_EXCEEDED, message)

@@ -1,0 +1,74 @@
+"""Is the robot getting anywhere? Oscillation by distance and angle, and commands that move nothing."""
+
+from __future__ import annotations
+
+from typing import Optional
+
+from mbf_relay.geometry import Pose2D, Twist2D, angle_between
+from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.navigation.timing import Stopwatch
+
+STOPPED = 1e-3
+"""m/s and rad/s below which a robot counts as standing and a command as zero."""
+
+
+class OscillationDetector:
+    """Notices a robot that neither moved nor turned far enough for too long."""
+
+    def __init__(self) -> None:
+        self._reference: Optional[Pose2D] = None
+        self._heading = 0.0
+        self._turned = 0.0
+        self._since = Stopwatch()
+
+    def restart(self, now: float) -> None:
+        """Give the robot the whole timeout again."""
+        self._reference = None
+        self._since.start(now)
+
+    def progressed(self, now: float, pose: Pose2D, parameters: NavigatorParameters) -> bool:
+        """Take a pose; tell whether it is far enough from the last one that counted.
+
+        Turns are summed up, as the angle between two headings never says how often a robot went round.
+        """
+        if self._reference is None:
+            self._take_as_reference(pose)
+            if not self._since.running:
+                self._since.start(now)
+            return False
+        self._turned += angle_between(self._heading, pose.theta)
+        self._heading = pose.theta
+        moved = self._reference.distance_to(pose) >= parameters.oscillation_distance
+        turned = abs(self._turned) >= parameters.oscillation_angle
+        if moved or turned:
+            self.restart(now)
+            self._take_as_reference(pose)
+        return moved or turned
+
+    def _take_as_reference(self, pose: Pose2D) -> None:
+        self._reference, self._heading, self._turned = pose, pose.theta, 0.0
+
+    def stuck_for(self, now: float, parameters: NavigatorParameters) -> Optional[float]:
+        """Return for how long (s) there was no progress where that is too long, otherwise None."""
+        elapsed = self._since.elapsed(now)
+        timeout = parameters.oscillation_timeout
+        return elapsed if timeout > 0.0 and elapsed > timeout else None
+
+
+class IgnoredCommands:
+    """Notices a robot that stands while it is told to move."""
+
+    def __init__(self) -> None:
+        self._since = Stopwatch()
+
+    def ignored_for(self, now: float, command: Twist2D, velocity: Twist2D) -> float:
+        """Take a cycle's command and the robot's velocity; return for how long (s) it has ignored commands."""
+        if not _is_zero(velocity) or _is_zero(command):
+            self._since.reset()
+        elif not self._since.running:
+            self._since.start(now)
+        return self._since.elapsed(now)
+
+
+def _is_zero(velocity: Twist2D) -> bool:
+    return velocity.speed() < STOPPED and abs(velocity.theta) < STOPPED

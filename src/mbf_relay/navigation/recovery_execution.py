@@ -1,0 +1,194 @@
+"""A recovery behaviour driven step by step: velocities, patience, cancelling and a zero velocity at its end."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Callable, Iterator, Mapping, Optional
+
+from mbf_relay.geometry import STOP, Pose2D, Twist2D
+from mbf_relay.navigation.goals import RecoverGoal, RecoverResult
+from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.navigation.registry import Seat
+from mbf_relay.navigation.robot import Robot
+from mbf_relay.navigation.task import Ending, Task
+from mbf_relay.navigation.timing import Pacer, Stopwatch
+from mbf_relay.navigation.worker import Job
+from mbf_relay.outcomes import RecoveryError, RecoveryOutcome, StaleDataError, TransformError
+from mbf_relay.recovery.recovery import Recovery, RecoveryContext
+
+
+class Surroundings(RecoveryContext):
+    """What a behaviour sees at its current step."""
+
+    def __init__(self, robot: Robot, costmaps: Mapping[str, Any], controller: Any) -> None:
+        self._robot, self._costmaps, self._controller = robot, costmaps, controller
+        self.time, self.step_period = 0.0, 0.0
+
+    @property
+    def now(self) -> float:
+        """Time (s)."""
+        return self.time
+
+    @property
+    def period(self) -> float:
+        """Time (s) between two steps."""
+        return self.step_period
+
+    @property
+    def velocity(self) -> Twist2D:
+        """The robot's velocity from odometry, body frame."""
+        return self._robot.velocity()
+
+    def pose_in(self, frame: str) -> Pose2D:
+        """Return the robot's pose in `frame`; raise TransformError where it is not known."""
+        return self._robot.pose_in(frame)
+
+    @property
+    def costmaps(self) -> Mapping[str, Any]:
+        """The live costmaps, "local" and "global"."""
+        return self._costmaps
+
+    @property
+    def controller(self) -> Any:
+        """The controller that failed, or None."""
+        return self._controller
+
+
+class RecoveryExecution:
+    """Runs one behaviour; advanced by `update` until its task is done.
+
+    Behaviour as mbf_abstract_nav's AbstractRecoveryExecution and RecoveryAction: a behaviour that gives up ends its
+    goal SUCCEEDED with its own outcome, as Move Base Flex does. Cancelling takes effect between two steps, and a step
+    that hangs is given up.
+
+    Args:
+        goal: Which behaviour.
+        seat: The behaviour.
+        robot: Where it is and how to move it.
+        costmaps: The live costmaps, "local" and "global".
+        controller: The controller that failed, or None.
+        parameters: Called for the values in force.
+        task: Ends with the result.
+    """
+
+    def __init__(
+        self, goal: RecoverGoal, seat: Seat[Recovery], robot: Robot, costmaps: Mapping[str, Any], controller: Any,
+        parameters: Callable[[], NavigatorParameters], task: "Task[RecoverResult]",
+    ) -> None:
+        self.goal, self.seat, self.task = goal, seat, task
+        self._robot, self._costmaps, self._parameters = robot, costmaps, parameters
+        self._context = Surroundings(robot, costmaps, controller)
+        self._steps: Optional[Iterator[Twist2D]] = None
+        self._job: Optional[Job] = None
+        self._given_up = False
+        self._moved = False
+        self._pacer, self._since_start = Pacer(), Stopwatch()
+
+    @property
+    def due(self) -> float:
+        """Time (s) at which the next update is needed, beside the end of a job."""
+        return math.inf if self.task.done else self._pacer.next
+
+    def update(self, now: float) -> None:
+        """Command what the last step wanted and begin the next one when it is time."""
+        if self.task.done:
+            return
+        if not self._since_start.running:
+            self._since_start.start(now)
+        if self.task.cancel_requested:
+            self._give_up(Ending.CANCELED, RecoveryOutcome.CANCELED, f"Recovery behaviour \"{self.seat.name}\" canceled!")
+            return
+        if self._job is not None and self._job.done:
+            self._collect(now)
+        if not self.task.done:
+            self._watch_patience(now)
+        if not self.task.done and self._pacer.is_due(now):
+            self._pacer.passed(now, 1.0 / self._parameters().controller_frequency)
+            if self._job is None:
+                self._begin(now)
+
+    def replaced(self) -> None:
+        """End because another goal takes over."""
+        self._give_up(Ending.CANCELED, RecoveryOutcome.CANCELED, "Recovery preempted by a new goal")
+
+    def _begin(self, now: float) -> None:
+        if self.seat.busy:
+            return
+        if self._moved and self._blind(now):
+            self._robot.command(STOP)
+            return
+        self._context.time = now
+        self._context.step_period = 1.0 / self._parameters().controller_frequency
+        self._job = self.seat.call(self._step)
+        if self._job.done:
+            self._collect(now)
+
+    def _step(self, behavior: Recovery) -> Optional[Twist2D]:
+        """Run the behaviour to its next velocity, None at its end; on the worker."""
+        if self._steps is None:
+            self._steps = iter(behavior.run(self._context))
+        velocity = next(self._steps, None)
+        if self._given_up:
+            self._close(behavior)
+        return velocity
+
+    def _close(self, _behavior: Recovery) -> None:
+        close = getattr(self._steps, "close", None)
+        if close is not None:
+            close()
+
+    def _collect(self, now: float) -> None:
+        job, self._job = self._job, None
+        name = self.seat.name
+        try:
+            velocity = job.result()
+            velocity = velocity if velocity is None else Twist2D(*velocity)
+            if velocity is not None and not velocity.is_finite():
+                raise ValueError(f"it wanted velocity {tuple(velocity)}, which is not finite")
+        except RecoveryError as error:
+            self._finish(Ending.SUCCEEDED, error.outcome, error.message)
+        except TransformError as error:
+            self._finish(Ending.SUCCEEDED, RecoveryOutcome.TF_ERROR, str(error))
+        except StaleDataError as error:
+            self._finish(Ending.SUCCEEDED, RecoveryOutcome.FAILURE, str(error))
+        except Exception as error:  # a plugin may raise anything, and the server lives on
+            message = f"recovery behaviour '{name}' failed with {type(error).__name__}: {error}"
+            self._give_up(Ending.ABORTED, RecoveryOutcome.INTERNAL_ERROR, message)
+        else:
+            if velocity is None:
+                self._finish(Ending.SUCCEEDED, RecoveryOutcome.SUCCESS, f'Recovery "{name}" done')
+            else:
+                self._drive(now, velocity)
+
+    def _drive(self, now: float, velocity: Twist2D) -> None:
+        if self.task.cancel_requested:
+            return
+        if velocity != STOP and self._blind(now):
+            velocity = STOP
+        self._moved = self._moved or velocity != STOP
+        self._robot.command(velocity)
+
+    def _blind(self, now: float) -> bool:
+        """Tell whether what the robot sees or knows of its motion is too old to move on."""
+        try:
+            self._robot.velocity()
+            return bool(self._costmaps["local"].stale_reason(now))
+        except StaleDataError:
+            return True
+
+    def _watch_patience(self, now: float) -> None:
+        patience = self._parameters().recovery_patience
+        if patience > 0.0 and self._since_start.elapsed(now) > patience:
+            message = f"Recovery behaviour '{self.seat.name}' exceeded its patience of {patience:g} s"
+            self._give_up(Ending.ABORTED, RecoveryOutcome.PAT_EXCEEDED, message)
+
+    def _give_up(self, ending: Ending, outcome: RecoveryOutcome, message: str) -> None:
+        """End a behaviour that is not finished and let it clean up, now or when its hanging step returns."""
+        self._given_up = True
+        if self._steps is not None and not self.seat.busy:
+            self.seat.call(self._close)
+        self._finish(ending, outcome, message)
+
+    def _finish(self, ending: Ending, outcome: RecoveryOutcome, message: str) -> None:
+        self._robot.command(STOP)
+        self.task.end(ending, RecoverResult(outcome, message, self.seat.name))

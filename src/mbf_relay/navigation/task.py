@@ -1,0 +1,71 @@
+"""A goal's life: called off at most once, ended exactly once."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Any, Generic, List, Optional, TypeVar
+
+R = TypeVar("R")
+
+
+class Ending(Enum):
+    """How a goal ended, by actionlib's names."""
+
+    SUCCEEDED = "SUCCEEDED"
+    ABORTED = "ABORTED"
+    CANCELED = "CANCELED"
+    REJECTED = "REJECTED"
+
+
+class Task(Generic[R]):
+    """What its owner holds of a goal it handed in.
+
+    `cancel` may be called by any thread at any time; everything else belongs to the thread that steps navigation. A
+    cancel therefore takes effect at the next look, and the last look comes right before a velocity goes out.
+    """
+
+    def __init__(self) -> None:
+        self._cancel_requested = False
+        self._result: Optional[R] = None
+        self._ending: Optional[Ending] = None
+        self._feedback: List[Any] = []
+
+    def cancel(self) -> None:
+        """Call the goal off; it ends at the next update."""
+        self._cancel_requested = True
+
+    @property
+    def cancel_requested(self) -> bool:
+        """Tell whether the goal was called off."""
+        return self._cancel_requested
+
+    @property
+    def done(self) -> bool:
+        """Tell whether the goal ended."""
+        return self._ending is not None
+
+    @property
+    def ending(self) -> Optional[Ending]:
+        """How it ended, None before."""
+        return self._ending
+
+    @property
+    def result(self) -> Optional[R]:
+        """What came of it, None before it ended."""
+        return self._result
+
+    def end(self, ending: Ending, result: R) -> None:
+        """End the goal; a second end is a mistake of the caller."""
+        if self._ending is not None:
+            raise RuntimeError(f"a goal that ended {self._ending.name} cannot end {ending.name}")
+        self._result, self._ending = result, ending
+
+    def add_feedback(self, feedback: Any) -> None:
+        """Report a step on the way; dropped once the goal ended."""
+        if self._ending is None:
+            self._feedback = self._feedback[-99:] + [feedback]
+
+    def take_feedback(self) -> List[Any]:
+        """Return the reports since the last call, oldest first."""
+        taken, self._feedback = self._feedback, []
+        return taken

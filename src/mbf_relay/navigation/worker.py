@@ -1,0 +1,104 @@
+"""Where plugins run: inline for lockstep, on threads of their own under ROS, so that one that hangs stops nobody else."""
+
+from __future__ import annotations
+
+import abc
+import collections
+import threading
+from typing import Any, Callable, Deque, Optional
+
+LINGER = 5.0
+"""Seconds an idle thread waits for its next task before it ends."""
+
+
+class Job:
+    """A task handed to a worker; whoever started it asks whether it is done and then takes what came of it."""
+
+    def __init__(self, task: Callable[[], Any]) -> None:
+        self._task = task
+        self._value: Any = None
+        self._error: Optional[BaseException] = None
+        self._done = threading.Event()
+
+    @property
+    def done(self) -> bool:
+        """Tell whether the task returned or raised."""
+        return self._done.is_set()
+
+    def result(self) -> Any:
+        """Return what the task returned, or raise what it raised; only once it is done."""
+        if not self.done:
+            raise RuntimeError("the job is still running; ask `done` first")
+        if self._error is not None:
+            raise self._error
+        return self._value
+
+    def run(self) -> None:
+        """Run the task here and keep what comes of it."""
+        try:
+            self._value = self._task()
+        except BaseException as error:  # whatever a plugin raises belongs to the one who called it
+            self._error = error
+        finally:
+            self._done.set()
+
+
+class Worker(abc.ABC):
+    """Runs tasks."""
+
+    @abc.abstractmethod
+    def start(self, task: Callable[[], Any]) -> Job:
+        """Run `task` and return at once, or when it is done where the worker is an inline one."""
+
+
+class InlineWorker(Worker):
+    """Runs each task where it is started: one thread, one order, one result per seed."""
+
+    def start(self, task: Callable[[], Any]) -> Job:
+        """Run `task` to its end."""
+        job = Job(task)
+        job.run()
+        return job
+
+
+class ThreadWorker(Worker):
+    """Runs tasks on daemon threads that wait a while for the next one.
+
+    A task that hangs keeps its thread and harms no other; there are as many threads as tasks at one time.
+
+    Args:
+        on_done: Called on the task's thread after each one; must be quick.
+    """
+
+    def __init__(self, on_done: Callable[[], None] = lambda: None) -> None:
+        self._on_done = on_done
+        self._condition = threading.Condition()  # guards the two below; never held while a task runs
+        self._waiting: Deque[Job] = collections.deque()
+        self._idle = 0
+
+    def start(self, task: Callable[[], Any]) -> Job:
+        """Hand `task` to an idle thread, or to a new one."""
+        job = Job(task)
+        with self._condition:
+            self._waiting.append(job)
+            if self._idle >= len(self._waiting):
+                self._condition.notify()
+                return job
+        threading.Thread(target=self._loop, name="plugin", daemon=True).start()
+        return job
+
+    def _loop(self) -> None:
+        while True:
+            job = self._next()
+            if job is None:
+                return
+            job.run()
+            self._on_done()
+
+    def _next(self) -> Optional[Job]:
+        with self._condition:
+            if not self._waiting:
+                self._idle += 1
+                self._condition.wait_for(lambda: bool(self._waiting), LINGER)
+                self._idle -= 1
+            return self._waiting.popleft() if self._waiting else None

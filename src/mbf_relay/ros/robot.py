@@ -1,0 +1,85 @@
+"""The robot as ROS shows it: tf, odometry and cmd_vel."""
+
+from __future__ import annotations
+
+import threading
+from typing import Optional
+
+import rospy
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+
+from mbf_relay.geometry import STOP, Pose2D, Twist2D
+from mbf_relay.navigation.robot import Robot
+from mbf_relay.outcomes import StaleDataError
+from mbf_relay.ros.conversions import InvalidMessage, twist_from_message, twist_to_message
+from mbf_relay.ros.transforms import Transforms
+
+
+class RosRobot(Robot):
+    """Reads the robot's pose from tf and its velocity from odometry; sends velocities on `cmd_vel`.
+
+    Args:
+        transforms: Where frames are looked up.
+        base_frame: The robot's frame.
+        odom_topic: Odometry; where empty, the last command stands in for the velocity.
+        tf_timeout: Age (s) beyond which a transform is refused.
+        odom_timeout: Age (s) beyond which odometry is refused.
+    """
+
+    def __init__(
+        self, transforms: Transforms, base_frame: str, odom_topic: str, tf_timeout: float, odom_timeout: float
+    ) -> None:
+        self._transforms, self._base_frame = transforms, base_frame
+        self._tf_timeout, self._odom_timeout = tf_timeout, odom_timeout
+        self._odometry: Optional[Odometry] = None
+        self._last_command = STOP
+        self._publisher = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
+        self._closing = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
+        self._closed = False
+        self._topic = rospy.resolve_name(odom_topic) if odom_topic else ""
+        if odom_topic:
+            rospy.Subscriber(odom_topic, Odometry, self._on_odometry, queue_size=1, buff_size=1 << 18, tcp_nodelay=True)
+
+    def pose_in(self, frame: str) -> Pose2D:
+        """Return the newest pose of the base in `frame`; raise TransformError where it is unknown or too old."""
+        return self._transforms.lookup(frame, self._base_frame, max_age=self._tf_timeout)
+
+    def transform(self, target_frame: str, source_frame: str) -> Pose2D:
+        """Return the newest transform to `target_frame`; raise TransformError where it is unknown or too old."""
+        return self._transforms.lookup(target_frame, source_frame, max_age=self._tf_timeout)
+
+    def velocity(self) -> Twist2D:
+        """Return the newest velocity, body frame; raise StaleDataError where there is none or it is too old."""
+        if not self._topic:
+            return self._last_command
+        odometry = self._odometry
+        if odometry is None:
+            raise StaleDataError(f"no odometry on {self._topic} yet")
+        age = (rospy.get_rostime() - odometry.header.stamp).to_sec()
+        if age > self._odom_timeout:
+            raise StaleDataError(f"odometry on {self._topic} is {age:.2f} s old; at most {self._odom_timeout:.2f} s allowed")
+        try:
+            return twist_from_message(odometry.twist.twist)
+        except InvalidMessage as error:
+            raise StaleDataError(f"odometry on {self._topic}: {error}") from error
+
+    def command(self, velocity: Twist2D) -> None:
+        """Send a velocity; one that is not finite becomes a stop."""
+        if not velocity.is_finite():
+            rospy.logerr("refused to send velocity %s: it is not finite", tuple(velocity))
+            velocity = STOP
+        with self._closing:
+            if not self._closed:
+                self._last_command = velocity
+                self._publisher.publish(twist_to_message(velocity))
+
+    def close(self) -> None:
+        """Send a zero velocity, after which nothing more goes out."""
+        with self._closing:
+            if not self._closed:
+                self._closed = True
+                self._publisher.publish(twist_to_message(STOP))
+
+    def _on_odometry(self, message: Odometry) -> None:
+        self._odometry = message
