@@ -1,0 +1,168 @@
+"""Scripted plugins, a robot of paper and a worker whose jobs end when the test says so."""
+
+from typing import Any, Callable, Dict, Iterator, List, Optional
+
+import numpy as np
+
+from mbf_relay.control.controller import Controller, ControlState
+from mbf_relay.costmap.cost_grid import CostGrid
+from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
+from mbf_relay.grid import Grid
+from mbf_relay.navigation.robot import Robot
+from mbf_relay.navigation.worker import Job, Worker
+from mbf_relay.outcomes import StaleDataError, TransformError
+from mbf_relay.planning.path import Path
+from mbf_relay.planning.planner import Planner
+from mbf_relay.recovery.recovery import Recovery
+
+FORWARD = Twist2D(0.2, 0.0, 0.0)
+
+
+def straight_path(length: float = 1.0, frame: str = "map", end_y: float = 0.0) -> Path:
+    """A path along x."""
+    xs = np.linspace(0.0, length, 11)
+    return Path(np.column_stack((xs, np.full(11, end_y), np.zeros(11))), frame)
+
+
+class PaperRobot(Robot):
+    """A robot that is where its commands took it, at once and exactly."""
+
+    def __init__(self) -> None:
+        self.pose = Pose2D(0.0, 0.0, 0.0)
+        self.sent: List[Twist2D] = []
+        self.frames = {"map", "odom", "base"}
+        self.lost: Optional[str] = None
+        self.stale: Optional[str] = None
+        self.reported: Optional[Twist2D] = None
+
+    def pose_in(self, frame: str) -> Pose2D:
+        if self.lost or frame not in self.frames:
+            raise TransformError(self.lost or f"no transform from 'base' to '{frame}'")
+        return self.pose
+
+    def transform(self, target_frame: str, source_frame: str) -> Pose2D:
+        if self.lost or not {target_frame, source_frame} <= self.frames:
+            raise TransformError(self.lost or f"no transform from '{source_frame}' to '{target_frame}'")
+        return IDENTITY
+
+    def velocity(self) -> Twist2D:
+        if self.stale:
+            raise StaleDataError(self.stale)
+        if self.reported is not None:
+            return self.reported
+        return self.sent[-1] if self.sent else STOP
+
+    def command(self, velocity: Twist2D) -> None:
+        assert velocity.is_finite()
+        self.sent.append(velocity)
+
+    def move(self, seconds: float) -> None:
+        """Let the last command act."""
+        if self.sent:
+            step = Pose2D(self.sent[-1].x * seconds, self.sent[-1].y * seconds, self.sent[-1].theta * seconds)
+            self.pose = self.pose.compose(step)
+
+
+class PaperCostmap:
+    """An empty costmap that is as stale as the test says."""
+
+    def __init__(self, frame: str) -> None:
+        self.frame, self.robot_frame = frame, "base"
+        self.stale: Optional[str] = None
+        grid = Grid(0.05, -5.0, -5.0, 200, 200)
+        self.costs = np.zeros(grid.shape, dtype=np.uint8)
+        self._grid = grid
+
+    def snapshot(self) -> CostGrid:
+        return CostGrid(self._grid, self.costs, self.frame, np.zeros((0, 2)), 0.1, 0.1)
+
+    def stale_reason(self, now: float) -> Optional[str]:
+        return self.stale
+
+
+class Script:
+    """What plugins do, looked up at each call; a callable is called, an exception raised, anything else returned."""
+
+    def __init__(self) -> None:
+        self.plan: Any = lambda start, goal: Path(np.array([tuple(start), tuple(goal)]), "map", 1.0)
+        self.velocity: Any = FORWARD
+        self.reached: Any = False
+        self.recovery: Callable[[Any], Iterator[Twist2D]] = lambda context: iter(())
+        self.calls: Dict[str, int] = {}
+        self.paths: List[Any] = []
+        self.cleaned_up = 0
+
+    def run(self, name: str, *arguments: Any) -> Any:
+        self.calls[name] = self.calls.get(name, 0) + 1
+        what = getattr(self, name)
+        if isinstance(what, BaseException):
+            raise what
+        return what(*arguments) if callable(what) else what
+
+
+SCRIPT = Script()
+
+
+def new_script() -> Script:
+    """Start over; returns the script all scripted plugins follow from now on."""
+    global SCRIPT
+    SCRIPT = Script()
+    return SCRIPT
+
+
+class ScriptedPlanner(Planner):
+    def plan(self, costmap, start, goal, tolerance, cancelled):
+        return SCRIPT.run("plan", start, goal)
+
+
+class ScriptedController(Controller):
+    def set_path(self, path, is_new_goal):
+        SCRIPT.paths.append((path, is_new_goal))
+
+    def compute_velocity(self, state: ControlState) -> Twist2D:
+        return SCRIPT.run("velocity", *([state] if callable(SCRIPT.velocity) else []))
+
+    def is_goal_reached(self, state, tolerance=None):
+        return SCRIPT.run("reached", *([state] if callable(SCRIPT.reached) else []))
+
+
+class ScriptedRecovery(Recovery):
+    def run(self, context):
+        SCRIPT.calls[self.name] = SCRIPT.calls.get(self.name, 0) + 1
+        try:
+            for velocity in SCRIPT.run("recovery", context):
+                yield velocity
+        finally:
+            SCRIPT.cleaned_up += 1
+
+
+class HeldWorker(Worker):
+    """Runs a job when `release` is called, as a thread would at some later time."""
+
+    def __init__(self) -> None:
+        self.held: List[Job] = []
+
+    def start(self, task: Callable[[], Any]) -> Job:
+        job = Job(task)
+        self.held.append(job)
+        return job
+
+    def release(self) -> None:
+        """Run what was started."""
+        held, self.held = self.held, []
+        for job in held:
+            job.run()
+
+
+def config(**parameters: Any) -> Dict[str, Any]:
+    """A server's parameters with two scripted plugins of each kind."""
+    def entries(*names: str, kind: str) -> List[Dict[str, str]]:
+        return [{"name": name, "type": f"{__name__}.Scripted{kind}"} for name in names]
+
+    return {
+        "planners": entries("P1", "P2", kind="Planner"),
+        "controllers": entries("C1", "C2", kind="Controller"),
+        "recovery_behaviors": entries("R1", "R2", kind="Recovery"),
+        "robot_frame": "base", "controller_frequency": 10.0, "controller_patience": 1.0, "planner_patience": 1.0,
+        "recovery_patience": 2.0, **parameters,
+    }
