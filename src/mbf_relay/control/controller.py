@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import abc
+import math
 from dataclasses import dataclass
-from typing import Optional
+from typing import Any, Optional
 
 from mbf_relay.costmap.cost_grid import CostGrid
 from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D
@@ -46,8 +47,40 @@ class GoalTolerance:
     angle: float
 
 
+@dataclass(frozen=True)
+class SpeedLimit:
+    """Lower top speeds for a while.
+
+    Attributes:
+        translation: Metres per second.
+        rotation: Radians per second.
+        distance: Metres from where it was set, beyond which it no longer holds.
+    """
+
+    translation: float = math.inf
+    rotation: float = math.inf
+    distance: float = math.inf
+
+
 class Controller(Plugin, abc.ABC):
     """Turns a path and what the robot sees into a velocity, once per cycle. It is never called by two threads at once."""
+
+    def __init__(self, name: str, parameters: Any) -> None:
+        super().__init__(name, parameters)
+        self._speed_limit = SpeedLimit()
+        self._limited_from: Optional[Pose2D] = None
+
+    def limit_speed(self, limit: SpeedLimit) -> None:
+        """Drive no faster than `limit` until the robot has moved its distance; SpeedLimit() lifts it."""
+        self._speed_limit, self._limited_from = limit, None
+
+    def speed_limit_at(self, pose: Pose2D) -> SpeedLimit:
+        """Return the limit in force with the robot at `pose`; it is lifted where the robot has moved far enough."""
+        if self._limited_from is None:
+            self._limited_from = pose
+        if pose.distance_to(self._limited_from) > self._speed_limit.distance:
+            self._speed_limit = SpeedLimit()
+        return self._speed_limit
 
     @abc.abstractmethod
     def set_path(self, path: Path, is_new_goal: bool) -> None:

@@ -1,0 +1,14 @@
+"""Critics: each says of a whole batch of trajectories what one thing about them costs, or rules them out."""
+
+CRITICS = {
+    "oscillation": "mbf_relay.control.critics.oscillation.Oscillation",
+    "obstacle": "mbf_relay.control.critics.obstacle.ObstacleCost",
+    "goal_front": "mbf_relay.control.critics.distances.GoalFront",
+    "alignment": "mbf_relay.control.critics.distances.Alignment",
+    "path": "mbf_relay.control.critics.distances.PathDistance",
+    "goal": "mbf_relay.control.critics.distances.GoalDistance",
+    "twirling": "mbf_relay.control.critics.motion.Twirling",
+    "prefer_forward": "mbf_relay.control.critics.motion.PreferForward",
+    "steady": "mbf_relay.control.critics.motion.Steady",
+}
+"""Names in the parameter `critics` and the classes they stand for."""

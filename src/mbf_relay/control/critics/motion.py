@@ -1,0 +1,50 @@
+"""The critics of motion: turning, driving backwards, changing one's mind."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mbf_relay.control.critics.critic import Critic, Scene
+from mbf_relay.control.trajectories import Trajectories
+
+
+class Twirling(Critic):
+    """Charges the rotational speed (rad/s), as base_local_planner's TwirlingCostFunction."""
+
+    @property
+    def scale(self) -> float:
+        """twirling_scale."""
+        return self.parameters.twirling_scale
+
+    def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+        """Return rad/s."""
+        return np.abs(trajectories.velocities[:, 2])
+
+
+class PreferForward(Critic):
+    """Charges driving backwards, by its share of the top speed.
+
+    Source: base_local_planner's PreferForwardCostFunction, without its charge on turning, which is Twirling's.
+    """
+
+    @property
+    def scale(self) -> float:
+        """prefer_forward_scale, in the path critic's unit."""
+        return self.parameters.prefer_forward_scale * self.parameters.path_distance_bias
+
+    def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+        """Return 0 to 1."""
+        return np.maximum(0.0, -trajectories.velocities[:, 0]) / max(self.parameters.max_vel_trans, 1e-6)
+
+
+class Steady(Critic):
+    """Charges a change of the rotational velocity (rad/s), so that noise of the pose does not become unrest."""
+
+    @property
+    def scale(self) -> float:
+        """steady_scale, in the path critic's unit."""
+        return self.parameters.steady_scale * self.parameters.path_distance_bias
+
+    def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+        """Return rad/s."""
+        return np.abs(trajectories.velocities[:, 2] - scene.velocity.theta)

@@ -1,0 +1,74 @@
+"""The oscillation critic: no way back until the robot has got somewhere."""
+
+from __future__ import annotations
+
+from typing import Dict, Optional
+
+import numpy as np
+
+from mbf_relay.control.critics.critic import RULED_OUT, Critic, Scene
+from mbf_relay.control.dwa_parameters import DwaParameters
+from mbf_relay.control.trajectories import Trajectories
+from mbf_relay.geometry import Pose2D, Twist2D, angle_between
+
+COMPONENTS = ("x", "y", "theta")
+
+
+class Oscillation(Critic):
+    """Rules out reversing a motion a second time before the robot has moved or turned far enough.
+
+    Driving forward and back counts always; strafing and turning count only while the robot does not drive forward, for
+    then they are no steering. A component that turned back is banned from turning again until the robot has moved
+    oscillation_reset_dist or turned oscillation_reset_angle from where that was.
+
+    Source: base_local_planner's OscillationCostFunction.
+    """
+
+    def __init__(self, name: str, parameters: DwaParameters) -> None:
+        super().__init__(name, parameters)
+        self._direction: Dict[str, int] = {}
+        self._allowed: Dict[str, int] = {}
+        self._since: Optional[Pose2D] = None
+
+    @property
+    def scale(self) -> float:
+        """1: it only rules out."""
+        return 1.0
+
+    @property
+    def bans(self) -> Dict[str, int]:
+        """The component that may only go one way, each with the sign (+1, -1) it may have."""
+        return dict(self._allowed)
+
+    def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+        """Return 0 or RULED_OUT."""
+        banned = np.zeros(len(trajectories), dtype=bool)
+        for component, sign in self._allowed.items():
+            banned |= trajectories.velocities[:, COMPONENTS.index(component)] * sign < 0.0
+        return np.where(banned, RULED_OUT, 0.0)
+
+    def driven(self, command: Twist2D, scene: Scene) -> None:
+        """Note reversals and lift bans."""
+        steering = abs(command.x) > self.parameters.min_vel_trans
+        for component, value in zip(COMPONENTS, command):
+            if value == 0.0 or (steering and component != "x"):
+                continue
+            sign = 1 if value > 0.0 else -1
+            if self._direction.get(component, sign) != sign:
+                self._allowed[component] = sign
+                self._since = scene.pose
+            self._direction[component] = sign
+        if self._allowed and self._moved(scene.pose):
+            self.reset()
+
+    def reset(self) -> None:
+        """Lift every ban."""
+        self._direction.clear()
+        self._allowed.clear()
+
+    def _moved(self, pose: Pose2D) -> bool:
+        assert self._since is not None
+        return (
+            pose.distance_to(self._since) > self.parameters.oscillation_reset_dist
+            or abs(angle_between(self._since.theta, pose.theta)) > self.parameters.oscillation_reset_angle
+        )

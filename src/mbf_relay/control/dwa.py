@@ -1,0 +1,108 @@
+"""The dynamic window approach, by dwa_local_planner's parameters."""
+
+from __future__ import annotations
+
+from typing import List, Optional
+
+import numpy as np
+
+from mbf_relay.control.critics import CRITICS
+from mbf_relay.control.critics.critic import Critic, Scene
+from mbf_relay.control.dwa_parameters import DwaParameters
+from mbf_relay.control.explanation import Explanation
+from mbf_relay.control.follower import PathFollower, Surroundings
+from mbf_relay.control.trajectories import Trajectories, roll_out, sample, window_of
+from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.outcomes import ControlError, ControlOutcome
+from mbf_relay.plugins import find_class
+from mbf_relay.planning.path import Path
+
+
+class DwaController(PathFollower):
+    """Samples velocities in reach, drives each forward, has critics score the batch, and takes the cheapest.
+
+    Source: Fox, Burgard, Thrun, "The dynamic window approach to collision avoidance" (1997), and
+    dwa_local_planner/DWAPlannerROS, whose parameters it reads.
+
+    Attributes:
+        critics: The critics in the order they are asked.
+        trajectories: The batch of the last cycle that sampled one, None before.
+        explanation: Why that cycle ended as it did, None before.
+    """
+
+    Parameters = DwaParameters
+
+    def __init__(self, name: str, parameters: DwaParameters) -> None:
+        super().__init__(name, parameters)
+        self.critics: List[Critic] = _make_critics(parameters)
+        self.trajectories: Optional[Trajectories] = None
+        self.explanation: Optional[Explanation] = None
+
+    def reconfigure(self, parameters: DwaParameters) -> None:
+        """Take new parameters; critics that stay keep what they remember."""
+        if parameters.critics != self.parameters.critics:
+            self.critics = _make_critics(parameters)
+        for critic in self.critics:
+            critic.reconfigure(parameters)
+        super().reconfigure(parameters)
+
+    @property
+    def lookahead(self) -> float:
+        """forward_point_distance, and 0.2 m where that is less."""
+        return max(0.2, self.parameters.forward_point_distance)
+
+    def set_path(self, path: Path, is_new_goal: bool) -> None:
+        """Follow `path`; see Controller."""
+        super().set_path(path, is_new_goal)
+        if is_new_goal:
+            for critic in self.critics:
+                critic.reset()
+
+    def drive(self, around: Surroundings) -> Twist2D:
+        """Return the command of the cheapest trajectory."""
+        parameters, state = self.parameters, around.state
+        window = around.window
+        if not parameters.use_dwa:
+            window = window_of(parameters, around.velocity, parameters.sim_time, around.speed, around.turn)
+        velocities = sample(parameters, window, around.speed)
+        self.trajectories = roll_out(
+            parameters, around.view, state.pose, around.velocity, velocities, state.period, around.path.remaining
+        )
+        scene = Scene(state.now, state.pose, around.velocity, around.path, around.view)
+        self.explanation = self._score(self.trajectories, scene)
+        if self.explanation.winner is None:
+            raise self._nothing_left(around)
+        command = Twist2D(*map(float, self.trajectories.commands[self.explanation.winner]))
+        for critic in self.critics:
+            critic.driven(command, scene)
+        return command
+
+    def _score(self, trajectories: Trajectories, scene: Scene) -> Explanation:
+        asked = [critic for critic in self.critics if critic.scale > 0.0]
+        scores = np.zeros((len(asked), len(trajectories)))
+        for row, critic in zip(scores, asked):
+            row[:] = critic.scale * critic.score(trajectories, scene)
+        totals = scores.sum(axis=0)
+        winner = int(np.argmin(totals)) if len(totals) and np.isfinite(totals).any() else None
+        return Explanation(tuple(critic.name for critic in asked), scores, trajectories.velocities, winner)
+
+    def _nothing_left(self, around: Surroundings) -> ControlError:
+        """Return the error that says why no trajectory could be driven."""
+        pose: Pose2D = around.state.pose
+        if around.view.contacts_at(pose):
+            return ControlError(
+                ControlOutcome.COLLISION,
+                f"the footprint at ({pose.x:.2f}, {pose.y:.2f}) lies on an obstacle and no velocity leads away from it; "
+                f"{self.explanation}",
+            )
+        arc = around.path.first_blocked(around.view)
+        if arc is not None:
+            return ControlError(
+                ControlOutcome.BLOCKED_PATH,
+                f"the path is blocked {arc - around.path.robot_arc:.2f} m ahead and no velocity leads on; {self.explanation}",
+            )
+        return ControlError(ControlOutcome.NO_VALID_CMD, f"no velocity is left to drive; {self.explanation}")
+
+
+def _make_critics(parameters: DwaParameters) -> List[Critic]:
+    return [find_class(name, Critic, CRITICS)(name, parameters) for name in parameters.critics]

@@ -1,0 +1,53 @@
+"""Parameters of the DWA controller: dwa_local_planner's names, defaults and older spellings, and a few of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Tuple
+
+from mbf_relay.control.follower_parameters import FollowerParameters
+from mbf_relay.parameters import parameter
+
+
+@dataclass(frozen=True)
+class DwaParameters(FollowerParameters):
+    """Parameters of DwaController, as dwa_local_planner/DWAPlannerROS reads them (ROS Noetic)."""
+
+    sim_time: float = parameter(1.7, "how far ahead trajectories reach", "s", above=0.0)
+    sim_granularity: float = parameter(0.025, "distance between checked points of a trajectory", "m", above=0.0)
+    angular_sim_granularity: float = parameter(0.1, "turn between checked points of a trajectory", "rad", above=0.0)
+    use_dwa: bool = parameter(
+        True, "sample velocities reached within one period; otherwise all reached within sim_time, with acceleration"
+    )
+    vx_samples: int = parameter(3, "samples along x", minimum=1)
+    vy_samples: int = parameter(10, "samples along y", minimum=1)
+    vth_samples: int = parameter(20, "samples of the turn", minimum=1)
+
+    path_distance_bias: float = parameter(0.6, "weight of the distance to the path", minimum=0.0)
+    goal_distance_bias: float = parameter(0.8, "weight of the distance left to the goal", minimum=0.0)
+    occdist_scale: float = parameter(0.01, "weight of the highest cost passed", minimum=0.0)
+    twirling_scale: float = parameter(0.0, "weight of the rotational speed", minimum=0.0)
+    prefer_forward_scale: float = parameter(
+        0.5, "what driving backwards at full speed costs, as metres off the path", "m", minimum=0.0
+    )
+    steady_scale: float = parameter(
+        0.01, "what a change of the turn by 1 rad/s costs, as metres off the path", "m", minimum=0.0
+    )
+    sum_scores: bool = parameter(False, "sum the costs along a trajectory instead of taking the highest")
+    forward_point_distance: float = parameter(0.325, "how far ahead of the robot its scored nose lies", "m")
+    cheat_factor: float = parameter(
+        1.0, "the nose is no longer held to the path nearer to the goal than forward_point_distance times its root",
+        minimum=0.0,
+    )
+    scaling_speed: float = parameter(0.25, "speed above which the footprint grows", "m/s", minimum=0.0)
+    max_scaling_factor: float = parameter(0.2, "growth of the footprint at max_vel_trans", minimum=0.0)
+    oscillation_reset_dist: float = parameter(0.05, "distance that lifts the ban on turning back", "m", minimum=0.0)
+    oscillation_reset_angle: float = parameter(0.2, "turn that lifts the ban on turning back", "rad", minimum=0.0)
+
+    critics: Tuple[str, ...] = parameter(
+        ("oscillation", "obstacle", "goal_front", "alignment", "path", "goal", "twirling", "prefer_forward", "steady"),
+        "critics in the order they are asked; package.module.Class for one of your own",
+    )
+    publish_traj_pc: bool = parameter(False, "publish trajectory_cloud")
+    publish_cost_grid_pc: bool = parameter(False, "publish cost_cloud")
+    global_frame_id: str = parameter("odom", "read, and without effect: the clouds are in the costmap's frame")

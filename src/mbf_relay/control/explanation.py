@@ -1,0 +1,69 @@
+"""Why a cycle ended as it did: what each critic ruled out, and what the winner owes its place to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Dict, Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.geometry import Twist2D
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """One cycle of scoring.
+
+    Attributes:
+        critics: Names in the order asked.
+        scores: Shape (C, N): weighted cost by critic and trajectory; inf where ruled out.
+        velocities: Shape (N, 3): the velocities sampled.
+        winner: Index of the trajectory chosen; None where all were ruled out.
+    """
+
+    critics: Tuple[str, ...]
+    scores: np.ndarray
+    velocities: np.ndarray
+    winner: Optional[int]
+
+    @property
+    def totals(self) -> np.ndarray:
+        """Total cost of each trajectory, shape (N,)."""
+        return self.scores.sum(axis=0)
+
+    @property
+    def ruled_out(self) -> Dict[str, int]:
+        """How many trajectories each critic ruled out; one that several did counts with each."""
+        return {name: int(np.isinf(row).sum()) for name, row in zip(self.critics, self.scores)}
+
+    def runner_up(self) -> Optional[int]:
+        """Return the best of the trajectories that go another way: other by a tenth of the window in some component."""
+        if self.winner is None:
+            return None
+        spread = np.ptp(self.velocities, axis=0)
+        apart = np.abs(self.velocities - self.velocities[self.winner]) > 0.1 * spread + 1e-9
+        totals = np.where(apart.any(axis=1), self.totals, np.inf)
+        best = int(np.argmin(totals))
+        return best if np.isfinite(totals[best]) else None
+
+    def __str__(self) -> str:
+        """Return one line for a log."""
+        out = ", ".join(f"{name} {count}" for name, count in self.ruled_out.items() if count) or "none"
+        text = f"{len(self.velocities)} trajectories; ruled out: {out}"
+        if self.winner is None:
+            return f"{text}; nothing is left"
+        text += f"; chosen {_velocity(self.velocities[self.winner])} at {self.totals[self.winner]:.2f}"
+        other = self.runner_up()
+        if other is None:
+            return text
+        lead = self.scores[:, other] - self.scores[:, self.winner]
+        decisive = int(np.argmax(lead))
+        return (
+            f"{text}, ahead of {_velocity(self.velocities[other])} at {self.totals[other]:.2f} "
+            f"mostly by {self.critics[decisive]} ({lead[decisive]:+.2f})"
+        )
+
+
+def _velocity(velocity: np.ndarray) -> str:
+    twist = Twist2D(*map(float, velocity))
+    return f"({twist.x:.2f} m/s, {twist.y:.2f} m/s, {twist.theta:.2f} rad/s)"

@@ -1,0 +1,215 @@
+"""What every controller that follows a path does the same way: keep its place, turn, brake for the goal, and give up."""
+
+from __future__ import annotations
+
+import abc
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar, Optional, Type
+
+import numpy as np
+
+from mbf_relay.control.controller import Controller, ControlState, GoalTolerance, SpeedLimit
+from mbf_relay.control.follower_parameters import FollowerParameters
+from mbf_relay.control.goal_keeper import GoalKeeper
+from mbf_relay.control.guards import GoalGuard, StuckGuard
+from mbf_relay.control.local_path import LocalPath, PathTracker
+from mbf_relay.control.obstacle_view import ObstacleView
+from mbf_relay.control.trajectories import VelocityWindow, speed_to_stop_within, window_of
+from mbf_relay.control.turning import free_turn, free_way_round, turn_rate
+from mbf_relay.geometry import STOP, Pose2D, Twist2D, angle_between
+from mbf_relay.outcomes import ControlError, ControlOutcome
+from mbf_relay.parameters import ParameterSet
+from mbf_relay.planning.path import Path
+
+TURNED = 0.15  # rad: a turn towards the path ends here
+BEHIND = 0.7  # m of path kept behind the robot
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What one cycle works on.
+
+    Attributes:
+        state: As handed in.
+        path: The path round the robot.
+        view: The obstacles.
+        velocity: The velocity the robot is at: the last command where it followed that, else as measured.
+        window: The velocities in reach, within the top speeds for now.
+        speed: Top translational speed (m/s) for now.
+        turn: Top rotational speed (rad/s) for now.
+    """
+
+    state: ControlState
+    path: LocalPath
+    view: ObstacleView
+    velocity: Twist2D
+    window: VelocityWindow
+    speed: float
+    turn: float
+
+
+class PathFollower(Controller, abc.ABC):
+    """A controller that turns to the path, follows it by `drive`, stops at the goal and turns to its heading."""
+
+    Parameters: ClassVar[Type[ParameterSet]] = FollowerParameters
+
+    def __init__(self, name: str, parameters: Any) -> None:
+        super().__init__(name, parameters)
+        self._tracker = PathTracker()
+        self._goal_keeper = GoalKeeper()
+        self._stuck_guard = StuckGuard()
+        self._goal_guard = GoalGuard()
+        self._command = STOP
+        self._commanded_at: Optional[float] = None
+        self._turn_left: Optional[float] = None
+        self._turned_from = 0.0
+
+    @abc.abstractmethod
+    def drive(self, around: Surroundings) -> Twist2D:
+        """Return the velocity that follows the path, within `around.window`.
+
+        Raises:
+            ControlError: Nothing is left to drive.
+        """
+
+    @property
+    @abc.abstractmethod
+    def lookahead(self) -> float:
+        """Distance (m) ahead on the path whose direction the robot faces before it drives."""
+
+    def set_path(self, path: Path, is_new_goal: bool) -> None:
+        """Follow `path`; see Controller."""
+        self._tracker.set_path(path)
+        if is_new_goal:
+            self._goal_keeper.reset()
+            self._goal_guard.reset()
+            self._stuck_guard.reset()
+            self._turn_left = None
+
+    def is_goal_reached(self, state: ControlState, tolerance: Optional[GoalTolerance] = None) -> bool:
+        """Tell whether the robot stands at the goal; see Controller."""
+        if self._tracker.path is None:
+            return False
+        self._goal_keeper.tolerance = tolerance
+        goal = state.costmap_from_path.compose(self._tracker.path.goal)
+        return self._goal_keeper.is_reached(state, goal, self.parameters)
+
+    def compute_velocity(self, state: ControlState) -> Twist2D:
+        """Return the velocity to command; see Controller."""
+        try:
+            command = self._decide(state)
+        except ControlError:
+            self._remember(state, STOP)
+            self._stuck_guard.reset()
+            raise
+        self._remember(state, command)
+        return command
+
+    def _decide(self, state: ControlState) -> Twist2D:
+        parameters = self.parameters
+        if self._tracker.path is None:
+            raise ControlError(ControlOutcome.NOT_INITIALIZED, "there is no path to follow; set one first")
+        if not (state.pose.is_finite() and state.velocity.is_finite()):
+            raise ControlError(
+                ControlOutcome.INTERNAL_ERROR, f"pose {tuple(state.pose)} or velocity {tuple(state.velocity)} is not finite"
+            )
+        around = self._look_around(state, parameters)
+        self._stuck_guard.check(state, self._command, parameters.stuck_timeout)
+        self._goal_guard.check(state, around.path, around.view, parameters)
+        if self._goal_keeper.is_turning(state.pose, around.path.goal, parameters):
+            self._turn_left = None
+            return self._turn_at_goal(around)
+        if around.path.robot_distance > parameters.missed_path_distance:
+            raise ControlError(
+                ControlOutcome.MISSED_PATH,
+                f"the robot is {around.path.robot_distance:.2f} m from the path; at most "
+                f"{parameters.missed_path_distance:.2f} m (missed_path_distance) can be rejoined",
+            )
+        turn = self._turn_to_path(around)
+        return self.drive(around) if turn is None else turn
+
+    def _look_around(self, state: ControlState, parameters: FollowerParameters) -> Surroundings:
+        limit = self.speed_limit_at(state.pose)
+        reach = max(parameters.max_vel_trans * getattr(parameters, "sim_time", 1.5), self.lookahead) + 1.0
+        path = self._tracker.cut(state, BEHIND, reach, self.lookahead + 0.5)
+        view = ObstacleView(state.costmap)
+        velocity = self._velocity_now(state, parameters)
+        speed = min(parameters.max_vel_trans, limit.translation)
+        delay = state.period + parameters.stop_time_buffer
+        left = max(path.remaining, state.pose.distance_to(path.goal))
+        speed = min(speed, speed_to_stop_within(left, 0.5 * parameters.acc_lim_x, state.period))
+        speed = min(speed, self._speed_in_sight(path, view, state.pose, parameters.acc_lim_x, delay))
+        turn = min(parameters.max_vel_theta, limit.rotation)
+        window = window_of(parameters, velocity, state.period, speed, turn)
+        return Surroundings(state, path, view, velocity, window, speed, turn)
+
+    @staticmethod
+    def _speed_in_sight(path: LocalPath, view: ObstacleView, pose: Pose2D, acceleration: float, delay: float) -> float:
+        """Return the speed from which the robot stops within the part of the path it sees from where it is."""
+        ahead = path.arcs >= path.robot_arc
+        points, arcs = path.points[ahead][::3], path.arcs[ahead][::3]
+        hidden = np.flatnonzero(~view.in_sight(pose, points))
+        if len(hidden) == 0:
+            return math.inf
+        return speed_to_stop_within(float(arcs[hidden[0]] - path.robot_arc), acceleration, delay)
+
+    def _velocity_now(self, state: ControlState, parameters: FollowerParameters) -> Twist2D:
+        """Return the last command where the robot is on its way to it, component by component, else what was measured.
+
+        Odometry lags; a window built on it alone makes every acceleration come late and every stop overshoot.
+        """
+        recent = self._commanded_at is not None and 0.0 <= state.now - self._commanded_at <= 3.0 * state.period
+        if not recent:
+            return state.velocity
+        limits = (parameters.acc_lim_x, parameters.acc_lim_y, parameters.acc_lim_theta)
+        values = [
+            commanded if abs(commanded - measured) <= 2.0 * limit * state.period else measured
+            for commanded, measured, limit in zip(self._command, state.velocity, limits)
+        ]
+        return Twist2D(*values)
+
+    def _remember(self, state: ControlState, command: Twist2D) -> None:
+        self._command, self._commanded_at = command, state.now
+
+    def _turn_at_goal(self, around: Surroundings) -> Twist2D:
+        """Brake, and turn to the goal's heading the way that is free."""
+        state, p = around.state, self.parameters
+        error = angle_between(state.pose.theta, around.path.goal.theta)
+        still = around.window.clip(STOP)
+        if abs(error) <= 0.5 * self._goal_keeper.tolerance_of(p).angle:
+            return still
+        way = free_way_round(around.view, state.pose, error)
+        if way is None:
+            if abs(error) <= self._goal_keeper.tolerance_of(p).angle:
+                return still
+            raise ControlError(
+                ControlOutcome.BLOCKED_GOAL,
+                f"the robot is at the goal's position and cannot turn by {math.degrees(error):.0f} degrees to its heading: "
+                "an obstacle is in the way on both sides",
+            )
+        rate = turn_rate(way, around.velocity.theta, p, state.period, around.turn)
+        return Twist2D(still.x, still.y, rate)
+
+    def _turn_to_path(self, around: Surroundings) -> Optional[Twist2D]:
+        """Return a turn towards the path where the robot faces away from it, None where it may drive."""
+        state, p = around.state, self.parameters
+        target = around.path.point_at(min(around.path.robot_arc + self.lookahead, around.path.goal_arc))
+        dx, dy = target[0] - state.pose.x, target[1] - state.pose.y
+        if math.hypot(dx, dy) < 0.02:
+            self._turn_left = None
+            return None
+        error = angle_between(state.pose.theta, math.atan2(dy, dx))
+        if abs(error) < (TURNED if self._turn_left is not None else p.turn_to_path_angle):
+            self._turn_left = None
+            return None
+        if self._turn_left is not None and abs(error) > math.pi / 2.0:
+            error = math.copysign(error % (2.0 * math.pi) if self._turn_left > 0.0 else (-error) % (2.0 * math.pi), self._turn_left)
+        way = error if free_turn(around.view, state.pose, error) >= abs(error) - 1e-9 else free_way_round(
+            around.view, state.pose, angle_between(0.0, error))
+        self._turn_left = way
+        if way is None:
+            return None
+        rate = turn_rate(way, around.velocity.theta, p, state.period, around.turn)
+        still = around.window.clip(STOP)
+        return Twist2D(still.x, still.y, rate)

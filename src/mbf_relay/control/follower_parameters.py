@@ -1,0 +1,62 @@
+"""Parameters every path follower has: limits, accelerations, tolerances, and when to give up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mbf_relay.parameters import ParameterSet, parameter
+
+
+@dataclass(frozen=True)
+class FollowerParameters(ParameterSet):
+    """Limits and tolerances by the names and with the defaults of base_local_planner's LocalPlannerLimits (ROS Noetic)."""
+
+    max_vel_trans: float = parameter(0.55, "top translational speed", "m/s", minimum=0.0, aliases=("max_trans_vel",))
+    min_vel_trans: float = parameter(
+        0.1, "slowest translation worth commanding: slower ones are not sampled, except to start, to brake, or together "
+        "with a turn of at least min_vel_theta", "m/s", minimum=0.0, aliases=("min_trans_vel",),
+    )
+    max_vel_x: float = parameter(0.55, "top forward velocity", "m/s")
+    min_vel_x: float = parameter(0.0, "lowest forward velocity; below 0 allows driving backwards", "m/s")
+    max_vel_y: float = parameter(0.1, "top velocity to the left", "m/s")
+    min_vel_y: float = parameter(-0.1, "lowest velocity to the left; below 0 is to the right", "m/s")
+    max_vel_theta: float = parameter(1.0, "top rotational speed", "rad/s", minimum=0.0, aliases=("max_rot_vel",))
+    min_vel_theta: float = parameter(
+        0.4, "slowest turn on the spot worth commanding, except to start and to brake", "rad/s", minimum=0.0,
+        aliases=("min_rot_vel",),
+    )
+    acc_lim_x: float = parameter(2.5, "acceleration limit along x", "m/s^2", above=0.0, maximum=20.0)
+    acc_lim_y: float = parameter(2.5, "acceleration limit along y", "m/s^2", above=0.0, maximum=20.0)
+    acc_lim_theta: float = parameter(
+        3.2, "rotational acceleration limit", "rad/s^2", above=0.0, maximum=20.0, aliases=("acc_lim_th",)
+    )
+    acc_lim_trans: float = parameter(
+        0.1, "read, and without effect, as in dwa_local_planner", "m/s^2", minimum=0.0, aliases=("acc_limit_trans",)
+    )
+    prune_plan: bool = parameter(False, "read, and without effect: the path is always followed from the nearest point on")
+    xy_goal_tolerance: float = parameter(0.1, "distance to the goal that counts as there", "m", above=0.0)
+    yaw_goal_tolerance: float = parameter(0.1, "angle to the goal's heading that counts as there", "rad", above=0.0)
+    trans_stopped_vel: float = parameter(0.1, "translation below this is standing", "m/s", minimum=0.0)
+    theta_stopped_vel: float = parameter(
+        0.1, "rotation below this is standing", "rad/s", minimum=0.0, aliases=("rot_stopped_vel",)
+    )
+    latch_xy_goal_tolerance: bool = parameter(False, "once at the goal's position only turn, until the goal changes")
+    stop_time_buffer: float = parameter(0.2, "time before braking in which a collision rules a velocity out", "s", minimum=0.0)
+
+    turn_to_path_angle: float = parameter(
+        1.0, "heading error beyond which the robot turns on the spot before it drives; above pi never", "rad", above=0.0
+    )
+    missed_path_distance: float = parameter(0.5, "distance to the path beyond which it is missed", "m", above=0.0)
+    stuck_timeout: float = parameter(2.0, "time without any of the motion commanded that means stuck; 0 never", "s", minimum=0.0)
+    blocked_timeout: float = parameter(0.5, "time the goal must be occupied to be given up", "s", minimum=0.0)
+
+    def check(self) -> None:
+        """Refuse limits that contradict each other."""
+        for low, high in (
+            ("min_vel_x", "max_vel_x"), ("min_vel_y", "max_vel_y"), ("min_vel_trans", "max_vel_trans"),
+            ("min_vel_theta", "max_vel_theta"),
+        ):
+            if getattr(self, low) > getattr(self, high):
+                raise ValueError(
+                    f"parameter {low} is {getattr(self, low)}; it must be at most {high}, which is {getattr(self, high)}"
+                )

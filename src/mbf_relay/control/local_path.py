@@ -1,0 +1,168 @@
+"""The stretch of the path a controller looks at: cut out round the robot, in the costmap's frame, with arc lengths."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Optional
+
+import numpy as np
+
+from mbf_relay.control import path_kernels
+from mbf_relay.control.controller import ControlState
+from mbf_relay.control.obstacle_view import ObstacleView
+from mbf_relay.geometry import Pose2D
+from mbf_relay.outcomes import ControlError, ControlOutcome
+from mbf_relay.planning.path import Path
+
+SPACING = 0.02  # m between the points kept of a path; planners put them closer than a controller can use
+
+
+@dataclass(frozen=True)
+class LocalPath:
+    """What lies ahead.
+
+    Attributes:
+        points: Shape (K, 2), K >= 2, metres in the costmap's frame; it goes on straight beyond the goal.
+        arcs: Shape (K,), metres along the whole path.
+        robot_arc: Arc length of the point nearest to the robot.
+        robot_distance: Distance (m) from the robot to that point.
+        goal_arc: Arc length of the goal.
+        goal: The goal in the costmap's frame.
+    """
+
+    points: np.ndarray
+    arcs: np.ndarray
+    robot_arc: float
+    robot_distance: float
+    goal_arc: float
+    goal: Pose2D
+
+    @property
+    def remaining(self) -> float:
+        """Distance (m) along the path from the robot to the goal."""
+        return max(0.0, self.goal_arc - self.robot_arc)
+
+    def point_at(self, arc: float) -> np.ndarray:
+        """Return the point (2,) at an arc length, clipped to this stretch."""
+        return np.array([np.interp(arc, self.arcs, self.points[:, 0]), np.interp(arc, self.arcs, self.points[:, 1])])
+
+    def project(self, points: np.ndarray, start: float, end: float) -> np.ndarray:
+        """Return each point's distance to the path and the arc length nearest to it.
+
+        Args:
+            points: Shape (M, 2) in metres.
+            start, end: Only the path between these arc lengths counts.
+
+        Returns:
+            Shape (M, 2): distance and arc length, both in metres.
+        """
+        first = max(0, int(np.searchsorted(self.arcs, start)) - 1)
+        last = min(len(self.arcs), int(np.searchsorted(self.arcs, end)) + 1)
+        if last - first < 2:
+            first, last = max(0, last - 2), max(2, last)
+        result = np.empty((len(points), 2))
+        path_kernels.project(
+            np.ascontiguousarray(points[:, :2]), self.points[first:last], self.arcs[first:last], result
+        )
+        return result
+
+    def first_blocked(self, view: ObstacleView) -> Optional[float]:
+        """Return the arc length ahead at which the robot's centre could not be, None where the stretch is free."""
+        ahead = np.flatnonzero((self.arcs >= self.robot_arc) & (self.arcs <= self.goal_arc))
+        for index in ahead:
+            if view.clearance_at(*self.points[index]) < view.costmap.inscribed_radius:
+                return float(self.arcs[index])
+        return None
+
+
+class PathTracker:
+    """Holds a path and knows how far along it the robot is."""
+
+    def __init__(self) -> None:
+        self.path: Optional[Path] = None
+        self._points = np.zeros((0, 2))
+        self._arcs = np.zeros(0)
+        self._robot_arc: Optional[float] = None
+
+    def set_path(self, path: Path) -> None:
+        """Follow another path; the robot's place on it is found anew.
+
+        Raises:
+            ControlError: INVALID_PATH; the path is empty, has a pose that is not finite, or no frame.
+        """
+        poses = np.asarray(path.poses, dtype=float)
+        if poses.ndim != 2 or len(poses) == 0:
+            raise ControlError(ControlOutcome.INVALID_PATH, "the path is empty; it must have at least one pose")
+        broken = np.flatnonzero(~np.isfinite(poses).all(axis=1))
+        if len(broken):
+            raise ControlError(
+                ControlOutcome.INVALID_PATH,
+                f"pose {broken[0]} of the path is {tuple(poses[broken[0]])}; every number must be finite",
+            )
+        self.path = path
+        self._points, self._arcs = _thin(poses)
+        self._robot_arc = None
+
+    def cut(self, state: ControlState, behind: float, ahead: float, extension: float) -> LocalPath:
+        """Return the stretch round the robot.
+
+        Args:
+            state: Where the robot is.
+            behind, ahead: How far (m) it reaches from the robot's place on the path.
+            extension: How far (m) it goes on beyond the goal, straight.
+        """
+        robot = state.pose.relative_to(state.costmap_from_path)
+        distance, arc = self._locate(robot)
+        self._robot_arc = arc
+        first = max(0, int(np.searchsorted(self._arcs, arc - behind)) - 1)
+        last = min(len(self._arcs), int(np.searchsorted(self._arcs, arc + ahead)) + 1)
+        points, arcs = self._points[first:last], self._arcs[first:last]
+        if last == len(self._arcs):
+            points, arcs = self._extended(points, arcs, robot, extension)
+        return LocalPath(
+            np.ascontiguousarray(state.costmap_from_path.transform_points(points)), np.ascontiguousarray(arcs), arc,
+            distance, float(self._arcs[-1]), state.costmap_from_path.compose(self.path.goal),
+        )
+
+    def _locate(self, robot: Pose2D) -> "tuple[float, float]":
+        """Return distance to and arc length of the robot's place: near the last one, or wherever that is far off."""
+        place = np.array([[robot.x, robot.y]])
+        if self._robot_arc is not None:
+            distance, arc = self._nearest(place, self._robot_arc - 0.2, self._robot_arc + 1.0)
+            if distance < 0.2:
+                return distance, arc
+        return self._nearest(place, 0.0, math.inf)
+
+    def _nearest(self, place: np.ndarray, start: float, end: float) -> "tuple[float, float]":
+        if len(self._points) == 1:
+            return float(np.hypot(*(place[0] - self._points[0]))), 0.0
+        first = max(0, int(np.searchsorted(self._arcs, start)) - 1)
+        last = max(first + 2, min(len(self._arcs), int(np.searchsorted(self._arcs, end)) + 1))
+        result = np.empty((1, 2))
+        path_kernels.project(place, self._points[first:last], self._arcs[first:last], result)
+        return float(result[0, 0]), float(result[0, 1])
+
+    def _extended(
+        self, points: np.ndarray, arcs: np.ndarray, robot: Pose2D, extension: float
+    ) -> "tuple[np.ndarray, np.ndarray]":
+        """Lengthen a stretch beyond the goal the way the path arrives there, or from the robot where it is too short."""
+        start = self._points[max(0, int(np.searchsorted(self._arcs, self._arcs[-1] - 0.15)))]
+        direction = self._points[-1] - start
+        if np.hypot(*direction) < 0.1:
+            direction = self._points[-1] - (robot.x, robot.y)
+        length = float(np.hypot(*direction))
+        if length < 1e-6:
+            direction, length = np.array([math.cos(robot.theta), math.sin(robot.theta)]), 1.0
+        beyond = self._points[-1] + direction * (max(extension, SPACING) / length)
+        return np.vstack((points, beyond)), np.append(arcs, self._arcs[-1] + max(extension, SPACING))
+
+
+def _thin(poses: np.ndarray) -> "tuple[np.ndarray, np.ndarray]":
+    """Return positions at least SPACING apart, the last one kept, and their arc lengths."""
+    points = poses[:, :2]
+    keep = np.zeros(len(points), dtype=np.uint8)
+    path_kernels.thin(np.ascontiguousarray(points), SPACING, keep)
+    points = np.ascontiguousarray(points[keep.astype(bool)])
+    steps = np.hypot(*np.diff(points, axis=0).T) if len(points) > 1 else np.zeros(0)
+    return points, np.concatenate(([0.0], np.cumsum(steps)))

@@ -1,0 +1,100 @@
+"""The footprint on the local costmap: where it would touch, for one pose and for batches of trajectories."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Tuple
+
+import cv2
+import numpy as np
+
+from mbf_relay.control import trajectory_kernels
+from mbf_relay.costmap.cost_grid import LETHAL, CostGrid
+from mbf_relay.geometry import Pose2D
+
+HEADINGS = 256  # the outline is turned beforehand; half a step moves a burger's corner by 2 mm
+
+
+class ObstacleView:
+    """One costmap, asked many times within a cycle. Cells that are lethal or unknown are in the way."""
+
+    def __init__(self, costmap: CostGrid) -> None:
+        self.costmap = costmap
+        grid = costmap.grid
+        self._costs = np.ascontiguousarray(costmap.costs)
+        self._distances = distances_to_obstacles(self._costs)
+        spacing = grid.resolution / 2.0
+        self._outlines = _outlines(costmap.footprint.tobytes(), len(costmap.footprint), spacing)
+        self._place = (grid.origin_x, grid.origin_y, grid.resolution)
+        corners = costmap.footprint
+        self._radius = float(np.hypot(corners[:, 0], corners[:, 1]).max()) if len(corners) else 0.0
+
+    def contacts_at(self, pose: Pose2D, scale: float = 1.0) -> int:
+        """Return how many points of the outline, half a cell apart, lie on an obstacle at a pose."""
+        return int(
+            trajectory_kernels.contacts(
+                self._costs, self._distances, *self._place, self._outlines, self._radius, pose.x, pose.y, pose.theta, scale
+            )
+        )
+
+    def first_contacts(
+        self, poses: np.ndarray, counts: np.ndarray, scales: np.ndarray, allowed: int = 0
+    ) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return for each trajectory the poses before its first contact, and the highest and summed cost under them.
+
+        Args:
+            poses: Shape (N, S, 3), float64, C-contiguous.
+            counts: Shape (N,), int64: poses of each trajectory.
+            scales: Shape (N,), float64: factor on the footprint.
+            allowed: Contacts the robot already has; a trajectory may keep them and lose them, not add to them.
+        """
+        free, highest, summed = np.empty(len(poses), np.int64), np.empty(len(poses)), np.empty(len(poses))
+        trajectory_kernels.first_contacts(
+            self._costs, self._distances, *self._place, self._outlines, self._radius, poses, counts, scales, allowed,
+            free, highest, summed,
+        )
+        return free, highest, summed
+
+    def free_steps(self, poses: np.ndarray, allowed: int = 0) -> int:
+        """Return how many of consecutive poses, shape (S, 3), come before the first contact."""
+        if len(poses) == 0:
+            return 0
+        batch = np.ascontiguousarray(poses, dtype=float)[None]
+        return int(self.first_contacts(batch, np.array([len(poses)]), np.ones(1), allowed)[0][0])
+
+    def in_sight(self, pose: Pose2D, points: np.ndarray) -> np.ndarray:
+        """Tell for each point, (N, 2) in metres, whether the straight line to it from the robot is free of obstacles."""
+        seen = np.empty(len(points), np.uint8)
+        trajectory_kernels.in_sight(self._costs, *self._place, pose.x, pose.y, np.ascontiguousarray(points), seen)
+        return seen.astype(bool)
+
+    def clearance_at(self, x: float, y: float) -> float:
+        """Return the distance (m) from a point to the centre of the nearest obstacle cell; 0 outside the grid."""
+        column, row = self.costmap.grid.cell_at(x, y)
+        if not self.costmap.grid.contains_cell(column, row):
+            return 0.0
+        return float(self._distances[row, column]) * self.costmap.grid.resolution
+
+
+def distances_to_obstacles(costs: np.ndarray) -> np.ndarray:
+    """Return the distance in cells from each cell to the nearest lethal or unknown one: uint8 in, float32 out."""
+    free = (costs < LETHAL).astype(np.uint8)
+    if free.all():
+        return np.full(costs.shape, 1e6, dtype=np.float32)
+    return cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+
+
+@lru_cache(maxsize=8)
+def _outlines(footprint: bytes, corners: int, spacing: float) -> np.ndarray:
+    """Return points round an outline, at most `spacing` apart, for each heading: (HEADINGS, P, 2) float32 metres."""
+    outline = np.frombuffer(footprint).reshape(corners, -1)[:, :2] if corners else np.zeros((1, 2))
+    points = []
+    for start, end in zip(outline, np.roll(outline, -1, axis=0)):
+        count = max(1, math.ceil(float(np.hypot(*(end - start))) / spacing))
+        points.append(start + (end - start) * (np.arange(count) / count)[:, None])
+    ring = np.vstack(points)
+    angles = np.arange(HEADINGS) * (2.0 * math.pi / HEADINGS)
+    cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    turned = np.stack((cos * ring[:, 0] - sin * ring[:, 1], sin * ring[:, 0] + cos * ring[:, 1]), axis=2)
+    return np.ascontiguousarray(turned, dtype=np.float32)

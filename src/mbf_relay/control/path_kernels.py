@@ -1,0 +1,64 @@
+"""Compiled loops over paths: thinning, and the nearest point of a polyline for many points at once."""
+
+from __future__ import annotations
+
+import math
+
+from mbf_relay.kernels import kernel
+
+
+@kernel("void(float64[:,::1], float64, uint8[::1])")
+def thin(points, spacing, keep):
+    """Mark the points of a path that lie at least `spacing` from the last one marked, and the final one.
+
+    Args:
+        points: Shape (N, 2) in metres, N >= 1.
+        spacing: Metres.
+        keep: Shape (N,), filled with 0 and 1; points that repeat the final one are not kept besides it.
+    """
+    last = points.shape[0] - 1
+    keep[:] = 0
+    keep[0] = 1
+    kept = 0
+    for index in range(1, points.shape[0]):
+        if math.hypot(points[index, 0] - points[kept, 0], points[index, 1] - points[kept, 1]) >= spacing:
+            keep[index] = 1
+            kept = index
+    if kept == last:
+        return
+    if kept > 0 or (points[0, 0] == points[last, 0] and points[0, 1] == points[last, 1]):
+        keep[kept] = 0
+    keep[last] = 1
+
+
+@kernel("void(float64[:,::1], float64[:,::1], float64[::1], float64[:,::1])")
+def project(points, line, arcs, result):
+    """Find the nearest point of a polyline for each point.
+
+    Args:
+        points: Shape (M, 2) in metres.
+        line: Shape (K, 2) in metres, K >= 2.
+        arcs: Shape (K,): arc length (m) at each corner of the line.
+        result: Shape (M, 2): filled with the distance (m) and the arc length (m) of the nearest point; of several, the
+            first along the line.
+    """
+    for index in range(points.shape[0]):
+        x, y = points[index, 0], points[index, 1]
+        nearest = 1e300
+        nearest_arc = arcs[0]
+        for corner in range(line.shape[0] - 1):
+            dx = line[corner + 1, 0] - line[corner, 0]
+            dy = line[corner + 1, 1] - line[corner, 1]
+            px = x - line[corner, 0]
+            py = y - line[corner, 1]
+            length = dx * dx + dy * dy
+            along = (px * dx + py * dy) / length if length > 0.0 else 0.0
+            along = min(1.0, max(0.0, along))
+            px -= along * dx
+            py -= along * dy
+            distance = px * px + py * py
+            if distance < nearest:
+                nearest = distance
+                nearest_arc = arcs[corner] + along * (arcs[corner + 1] - arcs[corner])
+        result[index, 0] = math.sqrt(nearest)
+        result[index, 1] = nearest_arc

@@ -1,0 +1,197 @@
+"""The dynamic window and the batch of trajectories sampled from it (Fox, Burgard, Thrun 1997; dwa_local_planner)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Tuple
+
+import numpy as np
+
+from mbf_relay.control import trajectory_kernels
+from mbf_relay.control.dwa_parameters import DwaParameters
+from mbf_relay.control.obstacle_view import ObstacleView
+from mbf_relay.geometry import Pose2D, Twist2D
+
+
+@dataclass(frozen=True)
+class VelocityWindow:
+    """The velocities in reach: lowest and highest of each component, body frame."""
+
+    low: Twist2D
+    high: Twist2D
+
+    def contains(self, velocity: Twist2D, slack: float = 1e-9) -> bool:
+        """Tell whether a velocity is in reach."""
+        return all(low - slack <= value <= high + slack for low, value, high in zip(self.low, velocity, self.high))
+
+    def clip(self, velocity: Twist2D) -> Twist2D:
+        """Return the velocity in reach that is nearest, component by component."""
+        return Twist2D(*(min(high, max(low, value)) for low, value, high in zip(self.low, velocity, self.high)))
+
+
+def window_of(parameters: DwaParameters, velocity: Twist2D, horizon: float, speed: float, turn: float) -> VelocityWindow:
+    """Return what can be reached from `velocity` within `horizon` seconds.
+
+    Where the present velocity is beyond a limit, the window is the least that braking leaves.
+
+    Args:
+        parameters: Limits and accelerations.
+        velocity: The present velocity.
+        horizon: Seconds of acceleration.
+        speed: Top translational speed (m/s) for now.
+        turn: Top rotational speed (rad/s) for now.
+    """
+    p = parameters
+    limits = (
+        (max(p.min_vel_x, -speed), min(p.max_vel_x, speed), p.acc_lim_x),
+        (max(p.min_vel_y, -speed), min(p.max_vel_y, speed), p.acc_lim_y),
+        (-turn, turn, p.acc_lim_theta),
+    )
+    low, high = [], []
+    for now, (lowest, highest, acceleration) in zip(velocity, limits):
+        reach_low, reach_high = now - acceleration * horizon, now + acceleration * horizon
+        low.append(min(reach_high, max(reach_low, lowest)))
+        high.append(max(reach_low, min(reach_high, highest)))
+    return VelocityWindow(Twist2D(*low), Twist2D(*high))
+
+
+def sample(parameters: DwaParameters, window: VelocityWindow, speed: float) -> np.ndarray:
+    """Return velocities of the window, shape (N, 3): evenly spaced along each component, with its ends and zero.
+
+    Left out are: standing still; more than `speed` in all; and what is slower than both min_vel_trans and
+    min_vel_theta, unless nothing faster is in reach (the robot starts, or must be slow here).
+    """
+    p = parameters
+    axes = [
+        _axis(low, high, count)
+        for low, high, count in zip(window.low, window.high, (p.vx_samples, p.vy_samples, p.vth_samples))
+    ]
+    grids = np.meshgrid(*axes, indexing="ij")
+    velocities = np.column_stack([grid.ravel() for grid in grids])
+    speeds = np.hypot(velocities[:, 0], velocities[:, 1])
+    turns = np.abs(velocities[:, 2])
+    fastest = max(abs(window.low.x), abs(window.high.x), abs(window.low.y), abs(window.high.y))
+    sharpest = max(abs(window.low.theta), abs(window.high.theta))
+    too_slow = (speeds < min(p.min_vel_trans, fastest) - 1e-4) & (turns < min(p.min_vel_theta, sharpest) - 1e-4)
+    standing = (speeds < 1e-6) & (turns < 1e-6)
+    slowest = math.hypot(*(min(abs(low), abs(high)) if low * high > 0.0 else 0.0
+                           for low, high in zip(window.low[:2], window.high[:2])))
+    too_fast = speeds > max(speed, slowest) + 1e-4
+    return np.ascontiguousarray(velocities[~(too_slow | standing | too_fast)])
+
+
+def _axis(low: float, high: float, count: int) -> np.ndarray:
+    if high - low < 1e-9:
+        return np.array([high])
+    values = np.linspace(low, high, max(2, count))
+    if low < 0.0 < high and not (np.abs(values) < 1e-12).any():
+        values = np.sort(np.append(values, 0.0))
+    return values
+
+
+@dataclass(frozen=True)
+class Trajectories:
+    """A batch of N trajectories of up to S poses, in the costmap's frame.
+
+    Attributes:
+        velocities: Shape (N, 3): the velocity sampled.
+        commands: Shape (N, 3): the velocity to command for it now; within accelerations.
+        poses: Shape (N, S, 3): poses after each step.
+        counts: Shape (N,): poses simulated; the trajectory stops at the goal.
+        free: Shape (N,): poses before the first contact.
+        needed: Shape (N,): poses that must be free for the robot to be able to stop.
+        ends: Shape (N, 3): the last free pose, the robot's own where none is free.
+        spare: Shape (N,): metres it would drive on within sim_time, were the goal not where it stops.
+        highest_costs, summed_costs: Shape (N,): cost under the centre, over the free poses.
+    """
+
+    velocities: np.ndarray
+    commands: np.ndarray
+    poses: np.ndarray
+    counts: np.ndarray
+    free: np.ndarray
+    needed: np.ndarray
+    ends: np.ndarray
+    spare: np.ndarray
+    highest_costs: np.ndarray
+    summed_costs: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.velocities)
+
+
+def roll_out(
+    parameters: DwaParameters, view: ObstacleView, pose: Pose2D, velocity: Twist2D, velocities: np.ndarray,
+    period: float, distance_left: float,
+) -> Trajectories:
+    """Simulate a batch of velocities and lay the footprint along it.
+
+    A trajectory lasts sim_time, or until it has driven `distance_left`: the robot would stop at the goal.
+
+    Args:
+        parameters: Limits, granularities, stop_time_buffer and footprint scaling.
+        view: The obstacles.
+        pose, velocity: The robot now.
+        velocities: Shape (N, 3).
+        period: Seconds until the next command.
+        distance_left: Metres to the goal.
+    """
+    p = parameters
+    speeds, turns = np.hypot(velocities[:, 0], velocities[:, 1]), np.abs(velocities[:, 2])
+    accelerations = np.array([p.acc_lim_x, p.acc_lim_y, p.acc_lim_theta])
+    braking = np.max(np.abs(velocities) / (2.0 * accelerations), axis=1)
+    stopping = period + p.stop_time_buffer + braking
+    durations = np.full(len(velocities), max(p.sim_time, float(stopping.max()) if len(stopping) else 0.0))
+    moving = speeds > 1e-3
+    durations[moving] = np.minimum(durations[moving], np.maximum(distance_left / speeds[moving], stopping[moving]))
+    most = int(math.ceil(_longest(durations, speeds, turns, p))) + 1
+    poses = np.empty((len(velocities), most, 3))
+    counts, steps = np.empty(len(velocities), np.int64), np.empty(len(velocities))
+    start = np.array(velocity, dtype=float) if not p.use_dwa else np.full(3, np.nan)
+    trajectory_kernels.simulate(
+        np.array(pose, dtype=float), start, accelerations, velocities, durations, p.sim_granularity,
+        p.angular_sim_granularity, poses, counts, steps,
+    )
+    allowed = view.contacts_at(pose)
+    free, highest, summed = view.first_contacts(poses, counts, _scales(p, speeds), allowed)
+    ends = poses[np.arange(len(poses)), np.maximum(free, 1) - 1]
+    ends[free == 0] = pose
+    needed = np.minimum(counts, np.ceil(stopping / steps - 1e-9).astype(np.int64))
+    spare = np.where(free == counts, np.maximum(0.0, p.sim_time - durations) * speeds, 0.0)
+    change = accelerations * period
+    commands = velocities if p.use_dwa else np.clip(velocities, np.array(velocity) - change, np.array(velocity) + change)
+    return Trajectories(velocities, commands, poses, counts, free, needed, ends, spare, highest, summed)
+
+
+def _longest(durations: np.ndarray, speeds: np.ndarray, turns: np.ndarray, p: DwaParameters) -> float:
+    if len(durations) == 0:
+        return 1.0
+    return float(np.maximum(durations * speeds / p.sim_granularity, durations * turns / p.angular_sim_granularity).max())
+
+
+def _scales(p: DwaParameters, speeds: np.ndarray) -> np.ndarray:
+    """Return the factor on the footprint at each speed: it grows from scaling_speed to max_vel_trans."""
+    span = p.max_vel_trans - p.scaling_speed
+    if span <= 0.0:
+        return np.ones_like(speeds)
+    return 1.0 + p.max_scaling_factor * np.clip((speeds - p.scaling_speed) / span, 0.0, 1.0)
+
+
+def stopping_distance(speed: float, acceleration: float, delay: float) -> float:
+    """Return the distance (m) covered from `speed` (m/s) when braking begins after `delay` (s)."""
+    return speed * delay + speed * speed / (2.0 * acceleration)
+
+
+def speed_to_stop_within(distance: float, acceleration: float, delay: float) -> float:
+    """Return the highest speed from which `stopping_distance` is at most `distance`; works for angles as well."""
+    if distance <= 0.0:
+        return 0.0
+    return acceleration * (math.sqrt(delay * delay + 2.0 * distance / acceleration) - delay)
+
+
+def reachable(now: float, wanted: float, acceleration: float, period: float) -> Tuple[float, bool]:
+    """Return `wanted` limited to what one period of acceleration can make of `now`, and whether it was in reach."""
+    change = acceleration * period
+    value = min(now + change, max(now - change, wanted))
+    return value, value == wanted

@@ -1,0 +1,176 @@
+"""Compiled loops over batches of trajectories: forward simulation and the first contact of a footprint on the way."""
+
+from __future__ import annotations
+
+import math
+
+from mbf_relay.kernels import kernel
+
+_LETHAL = 254
+
+
+@kernel(
+    "void(float64[::1], float64[::1], float64[::1], float64[:,::1], float64[::1], float64, float64, "
+    "float64[:,:,::1], int64[::1], float64[::1])"
+)
+def simulate(pose, velocity, accelerations, targets, durations, granularity, angular_granularity, poses, counts, steps):
+    """Drive a batch of velocities forward.
+
+    Each velocity component moves from `velocity` to the target's at its acceleration; within a step it is constant, and
+    the step is the exact arc.
+
+    Args:
+        pose: Shape (3,): x, y (m), theta (rad) at the start.
+        velocity: Shape (3,), body frame; give NaN in [0] where the targets hold from the start.
+        accelerations: Shape (3,), all above 0.
+        targets: Shape (N, 3): velocities in the body frame.
+        durations: Shape (N,) in seconds.
+        granularity: Most metres per step.
+        angular_granularity: Most radians per step.
+        poses: Shape (N, S, 3): filled with the pose after each step, counts[n] of them.
+        counts: Shape (N,): filled with the number of steps, 1 to S.
+        steps: Shape (N,): filled with the length of a step (s).
+    """
+    at_once = math.isnan(velocity[0])
+    most = poses.shape[1]
+    for n in range(targets.shape[0]):
+        target_x, target_y, target_turn = targets[n, 0], targets[n, 1], targets[n, 2]
+        need = max(
+            math.hypot(target_x, target_y) * durations[n] / granularity,
+            abs(target_turn) * durations[n] / angular_granularity,
+        )
+        count = min(most, max(1, int(math.ceil(need - 1e-9))))
+        step = durations[n] / count
+        counts[n] = count
+        steps[n] = step
+        x, y, theta = pose[0], pose[1], pose[2]
+        cos, sin = math.cos(theta), math.sin(theta)
+        along_x = target_x if at_once else velocity[0]
+        along_y = target_y if at_once else velocity[1]
+        turn = target_turn if at_once else velocity[2]
+        ahead, aside, turn_cos, turn_sin = 0.0, 0.0, 1.0, 0.0
+        for i in range(count):
+            if i == 0 or not at_once:
+                if not at_once:
+                    along_x += min(accelerations[0] * step, max(-accelerations[0] * step, target_x - along_x))
+                    along_y += min(accelerations[1] * step, max(-accelerations[1] * step, target_y - along_y))
+                    turn += min(accelerations[2] * step, max(-accelerations[2] * step, target_turn - turn))
+                angle = turn * step
+                turn_cos, turn_sin = math.cos(angle), math.sin(angle)
+                if abs(angle) > 1e-6:
+                    ahead = (along_x * turn_sin - along_y * (1.0 - turn_cos)) / turn
+                    aside = (along_x * (1.0 - turn_cos) + along_y * turn_sin) / turn
+                else:
+                    ahead, aside = along_x * step, along_y * step
+            x += cos * ahead - sin * aside
+            y += sin * ahead + cos * aside
+            theta += turn * step
+            cos, sin = cos * turn_cos - sin * turn_sin, sin * turn_cos + cos * turn_sin
+            poses[n, i, 0] = x
+            poses[n, i, 1] = y
+            poses[n, i, 2] = theta
+
+
+@kernel(
+    "int64(uint8[:,::1], float32[:,::1], float64, float64, float64, float32[:,:,::1], float64, float64, float64, "
+    "float64, float64)"
+)
+def contacts(costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, x, y, theta, scale):
+    """Return how many points of a footprint's outline lie on a lethal or unknown cell, or outside the grid.
+
+    Args:
+        costs: Shape (H, W), uint8.
+        distances: Shape (H, W): distance in cells from each cell's centre to that of the nearest lethal or unknown one.
+        origin_x, origin_y, resolution: Where the cells lie.
+        outlines: Shape (A, P, 2): points (m) round the outline, turned by each of A headings of a full circle.
+        circumscribed: Radius (m) of the outline at scale 1.
+        x, y, theta: Pose of the base.
+        scale: Factor on the outline.
+    """
+    height, width = costs.shape
+    across = (x - origin_x) / resolution
+    up = (y - origin_y) / resolution
+    reach = circumscribed * scale / resolution
+    inside = across - reach >= 0.0 and up - reach >= 0.0 and across + reach < width and up + reach < height
+    if inside and distances[int(up), int(across)] > reach + 1.4143:
+        return 0
+    headings = outlines.shape[0]
+    heading = int(math.floor(theta * headings / (2.0 * math.pi) + 0.5)) % headings
+    factor = scale / resolution
+    found = 0
+    for point in range(outlines.shape[1]):
+        column = int(math.floor(across + factor * outlines[heading, point, 0]))
+        row = int(math.floor(up + factor * outlines[heading, point, 1]))
+        if column < 0 or row < 0 or column >= width or row >= height or costs[row, column] >= _LETHAL:
+            found += 1
+    return found
+
+
+@kernel(
+    "void(uint8[:,::1], float32[:,::1], float64, float64, float64, float32[:,:,::1], float64, float64[:,:,::1], "
+    "int64[::1], float64[::1], int64, int64[::1], float64[::1], float64[::1])"
+)
+def first_contacts(
+    costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, poses, counts, scales, allowed, free,
+    highest, summed,
+):
+    """Find how far along each trajectory the footprint stays free, and what cost its centre passes.
+
+    Args:
+        costs, distances, origin_x, origin_y, resolution, outlines, circumscribed: As for `contacts`.
+        poses: Shape (N, S, 3).
+        counts: Shape (N,): number of poses of each trajectory.
+        scales: Shape (N,): factor on the footprint.
+        allowed: Number of outline points in contact that is tolerated; it falls to what is left on the way.
+        free: Shape (N,): filled with the number of poses before the first contact.
+        highest, summed: Shape (N,): filled with the highest and the summed cost under the centre of these poses.
+    """
+    height, width = costs.shape
+    for n in range(poses.shape[0]):
+        tolerated = allowed
+        free[n] = counts[n]
+        highest[n] = 0.0
+        summed[n] = 0.0
+        for i in range(counts[n]):
+            x, y = poses[n, i, 0], poses[n, i, 1]
+            found = contacts(
+                costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, x, y, poses[n, i, 2],
+                scales[n])
+            if found > tolerated:
+                free[n] = i
+                break
+            tolerated = min(tolerated, found)
+            column = int(math.floor((x - origin_x) / resolution))
+            row = int(math.floor((y - origin_y) / resolution))
+            if column < 0 or row < 0 or column >= width or row >= height:
+                free[n] = i
+                break
+            cost = float(costs[row, column])
+            highest[n] = max(highest[n], cost)
+            summed[n] += cost
+
+
+@kernel("void(uint8[:,::1], float64, float64, float64, float64, float64, float64[:,::1], uint8[::1])")
+def in_sight(costs, origin_x, origin_y, resolution, x, y, points, seen):
+    """Mark the points whose straight line from (x, y) crosses no lethal or unknown cell; what is outside is not judged.
+
+    Args:
+        costs: Shape (H, W), uint8.
+        origin_x, origin_y, resolution: Where the cells lie.
+        x, y: Where from (m).
+        points: Shape (N, 2) in metres.
+        seen: Shape (N,): filled with 1 or 0.
+    """
+    height, width = costs.shape
+    for n in range(points.shape[0]):
+        dx, dy = points[n, 0] - x, points[n, 1] - y
+        count = int(math.hypot(dx, dy) / (0.5 * resolution)) + 1
+        seen[n] = 1
+        for i in range(1, count + 1):
+            column = int(math.floor((x + dx * i / count - origin_x) / resolution))
+            row = int(math.floor((y + dy * i / count - origin_y) / resolution))
+            if column < 0 or row < 0 or column >= width or row >= height:
+                break
+            if costs[row, column] >= _LETHAL:
+                seen[n] = 0
+                break
