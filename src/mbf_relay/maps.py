@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
+from typing import Any, Tuple
 
 import numpy as np
+import yaml
+from PIL import Image
 
 from mbf_relay.geometry import Pose2D
+from mbf_relay.grid import Grid
+from mbf_relay.parameters import ParameterSet, parameter
 
 FREE = 0
 OCCUPIED = 100
 UNKNOWN = -1
+
+
+class MapFileError(ValueError):
+    """A map's YAML file is missing something or holds a wrong value; the text names file, key and value."""
+
+
+class MapImageError(ValueError):
+    """A map's image cannot be read; the text names it."""
 
 
 @dataclass(frozen=True)
@@ -26,3 +40,179 @@ class OccupancyMap:
     data: np.ndarray
     resolution: float
     origin: Pose2D
+
+    @property
+    def local_grid(self) -> Grid:
+        """The map's cells laid out in the frame of its origin, where no turn is left to care for."""
+        height, width = self.data.shape
+        return Grid(self.resolution, 0.0, 0.0, width, height)
+
+    def contains_point(self, x: float, y: float) -> bool:
+        """Tell whether a point of the map's frame (m) lies on the map."""
+        local = Pose2D(x, y, 0.0).relative_to(self.origin)
+        return self.local_grid.contains_point(local.x, local.y)
+
+
+@dataclass(frozen=True)
+class MapFileParameters(ParameterSet):
+    """What a map's YAML file holds (map_server's format)."""
+
+    image: str = parameter("", "file of the image, relative to the YAML file or absolute")
+    resolution: float = parameter(0.05, "side of a cell", unit="m", above=0.0)
+    origin: Tuple[float, float, float] = parameter((0.0, 0.0, 0.0), "pose of the lower left corner: x, y, yaw")
+    negate: bool = parameter(False, "white is occupied instead of black")
+    occupied_thresh: float = parameter(0.65, "cells darker than this share are occupied", minimum=0.0, maximum=1.0)
+    free_thresh: float = parameter(0.196, "cells darker than less than this share are free", minimum=0.0, maximum=1.0)
+    mode: str = parameter("trinary", "how values become occupancy", choices=("trinary", "scale", "raw"))
+
+    REQUIRED = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+
+    def check(self) -> None:
+        if not self.image:
+            raise ValueError("parameter image is empty; it must name the map's image file")
+        if self.free_thresh > self.occupied_thresh:
+            raise ValueError(
+                f"parameter free_thresh is {self.free_thresh}; it must not be above occupied_thresh {self.occupied_thresh}"
+            )
+        if not Pose2D(*self.origin).is_finite():
+            raise ValueError(f"parameter origin is {self.origin}; it must be finite")
+
+
+def load_map(yaml_path: str) -> OccupancyMap:
+    """Read a map from its YAML file and the image that names.
+
+    Raises:
+        OSError: The YAML file or the image cannot be opened.
+        MapFileError: The YAML file lacks a key or has a wrong value.
+        MapImageError: The image is none the image library reads.
+    """
+    parameters = read_map_file(yaml_path)
+    image_path = os.path.join(os.path.dirname(os.path.abspath(yaml_path)), parameters.image)
+    return load_map_image(image_path, parameters)
+
+
+def read_map_file(yaml_path: str) -> MapFileParameters:
+    """Read and check a map's YAML file; errors as for `load_map`."""
+    with open(yaml_path, encoding="utf-8") as file:
+        try:
+            values = yaml.safe_load(file)
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            raise MapFileError(f"map file {yaml_path} is no YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(values, dict):
+        raise MapFileError(f"map file {yaml_path} holds no keys; it must have {', '.join(MapFileParameters.REQUIRED)}")
+    missing = [name for name in MapFileParameters.REQUIRED if name not in values]
+    if missing:
+        raise MapFileError(f"map file {yaml_path} lacks {', '.join(missing)}")
+    try:
+        return MapFileParameters.from_mapping({name: _plain(name, value) for name, value in values.items()})
+    except ValueError as error:
+        raise MapFileError(f"map file {yaml_path}: {error}") from error
+
+
+def _plain(name: str, value: Any) -> Any:
+    """Return a YAML value as map_server understands it: `negate: 0` is a switch and 5e-2 a number, not a text."""
+    if name == "negate" and value in (0, 1):
+        return bool(value)
+    if name == "origin" and isinstance(value, list):
+        return [_plain("", entry) for entry in value]
+    if isinstance(value, str) and name not in ("image", "mode"):
+        try:
+            return float(value)
+        except ValueError:
+            return value
+    return value
+
+
+def load_map_image(image_path: str, parameters: MapFileParameters) -> OccupancyMap:
+    """Read a map from its image.
+
+    Raises:
+        OSError: The file cannot be opened.
+        MapImageError: It is no image, or has no pixel.
+    """
+    with open(image_path, "rb") as file:
+        try:
+            channels = _channels(Image.open(file))
+        except (OSError, ValueError, SyntaxError) as error:
+            raise MapImageError(f"map image {image_path} cannot be read: {error}") from error
+    return OccupancyMap(_occupancy(channels, parameters), parameters.resolution, Pose2D(*parameters.origin))
+
+
+def _channels(image: Image.Image) -> np.ndarray:
+    """Return an image as uint8 of shape (height, width, channels), channels 1, 3 or 4 with alpha last."""
+    if image.mode.startswith("I") or image.mode == "F":
+        values = np.asarray(image, dtype=np.int64)
+        return (values >> 8 if values.size and values.max() > 255 else values).astype(np.uint8)[:, :, None]
+    if image.mode in ("LA", "PA", "RGBA") or "transparency" in image.info:
+        return np.asarray(image.convert("RGBA"))
+    if image.mode in ("L", "1"):
+        return np.asarray(image.convert("L"))[:, :, None]
+    return np.asarray(image.convert("RGB"))
+
+
+def _occupancy(channels: np.ndarray, parameters: MapFileParameters) -> np.ndarray:
+    """Turn pixels into occupancy, int8 with row 0 the lowest y (map_server's image_loader)."""
+    has_alpha = channels.shape[2] == 4
+    # In trinary mode the alpha channel counts as one more colour; existing maps were made to look right that way.
+    counted = channels if parameters.mode == "trinary" or not has_alpha else channels[:, :, :3]
+    count = counted.shape[2]
+    values = _value_table(count, parameters)[counted.sum(axis=2, dtype=np.int64)]
+    if parameters.mode == "scale" and has_alpha:
+        between = (values > 0) & (values < 100)
+        values = np.where(between & (channels[:, :, 3] == 0), np.int8(UNKNOWN), values)
+    return np.ascontiguousarray(values[::-1])
+
+
+def _value_table(count: int, parameters: MapFileParameters) -> np.ndarray:
+    """Return the occupancy (int8) for every sum that `count` channels of 0 to 255 can have."""
+    average = np.arange(255 * count + 1) / count
+    if parameters.negate:
+        average = 255.0 - average
+    if parameters.mode == "raw":
+        return average.astype(np.uint8).view(np.int8)
+    share = (255.0 - average) / 255.0
+    table = np.full(len(share), UNKNOWN, dtype=np.int8)
+    if parameters.mode == "scale":
+        span = max(parameters.occupied_thresh - parameters.free_thresh, 1e-12)
+        table = np.clip(1.0 + 98.0 * (share - parameters.free_thresh) / span, 1, 99).astype(np.int8)
+    table[share < parameters.free_thresh] = FREE
+    table[share > parameters.occupied_thresh] = OCCUPIED
+    return table
+
+
+def save_map(stem: str, occupancy: OccupancyMap, occupied: int = 65, free: int = 25) -> Tuple[str, str]:
+    """Write a map as STEM.pgm and STEM.yaml in map_saver's form.
+
+    Args:
+        stem: Path without ending.
+        occupancy: The map.
+        occupied: Cells of at least this value are written black (occupied).
+        free: Cells from 0 to this value are written white (free); all others grey (unknown).
+
+    Returns:
+        Paths of the YAML file and the image.
+
+    Raises:
+        OSError: A file cannot be written.
+        ValueError: The thresholds contradict each other.
+    """
+    if not (0 <= free < occupied <= 100):
+        raise ValueError(f"thresholds are occ {occupied} and free {free}; they must be 0 <= free < occ <= 100")
+    image_path, yaml_path = stem + ".pgm", stem + ".yaml"
+    data = occupancy.data[::-1]
+    pixels = np.full(data.shape, 205, dtype=np.uint8)
+    pixels[(data >= 0) & (data <= free)] = 254
+    pixels[data >= occupied] = 0
+    height, width = data.shape
+    with open(image_path, "wb") as file:
+        file.write(f"P5\n# {occupancy.resolution:.3f} m/pix\n{width} {height}\n255\n".encode())
+        file.write(pixels.tobytes())
+    origin = ", ".join(repr(float(value)) for value in occupancy.origin)
+    with open(yaml_path, "w", encoding="utf-8") as file:
+        # The image stands beside the YAML file, so its name alone finds it from any working directory.
+        file.write(
+            f"image: {yaml.safe_dump(os.path.basename(image_path), default_style=None).splitlines()[0]}\n"
+            f"resolution: {occupancy.resolution!r}\norigin: [{origin}]\nnegate: 0\n"
+            "occupied_thresh: 0.65\nfree_thresh: 0.196\n\n"
+        )
+    return yaml_path, image_path

@@ -1,0 +1,71 @@
+"""What the particles say: clusters, and mean and covariance as amcl reports them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import List, Tuple
+
+import numpy as np
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.resampling import hash_table
+from mbf_relay.localization.resampling_kernels import label_clusters
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Where the robot is.
+
+    Attributes:
+        pose: Of the base, in the map's frame.
+        covariance: Shape (3, 3) over x, y (m^2) and theta (rad^2), of all particles.
+        weight: Share of the belief, 0 to 1, in the cluster the pose was taken from.
+        clusters: Number of separate clusters.
+        resampled: Whether the particles were drawn anew at this update.
+    """
+
+    pose: Pose2D
+    covariance: np.ndarray
+    weight: float
+    clusters: int
+    resampled: bool = False
+
+
+def cluster(poses: np.ndarray) -> Tuple[np.ndarray, int]:
+    """Return each particle's cluster, shape (N,), and how many there are; bins that touch make a cluster."""
+    keys = hash_table(len(poses))
+    labels = np.empty(len(poses), dtype=np.int64)
+    count = label_clusters(np.ascontiguousarray(poses), keys, np.full(len(keys), -1, dtype=np.int64), labels)
+    return labels, int(count)
+
+
+def heaviest_first(labels: np.ndarray, weights: np.ndarray, count: int) -> List[Tuple[int, float]]:
+    """Return the clusters with their share of the weight, heaviest first."""
+    shares = np.bincount(labels, weights, minlength=count)
+    return [(int(label), float(shares[label])) for label in np.argsort(-shares, kind="stable")]
+
+
+def mean_and_covariance(poses: np.ndarray, weights: np.ndarray) -> Tuple[Pose2D, np.ndarray]:
+    """Return the weighted mean pose and covariance, shape (3, 3); the heading's is -2 ln R as in amcl."""
+    share = weights / weights.sum()
+    x, y = float(share @ poses[:, 0]), float(share @ poses[:, 1])
+    cos, sin = float(share @ np.cos(poses[:, 2])), float(share @ np.sin(poses[:, 2]))
+    offsets = poses[:, :2] - (x, y)
+    covariance = np.zeros((3, 3))
+    covariance[:2, :2] = (offsets * share[:, None]).T @ offsets
+    covariance[2, 2] = max(0.0, -2.0 * math.log(min(1.0, max(1e-300, math.hypot(cos, sin)))))
+    return Pose2D(x, y, math.atan2(sin, cos)), covariance
+
+
+def estimate(poses: np.ndarray, weights: np.ndarray, resampled: bool = False) -> Estimate:
+    """Return the mean of the heaviest cluster, with the covariance of the whole set.
+
+    The mean of all would lie between two places the robot may be in, where it certainly is not.
+    """
+    labels, count = cluster(poses)
+    label, share = heaviest_first(labels, weights, count)[0]
+    members = labels == label
+    pose, _ = mean_and_covariance(poses[members], weights[members])
+    _, covariance = mean_and_covariance(poses, weights)
+    return Estimate(pose, covariance, share, count, resampled)

@@ -1,0 +1,146 @@
+"""Compiled loops of the laser models: particles x beams on the map's grid."""
+
+from __future__ import annotations
+
+import math
+
+from mbf_relay.kernels import kernel
+
+
+@kernel("void(float64[:,::1], float64[:,::1], float32[:,::1], float64, float64[::1], float64[::1])")
+def sum_over_endpoints(poses, endpoints, table, outside, frame, sums):
+    """Add up what a table over the map says of where each particle's beams end.
+
+    Args:
+        poses: Particles, shape (N, 3), in the map's frame.
+        endpoints: Shape (B, 2) in metres, in the base's frame.
+        table: Shape (height, width): the term of a beam that ends in the cell.
+        outside: The term of a beam that ends off the map.
+        frame: Origin x, y, theta and resolution of the map, shape (4,).
+        sums: Result, shape (N,).
+    """
+    height, width = table.shape
+    cos_origin, sin_origin = math.cos(frame[2]), math.sin(frame[2])
+    scale = 1.0 / frame[3]
+    for i in range(poses.shape[0]):
+        dx, dy = poses[i, 0] - frame[0], poses[i, 1] - frame[1]
+        column0 = (cos_origin * dx + sin_origin * dy) * scale
+        row0 = (cos_origin * dy - sin_origin * dx) * scale
+        heading = poses[i, 2] - frame[2]
+        cos, sin = math.cos(heading) * scale, math.sin(heading) * scale
+        total = 0.0
+        for j in range(endpoints.shape[0]):
+            column = column0 + cos * endpoints[j, 0] - sin * endpoints[j, 1]
+            row = row0 + sin * endpoints[j, 0] + cos * endpoints[j, 1]
+            if column >= 0.0 and row >= 0.0 and column < width and row < height:
+                total += table[int(row), int(column)]
+            else:
+                total += outside
+        sums[i] = total
+
+
+@kernel("void(float64[:,::1], float64[:,::1], float32[:,::1], float64, float64[::1], float32[:,::1])")
+def look_up_endpoints(poses, endpoints, table, outside, frame, values):
+    """Look up where each particle's beams end: as `sum_over_endpoints`, with every term kept, shape (N, B)."""
+    height, width = table.shape
+    cos_origin, sin_origin = math.cos(frame[2]), math.sin(frame[2])
+    scale = 1.0 / frame[3]
+    for i in range(poses.shape[0]):
+        dx, dy = poses[i, 0] - frame[0], poses[i, 1] - frame[1]
+        column0 = (cos_origin * dx + sin_origin * dy) * scale
+        row0 = (cos_origin * dy - sin_origin * dx) * scale
+        heading = poses[i, 2] - frame[2]
+        cos, sin = math.cos(heading) * scale, math.sin(heading) * scale
+        for j in range(endpoints.shape[0]):
+            column = column0 + cos * endpoints[j, 0] - sin * endpoints[j, 1]
+            row = row0 + sin * endpoints[j, 0] + cos * endpoints[j, 1]
+            if column >= 0.0 and row >= 0.0 and column < width and row < height:
+                values[i, j] = table[int(row), int(column)]
+            else:
+                values[i, j] = outside
+
+
+@kernel("float64(uint8[:,::1], float64, float64, float64, float64)")
+def cast_ray(blocked, column, row, angle, reach):
+    """Return how far (cells) a ray runs until it enters a blocked cell or leaves the grid, at most `reach`.
+
+    The walk from cell border to cell border is Amanatides and Woo's (1987). Distance is counted to the border crossed
+    plus half a cell, so that on average it ends on the wall the blocked cell stands for.
+    """
+    height, width = blocked.shape
+    x, y = int(math.floor(column)), int(math.floor(row))
+    if x < 0 or y < 0 or x >= width or y >= height or blocked[y, x]:
+        return 0.0
+    dx, dy = math.cos(angle), math.sin(angle)
+    step_x, step_y = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
+    per_x = abs(1.0 / dx) if abs(dx) > 1e-12 else 1e30
+    per_y = abs(1.0 / dy) if abs(dy) > 1e-12 else 1e30
+    next_x = (x + 1 - column if step_x > 0 else column - x) * per_x
+    next_y = (y + 1 - row if step_y > 0 else row - y) * per_y
+    while True:
+        if next_x < next_y:
+            distance = next_x
+            next_x += per_x
+            x += step_x
+        else:
+            distance = next_y
+            next_y += per_y
+            y += step_y
+        if distance >= reach:
+            return reach
+        if x < 0 or y < 0 or x >= width or y >= height or blocked[y, x]:
+            return min(reach, distance + 0.5)
+
+
+@kernel(
+    "void(float64[:,::1], float64[::1], float64[::1], float64[::1], uint8[:,::1], float64[::1], float64, float64[::1],"
+    " float64[::1])"
+)
+def sum_over_rays(poses, ranges, bearings, laser, blocked, frame, range_max, model, sums):
+    """Add up the beam model's cubed likelihoods for each particle.
+
+    Args:
+        poses: Particles, shape (N, 3), in the map's frame.
+        ranges, bearings: Readings (m), with `range_max` for no return, and directions (rad) in the base's frame.
+        laser: Position of the sensor in the base's frame, shape (2,).
+        blocked: Shape (height, width): where a ray ends.
+        frame: Origin x, y, theta and resolution of the map, shape (4,).
+        range_max: Longest reading (m).
+        model: z_hit, z_short, z_max, z_rand, sigma_hit, lambda_short, shape (6,).
+        sums: Result, shape (N,).
+    """
+    cos_origin, sin_origin = math.cos(frame[2]), math.sin(frame[2])
+    resolution = frame[3]
+    denominator = 2.0 * model[4] * model[4]
+    for i in range(poses.shape[0]):
+        cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+        dx = poses[i, 0] + cos * laser[0] - sin * laser[1] - frame[0]
+        dy = poses[i, 1] + sin * laser[0] + cos * laser[1] - frame[1]
+        column = (cos_origin * dx + sin_origin * dy) / resolution
+        row = (cos_origin * dy - sin_origin * dx) / resolution
+        total = 0.0
+        for j in range(ranges.shape[0]):
+            angle = poses[i, 2] + bearings[j] - frame[2]
+            expected = cast_ray(blocked, column, row, angle, range_max / resolution) * resolution
+            error = ranges[j] - expected
+            likelihood = model[0] * math.exp(-error * error / denominator)
+            if error < 0.0:
+                likelihood += model[1] * model[5] * math.exp(-model[5] * ranges[j])
+            if ranges[j] >= range_max:
+                likelihood += model[2]
+            else:
+                likelihood += model[3] / range_max
+            total += likelihood * likelihood * likelihood
+        sums[i] = total
+
+
+@kernel("void(float64[:,::1], uint8[:,::1], float64[::1], float64, float64[::1], float64[::1])")
+def cast_scan(pose, blocked, frame, range_max, bearings, ranges):
+    """Measure what a lidar at a pose, shape (1, 3), would see on the map: bearings (rad) in, ranges (m) out."""
+    cos_origin, sin_origin = math.cos(frame[2]), math.sin(frame[2])
+    dx, dy = pose[0, 0] - frame[0], pose[0, 1] - frame[1]
+    column = (cos_origin * dx + sin_origin * dy) / frame[3]
+    row = (cos_origin * dy - sin_origin * dx) / frame[3]
+    for j in range(bearings.shape[0]):
+        angle = pose[0, 2] + bearings[j] - frame[2]
+        ranges[j] = cast_ray(blocked, column, row, angle, range_max / frame[3]) * frame[3]

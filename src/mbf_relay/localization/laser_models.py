@@ -1,0 +1,158 @@
+"""Laser models: how well a scan fits each particle's pose (chapter 6).
+
+Each gives the logarithm of a likelihood up to a constant, so that no product of many beams underflows.
+"""
+
+from __future__ import annotations
+
+import abc
+from typing import Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.beams import Beams, pick_beams, step_between
+from mbf_relay.localization.distance_field import DistanceField
+from mbf_relay.localization.laser_kernels import look_up_endpoints, sum_over_endpoints, sum_over_rays
+from mbf_relay.localization.parameters import LocalizerParameters
+from mbf_relay.scan import LaserScan
+
+CONVERGED_WITHIN = 0.5
+"""Half side (m) of the square around their mean that holds all particles once amcl calls the filter converged."""
+
+
+class LaserModel(abc.ABC):
+    """Weighs scans against one map.
+
+    Attributes:
+        rounds_step_up: Which of amcl's two ways to spread `laser_max_beams` over a scan it uses.
+    """
+
+    rounds_step_up = False
+
+    def __init__(self, field: DistanceField, parameters: LocalizerParameters) -> None:
+        self.field = field
+        self.parameters = parameters
+
+    def pick(self, scan: LaserScan, laser_pose: Pose2D) -> Beams:
+        """Return the beams of a scan to weigh; ValueError where its limits mean nothing."""
+        values = self.parameters
+        step = step_between(len(scan.ranges), values.laser_max_beams, self.rounds_step_up)
+        return pick_beams(scan, laser_pose, step, values.laser_min_range, values.laser_max_range)
+
+    @abc.abstractmethod
+    def log_likelihoods(self, poses: np.ndarray, beams: Beams) -> np.ndarray:
+        """Return the log-likelihood of the beams at each pose: (N, 3) in the map's frame in, (N,) out."""
+
+
+class BeamModel(LaserModel):
+    """Readings against ranges cast through the map: hit, short, max, random (table 6.1).
+
+    As in amcl the terms of the beams are cubed and added, not multiplied, which keeps dependent beams from agreeing
+    too strongly: p = 1 + sum of pz^3.
+    """
+
+    def log_likelihoods(self, poses: np.ndarray, beams: Beams) -> np.ndarray:
+        values = self.parameters
+        model = np.array([
+            values.laser_z_hit, values.laser_z_short, values.laser_z_max, values.laser_z_rand,
+            values.laser_sigma_hit, values.laser_lambda_short,
+        ])
+        sums = np.empty(len(poses))
+        laser = np.array([beams.laser_pose.x, beams.laser_pose.y])
+        sum_over_rays(
+            poses, beams.ranges, beams.bearings, laser, self.field.blocked, self.field.frame, beams.range_max, model, sums
+        )
+        return np.log1p(sums)
+
+
+class FieldModel(LaserModel):
+    """Base of the models that look endpoints up in a table of terms over the map, made once per maximum range."""
+
+    def __init__(self, field: DistanceField, parameters: LocalizerParameters) -> None:
+        super().__init__(field, parameters)
+        self._table: Optional[np.ndarray] = None
+        self._table_key: Tuple[float, ...] = ()
+        self._outside = 0.0
+
+    def table(self, range_max: float) -> Tuple[np.ndarray, float]:
+        """Return the term of a beam for each cell it may end in (float32), and for ending off the map."""
+        if self._table is None or self._table_key != (range_max,):
+            self._table = np.ascontiguousarray(self.term(self.hit_likelihood(self.field.distances, range_max)))
+            self._outside = float(self.term(self.hit_likelihood(np.float32(self.field.max_distance), range_max)))
+            self._table_key = (range_max,)
+        return self._table, self._outside
+
+    def hit_likelihood(self, distances: np.ndarray, range_max: float) -> np.ndarray:
+        """Return z_hit exp(-d^2 / 2 sigma^2) + z_rand / range_max for distances (m), float32 (table 6.3)."""
+        values = self.parameters
+        scale = np.float32(-0.5 / values.laser_sigma_hit ** 2)
+        likelihood = np.exp(np.square(distances) * scale) * np.float32(values.laser_z_hit)
+        return likelihood + np.float32(values.laser_z_rand / range_max)
+
+    @abc.abstractmethod
+    def term(self, likelihood: np.ndarray) -> np.ndarray:
+        """Return what one beam of this likelihood adds to the sum."""
+
+
+class LikelihoodFieldModel(FieldModel):
+    """Endpoints on the distance field (table 6.3), cubed and added as in amcl: p = 1 + sum of pz^3."""
+
+    def term(self, likelihood: np.ndarray) -> np.ndarray:
+        return likelihood * likelihood * likelihood
+
+    def log_likelihoods(self, poses: np.ndarray, beams: Beams) -> np.ndarray:
+        sums = np.empty(len(poses))
+        table, outside = self.table(beams.range_max)
+        sum_over_endpoints(poses, beams.hits, table, outside, self.field.frame, sums)
+        return np.log1p(sums)
+
+
+class LikelihoodFieldProbModel(FieldModel):
+    """Endpoints on the distance field, multiplied as probability has it, with amcl's beam skipping."""
+
+    rounds_step_up = True
+
+    def term(self, likelihood: np.ndarray) -> np.ndarray:
+        return np.log(np.maximum(likelihood, np.float32(1e-30)))
+
+    def log_likelihoods(self, poses: np.ndarray, beams: Beams) -> np.ndarray:
+        hits = beams.hits
+        table, outside = self.table(beams.range_max)
+        if self.parameters.do_beamskip and is_converged(poses):
+            hits = np.ascontiguousarray(hits[self.beams_to_keep(poses, hits)])
+        sums = np.empty(len(poses))
+        sum_over_endpoints(poses, hits, table, outside, self.field.frame, sums)
+        return sums
+
+    def beams_to_keep(self, poses: np.ndarray, hits: np.ndarray) -> np.ndarray:
+        """Tell which beams enough particles explain; all of them where too many would be left out.
+
+        A beam that most particles put far from any obstacle hit something the map does not have, e.g. a person.
+        Where nearly every beam does, the filter rather than the map is wrong, and every beam counts.
+        """
+        values = self.parameters
+        distances = np.empty((len(poses), len(hits)), dtype=np.float32)
+        look_up_endpoints(poses, hits, self.field.distances, np.inf, self.field.frame, distances)
+        explained = (distances < values.beam_skip_distance).mean(axis=0) > values.beam_skip_threshold
+        if np.count_nonzero(~explained) >= values.beam_skip_error_threshold * len(hits):
+            return np.ones(len(hits), dtype=bool)
+        return explained
+
+
+def is_converged(poses: np.ndarray) -> bool:
+    """Tell whether all particles lie within half a metre of their mean in x and in y."""
+    offsets = np.abs(poses[:, :2] - poses[:, :2].mean(axis=0))
+    return bool(offsets.max() <= CONVERGED_WITHIN)
+
+
+MODELS = {
+    "beam": BeamModel,
+    "likelihood_field": LikelihoodFieldModel,
+    "likelihood_field_prob": LikelihoodFieldProbModel,
+}
+
+
+def make_laser_model(field: DistanceField, parameters: LocalizerParameters) -> LaserModel:
+    """Return the laser model the parameters name."""
+    return MODELS[parameters.laser_model_type](field, parameters)

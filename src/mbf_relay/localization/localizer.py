@@ -1,0 +1,208 @@
+"""The particle filter: Monte Carlo localization as amcl runs it (Augmented MCL, table 8.3), without ROS."""
+
+from __future__ import annotations
+
+import math
+from typing import Dict, Optional
+
+import numpy as np
+
+from mbf_relay.geometry import Pose2D, angle_between, normalize_angles
+from mbf_relay.localization.beams import Beams
+from mbf_relay.localization.distance_field import DistanceField
+from mbf_relay.localization.estimate import Estimate, estimate
+from mbf_relay.localization.laser_models import make_laser_model
+from mbf_relay.localization.motion_models import make_motion_model
+from mbf_relay.localization.parameters import LocalizerParameters
+from mbf_relay.localization.resampling import AverageLikelihood, particle_limits, resample
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.scan import LaserScan
+
+
+class Localizer:
+    """Tracks the robot's pose on a map from odometry and laser scans.
+
+    Not safe for several threads at once; whoever shares one holds a lock.
+
+    Attributes:
+        parameters: The values in force; change them by `reconfigure`.
+        field: The map as the filter sees it; change it by `set_map`.
+        poses: Particles, shape (N, 3) as x, y (m), theta (rad), in the map's frame.
+        log_weights: Shape (N,), logarithms of weights that sum to one.
+        map_from_odom: The odometry frame in the map, None before the first estimate.
+        last_estimate: The newest estimate, None before the first.
+    """
+
+    def __init__(self, parameters: LocalizerParameters, occupancy: OccupancyMap, rng: np.random.Generator) -> None:
+        """Spread the particles over the map's free space, or leave them at its origin where it has none.
+
+        Raises:
+            ValueError: The map has no cell.
+        """
+        self._rng = rng
+        self.parameters = parameters
+        self.map_from_odom: Optional[Pose2D] = None
+        self.last_estimate: Optional[Estimate] = None
+        self.field = DistanceField(occupancy, parameters.laser_likelihood_max_dist)
+        self._averages = AverageLikelihood()
+        self._make_models()
+        self._start(np.zeros((1, 3)))
+        if not self.field.blocked.all():
+            self.globalize()
+
+    # --- what a user asks for -------------------------------------------------------------------------------------
+
+    def set_initial_pose(self, pose: Pose2D, covariance: np.ndarray) -> None:
+        """Start again around a pose.
+
+        Args:
+            pose: Of the base, in the map's frame.
+            covariance: Shape (3, 3) over x, y (m^2) and theta (rad^2).
+
+        Raises:
+            ValueError: The pose is not finite or not on the map, or the covariance is not finite. Nothing has changed.
+        """
+        covariance = np.asarray(covariance, dtype=float)
+        if not pose.is_finite():
+            raise ValueError(f"initial pose {tuple(pose)} is not finite")
+        if covariance.shape != (3, 3) or not np.isfinite(covariance).all():
+            raise ValueError(f"covariance of the initial pose {covariance.tolist()} is no finite 3 x 3 matrix")
+        if not self.field.occupancy.contains_point(pose.x, pose.y):
+            raise ValueError(f"initial pose ({pose.x:.3f}, {pose.y:.3f}) is not on the map; choose a place on it")
+        variances, axes = np.linalg.eigh(0.5 * (covariance + covariance.T))
+        noise = self._rng.standard_normal((self.parameters.max_particles, 3)) * np.sqrt(np.maximum(variances, 0.0))
+        self._start(noise @ axes.T + np.array(pose))
+
+    def globalize(self) -> None:
+        """Spread the particles evenly over the free space.
+
+        Raises:
+            ValueError: The map has no free cell. Nothing has changed.
+        """
+        self._start(self.field.random_free_poses(self.parameters.max_particles, self._rng))
+
+    def request_update(self) -> None:
+        """Let the next scan update the filter even where the robot has not moved."""
+        self._forced = True
+
+    def set_map(self, occupancy: OccupancyMap) -> None:
+        """Take another map; the particles stay where they are.
+
+        Raises:
+            ValueError: The map has no cell. The old one stays.
+        """
+        self.field = DistanceField(occupancy, self.parameters.laser_likelihood_max_dist)
+        self._averages.reset()
+        self._make_models()
+
+    def reconfigure(self, parameters: LocalizerParameters) -> None:
+        """Take new parameters at once; the particles stay where they are."""
+        if parameters.laser_likelihood_max_dist != self.parameters.laser_likelihood_max_dist:
+            self.field = DistanceField(self.field.occupancy, parameters.laser_likelihood_max_dist)
+        self.parameters = parameters
+        self._make_models()
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights of the particles, shape (N,), sum one."""
+        weights = np.exp(self.log_weights)
+        return weights / weights.sum()
+
+    # --- the filter -----------------------------------------------------------------------------------------------
+
+    def process(self, odom_pose: Pose2D, scan: LaserScan, laser_pose_in_base: Pose2D) -> Optional[Estimate]:
+        """Take one scan.
+
+        The filter is updated when the robot has moved far enough since the last update, when it was started anew, and
+        when an update was requested; with several lidars, by the next scan of each.
+
+        Args:
+            odom_pose: Of the base in the odometry frame, at the scan's time.
+            scan: The scan.
+            laser_pose_in_base: Pose of the scan's frame in the base's frame.
+
+        Returns:
+            The new estimate, or None where there was no update.
+
+        Raises:
+            ValueError: Odometry or scan hold nothing usable; the filter is as before.
+        """
+        if not odom_pose.is_finite():
+            raise ValueError(f"odometry pose {tuple(odom_pose)} is not finite")
+        if not self._is_due(odom_pose, scan.frame):
+            return None
+        beams = self._laser_model.pick(scan, laser_pose_in_base)
+        if self._odom_pose is not None:
+            self._propagate(self._odom_pose, odom_pose)
+        self._reweight(beams)
+        self._odom_pose = odom_pose
+        self._awaited[scan.frame] = False
+        self._forced = False
+        self._updates += 1
+        resampled = self._updates % self.parameters.resample_interval == 0 and self._resample()
+        self.last_estimate = estimate(self.poses, self.weights, resampled)
+        self.map_from_odom = self.last_estimate.pose.compose(odom_pose.inverse())
+        return self.last_estimate
+
+    def _is_due(self, odom_pose: Pose2D, frame: str) -> bool:
+        self._awaited.setdefault(frame, True)
+        if self._odom_pose is None or self._forced or self._has_moved(self._odom_pose, odom_pose):
+            for known in self._awaited:
+                self._awaited[known] = True
+        return self._awaited[frame]
+
+    def _has_moved(self, before: Pose2D, after: Pose2D) -> bool:
+        values = self.parameters
+        return (
+            abs(after.x - before.x) > values.update_min_d
+            or abs(after.y - before.y) > values.update_min_d
+            or abs(angle_between(before.theta, after.theta)) > values.update_min_a
+        )
+
+    def _propagate(self, before: Pose2D, after: Pose2D) -> None:
+        """Sample where each particle went (table 8.2, line 4)."""
+        self.poses = self._motion_model.propagate(self.poses, before, after, self._rng)
+
+    def _reweight(self, beams: Beams) -> None:
+        """Weigh each particle by how the scan fits, and normalise (table 8.2, line 5)."""
+        log_weights = self.log_weights + self._laser_model.log_likelihoods(self.poses, beams)
+        log_average = log_sum_exp(log_weights)
+        self._averages.update(log_average, self.parameters.recovery_alpha_slow, self.parameters.recovery_alpha_fast)
+        self.log_weights = log_weights - log_average
+
+    def _resample(self) -> bool:
+        """Draw a new set by weight (table 8.3, lines 11 to 17); tell whether it was done."""
+        values, weights = self.parameters, self.weights
+        if values.selective_resampling and 1.0 / np.square(weights).sum() > 0.5 * len(weights):
+            return False
+        limits = particle_limits(values.max_particles, values.min_particles, values.kld_err, values.kld_z)
+        share = self._averages.random_share() if not self.field.blocked.all() else 0.0
+        self.poses = resample(self.poses, weights, limits, self._rng, share, self._random_poses)
+        self.log_weights = np.full(len(self.poses), -math.log(len(self.poses)))
+        if share > 0.0:
+            self._averages.reset()
+        return True
+
+    def _random_poses(self, count: int) -> np.ndarray:
+        return self.field.random_free_poses(count, self._rng)
+
+    def _start(self, poses: np.ndarray) -> None:
+        """Take new particles; the next scan updates them without a motion."""
+        poses[:, 2] = normalize_angles(poses[:, 2])
+        self.poses = poses
+        self.log_weights = np.full(len(poses), -math.log(len(poses)))
+        self._averages.reset()
+        self._odom_pose: Optional[Pose2D] = None
+        self._awaited: Dict[str, bool] = {}
+        self._forced = False
+        self._updates = 0
+
+    def _make_models(self) -> None:
+        self._laser_model = make_laser_model(self.field, self.parameters)
+        self._motion_model = make_motion_model(self.parameters)
+
+
+def log_sum_exp(values: np.ndarray) -> float:
+    """Return log(sum(exp(values))) without overflow or underflow."""
+    highest = float(values.max())
+    return highest + math.log(float(np.exp(values - highest).sum()))

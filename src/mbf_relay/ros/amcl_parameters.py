@@ -1,0 +1,71 @@
+"""Parameters of the amcl node: those of its filter, and what it does with frames, topics and saved poses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Dict, Mapping, Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.parameters import LocalizerParameters
+from mbf_relay.parameters import parameter
+
+
+@dataclass(frozen=True)
+class AmclParameters(LocalizerParameters):
+    """Everything that can be changed while the node runs, by amcl's names and with its defaults."""
+
+    transform_tolerance: float = parameter(0.1, "how far map -> odom is dated ahead", unit="s", minimum=0.0)
+    gui_publish_rate: float = parameter(-1.0, "kept for amcl's files; nothing depends on it", unit="Hz")
+    save_pose_rate: float = parameter(0.5, "how often the pose is kept on the parameter server; -1 for never", unit="Hz")
+    tf_broadcast: bool = parameter(True, "send map -> odom")
+    use_map_topic: bool = parameter(False, "take the map from the topic 'map' instead of the service")
+    first_map_only: bool = parameter(False, "take only the first map from the topic")
+    force_update_after_initialpose: bool = parameter(False, "update with the next scan after an initial pose")
+    force_update_after_set_map: bool = parameter(False, "update with the next scan after a new map by service")
+    odom_frame_id: str = parameter("odom", "frame of the odometry")
+    base_frame_id: str = parameter("base_link", "frame of the robot")
+    global_frame_id: str = parameter("map", "frame of the map")
+    std_warn_level_x: float = parameter(0.2, "deviation in x from which diagnostics warn", unit="m", minimum=0.0)
+    std_warn_level_y: float = parameter(0.2, "deviation in y from which diagnostics warn", unit="m", minimum=0.0)
+    std_warn_level_yaw: float = parameter(0.1, "deviation in yaw from which diagnostics warn", unit="rad", minimum=0.0)
+
+    def without_slashes(self) -> "AmclParameters":
+        """Return these with frame names as tf2 wants them."""
+        frames = ("odom_frame_id", "base_frame_id", "global_frame_id")
+        return self.replace(**{name: getattr(self, name).lstrip("/") for name in frames})
+
+
+NODE_ONLY = ("seed", "bag_scan_period")
+"""Read once at start, beside AmclParameters and the initial pose."""
+
+INITIAL: Dict[str, float] = {
+    "initial_pose_x": 0.0, "initial_pose_y": 0.0, "initial_pose_a": 0.0,
+    "initial_cov_xx": 0.25, "initial_cov_yy": 0.25, "initial_cov_aa": (math.pi / 12.0) ** 2,
+}
+
+
+def initial_pose_from(values: Mapping[str, Any]) -> Tuple[Pose2D, np.ndarray, Tuple[str, ...]]:
+    """Return the initial pose, its covariance, and the names whose values were unusable and left at their defaults."""
+    taken, refused = dict(INITIAL), []
+    for name in INITIAL:
+        value: Optional[Any] = values.get(name)
+        if value is None:
+            continue
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            refused.append(name)
+        elif name.startswith("initial_cov") and value < 0.0:
+            refused.append(name)
+        else:
+            taken[name] = float(value)
+    pose = Pose2D(taken["initial_pose_x"], taken["initial_pose_y"], taken["initial_pose_a"])
+    covariance = np.diag([taken["initial_cov_xx"], taken["initial_cov_yy"], taken["initial_cov_aa"]])
+    return pose, covariance, tuple(refused)
+
+
+def initial_pose_as_parameters(pose: Pose2D, covariance: np.ndarray) -> Dict[str, float]:
+    """Return a pose and its covariance, shape (3, 3), by the names they are saved under."""
+    values = (pose.x, pose.y, pose.theta, covariance[0, 0], covariance[1, 1], covariance[2, 2])
+    return {name: float(value) for name, value in zip(INITIAL, values)}

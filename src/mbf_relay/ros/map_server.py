@@ -1,0 +1,89 @@
+"""The map_server node: a map from a file, latched on a topic and given on request."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from typing import List
+
+import rospy
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+from nav_msgs.srv import GetMap, GetMapResponse, LoadMap, LoadMapRequest, LoadMapResponse
+
+from mbf_relay.maps import MapFileError, MapFileParameters, MapImageError, OccupancyMap, load_map, load_map_image
+from mbf_relay.ros.conversions import map_to_message
+
+USAGE = "usage: map_server MAP.yaml (or, as it was long ago: map_server IMAGE RESOLUTION)"
+
+
+class MapServer:
+    """Serves one map at a time under map_server's names: `map`, `map_metadata`, `static_map`, `change_map`."""
+
+    def __init__(self, occupancy: OccupancyMap) -> None:
+        self._frame = str(rospy.get_param("~frame_id", "map"))
+        self._lock = threading.Lock()  # services run in threads of their own; one map is current for all of them
+        self._map_publisher = rospy.Publisher("map", OccupancyGrid, queue_size=1, latch=True)
+        self._metadata_publisher = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)
+        self._publish(occupancy)
+        self._services = [
+            rospy.Service("static_map", GetMap, self._give),
+            rospy.Service("change_map", LoadMap, self._change),
+        ]
+
+    def _publish(self, occupancy: OccupancyMap) -> None:
+        message = map_to_message(occupancy, self._frame, rospy.get_rostime())
+        with self._lock:
+            self._message = message
+            self._metadata_publisher.publish(message.info)
+            self._map_publisher.publish(message)
+        height, width = occupancy.data.shape
+        rospy.loginfo("serving a map of %d x %d cells of %.3f m", width, height, occupancy.resolution)
+
+    def _give(self, _request: object) -> GetMapResponse:
+        with self._lock:
+            return GetMapResponse(self._message)
+
+    def _change(self, request: LoadMapRequest) -> LoadMapResponse:
+        path = request.map_url[len("file://"):] if request.map_url.startswith("file://") else request.map_url
+        try:
+            occupancy = load_map(path)
+        except OSError as error:
+            return self._refuse(LoadMapResponse.RESULT_MAP_DOES_NOT_EXIST, error)
+        except MapImageError as error:
+            return self._refuse(LoadMapResponse.RESULT_INVALID_MAP_DATA, error)
+        except MapFileError as error:
+            return self._refuse(LoadMapResponse.RESULT_INVALID_MAP_METADATA, error)
+        self._publish(occupancy)
+        with self._lock:
+            return LoadMapResponse(self._message, LoadMapResponse.RESULT_SUCCESS)
+
+    @staticmethod
+    def _refuse(result: int, error: Exception) -> LoadMapResponse:
+        rospy.logerr("the map stays as it is: %s", error)
+        return LoadMapResponse(result=result)
+
+
+def read_arguments(arguments: List[str]) -> OccupancyMap:
+    """Load the map the command line names.
+
+    Raises:
+        ValueError: The arguments are not understood, or the map is wrong.
+        OSError: A file cannot be read.
+    """
+    if len(arguments) == 1:
+        return load_map(arguments[0])
+    if len(arguments) != 2:
+        raise ValueError(f"{len(arguments)} arguments given; {USAGE}")
+    rospy.logwarn("an image with a resolution is the old way to name a map; give a YAML file instead")
+    values = dict(rospy.get_param("~", {}) or {})
+    values.update(image=arguments[0], resolution=float(arguments[1]), mode="trinary")
+    if values.get("negate") in (0, 1):
+        values["negate"] = bool(values["negate"])
+    return load_map_image(arguments[0], MapFileParameters.from_mapping(values))
+
+
+def main() -> None:
+    """Serve the map named on the command line until ROS shuts down."""
+    server = MapServer(read_arguments(rospy.myargv(sys.argv)[1:]))
+    rospy.spin()
+    del server

@@ -1,0 +1,129 @@
+import numpy as np
+import pytest
+from PIL import Image
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.maps import MapFileError, MapImageError, OccupancyMap, load_map, save_map
+
+
+def write(folder, pixels, mode="trinary", negate=0, origin="[0.0, 0.0, 0.0]", name="map.png", thresholds=(0.65, 0.196)):
+    Image.fromarray(pixels).save(str(folder / name))
+    path = folder / "map.yaml"
+    path.write_text(
+        f"image: {name}\nresolution: 0.1\norigin: {origin}\nnegate: {negate}\n"
+        f"occupied_thresh: {thresholds[0]}\nfree_thresh: {thresholds[1]}\nmode: {mode}\n"
+    )
+    return str(path)
+
+
+def test_trinary_knows_free_occupied_and_between_and_turns_the_image(tmp_path):
+    pixels = np.array([[0, 255], [128, 254]], dtype=np.uint8)
+    occupancy = load_map(write(tmp_path, pixels, origin="[2.0, 3.0, 1.0]"))
+    assert occupancy.data.tolist() == [[-1, 0], [100, 0]]
+    assert occupancy.resolution == 0.1
+    assert occupancy.origin == Pose2D(2.0, 3.0, 1.0)
+
+
+def test_negate_swaps_black_and_white(tmp_path):
+    occupancy = load_map(write(tmp_path, np.array([[0, 255]], dtype=np.uint8), negate=1))
+    assert occupancy.data.tolist() == [[0, 100]]
+
+
+def test_scale_grades_between_the_thresholds(tmp_path):
+    occupancy = load_map(write(tmp_path, np.array([[255, 0, 128, 200]], dtype=np.uint8), mode="scale"))
+    share = (255 - 128) / 255.0
+    assert occupancy.data[0, :3].tolist() == [0, 100, int(1 + 98 * (share - 0.196) / (0.65 - 0.196))]
+
+
+def test_scale_takes_transparent_for_unknown_and_leaves_alpha_out_of_the_average(tmp_path):
+    pixels = np.array([[[128, 128, 128, 0], [128, 128, 128, 255], [0, 0, 0, 0]]], dtype=np.uint8)
+    occupancy = load_map(write(tmp_path, pixels, mode="scale"))
+    assert occupancy.data[0, 0] == -1
+    assert 0 < occupancy.data[0, 1] < 100
+    assert occupancy.data[0, 2] == 100
+
+
+def test_trinary_counts_alpha_as_a_colour(tmp_path):
+    pixels = np.array([[[0, 0, 0, 255], [0, 0, 0, 0]]], dtype=np.uint8)
+    occupancy = load_map(write(tmp_path, pixels))
+    assert occupancy.data.tolist() == [[100, 100]]  # (255 - 63.75) / 255 = 0.75 is still above 0.65
+    occupancy = load_map(write(tmp_path, pixels, thresholds=(0.8, 0.1)))
+    assert occupancy.data.tolist() == [[-1, 100]]
+
+
+def test_raw_hands_values_through(tmp_path):
+    occupancy = load_map(write(tmp_path, np.array([[0, 1, 100, 127, 255]], dtype=np.uint8), mode="raw"))
+    assert occupancy.data.tolist() == [[0, 1, 100, 127, -1]]
+
+
+@pytest.mark.parametrize("name", ["map.pgm", "map.png", "map.bmp"])
+def test_image_formats_agree(tmp_path, name):
+    pixels = np.random.RandomState(1).randint(0, 256, (7, 11)).astype(np.uint8)
+    assert load_map(write(tmp_path, pixels, name=name)).data.tolist() == load_map(write(tmp_path, pixels)).data.tolist()
+
+
+def test_sixteen_bit_and_palette_images_are_read_by_their_brightness(tmp_path):
+    path = write(tmp_path, np.array([[0, 65535]], dtype=np.uint16))
+    assert load_map(path).data.tolist() == [[100, 0]]
+    Image.fromarray(np.array([[0, 255]], dtype=np.uint8)).convert("P").save(str(tmp_path / "map.png"))
+    assert load_map(path).data.tolist() == [[100, 0]]
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7])
+def test_saved_maps_come_back_the_same(tmp_path, yaw):
+    data = np.random.RandomState(2).choice(np.array([-1, 0, 100], dtype=np.int8), (13, 9))
+    occupancy = OccupancyMap(data, 0.05, Pose2D(-1.25, 2.125, yaw))
+    yaml_path, image_path = save_map(str(tmp_path / "saved map"), occupancy)
+    assert image_path.endswith("saved map.pgm")
+    again = load_map(yaml_path)
+    assert np.array_equal(again.data, data)
+    assert again.origin == occupancy.origin
+    assert again.resolution == occupancy.resolution
+
+
+def test_saving_keeps_to_the_thresholds(tmp_path):
+    data = np.array([[0, 25, 26, 64, 65, 100, -1]], dtype=np.int8)
+    yaml_path, _ = save_map(str(tmp_path / "m"), OccupancyMap(data, 0.05, Pose2D(0.0, 0.0, 0.0)))
+    assert load_map(yaml_path).data.tolist() == [[0, 0, -1, -1, 100, 100, -1]]
+    with pytest.raises(ValueError, match="occ 20 and free 30"):
+        save_map(str(tmp_path / "m"), OccupancyMap(data, 0.05, Pose2D(0.0, 0.0, 0.0)), occupied=20, free=30)
+
+
+@pytest.mark.parametrize(
+    "change, complaint",
+    [
+        (("resolution: 0.1\n", ""), "lacks resolution"),
+        (("resolution: 0.1", "resolution: -1"), "resolution is -1"),
+        (("resolution: 0.1", "resolution: thick"), "resolution is 'thick'"),
+        (("trinary", "ternary"), "mode is 'ternary'"),
+        (("[0.0, 0.0, 0.0]", "[0.0, 0.0]"), "origin has 2 entries"),
+        (("free_thresh: 0.196", "free_thresh: 0.9"), "free_thresh is 0.9"),
+        (("image: map.png", "image: ''"), "image is empty"),
+        (("image", "{"), "no YAML"),
+    ],
+)
+def test_a_wrong_file_is_named_with_what_is_wrong(tmp_path, change, complaint):
+    path = write(tmp_path, np.zeros((2, 2), dtype=np.uint8))
+    with open(path) as file:
+        text = file.read()
+    assert change[0] in text
+    with open(path, "w") as file:
+        file.write(text.replace(change[0], change[1], 1))
+    with pytest.raises(MapFileError, match=complaint) as caught:
+        load_map(path)
+    assert path in str(caught.value)
+
+
+def test_a_missing_or_broken_image_is_named(tmp_path):
+    path = write(tmp_path, np.zeros((2, 2), dtype=np.uint8))
+    (tmp_path / "map.png").write_bytes(b"no image at all")
+    with pytest.raises(MapImageError, match="map.png"):
+        load_map(path)
+    (tmp_path / "map.png").unlink()
+    with pytest.raises(OSError, match="map.png"):
+        load_map(path)
+
+
+def test_numbers_in_scientific_form_are_numbers(tmp_path):
+    path = write(tmp_path, np.zeros((2, 2), dtype=np.uint8), origin="[-1e1, 5e-2, 0]")
+    assert load_map(path).origin == Pose2D(-10.0, 0.05, 0.0)
