@@ -1,0 +1,200 @@
+#!/usr/bin/env python3
+"""The amcl node on topics: what comes out, what the services do, and what bad input leaves unharmed."""
+
+import math
+import os
+import sys
+import unittest
+
+import numpy as np
+import rospy
+import rostest
+from diagnostic_msgs.msg import DiagnosticArray
+from dynamic_reconfigure.client import Client
+from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
+from nav_msgs.srv import GetMap, GetMapResponse, SetMap
+from std_srvs.srv import Empty
+from tf2_msgs.msg import TFMessage
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+
+from made_room import RoomRobot, made_room  # noqa: E402
+from ros_testing import Listener, wait_until  # noqa: E402
+
+from mbf_relay.geometry import Pose2D, angle_between  # noqa: E402
+from mbf_relay.ros.conversions import header, map_to_message, pose_from_message, pose_to_message  # noqa: E402
+from mbf_relay.ros.transforms import Transforms  # noqa: E402
+
+START = Pose2D(0.0, 1.0, 0.4)
+
+
+def initial_pose(pose, frame="map", variance=0.02):
+    message = PoseWithCovarianceStamped(header=header(frame, rospy.get_rostime()))
+    message.pose.pose = pose_to_message(pose)
+    covariance = np.zeros(36)
+    covariance[[0, 7, 35]] = variance
+    message.pose.covariance = covariance.tolist()
+    return message
+
+
+class TestAmcl(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.room = made_room()
+        cls.map_service = rospy.Service(
+            "static_map", GetMap, lambda _: GetMapResponse(map_to_message(cls.room, "map", rospy.get_rostime()))
+        )
+        cls.robot = RoomRobot(cls.room, START)
+        cls.transforms = Transforms()
+        cls.pose = Listener("amcl_pose", PoseWithCovarianceStamped, connected=True)
+        cls.cloud = Listener("particlecloud", PoseArray, connected=True)
+        cls.tf = Listener("/tf", TFMessage)
+        cls.publisher = rospy.Publisher("initialpose", PoseWithCovarianceStamped, queue_size=1)
+        wait_until(lambda: cls.publisher.get_num_connections() > 0, "amcl to subscribe to initialpose")
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.robot.stop()
+
+    def setUp(self):
+        self.robot.velocity = (0.0, 0.0)
+        self.robot.scanning = True
+        self.robot.change_ranges = lambda ranges: ranges
+        self.robot.change_message = lambda message: message
+
+    def start_at(self, pose, **options):
+        count = len(self.pose.messages)
+        self.publisher.publish(initial_pose(pose, **options))
+        return self.pose.wait_for(lambda _: True, "an estimate after an initial pose", since=count)
+
+    def error(self):
+        estimate = self.transforms.lookup("map", "base_footprint")
+        return estimate.distance_to(self.robot.pose), abs(angle_between(estimate.theta, self.robot.pose.theta))
+
+    def drive_until(self, condition, what, turn=0.6, timeout=25.0):
+        self.robot.velocity = (0.15, turn)
+        try:
+            return wait_until(condition, what, timeout)
+        finally:
+            self.robot.velocity = (0.0, 0.0)
+
+    def map_to_odom(self):
+        return [t for m in self.tf.messages for t in m.transforms if t.child_frame_id == "odom"]
+
+    def test_pose_cloud_and_transform_follow_the_robot(self):
+        first = self.start_at(self.robot.pose)
+        self.assertEqual(first.header.frame_id, "map")
+        poses = len(self.pose.messages)
+        self.drive_until(lambda: len(self.pose.messages) > poses + 8, "eight updates while driving")
+        position, heading = self.error()
+        self.assertLess(position, 0.15)
+        self.assertLess(heading, 0.1)
+        estimate = self.pose.last
+        covariance = np.array(estimate.pose.covariance).reshape(6, 6)
+        self.assertTrue((np.diag(covariance)[[0, 1, 5]] > 0.0).all())
+        self.assertEqual(self.cloud.last.header.frame_id, "map")
+        self.assertGreaterEqual(len(self.cloud.last.poses), 100)
+        particles = np.array([pose_from_message(pose) for pose in self.cloud.last.poses])
+        self.assertLess(np.hypot(*(particles[:, :2].mean(axis=0) - (estimate.pose.pose.position.x, estimate.pose.pose.position.y))), 0.5)
+
+    def test_the_transform_is_dated_ahead_at_every_scan_and_goes_on_without(self):
+        self.start_at(self.robot.pose)
+        count = len(self.map_to_odom())
+        wait_until(lambda: len(self.map_to_odom()) > count + 5, "map -> odom at scans while standing")
+        self.assertEqual(self.map_to_odom()[-1].header.frame_id, "map")
+        self.robot.scanning = False
+        silent = rospy.get_rostime() + rospy.Duration(1.0)
+        wait_until(lambda: self.map_to_odom()[-1].header.stamp > silent + rospy.Duration(0.3), "map -> odom without scans")
+
+    def test_global_localization_spreads_and_nomotion_updates_gather(self):
+        self.start_at(self.robot.pose)
+        count = len(self.cloud.messages)
+        rospy.ServiceProxy("global_localization", Empty)()
+        spread = self.cloud.wait_for(lambda m: np.ptp([p.position.x for p in m.poses]) > 5.0, "a spread cloud", since=count)
+        self.assertGreater(len(spread.poses), 1000)
+        update = rospy.ServiceProxy("request_nomotion_update", Empty)
+        self.robot.velocity = (0.15, 0.6)
+
+        def found():
+            update()
+            return self.error()[0] < 0.25
+
+        wait_until(found, "the robot to be found anywhere in the room", 40.0)
+
+    def test_nomotion_update_updates_while_standing(self):
+        self.start_at(self.robot.pose)
+        count = len(self.pose.messages)
+        rospy.ServiceProxy("request_nomotion_update", Empty)()
+        self.pose.wait_for(lambda _: True, "an update without motion", since=count)
+
+    def test_bad_initial_poses_are_refused_and_harm_nothing(self):
+        self.start_at(self.robot.pose)
+        wait_until(lambda: self.error()[0] < 0.3, "a good start")
+        for bad in (
+            initial_pose(Pose2D(math.nan, 0.0, 0.0)), initial_pose(Pose2D(100.0, 0.0, 0.0)),
+            initial_pose(Pose2D(1.0, 1.0, 0.0), frame="odom"), initial_pose(Pose2D(1.0, 1.0, 0.0), variance=math.inf),
+        ):
+            self.publisher.publish(bad)
+        count = len(self.map_to_odom())
+        wait_until(lambda: len(self.map_to_odom()) > count + 5, "map -> odom after bad initial poses")
+        self.assertLess(self.error()[0], 0.3)
+
+    def test_bad_scans_are_refused_and_harm_nothing(self):
+        self.start_at(self.robot.pose)
+        for change in (
+            lambda ranges: np.full(len(ranges), np.nan), lambda ranges: np.full(len(ranges), np.inf),
+            lambda ranges: ranges[:0], lambda ranges: ranges[:30], lambda ranges: np.zeros(len(ranges)),
+        ):
+            self.robot.change_ranges = change
+            count = len(self.map_to_odom())
+            wait_until(lambda: len(self.map_to_odom()) > count + 1 or change(np.ones(3)).size == 0, "map -> odom with bad scans")
+        self.robot.change_ranges = lambda ranges: ranges
+        poses = len(self.pose.messages)
+        self.drive_until(lambda: len(self.pose.messages) > poses + 4, "updates after bad scans")
+        self.assertLess(self.error()[0], 0.3)
+
+    def test_set_map_takes_map_and_pose_and_refuses_an_empty_one(self):
+        set_map = rospy.ServiceProxy("set_map", SetMap)
+        message = map_to_message(self.room, "map", rospy.get_rostime())
+        count = len(self.pose.messages)
+        self.assertTrue(set_map(message, initial_pose(self.robot.pose)).success)
+        self.pose.wait_for(lambda _: True, "an estimate on the new map", since=count)
+        message.info.width = message.info.height = 0
+        message.data = []
+        self.assertFalse(set_map(message, initial_pose(self.robot.pose)).success)
+        self.assertLess(self.error()[0], 0.4)
+
+    def test_parameters_change_at_once(self):
+        client = Client("amcl", timeout=20)
+        try:
+            client.update_configuration({"transform_tolerance": 1.5, "laser_model_type": "likelihood_field_prob"})
+            self.start_at(self.robot.pose)
+            now = rospy.get_rostime()
+            wait_until(
+                lambda: any(t.header.stamp > now + rospy.Duration(1.2) for t in self.map_to_odom()[-20:]),
+                "map -> odom dated further ahead",
+            )
+            refused = client.update_configuration({"min_particles": 100000})
+            self.assertLess(refused["min_particles"], 100000)
+        finally:
+            client.update_configuration({"restore_defaults": True})
+        self.assertEqual(client.get_configuration()["laser_model_type"], "likelihood_field")
+
+    def test_the_pose_is_kept_on_the_parameter_server(self):
+        self.start_at(self.robot.pose)
+        wait_until(
+            lambda: abs(rospy.get_param("/amcl/initial_pose_x", 99.0) - self.robot.pose.x) < 0.4
+            and abs(rospy.get_param("/amcl/initial_pose_y", 99.0) - self.robot.pose.y) < 0.4, "the pose among the parameters",
+        )
+        self.assertGreater(rospy.get_param("/amcl/initial_cov_xx"), 0.0)
+
+    def test_diagnostics_tell_the_deviations(self):
+        diagnostics = Listener("/diagnostics", DiagnosticArray)
+        message = diagnostics.wait_for(lambda m: any(s.name == "amcl: Standard deviation" for s in m.status), "diagnostics of amcl")
+        self.assertTrue({"std_x", "std_y", "std_yaw"} <= {value.key for value in message.status[0].values})
+
+
+if __name__ == "__main__":
+    rospy.init_node("amcl_test")
+    rostest.rosrun("mbf_relay", "amcl", TestAmcl)
