@@ -1,1 +1,14 @@
-"""The simulated world: the only room that knows the physics engine."""
+"""Simulation: worlds, the burger, its sensors, and the physics (the only room that imports pybullet).
+
+`Simulation` is loaded when it is first asked for, so that worlds and their geometry can be used without pybullet.
+"""
+
+from typing import Any
+
+
+def __getattr__(name: str) -> Any:
+    if name == "Simulation":
+        from mbf_relay.simulation.simulation import Simulation
+
+        return Simulation
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

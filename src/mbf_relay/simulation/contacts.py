@@ -1,0 +1,68 @@
+"""What the robot touches, by name."""
+
+from __future__ import annotations
+
+from typing import List, Mapping, NamedTuple, Tuple
+
+import numpy as np
+
+from mbf_relay.simulation.physics import Physics
+
+REACH = 0.005
+"""Distance (m) from a surface at which a contact point is taken to lie on it."""
+
+
+class Contact(NamedTuple):
+    """The robot touches something.
+
+    Attributes:
+        name: Of the other body.
+        position: Where (m), in the world.
+        force: How hard (N), along the surface's normal.
+    """
+
+    name: str
+    position: Tuple[float, float, float]
+    force: float
+
+
+class Contacts:
+    """Finds what the robot touches, anything but the ground."""
+
+    def __init__(self, triangles: np.ndarray, owners: np.ndarray, names: List[str]) -> None:
+        """Take the fixed surface, to find out whose part of it was touched.
+
+        Args:
+            triangles: Shape (N, 3, 3) in metres.
+            owners: Shape (N,): index in `names` of each triangle's body.
+            names: Of the bodies.
+        """
+        self._triangles, self._owners, self._names = triangles, owners, names
+        self._lower = triangles.min(axis=1) - REACH
+        self._upper = triangles.max(axis=1) + REACH
+
+    def find(self, physics: Physics, robot: int, loose: Mapping[int, str]) -> Tuple[Contact, ...]:
+        """Return the contacts of this moment.
+
+        Args:
+            physics: After a step.
+            robot: The robot's number in it.
+            loose: Names of the bodies that are not part of the fixed surface, by number.
+        """
+        ground = physics.ground
+        touching = [p for p in physics.contacts(robot) if p[2] != ground and (p[8] <= 0.0 or p[9] > 0.0)]
+        if not touching:
+            return ()
+        return tuple(Contact(loose.get(p[2]) or self.owner_at(p[6]), p[6], p[9]) for p in touching)
+
+    def owner_at(self, position: Tuple[float, float, float]) -> str:
+        """Return the name of the fixed body whose surface is nearest to a point (m) on or very near to it."""
+        point = np.array(position)
+        near = np.flatnonzero(((point >= self._lower) & (point <= self._upper)).all(axis=1))
+        if not len(near):
+            return "unknown"
+        corners = self._triangles[near]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        sizes = np.maximum(np.linalg.norm(normals, axis=1), 1e-15)
+        distances = np.abs(np.einsum("ij,ij->i", normals, point - corners[:, 0])) / sizes
+        return self._names[int(self._owners[near[np.argmin(distances)]])]

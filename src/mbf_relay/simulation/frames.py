@@ -1,0 +1,103 @@
+"""Rigid transforms in space, for the parts of the world that do not lie flat."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Sequence, Tuple
+
+import numpy as np
+
+from mbf_relay.geometry import Pose2D
+
+
+class Frame(NamedTuple):
+    """A pose in space, equally a rigid transform: position (3,) in metres and rotation matrix (3, 3)."""
+
+    position: np.ndarray
+    rotation: np.ndarray
+
+    @staticmethod
+    def of(x: float, y: float, z: float = 0.0, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> Frame:
+        """Make a frame from a position (m) and fixed-axis angles (rad), as URDF and SDF give them."""
+        return Frame(np.array([x, y, z], dtype=float), rotation_from_rpy(roll, pitch, yaw))
+
+    @staticmethod
+    def from_pose(pose: Pose2D, z: float = 0.0) -> Frame:
+        """Make a frame from a pose in the plane at height `z` (m)."""
+        return Frame.of(pose.x, pose.y, z, yaw=pose.theta)
+
+    @staticmethod
+    def from_quaternion(position: Sequence[float], quaternion: Sequence[float]) -> Frame:
+        """Make a frame from a position (m) and a quaternion (x, y, z, w) of any length above zero."""
+        return Frame(np.array(position, dtype=float), rotation_from_quaternion(quaternion))
+
+    def compose(self, other: Frame) -> Frame:
+        """Return `other`, given in this frame, in the frame this one is given in."""
+        return Frame(self.position + self.rotation @ other.position, self.rotation @ other.rotation)
+
+    def inverse(self) -> Frame:
+        """Return the inverse transform."""
+        return Frame(-self.rotation.T @ self.position, self.rotation.T)
+
+    def transform_points(self, points: np.ndarray) -> np.ndarray:
+        """Take points of this frame, shape (..., 3) in metres, to the frame this one is given in."""
+        return np.asarray(points, dtype=float) @ self.rotation.T + self.position
+
+    def quaternion(self) -> Tuple[float, float, float, float]:
+        """Return the rotation as a unit quaternion (x, y, z, w)."""
+        return quaternion_from_rotation(self.rotation)
+
+    def flat(self) -> Pose2D:
+        """Return the pose seen from above."""
+        return Pose2D(
+            float(self.position[0]), float(self.position[1]),
+            math.atan2(float(self.rotation[1, 0]), float(self.rotation[0, 0])),
+        )
+
+
+def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> np.ndarray:
+    """Return the matrix of turns about the fixed axes x, y, z, in this order (rad)."""
+    cr, sr, cp, sp, cy, sy = (f(a) for a in (roll, pitch, yaw) for f in (math.cos, math.sin))
+    return np.array([
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ])
+
+
+def rotation_from_quaternion(quaternion: Sequence[float]) -> np.ndarray:
+    """Return the matrix of a quaternion (x, y, z, w); raise ValueError where it is not finite or all zero."""
+    x, y, z, w = (float(component) for component in quaternion)
+    norm = math.sqrt(x * x + y * y + z * z + w * w)
+    if not math.isfinite(norm) or norm < 1e-9:
+        raise ValueError(f"quaternion ({x}, {y}, {z}, {w}) is no rotation: it must be finite and not all zero")
+    x, y, z, w = x / norm, y / norm, z / norm, w / norm
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ])
+
+
+def quaternion_from_rotation(rotation: np.ndarray) -> Tuple[float, float, float, float]:
+    """Return the unit quaternion (x, y, z, w), w not negative, of a rotation matrix.
+
+    The component of largest size is found first and the others from it, which stays exact for every rotation.
+    """
+    r = rotation
+    trace = r[0, 0] + r[1, 1] + r[2, 2]
+    candidates = np.array([r[0, 0], r[1, 1], r[2, 2], trace])
+    largest = int(np.argmax(candidates))
+    q = np.empty(4)
+    if largest == 3:
+        q[:] = (r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], 1.0 + trace)
+    else:
+        i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
+        q[i] = 1.0 - trace + 2.0 * r[i, i]
+        q[j] = r[j, i] + r[i, j]
+        q[k] = r[k, i] + r[i, k]
+        q[3] = r[k, j] - r[j, k]
+    q /= np.linalg.norm(q)
+    if q[3] < 0.0:
+        q = -q
+    return float(q[0]), float(q[1]), float(q[2]), float(q[3])

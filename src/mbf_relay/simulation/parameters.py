@@ -1,0 +1,72 @@
+"""What can be set of the simulated robot, its sensors and its time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Tuple
+
+from mbf_relay.parameters import ParameterSet, parameter
+
+RATES = ("scan_rate", "odom_rate", "imu_rate", "joint_state_rate")
+
+
+@dataclass(frozen=True)
+class SimulationParameters(ParameterSet):
+    """Parameters of `Simulation`; the defaults are a TurtleBot3 burger with an LDS-01 lidar."""
+
+    physics_rate: int = parameter(240, "physics steps per second of simulated time", unit="Hz", minimum=20, maximum=2000)
+    start_time: float = parameter(1.0, "what the clock shows at first", unit="s", above=0.0)
+    solver_iterations: int = parameter(20, "iterations of the contact solver per step", minimum=5, maximum=500)
+
+    max_speed: float = parameter(0.22, "top speed forward and back", unit="m/s", above=0.0)
+    max_turn_rate: float = parameter(2.84, "top speed of turning", unit="rad/s", above=0.0)
+    wheel_acceleration: float = parameter(1.0, "top acceleration at the rim of a wheel", unit="m/s^2", above=0.0)
+    wheel_torque: float = parameter(0.5, "top torque of a wheel's motor", unit="N m", above=0.0)
+    wheel_friction: float = parameter(1.0, "friction coefficient of the tyres on the ground", above=0.0, maximum=10.0)
+    wheel_slip: float = parameter(0.0, "share of its rotation by which a wheel fails to carry the robot on", minimum=0.0, maximum=1.0)
+    cmd_vel_timeout: float = parameter(0.5, "age of the velocity command beyond which the robot stops; 0 for none", unit="s", minimum=0.0)
+
+    odom_rate: float = parameter(30.0, "readings of the wheel encoders; 0 for none", unit="Hz", minimum=0.0)
+    odom_noise: float = parameter(0.001, "deviation of a wheel's measured way after one metre; grows with the root of the way", unit="m", minimum=0.0)
+    odom_bias: Tuple[float, float] = parameter((0.0, 0.0), "error of the left and right wheel's measured way, as a share of it", minimum=-0.5, maximum=0.5)
+    joint_state_rate: float = parameter(30.0, "joint states; 0 for none", unit="Hz", minimum=0.0)
+
+    imu_rate: float = parameter(60.0, "readings of the inertial sensor; 0 for none", unit="Hz", minimum=0.0)
+    gyro_noise: float = parameter(0.002, "deviation of the turn rate", unit="rad/s", minimum=0.0)
+    accelerometer_noise: float = parameter(0.017, "deviation of the acceleration", unit="m/s^2", minimum=0.0)
+
+    scan_rate: float = parameter(5.0, "turns of the lidar; 0 for none", unit="Hz", minimum=0.0)
+    scan_beams: int = parameter(360, "beams of a full turn", minimum=1, maximum=16384)
+    scan_range_min: float = parameter(0.12, "nearest distance that is measured; what is nearer reads 0", unit="m", minimum=0.0)
+    scan_range_max: float = parameter(3.5, "farthest distance that is measured; what is farther reads +inf", unit="m", above=0.0)
+    scan_resolution: float = parameter(0.015, "step of the readings; 0 for none", unit="m", minimum=0.0)
+    scan_noise: float = parameter(0.01, "deviation of the readings", unit="m", minimum=0.0)
+    scan_dropout: float = parameter(0.0, "share of the beams that read +inf by chance", minimum=0.0, maximum=1.0)
+
+    def check(self) -> None:
+        """Raise ValueError where a rate does not divide the physics rate or the lidar's ranges are out of order."""
+        for name in RATES:
+            self.steps_between(name)
+        if self.scan_range_max <= self.scan_range_min:
+            raise ValueError(f"parameter scan_range_max is {self.scan_range_max}; it must be above scan_range_min ({self.scan_range_min} m)")
+
+    def steps_between(self, name: str) -> int:
+        """Return the physics steps from one event of a rate to the next, 0 where the rate is 0."""
+        return steps_between(name, getattr(self, name), self.physics_rate)
+
+
+def steps_between(name: str, rate: float, physics_rate: int) -> int:
+    """Return how many physics steps make one period of `rate` (Hz), 0 for a rate of 0.
+
+    Raises:
+        ValueError: The rate does not divide the physics rate.
+    """
+    if rate == 0.0:
+        return 0
+    steps = round(physics_rate / rate)
+    if steps < 1 or abs(steps * rate - physics_rate) > 1e-6 * physics_rate:
+        lower, upper = (physics_rate / max(1, physics_rate // rate + i) for i in (1, 0))
+        raise ValueError(
+            f"parameter {name} is {rate} Hz; it must divide physics_rate ({physics_rate} Hz), as {lower:g} or {upper:g} Hz do"
+        )
+    return int(steps)

@@ -1,0 +1,140 @@
+"""PyBullet behind a few calls: one world of solids, rays through it, contacts in it.
+
+Everything that never moves is one mesh, twice: once for the wheels and the hull to bump into, once, without what a level
+ray can never meet, for the lidar. A step costs the same in an empty world and in a building of ten thousand walls, and
+a scan needs one mesh's tree of boxes instead of hundreds of solids.
+"""
+
+from __future__ import annotations
+
+from operator import itemgetter
+from typing import Any, List, Sequence, Tuple
+
+import numpy as np
+import pybullet
+
+from mbf_relay.simulation.frames import Frame
+from mbf_relay.simulation.shapes import Box, Cylinder, Shape, Sphere
+
+GROUND, FIXED, LIDAR, ROBOT, LOOSE = 2, 4, 8, 16, 32
+"""Collision groups; Bullet gives rays group 1."""
+
+RAYS = 1
+IDENTITY_QUATERNION = (0.0, 0.0, 0.0, 1.0)
+CHUNK = 20000
+"""Triangles in one mesh; PyBullet takes 131072 corners at a time."""
+
+_hit_fraction = itemgetter(2)
+
+
+class Physics:
+    """One PyBullet client with a ground plane at z = 0 and gravity."""
+
+    def __init__(self, rate: int, iterations: int, gui: bool = False) -> None:
+        """Connect.
+
+        Args:
+            rate: Steps per second of simulated time.
+            iterations: Of the contact solver.
+            gui: Open PyBullet's window.
+
+        Raises:
+            OSError: The window could not be opened.
+        """
+        try:
+            self.client = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
+        except pybullet.error as error:
+            raise OSError(f"PyBullet could not be started ({error})") from error
+        if self.client < 0:
+            raise OSError("PyBullet could not be started" + ("; gui needs a display (DISPLAY)" if gui else ""))
+        pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self.client)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=1.0 / rate, numSolverIterations=iterations, deterministicOverlappingPairs=1,
+            physicsClientId=self.client,
+        )
+        plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
+        self.ground = pybullet.createMultiBody(0.0, plane, physicsClientId=self.client)
+        self.filter(self.ground, GROUND, ROBOT | LOOSE)
+        pybullet.changeDynamics(self.ground, -1, lateralFriction=1.0, physicsClientId=self.client)
+        self.rays_hit: int = LIDAR | LOOSE
+
+    def close(self) -> None:
+        """Disconnect; more than once does no harm."""
+        if self.client >= 0:
+            pybullet.disconnect(physicsClientId=self.client)
+            self.client = -1
+
+    def step(self) -> None:
+        """Advance by one period of the rate."""
+        pybullet.stepSimulation(physicsClientId=self.client)
+
+    def filter(self, body: int, group: int, mask: int) -> None:
+        """Put every link of a body in a collision group, and say which groups it meets."""
+        for link in range(-1, pybullet.getNumJoints(body, physicsClientId=self.client)):
+            pybullet.setCollisionFilterGroupMask(body, link, group, mask, physicsClientId=self.client)
+
+    def add_fixed(self, triangles: np.ndarray, group: int, mask: int) -> List[int]:
+        """Add a surface that never moves, shape (N, 3, 3) in metres; return the bodies it takes."""
+        bodies = []
+        for first in range(0, len(triangles), CHUNK):
+            corners = triangles[first:first + CHUNK].reshape(-1, 3)
+            vertices, indices = np.unique(corners, axis=0, return_inverse=True)
+            shape = pybullet.createCollisionShape(
+                pybullet.GEOM_MESH, vertices=vertices.tolist(), indices=indices.ravel().tolist(),
+                physicsClientId=self.client,
+            )
+            body = pybullet.createMultiBody(0.0, shape, physicsClientId=self.client)
+            self.filter(body, group, mask)
+            bodies.append(body)
+        return bodies
+
+    def add_loose(self, shape: Shape, frame: Frame, mass: float) -> int:
+        """Add a solid that is moved, by forces if it has a mass (kg) or by hand; the lidar sees it."""
+        body = pybullet.createMultiBody(
+            mass, self.collision_shape(shape), -1, frame.position.tolist(), frame.quaternion(), physicsClientId=self.client
+        )
+        self.filter(body, LOOSE, RAYS | GROUND | FIXED | ROBOT | LOOSE)
+        return body
+
+    def collision_shape(self, shape: Shape) -> int:
+        """Return PyBullet's number of a new shape; a mesh becomes its convex hull."""
+        if isinstance(shape, Box):
+            arguments = dict(shapeType=pybullet.GEOM_BOX, halfExtents=[side / 2.0 for side in shape.size])
+        elif isinstance(shape, Cylinder):
+            arguments = dict(shapeType=pybullet.GEOM_CYLINDER, radius=shape.radius, height=shape.height)
+        elif isinstance(shape, Sphere):
+            arguments = dict(shapeType=pybullet.GEOM_SPHERE, radius=shape.radius)
+        else:
+            corners = np.unique(shape.triangles().reshape(-1, 3), axis=0)
+            arguments = dict(shapeType=pybullet.GEOM_MESH, vertices=corners.tolist())
+        return pybullet.createCollisionShape(physicsClientId=self.client, **arguments)
+
+    def remove(self, body: int) -> None:
+        """Take a body out of the world."""
+        pybullet.removeBody(body, physicsClientId=self.client)
+
+    def place(self, body: int, frame: Frame) -> None:
+        """Set a body down elsewhere, at rest."""
+        pybullet.resetBasePositionAndOrientation(
+            body, frame.position.tolist(), frame.quaternion(), physicsClientId=self.client
+        )
+        pybullet.resetBaseVelocity(body, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), physicsClientId=self.client)
+
+    def frame_of(self, body: int) -> Frame:
+        """Return where a body's centre of mass is, and how it is turned."""
+        position, quaternion = pybullet.getBasePositionAndOrientation(body, physicsClientId=self.client)
+        rotation = np.array(pybullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
+        return Frame(np.array(position), rotation)
+
+    def cast(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Cast rays from `starts` to `ends`, shape (B, 3) in metres each.
+
+        Returns:
+            Shape (B,): the share of its way each ray went before it hit something, 1 where it hit nothing.
+        """
+        hits = pybullet.rayTestBatch(starts, ends, collisionFilterMask=self.rays_hit, physicsClientId=self.client)
+        return np.fromiter(map(_hit_fraction, hits), dtype=float, count=len(starts))
+
+    def contacts(self, body: int) -> Sequence[Tuple[Any, ...]]:
+        """Return PyBullet's contact points of a body."""
+        return pybullet.getContactPoints(bodyA=body, physicsClientId=self.client)

@@ -1,0 +1,189 @@
+"""Solids a world is made of, each able to say its surface as triangles.
+
+Triangles are the one form that the physics, the lidar and the map maker share: what the robot bumps into, what it sees
+and what stands in the map can therefore not differ.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Tuple, Union
+
+import numpy as np
+
+from mbf_relay.simulation.frames import Frame
+
+ROUNDNESS = 1e-4
+"""Largest gap (m) between a round surface and the flat facets that stand for it; half of it lies on either side."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box centred in its frame; `size` in metres along x, y, z."""
+
+    size: Tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        _check("box size", self.size)
+
+    def triangles(self) -> np.ndarray:
+        """Return the surface, shape (12, 3, 3) in metres, in the shape's own frame."""
+        x, y, z = (side / 2.0 for side in self.size)
+        return prism_triangles(np.array([[x, y], [-x, y], [-x, -y], [x, -y]]), -z, z)
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """An upright cylinder centred in its frame; `radius` and `height` in metres."""
+
+    radius: float
+    height: float
+
+    def __post_init__(self) -> None:
+        _check("cylinder radius and height", (self.radius, self.height))
+
+    def triangles(self) -> np.ndarray:
+        """Return the surface, shape (N, 3, 3) in metres; the facets lie half inside and half outside the round."""
+        sides = _sides(self.radius)
+        radius = self.radius / (0.5 + 0.5 * math.cos(math.pi / sides))
+        return prism_triangles(regular_polygon(radius, sides), -self.height / 2.0, self.height / 2.0)
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A sphere centred in its frame; `radius` in metres."""
+
+    radius: float
+
+    def __post_init__(self) -> None:
+        _check("sphere radius", (self.radius,))
+
+    def triangles(self) -> np.ndarray:
+        """Return the surface, shape (N, 3, 3) in metres, as bands between circles of latitude."""
+        sides = _sides(self.radius, 4.0 * ROUNDNESS)
+        latitudes = np.linspace(-math.pi / 2.0, math.pi / 2.0, sides // 2 + 1)
+        polygons = regular_polygon(1.0, sides)
+        rings = [
+            np.column_stack((polygons * self.radius * math.cos(a), np.full(sides, self.radius * math.sin(a))))
+            for a in latitudes
+        ]
+        bands = [_band(lower, upper) for lower, upper in zip(rings, rings[1:])]
+        triangles = np.concatenate(bands)
+        return triangles[_areas(triangles) > 1e-12]
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A closed surface of triangles, shape (N, 3, 3) in metres, in its own frame."""
+
+    faces: np.ndarray
+
+    def __post_init__(self) -> None:
+        faces = np.asarray(self.faces, dtype=float)
+        if faces.ndim != 3 or faces.shape[1:] != (3, 3) or not len(faces):
+            raise ValueError(f"mesh has faces of shape {faces.shape}; it must be (N, 3, 3) with N above 0")
+        if not np.isfinite(faces).all():
+            raise ValueError("mesh has corners that are not finite")
+        object.__setattr__(self, "faces", faces)
+
+    def triangles(self) -> np.ndarray:
+        """Return the surface, shape (N, 3, 3) in metres."""
+        return self.faces
+
+
+Shape = Union[Box, Cylinder, Sphere, Mesh]
+
+
+@dataclass(frozen=True)
+class Body:
+    """A named solid somewhere in the world.
+
+    Attributes:
+        name: What contacts and warnings call it.
+        shape: Its geometry.
+        frame: Pose of the shape in the world.
+        mass: In kilograms; 0 for what never moves.
+        colour: Red, green, blue, alpha for pictures.
+    """
+
+    name: str
+    shape: Shape
+    frame: Frame
+    mass: float = 0.0
+    colour: Tuple[float, float, float, float] = (0.75, 0.75, 0.72, 1.0)
+
+    def triangles(self) -> np.ndarray:
+        """Return the surface in the world, shape (N, 3, 3) in metres."""
+        return self.frame.transform_points(self.shape.triangles())
+
+
+def regular_polygon(radius: float, sides: int) -> np.ndarray:
+    """Return the corners, shape (sides, 2) in metres, counter-clockwise from the x axis."""
+    angles = 2.0 * math.pi * np.arange(sides) / sides
+    return radius * np.column_stack((np.cos(angles), np.sin(angles)))
+
+
+def prism_triangles(corners: np.ndarray, bottom: float, top: float) -> np.ndarray:
+    """Return the surface of a convex polygon's prism, shape (N, 3, 3) in metres.
+
+    Args:
+        corners: Shape (C, 2) in metres, counter-clockwise.
+        bottom, top: Heights (m) of its two ends.
+    """
+    count = len(corners)
+    lower = np.column_stack((corners, np.full(count, bottom)))
+    upper = np.column_stack((corners, np.full(count, top)))
+    fan = np.column_stack((np.zeros(count - 2, dtype=int), np.arange(1, count - 1), np.arange(2, count)))
+    return np.concatenate((_band(lower, upper), lower[fan[:, ::-1]], upper[fan]))
+
+
+def slice_segments(triangles: np.ndarray, height: float) -> np.ndarray:
+    """Return where a horizontal plane cuts a surface.
+
+    Args:
+        triangles: Shape (N, 3, 3) in metres.
+        height: Of the plane (m).
+
+    Returns:
+        Segments, shape (M, 2, 2): two points (m) each.
+    """
+    above = triangles[:, :, 2] > height
+    crossing = triangles[above.any(axis=1) & ~above.all(axis=1)]
+    if not len(crossing):
+        return np.empty((0, 2, 2))
+    above = crossing[:, :, 2] > height
+    # The corner that is alone on its side of the plane; the cut runs through the two edges that meet in it.
+    alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), (~above).argmax(axis=1))
+    rows = np.arange(len(crossing))
+    tip = crossing[rows, alone]
+    ends = []
+    for step in (1, 2):
+        other = crossing[rows, (alone + step) % 3]
+        share = (height - tip[:, 2]) / (other[:, 2] - tip[:, 2])
+        ends.append(tip[:, :2] + share[:, None] * (other - tip)[:, :2])
+    return np.stack(ends, axis=1)
+
+
+def _band(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Return the triangles between two rings of as many corners, shape (2 N, 3, 3)."""
+    next_lower, next_upper = np.roll(lower, -1, axis=0), np.roll(upper, -1, axis=0)
+    return np.concatenate((
+        np.stack((lower, next_lower, next_upper), axis=1), np.stack((lower, next_upper, upper), axis=1),
+    ))
+
+
+def _areas(triangles: np.ndarray) -> np.ndarray:
+    edges = triangles[:, 1:] - triangles[:, :1]
+    return 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+
+
+def _sides(radius: float, roundness: float = ROUNDNESS) -> int:
+    """Return how many sides keep a circle within `roundness` (m) of its facets; a multiple of four."""
+    sagitta = min(0.5, roundness / radius)
+    return 4 * max(3, math.ceil(math.pi / math.acos(1.0 - sagitta) / 4.0))
+
+
+def _check(what: str, values: Tuple[float, ...]) -> None:
+    if not all(math.isfinite(value) and value > 0.0 for value in values):
+        raise ValueError(f"{what} {tuple(values)} must be finite and above 0 m")

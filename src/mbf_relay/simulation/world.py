@@ -1,0 +1,89 @@
+"""A world: the solids in it, where the robot starts, and what it is asked to do there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.simulation.shapes import Body, slice_segments
+
+
+@dataclass(frozen=True)
+class Mover:
+    """A body that follows timed waypoints, for ever from the start again when `loop` is set.
+
+    Attributes:
+        body: The solid; its frame gives height and tilt, the waypoints place and heading.
+        times: Shape (W,) in seconds since the start, rising, the first at 0.
+        poses: Shape (W, 3) as x, y, theta in metres and radians.
+        loop: Start again after the last waypoint; else stay there.
+    """
+
+    body: Body
+    times: np.ndarray
+    poses: np.ndarray
+    loop: bool = True
+
+    def __post_init__(self) -> None:
+        times, poses = np.asarray(self.times, dtype=float), np.asarray(self.poses, dtype=float)
+        name = self.body.name
+        if poses.shape != (len(times), 3) or not len(times):
+            raise ValueError(f"mover '{name}' has {len(times)} times and poses of shape {poses.shape}; one x, y, yaw per time")
+        if not (np.isfinite(times).all() and np.isfinite(poses).all()):
+            raise ValueError(f"mover '{name}' has waypoints that are not finite")
+        if times[0] != 0.0 or (np.diff(times) <= 0.0).any():
+            raise ValueError(f"mover '{name}' has times {times.tolist()}; they must start at 0 and rise")
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "poses", poses)
+
+    def pose_at(self, elapsed: float) -> Pose2D:
+        """Return where the body is `elapsed` seconds after the start; it turns the shorter way."""
+        period = self.times[-1]
+        if self.loop and period > 0.0:
+            elapsed = elapsed % period
+        x, y = (float(np.interp(elapsed, self.times, self.poses[:, axis])) for axis in (0, 1))
+        return Pose2D(x, y, float(np.interp(elapsed, self.times, np.unwrap(self.poses[:, 2]))))
+
+
+@dataclass(frozen=True)
+class World:
+    """Everything the simulation needs to know of a place.
+
+    Attributes:
+        name: For people.
+        bodies: The solids; the ground, a plane at z = 0, is always there and not among them.
+        start: Where the robot stands at first.
+        movers: Bodies that follow waypoints.
+        goal: Where it is asked to go, where the world says so.
+        goal_radius: Distance (m) from the goal that counts as there.
+        reference_path_length: Length (m) of a good way, for scores.
+        time_limit: Time (s) allowed.
+    """
+
+    name: str
+    bodies: Tuple[Body, ...]
+    start: Pose2D = IDENTITY
+    movers: Tuple[Mover, ...] = ()
+    goal: Optional[Pose2D] = None
+    goal_radius: float = 1.0
+    reference_path_length: Optional[float] = None
+    time_limit: Optional[float] = None
+
+    def fixed_triangles(self) -> Tuple[np.ndarray, np.ndarray]:
+        """Return the surface of everything that never moves.
+
+        Returns:
+            Triangles, shape (N, 3, 3) in metres, and shape (N,) the index in `bodies` each belongs to.
+        """
+        surfaces = [(index, body.triangles()) for index, body in enumerate(self.bodies) if body.mass == 0.0]
+        if not surfaces:
+            return np.empty((0, 3, 3)), np.empty(0, dtype=int)
+        owners = np.concatenate([np.full(len(triangles), index) for index, triangles in surfaces])
+        return np.concatenate([triangles for _, triangles in surfaces]), owners
+
+    def outline(self, height: float) -> np.ndarray:
+        """Return what a horizontal plane at `height` (m) cuts of the fixed bodies: segments, shape (M, 2, 2)."""
+        return slice_segments(self.fixed_triangles()[0], height)
