@@ -1,0 +1,238 @@
+"""Run every test of the package: pytest folder by folder, then every rostest on a ROS master of its own.
+
+The last line is "N passed, N failed"; the exit status is 0 only where none failed. Everything the tests and their nodes
+wrote stays in the results folder.
+"""
+
+import argparse
+import glob
+import os
+import queue
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+import xml.etree.ElementTree as ElementTree
+from typing import Dict, List, NamedTuple, Optional
+
+TEST_FOLDER = os.path.dirname(os.path.abspath(__file__))
+CHECKOUT = os.path.dirname(TEST_FOLDER)
+TIME_LIMIT = 420.0
+"""Wall seconds after which one job is ended and counts as failed; --long triples it."""
+
+
+class Job(NamedTuple):
+    """One process that runs tests: its name, its command, and whether it is a rostest."""
+
+    name: str
+    command: List[str]
+    is_rostest: bool
+
+
+class Outcome(NamedTuple):
+    """What came of a job."""
+
+    job: Job
+    passed: int
+    failed: int
+    skipped: int
+    seconds: float
+    log: str
+
+
+def main() -> int:
+    """Run what the command line asks for and return the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help="run only jobs with one of these in their name")
+    parser.add_argument("--long", action="store_true", help="also what takes many minutes (sets MBF_RELAY_LONG=1)")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="rostests at a time (default: 1)")
+    parser.add_argument("--results", metavar="DIR", help="folder for logs and reports, emptied first")
+    parser.add_argument("--list", action="store_true", help="name the jobs and run none")
+    options = parser.parse_args()
+    results = os.path.abspath(options.results or os.path.join(os.getcwd(), "test_results"))
+    jobs = [job for job in find_jobs(results) if not options.names or any(name in job.name for name in options.names)]
+    if options.list:
+        print("\n".join(job.name for job in jobs))
+        return 0
+    if not jobs:
+        print(f"no test has {' or '.join(options.names)} in its name; --list names them", file=sys.stderr)
+        return 2
+    for folder in glob.glob(os.path.join(results, "*")):
+        shutil.rmtree(folder, ignore_errors=True)
+    runner = Runner(results, long=options.long)
+    start = time.monotonic()
+    try:
+        runner.run([job for job in jobs if not job.is_rostest], workers=os.cpu_count() or 1)
+        runner.run([job for job in jobs if job.is_rostest], workers=options.jobs)
+    except KeyboardInterrupt:
+        runner.stop()
+        print("interrupted", file=sys.stderr)
+        return 130
+    return report(runner.outcomes, time.monotonic() - start)
+
+
+def find_jobs(results: str) -> List[Job]:
+    """Return a job for each folder of pytest files and for each .test file."""
+    jobs = []
+    for top in ("unit", "contract"):
+        for folder, _, files in sorted(os.walk(os.path.join(TEST_FOLDER, top))):
+            paths = sorted(os.path.join(folder, name) for name in files if re.match(r"test_.*\.py$", name))
+            if paths:
+                name = os.path.relpath(folder, TEST_FOLDER)
+                report_file = os.path.join(results, name, "pytest.xml")
+                command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--junit-xml={report_file}"]
+                jobs.append(Job(name, command + paths, False))
+    for top in ("node", "system"):
+        for path in sorted(glob.glob(os.path.join(TEST_FOLDER, top, "*.test"))):
+            name = os.path.relpath(path, TEST_FOLDER)
+            jobs.append(Job(name, ["rostest", path], True))
+    return jobs
+
+
+class Runner:
+    """Runs jobs, each in a process group and a results folder of its own, and prints a line for each."""
+
+    def __init__(self, results: str, long: bool) -> None:
+        self.outcomes: List[Outcome] = []
+        self._results = results
+        self._long = long
+        self._lock = threading.Lock()
+        self._running: List[subprocess.Popen] = []
+        self._stopped = False
+
+    def run(self, jobs: List[Job], workers: int) -> None:
+        """Run the jobs, `workers` at a time, and return when all have ended."""
+        waiting: "queue.SimpleQueue[Job]" = queue.SimpleQueue()
+        for job in jobs:
+            waiting.put(job)
+        threads = [threading.Thread(target=self._work, args=(waiting,), daemon=True) for _ in range(workers)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            while thread.is_alive():
+                thread.join(0.2)
+
+    def stop(self) -> None:
+        """End what runs and start nothing more."""
+        with self._lock:
+            self._stopped = True
+            running = list(self._running)
+        for process in running:
+            end_group(process)
+
+    def _work(self, waiting: "queue.SimpleQueue[Job]") -> None:
+        while True:
+            try:
+                job = waiting.get_nowait()
+            except queue.Empty:
+                return
+            outcome = self._run_job(job)
+            if outcome is None:
+                return
+            with self._lock:
+                self.outcomes.append(outcome)
+                words = "FAILED" if outcome.failed else "passed"
+                print(f"{words}  {job.name}: {counts(outcome)} in {outcome.seconds:.1f} s", flush=True)
+
+    def _run_job(self, job: Job) -> Optional[Outcome]:
+        folder = os.path.join(self._results, job.name)
+        os.makedirs(folder, exist_ok=True)
+        log = os.path.join(folder, "output.log")
+        start = time.monotonic()
+        with open(log, "wb") as stream:
+            with self._lock:
+                if self._stopped:
+                    return None
+                process = subprocess.Popen(
+                    job.command, cwd=folder, env=self._environment(folder), stdout=stream, stderr=subprocess.STDOUT,
+                    start_new_session=True,
+                )
+                self._running.append(process)
+            try:
+                process.wait(TIME_LIMIT * (3 if self._long else 1))
+            except subprocess.TimeoutExpired:
+                stream.write(f"\nended after {time.monotonic() - start:.0f} s\n".encode())
+        end_group(process)
+        with self._lock:
+            self._running.remove(process)
+        passed, failed, skipped = read_rostest(log) if job.is_rostest else read_pytest(os.path.join(folder, "pytest.xml"))
+        if process.returncode != 0 and failed == 0:
+            failed = 1
+        return Outcome(job, passed, failed, skipped, time.monotonic() - start, log)
+
+    def _environment(self, folder: str) -> Dict[str, str]:
+        environment = dict(os.environ, ROS_LOG_DIR=os.path.join(folder, "log"), ROS_TEST_RESULTS_DIR=folder)
+        paths = [os.path.join(CHECKOUT, "src"), TEST_FOLDER, environment.get("PYTHONPATH", "")]
+        environment["PYTHONPATH"] = os.pathsep.join(path for path in paths if path)
+        environment["MBF_RELAY_TEST_RESULTS"] = folder
+        environment["MPLBACKEND"] = "Agg"
+        if self._long:
+            environment["MBF_RELAY_LONG"] = "1"
+        return environment
+
+
+def end_group(process: subprocess.Popen) -> None:
+    """End a process and whatever it has started."""
+    for number, patience in ((signal.SIGINT, 20.0), (signal.SIGKILL, 10.0)):
+        if process.poll() is not None:
+            break
+        os.killpg(process.pid, number)
+        try:
+            process.wait(patience)
+        except subprocess.TimeoutExpired:
+            pass
+
+
+def read_pytest(path: str) -> "tuple[int, int, int]":
+    """Return how many tests passed, failed and were skipped by a pytest report; one failure where there is none."""
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (OSError, ElementTree.ParseError):
+        return 0, 1, 0
+    totals = [0, 0, 0, 0]
+    for suite in root.iter("testsuite"):
+        for index, name in enumerate(("tests", "failures", "errors", "skipped")):
+            totals[index] += int(suite.get(name, 0))
+    tests, failures, errors, skipped = totals
+    return tests - failures - errors - skipped, failures + errors, skipped
+
+
+def read_rostest(log: str) -> "tuple[int, int, int]":
+    """Return how many tests passed, failed and were skipped by rostest's own summary; one failure without it."""
+    with open(log, encoding="utf-8", errors="replace") as stream:
+        text = stream.read()
+    found = re.search(r"SUMMARY\s+\S* \* RESULT: .*?TESTS: (\d+)\s+\S* \* ERRORS: (\d+).*?FAILURES: (\d+)", text, re.DOTALL)
+    if not found:
+        return 0, 1, 0
+    tests, errors, failures = (int(number) for number in found.groups())
+    return tests - errors - failures, errors + failures, 0
+
+
+def counts(outcome: Outcome) -> str:
+    """Return a job's numbers in words."""
+    words = f"{outcome.passed} passed"
+    if outcome.failed:
+        words += f", {outcome.failed} failed"
+    return words + (f", {outcome.skipped} skipped" if outcome.skipped else "")
+
+
+def report(outcomes: List[Outcome], seconds: float) -> int:
+    """Print the failures' logs and the last line; return the exit status."""
+    failures = [outcome for outcome in outcomes if outcome.failed]
+    for outcome in failures:
+        with open(outcome.log, encoding="utf-8", errors="replace") as stream:
+            tail = stream.read().splitlines()[-60:]
+        print(f"\n=== {outcome.job.name} failed (all of it: {outcome.log}) ===")
+        print("\n".join(tail))
+    passed, failed = sum(o.passed for o in outcomes), sum(o.failed for o in outcomes)
+    skipped = sum(o.skipped for o in outcomes)
+    print(f"\n{len(outcomes)} jobs in {seconds:.0f} s" + (f", {skipped} tests skipped" if skipped else ""))
+    print(f"{passed} passed, {failed} failed")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
