@@ -128,6 +128,7 @@ class NavigateOutcome(Enum):
     GOAL_BLOCKED = "GOAL_BLOCKED"
     TF_ERROR = "TF_ERROR"
     INTERNAL_ERROR = "INTERNAL_ERROR"
+    STOPPED = "STOPPED"
 
 
 @dataclass(frozen=True)

@@ -177,6 +177,10 @@ class Navigator:
             task.cancel()
         self.update(now)
 
+    def drop_all(self) -> None:
+        """Forget every goal without ending it, for a caller that ends them itself after an internal error."""
+        self._plans, self._drives, self._recovery_runs, self._move_base = {}, {}, {}, None
+
     def take_announced(self) -> List[Tuple[str, FramedPose]]:
         """Return the goals given to planners ("planner") and controllers ("controller") since the last call."""
         announced, self._announced = self._announced, []

@@ -72,7 +72,7 @@ class Registry(Generic[P]):
     def __init__(
         self, kind: str, config: Mapping[str, Any], base: Type[P], known: Mapping[str, str], worker: Worker, costmap: str
     ) -> None:
-        self._kind, self._base, self._known, self._worker = kind, base, known, worker
+        self.kind, self._base, self._known, self._worker = kind, base, known, worker
         self._entries = entries_of(kind, config.get(kind, []), costmap)
         self._values = {name: _values_of(config, name) for name in self._entries}
         self._parameters: Dict[str, Any] = {}
@@ -106,10 +106,10 @@ class Registry(Generic[P]):
         if name in self._entries:
             return name
         if not self._entries:
-            raise PluginError(f"No plugins loaded at all: the list '{self._kind}' is empty")
+            raise PluginError(f"No plugins loaded at all: the list '{self.kind}' is empty")
         if name:
             raise PluginError(
-                f'No plugin loaded with the given name "{name}"! {self._kind}: {", ".join(self._entries)}'
+                f'No plugin loaded with the given name "{name}"! {self.kind}: {", ".join(self._entries)}'
             )
         return next(iter(self._entries))
 
