@@ -1,0 +1,78 @@
+"""Drive back a little, out of what the robot has got itself into."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Iterator
+
+import numpy as np
+
+from mbf_relay.control.trajectories import speed_to_stop_within
+from mbf_relay.geometry import Twist2D
+from mbf_relay.outcomes import RecoveryError, RecoveryOutcome
+from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.recovery.maneuver import Place, look, measured
+from mbf_relay.recovery.recovery import Recovery, RecoveryContext
+
+STEP = 0.01  # m between checked poses
+LEAST = 0.02  # m that count as having backed up at all
+
+
+@dataclass(frozen=True)
+class BackUpParameters(ParameterSet):
+    """Parameters of BackUp."""
+
+    distance: float = parameter(0.15, "how far to drive back", "m", above=0.0)
+    speed: float = parameter(0.1, "top speed", "m/s", above=0.0)
+    acceleration: float = parameter(1.0, "acceleration", "m/s^2", above=0.0)
+    timeout: float = parameter(10.0, "time after which it gives up", "s", above=0.0)
+
+
+class BackUp(Recovery):
+    """Drives straight back, as far as it is free behind, on the costmap as it is at each step."""
+
+    Parameters = BackUpParameters
+
+    def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
+        """Yield the drive.
+
+        Raises:
+            RecoveryError: IMPASSABLE where it is not free behind, PAT_EXCEEDED where the robot does not move, TF_ERROR,
+                FAILURE.
+        """
+        p = self.parameters
+        start, begun, speed = look(context, self.name).pose, context.now, 0.0
+        while True:
+            place = look(context, self.name)
+            moved = -place.pose.relative_to(start).x
+            left = p.distance - moved
+            if left <= 0.5 * STEP:
+                return
+            free = self._free_distance(place, left)
+            if free < min(LEAST, left):
+                if moved >= LEAST:
+                    return
+                raise RecoveryError(
+                    RecoveryOutcome.IMPASSABLE,
+                    f"'{self.name}' cannot drive back: an obstacle is {free:.2f} m behind the robot",
+                )
+            if context.now - begun > p.timeout:
+                raise RecoveryError(
+                    RecoveryOutcome.PAT_EXCEEDED,
+                    f"'{self.name}' moved {moved:.2f} m of {p.distance:.2f} m within {p.timeout:.1f} s; see whether the "
+                    "wheels are free",
+                )
+            change = p.acceleration * context.period
+            present = -measured(lambda: context.velocity, self.name).x
+            base = speed if abs(speed - present) <= 2.0 * change else max(0.0, present)
+            wanted = min(p.speed, speed_to_stop_within(free, p.acceleration, context.period))
+            speed = min(base + change, max(base - change, wanted))
+            yield Twist2D(-speed, 0.0, 0.0)
+
+    @staticmethod
+    def _free_distance(place: Place, distance: float) -> float:
+        count = max(1, math.ceil(distance / STEP))
+        back = distance * np.arange(1, count + 1) / count
+        poses = place.pose.transform_poses(np.column_stack((-back, np.zeros(count), np.zeros(count))))
+        return distance * place.free_steps(poses) / count

@@ -1,0 +1,83 @@
+"""Forget what was observed, near the robot or far from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Dict, Iterator, List, Tuple
+
+from mbf_relay.geometry import STOP, Twist2D
+from mbf_relay.outcomes import RecoveryError, RecoveryOutcome, TransformError
+from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.recovery.recovery import Recovery, RecoveryContext
+
+FRESH_TIMEOUT = 1.0
+"""Seconds to wait for the costmaps to show what the sensors see now; a server that has rested them would wait for ever."""
+
+NAMES_BY_DEFAULT = ("obstacles", "obstacle_layer")
+"""What costmap_2d calls its obstacle layer: with a list of plugins by custom, and without one."""
+
+
+@dataclass(frozen=True)
+class ClearCostmapParameters(ParameterSet):
+    """Parameters of ClearCostmap, by clear_costmap_recovery's names and defaults."""
+
+    reset_distance: float = parameter(3.0, "side of the square round the robot", "m", minimum=0.0)
+    invert_area_to_clear: bool = parameter(False, "clear inside the square instead of outside of it")
+    force_updating: bool = parameter(False, "update the costmaps at once instead of waiting for their next update")
+    affected_maps: str = parameter("both", "costmaps to clear", choices=("local", "global", "both"))
+    layer_names: Tuple[str, ...] = parameter(NAMES_BY_DEFAULT, "layers to clear")
+
+
+class ClearCostmap(Recovery):
+    """Clears layers of the costmaps and stands until they show what the sensors see now.
+
+    With a large reset_distance it is the conservative reset of move_base, with a small one the aggressive reset.
+
+    Source: clear_costmap_recovery/ClearCostmapRecovery, which lets the robot drive on at once, through what was just
+    forgotten.
+    """
+
+    Parameters = ClearCostmapParameters
+
+    def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
+        """Clear, then yield stops until the costmaps were updated.
+
+        Raises:
+            RecoveryError: FAILURE where no costmap has such a layer, TF_ERROR where the robot's place is not known.
+        """
+        p = self.parameters
+        chosen = ("local", "global") if p.affected_maps == "both" else (p.affected_maps,)
+        costmaps = {name: context.costmaps[name] for name in chosen if context.costmaps.get(name) is not None}
+        self._check_layers(costmaps)
+        for costmap in costmaps.values():
+            clear_round_robot(context, costmap, p.layer_names, p.reset_distance, p.invert_area_to_clear)
+            if p.force_updating:
+                costmap.update(context.now, context.pose_in(costmap.frame))
+        yield from stand_until_updated(context, list(costmaps.values()), context.now)
+
+    def _check_layers(self, costmaps: Dict[str, Any]) -> None:
+        names = {layer.name for costmap in costmaps.values() for layer in costmap.layers}
+        if not names.intersection(self.parameters.layer_names):
+            raise RecoveryError(
+                RecoveryOutcome.FAILURE,
+                f"'{self.name}' has nothing to clear: none of layer_names {list(self.parameters.layer_names)} is among the "
+                f"layers {sorted(names)} of costmap {' and '.join(costmaps) or self.parameters.affected_maps}",
+            )
+
+
+def clear_round_robot(
+    context: RecoveryContext, costmap: Any, layers: Tuple[str, ...], side: float, inside: bool
+) -> None:
+    """Clear a square round the robot, or all but that; raise RecoveryError TF_ERROR where the robot's place is unknown."""
+    try:
+        pose = context.pose_in(costmap.frame)
+    except TransformError as error:
+        raise RecoveryError(RecoveryOutcome.TF_ERROR, f"cannot clear round the robot: {error}") from error
+    costmap.clear(layers, pose, side, inside)
+
+
+def stand_until_updated(context: RecoveryContext, costmaps: List[Any], since: float) -> Iterator[Twist2D]:
+    """Yield stops until every costmap was updated after `since` (s), for FRESH_TIMEOUT at most."""
+    yield STOP
+    while context.now - since < FRESH_TIMEOUT and any(costmap.snapshot().stamp <= since for costmap in costmaps):
+        yield STOP

@@ -1,0 +1,49 @@
+"""What behaviours that move share: the robot on the local costmap, and its next stretch checked before it is driven."""
+
+from __future__ import annotations
+
+from typing import Any, Callable, NamedTuple
+
+import numpy as np
+
+from mbf_relay.control.obstacle_view import ObstacleView
+from mbf_relay.geometry import Pose2D
+from mbf_relay.outcomes import RecoveryError, RecoveryOutcome, StaleDataError, TransformError
+from mbf_relay.recovery.recovery import RecoveryContext
+
+
+class Place(NamedTuple):
+    """Where the robot stands, and what stands around it."""
+
+    pose: Pose2D
+    view: ObstacleView
+
+    def free_steps(self, poses: np.ndarray) -> int:
+        """Return how many of consecutive poses, (S, 3), are free; what the footprint touches already may stay touched."""
+        return self.view.free_steps(poses, self.view.contacts_at(self.pose))
+
+
+def look(context: RecoveryContext, name: str) -> Place:
+    """Return the robot's place on the local costmap as it is now.
+
+    Raises:
+        RecoveryError: TF_ERROR where the pose is not known, FAILURE where there is no local costmap or it is too old.
+    """
+    costmap: Any = context.costmaps.get("local")
+    if costmap is None:
+        raise RecoveryError(RecoveryOutcome.FAILURE, f"'{name}' needs a local costmap, and there is none")
+    stale = costmap.stale_reason(context.now)
+    if stale:
+        raise RecoveryError(RecoveryOutcome.FAILURE, f"'{name}' does not move blindly: {stale}")
+    try:
+        return Place(context.pose_in(costmap.frame), ObstacleView(costmap.snapshot()))
+    except TransformError as error:
+        raise RecoveryError(RecoveryOutcome.TF_ERROR, f"'{name}' does not know where the robot is: {error}") from error
+
+
+def measured(read: Callable[[], Any], name: str) -> Any:
+    """Return what `read` gives; raise RecoveryError FAILURE where the data is too old to move on."""
+    try:
+        return read()
+    except StaleDataError as error:
+        raise RecoveryError(RecoveryOutcome.FAILURE, f"'{name}' does not move blindly: {error}") from error

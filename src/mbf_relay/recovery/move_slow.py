@@ -1,0 +1,49 @@
+"""Clear round the robot and let it drive on slowly for a while."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Iterator, Tuple
+
+from mbf_relay.control.controller import Controller, SpeedLimit
+from mbf_relay.geometry import Twist2D
+from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.recovery.clear_costmap import NAMES_BY_DEFAULT, clear_round_robot, stand_until_updated
+from mbf_relay.recovery.recovery import Recovery, RecoveryContext
+
+
+@dataclass(frozen=True)
+class MoveSlowParameters(ParameterSet):
+    """Parameters of MoveSlowAndClear, by move_slow_and_clear's names and defaults."""
+
+    clearing_distance: float = parameter(0.5, "half the side of the square round the robot to clear", "m", minimum=0.0)
+    limited_trans_speed: float = parameter(0.25, "top translational speed for a while", "m/s", minimum=0.0)
+    limited_rot_speed: float = parameter(0.45, "top rotational speed for a while", "rad/s", minimum=0.0)
+    limited_distance: float = parameter(0.3, "distance after which the limits are lifted", "m", minimum=0.0)
+    layer_names: Tuple[str, ...] = parameter(NAMES_BY_DEFAULT, "layers to clear")
+    max_trans_param_name: str = parameter("max_trans_vel", "read, and without effect: the controller is told directly")
+    max_rot_param_name: str = parameter("max_rot_vel", "read, and without effect: the controller is told directly")
+    planner_namespace: str = parameter("DWAPlannerROS", "read, and without effect: the limits are the failed controller's")
+
+
+class MoveSlowAndClear(Recovery):
+    """Clears a square round the robot and limits the speed of the controller that failed, until it has got somewhere.
+
+    Source: move_slow_and_clear/MoveSlowAndClear.
+    """
+
+    Parameters = MoveSlowParameters
+
+    def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
+        """Clear, limit, and yield stops until the costmaps were updated.
+
+        Raises:
+            RecoveryError: TF_ERROR.
+        """
+        p = self.parameters
+        costmaps = [costmap for costmap in context.costmaps.values() if costmap is not None]
+        for costmap in costmaps:
+            clear_round_robot(context, costmap, p.layer_names, 2.0 * p.clearing_distance, True)
+        if isinstance(context.controller, Controller):
+            context.controller.limit_speed(SpeedLimit(p.limited_trans_speed, p.limited_rot_speed, p.limited_distance))
+        yield from stand_until_updated(context, costmaps, context.now)

@@ -1,0 +1,29 @@
+"""Stand and wait: what is in the way may go away."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Iterator
+
+from mbf_relay.geometry import STOP, Twist2D
+from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.recovery.recovery import Recovery, RecoveryContext
+
+
+@dataclass(frozen=True)
+class WaitParameters(ParameterSet):
+    """Parameters of Wait."""
+
+    duration: float = parameter(2.0, "how long to stand", "s", minimum=0.0)
+
+
+class Wait(Recovery):
+    """Stands for a while."""
+
+    Parameters = WaitParameters
+
+    def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
+        """Yield stops until the time is over."""
+        start = context.now
+        while context.now - start < self.parameters.duration:
+            yield STOP
