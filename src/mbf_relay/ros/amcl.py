@@ -21,7 +21,7 @@ from mbf_relay.localization.localizer import Localizer
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros import diagnostics, parameters
-from mbf_relay.ros.amcl_parameters import (
+from mbf_relay.localization.node_parameters import (
     INITIAL, NODE_ONLY, AmclParameters, initial_pose_as_parameters, initial_pose_from,
 )
 from mbf_relay.ros.conversions import InvalidMessage, header, map_from_message, pose_from_message, pose_to_message
