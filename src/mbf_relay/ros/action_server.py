@@ -1,0 +1,96 @@
+"""actionlib's ActionServer with its housekeeping on the wall clock.
+
+The original times its status with rospy.Timer, which stops for good when the ROS clock is set back, and keeps every
+finished goal for seconds of ROS time, which is for ever while the clock stands. This one publishes and forgets on the
+wall clock, keeps no more than a fixed number of finished goals, and sends small messages without waiting (TCP_NODELAY).
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any, Dict
+
+import actionlib
+import rospy
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+
+STATUS_PERIOD = 0.2
+"""Wall time (s) between status messages where nothing happens: actionlib's 5 Hz."""
+REMEMBER_FOR = 5.0
+"""Wall time (s) for which a finished goal stays in the status: actionlib's default."""
+REMEMBER_AT_MOST = 50
+"""Number of finished goals kept in the status."""
+UNFINISHED = frozenset((GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING))
+
+
+class ActionServer(actionlib.ActionServer):
+    """An ActionServer; constructor and use as actionlib's, with auto_start off.
+
+    `lock` is the one lock of the server: goal and cancel callbacks run under it, goal handles take it.
+    """
+
+    def __init__(self, name: str, action_type: Any, goal_cb: Any, cancel_cb: Any) -> None:
+        self._finished_at: Dict[str, float] = {}
+        self._stopped = threading.Event()
+        super().__init__(name, action_type, goal_cb, cancel_cb, auto_start=False)
+
+    def initialize(self) -> None:
+        """Open the topics and start the status; overrides actionlib's, called by `start`."""
+        name = rospy.remap_name(self.ns)
+        queue = rospy.get_param("actionlib_server_pub_queue_size", 50)
+        queue = queue if queue > 0 else 50
+        publisher = lambda kind, message, **options: rospy.Publisher(  # noqa: E731
+            f"{name}/{kind}", message, queue_size=queue, tcp_nodelay=True, **options
+        )
+        self.status_pub = publisher("status", GoalStatusArray, latch=True)
+        self.result_pub = publisher("result", self.ActionResult)
+        self.feedback_pub = publisher("feedback", self.ActionFeedback)
+        self.goal_sub = rospy.Subscriber(f"{name}/goal", self.ActionGoal, self.internal_goal_callback, tcp_nodelay=True)
+        self.cancel_sub = rospy.Subscriber(f"{name}/cancel", GoalID, self.internal_cancel_callback, tcp_nodelay=True)
+        threading.Thread(target=self._keep_publishing, name=f"status of {name}", daemon=True).start()
+
+    def stop(self) -> None:
+        """Leave the topics."""
+        self._stopped.set()
+        with self.lock:
+            self.started = False
+            for link in (self.goal_sub, self.cancel_sub, self.status_pub, self.feedback_pub, self.result_pub):
+                link.unregister()
+
+    def internal_goal_callback(self, goal: Any) -> None:
+        """Take a goal message; overrides actionlib's, which refuses every goal after the clock was set back."""
+        with self.lock:
+            if self.last_cancel > rospy.get_rostime():
+                self.last_cancel = rospy.Time()
+            super().internal_goal_callback(goal)
+
+    def publish_status(self) -> None:
+        """Publish the goals at hand and those finished lately; overrides actionlib's."""
+        with self.lock:
+            self._forget_finished(time.monotonic())
+            if self.started and not rospy.is_shutdown():
+                message = GoalStatusArray(status_list=[tracker.status for tracker in self.status_list])
+                message.header.stamp = rospy.get_rostime()
+                self.status_pub.publish(message)
+
+    def _keep_publishing(self) -> None:
+        while not self._stopped.wait(STATUS_PERIOD) and not rospy.is_shutdown():
+            self.publish_status()
+
+    def _forget_finished(self, now: float) -> None:
+        kept, to_drop = [], len(self.status_list) - REMEMBER_AT_MOST
+        finished_at: Dict[str, float] = {}
+        for tracker in self.status_list:
+            goal_id = tracker.status.goal_id.id
+            if tracker.status.status in UNFINISHED and tracker.goal is not None:
+                kept.append(tracker)
+                continue
+            since = self._finished_at.get(goal_id, now)
+            if to_drop > 0 or now - since > REMEMBER_FOR:
+                to_drop -= 1
+                continue
+            finished_at[goal_id] = since
+            kept.append(tracker)
+        self.status_list[:] = kept
+        self._finished_at = finished_at

@@ -1,0 +1,107 @@
+"""Is the action server still there? Asked on the wall clock, whatever the ROS clock does.
+
+A living server publishes its status several times a second of ROS time. A closed connection is the first sign of its
+end. Silence is the second, and then its node is asked directly: one that answers may stay silent while the ROS clock
+stands still, one that refuses is gone, one that does not answer is given `silence_timeout`.
+"""
+
+from __future__ import annotations
+
+import http.client
+import time
+import xmlrpc.client
+from typing import Any, Optional
+
+import rosgraph
+import rospy
+
+DISCONNECTED_FOR = 0.3
+"""Wall time (s) without a connection after which a server that was there counts as gone."""
+SILENT_FOR = 1.0
+"""Wall time (s) without a status message after which the node is asked."""
+ASK_TIMEOUT = 0.3
+"""Wall time (s) a node has for its answer."""
+
+
+class ServerWatch:
+    """Watches one action server through its status topic."""
+
+    def __init__(self, name: str, status_subscriber: rospy.Subscriber, silence_timeout: float) -> None:
+        self.is_up = False
+        self._name = name
+        self._subscriber = status_subscriber
+        self._silence_timeout = silence_timeout
+        self._node = ""
+        self._heard_at = self._connected_at = self._asked_at = 0.0
+        self._heard_at_ros_time = 0.0
+
+    def heard(self, message: Any) -> None:
+        """Note a status message."""
+        self._node = (getattr(message, "_connection_header", None) or {}).get("callerid", self._node)
+        self._heard_at = self._connected_at = time.monotonic()
+        self._heard_at_ros_time = rospy.get_rostime().to_sec()
+        self.is_up = True
+
+    def why_lost(self, now: float) -> Optional[str]:
+        """Return why the server is gone, None while it is there (or never was, or its loss is already known).
+
+        Args:
+            now: Wall time (s), of time.monotonic.
+        """
+        if not self.is_up:
+            return None
+        reason = self._find_reason(now)
+        if reason is None:
+            return None
+        self.is_up = False
+        return f"action server {self._name} {reason}"
+
+    def _find_reason(self, now: float) -> Optional[str]:
+        if self._subscriber.get_num_connections():
+            self._connected_at = now
+        elif now - self._connected_at > DISCONNECTED_FOR:
+            return f"died: its node {self._node} closed the connection"
+        silence = now - self._heard_at
+        if silence < SILENT_FOR or now - self._asked_at < SILENT_FOR / 2.0:
+            return None
+        self._asked_at = now
+        answer = ask_node(self._node)
+        if answer == GONE:
+            return f"died: its node {self._node} does not exist any more"
+        clock_ran = rospy.get_rostime().to_sec() - self._heard_at_ros_time > SILENT_FOR
+        if silence > self._silence_timeout and (answer == MUTE or clock_ran):
+            return f"hangs: its node {self._node} has been silent for {silence:.1f} s"
+        return None
+
+
+THERE, MUTE, GONE = "there", "mute", "gone"
+
+
+def ask_node(node: str, timeout: float = ASK_TIMEOUT) -> str:
+    """Ask a node for a sign of life: THERE, MUTE (no answer in `timeout` s of wall time) or GONE (refused, unknown)."""
+    try:
+        uri = rosgraph.Master(rospy.get_name()).lookupNode(node)
+    except rosgraph.MasterError:
+        return GONE
+    except OSError:
+        return MUTE  # no master to ask: that says nothing about the node
+    try:
+        xmlrpc.client.ServerProxy(uri, transport=_ImpatientTransport(timeout)).getPid(rospy.get_name())
+    except ConnectionRefusedError:
+        return GONE
+    except (OSError, http.client.HTTPException, xmlrpc.client.Error):
+        return MUTE
+    return THERE
+
+
+class _ImpatientTransport(xmlrpc.client.Transport):
+    """xmlrpc over http with a timeout."""
+
+    def __init__(self, timeout: float) -> None:
+        super().__init__()
+        self._timeout = timeout
+
+    def make_connection(self, host: Any) -> http.client.HTTPConnection:
+        connection = super().make_connection(host)
+        connection.timeout = self._timeout
+        return connection
