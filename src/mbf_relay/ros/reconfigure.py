@@ -56,7 +56,8 @@ def _constant(name: str, choice: Any) -> str:
 
 
 def serve(
-    config_type: Any, parameters: ParameterSet, apply: Callable[[Any], None], namespace: str = ""
+    config_type: Any, parameters: ParameterSet, apply: Callable[[Any], None], namespace: str = "",
+    defaults: Optional[Callable[[], Any]] = None,
 ) -> Any:
     """Offer a parameter set's values for change at run time.
 
@@ -65,6 +66,7 @@ def serve(
         parameters: The values in force; they become the server's first state, over the .cfg's defaults.
         apply: Called with the new set after every change; not called at start.
         namespace: Below the node's own, e.g. "DWAPlannerROS"; empty for the node itself.
+        defaults: Gives the set that `restore_defaults` brings back, where that is not `parameters`.
 
     Returns:
         The dynamic_reconfigure server; keep it.
@@ -82,7 +84,7 @@ def serve(
             return config
         try:
             if config.get(RESTORE_DEFAULTS):
-                wanted = parameters
+                wanted = parameters if defaults is None else defaults()
             else:
                 changes = {n: config[n] for n in names if config[n] != getattr(state["current"], n)}
                 wanted = state["current"].replace(**changes)

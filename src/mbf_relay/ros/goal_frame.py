@@ -1,0 +1,59 @@
+"""~current_goal in the global frame, as move_base shows it, without listening to tf all the time.
+
+A goal in another frame is rare, and a Python tf listener costs more than the rest of the relay together. So one is
+opened for such a goal alone, and closed again.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Callable
+
+import rospy
+import tf2_geometry_msgs
+import tf2_ros
+from geometry_msgs.msg import PoseStamped
+
+TF_TIMEOUT = 2.0
+"""Wall time (s) to wait for the transform, after which the goal is shown as it came, as move_base does."""
+
+
+class GoalFrame:
+    """Hands goals on in one frame, the newest last."""
+
+    def __init__(self, frame: str, publish: Callable[[PoseStamped], None]) -> None:
+        self._frame, self._publish = frame.lstrip("/"), publish
+        self._lock = threading.Lock()
+        self._newest = 0
+
+    def show(self, pose: PoseStamped) -> None:
+        """Hand a goal on: at once where it is in the frame, else as soon as tf knows, unless a newer one came."""
+        with self._lock:
+            self._newest += 1
+            if pose.header.frame_id.lstrip("/") in ("", self._frame):
+                self._publish(pose)
+            else:
+                threading.Thread(target=self._transform, args=(pose, self._newest), daemon=True).start()
+
+    def _transform(self, pose: PoseStamped, number: int) -> None:
+        shown = transformed(pose, self._frame)
+        with self._lock:
+            if number == self._newest:
+                self._publish(shown)
+
+
+def transformed(pose: PoseStamped, frame: str, timeout: float = TF_TIMEOUT) -> PoseStamped:
+    """Return a pose in another frame by the newest transform, or as it is where tf gives none in `timeout` s."""
+    buffer = tf2_ros.Buffer()
+    listener = tf2_ros.TransformListener(buffer)
+    source, deadline = pose.header.frame_id.lstrip("/"), time.monotonic() + timeout
+    try:
+        while not buffer.can_transform(frame, source, rospy.Time(0)) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        return tf2_geometry_msgs.do_transform_pose(pose, buffer.lookup_transform(frame, source, rospy.Time(0)))
+    except tf2_ros.TransformException as error:
+        rospy.logwarn("goal shown in its own frame '%s': %s", source, error)
+        return pose
+    finally:
+        listener.unregister()

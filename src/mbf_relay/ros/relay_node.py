@@ -1,0 +1,177 @@
+"""The node `move_base`: topics, services and the action around the relay."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any, Optional
+
+import rospy
+from actionlib_msgs.msg import GoalID, GoalStatus
+from geometry_msgs.msg import PoseStamped, Twist
+from mbf_msgs.msg import MoveBaseAction, MoveBaseActionResult, MoveBaseGoal, MoveBaseResult
+from move_base_msgs import msg as move_base_msgs
+
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros import parameters as ros_parameters
+from mbf_relay.ros.action_client import ActionClient
+from mbf_relay.ros.action_server import ActionServer
+from mbf_relay.ros.goal_frame import GoalFrame
+from mbf_relay.ros.relay import Effects, Relay, RelayParameters
+from mbf_relay.ros.relay_answers import Answer
+from mbf_relay.ros.relay_reconfigure import MoveBaseParameters, MoveBaseSettings, OTHER_MOVE_BASE_NAMES
+from mbf_relay.ros.relay_services import ClearCostmaps, MakePlan
+from mbf_relay.ros.relay_topics import RecoveryTopic, pass_through
+
+CHECK_PERIOD = 0.1
+"""Wall time (s) between looks at the server and at what has waited too long."""
+
+
+def serve(action: bool = True, topic: bool = True) -> None:
+    """Stand in for move_base until the node ends.
+
+    Args:
+        action: Serve the action move_base.
+        topic: Take goals from move_base_simple/goal.
+    """
+    namespace = ros_parameters.read_namespace("~")
+    known = MoveBaseParameters.names() + OTHER_MOVE_BASE_NAMES
+    parameters = ros_parameters.fill(RelayParameters, namespace, "~", known)
+    client = ActionClient(
+        f"{parameters.server}/move_base", MoveBaseAction, parameters.server_timeout, parameters.silence_timeout
+    )
+    values = ros_parameters.fill(MoveBaseParameters, MoveBaseParameters.known(namespace), "~")
+    settings = MoveBaseSettings(parameters.server, values)
+    outlets = Outlets(parameters)
+
+    def compose(pose: PoseStamped) -> MoveBaseGoal:
+        planner, controller = settings.plugin_names()
+        return MoveBaseGoal(target_pose=pose, planner=planner, controller=controller)
+
+    front = ActionServer(
+        "move_base", move_base_msgs.MoveBaseAction,
+        lambda goal: relay.take_goal(goal, rospy.get_time()), lambda goal: relay.take_cancel(goal),
+    ) if action else None
+    relay = Relay(client, compose, parameters, outlets, front.lock if front else threading.RLock())
+    if front is not None:
+        front.start()
+    if topic:
+        SimpleGoals(relay, through_action=action)
+    MakePlan(parameters, settings)
+    ClearCostmaps(parameters.server)
+    pass_through(parameters.server, settings.server_name)
+    RecoveryTopic(parameters.server, lambda: outlets.robot_pose)
+    settings.serve()
+    rospy.on_shutdown(relay.shut_down)
+    rospy.loginfo("move_base is here, carried out by %s", rospy.resolve_name(parameters.server))
+    was_up = False
+    while not rospy.is_shutdown():
+        client.check()
+        relay.check()
+        is_up = client.server_is_up
+        if is_up and not was_up:
+            settings.server_came()
+        was_up = is_up
+        time.sleep(CHECK_PERIOD)
+
+
+class Outlets(Effects):
+    """Publishes what the relay brings about."""
+
+    def __init__(self, parameters: RelayParameters) -> None:
+        publisher = rospy.Publisher
+        self._goal = publisher("~current_goal", PoseStamped, queue_size=10)
+        self._outcome = publisher("~navigation_outcome", MoveBaseActionResult, queue_size=50, tcp_nodelay=True)
+        stops = parameters.stop_on_server_loss
+        self._velocity = publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True) if stops else None
+        self._frame = GoalFrame(parameters.global_frame, self._goal.publish)
+        self.robot_pose = PoseStamped()
+
+    def goal_taken(self, pose: PoseStamped) -> None:
+        """Publish ~current_goal."""
+        self._frame.show(pose)
+
+    def goal_ended(self, front: Any, answer: Answer, result: Optional[MoveBaseResult]) -> None:
+        """Publish ~navigation_outcome and say in the log what move_base's text leaves out."""
+        goal_id = front.get_goal_id()
+        if answer.status == GoalStatus.ABORTED:
+            rospy.logwarn("goal %s aborted: %s", goal_id.id, answer.reason)
+        elif answer.reason:
+            rospy.loginfo("goal %s ended: %s", goal_id.id, answer.reason)
+        outcome = MoveBaseActionResult(result=result if result is not None else nothing_known(answer))
+        outcome.header.stamp = rospy.get_rostime()
+        outcome.status = GoalStatus(goal_id=goal_id, status=answer.status, text=answer.text)
+        self._outcome.publish(outcome)
+
+    def robot_seen(self, pose: PoseStamped) -> None:
+        """Keep the robot's pose."""
+        self.robot_pose = pose
+
+    def stop_robot(self) -> None:
+        """Publish zero velocity, where that is wanted."""
+        if self._velocity is not None:
+            rospy.logwarn("the server is lost under a goal: stopping the robot")
+            self._velocity.publish(Twist())
+
+
+def nothing_known(answer: Answer) -> MoveBaseResult:
+    """Return a result for a goal the server said nothing of."""
+    outcome = MoveBaseResult.CANCELED if answer.status == GoalStatus.PREEMPTED else MoveBaseResult.INTERNAL_ERROR
+    return MoveBaseResult(outcome=outcome, message=answer.reason or answer.text)
+
+
+class SimpleGoals:
+    """move_base_simple/goal: poses that become goals."""
+
+    def __init__(self, relay: Relay, through_action: bool) -> None:
+        """Subscribe.
+
+        Args:
+            relay: Who pursues them where there is no action.
+            through_action: Publish them as action goals, for everyone to see and cancel, as move_base does.
+        """
+        self._relay, self._count = relay, 0
+        self._goals = None
+        if through_action:
+            self._goals = rospy.Publisher("move_base/goal", move_base_msgs.MoveBaseActionGoal, queue_size=10, tcp_nodelay=True)
+        rospy.Subscriber("move_base_simple/goal", PoseStamped, self._take, queue_size=10, tcp_nodelay=True)
+
+    def _take(self, pose: PoseStamped) -> None:
+        if self._goals is not None:
+            message = move_base_msgs.MoveBaseActionGoal(goal=move_base_msgs.MoveBaseGoal(target_pose=pose))
+            message.header.stamp = rospy.get_rostime()
+            self._goals.publish(message)
+        else:
+            self._count += 1
+            self._relay.take_goal(TopicGoal(pose, self._count), rospy.get_time())
+
+
+class TopicGoal:
+    """A goal that came as a bare pose, for a relay without the action: nobody to answer but ~navigation_outcome.
+
+    Has the methods of actionlib's ServerGoalHandle. Its id carries the pose's stamp, by which its sender may know it.
+    """
+
+    def __init__(self, pose: PoseStamped, number: int) -> None:
+        stamp = pose.header.stamp if not pose.header.stamp.is_zero() else rospy.get_rostime()
+        self._goal = move_base_msgs.MoveBaseGoal(target_pose=pose)
+        self._id = GoalID(stamp=stamp, id=f"{rospy.get_name()}-topic-{number}-{stamp.to_sec():.3f}")
+
+    def get_goal(self) -> move_base_msgs.MoveBaseGoal:
+        """Return the goal."""
+        return self._goal
+
+    def get_goal_id(self) -> GoalID:
+        """Return the id it was given here."""
+        return self._id
+
+    def publish_feedback(self, feedback: Any) -> None:
+        """Do nothing: nobody listens."""
+
+    def set_accepted(self, text: str = "") -> None:
+        """Do nothing: nobody listens; so for the other states."""
+
+    def set_succeeded(self, result: Any = None, text: str = "") -> None:
+        """See set_accepted."""
+
+    set_canceled = set_aborted = set_succeeded
