@@ -1,0 +1,6 @@
+#!/usr/bin/env python3
+"""See mbf_relay.ros.clients; --help tells the options."""
+from mbf_relay.ros.clients import movebase_client
+
+if __name__ == "__main__":
+    movebase_client()
