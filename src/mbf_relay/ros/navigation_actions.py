@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import collections
 import threading
-from typing import Any, Callable, Deque, Dict, List, Optional
+from enum import Enum
+from typing import Any, Callable, Deque, Dict, List, Optional, Type
 
 import actionlib
 import rospy
@@ -13,11 +14,11 @@ from mbf_msgs.msg import (
     RecoveryResult,
 )
 
+from mbf_relay.navigation.goals import NavigateOutcome
 from mbf_relay.navigation.navigator import Navigator
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.outcomes import ControlOutcome, NavigationError, PlanOutcome, RecoveryOutcome
 from mbf_relay.ros import navigation_messages as messages
-from mbf_relay.ros.outcome_codes import code_of
 
 
 class Request:
@@ -35,20 +36,19 @@ class Action:
     Args:
         name: Name below the node's.
         action_type: Generated message class.
+        result_type: Generated class of its result.
+        outcomes: The enumeration of its outcomes.
         begin: Converts a goal message and hands it to the navigator; raises NavigationError for nonsense.
         result: Converts a task's result, given a stamp.
-        canceled: Result for a goal cancelled before it began.
-        failed: Makes a result from an outcome's text, for goals that make no sense.
         feedback: Converts feedback, given stamp and robot frame; None where the action has none.
     """
 
     def __init__(
-        self, name: str, action_type: Any, begin: Callable[[Any], "Task[Any]"], result: Callable[[Any, Any], Any],
-        canceled: Callable[[], Any], failed: Callable[[NavigationError], Any],
-        feedback: Optional[Callable[[Any, Any, str], Any]] = None,
+        self, name: str, action_type: Any, result_type: Any, outcomes: Type[Enum], begin: Callable[[Any], "Task[Any]"],
+        result: Callable[[Any, Any], Any], feedback: Optional[Callable[[Any, Any, str], Any]] = None,
     ) -> None:
-        self.name, self.begin, self.result, self.feedback = name, begin, result, feedback
-        self.canceled, self.failed = canceled, failed
+        self.name, self._begin_goal, self._result, self._feedback = name, begin, result, feedback
+        self._result_type, self._outcomes = result_type, outcomes
         self.wake: Callable[[], None] = lambda: None
         self.robot_frame = ""
         self._lock = threading.Lock()  # guards the two below; nothing else is taken while it is held
@@ -98,34 +98,35 @@ class Action:
         still_running: List[Request] = []
         for request in self._running:
             for feedback in request.task.take_feedback():
-                if self.feedback is not None:
-                    request.handle.publish_feedback(self.feedback(feedback, stamp, self.robot_frame))
+                if self._feedback is not None:
+                    request.handle.publish_feedback(self._feedback(feedback, stamp, self.robot_frame))
             if request.task.done:
-                self._end(request, request.task.ending, self.result(request.task.result, stamp))
+                self._end(request, request.task.ending, self._result(request.task.result, stamp))
             else:
                 still_running.append(request)
         self._running = still_running
 
-    def abort_all(self, make_result: Callable[[], Any]) -> None:
+    def abort_all(self, outcome: str, message: str) -> None:
         """End every goal that is left, for when stepping itself failed or the node goes down."""
         with self._lock:
             waiting = list(self._inbox)
             self._inbox.clear()
         for request in waiting:
             request.handle.set_accepted()
-        for request in self._running + waiting:
-            self._end(request, Ending.ABORTED, make_result())
-        self._running = []
+        running, self._running = self._running, []
+        for request in running + waiting:
+            self._end(request, Ending.ABORTED, self._failure(self._outcomes[outcome], message))
 
     def _begin(self, request: Request) -> None:
         if request.cancelled:
-            self._end(request, Ending.CANCELED, self.canceled())
+            result = self._failure(self._outcomes["CANCELED"], "Goal cancelled before it began")
+            self._end(request, Ending.CANCELED, result)
             return
         try:
-            task = self.begin(request.handle.get_goal())
+            task = self._begin_goal(request.handle.get_goal())
         except NavigationError as error:
             request.handle.set_accepted()
-            self._end(request, Ending.ABORTED, self.failed(error))
+            self._end(request, Ending.ABORTED, self._failure(error.outcome, error.message))
             return
         if task.ending is not Ending.REJECTED:
             request.handle.set_accepted()
@@ -134,6 +135,9 @@ class Action:
             if request.cancelled:
                 task.cancel()
         self._running.append(request)
+
+    def _failure(self, outcome: Enum, message: str) -> Any:
+        return self._result_type(outcome=messages.outcome_code(outcome, self._result_type), message=message)
 
     def _end(self, request: Request, ending: Ending, result: Any) -> None:
         handle = request.handle
@@ -150,35 +154,22 @@ class Action:
 
 def make_actions(navigator: Navigator) -> List[Action]:
     """Make the four action servers over a navigator, not yet advertised."""
-    text = "Goal cancelled before it began"
-
-    def result_of(result_type: Any) -> Callable[[NavigationError], Any]:
-        return lambda error: result_type(
-            outcome=messages.outcome_code(error.outcome, result_type), message=error.message
-        )
-
     return [
         Action(
-            "get_path", GetPathAction, lambda goal: navigator.get_path(messages.plan_goal(goal)), messages.plan_result,
-            lambda: GetPathResult(outcome=code_of(PlanOutcome.CANCELED, GetPathResult), message=text),
-            result_of(GetPathResult),
+            "get_path", GetPathAction, GetPathResult, PlanOutcome,
+            lambda goal: navigator.get_path(messages.plan_goal(goal)), messages.plan_result,
         ),
         Action(
-            "exe_path", ExePathAction, lambda goal: navigator.exe_path(messages.follow_goal(goal)),
-            messages.follow_result,
-            lambda: ExePathResult(outcome=code_of(ControlOutcome.CANCELED, ExePathResult), message=text),
-            result_of(ExePathResult), messages.follow_feedback,
+            "exe_path", ExePathAction, ExePathResult, ControlOutcome,
+            lambda goal: navigator.exe_path(messages.follow_goal(goal)), messages.follow_result, messages.follow_feedback,
         ),
         Action(
-            "recovery", RecoveryAction, lambda goal: navigator.recovery(messages.recover_goal(goal)),
-            messages.recover_result,
-            lambda: RecoveryResult(outcome=code_of(RecoveryOutcome.CANCELED, RecoveryResult), message=text),
-            result_of(RecoveryResult),
+            "recovery", RecoveryAction, RecoveryResult, RecoveryOutcome,
+            lambda goal: navigator.recovery(messages.recover_goal(goal)), messages.recover_result,
         ),
         Action(
-            "move_base", MoveBaseAction, lambda goal: navigator.move_base(messages.navigate_goal(goal)),
-            messages.navigate_result,
-            lambda: MoveBaseResult(outcome=MoveBaseResult.CANCELED, message=text),
-            result_of(MoveBaseResult), messages.navigate_feedback,
+            "move_base", MoveBaseAction, MoveBaseResult, NavigateOutcome,
+            lambda goal: navigator.move_base(messages.navigate_goal(goal)), messages.navigate_result,
+            messages.navigate_feedback,
         ),
     ]

@@ -1,0 +1,157 @@
+"""The Move Base Flex server: navigation stepped by one thread, with actions, services and costmaps around it."""
+
+from __future__ import annotations
+
+import math
+import threading
+from typing import Any, Dict, Mapping, Tuple
+
+import rospy
+from geometry_msgs.msg import PoseStamped
+
+from mbf_relay.geometry import STOP
+from mbf_relay.navigation.goals import FramedPose
+from mbf_relay.navigation.navigator import Navigator
+from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.navigation.registry import Registry
+from mbf_relay.navigation.worker import ThreadWorker
+from mbf_relay.ros import parameters as ros_parameters
+from mbf_relay.ros import reconfigure
+from mbf_relay.ros.conversions import pose_stamped
+from mbf_relay.ros.diagnostics import ERROR, OK, Diagnostics, RateMeter, Report
+from mbf_relay.ros.navigation_actions import make_actions
+from mbf_relay.ros.robot import RosRobot
+from mbf_relay.ros.stepper import Stepper
+from mbf_relay.ros.transforms import Transforms
+
+READ_ELSEWHERE = (
+    "planners", "controllers", "recovery_behaviors", "planner_lock_costmap", "controller_lock_costmap",
+    reconfigure.RESTORE_DEFAULTS,
+)
+"""Parameters of the node that are no NavigatorParameters; the locks are upstream's, whose need is gone here."""
+
+FLUSH_TIME = 0.1
+"""Wall seconds given to rospy's sending threads before the node goes down."""
+
+
+class MoveBaseFlex:
+    """The server's parts, wired.
+
+    Args:
+        config: The node's parameters.
+        costmaps: "global" and "local", live.
+        transforms: Where frames are looked up.
+    """
+
+    def __init__(self, config: Mapping[str, Any], costmaps: Mapping[str, Any], transforms: Transforms) -> None:
+        parameters = ros_parameters.fill(NavigatorParameters, config, "~", READ_ELSEWHERE)
+        self.robot = RosRobot(
+            transforms, parameters.robot_frame, parameters.odom_topic, parameters.control_tf_timeout,
+            parameters.odom_timeout,
+        )
+        self._stepper = Stepper(self._step)
+        self.navigator = Navigator(config, self.robot, costmaps, ThreadWorker(self._stepper.wake))
+        for registry in (self.navigator.planners, self.navigator.controllers, self.navigator.recoveries):
+            _log_plugins(registry)
+        self._goal_topics = {
+            "planner": rospy.Publisher("~planner_goal", PoseStamped, queue_size=1),
+            "controller": rospy.Publisher("~controller_goal", PoseStamped, queue_size=1),
+        }
+        self._current_goal = rospy.Publisher("~current_goal", PoseStamped, queue_size=1)
+        self._actions = make_actions(self.navigator)
+        for action in self._actions:
+            action.wake, action.robot_frame = self._stepper.wake, parameters.robot_frame
+        self._trouble = ""
+        self._steps = RateMeter()
+        self._closing = threading.Lock()
+
+    def start(self) -> None:
+        """Offer everything and begin stepping."""
+        rospy.on_shutdown(self.close)
+        self._reconfigure_server = _serve_reconfigure(self.navigator, self._stepper)
+        self._stepper.start()
+        for action in self._actions:
+            action.start()
+        self._diagnostics = Diagnostics()
+        self._diagnostics.add("navigation", self._report)
+
+    def close(self) -> None:
+        """Leave the robot standing and every goal ended; nothing is sent to the wheels afterwards."""
+        with self._closing:
+            self._stepper.stop()
+            self.robot.close()
+            for action in self._actions:
+                action.abort_all("STOPPED", "move_base_flex is shutting down")
+        threading.Event().wait(FLUSH_TIME)
+
+    def _step(self, now: float) -> float:
+        try:
+            for action in self._actions:
+                action.take_up()
+            self.navigator.update(now)
+            for kind, goal in self.navigator.take_announced():
+                self._announce(kind, goal)
+            for action in self._actions:
+                action.report()
+            self._steps.tick(now)
+            return self.navigator.due
+        except Exception as error:  # a mistake here must neither let the robot roll on nor end the server
+            rospy.logfatal("navigation failed and stopped the robot: %s: %s", type(error).__name__, error, exc_info=True)
+            self._trouble = f"{type(error).__name__}: {error}"
+            return self._start_over()
+
+    def _start_over(self) -> float:
+        self.robot.command(STOP)
+        self.navigator.drop_all()
+        for action in self._actions:
+            action.abort_all("INTERNAL_ERROR", f"Internal error: {self._trouble}")
+        return math.inf
+
+    def _announce(self, kind: str, goal: FramedPose) -> None:
+        message = pose_stamped(goal.pose, goal.frame, rospy.get_rostime())
+        self._goal_topics[kind].publish(message)
+        self._current_goal.publish(message)
+
+    def _report(self) -> Report:
+        values: Dict[str, object] = {"steps [Hz]": f"{self._steps.rate():.1f}", "idle": self.navigator.idle}
+        if self._trouble:
+            return ERROR, f"last internal error: {self._trouble}", values
+        return OK, "waiting for goals" if self.navigator.idle else "navigating", values
+
+
+def _log_plugins(registry: "Registry[Any]") -> None:
+    for name in registry.names:
+        made = registry.class_of(name)
+        rospy.loginfo("%s: loaded '%s' of type %s (%s.%s)", registry.kind, name, registry.type_of(name),
+                      made.__module__, made.__name__)
+    if not registry.names:
+        rospy.logwarn("%s: none are configured; goals that need one will be rejected", registry.kind)
+
+
+def _serve_reconfigure(navigator: Navigator, stepper: Stepper) -> Any:
+    from mbf_relay.cfg import MoveBaseFlexConfig
+
+    def apply(parameters: NavigatorParameters) -> None:
+        navigator.reconfigure(parameters)
+        stepper.wake()
+
+    return reconfigure.serve(MoveBaseFlexConfig, navigator.parameters, apply)
+
+
+def make_costmaps(config: Mapping[str, Any], transforms: Transforms) -> Tuple[Dict[str, Any], Dict[str, Any]]:
+    """Make the two costmaps and what feeds and publishes them; returns costmaps and their nodes by "global", "local"."""
+    from mbf_relay.ros.costmaps import CostmapNode
+
+    nodes = {side: CostmapNode(f"{side}_costmap", config, transforms) for side in ("global", "local")}
+    return {side: node.costmap for side, node in nodes.items()}, nodes
+
+
+def main() -> None:
+    """Run the server until ROS goes down."""
+    config = ros_parameters.read_namespace("~")
+    transforms = Transforms()
+    costmaps, _nodes = make_costmaps(config, transforms)
+    server = MoveBaseFlex(config, costmaps, transforms)
+    server.start()
+    rospy.loginfo("move_base_flex is ready")
+    rospy.spin()
