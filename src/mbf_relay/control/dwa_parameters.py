@@ -19,9 +19,9 @@ class DwaParameters(FollowerParameters):
     use_dwa: bool = parameter(
         True, "sample velocities reached within one period; otherwise all reached within sim_time, with acceleration"
     )
-    vx_samples: int = parameter(3, "samples along x", minimum=1)
-    vy_samples: int = parameter(10, "samples along y", minimum=1)
-    vth_samples: int = parameter(20, "samples of the turn", minimum=1)
+    vx_samples: int = parameter(3, "samples along x; 0 counts as 1", minimum=0)
+    vy_samples: int = parameter(10, "samples along y; 0 counts as 1", minimum=0)
+    vth_samples: int = parameter(20, "samples of the turn; 0 counts as 1", minimum=0)
 
     path_distance_bias: float = parameter(0.6, "weight of the distance to the path", minimum=0.0)
     goal_distance_bias: float = parameter(0.8, "weight of the distance left to the goal", minimum=0.0)

@@ -25,10 +25,10 @@ class FollowerParameters(ParameterSet):
         0.4, "slowest turn on the spot worth commanding, except to start and to brake", "rad/s", minimum=0.0,
         aliases=("min_rot_vel",),
     )
-    acc_lim_x: float = parameter(2.5, "acceleration limit along x", "m/s^2", above=0.0, maximum=20.0)
-    acc_lim_y: float = parameter(2.5, "acceleration limit along y", "m/s^2", above=0.0, maximum=20.0)
+    acc_lim_x: float = parameter(2.5, "acceleration limit along x", "m/s^2", minimum=0.0, maximum=20.0)
+    acc_lim_y: float = parameter(2.5, "acceleration limit along y", "m/s^2", minimum=0.0, maximum=20.0)
     acc_lim_theta: float = parameter(
-        3.2, "rotational acceleration limit", "rad/s^2", above=0.0, maximum=20.0, aliases=("acc_lim_th",)
+        3.2, "rotational acceleration limit", "rad/s^2", minimum=0.0, maximum=20.0, aliases=("acc_lim_th",)
     )
     acc_lim_trans: float = parameter(
         0.1, "read, and without effect, as in dwa_local_planner", "m/s^2", minimum=0.0, aliases=("acc_limit_trans",)
@@ -51,7 +51,7 @@ class FollowerParameters(ParameterSet):
     blocked_timeout: float = parameter(0.5, "time the goal must be occupied to be given up", "s", minimum=0.0)
 
     def check(self) -> None:
-        """Refuse limits that contradict each other."""
+        """Refuse limits that contradict each other, and a motion that has a speed and no acceleration."""
         for low, high in (
             ("min_vel_x", "max_vel_x"), ("min_vel_y", "max_vel_y"), ("min_vel_trans", "max_vel_trans"),
             ("min_vel_theta", "max_vel_theta"),
@@ -59,4 +59,12 @@ class FollowerParameters(ParameterSet):
             if getattr(self, low) > getattr(self, high):
                 raise ValueError(
                     f"parameter {low} is {getattr(self, low)}; it must be at most {high}, which is {getattr(self, high)}"
+                )
+        for acceleration, fastest in (
+            ("acc_lim_x", max(self.max_vel_x, -self.min_vel_x)), ("acc_lim_y", max(self.max_vel_y, -self.min_vel_y)),
+            ("acc_lim_theta", self.max_vel_theta),
+        ):
+            if getattr(self, acceleration) == 0.0 and fastest > 0.0:
+                raise ValueError(
+                    f"parameter {acceleration} is 0, so the robot could never reach or leave {fastest}; it must be above 0"
                 )

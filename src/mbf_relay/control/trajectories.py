@@ -139,7 +139,7 @@ def roll_out(
     """
     p = parameters
     speeds, turns = np.hypot(velocities[:, 0], velocities[:, 1]), np.abs(velocities[:, 2])
-    accelerations = np.array([p.acc_lim_x, p.acc_lim_y, p.acc_lim_theta])
+    accelerations = np.maximum(1e-9, [p.acc_lim_x, p.acc_lim_y, p.acc_lim_theta])
     braking = np.max(np.abs(velocities) / (2.0 * accelerations), axis=1)
     stopping = period + p.stop_time_buffer + braking
     durations = np.full(len(velocities), max(p.sim_time, float(stopping.max()) if len(stopping) else 0.0))
