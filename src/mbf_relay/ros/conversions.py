@@ -124,7 +124,9 @@ def map_from_message(message: OccupancyGrid) -> OccupancyMap:
             f"map of {info.width} x {info.height} cells with {len(message.data)} values: it must have width x height, and some"
         )
     data = np.array(message.data, dtype=np.int8).reshape(info.height, info.width)
-    return OccupancyMap(data, info.resolution, pose_from_message(info.origin))
+    # the message holds a float32; 0.05 shall be 0.05 again
+    resolution = float(str(np.float32(info.resolution)))
+    return OccupancyMap(data, resolution, pose_from_message(info.origin))
 
 
 def map_to_message(occupancy: OccupancyMap, frame: str, stamp: Any) -> OccupancyGrid:

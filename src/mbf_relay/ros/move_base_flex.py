@@ -150,8 +150,10 @@ def main() -> None:
     """Run the server until ROS goes down."""
     config = ros_parameters.read_namespace("~")
     transforms = Transforms()
-    costmaps, _nodes = make_costmaps(config, transforms)
+    costmaps, nodes = make_costmaps(config, transforms)
     server = MoveBaseFlex(config, costmaps, transforms)
+    for node in nodes.values():
+        node.start()
     server.start()
     rospy.loginfo("move_base_flex is ready")
     rospy.spin()

@@ -1,0 +1,147 @@
+"""A costmap under ROS: fed from topics and tf, updated at its rate on a thread of its own, and published."""
+
+from __future__ import annotations
+
+from typing import Any, Dict, List, Mapping, Optional
+
+import rospy
+from geometry_msgs.msg import Polygon
+
+from mbf_relay.costmap import factory
+from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters
+from mbf_relay.costmap.static_layer import StaticLayerParameters
+from mbf_relay.geometry import Pose2D
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.costmap_inputs import WARN_PERIOD, MapInput, SensorInput
+from mbf_relay.ros.costmap_publisher import CostmapPublisher
+from mbf_relay.ros.diagnostics import ERROR, OK, RateMeter, Report
+from mbf_relay.ros.stepper import Stepper
+from mbf_relay.ros.transforms import Transforms
+
+
+class CostmapNode:
+    """One costmap of a node: `~NAME/costmap`, `~NAME/costmap_updates`, `~NAME/footprint`, and what it listens to.
+
+    Args:
+        name: "global_costmap" or "local_costmap": the group of its parameters and the namespace of its topics.
+        config: The node's parameters.
+        transforms: Where frames are looked up.
+
+    Raises:
+        ValueError: A parameter is wrong; the text names it, its value and what is allowed.
+    """
+
+    def __init__(self, name: str, config: Mapping[str, Any], transforms: Transforms) -> None:
+        group = config.get(name, {})
+        for unknown in factory.unknown_names(group):
+            rospy.logwarn("parameter %s is not known here and is ignored", rospy.resolve_name(f"~{name}/{unknown}"))
+        self.costmap = factory.build_costmap(name, group, config)
+        self._name, self._transforms = name, transforms
+        self._stepper = Stepper(self._step)
+        self._updates = RateMeter()
+        self._resting = False
+        self._next_publication = 0.0
+        self._last: Optional[float] = None
+        self._pose_trouble: Optional[str] = None
+        parameters = self.costmap.parameters
+        self._period = 1.0 / parameters.update_frequency if parameters.update_frequency > 0.0 else float("inf")
+        self._publisher = CostmapPublisher(name, parameters.published_footprint_topic, parameters.always_send_full_costmap)
+        self._maps: List[MapInput] = []
+        self._sensors: Dict[str, SensorInput] = {}
+
+    def start(self) -> None:
+        """Listen, update and publish from now on."""
+        for layer in self.costmap.layers:
+            if isinstance(layer.parameters, StaticLayerParameters):
+                self._maps.append(MapInput(layer.parameters, self.costmap, self._stepper.wake))
+            if isinstance(layer.parameters, ObstacleLayerParameters):
+                for source, parameters in layer.sources.items():
+                    patience = max(layer.parameters.transform_tolerance, self.costmap.parameters.transform_tolerance)
+                    self._sensors[source] = SensorInput(source, parameters, self.costmap, self._transforms, patience)
+        topic = rospy.resolve_name(f"~{self._name}/{self.costmap.parameters.footprint_topic}")
+        if topic != self._publisher.footprint_topic:  # costmap_2d's default names both alike, with different types
+            self._outline = rospy.Subscriber(topic, Polygon, self._take_footprint, queue_size=1)
+        self._stepper.start()
+
+    def close(self) -> None:
+        """End updating and listen no longer."""
+        self._stepper.stop()
+        for listener in [*self._maps, *self._sensors.values()]:
+            listener.close()
+
+    def rest(self) -> None:
+        """Update no more until `resume`; what rests is stale."""
+        self._resting = True
+
+    def resume(self) -> None:
+        """Update again, at once."""
+        self._resting = False
+        self._stepper.wake()
+
+    def report(self) -> Report:
+        """Return the costmap's part of the node's diagnostics."""
+        now = rospy.get_time()
+        picture = self.costmap.snapshot()
+        values = {
+            "update rate [Hz]": f"{self._updates.rate():.1f}",
+            "size [cells]": f"{picture.grid.width} x {picture.grid.height}",
+            "changes": picture.revision,
+        }
+        stale = self.costmap.stale_reason(now)
+        if stale is None:
+            return OK, "up to date", values
+        reasons = [self._pose_trouble] + [sensor.trouble for sensor in self._sensors.values()]
+        return ERROR, "; ".join([stale] + [reason for reason in reasons if reason]), values
+
+    def _take_footprint(self, message: Polygon) -> None:
+        try:
+            self.costmap.set_footprint([(point.x, point.y) for point in message.points])
+        except ValueError as error:
+            rospy.logerr("%s: footprint refused: %s", self._name, error)
+
+    def _step(self, now: float) -> float:
+        """Update once; returns when to come back."""
+        if self._last is not None and now < self._last:
+            self._next_publication = 0.0  # time was set back
+        self._last = now
+        try:
+            if not self._resting:
+                self._update(now)
+        except Exception as error:  # the thread must outlive a mistake; staleness then stops the robot
+            rospy.logerr_throttle(WARN_PERIOD, f"{self._name}: update failed: {type(error).__name__}: {error}")
+        return now + self._period
+
+    def _update(self, now: float) -> None:
+        pose = self._robot_pose()
+        if pose is None:
+            return
+        for sensor in self._sensors.values():
+            sensor.feed(now)
+        for source in self._maps:
+            self._place_map(source)
+        self.costmap.update(now, pose)
+        self._updates.tick(now)
+        self._publisher.publish_footprint(self.costmap.oriented_footprint(pose), self.costmap.frame, now)
+        frequency = self.costmap.parameters.publish_frequency
+        if frequency > 0.0 and now >= self._next_publication - 0.001:
+            self._next_publication = now + 1.0 / frequency
+            self._publisher.publish(self.costmap.snapshot())
+
+    def _robot_pose(self) -> Optional[Pose2D]:
+        costmap = self.costmap
+        try:
+            pose = self._transforms.lookup(
+                costmap.frame, costmap.robot_frame, max_age=costmap.parameters.transform_tolerance)
+            self._pose_trouble = None
+            return pose
+        except TransformError as error:
+            self._pose_trouble = str(error)
+            rospy.logwarn_throttle(WARN_PERIOD, f"{self._name} waits for the robot's pose: {error}")
+            return None
+
+    def _place_map(self, source: MapInput) -> None:
+        if self.costmap.parameters.rolling_window and source.frame is not None:
+            try:
+                self.costmap.set_map_from_costmap(self._transforms.lookup(source.frame, self.costmap.frame))
+            except TransformError as error:
+                rospy.logwarn_throttle(WARN_PERIOD, f"{self._name} cannot place the map: {error}")
