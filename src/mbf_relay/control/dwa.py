@@ -12,8 +12,7 @@ from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.explanation import Explanation
 from mbf_relay.control.follower import PathFollower, Surroundings
 from mbf_relay.control.trajectories import Trajectories, roll_out, sample, window_of
-from mbf_relay.geometry import Pose2D, Twist2D
-from mbf_relay.outcomes import ControlError, ControlOutcome
+from mbf_relay.geometry import Twist2D
 from mbf_relay.plugins import find_class
 from mbf_relay.planning.path import Path
 
@@ -51,6 +50,11 @@ class DwaController(PathFollower):
         """forward_point_distance, and 0.2 m where that is less."""
         return max(0.2, self.parameters.forward_point_distance)
 
+    @property
+    def turn_to_path_angle(self) -> float:
+        """The parameter of that name."""
+        return self.parameters.turn_to_path_angle
+
     def set_path(self, path: Path, is_new_goal: bool) -> None:
         """Follow `path`; see Controller."""
         super().set_path(path, is_new_goal)
@@ -71,7 +75,7 @@ class DwaController(PathFollower):
         scene = Scene(state.now, state.pose, around.velocity, around.path, around.view)
         self.explanation = self._score(self.trajectories, scene)
         if self.explanation.winner is None:
-            raise self._nothing_left(around)
+            raise self.nothing_left(around, str(self.explanation))
         command = Twist2D(*map(float, self.trajectories.commands[self.explanation.winner]))
         for critic in self.critics:
             critic.driven(command, scene)
@@ -85,23 +89,6 @@ class DwaController(PathFollower):
         totals = scores.sum(axis=0)
         winner = int(np.argmin(totals)) if len(totals) and np.isfinite(totals).any() else None
         return Explanation(tuple(critic.name for critic in asked), scores, trajectories.velocities, winner)
-
-    def _nothing_left(self, around: Surroundings) -> ControlError:
-        """Return the error that says why no trajectory could be driven."""
-        pose: Pose2D = around.state.pose
-        if around.view.contacts_at(pose):
-            return ControlError(
-                ControlOutcome.COLLISION,
-                f"the footprint at ({pose.x:.2f}, {pose.y:.2f}) lies on an obstacle and no velocity leads away from it; "
-                f"{self.explanation}",
-            )
-        arc = around.path.first_blocked(around.view)
-        if arc is not None:
-            return ControlError(
-                ControlOutcome.BLOCKED_PATH,
-                f"the path is blocked {arc - around.path.robot_arc:.2f} m ahead and no velocity leads on; {self.explanation}",
-            )
-        return ControlError(ControlOutcome.NO_VALID_CMD, f"no velocity is left to drive; {self.explanation}")
 
 
 def _make_critics(parameters: DwaParameters) -> List[Critic]:

@@ -44,6 +44,9 @@ class DwaParameters(FollowerParameters):
     oscillation_reset_dist: float = parameter(0.05, "distance that lifts the ban on turning back", "m", minimum=0.0)
     oscillation_reset_angle: float = parameter(0.2, "turn that lifts the ban on turning back", "rad", minimum=0.0)
 
+    turn_to_path_angle: float = parameter(
+        1.0, "heading error beyond which the robot turns on the spot before it drives; above pi never", "rad", above=0.0
+    )
     critics: Tuple[str, ...] = parameter(
         ("oscillation", "obstacle", "goal_front", "alignment", "path", "goal", "twirling", "prefer_forward", "steady"),
         "critics in the order they are asked; package.module.Class for one of your own",

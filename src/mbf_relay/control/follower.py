@@ -50,7 +50,11 @@ class Surroundings:
 
 
 class PathFollower(Controller, abc.ABC):
-    """A controller that turns to the path, follows it by `drive`, stops at the goal and turns to its heading."""
+    """A controller that turns to the path, follows it by `drive`, stops at the goal and turns to its heading.
+
+    Attributes:
+        command: The velocity of the last cycle.
+    """
 
     Parameters: ClassVar[Type[ParameterSet]] = FollowerParameters
 
@@ -60,7 +64,7 @@ class PathFollower(Controller, abc.ABC):
         self._goal_keeper = GoalKeeper()
         self._stuck_guard = StuckGuard()
         self._goal_guard = GoalGuard()
-        self._command = STOP
+        self.command = STOP
         self._commanded_at: Optional[float] = None
         self._turn_left: Optional[float] = None
         self._turned_from = 0.0
@@ -77,6 +81,11 @@ class PathFollower(Controller, abc.ABC):
     @abc.abstractmethod
     def lookahead(self) -> float:
         """Distance (m) ahead on the path whose direction the robot faces before it drives."""
+
+    @property
+    @abc.abstractmethod
+    def turn_to_path_angle(self) -> float:
+        """Heading error (rad) beyond which the robot turns on the spot before it drives."""
 
     def set_path(self, path: Path, is_new_goal: bool) -> None:
         """Follow `path`; see Controller."""
@@ -115,7 +124,7 @@ class PathFollower(Controller, abc.ABC):
                 ControlOutcome.INTERNAL_ERROR, f"pose {tuple(state.pose)} or velocity {tuple(state.velocity)} is not finite"
             )
         around = self._look_around(state, parameters)
-        self._stuck_guard.check(state, self._command, parameters.stuck_timeout)
+        self._stuck_guard.check(state, self.command, parameters.stuck_timeout)
         self._goal_guard.check(state, around.path, around.view, parameters)
         if self._goal_keeper.is_turning(state.pose, around.path.goal, parameters):
             self._turn_left = None
@@ -165,12 +174,12 @@ class PathFollower(Controller, abc.ABC):
         limits = (parameters.acc_lim_x, parameters.acc_lim_y, parameters.acc_lim_theta)
         values = [
             commanded if abs(commanded - measured) <= 2.0 * limit * state.period else measured
-            for commanded, measured, limit in zip(self._command, state.velocity, limits)
+            for commanded, measured, limit in zip(self.command, state.velocity, limits)
         ]
         return Twist2D(*values)
 
     def _remember(self, state: ControlState, command: Twist2D) -> None:
-        self._command, self._commanded_at = command, state.now
+        self.command, self._commanded_at = command, state.now
 
     def _turn_at_goal(self, around: Surroundings) -> Twist2D:
         """Brake, and turn to the goal's heading the way that is free."""
@@ -200,7 +209,7 @@ class PathFollower(Controller, abc.ABC):
             self._turn_left = None
             return None
         error = angle_between(state.pose.theta, math.atan2(dy, dx))
-        if abs(error) < (TURNED if self._turn_left is not None else p.turn_to_path_angle):
+        if abs(error) < (TURNED if self._turn_left is not None else self.turn_to_path_angle):
             self._turn_left = None
             return None
         if self._turn_left is not None and abs(error) > math.pi / 2.0:
@@ -213,3 +222,20 @@ class PathFollower(Controller, abc.ABC):
         rate = turn_rate(way, around.velocity.theta, p, state.period, around.turn)
         still = around.window.clip(STOP)
         return Twist2D(still.x, still.y, rate)
+
+    @staticmethod
+    def nothing_left(around: Surroundings, reason: str) -> ControlError:
+        """Return the error for a cycle in which nothing can be driven: COLLISION, BLOCKED_PATH or NO_VALID_CMD."""
+        pose: Pose2D = around.state.pose
+        if around.view.contacts_at(pose):
+            return ControlError(
+                ControlOutcome.COLLISION,
+                f"the footprint at ({pose.x:.2f}, {pose.y:.2f}) lies on an obstacle and no velocity leads away from it: {reason}",
+            )
+        arc = around.path.first_blocked(around.view)
+        if arc is not None:
+            return ControlError(
+                ControlOutcome.BLOCKED_PATH,
+                f"an obstacle stands on the path {arc - around.path.robot_arc:.2f} m ahead: {reason}",
+            )
+        return ControlError(ControlOutcome.NO_VALID_CMD, f"no velocity is left to drive: {reason}")

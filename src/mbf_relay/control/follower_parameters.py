@@ -43,9 +43,6 @@ class FollowerParameters(ParameterSet):
     latch_xy_goal_tolerance: bool = parameter(False, "once at the goal's position only turn, until the goal changes")
     stop_time_buffer: float = parameter(0.2, "time before braking in which a collision rules a velocity out", "s", minimum=0.0)
 
-    turn_to_path_angle: float = parameter(
-        1.0, "heading error beyond which the robot turns on the spot before it drives; above pi never", "rad", above=0.0
-    )
     missed_path_distance: float = parameter(0.5, "distance to the path beyond which it is missed", "m", above=0.0)
     stuck_timeout: float = parameter(2.0, "time without any of the motion commanded that means stuck; 0 never", "s", minimum=0.0)
     blocked_timeout: float = parameter(0.5, "time the goal must be occupied to be given up", "s", minimum=0.0)

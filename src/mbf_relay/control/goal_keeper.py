@@ -10,6 +10,7 @@ from mbf_relay.geometry import Pose2D, angle_between
 
 HYSTERESIS = 1.5  # times the tolerance: how far a robot that turns at the goal may drift before it drives again
 CLOSE_ENOUGH = 0.3  # times the tolerance: so near nothing is gained by creeping on
+CREEPING = 0.01  # m/s: slower than this is standing, whatever the parameters call so
 PASSED = 0.35  # rad short of abeam: where the goal counts as beside the robot
 
 
@@ -49,11 +50,15 @@ class GoalKeeper:
         return self._turns
 
     def is_reached(self, state: ControlState, goal: Pose2D, parameters: FollowerParameters) -> bool:
-        """Tell whether the robot stands at the goal, position and heading."""
+        """Tell whether the robot stands at the goal, position and heading.
+
+        One that is still on its way nearer does not stand, however slow.
+        """
         tolerance = self.tolerance_of(parameters)
         latched = self._turns and parameters.latch_xy_goal_tolerance
         return (
-            (latched or state.pose.distance_to(goal) <= tolerance.distance)
+            (self._turns or state.velocity.speed() < CREEPING)
+            and (latched or state.pose.distance_to(goal) <= tolerance.distance)
             and abs(angle_between(state.pose.theta, goal.theta)) <= tolerance.angle
             and state.velocity.speed() <= parameters.trans_stopped_vel
             and abs(state.velocity.theta) <= parameters.theta_stopped_vel

@@ -1,0 +1,156 @@
+"""Regulated pure pursuit: steer for a point ahead on the path, as fast as curvature, obstacles and goal allow."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Optional
+
+import numpy as np
+
+from mbf_relay.control import trajectory_kernels
+from mbf_relay.control.follower import PathFollower, Surroundings
+from mbf_relay.control.follower_parameters import FollowerParameters
+from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.parameters import parameter
+
+NEARER = (1.0, 0.75, 0.5, 0.35)  # shares of the lookahead distance tried, the farthest carrot first
+SLOWER = (1.0, 0.6, 0.3)  # shares of the regulated speed tried
+CHECKED = 0.02  # m between checked poses
+CHECKED_TURN = 0.05  # rad between checked poses
+
+
+@dataclass(frozen=True)
+class PurePursuitParameters(FollowerParameters):
+    """Parameters of RegulatedPurePursuit, by the names of Nav2's controller of that name; lengths suit a small robot."""
+
+    desired_linear_vel: float = parameter(0.5, "speed on a straight and open path", "m/s", above=0.0)
+    lookahead_dist: float = parameter(0.3, "distance to the point steered for", "m", above=0.0)
+    use_velocity_scaled_lookahead_dist: bool = parameter(False, "look ahead farther the faster the robot is")
+    lookahead_time: float = parameter(1.5, "time ahead that gives the distance then", "s", above=0.0)
+    min_lookahead_dist: float = parameter(0.2, "least such distance", "m", above=0.0)
+    max_lookahead_dist: float = parameter(0.9, "largest such distance", "m", above=0.0)
+    use_regulated_linear_velocity_scaling: bool = parameter(True, "slow down in curves")
+    regulated_linear_scaling_min_radius: float = parameter(0.3, "radius below which a curve slows", "m", above=0.0)
+    regulated_linear_scaling_min_speed: float = parameter(0.1, "speed that curves and obstacles leave", "m/s", minimum=0.0)
+    use_cost_regulated_linear_velocity_scaling: bool = parameter(True, "slow down beside obstacles")
+    cost_scaling_dist: float = parameter(0.15, "distance to an obstacle below which it slows", "m", above=0.0)
+    cost_scaling_gain: float = parameter(1.0, "factor on that slowing; 1 is proportional", above=0.0, maximum=1.0)
+    approach_velocity_scaling_dist: float = parameter(0.1, "distance to the goal below which it slows", "m", minimum=0.0)
+    min_approach_linear_velocity: float = parameter(0.05, "speed that the approach leaves", "m/s", above=0.0)
+    max_allowed_time_to_collision_up_to_carrot: float = parameter(1.0, "time for which the arc must be free", "s", minimum=0.0)
+    use_rotate_to_heading: bool = parameter(True, "turn on the spot where the path begins far off the heading")
+    rotate_to_heading_min_angle: float = parameter(0.785, "heading error beyond which it does", "rad", above=0.0)
+
+    def check(self) -> None:
+        """Refuse limits that contradict each other."""
+        super().check()
+        if self.min_lookahead_dist > self.max_lookahead_dist:
+            raise ValueError(
+                f"parameter min_lookahead_dist is {self.min_lookahead_dist}; it must be at most max_lookahead_dist, "
+                f"which is {self.max_lookahead_dist}"
+            )
+
+
+class RegulatedPurePursuit(PathFollower):
+    """Follows the path by arcs through a point ahead on it.
+
+    Source: Macenski, Singh, Martin, Gines, "Regulated Pure Pursuit for Robot Path Tracking" (2023), equations 2 to 6.
+    Beyond it: where the arc to the carrot would touch something, nearer carrots and lower speeds are tried before it
+    gives up, so that it follows a path through gaps that an arc would cut.
+
+    Attributes:
+        carrot: The point steered for in the last cycle, in the costmap's frame; None before.
+    """
+
+    Parameters = PurePursuitParameters
+
+    def __init__(self, name: str, parameters: PurePursuitParameters) -> None:
+        super().__init__(name, parameters)
+        self.carrot: Optional[np.ndarray] = None
+
+    @property
+    def lookahead(self) -> float:
+        """Distance (m) to the carrot at the present speed."""
+        p = self.parameters
+        if not p.use_velocity_scaled_lookahead_dist:
+            return p.lookahead_dist
+        return min(p.max_lookahead_dist, max(p.min_lookahead_dist, abs(self.command.x) * p.lookahead_time))
+
+    @property
+    def turn_to_path_angle(self) -> float:
+        """Heading error (rad) beyond which it turns on the spot before it drives."""
+        p = self.parameters
+        return p.rotate_to_heading_min_angle if p.use_rotate_to_heading else math.inf
+
+    def drive(self, around: Surroundings) -> Twist2D:
+        """Return the fastest arc to the farthest carrot that is free."""
+        for share in NEARER:
+            carrot = self._carrot(around, share * self.lookahead)
+            curvature = _curvature_to(around.state.pose, carrot)
+            speed = self._regulated_speed(around, curvature)
+            for slower in SLOWER:
+                command = self._command_for(around, slower * speed, curvature)
+                if self._is_free(around, command):
+                    self.carrot = carrot
+                    return command
+        raise self.nothing_left(around, "no arc to the path ahead is free")
+
+    def _carrot(self, around: Surroundings, distance: float) -> np.ndarray:
+        """Return the first point on the path at least `distance` from the robot, its extension beyond the goal included."""
+        path, pose = around.path, around.state.pose
+        ahead = path.arcs >= path.robot_arc
+        points = path.points[ahead]
+        far = np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y) >= distance
+        if not far.any():
+            return path.points[-1]
+        return points[int(np.argmax(far))]
+
+    def _regulated_speed(self, around: Surroundings, curvature: float) -> float:
+        p = self.parameters
+        speed = p.desired_linear_vel
+        if p.use_regulated_linear_velocity_scaling and abs(curvature) * p.regulated_linear_scaling_min_radius > 1.0:
+            speed /= abs(curvature) * p.regulated_linear_scaling_min_radius
+        if p.use_cost_regulated_linear_velocity_scaling:
+            pose = around.state.pose
+            clearance = around.view.clearance_at(pose.x, pose.y) - around.state.costmap.inscribed_radius
+            if clearance < p.cost_scaling_dist:
+                speed *= p.cost_scaling_gain * max(0.0, clearance) / p.cost_scaling_dist
+        speed = min(p.desired_linear_vel, max(speed, p.regulated_linear_scaling_min_speed))
+        remaining = around.path.remaining
+        if remaining < p.approach_velocity_scaling_dist:
+            speed = min(speed, max(
+                p.min_approach_linear_velocity, p.desired_linear_vel * remaining / p.approach_velocity_scaling_dist))
+        return min(speed, around.speed)
+
+    @staticmethod
+    def _command_for(around: Surroundings, speed: float, curvature: float) -> Twist2D:
+        """Return the velocity in reach for an arc; where it cannot turn as fast as that, it drives slower."""
+        turn = speed * curvature
+        if abs(turn) > around.turn:
+            speed, turn = speed * around.turn / abs(turn), math.copysign(around.turn, turn)
+        return around.window.clip(Twist2D(speed, 0.0, turn))
+
+    def _is_free(self, around: Surroundings, command: Twist2D) -> bool:
+        """Tell whether a velocity can be held for as long as asked, and braked from in any case."""
+        p, state = self.parameters, around.state
+        limits = np.maximum(1e-9, [p.acc_lim_x, p.acc_lim_y, p.acc_lim_theta])
+        braking = float(np.max(np.abs(command) / (2.0 * limits)))
+        stopping = state.period + p.stop_time_buffer + braking
+        to_carrot = around.path.remaining / max(command.speed(), 1e-3)
+        duration = max(stopping, min(p.max_allowed_time_to_collision_up_to_carrot, to_carrot))
+        most = int(math.ceil(max(command.speed() * duration / CHECKED, abs(command.theta) * duration / CHECKED_TURN))) + 1
+        poses, counts, steps = np.empty((1, most, 3)), np.empty(1, np.int64), np.empty(1)
+        trajectory_kernels.simulate(
+            np.array(state.pose, dtype=float), np.full(3, np.nan), limits, np.array([command], dtype=float),
+            np.array([duration]), CHECKED, CHECKED_TURN, poses, counts, steps,
+        )
+        allowed = around.view.contacts_at(state.pose)
+        return around.view.free_steps(poses[0, : counts[0]], allowed) == counts[0]
+
+
+def _curvature_to(pose: Pose2D, point: np.ndarray) -> float:
+    """Return the curvature (1/m) of the arc from a pose, along its heading, through a point; at most 1 / 0.02 m."""
+    ahead = Pose2D(float(point[0]), float(point[1]), 0.0).relative_to(pose)
+    squared = max(ahead.x * ahead.x + ahead.y * ahead.y, 1e-4)
+    return min(50.0, max(-50.0, 2.0 * ahead.y / squared))
