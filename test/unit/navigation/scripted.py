@@ -24,6 +24,12 @@ def straight_path(length: float = 1.0, frame: str = "map", end_y: float = 0.0) -
     return Path(np.column_stack((xs, np.full(11, end_y), np.zeros(11))), frame)
 
 
+def line(start: Pose2D, goal: Pose2D) -> Path:
+    """A path straight to the goal."""
+    steps = np.linspace(0.0, 1.0, 11)[:, None]
+    return Path(np.array([start]) * (1.0 - steps) + np.array([goal]) * steps, "map", 1.0)
+
+
 class PaperRobot(Robot):
     """A robot that is where its commands took it, at once and exactly."""
 
@@ -84,7 +90,7 @@ class Script:
     """What plugins do, looked up at each call; a callable is called, an exception raised, anything else returned."""
 
     def __init__(self) -> None:
-        self.plan: Any = lambda start, goal: Path(np.array([tuple(start), tuple(goal)]), "map", 1.0)
+        self.plan: Any = line
         self.velocity: Any = FORWARD
         self.reached: Any = False
         self.recovery: Callable[[Any], Iterator[Twist2D]] = lambda context: iter(())
