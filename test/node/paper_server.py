@@ -77,7 +77,7 @@ def main() -> None:
     script.recovery = lambda context: (scripted.FORWARD for _ in range(20))
     wheels = WheelsOfPaper()
     costmaps = {"global": scripted.PaperCostmap("map"), "local": scripted.PaperCostmap("odom")}
-    server = MoveBaseFlex({**scripted.config(), **read_namespace("~")}, costmaps, Transforms())
+    server = MoveBaseFlex({**scripted.config(), **read_namespace("~")}, costmaps, Transforms(), {})
     server.start()
     rospy.spin()
     del wheels

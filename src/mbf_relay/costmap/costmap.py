@@ -19,6 +19,7 @@ from mbf_relay.costmap.window import EMPTY, Window
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.maps import OccupancyMap
+from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.parameters import ParameterSet, parameter
 
 HISTORY = 64
@@ -298,8 +299,21 @@ class Costmap:
                 reason = layer.stale_reason(now) if layer.enabled else None
                 if reason is not None:
                     return f"{self.name}: {reason}"
-            age = now - self._last_update
-            limit = max(1.0, 5.0 / self.parameters.update_frequency) if self.parameters.update_frequency > 0.0 else math.inf
-            if age > limit:
-                return f"{self.name} was last updated {age:.2f} s ago; at most {limit:.2f} s is allowed"
-            return None
+            return self._age_reason(now)
+
+    def planning_trouble(self, now: float) -> Optional[PlanningError]:
+        """Return why the picture must not be planned on, or None: sensors may be silent, but there must be a picture."""
+        with self._lock:
+            for layer in self.layers:
+                reason = layer.missing_input() if layer.enabled else None
+                if reason is not None:
+                    return PlanningError(PlanOutcome.MAP_ERROR, f"{self.name}: {reason}")
+            if self._last_update is None:
+                return PlanningError(PlanOutcome.NOT_INITIALIZED, f"{self.name} was not updated yet")
+            reason = self._age_reason(now)
+            return PlanningError(PlanOutcome.MAP_ERROR, reason) if reason is not None else None
+
+    def _age_reason(self, now: float) -> Optional[str]:
+        age = now - self._last_update
+        limit = max(1.0, 5.0 / self.parameters.update_frequency) if self.parameters.update_frequency > 0.0 else math.inf
+        return f"{self.name} was last updated {age:.2f} s ago; at most {limit:.2f} s is allowed" if age > limit else None

@@ -105,6 +105,10 @@ class Layer(Plugin, abc.ABC):
         """Return what the layer waits for, or None where it may be relied on."""
         return None
 
+    def missing_input(self) -> Optional[str]:
+        """Return what the layer has never had and shows nothing without, or None."""
+        return None
+
 
 class CellLayer(Layer):
     """A layer that keeps costs of its own, one per cell, and notes where they changed.

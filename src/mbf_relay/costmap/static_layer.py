@@ -108,6 +108,9 @@ class StaticLayer(CellLayer):
         """A map is not forgotten."""
 
     def stale_reason(self, now: float) -> Optional[str]:
+        return self.missing_input()
+
+    def missing_input(self) -> Optional[str]:
         return None if self._map is not None else f"no map has come on topic '{self.parameters.map_topic}'"
 
 

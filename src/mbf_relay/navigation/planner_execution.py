@@ -15,7 +15,7 @@ from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.timing import Pacer, Stopwatch
 from mbf_relay.navigation.worker import Job
-from mbf_relay.outcomes import PlanningError, PlanOutcome, StaleDataError, TransformError
+from mbf_relay.outcomes import PlanningError, PlanOutcome, TransformError
 from mbf_relay.planning.path import Path
 from mbf_relay.planning.planner import Cancellation, Planner
 
@@ -37,7 +37,7 @@ class PlannerExecution:
         goal: What to plan, valid in itself.
         seat: The planner.
         robot: Tells frames and the robot's pose.
-        costmap: Gives the picture to plan on.
+        costmap: Gives the picture to plan on: `planning_trouble(now)` and `snapshot()`.
         parameters: Called for the values in force.
         task: Ends with the result.
         retry: Whether to try again at all; replans while driving do not.
@@ -93,14 +93,17 @@ class PlannerExecution:
             self._pacer.postpone(now, 0.01)
             return
         try:
+            trouble = self._costmap.planning_trouble(now)
+            if trouble is not None:
+                raise trouble
             start, goal = self._locate()
-            snapshot = self._costmap.snapshot()
         except TransformError as error:
             self._wait_for(now, PlanOutcome.TF_ERROR, str(error))
             return
-        except StaleDataError as error:
-            self._wait_for(now, PlanOutcome.NOT_INITIALIZED, str(error))
+        except PlanningError as error:
+            self._wait_for(now, error.outcome, error.message)
             return
+        snapshot = self._costmap.snapshot()
         self._start_patience(now)
         tolerance, cancelled = self.goal.tolerance, self._cancellation
         self._job = self.seat.call(lambda planner: planner.plan(snapshot, start, goal, tolerance, cancelled))

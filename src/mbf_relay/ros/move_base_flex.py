@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from typing import Any, Dict, Mapping, Tuple
+from typing import Any, Dict, Mapping
 
 import rospy
 from geometry_msgs.msg import PoseStamped
@@ -18,6 +18,8 @@ from mbf_relay.navigation.worker import ThreadWorker
 from mbf_relay.ros import parameters as ros_parameters
 from mbf_relay.ros import reconfigure
 from mbf_relay.ros.conversions import pose_stamped
+from mbf_relay.ros.costmap_rest import CostmapRest
+from mbf_relay.ros.costmaps import CostmapNode
 from mbf_relay.ros.diagnostics import ERROR, OK, Diagnostics, RateMeter, Report
 from mbf_relay.ros.navigation_actions import make_actions
 from mbf_relay.ros.robot import RosRobot
@@ -41,9 +43,13 @@ class MoveBaseFlex:
         config: The node's parameters.
         costmaps: "global" and "local", live.
         transforms: Where frames are looked up.
+        costmap_nodes: What feeds the costmaps; empty where somebody else does.
     """
 
-    def __init__(self, config: Mapping[str, Any], costmaps: Mapping[str, Any], transforms: Transforms) -> None:
+    def __init__(
+        self, config: Mapping[str, Any], costmaps: Mapping[str, Any], transforms: Transforms,
+        costmap_nodes: Mapping[str, Any],
+    ) -> None:
         parameters = ros_parameters.fill(NavigatorParameters, config, "~", READ_ELSEWHERE)
         self.robot = RosRobot(
             transforms, parameters.robot_frame, parameters.odom_topic, parameters.control_tf_timeout,
@@ -61,6 +67,8 @@ class MoveBaseFlex:
         self._actions = make_actions(self.navigator)
         for action in self._actions:
             action.wake, action.robot_frame = self._stepper.wake, parameters.robot_frame
+        self._costmap_nodes = costmap_nodes
+        self._rest = CostmapRest(costmap_nodes, parameters.clear_on_shutdown)
         self._trouble = ""
         self._steps = RateMeter()
         self._closing = threading.Lock()
@@ -69,11 +77,15 @@ class MoveBaseFlex:
         """Offer everything and begin stepping."""
         rospy.on_shutdown(self.close)
         self._reconfigure_server = _serve_reconfigure(self.navigator, self._stepper)
+        for node in self._costmap_nodes.values():
+            node.start()
         self._stepper.start()
         for action in self._actions:
             action.start()
         self._diagnostics = Diagnostics()
         self._diagnostics.add("navigation", self._report)
+        for side, node in self._costmap_nodes.items():
+            self._diagnostics.add(f"{side} costmap", node.report)
 
     def close(self) -> None:
         """Leave the robot standing and every goal ended; nothing is sent to the wheels afterwards."""
@@ -82,6 +94,8 @@ class MoveBaseFlex:
             self.robot.close()
             for action in self._actions:
                 action.abort_all("STOPPED", "move_base_flex is shutting down")
+            for node in self._costmap_nodes.values():
+                node.close()
         threading.Event().wait(FLUSH_TIME)
 
     def _step(self, now: float) -> float:
@@ -94,7 +108,8 @@ class MoveBaseFlex:
             for action in self._actions:
                 action.report()
             self._steps.tick(now)
-            return self.navigator.due
+            rest = self._rest.attend(now, self.navigator.idle, self.navigator.parameters)
+            return min(self.navigator.due, rest)
         except Exception as error:  # a mistake here must neither let the robot roll on nor end the server
             rospy.logfatal("navigation failed and stopped the robot: %s: %s", type(error).__name__, error, exc_info=True)
             self._trouble = f"{type(error).__name__}: {error}"
@@ -138,22 +153,12 @@ def _serve_reconfigure(navigator: Navigator, stepper: Stepper) -> Any:
     return reconfigure.serve(MoveBaseFlexConfig, navigator.parameters, apply)
 
 
-def make_costmaps(config: Mapping[str, Any], transforms: Transforms) -> Tuple[Dict[str, Any], Dict[str, Any]]:
-    """Make the two costmaps and what feeds and publishes them; returns costmaps and their nodes by "global", "local"."""
-    from mbf_relay.ros.costmaps import CostmapNode
-
-    nodes = {side: CostmapNode(f"{side}_costmap", config, transforms) for side in ("global", "local")}
-    return {side: node.costmap for side, node in nodes.items()}, nodes
-
-
 def main() -> None:
     """Run the server until ROS goes down."""
     config = ros_parameters.read_namespace("~")
     transforms = Transforms()
-    costmaps, nodes = make_costmaps(config, transforms)
-    server = MoveBaseFlex(config, costmaps, transforms)
-    for node in nodes.values():
-        node.start()
+    nodes = {side: CostmapNode(f"{side}_costmap", config, transforms) for side in ("global", "local")}
+    server = MoveBaseFlex(config, {side: node.costmap for side, node in nodes.items()}, transforms, nodes)
     server.start()
     rospy.loginfo("move_base_flex is ready")
     rospy.spin()

@@ -10,7 +10,7 @@ from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.grid import Grid
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.worker import Job, Worker
-from mbf_relay.outcomes import StaleDataError, TransformError
+from mbf_relay.outcomes import PlanningError, StaleDataError, TransformError
 from mbf_relay.planning.path import Path
 from mbf_relay.planning.planner import Planner
 from mbf_relay.recovery.recovery import Recovery
@@ -75,6 +75,7 @@ class PaperCostmap:
     def __init__(self, frame: str) -> None:
         self.frame, self.robot_frame = frame, "base"
         self.stale: Optional[str] = None
+        self.trouble: Optional[PlanningError] = None
         grid = Grid(0.05, -5.0, -5.0, 200, 200)
         self.costs = np.zeros(grid.shape, dtype=np.uint8)
         self._grid = grid
@@ -84,6 +85,9 @@ class PaperCostmap:
 
     def stale_reason(self, now: float) -> Optional[str]:
         return self.stale
+
+    def planning_trouble(self, now: float) -> Optional[PlanningError]:
+        return self.trouble
 
 
 class Script:
