@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import List, Optional
 
 import numpy as np
@@ -11,6 +12,7 @@ from mbf_relay.control.critics.critic import Critic, Scene
 from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.explanation import Explanation
 from mbf_relay.control.follower import PathFollower, Surroundings
+from mbf_relay.control.report import CycleReport
 from mbf_relay.control.trajectories import Trajectories, roll_out, sample, window_of
 from mbf_relay.geometry import Twist2D
 from mbf_relay.plugins import find_class
@@ -80,6 +82,19 @@ class DwaController(PathFollower):
         for critic in self.critics:
             critic.driven(command, scene)
         return command
+
+    def report(self, around: Surroundings, drove: bool) -> CycleReport:
+        """Return the batch of trajectories, their costs and why the winner won."""
+        plain = super().report(around, drove)
+        if not drove or self.trajectories is None or self.explanation is None:
+            return plain
+        winner, trajectory = self.explanation.winner, plain.trajectory
+        if winner is not None:
+            trajectory = self.trajectories.poses[winner, : self.trajectories.free[winner]]
+        return dataclasses.replace(
+            plain, trajectory=trajectory, trajectories=self.trajectories, totals=self.explanation.totals,
+            explanation=str(self.explanation),
+        )
 
     def _score(self, trajectories: Trajectories, scene: Scene) -> Explanation:
         asked = [critic for critic in self.critics if critic.scale > 0.0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import abc
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar, Optional, Type
+from typing import Any, Callable, ClassVar, Optional, Type
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from mbf_relay.control.goal_keeper import GoalKeeper
 from mbf_relay.control.guards import GoalGuard, StuckGuard
 from mbf_relay.control.local_path import LocalPath, PathTracker
 from mbf_relay.control.obstacle_view import ObstacleView
+from mbf_relay.control.report import CycleReport
 from mbf_relay.control.trajectories import VelocityWindow, speed_to_stop_within, window_of
 from mbf_relay.control.turning import free_turn, free_way_round, turn_rate
 from mbf_relay.geometry import STOP, Pose2D, Twist2D, angle_between
@@ -54,6 +55,7 @@ class PathFollower(Controller, abc.ABC):
 
     Attributes:
         command: The velocity of the last cycle.
+        watcher: Called with a CycleReport after each cycle, in the controller's thread; None for nobody.
     """
 
     Parameters: ClassVar[Type[ParameterSet]] = FollowerParameters
@@ -65,6 +67,9 @@ class PathFollower(Controller, abc.ABC):
         self._stuck_guard = StuckGuard()
         self._goal_guard = GoalGuard()
         self.command = STOP
+        self.watcher: Optional[Callable[[CycleReport], None]] = None
+        self._around: Optional[Surroundings] = None
+        self._drove = False
         self._commanded_at: Optional[float] = None
         self._turn_left: Optional[float] = None
         self._turned_from = 0.0
@@ -106,14 +111,23 @@ class PathFollower(Controller, abc.ABC):
 
     def compute_velocity(self, state: ControlState) -> Twist2D:
         """Return the velocity to command; see Controller."""
+        self._around, self._drove = None, False
         try:
             command = self._decide(state)
         except ControlError:
             self._remember(state, STOP)
             self._stuck_guard.reset()
             raise
-        self._remember(state, command)
-        return command
+        else:
+            self._remember(state, command)
+            return command
+        finally:
+            if self.watcher is not None and self._around is not None:
+                self.watcher(self.report(self._around, self._drove))
+
+    def report(self, around: Surroundings, drove: bool) -> CycleReport:
+        """Return what to show of a cycle; `drove` tells whether `drive` was asked in it."""
+        return CycleReport(around.state.now, around.state.costmap, around.path, np.zeros((0, 3)))
 
     def _decide(self, state: ControlState) -> Twist2D:
         parameters = self.parameters
@@ -123,7 +137,7 @@ class PathFollower(Controller, abc.ABC):
             raise ControlError(
                 ControlOutcome.INTERNAL_ERROR, f"pose {tuple(state.pose)} or velocity {tuple(state.velocity)} is not finite"
             )
-        around = self._look_around(state, parameters)
+        around = self._around = self._look_around(state, parameters)
         self._stuck_guard.check(state, self.command, parameters.stuck_timeout)
         self._goal_guard.check(state, around.path, around.view, parameters)
         if self._goal_keeper.is_turning(state.pose, around.path.goal, parameters):
@@ -136,7 +150,10 @@ class PathFollower(Controller, abc.ABC):
                 f"{parameters.missed_path_distance:.2f} m (missed_path_distance) can be rejoined",
             )
         turn = self._turn_to_path(around)
-        return self.drive(around) if turn is None else turn
+        if turn is not None:
+            return turn
+        self._drove = True
+        return self.drive(around)
 
     def _look_around(self, state: ControlState, parameters: FollowerParameters) -> Surroundings:
         limit = self.speed_limit_at(state.pose)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Optional
@@ -11,6 +12,7 @@ import numpy as np
 from mbf_relay.control import trajectory_kernels
 from mbf_relay.control.follower import PathFollower, Surroundings
 from mbf_relay.control.follower_parameters import FollowerParameters
+from mbf_relay.control.report import CycleReport
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.parameters import parameter
 
@@ -68,6 +70,7 @@ class RegulatedPurePursuit(PathFollower):
     def __init__(self, name: str, parameters: PurePursuitParameters) -> None:
         super().__init__(name, parameters)
         self.carrot: Optional[np.ndarray] = None
+        self._arc = np.zeros((0, 3))
 
     @property
     def lookahead(self) -> float:
@@ -95,6 +98,13 @@ class RegulatedPurePursuit(PathFollower):
                     self.carrot = carrot
                     return command
         raise self.nothing_left(around, "no arc to the path ahead is free")
+
+    def report(self, around: Surroundings, drove: bool) -> CycleReport:
+        """Return the arc driven, up to the carrot."""
+        plain = super().report(around, drove)
+        if not drove or not self.command.speed():
+            return plain
+        return dataclasses.replace(plain, trajectory=self._arc)
 
     def _carrot(self, around: Surroundings, distance: float) -> np.ndarray:
         """Return the first point on the path at least `distance` from the robot, its extension beyond the goal included."""
@@ -145,6 +155,7 @@ class RegulatedPurePursuit(PathFollower):
             np.array(state.pose, dtype=float), np.full(3, np.nan), limits, np.array([command], dtype=float),
             np.array([duration]), CHECKED, CHECKED_TURN, poses, counts, steps,
         )
+        self._arc = poses[0, : counts[0]]
         allowed = around.view.contacts_at(state.pose)
         return around.view.free_steps(poses[0, : counts[0]], allowed) == counts[0]
 
