@@ -17,6 +17,7 @@ from mbf_relay.navigation.registry import Registry
 from mbf_relay.navigation.worker import ThreadWorker
 from mbf_relay.ros import parameters as ros_parameters
 from mbf_relay.ros import reconfigure
+from mbf_relay.ros.controller_topics import serve_controllers
 from mbf_relay.ros.conversions import pose_stamped
 from mbf_relay.ros.costmap_rest import CostmapRest
 from mbf_relay.ros.costmaps import CostmapNode
@@ -77,6 +78,7 @@ class MoveBaseFlex:
         """Offer everything and begin stepping."""
         rospy.on_shutdown(self.close)
         self._reconfigure_server = _serve_reconfigure(self.navigator, self._stepper)
+        self._controllers = serve_controllers(self.navigator.controllers)
         for node in self._costmap_nodes.values():
             node.start()
         self._stepper.start()
