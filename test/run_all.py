@@ -165,7 +165,7 @@ class Runner:
 
     def _environment(self, folder: str) -> Dict[str, str]:
         environment = dict(os.environ, ROS_LOG_DIR=os.path.join(folder, "log"), ROS_TEST_RESULTS_DIR=folder)
-        paths = [os.path.join(CHECKOUT, "src"), TEST_FOLDER, environment.get("PYTHONPATH", "")]
+        paths = [TEST_FOLDER, environment.get("PYTHONPATH", ""), os.path.join(CHECKOUT, "src")]  # the build has mbf_relay.cfg
         environment["PYTHONPATH"] = os.pathsep.join(path for path in paths if path)
         environment["MBF_RELAY_TEST_RESULTS"] = folder
         environment["MPLBACKEND"] = "Agg"

@@ -1,0 +1,240 @@
+"""The relay's core, state by state, between stand-ins."""
+
+import pytest
+
+pytest.importorskip("mbf_msgs.msg")
+
+from mbf_msgs.msg import ExePathResult, GetPathResult, MoveBaseResult  # noqa: E402
+
+from fake_server import (ABORTED, ACTIVE, LOST, PENDING, PREEMPTED, PREEMPTING, RECALLED, REJECTED,  # noqa: E402
+                         SUCCEEDED, Setup)
+from mbf_relay.ros import relay_answers  # noqa: E402
+
+
+@pytest.fixture
+def setup():
+    return Setup()
+
+
+def test_a_goal_is_accepted_sent_and_answered(setup):
+    front = setup.goal(x=3.0)
+    assert front.states == [PENDING, ACTIVE]
+    assert setup.server.sent[0].goal.pose.position.x == 3.0
+    setup.server.sent[0].end(SUCCEEDED, MoveBaseResult.SUCCESS)
+    assert (front.state, front.text) == (SUCCEEDED, "Goal reached.")
+    assert not setup.relay.is_pursuing
+
+
+@pytest.mark.parametrize("status, outcome, state, text", [
+    (ABORTED, GetPathResult.NO_PATH_FOUND, ABORTED, relay_answers.NO_PLAN),
+    (ABORTED, ExePathResult.PAT_EXCEEDED, ABORTED, relay_answers.NO_CONTROL),
+    (ABORTED, MoveBaseResult.OSCILLATION, ABORTED, relay_answers.OSCILLATING),
+    (REJECTED, GetPathResult.INVALID_PLUGIN, ABORTED, relay_answers.NO_PLAN),
+    (PREEMPTED, MoveBaseResult.CANCELED, PREEMPTED, ""),
+    (RECALLED, None, PREEMPTED, ""),
+    (SUCCEEDED, ExePathResult.COLLISION, ABORTED, relay_answers.NO_CONTROL),
+])
+def test_the_servers_end_becomes_move_bases(setup, status, outcome, state, text):
+    front = setup.goal()
+    setup.server.sent[0].end(status, outcome)
+    assert (front.state, front.text) == (state, text)
+
+
+def test_feedback_goes_through_in_order_and_only_to_the_goal_it_is_for(setup):
+    first = setup.goal()
+    back = setup.server.sent[0]
+    for x in range(5):
+        back.say(float(x))
+    second = setup.goal()
+    back.say(99.0)
+    assert [pose.pose.position.x for pose in first.feedback] == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert second.feedback == []
+
+
+def test_a_newer_goal_preempts_without_stopping_the_robot(setup):
+    old, new = setup.goal(), setup.goal()
+    assert (old.state, old.text, new.state) == (PREEMPTED, relay_answers.REPLACED, ACTIVE)
+    assert setup.server.sent[0].cancels == 0 and len(setup.server.sent) == 2
+    setup.server.sent[0].end(PREEMPTED, MoveBaseResult.CANCELED)
+    assert new.state == ACTIVE
+
+
+def test_a_goal_older_than_the_newest_is_recalled(setup):
+    new, old = setup.goal(stamp=10.0), setup.goal(stamp=9.0)
+    assert (new.state, old.state, old.text) == (ACTIVE, RECALLED, relay_answers.REPLACED)
+    assert setup.goal(stamp=10.0).state == ACTIVE, "of two with one stamp the later to arrive wins"
+
+
+def test_goals_are_taken_again_after_the_clock_was_set_back(setup):
+    setup.goal(stamp=1000.0, ros_now=1000.0)
+    assert setup.goal(stamp=5.0, ros_now=5.0).state == ACTIVE
+    assert setup.goal(stamp=6.0, ros_now=6.0).state == ACTIVE
+    assert setup.goal(stamp=5.5, ros_now=6.0).state == RECALLED
+
+
+def test_cancel_reaches_the_server_and_its_answer_the_client(setup):
+    front = setup.goal()
+    setup.cancel(front)
+    assert front.state == PREEMPTING and setup.server.sent[0].cancels == 1
+    setup.server.sent[0].end(PREEMPTED, MoveBaseResult.CANCELED)
+    assert front.states == [PENDING, ACTIVE, PREEMPTING, PREEMPTED]
+
+
+def test_a_goal_reached_while_its_cancel_was_under_way_is_reached(setup):
+    front = setup.goal()
+    setup.cancel(front)
+    setup.server.sent[0].end(SUCCEEDED, MoveBaseResult.SUCCESS)
+    assert front.state == SUCCEEDED
+
+
+def test_cancels_of_other_goals_change_nothing(setup):
+    old, new = setup.goal(), setup.goal()
+    setup.cancel(old)
+    setup.relay.take_cancel(old)
+    assert new.state == ACTIVE and setup.server.sent[1].cancels == 0
+
+
+def test_a_cancel_nobody_answers_is_repeated_and_then_given_up(setup):
+    front = setup.goal()
+    setup.cancel(front)
+    setup.wait(1.5)
+    assert setup.server.sent[0].cancels == 2
+    setup.wait(20.0)
+    assert front.state == PREEMPTED
+    assert "did not answer" in setup.effects.ended[-1][1].reason
+
+
+def test_the_next_goal_waits_for_the_end_of_a_cancelled_one(setup):
+    old = setup.goal()
+    setup.cancel(old)
+    new = setup.goal()
+    assert (old.state, new.state) == (PREEMPTED, ACTIVE) and len(setup.server.sent) == 1
+    setup.server.sent[0].end(PREEMPTED, MoveBaseResult.CANCELED)
+    assert len(setup.server.sent) == 2
+
+
+def test_but_not_for_ever(setup):
+    setup.cancel(setup.goal())
+    setup.goal()
+    setup.wait(1.0)
+    assert len(setup.server.sent) == 1
+    setup.wait(1.5)
+    assert len(setup.server.sent) == 2
+
+
+def test_a_third_goal_waits_too(setup):
+    setup.cancel(setup.goal())
+    second, third = setup.goal(), setup.goal()
+    assert (second.state, third.state) == (PREEMPTED, ACTIVE) and len(setup.server.sent) == 1
+    setup.server.sent[0].end(PREEMPTED, MoveBaseResult.CANCELED)
+    assert len(setup.server.sent) == 2
+
+
+@pytest.mark.parametrize("quaternion", [
+    (0.0, 0.0, 0.0, 0.0), (float("nan"), 0.0, 0.0, 1.0), (float("inf"), 0.0, 0.0, 1.0), (0.3, 0.0, 0.0, 0.95),
+    (1e-4, 0.0, 0.0, 0.0),
+])
+def test_a_goal_turned_nowhere_is_aborted_and_what_ran_is_stopped(setup, quaternion):
+    running = setup.goal()
+    front = setup.goal(quaternion=quaternion)
+    assert (front.state, front.text) == (ABORTED, relay_answers.INVALID_QUATERNION)
+    assert running.state == PREEMPTED and setup.server.sent[0].cancels == 1 and len(setup.server.sent) == 1
+
+
+def test_a_rounded_quaternion_will_do(setup):
+    assert setup.goal(quaternion=(0.0, 0.0, -0.112, 0.999)).state == ACTIVE
+
+
+def test_a_goal_waits_for_the_server_and_is_sent_when_it_comes(setup):
+    setup.server.server_is_up = False
+    front = setup.goal()
+    setup.wait(15.0)
+    assert front.state == ACTIVE and not setup.server.sent
+    setup.server.server_is_up = True
+    setup.wait(0.1)
+    assert len(setup.server.sent) == 1
+    setup.wait(30.0)
+    assert front.state == ACTIVE
+
+
+def test_it_does_not_wait_for_ever(setup):
+    setup.server.server_is_up = False
+    front = setup.goal()
+    setup.wait(20.1)
+    assert front.state == ABORTED and "'move_base_flex' within 20 s" in front.text
+
+
+def test_a_goal_cancelled_while_it_waits_is_preempted_at_once(setup):
+    setup.server.server_is_up = False
+    front = setup.goal()
+    setup.cancel(front)
+    assert front.state == PREEMPTED
+    setup.server.server_is_up = True
+    setup.wait(0.1)
+    assert not setup.server.sent
+
+
+def test_a_server_that_dies_aborts_the_goal_and_stops_the_robot(setup):
+    front = setup.goal()
+    setup.server.die()
+    assert front.state == ABORTED and "server died" in front.text and setup.effects.stops == 1
+
+
+def test_a_server_that_dies_under_a_replaced_goal_stops_the_robot_too(setup):
+    setup.cancel(setup.goal())
+    waiting = setup.goal()
+    setup.server.die()
+    assert setup.effects.stops == 1 and waiting.state == ACTIVE
+
+
+def test_the_next_life_gets_the_next_goal_and_nothing_of_the_old_one(setup):
+    setup.goal()
+    old = setup.server.sent[0]
+    setup.server.die()
+    setup.server.server_is_up = True
+    front = setup.goal()
+    old.say(99.0)
+    old.end(SUCCEEDED, MoveBaseResult.SUCCESS)
+    assert front.state == ACTIVE and front.feedback == []
+
+
+def test_nothing_is_left_driving_when_a_goal_ends_before_it_was_sent(setup):
+    setup.goal()
+    setup.server.server_is_up = False
+    front = setup.goal()
+    setup.cancel(front)
+    assert front.state == PREEMPTED and setup.server.sent[0].cancels == 1
+
+
+def test_shutting_down_cancels_and_says_so(setup):
+    front = setup.goal()
+    setup.relay.shut_down()
+    assert (front.state, front.text) == (ABORTED, relay_answers.NODE_KILLED) and setup.server.sent[0].cancels == 1
+    setup.server.sent[0].end(PREEMPTED, MoveBaseResult.CANCELED)
+    setup.relay.shut_down()
+
+
+def test_every_goal_is_told_of_once(setup):
+    fronts = [setup.goal() for _ in range(20)]
+    setup.server.sent[-1].end(SUCCEEDED, MoveBaseResult.SUCCESS)
+    assert [name for name, _ in setup.effects.ended] == [front.get_goal_id().id for front in fronts]
+    assert [answer.status for _, answer in setup.effects.ended] == [PREEMPTED] * 19 + [SUCCEEDED]
+
+
+def test_an_answer_that_comes_before_send_returns_is_taken(setup):
+    real = setup.server.send
+
+    def send_and_hear(goal, on_feedback, on_end):
+        back = real(goal, on_feedback, on_end)
+        back.end(SUCCEEDED, MoveBaseResult.SUCCESS)
+        return back
+
+    setup.server.send = send_and_hear
+    assert setup.goal().state == SUCCEEDED
+    assert setup.goal().state == SUCCEEDED
+
+
+def test_a_lost_goal_keeps_its_reason_in_the_text(setup):
+    front = setup.goal()
+    setup.server.sent[0].end(LOST, text="action server /mbf/move_base was restarted or dropped the goal")
+    assert front.text == "Action server /mbf/move_base was restarted or dropped the goal"
