@@ -41,6 +41,9 @@ def load_settings(folder: Path) -> Settings:
     settings = {}
     for name in FILES:
         path = folder / f"{name}.yaml"
+        if name == "simulator" and not path.exists():
+            settings[name] = {}
+            continue
         try:
             values = yaml.safe_load(path.read_text(encoding="utf-8"))
         except OSError as error:
@@ -53,15 +56,15 @@ def load_settings(folder: Path) -> Settings:
     return settings
 
 
-def names_in(values: Mapping[str, Any], prefix: str = "") -> List[str]:
-    """Return the dotted name of every value."""
-    names = []
+def flatten(values: Mapping[str, Any], prefix: str = "") -> Dict[str, Any]:
+    """Return every value by its dotted name."""
+    result: Dict[str, Any] = {}
     for name, value in values.items():
         if isinstance(value, Mapping):
-            names += names_in(value, f"{prefix}{name}.")
+            result.update(flatten(value, f"{prefix}{name}."))
         else:
-            names.append(f"{prefix}{name}")
-    return names
+            result[f"{prefix}{name}"] = value
+    return result
 
 
 def parse_change(text: str) -> Tuple[str, Any]:

@@ -2,17 +2,17 @@
 
 import pytest
 
-from mbf_relay.lockstep.settings import change, full_name, load_settings, names_in, parse_change
+from mbf_relay.lockstep.settings import change, flatten, full_name, load_settings, parse_change
 
 SETTINGS = {
     "simulator": {"time_step": 0.005},
     "move_base_flex": {"controller_frequency": 10.0, "DWA": {"sim_time": 1.5}, "local_costmap": {"inflation": {"inflation_radius": 1.0}}},
 }
-KNOWN = names_in(SETTINGS) + ["move_base_flex.DWA.vx_samples", "simulator.odometry.update_rate", "amcl.update_rate"]
+KNOWN = list(flatten(SETTINGS)) + ["move_base_flex.DWA.vx_samples", "simulator.odometry.update_rate", "amcl.update_rate"]
 
 
 def test_names_are_dotted():
-    assert "move_base_flex.local_costmap.inflation.inflation_radius" in names_in(SETTINGS)
+    assert "move_base_flex.local_costmap.inflation.inflation_radius" in list(flatten(SETTINGS))
 
 
 @pytest.mark.parametrize("text, value", [("a.b=1", 1), ("a.b=1.5", 1.5), ("a.b=true", True), ("a.b=x", "x"), ("a.b=[1, 2]", [1, 2]), ("a.b=c=d", "c=d")])
@@ -54,7 +54,7 @@ def test_change_leaves_the_original_alone_and_makes_missing_groups():
 
 
 def test_missing_and_malformed_files_are_named(tmp_path):
-    with pytest.raises(ValueError, match="simulator.yaml cannot be read"):
+    with pytest.raises(ValueError, match="amcl.yaml cannot be read"):
         load_settings(tmp_path)
     (tmp_path / "simulator.yaml").write_text("a: [1")
     with pytest.raises(ValueError, match="simulator.yaml is no YAML"):

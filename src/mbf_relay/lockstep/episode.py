@@ -1,0 +1,141 @@
+"""One drive: the parts the nodes are made of, on the simulation's clock, in one process."""
+
+from __future__ import annotations
+
+import resource
+from typing import Any, Callable, Dict, List, Optional, Tuple
+
+import cv2
+
+from mbf_relay.lockstep import result as outcomes
+from mbf_relay.lockstep.clearance import smallest_clearance
+from mbf_relay.lockstep.graph import Graph
+from mbf_relay.lockstep.record import SAMPLING, Record
+from mbf_relay.lockstep.rate import Rate
+from mbf_relay.lockstep.result import EpisodeResult
+from mbf_relay.lockstep.setup import Setup
+from mbf_relay.lockstep.stages import Stages
+from mbf_relay.lockstep.tasks import Task
+from mbf_relay.navigation.goals import FramedPose, NavigateGoal, NavigateResult
+from mbf_relay.navigation.task import Ending
+from mbf_relay.navigation.task import Task as NavigationTask
+
+WARM_UP = 5.0
+"""Seconds of the simulation within which scans, pose and costmaps must be there."""
+
+
+class Episode:
+    """One robot driving one task with one seed. `run` drives it; equal arguments give equal drives to the last bit."""
+
+    def __init__(self, task: Task, setup: Setup, seed: int, clock: Optional[Callable[[], float]] = None) -> None:
+        """Build everything.
+
+        Args:
+            task: The world and where to go in it.
+            setup: With which parameters.
+            seed: Of all chance.
+            clock: Tells the wall time (s), for the times per stage; nothing else depends on it.
+
+        Raises:
+            ValueError: The robot cannot stand at the start, or a parameter is wrong.
+        """
+        cv2.setNumThreads(1)  # several threads would add up in another order on another machine
+        self.task, self.setup, self.seed = task, setup, seed
+        self._stages = Stages(clock)
+        self._clock = clock
+        _check_start(task)
+        self._began = clock() if clock is not None else 0.0
+        self._graph = Graph(task, setup, seed, self._stages, self._note_command)
+        self._record: Optional[Record] = None
+        self._sampling = Rate(SAMPLING, self._graph.time_step)
+        self._goal: "Optional[NavigationTask[NavigateResult]]" = None
+        self._reached: List[float] = []
+        self._deadline = 0.0
+
+    def run(self) -> EpisodeResult:
+        """Drive until all goals are reached, navigation gives up, something is touched, or time is up."""
+        try:
+            if not self._warm_up():
+                return outcomes.failed(self.task.name, self.seed, f"not ready after {WARM_UP:g} s: {self._graph.waits_for()}")
+            outcome, message, contacts = self._drive()
+            self._note_now()
+            assert self._record is not None
+            top_speed = self._graph.simulation.parameters.max_speed
+            return self._record.result(outcome, message, contacts, top_speed, self._reached, self._machine())
+        finally:
+            self._graph.close()
+
+    def _warm_up(self) -> bool:
+        """Step until the robot knows where it is and what is around it."""
+        while self._graph.waits_for() is not None:
+            if self._graph.elapsed > WARM_UP:
+                return False
+            self._graph.step()
+        return True
+
+    def _drive(self) -> Tuple[str, str, int]:
+        """Return outcome, message and number of contacts."""
+        graph, task = self._graph, self.task
+        self._record = Record(task, self.seed, graph.simulation.parameters.start_time)
+        self._deadline = graph.now + task.time_limit
+        self._note_now()
+        self._send_goal()
+        while True:
+            contacts = graph.step()
+            if contacts:
+                return outcomes.CONTACT, f"touched {contacts[0].name}", 1
+            if self._sampling.is_due(graph.steps):
+                self._note_now()
+            ended = self._ended()
+            if ended is not None:
+                return ended[0], ended[1], 0
+
+    def _ended(self) -> Optional[Tuple[str, str]]:
+        """Return outcome and message where the drive is over; send the next goal where one was reached."""
+        graph, assigned = self._graph, self._goal
+        assert assigned is not None
+        if self._is_within_radius() or assigned.ending is Ending.SUCCEEDED:
+            self._reached.append(graph.now)
+            if len(self._reached) == len(self.task.goals):
+                return outcomes.SUCCEEDED, ""
+            self._send_goal()
+        elif assigned.done:
+            return assigned.result.outcome.name, assigned.result.message
+        if graph.now > self._deadline:
+            return outcomes.TIMEOUT, f"goal {len(self._reached) + 1} of {len(self.task.goals)} not reached in time"
+        return None
+
+    def _is_within_radius(self) -> bool:
+        radius = self.task.goal_radius
+        if radius is None:
+            return False
+        return self._graph.simulation.true_pose.distance_to(self.task.goals[len(self._reached)]) <= radius
+
+    def _send_goal(self) -> None:
+        goal = FramedPose(self.task.goals[len(self._reached)], self._graph.map_frame)
+        self._goal = self._graph.navigate(NavigateGoal(goal, self.setup.planner, self.setup.controller))
+
+    def _note_now(self) -> None:
+        assert self._record is not None
+        self._record.note(self._graph.now, self._graph.simulation.true_pose, self._graph.robot.base_in_map)
+
+    def _note_command(self, now: float, velocity: Any) -> None:
+        if self._record is not None:
+            self._record.note_command(now, velocity)
+
+    def _machine(self) -> Dict[str, Any]:
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+        if self._clock is None:
+            return {"memory_mib": round(memory, 1)}
+        seconds = {name: round(value, 4) for name, value in sorted(self._stages.seconds.items())}
+        return {"wall": round(self._clock() - self._began, 4), "stages": seconds, "memory_mib": round(memory, 1)}
+
+
+def _check_start(task: Task) -> None:
+    """Raise ValueError where the robot does not fit at the start."""
+    import numpy as np
+
+    start = task.world.start
+    clearance = smallest_clearance(task.world, np.zeros(1), np.array([start]))
+    if clearance is not None and clearance <= 0.0:
+        raise ValueError(f"world '{task.name}' has no free start: something stands at ({start.x:.2f}, {start.y:.2f})")

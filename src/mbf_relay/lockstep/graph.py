@@ -1,0 +1,201 @@
+"""The nodes' parts joined as topics and tf join the nodes, advanced step by step."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Callable, Deque, List, NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.costmap.costmap import Costmap
+from mbf_relay.costmap.factory import build_costmap
+from mbf_relay.costmap.observation import observation_from_scan
+from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D
+from mbf_relay.localization.localizer import Localizer
+from mbf_relay.localization.node_parameters import AmclParameters, initial_pose_from
+from mbf_relay.lockstep.rate import Rate
+from mbf_relay.lockstep.robot import LockstepRobot
+from mbf_relay.lockstep.setup import AMCL, KNOWN, ODOMETRY, SERVER, TRUTH, Setup, without_map
+from mbf_relay.lockstep.stages import Stages
+from mbf_relay.lockstep.tasks import Task
+from mbf_relay.navigation.goals import NavigateGoal, NavigateResult
+from mbf_relay.navigation.navigator import OWN_SEAT, Navigator
+from mbf_relay.navigation.task import Task as NavigationTask
+from mbf_relay.outcomes import TransformError
+from mbf_relay.scan import LaserScan
+from mbf_relay.simulation import Simulation, burger
+from mbf_relay.simulation.contacts import Contact
+from mbf_relay.simulation.parameters import SimulationParameters
+
+LASER_IN_BASE = burger.SCAN_IN_BASE.flat()
+LASER_HEIGHT = burger.BASE_HEIGHT + float(burger.SCAN_IN_BASE.position[2])
+
+
+class _Updated(NamedTuple):
+    costmap: Costmap
+    rate: Rate
+
+
+class Graph:
+    """Simulation, localization, costmaps and navigation, each at the rates of its parameters.
+
+    Attributes:
+        simulation: The world and the robot in it.
+        robot: What navigation sees of the robot.
+        navigator: Planners, controllers, recoveries and move_base.
+        costmaps: "global" and "local".
+        map_frame: Frame of goals.
+        steps: Steps of the simulation so far.
+        time_step: Seconds of one.
+    """
+
+    def __init__(
+        self, task: Task, setup: Setup, seed: int, stages: Stages, on_command: Callable[[float, Twist2D], None]
+    ) -> None:
+        """Build the parts.
+
+        Args:
+            task: The world.
+            setup: The parameters.
+            seed: Of all chance.
+            stages: Where times are summed up.
+            on_command: Told time (s) and velocity of each command.
+
+        Raises:
+            ValueError: A parameter is wrong.
+        """
+        self._stages = stages
+        server = setup.settings[SERVER] if setup.map == KNOWN else without_map(setup.settings[SERVER], task)
+        amcl = AmclParameters.from_mapping(setup.settings["amcl"])
+        self.map_frame = amcl.global_frame_id
+        self.simulation = Simulation(task.world, SimulationParameters.from_mapping(setup.settings["simulator"]), seed)
+        try:
+            self._on_command = on_command
+            self.robot = LockstepRobot(self._command, self.map_frame, amcl.odom_frame_id, burger.FOOTPRINT_FRAME)
+            self._localizer: Optional[Localizer] = None
+            self._locate(task, setup, amcl, seed)
+            self._build_costmaps(task, setup, server)
+            self.navigator = Navigator(server, self.robot, self.costmaps)
+            self._time_plugins(setup)
+        except BaseException:
+            self.close()
+            raise
+        self.steps = 0
+        self._scans: Deque[LaserScan] = deque()
+
+    def _locate(self, task: Task, setup: Setup, amcl: AmclParameters, seed: int) -> None:
+        """Set up where the pose comes from."""
+        self._follows_truth = setup.localization == TRUTH
+        if setup.localization == ODOMETRY:
+            self.robot.map_from_odom = task.world.start  # odometry begins at zero
+        elif setup.localization == AMCL:
+            self._localizer = Localizer(amcl, task.occupancy(), np.random.default_rng(seed))
+            pose, covariance, _ = initial_pose_from(setup.settings["amcl"])
+            self._localizer.set_initial_pose(task.initial_pose or pose, covariance)
+
+    def _build_costmaps(self, task: Task, setup: Setup, server: dict) -> None:
+        self.costmaps = {
+            name: build_costmap(f"{name}_costmap", server.get(f"{name}_costmap", {}), server) for name in ("global", "local")
+        }
+        if setup.map == KNOWN:
+            for costmap in self.costmaps.values():
+                costmap.set_map(task.occupancy())
+        self._updated = [
+            _Updated(costmap, Rate(costmap.parameters.update_frequency, self.time_step))
+            for costmap in self.costmaps.values()
+        ]
+
+    def _time_plugins(self, setup: Setup) -> None:
+        navigator, stages = self.navigator, self._stages
+        planner = navigator.planners.seat(navigator.planners.choose(setup.planner), OWN_SEAT).plugin
+        planner.plan = stages.timed("planning", planner.plan)
+        controller = navigator.controllers.seat(navigator.controllers.choose(setup.controller), 0).plugin
+        controller.compute_velocity = stages.timed("control", controller.compute_velocity)
+
+    @property
+    def time_step(self) -> float:
+        """Seconds of one step."""
+        return 1.0 / self.simulation.parameters.physics_rate
+
+    @property
+    def now(self) -> float:
+        """Simulated time (s)."""
+        return self.simulation.now
+
+    @property
+    def elapsed(self) -> float:
+        """Simulated seconds since the start."""
+        return self.steps * self.time_step
+
+    def waits_for(self) -> Optional[str]:
+        """Return what is missing before a goal can be sent, None where nothing is."""
+        try:
+            self.robot.pose_in(self.map_frame)
+        except TransformError as error:
+            return str(error)
+        for costmap in self.costmaps.values():
+            reason = costmap.stale_reason(self.now)
+            if reason is not None:
+                return reason
+        return None
+
+    def navigate(self, goal: NavigateGoal) -> "NavigationTask[NavigateResult]":
+        """Send the robot somewhere; a running goal ends."""
+        return self.navigator.move_base(goal)
+
+    def step(self) -> Tuple[Contact, ...]:
+        """Advance by one step of the simulation and all that is due then; return what the robot touches."""
+        stages = self._stages
+        with stages.stage("simulation"):
+            observations = self.simulation.step()
+        self.steps += 1
+        if observations.odometry is not None:
+            odometry = observations.odometry
+            self.robot.add_odometry(odometry.stamp, odometry.pose, odometry.velocity)
+            if self._follows_truth:
+                self.robot.map_from_odom = self.simulation.true_pose.compose(odometry.pose.inverse())
+        if observations.scan is not None:
+            self._scans.append(observations.scan)
+        while self._scans and self._scans[0].stamp <= self.robot.odometry_stamp:
+            self._take_scan(self._scans.popleft())
+        with stages.stage("costmaps"):
+            for costmap, rate in self._updated:
+                if rate.is_due(self.steps):
+                    self._update(costmap)
+        if self.now >= self.navigator.due - 1e-9:
+            with stages.stage("navigation"):
+                self.navigator.update(self.now)
+        return observations.contacts
+
+    def close(self) -> None:
+        """Free the physics."""
+        self.simulation.close()
+
+    def _take_scan(self, scan: LaserScan) -> None:
+        """Localize by a scan, then show it to the costmaps, each from where the robot was when it was taken."""
+        odom_pose = self.robot.odometry_at(scan.stamp)
+        if self._localizer is not None:
+            with self._stages.stage("localization"):
+                self._localizer.process(odom_pose, scan, LASER_IN_BASE)
+                self.robot.map_from_odom = self._localizer.map_from_odom
+        with self._stages.stage("costmaps"):
+            for costmap in self.costmaps.values():
+                try:
+                    odom_in_costmap = self.robot.transform(costmap.frame, "odom")
+                except TransformError:
+                    continue
+                laser = odom_in_costmap.compose(odom_pose).compose(LASER_IN_BASE)
+                for name, source in costmap.sources.items():
+                    if source.data_type == "LaserScan":
+                        costmap.observe(name, observation_from_scan(scan, laser, source.inf_is_valid, LASER_HEIGHT), self.now)
+
+    def _update(self, costmap: Costmap) -> None:
+        try:
+            pose = self.robot.pose_in(costmap.frame)
+        except TransformError:
+            return
+        costmap.update(self.now, pose)
+
+    def _command(self, velocity: Twist2D) -> None:
+        self._on_command(self.now, velocity)
+        self.simulation.set_command(velocity)

@@ -1,0 +1,133 @@
+"""Pictures of episodes: a sheet with all of them, and one of each failure."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import List, Sequence, Tuple
+
+import cv2
+import numpy as np
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.lockstep.clearance import HEIGHT, HULL
+from mbf_relay.lockstep.result import CONTACT, EpisodeResult
+from mbf_relay.lockstep.tasks import Task
+from mbf_relay.report.drive import SUCCEEDED, Contact, Drive, GoalRecord
+
+TILE, CAPTION, GAP = 220, 34, 6
+"""Pixels: side of a tile's picture, height of the text under it, space between tiles."""
+
+WALL, TRACK, START, GOAL, BAD, INK = (60, 60, 60), (200, 110, 30), (200, 110, 30), (62, 138, 43), (42, 42, 201), (40, 40, 40)
+Shown = Tuple[Task, EpisodeResult]
+
+
+def contact_sheet(shown: Sequence[Shown], path: Path, columns: int = 0) -> None:
+    """Write one picture with a tile per episode, framed red where it failed.
+
+    Args:
+        shown: Tasks and results.
+        path: File to write (PNG).
+        columns: Tiles side by side; chosen for a landscape sheet where 0.
+    """
+    if not shown:
+        return
+    columns = columns or max(1, math.ceil(math.sqrt(1.6 * len(shown))))
+    rows = math.ceil(len(shown) / columns)
+    width, height = TILE + GAP, TILE + CAPTION + GAP
+    sheet = np.full((rows * height + GAP, columns * width + GAP, 3), 255, dtype=np.uint8)
+    for index, (task, result) in enumerate(shown):
+        row, column = divmod(index, columns)
+        top, left = GAP + row * height, GAP + column * width
+        sheet[top:top + TILE + CAPTION, left:left + TILE] = tile(task, result)
+    _write(sheet, path)
+
+
+def tile(task: Task, result: EpisodeResult) -> np.ndarray:
+    """Return the picture of one episode, shape (TILE + CAPTION, TILE, 3), uint8, blue first."""
+    image = np.full((TILE + CAPTION, TILE, 3), 255, dtype=np.uint8)
+    view = _View(task, result)
+    cv2.polylines(image, view.pixels(task.world.outline(HEIGHT)), False, WALL, 1, cv2.LINE_AA, _View.SHIFT)
+    for mover in task.world.movers:
+        cv2.polylines(image, view.pixels([mover.poses[:, :2]]), mover.loop, (170, 170, 220), 1, cv2.LINE_AA, _View.SHIFT)
+    track = np.array(result.trajectory)
+    if len(track):
+        cv2.polylines(image, view.pixels([track[:, 1:3]]), False, TRACK, 2, cv2.LINE_AA, _View.SHIFT)
+        last = Pose2D(*track[-1, 1:4])
+        cv2.polylines(image, view.pixels([last.transform_points(HULL)]), True, _colour(result), 2, cv2.LINE_AA, _View.SHIFT)
+    _dot(image, view, task.world.start, START)
+    for index, goal in enumerate(task.goals):
+        _dot(image, view, goal, GOAL if index < result.goals_reached else BAD)
+    image[TILE:] = 255
+    _caption(image, f"{result.world} #{result.seed}", TILE + 13, INK)
+    words = f"{result.time:.1f} s" + (f", score {result.score:.2f}" if result.score is not None else "")
+    _caption(image, words if result.success else f"{result.outcome} {words}", TILE + 28, _colour(result))
+    cv2.rectangle(image, (0, 0), (TILE - 1, TILE + CAPTION - 1), _colour(result), 1 if result.success else 3)
+    return image
+
+
+def failure(task: Task, result: EpisodeResult, path: Path) -> None:
+    """Write the report's picture of one episode: map, way, belief, speeds and errors over time."""
+    from mbf_relay.report.picture import draw  # needs matplotlib, which drives do not
+
+    draw(drive_of(task, result), str(path))
+
+
+def drive_of(task: Task, result: EpisodeResult) -> Drive:
+    """Return an episode as the report's record of a drive."""
+    rows = np.array(result.trajectory).reshape(-1, 6)
+    believed = np.array(result.believed).reshape(-1, 3)
+    starts = (0.0,) + result.goal_times
+    goals = [
+        GoalRecord(goal, start, end, SUCCEEDED if index < result.goals_reached else result.outcome)
+        for index, (goal, start, end) in enumerate(zip(task.goals, starts, result.goal_times + (result.time,)))
+    ]
+    contacts = []
+    if result.outcome == CONTACT and len(rows):
+        contacts.append(Contact(result.time, float(rows[-1, 1]), float(rows[-1, 2]), result.message))
+    return Drive(
+        truth=rows[:, :4], estimate=np.column_stack((rows[:, 0], believed)), measured=rows[:, (0, 4, 5)], goals=goals,
+        contacts=contacts, map=task.occupancy(), seed=result.seed, goals_asked=len(task.goals),
+        wall_time=result.machine.get("wall"),
+    )
+
+
+class _View:
+    """Takes metres to pixels so that the whole drive fits into a tile."""
+
+    SHIFT = 4
+    MARGIN = 0.6
+
+    def __init__(self, task: Task, result: EpisodeResult) -> None:
+        points = [task.world.start[:2]] + [goal[:2] for goal in task.goals] + [row[1:3] for row in result.trajectory]
+        low, high = np.min(points, axis=0) - self.MARGIN, np.max(points, axis=0) + self.MARGIN
+        self._scale = TILE / max(high - low)
+        self._left, self._top = (low + high) / 2.0 + np.array([-1.0, 1.0]) * TILE / 2.0 / self._scale
+
+    def pixels(self, lines: Sequence[np.ndarray]) -> List[np.ndarray]:
+        """Return polylines (m) as OpenCV takes them, with SHIFT bits of fraction."""
+        return [self._pixel(np.asarray(line)) for line in lines]
+
+    def _pixel(self, points: np.ndarray) -> np.ndarray:
+        flipped = (points - (self._left, self._top)) * (self._scale, -self._scale)
+        return np.round(flipped * (1 << self.SHIFT)).astype(np.int32)
+
+
+def _dot(image: np.ndarray, view: _View, pose: Pose2D, colour: Tuple[int, int, int]) -> None:
+    center = view.pixels([np.array(pose[:2])])[0]
+    cv2.circle(image, tuple(int(value) for value in center), 4 << _View.SHIFT, colour, -1, cv2.LINE_AA, _View.SHIFT)
+
+
+def _caption(image: np.ndarray, text: str, baseline: int, colour: Tuple[int, int, int]) -> None:
+    cv2.putText(image, text, (6, baseline), cv2.FONT_HERSHEY_SIMPLEX, 0.42, colour, 1, cv2.LINE_AA)
+
+
+def _colour(result: EpisodeResult) -> Tuple[int, int, int]:
+    return GOAL if result.success else BAD
+
+
+def _write(image: np.ndarray, path: Path) -> None:
+    encoded, data = cv2.imencode(".png", image)
+    if not encoded:
+        raise ValueError(f"picture {path} could not be encoded")
+    path.write_bytes(data.tobytes())

@@ -1,0 +1,31 @@
+"""When things are due on a clock that advances by fixed steps."""
+
+from __future__ import annotations
+
+
+class Rate:
+    """Is due at the first step at or after each multiple of its period; exact, for it counts steps."""
+
+    def __init__(self, frequency: float, time_step: float) -> None:
+        """Make a rate.
+
+        Args:
+            frequency: Hz, above 0.
+            time_step: Seconds of one step of the clock.
+
+        Raises:
+            ValueError: The clock is too coarse for the frequency.
+        """
+        if frequency <= 0.0:
+            raise ValueError(f"a rate is {frequency:g} Hz; it must be above 0")
+        self._steps = 1.0 / (frequency * time_step)
+        if self._steps < 1.0 - 1e-9:
+            raise ValueError(f"a rate is {frequency:g} Hz; the simulation's step of {time_step:g} s allows {1.0 / time_step:g} Hz")
+        self._count = 0
+
+    def is_due(self, step: int) -> bool:
+        """Tell whether something is due at step number `step`; asked once per step, with rising numbers."""
+        if step < self._count * self._steps - 1e-6:
+            return False
+        self._count = int((step + 1e-6) / self._steps) + 1
+        return True

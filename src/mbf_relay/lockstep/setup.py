@@ -1,0 +1,134 @@
+"""How an episode is driven: the nodes' parameters, where the pose comes from, and what is known beforehand."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Dict, Iterable, List, Optional, Tuple
+
+from mbf_relay.control import CONTROLLERS
+from mbf_relay.control.controller import Controller
+from mbf_relay.costmap.costmap import CostmapParameters
+from mbf_relay.costmap.factory import layer_groups
+from mbf_relay.costmap.layer import Layer
+from mbf_relay.costmap import LAYERS
+from mbf_relay.geometry import Pose2D
+from mbf_relay.lockstep.settings import Settings, change, flatten, load_settings
+from mbf_relay.lockstep.tasks import Task
+from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.planning import PLANNERS
+from mbf_relay.planning.planner import Planner
+from mbf_relay.plugins import find_class
+from mbf_relay.recovery import RECOVERIES
+from mbf_relay.recovery.recovery import Recovery
+
+AMCL, ODOMETRY, TRUTH = LOCALIZATIONS = ("amcl", "odometry", "truth")
+KNOWN, NONE = MAPS = ("known", "none")
+
+SERVER = "move_base_flex"
+PLUGIN_LISTS = (
+    ("planners", Planner, PLANNERS), ("controllers", Controller, CONTROLLERS), ("recovery_behaviors", Recovery, RECOVERIES),
+)
+MARGIN = 3.0
+"""Metres around start and goals that the global costmap covers where there is no map."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What all episodes of a batch share.
+
+    Attributes:
+        settings: Parameters by node, as in the nodes' files.
+        localization: AMCL, ODOMETRY (which is taken for the truth from the start on) or TRUTH.
+        map: KNOWN or NONE.
+        controller, planner: Names in the server's lists; its first ones where empty.
+    """
+
+    settings: Settings
+    localization: str = AMCL
+    map: str = KNOWN
+    controller: str = ""
+    planner: str = ""
+
+
+def make_setup(
+    folder: Path, localization: Optional[str] = None, prior_map: Optional[str] = None, controller: str = "",
+    planner: str = "", changes: Iterable[str] = (), has_map: bool = True,
+) -> Setup:
+    """Return the setup a user asks for.
+
+    Args:
+        folder: Where the nodes' YAML files are.
+        localization: One of LOCALIZATIONS; AMCL where there is a map, else ODOMETRY, where None.
+        prior_map: One of MAPS; what is usual for the worlds where None.
+        controller, planner: Names in the server's lists; its first ones where empty.
+        changes: Changes "a.b=c" to parameters.
+        has_map: Whether robots usually have a map of these worlds.
+
+    Raises:
+        ValueError: A file, a name or a change is wrong, or the choices contradict each other.
+    """
+    prior_map = prior_map or (KNOWN if has_map else NONE)
+    localization = localization or (AMCL if prior_map == KNOWN else ODOMETRY)
+    if prior_map == NONE and localization == AMCL:
+        raise ValueError("amcl needs a map: choose --map known, or --localization odometry or truth")
+    settings = load_settings(folder)
+    changes = list(changes)
+    if changes:
+        settings = change(settings, changes, known_names(settings))
+    for kind, name in (("controllers", controller), ("planners", planner)):
+        _check_listed(settings[SERVER].get(kind, []), kind, name)
+    return Setup(settings, localization, prior_map, controller, planner)
+
+
+def known_names(settings: Settings) -> List[str]:
+    """Return the full name of every parameter there is: what the files say, and what the parts declare beside it."""
+    from mbf_relay.localization.parameters import LocalizerParameters
+    from mbf_relay.simulation.parameters import SimulationParameters
+
+    server = settings[SERVER]
+    names = set(flatten(settings))
+    names.update(f"simulator.{name}" for name in SimulationParameters.names())
+    names.update(f"amcl.{name}" for name in LocalizerParameters.names())
+    names.update(f"{SERVER}.{name}" for name in NavigatorParameters.names())
+    for kind, base, known in PLUGIN_LISTS:
+        for entry in server.get(kind, []):
+            parameters = find_class(entry["type"], base, known).Parameters
+            names.update(f"{SERVER}.{entry['name']}.{name}" for name in parameters.names())
+    for costmap in ("global_costmap", "local_costmap"):
+        group = server.get(costmap, {})
+        names.update(f"{SERVER}.{costmap}.{name}" for name in CostmapParameters.names())
+        for layer, type_name, _ in layer_groups(group):
+            prefix = f"{SERVER}.{costmap}." + (f"{layer}." if "plugins" in group else "")
+            names.update(prefix + name for name in find_class(type_name, Layer, LAYERS).Parameters.names())
+    return sorted(names)
+
+
+def without_map(server: Dict[str, Any], task: Task) -> Dict[str, Any]:
+    """Return the server's parameters for a robot that has no map: a global costmap of what it sees alone.
+
+    The costmap lies still and covers start and goals; what was never seen counts as free, or nothing could be planned.
+    """
+    changed = copy.deepcopy(server)
+    group = changed["global_costmap"]
+    points = [task.world.start] + list(task.goals)
+    low, high = _extent(points)
+    group.update(
+        static_map=False, rolling_window=False, track_unknown_space=False, origin_x=low[0], origin_y=low[1],
+        width=high[0] - low[0], height=high[1] - low[1],
+    )
+    if "plugins" in group:
+        group["plugins"] = [entry for entry in group["plugins"] if "StaticLayer" not in entry["type"]]
+    return changed
+
+
+def _extent(points: List[Pose2D]) -> Tuple[Tuple[float, float], Tuple[float, float]]:
+    xs, ys = [point.x for point in points], [point.y for point in points]
+    return (min(xs) - MARGIN, min(ys) - MARGIN), (max(xs) + MARGIN, max(ys) + MARGIN)
+
+
+def _check_listed(entries: List[Any], kind: str, name: str) -> None:
+    names = [entry["name"] for entry in entries]
+    if name and name not in names:
+        raise ValueError(f"there is no '{name}' among the {kind} of {SERVER}.yaml; there are {', '.join(names)}")
