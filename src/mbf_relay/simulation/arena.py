@@ -7,11 +7,9 @@ from __future__ import annotations
 
 from typing import List
 
-import numpy as np
-
 from mbf_relay.geometry import Pose2D
 from mbf_relay.simulation.frames import Frame
-from mbf_relay.simulation.shapes import Body, Cylinder, Mesh, prism_triangles, regular_polygon
+from mbf_relay.simulation.shapes import Body, Cylinder, Mesh, prism_triangles, regular_polygon, ring_triangles
 from mbf_relay.simulation.world import World
 
 START = Pose2D(-2.0, -0.5, 0.0)
@@ -38,12 +36,8 @@ def arena() -> World:
         for y in PILLAR_GRID:
             frame = Frame.of(x, y, PILLAR_HEIGHT / 2.0)
             bodies.append(Body(f"pillar_{len(bodies) + 1}", Cylinder(PILLAR_RADIUS, PILLAR_HEIGHT), frame, colour=WHITE))
-    inner, outer = regular_polygon(RING_INNER, 6), regular_polygon(RING_OUTER, 6)
-    for side in range(6):
-        following = (side + 1) % 6
-        corners = np.array([outer[side], outer[following], inner[following], inner[side]])
-        wall = Mesh(prism_triangles(corners, RING_BOTTOM, RING_TOP))
-        bodies.append(Body(f"wall_{side + 1}", wall, Frame.of(0.0, 0.0), colour=GREEN))
+    ring = Mesh(ring_triangles(regular_polygon(RING_INNER, 6), regular_polygon(RING_OUTER, 6), RING_BOTTOM, RING_TOP))
+    bodies.append(Body("wall", ring, Frame.of(0.0, 0.0), colour=GREEN))
     for name, x, y, radius, bottom, top in BLOCKS:
         block = Mesh(prism_triangles(regular_polygon(radius, 6), bottom, top))
         bodies.append(Body(name, block, Frame.of(x, y), colour=GREEN))

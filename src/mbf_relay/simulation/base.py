@@ -91,6 +91,20 @@ class Base:
             forces=self._torque, physicsClientId=self._client,
         )
 
+    def park(self) -> None:
+        """Let the body sleep until `wake`: at rest the solver's remainders would push it about, a millimetre a minute."""
+        pybullet.changeDynamics(
+            self.body, -1, activationState=pybullet.ACTIVATION_STATE_ENABLE_SLEEPING | pybullet.ACTIVATION_STATE_SLEEP,
+            physicsClientId=self._client
+        )
+
+    def wake(self) -> None:
+        """Let the body move again."""
+        pybullet.changeDynamics(
+            self.body, -1, activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING | pybullet.ACTIVATION_STATE_WAKE_UP,
+            physicsClientId=self._client
+        )
+
     def wheel_angles(self) -> Tuple[float, float]:
         """Return how far (rad) the wheels have turned, left and right."""
         left, right = pybullet.getJointStates(self.body, WHEELS, physicsClientId=self._client)

@@ -14,7 +14,7 @@ import numpy as np
 
 from mbf_relay.simulation.frames import Frame
 
-ROUNDNESS = 1e-4
+ROUNDNESS = 2e-4
 """Largest gap (m) between a round surface and the flat facets that stand for it; half of it lies on either side."""
 
 
@@ -61,7 +61,7 @@ class Sphere:
 
     def triangles(self) -> np.ndarray:
         """Return the surface, shape (N, 3, 3) in metres, as bands between circles of latitude."""
-        sides = _sides(self.radius, 4.0 * ROUNDNESS)
+        sides = _sides(self.radius, 2.0 * ROUNDNESS)
         latitudes = np.linspace(-math.pi / 2.0, math.pi / 2.0, sides // 2 + 1)
         polygons = regular_polygon(1.0, sides)
         rings = [
@@ -136,6 +136,21 @@ def prism_triangles(corners: np.ndarray, bottom: float, top: float) -> np.ndarra
     upper = np.column_stack((corners, np.full(count, top)))
     fan = np.column_stack((np.zeros(count - 2, dtype=int), np.arange(1, count - 1), np.arange(2, count)))
     return np.concatenate((_band(lower, upper), lower[fan[:, ::-1]], upper[fan]))
+
+
+def ring_triangles(inner: np.ndarray, outer: np.ndarray, bottom: float, top: float) -> np.ndarray:
+    """Return the surface between two polygons of as many corners, one inside the other, shape (N, 3, 3) in metres.
+
+    Args:
+        inner, outer: Shape (C, 2) in metres, counter-clockwise.
+        bottom, top: Heights (m) of the ring's two ends.
+    """
+    low_in, low_out, high_in, high_out = (
+        np.column_stack((corners, np.full(len(corners), height)))
+        for height in (bottom, top) for corners in (inner, outer)
+    )
+    pairs = ((low_out, high_out), (high_out, high_in), (high_in, low_in), (low_in, low_out))
+    return np.concatenate([_band(first, second) for first, second in pairs])
 
 
 def slice_segments(triangles: np.ndarray, height: float) -> np.ndarray:

@@ -39,6 +39,9 @@ class Observations(NamedTuple):
 
 
 NOTHING = Observations()
+STANDSTILL = (0.0, 0.0)
+PARK_AFTER = 0.5
+"""Time (s) after which a standing robot's body sleeps."""
 
 
 class Simulation:
@@ -73,8 +76,8 @@ class Simulation:
         self._steps = 0
         self._command, self._command_step = STOP, 0
         self._timeout_steps = math.ceil(parameters.cmd_vel_timeout * parameters.physics_rate) or None
-        self._target = (0.0, 0.0)
-        self._speeds = (0.0, 0.0)
+        self._target = self._speeds = STANDSTILL
+        self._idle_steps, self._park_steps = 0, math.ceil(PARK_AFTER * parameters.physics_rate)
         self._angles = self._odom_angles = self._joint_angles = self._wanted_angles = self.base.wheel_angles()
 
     def _add_world(self, world: World) -> None:
@@ -87,6 +90,11 @@ class Simulation:
                 self._names[self.physics.add_loose(body.shape, body.frame, body.mass)] = body.name
         self._movers = [(self.physics.add_loose(m.body.shape, m.body.frame, 0.0), m) for m in world.movers]
         self._names.update({number: mover.body.name for number, mover in self._movers})
+
+    @property
+    def _pushed(self) -> bool:
+        """Tell whether something in the world moves by itself and may push the robot."""
+        return bool(self._names)
 
     @property
     def now(self) -> float:
@@ -124,15 +132,14 @@ class Simulation:
             raise ValueError(f"pose {tuple(pose)} is not finite; the robot stays where it is")
         self.base.place(pose)
         self._imu.reset()
-        self._speeds = (0.0, 0.0)
+        self._speeds = STANDSTILL
+        self._wake()
 
     def step(self) -> Observations:
         """Advance by one physics step and return what the sensors that were due then read."""
         if self._timeout_steps is not None and self._steps - self._command_step >= self._timeout_steps:
-            self._target = (0.0, 0.0)
-        if self._speeds != self._target:
-            self._speeds = tuple(approach(s, t, self._rim_change) for s, t in zip(self._speeds, self._target))
-        self._turn_wheels()
+            self._target = STANDSTILL
+        self._drive()
         for body, mover in self._movers:
             self._place_mover(body, mover)
         self.physics.step()
@@ -149,6 +156,23 @@ class Simulation:
 
     def __exit__(self, *_: Any) -> None:
         self.close()
+
+    def _wake(self) -> None:
+        if self._idle_steps >= self._park_steps:
+            self.base.wake()
+        self._idle_steps = 0
+
+    def _drive(self) -> None:
+        """Bring the wheels nearer to the speeds wanted, or let a robot that has stood for a while sleep."""
+        if self._speeds == self._target == STANDSTILL and not self._pushed:
+            self._idle_steps += 1
+            if self._idle_steps == self._park_steps:
+                self.base.park()
+        else:
+            self._wake()
+            self._speeds = tuple(approach(s, t, self._rim_change) for s, t in zip(self._speeds, self._target))
+        if self._idle_steps < self._park_steps:
+            self._turn_wheels()
 
     def _turn_wheels(self) -> None:
         period = 1.0 / self.parameters.physics_rate
