@@ -68,6 +68,10 @@ class Odometer:
             rng: For the noise.
         """
         self._noise, self._bias, self._rng = noise, bias, rng
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin again at the origin."""
         self.pose = IDENTITY
         self.velocity = STOP
         self._variance_xy = 0.0

@@ -135,6 +135,13 @@ class Simulation:
         self._speeds = STANDSTILL
         self._wake()
 
+    def reset(self) -> None:
+        """Bring everything back to where it was at first; the clock and the chance in the sensors go on."""
+        self.set_pose(self.world.start)
+        self._odometer.restart()
+        self._command = STOP
+        self._target = STANDSTILL
+
     def step(self) -> Observations:
         """Advance by one physics step and return what the sensors that were due then read."""
         if self._timeout_steps is not None and self._steps - self._command_step >= self._timeout_steps:

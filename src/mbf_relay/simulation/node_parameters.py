@@ -1,0 +1,38 @@
+"""What can be set of the simulator as a node: the simulation's own parameters and how it is run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mbf_relay.parameters import parameter
+from mbf_relay.simulation.parameters import SimulationParameters, steps_between
+
+
+@dataclass(frozen=True)
+class SimulatorParameters(SimulationParameters):
+    """Parameters of the `simulator` node."""
+
+    world: str = parameter("arena", "arena, empty, or a file: map YAML, SDF or Gazebo world, URDF, or worlds file (JSON)")
+    world_name: str = parameter("", "which world, in a file of several")
+    seed: int = parameter(1, "of all chance; equal seeds give equal readings", minimum=0)
+    gui: bool = parameter(False, "open PyBullet's window")
+
+    real_time_factor: float = parameter(1.0, "simulated seconds per second; 0 for as fast as it goes", minimum=0.0)
+    clock_rate: float = parameter(60.0, "messages on /clock per simulated second", unit="Hz", above=0.0)
+    truth_rate: float = parameter(30.0, "messages with the true pose per simulated second; 0 for none", unit="Hz", minimum=0.0)
+    hold: float = parameter(
+        0.0, "wall time to wait, before a scan, for the velocity command that answers the last one; 0 for none", unit="s", minimum=0.0
+    )
+
+    world_frame: str = parameter("map", "frame of the true pose, of obstacles and of poses to be set down at")
+    odom_frame: str = parameter("odom", "frame of the odometry")
+    base_frame: str = parameter("base_footprint", "frame of the robot on the ground")
+    scan_frame: str = parameter("base_scan", "frame of the lidar")
+    imu_frame: str = parameter("imu_link", "frame of the inertial sensor")
+    publish_odom_tf: bool = parameter(True, "send the odometry on /tf too")
+
+    def check(self) -> None:
+        """Raise ValueError where a rate does not divide the physics rate."""
+        super().check()
+        for name in ("clock_rate", "truth_rate"):
+            steps_between(name, getattr(self, name), self.physics_rate)

@@ -1,0 +1,70 @@
+"""The map of a world, drawn from its geometry as a lidar would have found it from where the robot starts."""
+
+from __future__ import annotations
+
+import math
+import cv2
+import numpy as np
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.grid import Grid
+from mbf_relay.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from mbf_relay.simulation import burger
+from mbf_relay.simulation.world import World
+
+SCAN_HEIGHT = burger.BASE_HEIGHT + float(burger.SCAN_IN_BASE.position[2])
+"""Height (m) at which the burger's lidar looks."""
+
+ENOUGH = 0.25
+"""Length of surface, in cells, that makes a cell occupied: a corner that is barely clipped stays free."""
+
+
+def map_of_world(world: World, grid: Grid, height: float = SCAN_HEIGHT) -> OccupancyMap:
+    """Return the map of a world's fixed bodies.
+
+    Cells that hold a piece of a surface which free space reaches are occupied; what can be reached from the start
+    without crossing a surface is free; the rest, inside of solids and behind walls, is unknown, as in a map that a robot made.
+
+    Args:
+        world: The world.
+        grid: Where the map lies.
+        height: Of the cut (m).
+
+    Raises:
+        ValueError: The robot's start lies off the grid or in a wall.
+    """
+    walls = _cells_crossed(world.outline(height), grid)
+    if not grid.contains_point(world.start.x, world.start.y):
+        raise ValueError(f"the start ({world.start.x}, {world.start.y}) of world '{world.name}' lies off the map")
+    column, row = grid.cell_at(world.start.x, world.start.y)
+    if walls[row, column]:
+        raise ValueError(f"the start ({world.start.x}, {world.start.y}) of world '{world.name}' lies in a wall")
+    _, regions = cv2.connectedComponents((~walls).astype(np.uint8), connectivity=4)
+    free = regions == regions[row, column]
+    reached = cv2.dilate(free.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+    data = np.full(grid.shape, UNKNOWN, dtype=np.int8)
+    data[free] = FREE
+    data[walls & reached] = OCCUPIED
+    return OccupancyMap(data, grid.resolution, Pose2D(grid.origin_x, grid.origin_y, 0.0))
+
+
+def grid_around(world: World, resolution: float, margin: float = 1.0, height: float = SCAN_HEIGHT) -> Grid:
+    """Return a grid that holds the whole world with `margin` metres around it."""
+    points = np.concatenate((world.outline(height).reshape(-1, 2), [[world.start.x, world.start.y]]))
+    lower = np.floor((points.min(axis=0) - margin) / resolution) * resolution
+    columns, rows = np.ceil((points.max(axis=0) + margin - lower) / resolution).astype(int)
+    return Grid(resolution, float(lower[0]), float(lower[1]), int(columns), int(rows))
+
+
+def _cells_crossed(segments: np.ndarray, grid: Grid) -> np.ndarray:
+    """Return which cells hold enough of the segments (M, 2, 2), shape (height, width) bool."""
+    held = np.zeros(grid.shape)
+    step = grid.resolution / 20.0
+    for start, end in segments:
+        length = float(np.linalg.norm(end - start))
+        count = math.ceil(length / step) if length > 0.0 else 0
+        shares = (np.arange(count) + 0.5) / max(1, count)
+        cells = grid.cells_at(start + shares[:, None] * (end - start))
+        cells = cells[grid.contains_cells(cells)]
+        np.add.at(held, (cells[:, 1], cells[:, 0]), length / max(1, count))
+    return held > ENOUGH * grid.resolution

@@ -1,0 +1,44 @@
+"""Command line of `world_to_map.py`: the map of a world, as map_server reads it."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from typing import List, Optional
+
+from mbf_relay.grid import Grid
+from mbf_relay.maps import save_map
+from mbf_relay.simulation.world_map import SCAN_HEIGHT, grid_around, map_of_world
+from mbf_relay.simulation.worlds import load_world
+
+
+def main(arguments: Optional[List[str]] = None) -> int:
+    """Write the map and return the exit status: 0, or 1 after an error, said in one line."""
+    options = _parser().parse_args(arguments)
+    try:
+        world = load_world(options.world, options.world_name)
+        if options.size:
+            grid = Grid(options.resolution, *options.origin, *options.size)
+        else:
+            grid = grid_around(world, options.resolution, height=options.height)
+        folder = os.path.dirname(os.path.abspath(options.output))
+        os.makedirs(folder, exist_ok=True)
+        paths = save_map(options.output, map_of_world(world, grid, options.height))
+    except (ValueError, OSError) as error:
+        print(f"world_to_map.py: {error}", file=sys.stderr)
+        return 1
+    print(f"wrote {paths[0]} and {paths[1]}: {grid.width} x {grid.height} cells of {grid.resolution} m")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="world_to_map.py", description="Draw the map of a world from its geometry.")
+    parser.add_argument("world", help="arena, empty, or a world's file, as the simulator takes it")
+    parser.add_argument("output", help="the map's path without ending; NAME.yaml and NAME.pgm are written")
+    parser.add_argument("--world-name", default="", help="which world, in a file of several")
+    parser.add_argument("--resolution", type=float, default=0.05, help="side of a cell in metres (0.05)")
+    parser.add_argument("--origin", type=float, nargs=2, default=(-10.0, -10.0), metavar=("X", "Y"), help="lower left corner (m), with --size")
+    parser.add_argument("--size", type=int, nargs=2, metavar=("COLUMNS", "ROWS"), help="cells; without it, the map fits the world")
+    parser.add_argument("--height", type=float, default=SCAN_HEIGHT, help=f"of the cut in metres ({SCAN_HEIGHT:.3f}, the burger's lidar)")
+    return parser
