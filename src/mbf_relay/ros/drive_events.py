@@ -108,9 +108,9 @@ class DriveEvents:
         self._log.add_truth(message.header.stamp.to_sec(), conversions.pose_from_message(message.pose.pose))
 
     def _contacts(self, message: Any, now: float) -> None:
-        for state in message.states:
-            for point in state.contact_positions[:1]:
-                self._log.add_contact(now, point.x, point.y, state.collision2_name)
+        # The simulator tells contacts as markers, which every system has messages for; `text` names the body.
+        for marker in message.markers:
+            self._log.add_contact(now, marker.pose.position.x, marker.pose.position.y, marker.text)
 
     def _recovery(self, message: Any, _now: float) -> None:
         for log in self._goal_logs.values():
