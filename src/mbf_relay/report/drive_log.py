@@ -84,6 +84,11 @@ class DriveLog:
         if running:
             running[-1].recoveries.append(name)
 
+    @property
+    def goals(self) -> List[GoalRecord]:
+        """The goals so far, in the order they were accepted."""
+        return list(self._goals.values())
+
     def drive(self) -> Drive:
         """Return the drive so far; who knows more (wall time, seed, versions) fills it in."""
         return Drive(
@@ -92,7 +97,7 @@ class DriveLog:
             commands=_rows(self._commands, 3),
             measured=_rows(self._measured, 3),
             plans=list(self._plans),
-            goals=list(self._goals.values()),
+            goals=self.goals,
             contacts=list(self._contacts),
             seen=np.concatenate(self._seen) if self._seen else np.empty((0, 2)),
             map=self.map,

@@ -11,7 +11,7 @@ from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import TransformStamped
 
 from mbf_relay.geometry import Pose2D
-from mbf_relay.report.drive import Drive
+from mbf_relay.report.drive import Drive, GoalRecord
 from mbf_relay.report.drive_log import DriveLog
 from mbf_relay.ros import conversions
 from mbf_relay.ros.conversions import InvalidMessage
@@ -58,12 +58,12 @@ class DriveEvents:
     def drive(self) -> Drive:
         """Return the drive so far."""
         drive = self._log.drive()
-        for action in GOAL_ACTIONS:
-            goals = self._goal_logs[action].drive().goals
-            if goals:
-                drive.goals = goals
-                break
+        drive.goals = self.goals()
         return drive
+
+    def goals(self) -> List[GoalRecord]:
+        """Return the goals so far."""
+        return next((log.goals for log in self._goal_logs.values() if log.goals), [])
 
     def _map(self, message: Any, _now: float) -> None:
         self._log.map = conversions.map_from_message(message)

@@ -1,0 +1,146 @@
+"""The demo's processes: a roslaunch with a master of its own, and a client; all of them gone in the end."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import time
+import xmlrpc.client
+from typing import Dict, List
+
+INTERRUPT_PATIENCE = 25.0
+"""Wall seconds roslaunch gets to end its nodes; it gives each 15 s before it turns to SIGTERM."""
+
+
+class GraphError(Exception):
+    """The graph did not come up or went down; the text says what is known."""
+
+
+class Graph:
+    """A context manager that runs a launch file on a free port and ends whatever came of it.
+
+    Args:
+        launch: Package, launch file and arguments, as for roslaunch.
+        folder: Where logs go.
+    """
+
+    def __init__(self, launch: List[str], folder: str) -> None:
+        self._launch = launch
+        self._log = os.path.join(folder, "roslaunch.log")
+        self._processes: List[subprocess.Popen] = []
+        port = free_port()
+        self.environment: Dict[str, str] = dict(
+            os.environ, ROS_MASTER_URI=f"http://localhost:{port}", ROS_HOSTNAME="localhost", ROS_LOG_DIR=folder,
+        )
+        self.environment.pop("ROS_IP", None)
+        self._command = ["roslaunch", "-p", str(port)] + launch
+
+    def __enter__(self) -> Graph:
+        os.makedirs(os.path.dirname(self._log), exist_ok=True)
+        self.start(self._command, self._log)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in reversed(self._processes):
+            end(process)
+
+    def start(self, command: List[str], log: str) -> subprocess.Popen:
+        """Start a process of the graph, its output in the file `log`; Ctrl-C in the terminal does not reach it."""
+        with open(log, "wb") as stream:
+            process = subprocess.Popen(
+                command, env=self.environment, stdin=subprocess.DEVNULL, stdout=stream, stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        self._processes.append(process)
+        return process
+
+    def check(self) -> None:
+        """Raise GraphError where roslaunch has ended, as it does when a required node dies."""
+        if self._processes[0].poll() is not None:
+            raise GraphError(f"the nodes have ended:\n{last_complaints(self._log)}\nAll of it: {self._log}")
+
+    def wait_for_parameter(self, name: str, timeout: float) -> None:
+        """Return once the master has a parameter, which roslaunch sets before it starts nodes.
+
+        Raises:
+            GraphError: It has none after `timeout` wall seconds, or roslaunch ended.
+        """
+        master = xmlrpc.client.ServerProxy(self.environment["ROS_MASTER_URI"])
+        end_time = time.monotonic() + timeout
+        while time.monotonic() < end_time:
+            self.check()
+            try:
+                if master.hasParam("/demo", name)[2] is True:
+                    return
+            except (OSError, xmlrpc.client.Error):
+                pass
+            time.sleep(0.05)
+        raise GraphError(f"roslaunch did not set {name} within {timeout:.0f} s; see {self._log}")
+
+
+def free_port() -> int:
+    """Return a TCP port nobody listens on, so that a master that runs is left alone."""
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.bind(("localhost", 0))
+        return int(probe.getsockname()[1])
+
+
+def end(process: subprocess.Popen) -> None:
+    """End a process with SIGINT, and with it everything it started, which gets SIGKILL if it stays."""
+    offspring = descendants(process.pid)
+    if process.poll() is None:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(INTERRUPT_PATIENCE)
+        except subprocess.TimeoutExpired:
+            offspring.update(descendants(process.pid))
+            process.kill()
+            process.wait()
+    for pid, started in offspring.items():
+        if start_time(pid) == started:
+            try:
+                os.kill(pid, signal.SIGKILL)
+            except ProcessLookupError:
+                pass
+
+
+def descendants(pid: int) -> Dict[int, str]:
+    """Return the processes that `pid` started, and they in turn, with their start times to know them again by."""
+    children: Dict[int, List[int]] = {}
+    for entry in os.listdir("/proc"):
+        if entry.isdigit():
+            fields = stat_fields(int(entry))
+            if fields:
+                children.setdefault(int(fields[1]), []).append(int(entry))
+    found: Dict[int, str] = {}
+    waiting = [pid]
+    while waiting:
+        for child in children.get(waiting.pop(), []):
+            found[child] = start_time(child)
+            waiting.append(child)
+    return found
+
+
+def start_time(pid: int) -> str:
+    """Return when a process started, in the kernel's own ticks; empty where it is gone."""
+    fields = stat_fields(pid)
+    return fields[19] if fields else ""
+
+
+def stat_fields(pid: int) -> List[str]:
+    """Return the fields of /proc/PID/stat after the command's name (state first), empty where it is gone."""
+    try:
+        with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as stream:
+            return stream.read().rpartition(")")[2].split()
+    except OSError:
+        return []
+
+
+def last_complaints(log: str, count: int = 8) -> str:
+    """Return the last lines of a log that say what went wrong, else its last lines."""
+    with open(log, encoding="utf-8", errors="replace") as stream:
+        lines = [line.rstrip() for line in stream if line.strip()]
+    complaints = [line for line in lines if any(word in line for word in ("FATAL", "ERROR", "Error", "REQUIRED"))]
+    return "\n".join((complaints or lines)[-count:])
