@@ -166,7 +166,7 @@ def succeeded(ending: Ending) -> bool:
         return True
     name = f", {name_of(outcome, type(ending.result))}" if outcome else ""
     message = getattr(ending.result, "message", "")
-    rospy.logerr("%s%s: %s %s", GoalStatus.to_string(ending.status), name, ending.text, message)
+    rospy.logerr("%s%s: %s %s", name_of(ending.status, GoalStatus), name, ending.text, message)
     return False
 
 
