@@ -29,9 +29,10 @@ BUSY_DELAY = 0.01
 
 
 class Answer(NamedTuple):
-    """What a controller said in one cycle: a velocity, or None when it has arrived."""
+    """What a controller said in one cycle: that it has arrived, or else a velocity."""
 
-    velocity: Optional[Twist2D]
+    arrived: bool
+    velocity: Twist2D = STOP
 
 
 class View(NamedTuple):
@@ -191,7 +192,7 @@ class ControllerExecution:
             return
         try:
             answer = job.result()
-            velocity = None if answer.velocity is None else Twist2D(*answer.velocity)
+            velocity = Twist2D(*answer.velocity)
         except ControlError as error:
             if error.outcome is ControlOutcome.INVALID_PATH:
                 self._end(Ending.ABORTED, ControlOutcome.INVALID_PATH, error.message)
@@ -201,7 +202,7 @@ class ControllerExecution:
             message = f"controller '{self.seat.name}' failed with {type(error).__name__}: {error}"
             self._end(Ending.ABORTED, ControlOutcome.INTERNAL_ERROR, message)
         else:
-            if velocity is None or self._arrived():
+            if answer.arrived or self._arrived():
                 self._end(Ending.SUCCEEDED, ControlOutcome.SUCCESS, "Controller succeeded; arrived at goal!")
             elif not velocity.is_finite():
                 message = f"controller '{self.seat.name}' returned velocity {tuple(velocity)}, which is not finite"
@@ -308,8 +309,8 @@ def _cycle(
     if path is not None:
         controller.set_path(path, is_new_goal)
     if controller.is_goal_reached(state, tolerance):
-        return Answer(None)
-    return Answer(controller.compute_velocity(state))
+        return Answer(True)
+    return Answer(False, controller.compute_velocity(state))
 
 
 def _same_end(old: Path, new: Path) -> bool:

@@ -77,6 +77,7 @@ class MoveBase:
         self._replan_trouble = ""
         self._last = FollowFeedback(ControlOutcome.SUCCESS, "")
         self._path: Optional[Path] = None
+        self._started = False
 
     @property
     def driving(self) -> "Optional[Task[FollowResult]]":
@@ -88,15 +89,12 @@ class MoveBase:
         """Time (s) at which the next update is needed, beside the end of a job."""
         if self.task.done:
             return math.inf
+        if not self._started:
+            return -math.inf
         parts = [part.due for part in (self._plan, self._replan, self._recovery) if part is not None]
         if self._drives_here and self._replan is None and self._navigator.parameters.planner_frequency > 0.0:
             parts.append(self._replan_pacer.next)
         return min(parts, default=math.inf)
-
-    def start(self, now: float) -> None:
-        """Begin with a first plan."""
-        self._oscillation.restart(now)
-        self._plan_again()
 
     def replaced(self) -> None:
         """End because a new goal takes over; its drive goes on until the new goal has a path."""
@@ -111,6 +109,10 @@ class MoveBase:
         """Advance whatever it is at."""
         if self.task.done:
             return
+        if not self._started:
+            self._started = True
+            self._oscillation.restart(now)
+            self._plan_again()
         if self.task.cancel_requested:
             self._cancel(now)
         elif self._plan is not None:

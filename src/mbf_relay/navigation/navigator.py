@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from enum import Enum
 from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 from mbf_relay.control import CONTROLLERS
@@ -63,7 +64,6 @@ class Navigator:
         self._drives: Dict[int, ControllerExecution] = {}
         self._recovery_runs: Dict[int, RecoveryExecution] = {}
         self._move_base: Optional[MoveBase] = None
-        self._now = -math.inf
         self._announced: List[Tuple[str, FramedPose]] = []
 
     # the actions
@@ -118,29 +118,34 @@ class Navigator:
     def move_base(self, goal: NavigateGoal) -> "Task[NavigateResult]":
         """Go somewhere; a running goal ends as replaced, its drive goes on until there is a path to the new one."""
         task: "Task[NavigateResult]" = Task()
-        try:
-            self.planners.choose(goal.planner)
-        except PluginError as error:
-            task.end(Ending.REJECTED, NavigateResult(PlanOutcome.INVALID_PLUGIN, str(error)))
-            return task
-        try:
-            self.controllers.choose(goal.controller)
-        except PluginError as error:
-            task.end(Ending.REJECTED, NavigateResult(ControlOutcome.INVALID_PLUGIN, str(error)))
+        unknown = self._unknown_plugin(goal)
+        if unknown is not None:
+            task.end(Ending.REJECTED, unknown)
             return task
         running, driving = self._move_base, None
         if running is not None and not running.task.done:
             driving = running.driving
             running.replaced()
         self._move_base = MoveBase(goal, self, task, driving)
-        self._move_base.start(self._now)
         return task
+
+    def _unknown_plugin(self, goal: NavigateGoal) -> Optional[NavigateResult]:
+        wanted: List[Tuple[Registry[Any], str, Enum]] = [
+            (self.planners, goal.planner, PlanOutcome.INVALID_PLUGIN),
+            (self.controllers, goal.controller, ControlOutcome.INVALID_PLUGIN),
+        ]
+        wanted += [(self.recoveries, name, RecoveryOutcome.INVALID_PLUGIN) for name in goal.recovery_behaviors]
+        for registry, name, outcome in wanted:
+            try:
+                registry.choose(name)
+            except PluginError as error:
+                return NavigateResult(outcome, str(error))
+        return None
 
     # stepping
 
     def update(self, now: float) -> None:
         """Advance everything to `now` (s)."""
-        self._now = now
         for execution in list(self._plans.values()) + list(self._recovery_runs.values()):
             execution.update(now)
         for drive in list(self._drives.values()):

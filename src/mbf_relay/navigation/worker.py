@@ -17,7 +17,7 @@ class Job:
     def __init__(self, task: Callable[[], Any]) -> None:
         self._task = task
         self._value: Any = None
-        self._error: Optional[BaseException] = None
+        self._error: Optional[Exception] = None
         self._done = threading.Event()
 
     @property
@@ -37,8 +37,10 @@ class Job:
         """Run the task here and keep what comes of it."""
         try:
             self._value = self._task()
-        except BaseException as error:  # whatever a plugin raises belongs to the one who called it
+        except Exception as error:  # whatever a plugin raises belongs to the one who called it
             self._error = error
+        except SystemExit as error:  # a plugin ends its call, not the program
+            self._error = RuntimeError(f"SystemExit: {error}")
         finally:
             self._done.set()
 

@@ -30,7 +30,7 @@ class Bench:
         self.now += seconds
         self.robot.move(seconds)
         if isinstance(self.worker, scripted.HeldWorker):
-            self.worker.release()
+            self.worker.step()
         self.navigator.update(self.now)
 
     def run(self, until: Callable[[], Any], seconds: float = 30.0, period: float = 0.1) -> Any:

@@ -1,6 +1,6 @@
 """Scripted plugins, a robot of paper and a worker whose jobs end when the test says so."""
 
-from typing import Any, Callable, Dict, Iterator, List, Optional
+from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple
 
 import numpy as np
 
@@ -147,21 +147,34 @@ class ScriptedRecovery(Recovery):
 
 
 class HeldWorker(Worker):
-    """Runs a job when `release` is called, as a thread would at some later time."""
+    """Runs a job some steps after it was started, as a thread would at some later time.
+
+    Attributes:
+        delays: Steps each further job takes, in turn; None for one that hangs. One step each when used up.
+    """
 
     def __init__(self) -> None:
-        self.held: List[Job] = []
+        self.delays: List[Optional[int]] = []
+        self._held: List[Tuple[Job, Optional[int]]] = []
 
     def start(self, task: Callable[[], Any]) -> Job:
         job = Job(task)
-        self.held.append(job)
+        self._held.append((job, self.delays.pop(0) if self.delays else 1))
         return job
 
+    def step(self) -> None:
+        """Run what is due."""
+        held, self._held = self._held, []
+        for job, left in held:
+            if left is not None and left <= 1:
+                job.run()
+            else:
+                self._held.append((job, None if left is None else left - 1))
+
     def release(self) -> None:
-        """Run what was started."""
-        held, self.held = self.held, []
-        for job in held:
-            job.run()
+        """Let everything that hangs return."""
+        self._held = [(job, 1) for job, _left in self._held]
+        self.step()
 
 
 def config(**parameters: Any) -> Dict[str, Any]:

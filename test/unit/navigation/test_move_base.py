@@ -1,0 +1,307 @@
+"""move_base: planning, driving, replanning, recovering, and being called off at any of them."""
+
+import numpy as np
+import pytest
+import scripted
+from scripted import FORWARD
+
+from mbf_relay.geometry import STOP, Pose2D, Twist2D
+from mbf_relay.navigation.goals import FollowGoal, FramedPose, NavigateGoal, NavigateOutcome, PlanGoal
+from mbf_relay.navigation.move_base import path_is_blocked
+from mbf_relay.navigation.task import Ending
+from mbf_relay.outcomes import ControlError, ControlOutcome, PlanningError, PlanOutcome, RecoveryOutcome
+
+GOAL = NavigateGoal(FramedPose(Pose2D(1.0, 0.0, 0.0), "map"))
+NO_WAY = PlanningError(PlanOutcome.NO_PATH_FOUND, "walls all around")
+STUCK = ControlError(ControlOutcome.NO_VALID_CMD, "all trajectories hit something")
+
+
+def arrive(bench, x=0.95):
+    bench.script.reached = lambda state: bench.robot.pose.x >= x
+
+
+def failing(error, times, otherwise):
+    """A script's entry that raises `times` times."""
+    left = [times]
+
+    def run(*arguments):
+        if left[0] > 0:
+            left[0] -= 1
+            raise error
+        return otherwise(*arguments) if callable(otherwise) else otherwise
+
+    return run
+
+
+def test_it_plans_and_drives(bench):
+    arrive(bench)
+    task = bench.navigator.move_base(GOAL)
+    result = bench.finish(task)
+    assert result.outcome is NavigateOutcome.SUCCESS and task.ending is Ending.SUCCEEDED
+    assert bench.script.calls["plan"] == 1 and bench.robot.sent[-1] == STOP
+    assert result.pose.pose.x == pytest.approx(0.96, abs=0.02) and result.distance == pytest.approx(0.04, abs=0.02)
+
+
+def test_the_first_velocity_comes_with_the_path(held_bench):
+    bench = held_bench
+    bench.navigator.move_base(GOAL)
+    bench.navigator.update(bench.now)
+    bench.step(0.003)
+    bench.step(0.003)
+    assert bench.robot.sent == [FORWARD]
+
+
+def test_every_control_cycle_is_reported(bench):
+    task = bench.navigator.move_base(GOAL)
+    for _ in range(20):
+        bench.step()
+    assert len(task.take_feedback()) == pytest.approx(20, abs=1)
+
+
+def test_it_replans_while_driving_and_keeps_what_was_reached(make_bench):
+    bench = make_bench(scripted.HeldWorker(), planner_frequency=5.0)
+    arrive(bench)
+    task = bench.navigator.move_base(GOAL)
+    bench.finish(task)
+    assert task.ending is Ending.SUCCEEDED
+    assert 15 <= bench.script.calls["plan"] <= 26
+    assert [new for _path, new in bench.script.paths].count(True) == 1
+    assert STOP not in bench.robot.sent[:-1]
+
+
+def test_it_does_not_replan_right_at_the_goal(make_bench):
+    bench = make_bench(planner_frequency=10.0)
+    bench.navigator.move_base(GOAL)
+    bench.run(lambda: bench.robot.pose.x > 0.95)
+    bench.script.velocity = STOP
+    calls = bench.script.calls["plan"]
+    for _ in range(20):
+        bench.step()
+    assert bench.script.calls["plan"] == calls
+
+
+def test_a_failed_replan_is_reported_and_the_last_path_kept(make_bench):
+    bench = make_bench(planner_frequency=5.0)
+    arrive(bench)
+    task = bench.navigator.move_base(GOAL)
+    bench.step()
+    bench.script.plan = NO_WAY
+    task.take_feedback()
+    bench.step()
+    bench.step()
+    bench.step()
+    assert any("replanning failed" in report.message and "walls" in report.message for report in task.take_feedback())
+    assert bench.finish(task).outcome is NavigateOutcome.SUCCESS
+    assert STOP not in bench.robot.sent[:-1]
+
+
+def test_a_failed_replan_over_a_blocked_path_stops_and_recovers(make_bench):
+    bench = make_bench(planner_frequency=5.0)
+    task = bench.navigator.move_base(GOAL)
+    bench.step()
+    bench.script.plan = NO_WAY
+    bench.costmaps["global"].costs[100, 115] = 254
+    bench.run(lambda: bench.script.calls.get("R1"), 2.0)
+    assert bench.robot.sent[-1] == STOP
+    result = bench.finish(task)
+    assert result.outcome is PlanOutcome.PAT_EXCEEDED and bench.script.calls["R2"] == 1
+
+
+def test_only_what_lies_ahead_blocks_a_path():
+    costmap = scripted.PaperCostmap("map")
+    poses = scripted.straight_path().poses
+    costmap.costs[100, 104] = 254
+    assert path_is_blocked(costmap.snapshot(), poses, Pose2D(0.0, 0.0, 0.0))
+    assert not path_is_blocked(costmap.snapshot(), poses, Pose2D(0.5, 0.1, 0.0))
+    assert not path_is_blocked(costmap.snapshot(), poses + np.array([50.0, 0.0, 0.0]), None)
+
+
+def test_planning_that_fails_is_recovered_from(make_bench):
+    bench = make_bench(planner_max_retries=0)
+    arrive(bench)
+    bench.script.plan = failing(NO_WAY, 1, scripted.line)
+    assert bench.finish(bench.navigator.move_base(GOAL)).outcome is NavigateOutcome.SUCCESS
+    assert bench.script.calls["R1"] == 1 and "R2" not in bench.script.calls
+
+
+def test_when_nothing_is_left_to_try_the_planner_s_outcome_is_passed_on(make_bench):
+    bench = make_bench(planner_max_retries=0)
+    bench.script.plan = NO_WAY
+    task = bench.navigator.move_base(GOAL)
+    result = bench.finish(task)
+    assert result.outcome is PlanOutcome.NO_PATH_FOUND and task.ending is Ending.ABORTED
+    assert bench.script.calls == {**bench.script.calls, "plan": 3, "R1": 1, "R2": 1}
+
+
+def test_the_goal_s_own_recoveries_are_tried_in_its_order(make_bench):
+    bench = make_bench(planner_max_retries=0)
+    bench.script.plan = NO_WAY
+    order = []
+    bench.script.recovery = lambda context: order.append(len(order)) or iter(())
+    bench.finish(bench.navigator.move_base(NavigateGoal(GOAL.target, recovery_behaviors=("R2", "R1", "R2"))))
+    assert bench.script.calls["R1"] == 1 and bench.script.calls["R2"] == 2
+
+
+def test_recovery_can_be_switched_off(make_bench):
+    bench = make_bench(planner_max_retries=0, recovery_enabled=False)
+    bench.script.plan = NO_WAY
+    assert bench.finish(bench.navigator.move_base(GOAL)).outcome is PlanOutcome.NO_PATH_FOUND
+    assert "R1" not in bench.script.calls
+
+
+def test_a_drive_that_fails_is_recovered_from_and_everything_tried_again(make_bench):
+    bench = make_bench(controller_max_retries=0)
+    arrive(bench)
+    bench.script.velocity = failing(STUCK, 2, FORWARD)
+    assert bench.finish(bench.navigator.move_base(GOAL)).outcome is NavigateOutcome.SUCCESS
+    assert bench.script.calls["plan"] == 3 and bench.script.calls["R1"] == bench.script.calls["R2"] == 1
+
+
+def test_recoveries_that_fail_lead_to_the_next_ones(make_bench):
+    bench = make_bench(controller_max_retries=0)
+    bench.script.velocity = STUCK
+
+    def breaks(context):
+        raise RuntimeError("motor gone")
+
+    bench.script.recovery = breaks
+    assert bench.finish(bench.navigator.move_base(GOAL)).outcome is ControlOutcome.NO_VALID_CMD
+    assert bench.script.calls["R1"] == bench.script.calls["R2"] == 1
+
+
+def test_recoveries_start_over_when_planning_works_again(make_bench):
+    bench = make_bench(planner_max_retries=0, controller_max_retries=0)
+    arrive(bench)
+    outcomes = [NO_WAY, None, NO_WAY, None]
+
+    def plan(start, goal):
+        failure = outcomes.pop(0) if outcomes else None
+        if failure:
+            raise failure
+        return scripted.line(start, goal)
+
+    bench.script.plan = plan
+    bench.script.velocity = failing(STUCK, 1, FORWARD)
+    assert bench.finish(bench.navigator.move_base(GOAL)).outcome is NavigateOutcome.SUCCESS
+    assert bench.script.calls["R1"] == 2 and bench.script.calls["R2"] == 1
+
+
+@pytest.mark.parametrize("outcome", [
+    ControlOutcome.TF_ERROR, ControlOutcome.NOT_INITIALIZED, ControlOutcome.INTERNAL_ERROR, ControlOutcome.INVALID_PLUGIN,
+    ControlOutcome.INVALID_PATH,
+])
+def test_some_failures_are_not_recovered_from(make_bench, outcome):
+    bench = make_bench(controller_max_retries=0)
+    bench.script.velocity = ControlError(outcome, "beyond help")
+    result = bench.finish(bench.navigator.move_base(GOAL))
+    assert result.outcome is outcome and result.message == "beyond help" and "R1" not in bench.script.calls
+
+
+def test_oscillation_is_recovered_from_and_named_at_last(make_bench):
+    bench = make_bench(oscillation_timeout=1.0, oscillation_distance=0.3, controller_patience=0.0)
+    bench.script.velocity = Twist2D(0.01, 0.0, 0.0)
+    task = bench.navigator.move_base(GOAL)
+    result = bench.finish(task)
+    assert result.outcome is NavigateOutcome.OSCILLATION and "oscillating" in result.message
+    assert bench.script.calls["R1"] == bench.script.calls["R2"] == 1
+
+
+def test_progress_after_oscillation_gives_the_recoveries_back(make_bench):
+    bench = make_bench(oscillation_timeout=1.0, oscillation_distance=0.3)
+    arrive(bench)
+    bench.script.velocity = Twist2D(0.01, 0.0, 0.0)
+    task = bench.navigator.move_base(GOAL)
+    for _ in range(2):
+        ran = bench.script.calls.get("R1", 0)
+        bench.run(lambda: bench.script.calls.get("R1", 0) > ran)
+        bench.script.velocity = FORWARD
+        x = bench.robot.pose.x
+        bench.run(lambda: bench.robot.pose.x > x + 0.35)
+        bench.script.velocity = Twist2D(0.01, 0.0, 0.0)
+    assert "R2" not in bench.script.calls and not task.done
+
+
+def test_a_new_goal_takes_over_without_a_stop(held_bench):
+    bench = held_bench
+    first = bench.navigator.move_base(GOAL)
+    bench.run(lambda: len(bench.robot.sent) > 3)
+    second = bench.navigator.move_base(NavigateGoal(FramedPose(Pose2D(2.0, 0.0, 0.0), "map")))
+    assert first.ending is Ending.CANCELED
+    arrive(bench, 1.9)
+    assert bench.finish(second).outcome is NavigateOutcome.SUCCESS
+    assert STOP not in bench.robot.sent[:-1]
+    assert [new for _path, new in bench.script.paths] == [True, True]
+
+
+def test_a_new_goal_without_a_path_stops_the_old_drive(make_bench):
+    bench = make_bench(planner_max_retries=0, recovery_enabled=False)
+    bench.navigator.move_base(GOAL)
+    bench.step()
+    bench.script.plan = NO_WAY
+    second = bench.navigator.move_base(NavigateGoal(FramedPose(Pose2D(2.0, 0.0, 0.0), "map")))
+    assert bench.finish(second).outcome is PlanOutcome.NO_PATH_FOUND
+    assert bench.robot.sent[-1] == STOP
+
+
+def test_five_hundred_goals_one_after_the_other(held_bench):
+    bench = held_bench
+    arrive(bench)
+    tasks = []
+    for index in range(500):
+        tasks.append(bench.navigator.move_base(GOAL))
+        if index % 3 == 0:
+            bench.step(0.02)
+            bench.robot.pose = Pose2D(0.0, 0.0, 0.0)
+    assert bench.finish(tasks[-1]).outcome is NavigateOutcome.SUCCESS
+    assert all(task.ending is Ending.CANCELED for task in tasks[:-1])
+
+
+@pytest.mark.parametrize("steps", range(12))
+def test_a_cancel_ends_it_at_any_step(make_bench, steps):
+    bench = make_bench(scripted.HeldWorker(), planner_frequency=5.0, controller_max_retries=0)
+    bench.script.velocity = failing(STUCK, 1, FORWARD)
+    bench.script.recovery = lambda context: (Twist2D(0.0, 0.0, 0.5) for _ in range(3))
+    task = bench.navigator.move_base(GOAL)
+    for _ in range(steps):
+        bench.step()
+    task.cancel()
+    bench.step(0.001)
+    assert task.ending is Ending.CANCELED and task.result.outcome is NavigateOutcome.CANCELED
+    sent = list(bench.robot.sent)
+    for _ in range(20):
+        bench.step()
+    assert bench.robot.sent == sent and sent[-1:] in ([], [STOP])
+    assert bench.navigator.idle and bench.navigator.due == float("inf")
+
+
+def test_another_client_s_path_takes_the_controller_and_ends_the_goal(bench):
+    task = bench.navigator.move_base(GOAL)
+    bench.step()
+    other = bench.navigator.exe_path(FollowGoal(scripted.straight_path(3.0)))
+    bench.step()
+    assert task.ending is Ending.CANCELED and "taken off" in task.result.message
+    assert not other.done and bench.robot.sent[-1] == FORWARD
+
+
+def test_plans_of_other_clients_do_not_disturb_it(make_bench):
+    bench = make_bench(scripted.HeldWorker(), planner_frequency=5.0)
+    arrive(bench)
+    task = bench.navigator.move_base(GOAL)
+    for _ in range(10):
+        bench.navigator.get_path(PlanGoal(FramedPose(Pose2D(0.0, 3.0, 0.0), "map")))
+        bench.step()
+    assert bench.finish(task).outcome is NavigateOutcome.SUCCESS
+
+
+@pytest.mark.parametrize("goal, outcome", [
+    (NavigateGoal(GOAL.target, planner="A*"), PlanOutcome.INVALID_PLUGIN),
+    (NavigateGoal(GOAL.target, controller="teb"), ControlOutcome.INVALID_PLUGIN),
+    (NavigateGoal(GOAL.target, recovery_behaviors=("R1", "dance")), RecoveryOutcome.INVALID_PLUGIN),
+])
+def test_unknown_plugins_are_rejected_at_once_and_disturb_nothing(bench, goal, outcome):
+    running = bench.navigator.move_base(GOAL)
+    bench.step()
+    task = bench.navigator.move_base(goal)
+    assert task.ending is Ending.REJECTED and task.result.outcome is outcome
+    bench.step()
+    assert not running.done

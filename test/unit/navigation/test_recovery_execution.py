@@ -1,0 +1,133 @@
+"""Recovery behaviours: steps, patience, cancelling and cleaning up."""
+
+import math
+
+import pytest
+import scripted
+from scripted import FORWARD
+
+from mbf_relay.geometry import STOP, Twist2D
+from mbf_relay.navigation.goals import RecoverGoal
+from mbf_relay.navigation.task import Ending
+from mbf_relay.outcomes import RecoveryError, RecoveryOutcome, TransformError
+
+
+def steps(count, velocity=FORWARD):
+    return lambda context: (velocity for _ in range(count))
+
+
+def test_a_behaviour_drives_step_by_step_and_ends_with_a_zero(bench):
+    bench.script.recovery = steps(5)
+    result = bench.finish(bench.navigator.recovery(RecoverGoal("R2")))
+    assert result.outcome is RecoveryOutcome.SUCCESS and result.used_plugin == "R2"
+    assert bench.robot.sent == [FORWARD] * 5 + [STOP]
+    assert bench.robot.pose.x == pytest.approx(0.1)
+
+
+def test_the_first_behaviour_is_taken_where_none_is_named(bench):
+    assert bench.finish(bench.navigator.recovery(RecoverGoal())).used_plugin == "R1"
+
+
+@pytest.mark.parametrize("error, outcome", [
+    (RecoveryError(RecoveryOutcome.IMPASSABLE, "no room to turn"), RecoveryOutcome.IMPASSABLE),
+    (TransformError("no transform"), RecoveryOutcome.TF_ERROR),
+])
+def test_a_behaviour_that_gives_up_ends_succeeded_with_its_outcome_as_upstream(bench, error, outcome):
+    def give_up(context):
+        yield FORWARD
+        raise error
+
+    bench.script.recovery = give_up
+    task = bench.navigator.recovery(RecoverGoal("R1"))
+    assert bench.finish(task).outcome is outcome and task.ending is Ending.SUCCEEDED
+
+
+@pytest.mark.parametrize("velocity", [Twist2D(math.nan, 0.0, 0.0), "fast", (1.0,)])
+def test_nonsense_never_reaches_the_wheels(bench, velocity):
+    bench.script.recovery = steps(3, velocity)
+    task = bench.navigator.recovery(RecoverGoal("R1"))
+    assert bench.finish(task).outcome is RecoveryOutcome.INTERNAL_ERROR and task.ending is Ending.ABORTED
+    assert set(bench.robot.sent) == {STOP}
+
+
+def test_a_cancel_takes_effect_between_two_steps_and_cleans_up(bench):
+    bench.script.recovery = steps(1000)
+    task = bench.navigator.recovery(RecoverGoal("R1"))
+    bench.step()
+    bench.step()
+    task.cancel()
+    bench.step(0.01)
+    assert task.ending is Ending.CANCELED and bench.script.cleaned_up == 1
+    assert bench.robot.sent == [FORWARD, FORWARD, STOP]
+
+
+def test_a_step_that_hangs_can_be_cancelled_and_cleans_up_when_it_returns(held_bench):
+    bench = held_bench
+    bench.script.recovery = steps(1000)
+    bench.worker.delays = [1, None]
+    task = bench.navigator.recovery(RecoverGoal("R1"))
+    bench.run(lambda: FORWARD in bench.robot.sent)
+    bench.step()
+    task.cancel()
+    bench.step(0.01)
+    assert task.ending is Ending.CANCELED and bench.robot.sent[-1] == STOP and bench.script.cleaned_up == 0
+    bench.worker.release()
+    assert bench.script.cleaned_up == 1
+
+
+def test_patience_ends_a_behaviour_that_never_does(bench):
+    bench.script.recovery = steps(10 ** 6)
+    started = bench.now
+    task = bench.navigator.recovery(RecoverGoal("R1"))
+    assert bench.finish(task).outcome is RecoveryOutcome.PAT_EXCEEDED and task.ending is Ending.ABORTED
+    assert 2.0 < bench.now - started < 2.3 and bench.script.cleaned_up == 1
+
+
+def test_an_unknown_behaviour_is_rejected(bench):
+    task = bench.navigator.recovery(RecoverGoal("dance"))
+    assert task.ending is Ending.REJECTED and task.result.outcome is RecoveryOutcome.INVALID_PLUGIN
+    assert "R1, R2" in task.result.message
+
+
+def test_a_newer_goal_replaces_the_running_one(bench):
+    bench.script.recovery = steps(1000)
+    first = bench.navigator.recovery(RecoverGoal("R1"))
+    bench.step()
+    bench.script.recovery = steps(2)
+    second = bench.navigator.recovery(RecoverGoal("R2"))
+    assert first.ending is Ending.CANCELED
+    assert bench.finish(second).outcome is RecoveryOutcome.SUCCESS
+
+
+def test_blind_it_stands_until_it_sees_again(bench):
+    bench.script.recovery = steps(10)
+    task = bench.navigator.recovery(RecoverGoal("R1"))
+    bench.step()
+    bench.costmaps["local"].stale = "source 'scan' is 2 s old"
+    bench.step()
+    bench.step()
+    assert bench.robot.sent == [FORWARD, STOP, STOP]
+    bench.costmaps["local"].stale = None
+    bench.finish(task)
+    assert bench.robot.sent.count(FORWARD) == 10
+
+
+def test_a_behaviour_that_moves_nothing_needs_no_eyes(bench):
+    bench.costmaps["local"].stale = "source 'scan' is 2 s old"
+    assert bench.finish(bench.navigator.recovery(RecoverGoal("R1"))).outcome is RecoveryOutcome.SUCCESS
+
+
+def test_a_behaviour_sees_time_period_and_surroundings(bench):
+    seen = []
+
+    def look(context):
+        for _ in range(3):
+            seen.append((context.now, context.period, context.pose_in("map"), context.velocity))
+            yield FORWARD
+        assert context.costmaps is bench.costmaps
+        assert context.controller.name == "C1"
+
+    bench.script.recovery = look
+    assert bench.finish(bench.navigator.recovery(RecoverGoal("R1"))).outcome is RecoveryOutcome.SUCCESS
+    assert [round(now - seen[0][0], 6) for now, *_ in seen] == [0.0, 0.1, 0.2]
+    assert scripted.FORWARD == seen[1][3]
