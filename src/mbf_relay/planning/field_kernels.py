@@ -2,13 +2,14 @@
 
 One state serves plans from scratch, plans continued to another start, and repairs after local changes of the map. It
 is that of a label-correcting search (Bertsekas, "Dynamic Programming and Optimal Control", section 2.3.1): every cell
-whose value fell since its neighbours last looked at it waits in a queue. The queue is a row of buckets one straight
-step wide, ordered by value plus heuristic as in A* (Hart, Nilsson and Raphael, 1968); since no step is cheaper than a
-bucket is wide, hardly any cell is looked at twice. The heuristic is the octile distance at the cheapest cost, which is
-consistent, so that the field is exact when the cheapest waiting key passes the start's value.
+whose value fell since its neighbours last looked at it waits in a queue, ordered by value plus heuristic as in A*
+(Hart, Nilsson and Raphael, 1968). The queue is a ring of buckets about one straight step wide (Denardo and Fox, 1979),
+worked through in the order of arrival, so that one cell need not wait for the memory of the one before. The heuristic
+is the octile distance at the lowest cost on the map, which is consistent: the field is exact once the lowest bucket
+lies above the start's value.
 
-Cells hold 0 where no value is known, so that fresh memory needs no filling; the goal therefore holds a small value
-above 0 itself. Only memory near what was looked at is touched, however large the map.
+Cells hold 0 where no value is known, so that fresh memory needs no filling; the goal itself holds ROOT_VALUE. Only
+memory near what was looked at is touched, however large the map.
 """
 
 from __future__ import annotations
@@ -19,123 +20,385 @@ import numpy as np
 
 from mbf_relay.kernels import kernel
 
-ROOT_VALUE = 1.0  # of the goal's own cell: above 0, far below one step's cost
-
-BUCKETS = 1024
+BUCKETS = 64
+ROOT_VALUE = 1.0  # of the goal's own cell: any value above 0
 
 # places in `state`, int64
-FREE_ENTRY = 0  # first unused entry of the pool's list of such, -1 for none
-USED_ENTRIES = 1  # entries of the pool ever used
-WAITING = 2  # entries in buckets and overflow
-BASE = 3  # number of the lowest bucket
-OVERFLOW = 4  # first entry of the list of keys too high for the buckets, -1 for none
-OVERFLOWING = 5  # entries in that list
-MIN_COLUMN, MIN_ROW, MAX_COLUMN, MAX_ROW = 6, 7, 8, 9  # cells expanded
-EXPANDED = 10  # how many, since the field was begun
-STATE_SIZE = 11
+WAITING = 0  # entries in the buckets
+BASE = 1  # number of the lowest bucket
+TAKEN = 2  # entries of the lowest bucket already worked through
+APART = 3  # entries in the store of those too far up for the ring
+NEXT_SPREAD = 4  # number of the lowest bucket at which the store must be looked through again
+MIN_COLUMN, MIN_ROW, MAX_COLUMN, MAX_ROW = 5, 6, 7, 8  # cells expanded
+EXPANDED = 9  # how many, since the field was begun
+STATE_SIZE = 10
 
-# verdicts of `grow`
-REACHED, EXHAUSTED, CANCELLED, POOL_FULL = 0, 1, 2, 3
+# verdicts
+REACHED, EXHAUSTED, CANCELLED, BUCKET_FULL = 0, 1, 2, 3
 
-_BUCKETS = 1024
+_BUCKETS = 64
 _ROOT = np.float32(1.0)
-_FREE, _USED, _WAITING, _BASE, _OVERFLOW, _OVERFLOWING = 0, 1, 2, 3, 4, 5
-_MIN_COLUMN, _MIN_ROW, _MAX_COLUMN, _MAX_ROW, _EXPANDED = 6, 7, 8, 9, 10
+_WAITING, _BASE, _TAKEN, _APART, _NEXT_SPREAD = 0, 1, 2, 3, 4
+_MIN_COLUMN, _MIN_ROW, _MAX_COLUMN, _MAX_ROW, _EXPANDED = 5, 6, 7, 8, 9
+_REACHED, _EXHAUSTED, _CANCELLED, _BUCKET_FULL = 0, 1, 2, 3
 _DIAGONAL = np.float32(math.sqrt(2.0))
 _OCTILE = np.float32(math.sqrt(2.0) - 1.0)
-_CANCEL_CHECK = 4095  # expansions between two looks at the flag, less one: about 0.1 ms
-_SPARE = 8  # entries one expansion may take
+_CANCEL_CHECK = 4096  # expansions between two looks at the flag: a fraction of a millisecond
+_SPARE = 8  # entries one expansion may add to a bucket
+_NEVER = 1 << 60
+
+
+@kernel("int64(uint8[::1], int64)")
+def _lowest(cells, lowest):
+    for i in range(cells.shape[0]):
+        lowest = min(lowest, np.int64(cells[i]))
+    return lowest
+
+
+@kernel("int64(uint8[:,::1], int64, int64)")
+def lowest_cost(costs, row, enough):
+    """Return the lowest cost on the map; the search starts at `row` and ends early once it is not above `enough`."""
+    lowest = 255
+    height = costs.shape[0]
+    for offset in range(height):
+        lowest = _lowest(costs[(row + offset) % height], lowest)
+        if lowest <= enough:
+            break
+    return lowest
 
 
 @kernel("float32(int64, int64, int64, int64, float32)")
-def _heuristic(x, y, start_x, start_y, cheapest):
+def _heuristic(x, y, start_x, start_y, slope):
     dx, dy = abs(x - start_x), abs(y - start_y)
-    longer, shorter = max(dx, dy), min(dx, dy)
-    # a hair below the octile distance, so that rounding never makes it more than the truth
-    return np.float32(cheapest * np.float32(0.99999) * (np.float32(longer) + _OCTILE * np.float32(shorter)))
+    return np.float32(slope * (np.float32(max(dx, dy)) + _OCTILE * np.float32(min(dx, dy))))
 
 
-@kernel("void(int32[::1], int32[::1], int64[::1], int64, int64)")
-def _link(heads, following, state, entry, bucket):
-    """Put an entry into its bucket, or into the overflow where that is too far up."""
-    bucket = max(bucket, state[_BASE])
-    if bucket - state[_BASE] >= _BUCKETS:
-        following[entry] = state[_OVERFLOW]
-        state[_OVERFLOW] = entry
-        state[_OVERFLOWING] += 1
-    else:
-        slot = bucket & (_BUCKETS - 1)
-        following[entry] = heads[slot]
-        heads[slot] = entry
-    state[_WAITING] += 1
+@kernel("boolean(int64[::1], int32[:,::1], float32[:,::1], int32[::1], float32[::1], int64[::1], int64, int64,"
+        " float32, float32)")
+def spread(sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope, inverse_width):
+    """Move from the store into the ring what belongs there.
 
+    The lowest bucket moves up to the lowest entry where the ring is empty.
 
-@kernel("void(int32[::1], int32[::1], float32[::1], int32[::1], int64[::1], int64, int64, float32, float32, float32)")
-def _push(heads, cells, keys, following, state, x, y, value, heuristic, inverse_width):
-    entry = state[_FREE]
-    if entry >= 0:
-        state[_FREE] = following[entry]
-    else:
-        entry = state[_USED]
-        state[_USED] += 1
-    cells[entry] = y * 65536 + x
-    keys[entry] = value
-    _link(heads, following, state, entry, int((value + heuristic) * inverse_width))
-
-
-@kernel("void(float32[:,::1], int32[::1], int32[::1], float32[::1], int32[::1], int64[::1], int64, int64, float32)")
-def sort_overflow(field, heads, cells, keys, following, state, start_x, start_y, cheapest):
-    """Spread the overflow over the buckets, which must be empty, lowest key first; forget entries out of date."""
-    inverse_width = np.float32(1.0) / cheapest
-    lowest = np.float32(math.inf)
-    entry = state[_OVERFLOW]
-    kept = -1
-    while entry >= 0:
-        rest = following[entry]
-        y, x = cells[entry] >> 16, cells[entry] & 65535
-        if field[y, x] == keys[entry]:
-            lowest = min(lowest, np.float32(keys[entry] + _heuristic(x, y, start_x, start_y, cheapest)))
-            following[entry] = kept
-            kept = entry
-        else:
-            following[entry] = state[_FREE]
-            state[_FREE] = entry
-        entry = rest
-    state[_OVERFLOW] = -1
-    state[_OVERFLOWING] = 0
-    state[_WAITING] = 0
-    if kept >= 0:
-        state[_BASE] = int(lowest * inverse_width)
-    while kept >= 0:
-        rest = following[kept]
-        y, x = cells[kept] >> 16, cells[kept] & 65535
-        key = np.float32(keys[kept] + _heuristic(x, y, start_x, start_y, cheapest))
-        _link(heads, following, state, kept, int(key * inverse_width))
-        kept = rest
-
-
-@kernel("void(float32[:,::1], int32[::1], int32[::1], float32[::1], int32[::1], int64[::1], int64, int64, float32)")
-def aim(field, heads, cells, keys, following, state, start_x, start_y, cheapest):
-    """Order what waits anew, for another start."""
+    Returns:
+        False where a bucket is full: nothing was moved then. Make the buckets larger and call again.
+    """
+    count = state[_APART]
+    base = state[_BASE]
+    if state[_WAITING] == 0:
+        base = _NEVER
+        for i in range(count):
+            x, y = np.int64(apart_cells[i] & 65535), np.int64(apart_cells[i] >> 16)
+            key = apart_keys[i] + _heuristic(x, y, start_x, start_y, slope)
+            base = min(base, np.int64(key * inverse_width))
+        sizes[state[_BASE] & (_BUCKETS - 1)] = 0
+        state[_TAKEN] = 0
+        state[_BASE] = base
+    added = np.zeros(_BUCKETS, np.int64)
+    for i in range(count):
+        x, y = np.int64(apart_cells[i] & 65535), np.int64(apart_cells[i] >> 16)
+        key = apart_keys[i] + _heuristic(x, y, start_x, start_y, slope)
+        bucket = max(np.int64(key * inverse_width), base)
+        if bucket - base < _BUCKETS:
+            added[bucket & (_BUCKETS - 1)] += 1
     for slot in range(_BUCKETS):
-        entry = heads[slot]
-        while entry >= 0:
-            rest = following[entry]
-            following[entry] = state[_OVERFLOW]
-            state[_OVERFLOW] = entry
-            entry = rest
-        heads[slot] = -1
-    sort_overflow(field, heads, cells, keys, following, state, start_x, start_y, cheapest)
+        if sizes[slot] + added[slot] + _SPARE > cells.shape[1]:
+            return False
+    kept = 0
+    next_bucket = _NEVER
+    for i in range(count):
+        x, y = np.int64(apart_cells[i] & 65535), np.int64(apart_cells[i] >> 16)
+        value = apart_keys[i]
+        key = value + _heuristic(x, y, start_x, start_y, slope)
+        bucket = max(np.int64(key * inverse_width), base)
+        if bucket - base < _BUCKETS:
+            slot = bucket & (_BUCKETS - 1)
+            cells[slot, sizes[slot]] = apart_cells[i]
+            keys[slot, sizes[slot]] = value
+            sizes[slot] += 1
+            state[_WAITING] += 1
+        else:
+            apart_cells[kept], apart_keys[kept] = apart_cells[i], value
+            kept += 1
+            next_bucket = min(next_bucket, bucket)
+    state[_APART] = kept
+    state[_NEXT_SPREAD] = next_bucket - _BUCKETS + 1 if kept > 0 else _NEVER
+    return True
 
 
-@kernel("int64(float32[:,::1], uint8[:,::1], int64, int64, int32[:,::1])")
-def follow(field, parents, start_x, start_y, path):
-    """Collect the cells from a start to the goal, both included, as columns and rows; return how many they are.
+@kernel("int64(float32[:,::1], int64[::1], int32[:,::1], float32[:,::1], int32[::1], float32[::1], int64[::1])")
+def set_apart(field, sizes, cells, keys, apart_cells, apart_keys, state):
+    """Empty the ring into the store, for a new aim; what is out of date is dropped. Return how many wait there.
+
+    The store must have room for all that wait; a negative result is minus the room it needs, and nothing was moved.
+    """
+    if state[_APART] + state[_WAITING] > apart_cells.shape[0]:
+        return -(state[_APART] + state[_WAITING])
+    count = state[_APART]
+    for slot in range(_BUCKETS):
+        first = state[_TAKEN] if slot == (state[_BASE] & (_BUCKETS - 1)) else 0
+        for i in range(first, sizes[slot]):
+            apart_cells[count], apart_keys[count] = cells[slot, i], keys[slot, i]
+            count += 1
+        sizes[slot] = 0
+    kept = 0
+    for i in range(count):
+        if field[apart_cells[i] >> 16, apart_cells[i] & 65535] == apart_keys[i]:
+            apart_cells[kept], apart_keys[kept] = apart_cells[i], apart_keys[i]
+            kept += 1
+    state[_APART] = kept
+    state[_WAITING] = 0
+    state[_TAKEN] = 0
+    return kept
+
+
+@kernel("int64(uint8[::1], int64, int64, float32[::1], float32[::1], int64[::1], int32[:,::1], float32[:,::1],"
+        " int32[::1], float32[::1], int64[::1], int64, int64, float32, float32, uint8[::1])")
+def grow(
+    costs, width, height, halves, field, sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope,
+    inverse_width, cancelled,
+):
+    """Grow the field until the start's value is final.
 
     Args:
-        field, parents: As `grow` left them, the start's value being known.
+        costs: The map's costs, row by row, width * height of them; at most 32767 each way.
+        width, height: Of the map, in cells.
+        halves: Shape (256,): half of what a straight step over a cell of each cost counts, inf where it may not be
+            entered.
+        field: Cost to go, as long as `costs`; 0 where not known.
+        sizes, cells, keys: The ring: entries in each bucket; their cells (row * 65536 + column); the cells' values
+            when they were put there.
+        apart_cells, apart_keys, state: The store and the counters, see above.
+        start_x, start_y: Where to.
+        slope: What the heuristic counts for a straight step: not more than any step does.
+        inverse_width: One over the width of a bucket.
+        cancelled: Shape (1,), non-zero to stop.
+
+    Returns:
+        A verdict; after BUCKET_FULL make the buckets larger and call again.
+    """
+    inf = np.float32(np.inf)
+    zero = np.float32(0.0)
+    start = np.uint64(start_y * width + start_x)
+    waiting, base, taken, expanded = state[_WAITING], state[_BASE], state[_TAKEN], state[_EXPANDED]
+    min_column, min_row = state[_MIN_COLUMN], state[_MIN_ROW]
+    max_column, max_row = state[_MAX_COLUMN], state[_MAX_ROW]
+    capacity = np.int64(cells.shape[1])
+    ring_cells, ring_keys = cells.ravel(), keys.ravel()
+    offsets = np.array([-1, 1, -width, width, -width - 1, -width + 1, width - 1, width + 1])
+    columns = np.array([-1, 1, 0, 0, -1, 1, -1, 1])
+    rows = np.array([0, 0, -1, 1, -1, -1, 1, 1])
+    through = np.empty(8, np.float32)
+    better = np.empty(9, np.int64)
+    full = False
+    for slot in range(_BUCKETS):
+        full |= sizes[slot] + _SPARE > capacity
+    countdown = _CANCEL_CHECK
+    verdict = -1
+    if field[start] > zero and waiting > 0 and np.float32(base) > field[start] * inverse_width:
+        verdict = _REACHED  # a field grown before reaches here
+    while verdict < 0:
+        slot = base & (_BUCKETS - 1)
+        if taken == sizes[np.uint64(slot)]:
+            sizes[np.uint64(slot)] = 0
+            taken = 0
+            reached = field[start]
+            if reached > zero and np.float32(base + 1) > reached * inverse_width:
+                verdict = _REACHED
+                break
+            if waiting > 0:
+                base += 1
+            if waiting == 0 or base >= state[_NEXT_SPREAD]:
+                if waiting == 0 and state[_APART] == 0:
+                    verdict = _EXHAUSTED
+                    break
+                state[_WAITING], state[_BASE], state[_TAKEN] = waiting, base, taken
+                if not spread(
+                    sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope, inverse_width):
+                    verdict = _BUCKET_FULL
+                    break
+                waiting, base = state[_WAITING], state[_BASE]
+            continue
+        if full:
+            verdict = _BUCKET_FULL
+            break
+        if countdown == 0:
+            countdown = _CANCEL_CHECK
+            if cancelled[0] != 0:
+                verdict = _CANCELLED
+                break
+        place = np.uint64(slot * capacity + taken)
+        taken += 1
+        waiting -= 1
+        packed = ring_cells[place]
+        y, x = np.int64(packed >> 16), np.int64(packed & 65535)
+        i = y * width + x
+        value = field[np.uint64(i)]
+        if ring_keys[place] != value:
+            continue  # it was lowered since, and waits elsewhere with its present value
+        countdown -= 1
+        expanded += 1
+        min_column, max_column = min(min_column, x), max(max_column, x)
+        min_row, max_row = min(min_row, y), max(max_row, y)
+        own = halves[costs[np.uint64(i)]]
+        inside = x > 0 and x + 1 < width and y > 0 and y + 1 < height
+        if inside:
+            left, right = halves[costs[np.uint64(i - 1)]], halves[costs[np.uint64(i + 1)]]
+            below, above = halves[costs[np.uint64(i - width)]], halves[costs[np.uint64(i + width)]]
+            left_below, right_below = halves[costs[np.uint64(i - width - 1)]], halves[costs[np.uint64(i - width + 1)]]
+            left_above, right_above = halves[costs[np.uint64(i + width - 1)]], halves[costs[np.uint64(i + width + 1)]]
+        else:
+            left = halves[costs[i - 1]] if x > 0 else inf
+            right = halves[costs[i + 1]] if x + 1 < width else inf
+            below = halves[costs[i - width]] if y > 0 else inf
+            above = halves[costs[i + width]] if y + 1 < height else inf
+            left_below = halves[costs[i - width - 1]] if x > 0 and y > 0 else inf
+            right_below = halves[costs[i - width + 1]] if x + 1 < width and y > 0 else inf
+            left_above = halves[costs[i + width - 1]] if x > 0 and y + 1 < height else inf
+            right_above = halves[costs[i + width + 1]] if x + 1 < width and y + 1 < height else inf
+        through[0], through[1] = value + (own + left), value + (own + right)
+        through[2], through[3] = value + (own + below), value + (own + above)
+        through[4] = value + (own + left_below) * _DIAGONAL if max(left, below) < inf else inf
+        through[5] = value + (own + right_below) * _DIAGONAL if max(right, below) < inf else inf
+        through[6] = value + (own + left_above) * _DIAGONAL if max(left, above) < inf else inf
+        through[7] = value + (own + right_above) * _DIAGONAL if max(right, above) < inf else inf
+        # which neighbours get better, without a branch for each: such branches cannot be predicted
+        count = np.int64(0)
+        if inside:
+            for k in range(8):
+                near = field[np.uint64(i + offsets[np.uint64(k)])]
+                near = near if near > zero else inf
+                better[np.uint64(count)] = k
+                count += np.int64(through[np.uint64(k)] < near)
+        else:
+            for k in range(8):
+                if through[k] < inf:
+                    near = field[i + offsets[k]]
+                    near = near if near > zero else inf
+                    better[count] = k
+                    count += np.int64(through[k] < near)
+        for n in range(count):
+            k = np.uint64(better[np.uint64(n)])
+            lowered = through[k]
+            field[np.uint64(i + offsets[k])] = lowered
+            near_x, near_y = x + columns[k], y + rows[k]
+            dx, dy = abs(near_x - start_x), abs(near_y - start_y)
+            key = lowered + slope * (np.float32(max(dx, dy)) + _OCTILE * np.float32(min(dx, dy)))
+            # too early does no harm, too late would: what lies beyond the ring goes into its last bucket
+            bucket = min(max(np.int64(key * inverse_width), base), base + (_BUCKETS - 1))
+            near_slot = np.uint64(bucket & (_BUCKETS - 1))
+            size = sizes[near_slot]
+            near_place = np.uint64(np.int64(near_slot) * capacity + size)
+            ring_cells[near_place] = near_y * 65536 + near_x
+            ring_keys[near_place] = lowered
+            sizes[near_slot] = size + 1
+            full |= size + 1 + _SPARE > capacity
+            waiting += 1
+    state[_WAITING], state[_BASE], state[_TAKEN], state[_EXPANDED] = waiting, base, taken, expanded
+    state[_MIN_COLUMN], state[_MIN_ROW] = min_column, min_row
+    state[_MAX_COLUMN], state[_MAX_ROW] = max_column, max_row
+    return verdict
+
+
+@kernel("float32(uint8[:,::1], float32[::1], int64, int64, int64, int64)")
+def step_cost(costs, halves, x, y, dx, dy):
+    """Return what the step from a cell to a neighbour counts, inf where it may not be taken."""
+    height, width = costs.shape
+    to_x, to_y = x + dx, y + dy
+    if not (0 <= to_x < width and 0 <= to_y < height):
+        return np.float32(np.inf)
+    both = np.float32(halves[costs[y, x]] + halves[costs[to_y, to_x]])
+    if dx == 0 or dy == 0:
+        return both
+    if halves[costs[y, to_x]] == np.inf or halves[costs[to_y, x]] == np.inf:
+        return np.float32(np.inf)
+    return np.float32(both * _DIAGONAL)
+
+
+@kernel("boolean(uint8[:,::1], float32[::1], float32[:,::1], int64, int64)")
+def _is_supported(costs, halves, field, x, y):
+    """Tell whether a neighbour still explains a cell's value: some way on costs no more than it says."""
+    value = field[y, x]
+    if value == _ROOT:
+        return True
+    for dy in range(-1, 2):
+        for dx in range(-1, 2):
+            step = step_cost(costs, halves, x, y, dx, dy) if dx != 0 or dy != 0 else np.float32(np.inf)
+            if step < np.inf:
+                near = field[y + dy, x + dx]
+                if near > 0 and np.float32(near + step) <= value:
+                    return True
+    return False
+
+
+@kernel("int64(uint8[:,::1], float32[::1], float32[:,::1], int32[:,::1], int32[::1], int32[::1], float32[::1],"
+        " int64[::1])")
+def repair(costs, halves, field, changed, unsupported, apart_cells, apart_keys, state):
+    """Bring a field in order after costs changed: forget what is no longer true, queue what bears on it.
+
+    What a cell's value rests on lies lower than the value, so support cannot run in circles (Ramalingam and Reps,
+    "An incremental algorithm for a generalization of the shortest-path problem", 1996). The queue must stand in the
+    store.
+
+    Args:
+        costs, halves: The map as it is now.
+        field: Changed in place.
+        changed: Shape (N, 2): columns and rows of the cells whose costs changed.
+        unsupported: Scratch, longer than 9 N.
+        apart_cells, apart_keys, state: The store; entries are added to it.
+
+    Returns:
+        How many cells were forgotten, or -1 where the scratch or the store is too small: the field is lost then.
+    """
+    height, width = costs.shape
+    count = 0
+    for n in range(changed.shape[0]):
+        for y in range(max(changed[n, 1] - 1, 0), min(changed[n, 1] + 2, height)):
+            for x in range(max(changed[n, 0] - 1, 0), min(changed[n, 0] + 2, width)):
+                if field[y, x] > 0 and not _is_supported(costs, halves, field, x, y):
+                    field[y, x] = 0
+                    unsupported[count] = y * 65536 + x
+                    count += 1
+    done = 0
+    while done < count:
+        middle_x, middle_y = unsupported[done] & 65535, unsupported[done] >> 16
+        done += 1
+        for y in range(max(middle_y - 1, 0), min(middle_y + 2, height)):
+            for x in range(max(middle_x - 1, 0), min(middle_x + 2, width)):
+                if field[y, x] > 0 and not _is_supported(costs, halves, field, x, y):
+                    if count == unsupported.shape[0]:
+                        return -1
+                    field[y, x] = 0
+                    unsupported[count] = y * 65536 + x
+                    count += 1
+    waiting = state[_APART]
+    for n in range(count + changed.shape[0]):
+        if n < count:
+            middle_x, middle_y = unsupported[n] & 65535, unsupported[n] >> 16
+        else:
+            middle_x, middle_y = changed[n - count, 0], changed[n - count, 1]
+        for y in range(max(middle_y - 1, 0), min(middle_y + 2, height)):
+            for x in range(max(middle_x - 1, 0), min(middle_x + 2, width)):
+                if field[y, x] > 0:
+                    if waiting == apart_cells.shape[0]:
+                        return -1
+                    apart_cells[waiting], apart_keys[waiting] = y * 65536 + x, field[y, x]
+                    waiting += 1
+    state[_APART] = waiting
+    return count
+
+
+@kernel("int64(uint8[:,::1], float32[::1], float32[:,::1], int64, int64, int32[:,::1])")
+def follow(costs, halves, field, start_x, start_y, path):
+    """Collect the cells of the cheapest way from a start to the goal, both included, as columns and rows.
+
+    Args:
+        costs, halves, field: As `grow` left them, the start's value being known.
         start_x, start_y: Where from.
-        path: Shape (M, 2); where M is too small, the result is -1.
+        path: Shape (M, 2).
+
+    Returns:
+        How many cells there are, or -1 where `path` is too short.
     """
     x, y = start_x, start_y
     count = 0
@@ -146,111 +409,16 @@ def follow(field, parents, start_x, start_y, path):
         count += 1
         if field[y, x] == _ROOT:
             return count
-        direction = parents[y, x]
-        if direction < 4:
-            x += 1 if direction == 1 else (-1 if direction == 0 else 0)
-            y += 1 if direction == 3 else (-1 if direction == 2 else 0)
-        else:
-            x += 1 if direction & 1 else -1
-            y += 1 if direction >= 6 else -1
-
-
-@kernel("int64(uint8[:,::1], float32[::1], float32[:,::1], uint8[:,::1], int32[::1], int32[::1], float32[::1],"
-        " int32[::1], int64[::1], int64, int64, float32, uint8[::1])")
-def grow(costs, halves, field, parents, heads, cells, keys, following, state, start_x, start_y, cheapest, cancelled):
-    """Grow the field until the start's value is final.
-
-    Args:
-        costs: Shape (height, width), at most 32767 each way.
-        halves: Shape (256,): half of what a straight step over a cell of each cost counts; 0 where it may not be
-            entered.
-        field: Cost to go, of `costs`' shape; 0 where not known.
-        parents: Direction to the next cell toward the goal, of `costs`' shape; valid where the field is.
-        heads: Shape (BUCKETS,), first entry of each bucket, -1 for none.
-        cells, keys, following: The pool: cell (row * 65536 + column), its value when it was put there, next entry.
-        state: See above.
-        start_x, start_y: Where to; its cell must be free.
-        cheapest: Cost of a straight step at the lowest cost, the width of a bucket.
-        cancelled: Shape (1,), non-zero to stop.
-
-    Returns:
-        A verdict; after POOL_FULL make the pool larger and call again.
-    """
-    height, width = costs.shape
-    inverse_width = np.float32(1.0) / cheapest
-    expanded = state[_EXPANDED]
-    min_column, min_row = state[_MIN_COLUMN], state[_MIN_ROW]
-    max_column, max_row = state[_MAX_COLUMN], state[_MAX_ROW]
-    verdict = -1
-    while verdict < 0:
-        if state[_WAITING] == 0:
-            verdict = 1
-            break
-        if state[_WAITING] == state[_OVERFLOWING]:
-            sort_overflow(field, heads, cells, keys, following, state, start_x, start_y, cheapest)
-            continue
-        slot = state[_BASE] & (_BUCKETS - 1)
-        entry = heads[slot]
-        if entry < 0:
-            state[_BASE] += 1
-            reached = field[start_y, start_x]
-            if reached > 0 and np.float32(state[_BASE]) * cheapest > reached:
-                verdict = 0
-            continue
-        if state[_USED] + _SPARE > cells.shape[0]:
-            verdict = 3
-            break
-        heads[slot] = following[entry]
-        following[entry] = state[_FREE]
-        state[_FREE] = entry
-        state[_WAITING] -= 1
-        y, x = cells[entry] >> 16, cells[entry] & 65535
-        value = field[y, x]
-        if keys[entry] != value:
-            continue  # it was lowered since, and waits elsewhere with its present value
-        expanded += 1
-        if expanded & _CANCEL_CHECK == 0 and cancelled[0] != 0:
-            # what was taken out goes back: the field stays good for another try
-            _push(heads, cells, keys, following, state, x, y, value,
-                  _heuristic(x, y, start_x, start_y, cheapest), inverse_width)
-            verdict = 2
-            break
-        min_column, max_column = min(min_column, x), max(max_column, x)
-        min_row, max_row = min(min_row, y), max(max_row, y)
-        own = halves[costs[y, x]]
-        left = halves[costs[y, x - 1]] if x > 0 else np.float32(0.0)
-        right = halves[costs[y, x + 1]] if x + 1 < width else np.float32(0.0)
-        below = halves[costs[y - 1, x]] if y > 0 else np.float32(0.0)
-        above = halves[costs[y + 1, x]] if y + 1 < height else np.float32(0.0)
-        for direction in range(8):
-            if direction == 0:
-                half, dx, dy = left, -1, 0
-            elif direction == 1:
-                half, dx, dy = right, 1, 0
-            elif direction == 2:
-                half, dx, dy = below, 0, -1
-            elif direction == 3:
-                half, dx, dy = above, 0, 1
-            elif direction == 4:
-                half, dx, dy = halves[costs[y - 1, x - 1]] if left > 0 and below > 0 else np.float32(0.0), -1, -1
-            elif direction == 5:
-                half, dx, dy = halves[costs[y - 1, x + 1]] if right > 0 and below > 0 else np.float32(0.0), 1, -1
-            elif direction == 6:
-                half, dx, dy = halves[costs[y + 1, x - 1]] if left > 0 and above > 0 else np.float32(0.0), -1, 1
-            else:
-                half, dx, dy = halves[costs[y + 1, x + 1]] if right > 0 and above > 0 else np.float32(0.0), 1, 1
-            if half > 0:
-                step = own + half
-                if direction > 3:
-                    step = np.float32(step * _DIAGONAL)
-                through = np.float32(value + step)
+        best = np.float32(np.inf)
+        best_x, best_y = 0, 0
+        for k in range(8):
+            # straight steps first, so that they win ties
+            dx = (k & 1) * 2 - 1 if k < 2 or k > 3 else 0
+            dy = 0 if k < 2 else ((k & 1) * 2 - 1 if k < 4 else (k >> 1 & 1) * 2 - 1)
+            step = step_cost(costs, halves, x, y, dx, dy)
+            if step < np.inf:
                 near = field[y + dy, x + dx]
-                if near == 0 or through < near:
-                    field[y + dy, x + dx] = through
-                    parents[y + dy, x + dx] = direction ^ 1 if direction < 4 else 11 - direction
-                    _push(heads, cells, keys, following, state, x + dx, y + dy, through,
-                          _heuristic(x + dx, y + dy, start_x, start_y, cheapest), inverse_width)
-    state[_EXPANDED] = expanded
-    state[_MIN_COLUMN], state[_MIN_ROW] = min_column, min_row
-    state[_MAX_COLUMN], state[_MAX_ROW] = max_column, max_row
-    return verdict
+                if near > 0 and near + step < best:
+                    best = near + step
+                    best_x, best_y = x + dx, y + dy
+        x, y = best_x, best_y
