@@ -207,7 +207,7 @@ def test_oscillation_is_recovered_from_and_named_at_last(make_bench):
 
 
 def test_progress_after_oscillation_gives_the_recoveries_back(make_bench):
-    bench = make_bench(oscillation_timeout=1.0, oscillation_distance=0.3)
+    bench = make_bench(oscillation_timeout=1.0, oscillation_distance=0.1)
     arrive(bench)
     bench.script.velocity = Twist2D(0.01, 0.0, 0.0)
     task = bench.navigator.move_base(GOAL)
@@ -216,7 +216,7 @@ def test_progress_after_oscillation_gives_the_recoveries_back(make_bench):
         bench.run(lambda: bench.script.calls.get("R1", 0) > ran)
         bench.script.velocity = FORWARD
         x = bench.robot.pose.x
-        bench.run(lambda: bench.robot.pose.x > x + 0.35)
+        bench.run(lambda: bench.robot.pose.x > x + 0.15)
         bench.script.velocity = Twist2D(0.01, 0.0, 0.0)
     assert "R2" not in bench.script.calls and not task.done
 
