@@ -14,7 +14,7 @@ from mbf_relay.navigation.goals import (
 )
 from mbf_relay.navigation.move_base import MoveBase
 from mbf_relay.navigation.parameters import NavigatorParameters
-from mbf_relay.navigation.planner_execution import PlannerExecution
+from mbf_relay.navigation.planner_execution import PlannerExecution, PlanWatcher
 from mbf_relay.navigation.recovery_execution import RecoveryExecution
 from mbf_relay.navigation.registry import Registry
 from mbf_relay.navigation.robot import Robot
@@ -65,6 +65,7 @@ class Navigator:
         self._recovery_runs: Dict[int, RecoveryExecution] = {}
         self._move_base: Optional[MoveBase] = None
         self._announced: List[Tuple[str, FramedPose]] = []
+        self.plan_watcher: Optional[PlanWatcher] = None
 
     # the actions
 
@@ -217,7 +218,9 @@ class Navigator:
         planner = self.planners.seat(name, seat) if name else None
         costmap = self.costmaps[planner.costmap] if planner is not None else None
         self._announced.append(("planner", goal.target))
-        return PlannerExecution(goal, planner, self.robot, costmap, lambda: self.parameters, task, retry)
+        return PlannerExecution(
+            goal, planner, self.robot, costmap, lambda: self.parameters, task, retry, self.plan_watcher
+        )
 
     def new_recovery(self, goal: RecoverGoal, controller: str = "", seat: Any = OWN_SEAT) -> RecoveryExecution:
         """Return an execution of `goal`; its task is done already where no behaviour has that name."""

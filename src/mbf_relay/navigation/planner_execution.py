@@ -22,6 +22,8 @@ from mbf_relay.planning.planner import Cancellation, Planner
 RETRY_DELAY = 0.2
 """Seconds between two tries: what a plan depends on changes no faster, and a plan that fails at once must not spin."""
 
+PlanWatcher = Callable[[str, Path], None]
+
 HOPELESS = (PlanOutcome.INVALID_START, PlanOutcome.INVALID_GOAL, PlanOutcome.OUT_OF_MAP, PlanOutcome.CANCELED)
 """Failures that waiting does not mend."""
 
@@ -41,13 +43,16 @@ class PlannerExecution:
         parameters: Called for the values in force.
         task: Ends with the result.
         retry: Whether to try again at all; replans while driving do not.
+        watcher: Told each path found, with the planner's name.
     """
 
     def __init__(
         self, goal: PlanGoal, seat: Seat[Planner], robot: Robot, costmap: Any,
         parameters: Callable[[], NavigatorParameters], task: "Task[PlanResult]", retry: bool = True,
+        watcher: Optional[PlanWatcher] = None,
     ) -> None:
         self.goal, self.task, self.seat = goal, task, seat
+        self._watcher = watcher
         self._robot, self._costmap, self._parameters = robot, costmap, parameters
         self._retry = retry
         self._cancellation = Cancellation()
@@ -139,6 +144,8 @@ class PlannerExecution:
                 f"planner '{self.seat.name}' failed with {type(error).__name__}: {error}",
             )
         else:
+            if self._watcher is not None:
+                self._watcher(self.seat.name, path)
             cost = path.cost if path.cost != 0.0 else path.length
             self.task.end(
                 Ending.SUCCEEDED,

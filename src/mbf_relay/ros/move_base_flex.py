@@ -23,6 +23,7 @@ from mbf_relay.ros.costmap_rest import CostmapRest
 from mbf_relay.ros.costmaps import CostmapNode
 from mbf_relay.ros.diagnostics import ERROR, OK, Diagnostics, RateMeter, Report
 from mbf_relay.ros.navigation_actions import make_actions
+from mbf_relay.ros.planner_topics import PlannerTopics
 from mbf_relay.ros.robot import RosRobot
 from mbf_relay.ros.stepper import Stepper
 from mbf_relay.ros.transforms import Transforms
@@ -60,6 +61,7 @@ class MoveBaseFlex:
         self.navigator = Navigator(config, self.robot, costmaps, ThreadWorker(self._stepper.wake))
         for registry in (self.navigator.planners, self.navigator.controllers, self.navigator.recoveries):
             _log_plugins(registry)
+        self.navigator.plan_watcher = PlannerTopics(self.navigator.planners.names).publish
         self._goal_topics = {
             "planner": rospy.Publisher("~planner_goal", PoseStamped, queue_size=1),
             "controller": rospy.Publisher("~controller_goal", PoseStamped, queue_size=1),

@@ -177,3 +177,13 @@ def test_the_clock_may_jump_back_while_a_plan_is_tried_again(bench):
     bench.step(0.5)
     bench.now = 3.0
     assert bench.finish(task, 2.0).outcome is PlanOutcome.PAT_EXCEEDED
+
+
+def test_each_path_found_is_told_with_its_planner(bench):
+    told = []
+    bench.navigator.plan_watcher = lambda name, path: told.append((name, path))
+    result = bench.finish(bench.navigator.get_path(PlanGoal(TARGET)))
+    assert told == [(bench.navigator.planners.names[0], result.path)]
+    bench.script.plan = NO_WAY
+    bench.finish(bench.navigator.get_path(PlanGoal(TARGET)))
+    assert len(told) == 1

@@ -1,0 +1,28 @@
+"""The planners' topics: every path found, as navfn and global_planner publish theirs."""
+
+from __future__ import annotations
+
+from typing import Iterable
+
+import rospy
+from nav_msgs.msg import Path as PathMessage
+
+from mbf_relay.planning.path import Path
+from mbf_relay.ros.conversions import path_to_message
+
+
+class PlannerTopics:
+    """Publishes each planner's paths on ~NAME/plan while somebody listens.
+
+    Args:
+        names: The planners' names.
+    """
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._publishers = {name: rospy.Publisher(f"~{name}/plan", PathMessage, queue_size=1) for name in names}
+
+    def publish(self, name: str, path: Path) -> None:
+        """Publish a path that planner `name` found."""
+        publisher = self._publishers[name]
+        if publisher.get_num_connections():
+            publisher.publish(path_to_message(path, rospy.get_rostime()))
