@@ -81,12 +81,12 @@ class Episode:
         self._note_now()
         self._send_goal()
         while True:
-            contacts = graph.step()
+            contacts, navigated = graph.step()
             if contacts:
                 return outcomes.CONTACT, f"touched {contacts[0].name}", 1
             if self._sampling.is_due(graph.steps):
                 self._note_now()
-            ended = self._ended()
+            ended = self._ended() if navigated else None
             if ended is not None:
                 return ended[0], ended[1], 0
 

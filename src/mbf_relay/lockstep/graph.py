@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import Callable, Deque, List, NamedTuple, Optional, Tuple
 
@@ -36,6 +37,13 @@ class _Updated(NamedTuple):
     rate: Rate
 
 
+class StepReport(NamedTuple):
+    """What a step brought: what the robot touches, and whether navigation was advanced."""
+
+    contacts: Tuple[Contact, ...]
+    navigated: bool
+
+
 class Graph:
     """Simulation, localization, costmaps and navigation, each at the rates of its parameters.
 
@@ -68,7 +76,7 @@ class Graph:
         server = setup.settings[SERVER] if setup.map == KNOWN else without_map(setup.settings[SERVER], task)
         amcl = AmclParameters.from_mapping(setup.settings["amcl"])
         self.map_frame = amcl.global_frame_id
-        self.simulation = Simulation(task.world, SimulationParameters.from_mapping(setup.settings["simulator"]), seed)
+        self.simulation = Simulation(task.world, _simulation_parameters(setup), seed)
         try:
             self._on_command = on_command
             self.robot = LockstepRobot(self._command, self.map_frame, amcl.odom_frame_id, burger.FOOTPRINT_FRAME)
@@ -82,6 +90,7 @@ class Graph:
             raise
         self.steps = 0
         self._scans: Deque[LaserScan] = deque()
+        self._next_update = -math.inf
 
     def _locate(self, task: Task, setup: Setup, amcl: AmclParameters, seed: int) -> None:
         """Set up where the pose comes from."""
@@ -141,10 +150,11 @@ class Graph:
 
     def navigate(self, goal: NavigateGoal) -> "NavigationTask[NavigateResult]":
         """Send the robot somewhere; a running goal ends."""
+        self._next_update = -math.inf
         return self.navigator.move_base(goal)
 
-    def step(self) -> Tuple[Contact, ...]:
-        """Advance by one step of the simulation and all that is due then; return what the robot touches."""
+    def step(self) -> StepReport:
+        """Advance by one step of the simulation and all that is due then."""
         stages = self._stages
         with stages.stage("simulation"):
             observations = self.simulation.step()
@@ -158,14 +168,20 @@ class Graph:
             self._scans.append(observations.scan)
         while self._scans and self._scans[0].stamp <= self.robot.odometry_stamp:
             self._take_scan(self._scans.popleft())
-        with stages.stage("costmaps"):
-            for costmap, rate in self._updated:
-                if rate.is_due(self.steps):
-                    self._update(costmap)
-        if self.now >= self.navigator.due - 1e-9:
-            with stages.stage("navigation"):
-                self.navigator.update(self.now)
-        return observations.contacts
+        for costmap, rate in self._updated:
+            if rate.is_due(self.steps):
+                self._update(costmap)
+        return StepReport(observations.contacts, self._navigate())
+
+    def _navigate(self) -> bool:
+        """Advance navigation where it is due; plugins run inline, so what is due changes by its own updates alone."""
+        now = self.now
+        if now < self._next_update - 1e-9:
+            return False
+        with self._stages.stage("navigation"):
+            self.navigator.update(now)
+        self._next_update = self.navigator.due
+        return True
 
     def close(self) -> None:
         """Free the physics."""
@@ -194,8 +210,15 @@ class Graph:
             pose = self.robot.pose_in(costmap.frame)
         except TransformError:
             return
-        costmap.update(self.now, pose)
+        with self._stages.stage("costmaps"):
+            costmap.update(self.now, pose)
 
     def _command(self, velocity: Twist2D) -> None:
         self._on_command(self.now, velocity)
         self.simulation.set_command(velocity)
+
+
+def _simulation_parameters(setup: Setup) -> SimulationParameters:
+    """Return the simulator's parameters without the sensors nobody listens to; each sensor has its own chance."""
+    parameters = SimulationParameters.from_mapping(setup.settings["simulator"])
+    return parameters.replace(imu_rate=0.0, joint_state_rate=0.0)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
-from typing import Any, Callable, Dict, Iterator, List, Optional
+from typing import Any, Callable, Dict, List, Optional
 
 
 class Stages:
@@ -20,17 +19,19 @@ class Stages:
         self._since = 0.0
         self.seconds: Dict[str, float] = {}
 
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Count what is done inside for `name`."""
-        if self._clock is None:
-            yield
-            return
-        self._switch()
-        self._open.append(name)
-        try:
-            yield
-        finally:
+    def stage(self, name: str) -> "_Stage":
+        """Return a context: what is done inside counts for `name`."""
+        return _Stage(self, name)
+
+    def enter(self, name: str) -> None:
+        """Begin a stage."""
+        if self._clock is not None:
+            self._switch()
+            self._open.append(name)
+
+    def leave(self) -> None:
+        """End the stage begun last."""
+        if self._clock is not None:
             self._switch()
             self._open.pop()
 
@@ -51,3 +52,16 @@ class Stages:
         if self._open:
             self.seconds[self._open[-1]] = self.seconds.get(self._open[-1], 0.0) + now - self._since
         self._since = now
+
+
+class _Stage:
+    __slots__ = ("_stages", "_name")
+
+    def __init__(self, stages: Stages, name: str) -> None:
+        self._stages, self._name = stages, name
+
+    def __enter__(self) -> None:
+        self._stages.enter(self._name)
+
+    def __exit__(self, *_: Any) -> None:
+        self._stages.leave()
