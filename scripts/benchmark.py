@@ -3,4 +3,5 @@ import sys
 
 from mbf_relay.benchmarks.command import main
 
-sys.exit(main())
+if __name__ == "__main__":  # worker processes import this file
+    sys.exit(main())

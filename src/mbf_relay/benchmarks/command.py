@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 from mbf_relay.benchmarks import NAMES
-from mbf_relay.benchmarks.figure import Figure, describe_machine, table
+from mbf_relay.benchmarks.figure import Figure, NotMeasurable, describe_machine, table
 from mbf_relay.lockstep.command import without_remappings
 
 MARKER_BEGIN = "<!-- benchmark: made by `rosrun mbf_relay benchmark.py --readme` -->"
@@ -55,6 +55,8 @@ def run(names: Sequence[str], quick: bool) -> Tuple[Results, List[str]]:
             for figure in module.figures(quick):
                 results.append((name, figure))
                 print(f"  {name}: {figure.name}: {figure.value:.4g} {figure.unit}", file=sys.stderr, flush=True)
+        except NotMeasurable as reason:
+            print(f"benchmark {name} is left out: {reason}", file=sys.stderr)
         except Exception:  # one broken benchmark must not cost the figures of the others
             traceback.print_exc()
             failed.append(name)

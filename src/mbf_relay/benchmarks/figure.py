@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import math
 import os
 import platform
 import time
 from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
+
+
+class NotMeasurable(Exception):
+    """A benchmark lacks something on this machine, such as data that is not part of the package; the text says what."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,8 +128,8 @@ def _distribution_version(module: str) -> Optional[str]:
 
 
 def round_for_people(value: Optional[float]) -> str:
-    """Return a number with three or four significant digits, "-" for None."""
-    if value is None:
+    """Return a number with three or four significant digits, "-" where there is none."""
+    if value is None or not math.isfinite(value):
         return "-"
     if value == 0 or (float(value).is_integer() and abs(value) < 1e6):
         return f"{value:.0f}"

@@ -148,7 +148,7 @@ def _chosen(tasks: Sequence[Task], names: Optional[Sequence[str]]) -> List[Task]
 
 def _settings(options: argparse.Namespace, setup: Setup, tasks: Sequence[Task]) -> Dict[str, Any]:
     """Return what makes two results comparable with each other: everything but seeds and the number of jobs."""
-    worlds = hashlib.sha256("\n".join(repr(task) for task in tasks).encode()).hexdigest()[:16]
+    worlds = hashlib.sha256("\n".join(task.digest() for task in tasks).encode()).hexdigest()[:16]
     return {
         "worlds": Path(options.worlds).name, "worlds_digest": worlds, "localization": setup.localization,
         "map": setup.map, "controller": setup.controller, "planner": setup.planner, **flatten(setup.settings),

@@ -41,9 +41,6 @@ def load_settings(folder: Path) -> Settings:
     settings = {}
     for name in FILES:
         path = folder / f"{name}.yaml"
-        if name == "simulator" and not path.exists():
-            settings[name] = {}
-            continue
         try:
             values = yaml.safe_load(path.read_text(encoding="utf-8"))
         except OSError as error:

@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
-
-import numpy as np
 from dataclasses import dataclass
 from pathlib import Path
 from typing import List, Optional, Tuple
 
-import numpy as np
-
 from mbf_relay.geometry import Pose2D
-from mbf_relay.maps import OccupancyMap
-from mbf_relay.simulation.arena import arena
+from mbf_relay.lockstep.settings import config_folder
+from mbf_relay.maps import OccupancyMap, load_map
+from mbf_relay.simulation import arena
 from mbf_relay.simulation.world import World
+from mbf_relay.simulation.world_map import grid_around, map_of_world
+from mbf_relay.simulation.worlds_file import load_worlds_file
 
 CIRCLE = "circle"
-
-CIRCLE_GOALS = tuple(
-    Pose2D(x, y, 2.0 * math.atan2(qz, qw))
-    for x, y, qz, qw in (
-        (-1.75, 0.74, 0.539, 0.843), (-0.36, 1.92, -0.020, 0.999), (0.957, 1.60, -0.163, 0.987),
-        (1.8741, 0.3830, -0.70, 0.711), (1.752, -0.928, -0.856, 0.517), (0.418, -2.116, 0.998, 0.0619),
-        (-0.775, -1.80, 0.954, 0.300), (-1.990, -0.508, -0.112, 0.999),
-    )
-)
-"""The tutorial's circle."""
+"""Where a worlds file is asked for, this means the tutorial's circle in its arena."""
 
 CIRCLE_TIME_LIMIT = 300.0
+"""Seconds for one lap, and for a world that states no limit."""
+
+MAP_RESOLUTION = 0.05
+"""Metres per cell of maps drawn from a world."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +39,7 @@ class Task:
             tolerance; None where navigation alone judges.
         reference_path_length: Length (m) of a good way, for the score; None where the world states none.
         has_map: Whether a robot usually has a map of it.
+        map_file: YAML file of its map; where None, the map is drawn from the world's geometry.
         initial_pose: Where localization is told it starts; what amcl's parameters say where None.
     """
 
@@ -55,15 +51,30 @@ class Task:
     reference_path_length: Optional[float] = None
     has_map: bool = False
     initial_pose: Optional[Pose2D] = None
+    map_file: Optional[Path] = None
 
     def occupancy(self) -> OccupancyMap:
         """Return the map of the world as a map server would give it."""
-        return rough_map(self.world)
+        if self.map_file is not None:
+            return load_map(str(self.map_file))
+        return map_of_world(self.world, grid_around(self.world, MAP_RESOLUTION))
+
+    def digest(self) -> str:
+        """Return a hash over everything that tells this task from another one, whatever folder it came from."""
+        world = self.world
+        parts = [self.name, world.start, self.goals, self.time_limit, self.goal_radius, self.reference_path_length]
+        known = hashlib.sha256(repr(parts).encode())
+        known.update(world.fixed_triangles()[0].tobytes())
+        for mover in world.movers:
+            known.update(mover.times.tobytes() + mover.poses.tobytes() + mover.body.triangles().tobytes())
+        return known.hexdigest()
 
 
 def circle(laps: int = 1) -> Task:
     """Return the tutorial's circle in its arena."""
-    return Task(CIRCLE, arena(), CIRCLE_GOALS * laps, CIRCLE_TIME_LIMIT * laps, has_map=True)
+    goals = tuple(Pose2D(x, y, 2.0 * math.atan2(qz, qw)) for x, y, qz, qw in arena.CIRCLE)
+    map_file = config_folder() / "maps" / "turtlebot3_world.yaml"
+    return Task(CIRCLE, arena.arena(), goals * laps, CIRCLE_TIME_LIMIT * laps, has_map=True, map_file=map_file)
 
 
 def load_tasks(source: str) -> List[Task]:
@@ -77,8 +88,6 @@ def load_tasks(source: str) -> List[Task]:
     """
     if source == CIRCLE:
         return [circle()]
-    from mbf_relay.simulation.worlds_file import load_worlds_file
-
     return [task_of(world) for world in load_worlds_file(Path(source))]
 
 
@@ -88,15 +97,3 @@ def task_of(world: World) -> Task:
         raise ValueError(f"world '{world.name}' states no goal; give it one as [x, y, yaw]")
     limit = world.time_limit if world.time_limit is not None else CIRCLE_TIME_LIMIT
     return Task(world.name, world, (world.goal,), limit, world.goal_radius, world.reference_path_length, initial_pose=world.start)
-
-
-def rough_map(world: World, resolution: float = 0.05) -> OccupancyMap:
-    """Return the outlines of a world as a map whose other cells are free."""
-    segments = world.outline(0.182)
-    low, high = segments.min(axis=(0, 1)) - 0.5, segments.max(axis=(0, 1)) + 0.5
-    width, height = (int(n) for n in np.ceil((high - low) / resolution))
-    data = np.zeros((height, width), dtype=np.int8)
-    for share in np.linspace(0.0, 1.0, 200):
-        cells = np.floor((segments[:, 0] + share * (segments[:, 1] - segments[:, 0]) - low) / resolution).astype(int)
-        data[cells[:, 1], cells[:, 0]] = 100
-    return OccupancyMap(data, resolution, Pose2D(float(low[0]), float(low[1]), 0.0))

@@ -23,13 +23,7 @@ from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from mbf_relay.ros.action_client import ActionClient, Ending, SentGoal
 from mbf_relay.ros.conversions import quaternion_from_yaw
 from mbf_relay.ros.outcome_codes import name_of
-
-CIRCLE = (
-    (-1.75, 0.74, 0.539, 0.843), (-0.36, 1.92, -0.020, 0.999), (0.957, 1.60, -0.163, 0.987),
-    (1.8741, 0.3830, -0.70, 0.711), (1.752, -0.928, -0.856, 0.517), (0.418, -2.116, 0.998, 0.0619),
-    (-0.775, -1.80, 0.954, 0.300), (-1.990, -0.508, -0.112, 0.999),
-)
-"""The tutorial's goals in `map`: x, y (m) and the quaternion's z, w, rounded as the tutorial gives them."""
+from mbf_relay.simulation.arena import CIRCLE
 
 Drive = Callable[[PoseStamped], bool]
 """Drives to a pose and tells whether the robot got there."""

@@ -14,6 +14,13 @@ from mbf_relay.simulation.world import World
 
 START = Pose2D(-2.0, -0.5, 0.0)
 
+CIRCLE = (
+    (-1.75, 0.74, 0.539, 0.843), (-0.36, 1.92, -0.020, 0.999), (0.957, 1.60, -0.163, 0.987),
+    (1.8741, 0.3830, -0.70, 0.711), (1.752, -0.928, -0.856, 0.517), (0.418, -2.116, 0.998, 0.0619),
+    (-0.775, -1.80, 0.954, 0.300), (-1.990, -0.508, -0.112, 0.999),
+)
+"""The tutorial's goals in `map`: x, y (m) and the quaternion's z, w, rounded as the tutorial gives them."""
+
 PILLAR_RADIUS, PILLAR_HEIGHT = 0.15, 0.5
 PILLAR_GRID = (-1.1, 0.0, 1.1)
 RING_INNER, RING_OUTER, RING_BOTTOM, RING_TOP = 2.933, 3.300, -0.3, 0.97

@@ -32,7 +32,7 @@ def test_no_repeats_is_an_error():
 
 
 @pytest.mark.parametrize(
-    "value, text", [(None, "-"), (0.0, "0"), (0.01234, "0.0123"), (1.5, "1.50"), (123.4, "123"), (98765.4, "98765"), (3, "3")]
+    "value, text", [(None, "-"), (float("nan"), "-"), (0.0, "0"), (0.01234, "0.0123"), (1.5, "1.50"), (123.4, "123"), (98765.4, "98765"), (3, "3")]
 )
 def test_numbers_for_people(value, text):
     assert figure.round_for_people(value) == text

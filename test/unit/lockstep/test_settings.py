@@ -54,7 +54,7 @@ def test_change_leaves_the_original_alone_and_makes_missing_groups():
 
 
 def test_missing_and_malformed_files_are_named(tmp_path):
-    with pytest.raises(ValueError, match="amcl.yaml cannot be read"):
+    with pytest.raises(ValueError, match="simulator.yaml cannot be read"):
         load_settings(tmp_path)
     (tmp_path / "simulator.yaml").write_text("a: [1")
     with pytest.raises(ValueError, match="simulator.yaml is no YAML"):
