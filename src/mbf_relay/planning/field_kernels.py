@@ -278,10 +278,10 @@ def grow(
                     better[count] = k
                     count += np.int64(through[k] < near)
         for n in range(count):
-            k = np.uint64(better[np.uint64(n)])
-            lowered = through[k]
-            field[np.uint64(i + offsets[k])] = lowered
-            near_x, near_y = x + columns[k], y + rows[k]
+            chosen = np.uint64(better[np.uint64(n)])
+            lowered = through[chosen]
+            field[np.uint64(i + offsets[chosen])] = lowered
+            near_x, near_y = x + columns[chosen], y + rows[chosen]
             dx, dy = abs(near_x - start_x), abs(near_y - start_y)
             key = lowered + slope * (np.float32(max(dx, dy)) + _OCTILE * np.float32(min(dx, dy)))
             # too early does no harm, too late would: what lies beyond the ring goes into its last bucket
