@@ -117,13 +117,11 @@ class ScriptedServer:
         feedback.current_pose.pose.position.x = handle.get_goal().target_pose.pose.position.x
         feedback.current_pose.pose.position.y = float(count)
         handle.publish_feedback(feedback)
-        if self.running is handle and NAMES[handle.get_goal().target_pose.pose.position.z] in ("drive", "ignore_cancel"):
+        if self.runs(handle) and NAMES[handle.get_goal().target_pose.pose.position.z] in ("drive", "ignore_cancel"):
             threading.Timer(0.02, self.feedback, (handle, count + 1)).start()
 
     def end(self, handle, script):
-        with self.lock:
-            if self.running is handle:
-                self.running = None
+        self.forget(handle)
         failures = {
             "no_plan": (GetPathResult.NO_PATH_FOUND, "no way there"),
             "no_control": (ExePathResult.PAT_EXCEEDED, "no command for 5 s"),
@@ -144,10 +142,16 @@ class ScriptedServer:
         self.say("cancel", script, handle.get_goal().target_pose.pose.position.x)
         if script in ("ignore_cancel", "silent"):
             return
-        with self.lock:
-            if self.running is handle:
-                self.running = None
+        self.forget(handle)
         handle.set_canceled(MoveBaseResult(outcome=MoveBaseResult.CANCELED, message="cancelled"), "cancelled")
+
+    def forget(self, handle):
+        with self.lock:
+            if self.runs(handle):
+                self.running = None
+
+    def runs(self, handle):
+        return self.running is not None and self.running.get_goal_id().id == handle.get_goal_id().id
 
 
 if __name__ == "__main__":

@@ -104,15 +104,15 @@ class ActionClient:
         self._subscribers = [
             rospy.Subscriber(topic("result"), type(action.action_result), self._take_result, tcp_nodelay=True),
             rospy.Subscriber(topic("feedback"), type(action.action_feedback), self._take_feedback, tcp_nodelay=True),
-            rospy.Subscriber(topic("status"), GoalStatusArray, self._take_status, tcp_nodelay=True),
         ]
-        self._watch = ServerWatch(self.name, self._subscribers[2], silence_timeout)
+        self._watch = ServerWatch(
+            self.name, self._goal_publisher.impl.has_connection, silence_timeout, self._take_status)
 
     @property
     def server_is_up(self) -> bool:
         """Whether a server has been heard and is connected both ways, so that a goal sent now will arrive."""
-        publishers = (self._goal_publisher, self._cancel_publisher)
-        return self._watch.is_up and all(link.get_num_connections() for link in (*self._subscribers, *publishers))
+        links = (*self._subscribers, self._goal_publisher, self._cancel_publisher)
+        return self._watch.is_up and self._watch.is_connected and all(link.get_num_connections() for link in links)
 
     def wait_for_server(self, timeout: float) -> bool:
         """Wait up to `timeout` seconds of wall time for a server; tell whether there is one."""
@@ -162,6 +162,7 @@ class ActionClient:
 
     def close(self) -> None:
         """Leave the action."""
+        self._watch.close()
         for link in (*self._subscribers, self._goal_publisher, self._cancel_publisher):
             link.unregister()
 
@@ -175,7 +176,6 @@ class ActionClient:
             self._goal_publisher.publish(sent.message)
 
     def _take_status(self, message: GoalStatusArray) -> None:
-        self._watch.heard(message)
         with self._lock:
             goals = list(self._goals.values())
         if not goals:

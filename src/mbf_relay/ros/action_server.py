@@ -65,6 +65,14 @@ class ActionServer(actionlib.ActionServer):
                 self.last_cancel = rospy.Time()
             super().internal_goal_callback(goal)
 
+    def internal_cancel_callback(self, goal_id: GoalID) -> None:
+        """Take a cancel message; overrides actionlib's, which logs errors for cancels whose goals never came."""
+        with self.lock:
+            early = [tracker for tracker in self.status_list if tracker.goal is None]
+            self.status_list[:] = [tracker for tracker in self.status_list if tracker.goal is not None]
+            super().internal_cancel_callback(goal_id)
+            self.status_list.extend(tracker for tracker in early if tracker.status.goal_id.id != goal_id.id)
+
     def publish_status(self) -> None:
         """Publish the goals at hand and those finished lately; overrides actionlib's."""
         with self.lock:

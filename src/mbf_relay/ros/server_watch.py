@@ -10,10 +10,11 @@ from __future__ import annotations
 import http.client
 import time
 import xmlrpc.client
-from typing import Any, Optional
+from typing import Any, Callable, Optional
 
 import rosgraph
 import rospy
+from actionlib_msgs.msg import GoalStatusArray
 
 DISCONNECTED_FOR = 0.3
 """Wall time (s) without a connection after which a server that was there counts as gone."""
@@ -26,21 +27,35 @@ ASK_TIMEOUT = 0.3
 class ServerWatch:
     """Watches one action server through its status topic."""
 
-    def __init__(self, name: str, status_subscriber: rospy.Subscriber, silence_timeout: float) -> None:
+    def __init__(
+        self, name: str, takes_goals: Callable[[str], bool], silence_timeout: float,
+        on_status: Callable[[GoalStatusArray], None],
+    ) -> None:
+        """Expect a server.
+
+        Args:
+            name: The action's name.
+            takes_goals: Tells whether a node listens to goals; a node that does not is no server, whatever it says.
+            silence_timeout: Wall time (s) of silence after which a server that is connected counts as gone.
+            on_status: Called with each status message of the server's.
+        """
         self.is_up = False
         self._name = name
-        self._subscriber = status_subscriber
+        self._takes_goals, self._on_status = takes_goals, on_status
         self._silence_timeout = silence_timeout
         self._node = ""
         self._heard_at = self._connected_at = self._asked_at = 0.0
         self._heard_at_ros_time = 0.0
+        self._subscriber = rospy.Subscriber(f"{name}/status", GoalStatusArray, self._hear, tcp_nodelay=True)
 
-    def heard(self, message: Any) -> None:
-        """Note a status message."""
-        self._node = (getattr(message, "_connection_header", None) or {}).get("callerid", self._node)
-        self._heard_at = self._connected_at = time.monotonic()
-        self._heard_at_ros_time = rospy.get_rostime().to_sec()
-        self.is_up = True
+    @property
+    def is_connected(self) -> bool:
+        """Whether somebody publishes the status."""
+        return self._subscriber.get_num_connections() > 0
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._subscriber.unregister()
 
     def why_lost(self, now: float) -> Optional[str]:
         """Return why the server is gone, None while it is there (or never was, or its loss is already known).
@@ -49,6 +64,7 @@ class ServerWatch:
             now: Wall time (s), of time.monotonic.
         """
         if not self.is_up:
+            self._look_for_a_silent_one(now)
             return None
         reason = self._find_reason(now)
         if reason is None:
@@ -56,8 +72,29 @@ class ServerWatch:
         self.is_up = False
         return f"action server {self._name} {reason}"
 
+    def _hear(self, message: GoalStatusArray) -> None:
+        node = message._connection_header["callerid"]
+        if self._takes_goals(node):
+            self._note_life(node)
+            self._on_status(message)
+
+    def _note_life(self, node: str) -> None:
+        self._node = node
+        self._heard_at = self._connected_at = time.monotonic()
+        self._heard_at_ros_time = rospy.get_rostime().to_sec()
+        self.is_up = True
+
+    def _look_for_a_silent_one(self, now: float) -> None:
+        """Find a server that is connected and says nothing, because the ROS clock stands still."""
+        connections = self._subscriber.impl.connections if self._subscriber.impl else []
+        nodes = [link.callerid_pub for link in connections if link.callerid_pub and self._takes_goals(link.callerid_pub)]
+        if nodes and now - self._asked_at > SILENT_FOR / 2.0:
+            self._asked_at = now
+            if ask_node(nodes[-1]) == THERE:
+                self._note_life(nodes[-1])
+
     def _find_reason(self, now: float) -> Optional[str]:
-        if self._subscriber.get_num_connections():
+        if self.is_connected:
             self._connected_at = now
         elif now - self._connected_at > DISCONNECTED_FOR:
             return f"died: its node {self._node} closed the connection"
