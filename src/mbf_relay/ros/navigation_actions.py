@@ -7,7 +7,6 @@ import threading
 from enum import Enum
 from typing import Any, Callable, Deque, Dict, List, Optional, Type
 
-import actionlib
 import rospy
 from mbf_msgs.msg import (
     ExePathAction, ExePathResult, GetPathAction, GetPathResult, MoveBaseAction, MoveBaseResult, RecoveryAction,
@@ -19,6 +18,7 @@ from mbf_relay.navigation.navigator import Navigator
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.outcomes import ControlOutcome, NavigationError, PlanOutcome, RecoveryOutcome
 from mbf_relay.ros import navigation_messages as messages
+from mbf_relay.ros.action_server import ActionServer
 
 
 class Request:
@@ -55,9 +55,7 @@ class Action:
         self._inbox: Deque[Request] = collections.deque()
         self._requests: Dict[str, Request] = {}
         self._running: List[Request] = []
-        self._server = actionlib.ActionServer(
-            f"~{name}", action_type, self._on_goal, self._on_cancel, auto_start=False
-        )
+        self._server = ActionServer(f"~{name}", action_type, self._on_goal, self._on_cancel)
 
     def start(self) -> None:
         """Advertise."""

@@ -38,6 +38,10 @@ OTHER_MOVE_BASE_NAMES: List[str] = ["recovery_behaviors", "clearing_radius", "ag
 """Further names that move_base reads and that mean nothing here."""
 
 
+RETRY_AFTER = 1.0
+"""Wall time (s) after which a change the server did not take is sent again."""
+
+
 @dataclass(frozen=True)
 class MoveBaseParameters(ParameterSet):
     """The parameters of the node move_base, with its defaults."""
@@ -115,7 +119,6 @@ class MoveBaseSettings:
         self._front = reconfigure.serve(MoveBaseConfig, self.values, self._change, defaults=lambda: self._started_with)
         rospy.Subscriber(f"{self._server}/parameter_updates", Config, self._mirror)
         threading.Thread(target=self._forward, name="forward to server", daemon=True).start()
-        self._wake.set()
 
     def server_came(self) -> None:
         """Send the server, which starts with its own configuration, what was wished for."""
@@ -197,7 +200,7 @@ class MoveBaseSettings:
         """Send wishes as they come; where the server is not there, keep them."""
         service = rospy.ServiceProxy(f"{self._server}/set_parameters", Reconfigure)
         while not rospy.is_shutdown():
-            self._wake.wait(1.0)
+            self._wake.wait(RETRY_AFTER if self._to_send else None)
             self._wake.clear()
             with self._lock:
                 changes, self._to_send = self._to_send, {}
