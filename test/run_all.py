@@ -208,7 +208,7 @@ def read_rostest(log: str) -> "tuple[int, int, int]":
     if not found:
         return 0, 1, 0
     tests, errors, failures = (int(number) for number in found.groups())
-    return tests - errors - failures, errors + failures, 0
+    return max(0, tests - errors - failures), errors + failures, 0
 
 
 def counts(outcome: Outcome) -> str:
@@ -223,10 +223,11 @@ def report(outcomes: List[Outcome], seconds: float) -> int:
     """Print the failures' logs and the last line; return the exit status."""
     failures = [outcome for outcome in outcomes if outcome.failed]
     for outcome in failures:
-        with open(outcome.log, encoding="utf-8", errors="replace") as stream:
-            tail = stream.read().splitlines()[-60:]
-        print(f"\n=== {outcome.job.name} failed (all of it: {outcome.log}) ===")
-        print("\n".join(tail))
+        print(f"\n=== {outcome.job.name} failed (all of it: {os.path.dirname(outcome.log)}) ===")
+        # What a rostest's own process prints does not go to rostest's output but beside the nodes' logs.
+        for log in [outcome.log] + glob.glob(os.path.join(os.path.dirname(outcome.log), "log", "*-*", "*-stdout.log")):
+            with open(log, encoding="utf-8", errors="replace") as stream:
+                print("\n".join(stream.read().splitlines()[-40:]))
     passed, failed = sum(o.passed for o in outcomes), sum(o.failed for o in outcomes)
     skipped = sum(o.skipped for o in outcomes)
     print(f"\n{len(outcomes)} jobs in {seconds:.0f} s" + (f", {skipped} tests skipped" if skipped else ""))

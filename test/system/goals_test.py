@@ -1,0 +1,94 @@
+#!/usr/bin/env python3
+"""Single goals through move_base and Move Base Flex: the tutorial's, and those that must be turned down."""
+
+import math
+import os
+import sys
+import unittest
+
+import rospy
+import rostest
+from actionlib_msgs.msg import GoalStatus
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from mbf_msgs.msg import GetPathResult
+from mbf_msgs.msg import MoveBaseAction as FlexAction
+from mbf_msgs.msg import MoveBaseGoal as FlexGoal
+from mbf_msgs.msg import MoveBaseResult as FlexResult
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+
+from running_stack import Witness, run_client, start_test_node  # noqa: E402
+
+from mbf_relay.ros.action_client import ActionClient  # noqa: E402
+from mbf_relay.ros.outcome_codes import name_of  # noqa: E402
+
+NAN = float("nan")
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+BAD_GOALS = {
+    "a position that is not a number": ((NAN, 0.0), UPRIGHT, "map", "INVALID_GOAL"),
+    "a position without end": ((0.5, math.inf), UPRIGHT, "map", "INVALID_GOAL"),
+    "a quaternion of zeros": ((0.5, 0.0), (0.0, 0.0, 0.0, 0.0), "map", "INVALID_GOAL"),
+    "a quaternion that is not a number": ((0.5, 0.0), (0.0, 0.0, NAN, 1.0), "map", "INVALID_GOAL"),
+    "a frame nobody knows": ((0.5, 0.0), UPRIGHT, "atlantis", "TF_ERROR"),
+    "a place outside the map": ((500.0, 0.0), UPRIGHT, "map", "OUT_OF_MAP"),
+}
+PATIENCE = 60.0
+"""Wall seconds a goal that cannot be reached may take, recovery behaviours included."""
+SHIFT = 0.03
+"""Metres the robot may move while it is told to go nowhere: nothing but the noise of standing."""
+
+
+def pose_of(position, quaternion, frame):
+    pose = PoseStamped(pose=Pose(Point(*position, 0.0), Quaternion(*quaternion)))
+    pose.header.frame_id, pose.header.stamp = frame, rospy.get_rostime()
+    return pose
+
+
+class TestGoals(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.witness = Witness()
+        cls.move_base = ActionClient("move_base", MoveBaseAction)
+        cls.flex = ActionClient("move_base_flex/move_base", FlexAction)
+        for client in (cls.move_base, cls.flex):
+            assert client.wait_for_server(60.0), f"waited 60 s for {client.name}, in vain"
+
+    def test_1_bad_goals_of_move_base_end_with_a_text_and_move_nothing(self):
+        for words, (position, quaternion, frame, _) in BAD_GOALS.items():
+            with self.subTest(words):
+                ending = self.end(self.move_base, MoveBaseGoal(pose_of(position, quaternion, frame)))
+                self.assertIn(ending.status, (GoalStatus.ABORTED, GoalStatus.REJECTED))
+                self.assertNotEqual(ending.text, "")
+
+    def test_2_bad_goals_of_move_base_flex_end_with_their_outcome(self):
+        for words, (position, quaternion, frame, outcome) in BAD_GOALS.items():
+            with self.subTest(words):
+                ending = self.end(self.flex, FlexGoal(target_pose=pose_of(position, quaternion, frame)))
+                self.assertIn(ending.status, (GoalStatus.ABORTED, GoalStatus.REJECTED))
+                code = ending.result.outcome
+                self.assertIn(outcome, (name_of(code, FlexResult), name_of(code, GetPathResult)), ending.result.message)
+                self.assertNotEqual(ending.result.message, "")
+
+    def test_3_the_tutorials_single_goal_is_reached(self):
+        self.witness.forget()
+        run = run_client("movebase_client.py")
+        self.assertEqual(run.status, 0, run.output)
+        self.assertIn("Goal execution done!", run.output)
+        self.assertLess(self.witness.way_to(0.5, 0.0), 0.15)
+        self.assertEqual(self.witness.touched(), [])
+        self.assertEqual(self.witness.complaints(), [])
+
+    def end(self, client, goal):
+        """Send a goal that must not move the robot, and return how it ended."""
+        before = self.witness.pose
+        ending = client.send(goal).wait(PATIENCE)
+        self.assertIsNotNone(ending, f"waited {PATIENCE} s for the end of a goal of {client.name}, in vain")
+        after = self.witness.pose
+        self.assertLess(math.hypot(after.x - before.x, after.y - before.y), SHIFT)
+        return ending
+
+
+if __name__ == "__main__":
+    start_test_node("goals_test")
+    rostest.rosrun("mbf_relay", "goals", TestGoals)

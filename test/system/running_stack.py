@@ -1,0 +1,93 @@
+"""What the tests of the whole stack share: the tutorials' clients as processes, the simulator's truth, the nodes' logs."""
+
+import os
+import subprocess
+import sys
+import time
+from typing import List, NamedTuple
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+
+import rospy  # noqa: E402
+from nav_msgs.msg import Odometry  # noqa: E402
+from rosgraph_msgs.msg import Log  # noqa: E402
+from visualization_msgs.msg import MarkerArray  # noqa: E402
+
+from mbf_relay.geometry import Pose2D  # noqa: E402
+from mbf_relay.ros.conversions import pose_from_message  # noqa: E402
+from ros_testing import Listener, wait_until  # noqa: E402
+
+
+class Run(NamedTuple):
+    """How a client ended: exit status and what it printed."""
+
+    status: int
+    output: str
+
+
+def run_client(name: str, *arguments: str, timeout: float = 240.0) -> Run:
+    """Run one of the package's executables as a user does and return how it ended."""
+    process = subprocess.Popen(
+        ["rosrun", "mbf_relay", name, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True
+    )
+    try:
+        output = process.communicate(timeout=timeout)[0]
+    except subprocess.TimeoutExpired:
+        process.terminate()
+        raise AssertionError(f"waited {timeout:.0f} s for {name} to end, in vain:\n{process.communicate()[0]}")
+    return Run(process.returncode, output)
+
+
+class Witness:
+    """Sees where the robot is, what it touches, and what the nodes complain of."""
+
+    def __init__(self) -> None:
+        self._truth = Listener("ground_truth", Odometry, connected=True)
+        self._contacts = Listener("contacts", MarkerArray)
+        self._log = Listener("/rosout", Log, connected=True)
+
+    @property
+    def pose(self) -> Pose2D:
+        """Where the robot really is, in the map frame."""
+        wait_until(lambda: self._truth.last, "the simulator's truth")
+        return pose_from_message(self._truth.last.pose.pose)
+
+    @property
+    def way(self) -> List[Pose2D]:
+        """Every pose so far."""
+        return [pose_from_message(message.pose.pose) for message in list(self._truth.messages)]
+
+    def way_to(self, x: float, y: float) -> float:
+        """Return how near (m) the robot has come to a point."""
+        return min(((pose.x - x) ** 2 + (pose.y - y) ** 2) ** 0.5 for pose in self.way)
+
+    def forget(self) -> None:
+        """Start the way and the complaints anew."""
+        self._truth.messages.clear()
+        self._log.messages.clear()
+
+    def speed(self) -> float:
+        """Return how fast (m/s) the robot goes now."""
+        twist = self._truth.last.twist.twist
+        return (twist.linear.x ** 2 + twist.linear.y ** 2) ** 0.5
+
+    def stands(self) -> bool:
+        """Tell whether the robot neither drives nor turns."""
+        return self.speed() < 0.01 and abs(self._truth.last.twist.twist.angular.z) < 0.05
+
+    def touched(self) -> List[str]:
+        """Return what the robot has touched."""
+        return [marker.ns for message in self._contacts.messages for marker in message.markers if marker.action == marker.ADD]
+
+    def complaints(self) -> List[str]:
+        """Return every warning and error the nodes have logged."""
+        return [f"{m.name}: {m.msg}" for m in list(self._log.messages) if m.level >= Log.WARN]
+
+
+def start_test_node(name: str) -> None:
+    """Start this process's node and wait for the simulated clock."""
+    rospy.init_node(name)
+    deadline = time.monotonic() + 60.0
+    while rospy.get_time() == 0.0:
+        assert time.monotonic() < deadline, "waited 60 s for /clock, in vain"
+        time.sleep(0.02)
