@@ -26,7 +26,8 @@ from mbf_relay.ros.pacing import FactorMeter, Pacer
 from mbf_relay.ros.transforms import TransformPublisher
 from mbf_relay.simulation.node_parameters import SimulatorParameters
 from mbf_relay.simulation.parameters import steps_between
-from mbf_relay.simulation.simulation import Observations, Simulation
+from mbf_relay.simulation.observations import Observations
+from mbf_relay.simulation.simulation import Simulation
 from mbf_relay.simulation.worlds import load_world
 
 SLOW = 0.9

@@ -20,7 +20,7 @@ from mbf_relay.simulation.contacts import Contact
 from mbf_relay.simulation.drive import Odometry
 from mbf_relay.simulation.imu import ImuReading
 from mbf_relay.simulation.node_parameters import SimulatorParameters
-from mbf_relay.simulation.simulation import JointReading
+from mbf_relay.simulation.observations import JointReading
 
 UNMEASURED = 1e6
 """Variance of what a planar robot's odometry knows nothing of: height, roll and pitch."""

@@ -121,15 +121,21 @@ class Base:
 
     def velocity(self) -> Tuple[np.ndarray, np.ndarray]:
         """Return the speed of base_link (m/s) and its turn rate (rad/s), shape (3,) each, in the world's axes."""
-        linear, angular = pybullet.getBaseVelocity(self.body, physicsClientId=self._client)
-        frame = self._physics.frame_of(self.body)
-        return np.array(linear) - np.cross(angular, frame.rotation @ self._center_of_mass), np.array(angular)
+        (vx, vy, vz), (wx, wy, wz) = pybullet.getBaseVelocity(self.body, physicsClientId=self._client)
+        x, y, z = (self._physics.frame_of(self.body).rotation @ self._center_of_mass).tolist()
+        # The speed of the centre of mass less what the turning adds to it; written out, for numpy's cross is slow.
+        linear = (vx - (wy * z - wz * y), vy - (wz * x - wx * z), vz - (wx * y - wy * x))
+        return np.array(linear), np.array((wx, wy, wz))
 
     def body_velocity(self) -> Twist2D:
         """Return the velocity of base_footprint in the body's own axes."""
         linear, angular = self.velocity()
         forward = self.frame().rotation.T @ linear
         return Twist2D(float(forward[0]), float(forward[1]), float(angular[2]))
+
+    def orientation(self) -> Tuple[float, float, float, float]:
+        """Return how the body is turned in the world, quaternion (x, y, z, w)."""
+        return pybullet.getBasePositionAndOrientation(self.body, physicsClientId=self._client)[1]
 
     def place(self, pose: Pose2D) -> None:
         """Set the robot down elsewhere, at rest."""

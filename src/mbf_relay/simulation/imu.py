@@ -47,13 +47,12 @@ class Imu:
 
     def read(self, base: Base, stamp: float) -> ImuReading:
         """Return a reading at `stamp` (s)."""
-        frame = base.frame()
         linear, angular = base.velocity()
         change = (linear - self._last) / self._period if self._last is not None else np.zeros(3)
         self._last = linear
-        to_body = frame.rotation.T
+        to_body = base.frame().rotation.T
         noise = self._rng.standard_normal(6)
         return ImuReading(
-            stamp, frame.quaternion(), to_body @ angular + self._gyro * noise[:3],
+            stamp, base.orientation(), to_body @ angular + self._gyro * noise[:3],
             to_body @ (change + GRAVITY) + self._accelerometer * noise[3:], self._gyro, self._accelerometer,
         )

@@ -3,42 +3,68 @@
 from __future__ import annotations
 
 import math
+from typing import Optional
 
 import numpy as np
 
 from mbf_relay.scan import LaserScan
 from mbf_relay.simulation import burger
+from mbf_relay.simulation.faults import Faults
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.physics import Physics
+
+DEAD = 0.0
+"""What an LDS-01 reads where it measured nothing; below range_min, so that nobody takes it for a distance."""
 
 
 class Lidar:
     """A planar lidar with beams all round, the first along its x axis, counter-clockwise.
 
-    All beams are taken at one instant, which is the stamp. Rays start at the sensor and never see the robot itself.
+    The stamp is the middle of the acquisition. All beams are taken at one instant, which then is the stamp; with
+    `scan_skew` each is taken where the robot is when the turning sensor looks its way, and the stamp is half a turn
+    before the scan is complete. Rays start at the sensor and never see the robot itself.
     """
 
     def __init__(self, physics: Physics, parameters: SimulationParameters, rng: np.random.Generator) -> None:
         self._physics, self._parameters, self._rng = physics, parameters, rng
+        self._steps = parameters.steps_between("scan_rate")
         self._increment = 2.0 * math.pi / parameters.scan_beams
         angles = self._increment * np.arange(parameters.scan_beams)
-        self._reach = parameters.scan_range_max * np.column_stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))))
+        self._directions = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))))
+        self._skewed = np.full(parameters.scan_beams, np.inf)
+        self._last: Optional[np.ndarray] = None
 
-    def scan(self, base: Frame, stamp: float) -> LaserScan:
-        """Return a scan taken at `stamp` (s) with base_link at `base` in the world."""
+    def sweep(self, base: Frame, step: int) -> None:
+        """Take the beams that a turning sensor passes in one physics step, with base_link at `base` in the world."""
+        part = (step - 1) % self._steps
+        beams = slice(
+            part * self._parameters.scan_beams // self._steps, (part + 1) * self._parameters.scan_beams // self._steps
+        )
+        if beams.start < beams.stop:
+            self._skewed[beams] = self._distances(base, self._directions[beams])
+
+    def scan(self, base: Frame, now: float, faults: Faults) -> Optional[LaserScan]:
+        """Return the scan complete at `now` (s) with base_link at `base` in the world; None from a silent lidar."""
+        if faults.lidar_silent:
+            return None
         parameters = self._parameters
+        if not faults.lidar_frozen or self._last is None:
+            distances = self._skewed if parameters.scan_skew else self._distances(base, self._directions)
+            self._last = self._with_errors(distances)
+        stamp = now - 0.5 * self._steps / parameters.physics_rate if parameters.scan_skew else now
         return LaserScan(
-            self._with_errors(self._distances(base)), 0.0, self._increment, parameters.scan_range_min,
+            self._without_dead_beams(self._last, faults), 0.0, self._increment, parameters.scan_range_min,
             parameters.scan_range_max, stamp, burger.SCAN_FRAME,
         )
 
-    def _distances(self, base: Frame) -> np.ndarray:
-        """Return the true distances, shape (B,) in metres, +inf where there is nothing within range."""
+    def _distances(self, base: Frame, directions: np.ndarray) -> np.ndarray:
+        """Return the true distances along directions (B, 3), shape (B,) in metres, +inf where nothing is within range."""
         sensor = base.compose(burger.SCAN_IN_BASE)
-        starts = np.broadcast_to(sensor.position, self._reach.shape).copy()
-        shares = self._physics.cast(starts, sensor.transform_points(self._reach))
-        return np.where(shares < 1.0, shares * self._parameters.scan_range_max, np.inf)
+        reach = self._parameters.scan_range_max
+        ends = sensor.transform_points(reach * directions)
+        shares = self._physics.cast(np.broadcast_to(sensor.position, ends.shape), ends)
+        return np.where(shares < 1.0, shares * reach, np.inf)
 
     def _with_errors(self, distances: np.ndarray) -> np.ndarray:
         """Return readings: noise, steps, limits and dropouts added to true distances, shape (B,) in metres."""
@@ -48,7 +74,15 @@ class Lidar:
         if parameters.scan_resolution > 0.0:
             distances = np.round(distances / parameters.scan_resolution) * parameters.scan_resolution
         distances = np.where(distances > parameters.scan_range_max, np.inf, distances)
-        distances = np.where(distances < parameters.scan_range_min, 0.0, distances)
+        distances = np.where(distances < parameters.scan_range_min, DEAD, distances)
         if parameters.scan_dropout > 0.0:
             distances[self._rng.random(len(distances)) < parameters.scan_dropout] = np.inf
         return distances
+
+    def _without_dead_beams(self, ranges: np.ndarray, faults: Faults) -> np.ndarray:
+        """Return a copy of the readings, shape (B,), in which the dead beams read 0."""
+        ranges = ranges.copy()
+        first = round(faults.dead_beams_start / self._increment)
+        dead = (first + np.arange(round(faults.dead_beams * len(ranges)))) % len(ranges)
+        ranges[dead] = DEAD
+        return ranges

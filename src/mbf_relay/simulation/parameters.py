@@ -41,6 +41,7 @@ class SimulationParameters(ParameterSet):
     scan_range_max: float = parameter(3.5, "farthest distance that is measured; what is farther reads +inf", unit="m", above=0.0)
     scan_resolution: float = parameter(0.015, "step of the readings; 0 for none", unit="m", minimum=0.0)
     scan_noise: float = parameter(0.01, "deviation of the readings", unit="m", minimum=0.0)
+    scan_skew: bool = parameter(False, "take each beam where the robot is when the turning sensor looks its way, not all at once")
     scan_dropout: float = parameter(0.0, "share of the beams that read +inf by chance", minimum=0.0, maximum=1.0)
 
     def check(self) -> None:

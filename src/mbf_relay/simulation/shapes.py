@@ -153,21 +153,19 @@ def ring_triangles(inner: np.ndarray, outer: np.ndarray, bottom: float, top: flo
     return np.concatenate([_band(first, second) for first, second in pairs])
 
 
-def slice_segments(triangles: np.ndarray, height: float) -> np.ndarray:
-    """Return where a horizontal plane cuts a surface.
+def cut(triangles: np.ndarray, height: float) -> Tuple[np.ndarray, np.ndarray]:
+    """Cut a surface with a horizontal plane.
 
     Args:
         triangles: Shape (N, 3, 3) in metres.
         height: Of the plane (m).
 
     Returns:
-        Segments, shape (M, 2, 2): two points (m) each.
+        Segments, shape (M, 2, 2): two points (m) each; and shape (M,): which triangle each comes from.
     """
     above = triangles[:, :, 2] > height
-    crossing = triangles[above.any(axis=1) & ~above.all(axis=1)]
-    if not len(crossing):
-        return np.empty((0, 2, 2))
-    above = crossing[:, :, 2] > height
+    indices = np.flatnonzero(above.any(axis=1) & ~above.all(axis=1))
+    crossing, above = triangles[indices], above[indices]
     # The corner that is alone on its side of the plane; the cut runs through the two edges that meet in it.
     alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), (~above).argmax(axis=1))
     rows = np.arange(len(crossing))
@@ -177,7 +175,7 @@ def slice_segments(triangles: np.ndarray, height: float) -> np.ndarray:
         other = crossing[rows, (alone + step) % 3]
         share = (height - tip[:, 2]) / (other[:, 2] - tip[:, 2])
         ends.append(tip[:, :2] + share[:, None] * (other - tip)[:, :2])
-    return np.stack(ends, axis=1)
+    return np.stack(ends, axis=1), indices
 
 
 def _band(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:

@@ -8,7 +8,8 @@ from typing import Optional, Tuple
 import numpy as np
 
 from mbf_relay.geometry import IDENTITY, Pose2D
-from mbf_relay.simulation.shapes import Body, slice_segments
+from mbf_relay.simulation.frames import Frame
+from mbf_relay.simulation.shapes import Body, cut
 
 
 @dataclass(frozen=True)
@@ -39,13 +40,15 @@ class Mover:
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "poses", poses)
 
-    def pose_at(self, elapsed: float) -> Pose2D:
+    def frame_at(self, elapsed: float) -> Frame:
         """Return where the body is `elapsed` seconds after the start; it turns the shorter way."""
         period = self.times[-1]
         if self.loop and period > 0.0:
             elapsed = elapsed % period
         x, y = (float(np.interp(elapsed, self.times, self.poses[:, axis])) for axis in (0, 1))
-        return Pose2D(x, y, float(np.interp(elapsed, self.times, np.unwrap(self.poses[:, 2]))))
+        theta = float(np.interp(elapsed, self.times, np.unwrap(self.poses[:, 2])))
+        level = Frame(np.array([0.0, 0.0, self.body.frame.position[2]]), self.body.frame.rotation)
+        return Frame.of(x, y, yaw=theta).compose(level)
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,7 @@ class World:
         goal_radius: Distance (m) from the goal that counts as there.
         reference_path_length: Length (m) of a good way, for scores.
         time_limit: Time (s) allowed.
+        warnings: What of its file was not understood, a line each.
     """
 
     name: str
@@ -71,6 +75,7 @@ class World:
     goal_radius: float = 1.0
     reference_path_length: Optional[float] = None
     time_limit: Optional[float] = None
+    warnings: Tuple[str, ...] = ()
 
     def fixed_triangles(self) -> Tuple[np.ndarray, np.ndarray]:
         """Return the surface of everything that never moves.
@@ -86,4 +91,4 @@ class World:
 
     def outline(self, height: float) -> np.ndarray:
         """Return what a horizontal plane at `height` (m) cuts of the fixed bodies: segments, shape (M, 2, 2)."""
-        return slice_segments(self.fixed_triangles()[0], height)
+        return cut(self.fixed_triangles()[0], height)[0]

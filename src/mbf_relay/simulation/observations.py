@@ -1,0 +1,31 @@
+"""What one step of the simulation gives."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Optional, Tuple
+
+from mbf_relay.scan import LaserScan
+from mbf_relay.simulation.contacts import Contact
+from mbf_relay.simulation.drive import Odometry
+from mbf_relay.simulation.imu import ImuReading
+
+
+class JointReading(NamedTuple):
+    """The wheels, left and right: time (s), angles (rad), speeds (rad/s)."""
+
+    stamp: float
+    positions: Tuple[float, float]
+    velocities: Tuple[float, float]
+
+
+class Observations(NamedTuple):
+    """Readings; None where a sensor was not due, and what the robot touches at this moment."""
+
+    scan: Optional[LaserScan] = None
+    odometry: Optional[Odometry] = None
+    imu: Optional[ImuReading] = None
+    joints: Optional[JointReading] = None
+    contacts: Tuple[Contact, ...] = ()
+
+
+NOTHING = Observations()
