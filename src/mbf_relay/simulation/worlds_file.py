@@ -1,4 +1,4 @@
-"""Worlds files: many worlds of cylinders in one JSON file, with where to start, where to go, and what moves there."""
+"""Worlds files: many worlds of simple solids in one JSON file, with where to start, where to go, and what moves there."""
 
 from __future__ import annotations
 
@@ -11,16 +11,22 @@ import numpy as np
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.simulation.frames import Frame
-from mbf_relay.simulation.shapes import Body, Cylinder
+from mbf_relay.simulation.shapes import Body, Box, Cylinder, Shape
 from mbf_relay.simulation.world import Mover, World
+
+KNOWN = {
+    "name", "cylinders", "boxes", "movers", "start", "goal", "goal_radius", "reference_path_length", "time_limit", "about",
+}
+ORANGE = (0.85, 0.45, 0.20, 1.0)
 
 
 def load_worlds_file(path: Path) -> List[World]:
     """Return the worlds of a file.
 
-    The file holds `worlds`, a list of {name, cylinders: [[x, y, radius, height], ...], start: [x, y, yaw],
-    goal: [x, y, yaw], goal_radius, reference_path_length, time_limit, movers}; all but name, cylinders and start may be
-    left out. `movers` is a list of {radius, height, waypoints: [[time, x, y], ...], loop}. Metres, radians, seconds.
+    The file holds `worlds`, a list of {name, cylinders: [[x, y, radius, height], ...], boxes: [[x, y, yaw, length, width,
+    height], ...], start: [x, y, yaw], goal: [x, y, yaw], goal_radius, reference_path_length, time_limit, movers}; all but
+    name and start may be left out. `movers` is a list of {name, radius and height or box: [length, width, height],
+    waypoints: [[time, x, y], ...] or [[time, x, y, yaw], ...], loop}. Metres, radians, seconds.
 
     Raises:
         ValueError: The file is missing or malformed; the text names file, world and entry.
@@ -42,6 +48,14 @@ def load_worlds_file(path: Path) -> List[World]:
     return worlds
 
 
+def read_worlds_file(path: str, world_name: str = "") -> World:
+    """Return one world of a file, the first where no name is given; errors as for `load_worlds_file`."""
+    worlds = {world.name: world for world in load_worlds_file(Path(path))}
+    if world_name and world_name not in worlds:
+        raise ValueError(f"worlds file {path} has no world '{world_name}'; it has {', '.join(worlds)}")
+    return worlds[world_name] if world_name else next(iter(worlds.values()))
+
+
 def _world(path: Path, index: int, entry: Any) -> World:
     if not isinstance(entry, Mapping):
         raise ValueError(f"worlds file {path}: world {index} is {type(entry).__name__}, not an object")
@@ -50,13 +64,14 @@ def _world(path: Path, index: int, entry: Any) -> World:
     try:
         if not isinstance(name, str) or not name:
             raise ValueError("has no name")
+        bodies = [_pillar(f"{name}_{i}", values) for i, values in enumerate(_list(entry, "cylinders"))]
+        bodies += [_box(f"{name}_box_{i}", values) for i, values in enumerate(_list(entry, "boxes"))]
         return World(
-            name,
-            tuple(_pillar(f"{name}_{i}", cylinder) for i, cylinder in enumerate(_list(entry, "cylinders"))),
-            _pose(entry, "start"),
-            tuple(_mover(i, mover) for i, mover in enumerate(entry.get("movers", []))),
+            name, tuple(bodies), _pose(entry, "start"),
+            tuple(_mover(i, mover) for i, mover in enumerate(_list(entry, "movers"))),
             _pose(entry, "goal") if "goal" in entry else None,
             _positive(entry, "goal_radius", 1.0), _positive(entry, "reference_path_length"), _positive(entry, "time_limit"),
+            tuple(f"'{key}' of world {name} is not understood" for key in entry if key not in KNOWN),
         )
     except (ValueError, TypeError) as error:
         raise ValueError(f"{where}: {error}") from error
@@ -67,14 +82,30 @@ def _pillar(name: str, values: Any) -> Body:
     return Body(name, Cylinder(radius, height), Frame.of(x, y, height / 2.0))
 
 
-def _mover(index: int, entry: Mapping[str, Any]) -> Mover:
-    radius, height = _positive(entry, "radius"), _positive(entry, "height")
-    if radius is None or height is None:
-        raise ValueError(f"mover {index} needs a radius and a height")
-    rows = np.array([_numbers(f"a waypoint of mover {index}", row, 3) for row in _list(entry, "waypoints")])
-    body = Body(f"mover_{index}", Cylinder(radius, height), Frame.of(0.0, 0.0, height / 2.0))
-    poses = np.column_stack((rows[:, 1:], np.zeros(len(rows)))) if len(rows) else np.empty((0, 3))
-    return Mover(body, rows[:, 0] if len(rows) else np.empty(0), poses, bool(entry.get("loop", True)))
+def _box(name: str, values: Any) -> Body:
+    x, y, yaw, length, width, height = _numbers("a box", values, 6)
+    return Body(name, Box((length, width, height)), Frame.of(x, y, height / 2.0, yaw=yaw))
+
+
+def _mover(index: int, entry: Any) -> Mover:
+    if not isinstance(entry, Mapping):
+        raise ValueError(f"mover {index} is {entry!r}; it must be an object")
+    shape: Shape
+    if "box" in entry:
+        length, width, height = _numbers(f"the box of mover {index}", entry["box"], 3)
+        shape = Box((length, width, height))
+    else:
+        radius, height = _positive(entry, "radius"), _positive(entry, "height")
+        if radius is None or height is None:
+            raise ValueError(f"mover {index} needs a radius and a height, or a box")
+        shape = Cylinder(radius, height)
+    waypoints = _list(entry, "waypoints")
+    count = 4 if waypoints and isinstance(waypoints[0], list) and len(waypoints[0]) == 4 else 3
+    rows = np.zeros((len(waypoints), 4))
+    rows[:, :count] = [_numbers(f"a waypoint of mover {index}", row, count) for row in waypoints] or np.empty((0, count))
+    name = str(entry.get("name", f"mover_{index}"))
+    body = Body(name, shape, Frame.of(0.0, 0.0, height / 2.0), colour=ORANGE)
+    return Mover(body, rows[:, 0], rows[:, 1:], bool(entry.get("loop", True)))
 
 
 def _pose(entry: Mapping[str, Any], name: str) -> Pose2D:
@@ -82,7 +113,7 @@ def _pose(entry: Mapping[str, Any], name: str) -> Pose2D:
 
 
 def _list(entry: Mapping[str, Any], name: str) -> List[Any]:
-    values = entry.get(name)
+    values = entry.get(name, [])
     if not isinstance(values, list):
         raise ValueError(f"{name} is {values!r}; it must be a list")
     return values

@@ -1,0 +1,158 @@
+"""Mesh files as triangles: STL, Wavefront OBJ and COLLADA, as far as walls and furniture need them."""
+
+from __future__ import annotations
+
+import os
+import struct
+from typing import Callable, Dict, List, Optional
+from xml.etree import ElementTree
+
+import numpy as np
+
+from mbf_relay.simulation.frames import Frame
+
+UPRIGHT: Dict[str, np.ndarray] = {
+    "X_UP": np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
+    "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "Z_UP": np.eye(3),
+}
+"""Rotations that bring COLLADA's upward axes to z."""
+
+
+def read_mesh(path: str) -> np.ndarray:
+    """Return the triangles of a mesh file, shape (N, 3, 3) in metres.
+
+    Raises:
+        ValueError: The file is malformed, empty, or of a kind not understood; the text names it.
+        OSError: It cannot be opened.
+    """
+    reader = READERS.get(os.path.splitext(path)[1].lower())
+    if reader is None:
+        raise ValueError(f"mesh {path} cannot be read: only {', '.join(sorted(READERS))} are understood")
+    try:
+        triangles = reader(path)
+    except (ValueError, KeyError, IndexError, AttributeError, TypeError, struct.error, ElementTree.ParseError) as error:
+        raise ValueError(f"mesh {path} is malformed: {error}") from error
+    if not len(triangles) or not np.isfinite(triangles).all():
+        raise ValueError(f"mesh {path} has no triangles, or corners that are not finite")
+    return triangles
+
+
+def _read_stl(path: str) -> np.ndarray:
+    with open(path, "rb") as file:
+        content = file.read()
+    count = struct.unpack_from("<I", content, 80)[0] if len(content) >= 84 else -1
+    if len(content) == 84 + 50 * count:
+        record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+        return np.frombuffer(content, record, count, 84)["corners"].astype(float)
+    words = [line.split()[1:4] for line in content.decode("utf-8", "replace").splitlines() if line.split()[:1] == ["vertex"]]
+    return np.array(words, dtype=float).reshape(-1, 3, 3)
+
+
+def _read_obj(path: str) -> np.ndarray:
+    corners: List[List[float]] = []
+    faces: List[List[int]] = []
+    with open(path, encoding="utf-8", errors="replace") as file:
+        for line in file:
+            words = line.split()
+            if words[:1] == ["v"]:
+                corners.append([float(word) for word in words[1:4]])
+            elif words[:1] == ["f"]:
+                polygon = [int(word.split("/")[0]) for word in words[1:]]
+                polygon = [index - 1 if index > 0 else len(corners) + index for index in polygon]
+                faces.extend([polygon[0], b, c] for b, c in zip(polygon[1:], polygon[2:]))
+    return np.array(corners, dtype=float).reshape(-1, 3)[np.array(faces, dtype=int).reshape(-1, 3)]
+
+
+def _read_collada(path: str) -> np.ndarray:
+    """Return the triangles of the visual scene of a COLLADA file, in metres and with z upwards."""
+    root = ElementTree.parse(path).getroot()
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]
+    geometries = {g.get("id"): _collada_geometry(g) for g in root.iter("geometry")}
+    nodes = {node.get("id"): node for node in root.iter("node") if node.get("id")}
+    found: List[np.ndarray] = []
+    for scene in root.iter("visual_scene"):
+        for node in scene.findall("node"):
+            _collada_node(node, np.eye(4), geometries, nodes, found)
+    if not found:
+        found = list(geometries.values())
+    triangles = np.concatenate(found)
+    unit = root.find("asset/unit")
+    if unit is not None:
+        triangles = triangles * float(unit.get("meter", "1"))
+    up = root.findtext("asset/up_axis", "Y_UP").strip()
+    return triangles @ UPRIGHT[up].T
+
+
+def _collada_node(
+    node: ElementTree.Element, parent: np.ndarray, geometries: Dict[Optional[str], np.ndarray],
+    nodes: Dict[Optional[str], ElementTree.Element], found: List[np.ndarray],
+) -> None:
+    """Collect the triangles of a node and all below it, taken to the scene's frame."""
+    transform = parent
+    for element in node:
+        if element.tag == "instance_geometry":
+            triangles = geometries[element.get("url", "").lstrip("#")]
+            found.append(triangles @ transform[:3, :3].T + transform[:3, 3])
+        elif element.tag == "instance_node":
+            _collada_node(nodes[element.get("url", "").lstrip("#")], transform, geometries, nodes, found)
+        elif element.tag == "node":
+            _collada_node(element, transform, geometries, nodes, found)
+        elif element.tag in ("matrix", "translate", "rotate", "scale"):
+            transform = transform @ _collada_transform(element)
+
+
+def _collada_transform(element: ElementTree.Element) -> np.ndarray:
+    values = np.array((element.text or "").split(), dtype=float)
+    transform = np.eye(4)
+    if element.tag == "matrix":
+        transform = values.reshape(4, 4)
+    elif element.tag == "translate":
+        transform[:3, 3] = values
+    elif element.tag == "scale":
+        transform[:3, :3] = np.diag(values)
+    else:
+        half = np.radians(values[3]) / 2.0
+        axis = values[:3] / np.linalg.norm(values[:3])
+        transform[:3, :3] = Frame.from_quaternion((0.0, 0.0, 0.0), (*np.sin(half) * axis, np.cos(half))).rotation
+    return transform
+
+
+def _collada_geometry(geometry: ElementTree.Element) -> np.ndarray:
+    """Return the triangles of a geometry, shape (N, 3, 3), in its own units."""
+    mesh = geometry.find("mesh")
+    if mesh is None:
+        return np.empty((0, 3, 3))
+    arrays = {
+        source.get("id"): np.array((source.findtext("float_array") or "").split(), dtype=float)
+        for source in mesh.findall("source")
+    }
+    positions = {
+        vertices.get("id"): arrays[vertices.find("input[@semantic='POSITION']").get("source").lstrip("#")].reshape(-1, 3)
+        for vertices in mesh.findall("vertices")
+    }
+    parts = [
+        _collada_faces(group, positions) for kind in ("triangles", "polylist", "polygons") for group in mesh.findall(kind)
+    ]
+    return np.concatenate(parts) if parts else np.empty((0, 3, 3))
+
+
+def _collada_faces(group: ElementTree.Element, positions: Dict[Optional[str], np.ndarray]) -> np.ndarray:
+    """Return the triangles of one group of faces; polygons are taken for convex."""
+    inputs = group.findall("input")
+    vertex = next(i for i in inputs if i.get("semantic") == "VERTEX")
+    corners = positions[vertex.get("source", "").lstrip("#")]
+    stride = 1 + max(int(i.get("offset", "0")) for i in inputs)
+    offset = int(vertex.get("offset", "0"))
+    lists = [np.array((p.text or "").split(), dtype=int)[offset::stride] for p in group.findall("p")]
+    if group.tag == "triangles":
+        return corners[np.concatenate(lists).reshape(-1, 3)] if lists else np.empty((0, 3, 3))
+    if group.tag == "polylist":
+        counts = np.array((group.findtext("vcount") or "").split(), dtype=int)
+        lists = np.split(np.concatenate(lists), np.cumsum(counts)[:-1])
+    fans = [[polygon[0], b, c] for polygon in lists for b, c in zip(polygon[1:], polygon[2:])]
+    return corners[np.array(fans, dtype=int).reshape(-1, 3)]
+
+
+READERS: Dict[str, Callable[[str], np.ndarray]] = {".stl": _read_stl, ".obj": _read_obj, ".dae": _read_collada}

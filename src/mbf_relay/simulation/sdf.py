@@ -1,0 +1,245 @@
+"""SDF and Gazebo `.world` files: what of them a robot can bump into or see.
+
+Read are models and links with their poses (also `relative_to` a frame, link or model beside them), includes, the models'
+poses of a saved `<state>`, and the collision geometries box, cylinder, sphere, plane and mesh. What is not understood is
+named in one warning each and left out.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Dict, List, Optional, Tuple
+from xml.etree import ElementTree
+
+import numpy as np
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.simulation.frames import Frame
+from mbf_relay.simulation.mesh_files import read_mesh
+from mbf_relay.simulation.resources import MissingResource, find_resource, model_file
+from mbf_relay.simulation.shapes import Body, Box, Cylinder, Mesh, Shape, Sphere
+from mbf_relay.simulation.world import World
+
+Element = ElementTree.Element
+
+ROBOTS = ("turtlebot3", "burger", "waffle")
+"""Beginnings of the names of models that are the robot itself in Gazebo's tutorials' worlds; the burger here is ours."""
+PASSED_OVER = {
+    "physics", "light", "scene", "gui", "gravity", "magnetic_field", "atmosphere", "audio", "wind", "spherical_coordinates",
+    "state", "plugin", "pose", "frame", "name", "static", "self_collide", "enable_wind", "allow_auto_disable", "link",
+    "model", "include", "joint", "visual", "inertial", "sensor", "collision", "uri", "road", "gripper", "kinematic", "velocity_decay",
+    "must_be_base_link", "mass", "inertia", "material_name", "projector", "battery", "audio_source", "audio_sink",
+}
+"""Elements that are read elsewhere or say nothing about what can be bumped into."""
+FLAT = 0.999
+
+
+def read_sdf(path: str) -> World:
+    """Return the world of an SDF or Gazebo world file; a file with models alone is a world of them.
+
+    Raises:
+        ValueError: The file is malformed or refers to a file that is missing; the text names both.
+        OSError: The file cannot be opened.
+    """
+    reader = SdfReader(path)
+    return reader.world()
+
+
+class SdfReader:
+    """Reads one file and what it includes."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self._bodies: List[Body] = []
+        self._warnings: Dict[str, None] = {}
+        self._depth = 0
+
+    def world(self) -> World:
+        """Return the world; errors as for `read_sdf`."""
+        root = self._parse(self._path)
+        worlds = root.findall("world")
+        if len(worlds) > 1:
+            self._warn(f"{len(worlds)} worlds in one file: only the first is taken")
+        top = worlds[0] if worlds else root
+        if not worlds and not root.findall("model"):
+            raise ValueError(f"world file {self._path} holds neither a <world> nor a <model>")
+        saved = {m.get("name", ""): _pose(m) for m in top.findall("state/model") if m.find("pose") is not None}
+        self._children(top, Frame.of(0.0, 0.0), os.path.dirname(os.path.abspath(self._path)), saved, "")
+        name = top.get("name") or os.path.splitext(os.path.basename(self._path))[0]
+        return World(name, tuple(self._bodies), Pose2D(0.0, 0.0, 0.0), warnings=tuple(self._warnings))
+
+    def _parse(self, path: str) -> Element:
+        try:
+            root = ElementTree.parse(path).getroot()
+        except ElementTree.ParseError as error:
+            raise ValueError(f"world file {path} is no XML: {error}") from error
+        if root.tag not in ("sdf", "gazebo"):
+            raise ValueError(f"world file {path} is no SDF: it begins with <{root.tag}>")
+        return root
+
+    def _warn(self, text: str) -> None:
+        self._warnings[text] = None
+
+    def _children(
+        self, parent: Element, frame: Frame, folder: str, saved: Dict[str, Frame], prefix: str
+    ) -> None:
+        """Read models and includes of a world or a model."""
+        frames = _Frames(parent, frame)
+        for child in parent:
+            if child.tag == "model":
+                place = saved.get(child.get("name", "")) if not prefix else None
+                self._model(child, place or self._placed(child, frames), folder, prefix, False)
+            elif child.tag == "include":
+                self._include(child, frames, folder, saved, prefix)
+            elif child.tag not in PASSED_OVER:
+                self._warn(f"<{child.tag}> is not understood")
+
+    def _placed(self, element: Element, frames: "_Frames") -> Frame:
+        """Return the pose of an element, in the world."""
+        try:
+            return frames.placed(element)
+        except KeyError as error:
+            self._warn(f"pose of '{element.get('name', element.tag)}' is relative to {error}, which is not known; it is taken as relative to its parent")
+            return frames.parent.compose(_pose(element))
+
+    def _include(
+        self, include: Element, frames: "_Frames", folder: str, saved: Dict[str, Frame], prefix: str
+    ) -> None:
+        uri = (include.findtext("uri") or "").strip()
+        try:
+            found = find_resource(uri, folder)
+            file = model_file(found) if os.path.isdir(found) else found
+        except MissingResource as error:
+            raise ValueError(f"world file {self._path}: {error}") from error
+        name = (include.findtext("name") or "").strip()
+        static = (include.findtext("static") or "").strip().lower() in ("1", "true")
+        self._depth += 1
+        if self._depth > 30:
+            raise ValueError(f"world file {self._path}: '{uri}' includes itself")
+        for model in self._parse(file).findall("model"):
+            name = name or model.get("name", "model")
+            place = saved.get(name) if not prefix else None
+            if place is None:
+                # The pose of the include stands in for the model's own.
+                place = self._placed(include if include.find("pose") is not None else model, frames)
+            model.set("name", name)
+            self._model(model, place, os.path.dirname(os.path.abspath(file)), prefix, static)
+        self._depth -= 1
+
+    def _model(self, model: Element, frame: Frame, folder: str, prefix: str, static: bool) -> None:
+        name = prefix + model.get("name", "model")
+        if not prefix and model.get("name", "").lower().startswith(ROBOTS) and model.find("joint") is not None:
+            self._warn(f"model '{name}' is a robot; it is left out, for the simulator brings its own")
+            return
+        static = static or (model.findtext("static") or "").strip().lower() in ("1", "true")
+        links = model.findall("link")
+        loose = not static and len(links) == 1 and not model.findall("joint") and not model.findall("model")
+        if not static and not loose and links:
+            self._warn(f"model '{name}' has several links; it stands still, for joints are not simulated")
+        frames = _Frames(model, frame)
+        for link in links:
+            self._link(link, self._placed(link, frames), folder, f"{name}/{link.get('name', 'link')}", loose, name)
+        self._children(model, frame, folder, {}, name + "/")
+
+    def _link(self, link: Element, frame: Frame, folder: str, path: str, loose: bool, name: str) -> None:
+        frames = _Frames(link, frame)
+        collisions = link.findall("collision")
+        solids: List[Tuple[Frame, Shape]] = []
+        for collision in collisions:
+            shape = self._geometry(collision.find("geometry"), self._placed(collision, frames), folder, name)
+            if shape is not None:
+                solids.append((self._placed(collision, frames), shape))
+        mass = 0.0
+        if loose and solids:
+            mass = float(link.findtext("inertial/mass") or 1.0)
+            if len(solids) > 1:
+                self._warn(f"model '{name}' has several collisions in one link; it stands still")
+                mass = 0.0
+        for index, (place, shape) in enumerate(solids):
+            own = name if len(solids) == 1 else f"{path}/{collisions[index].get('name', index)}"
+            self._bodies.append(Body(own, shape, place, mass))
+
+    def _geometry(self, geometry: Optional[Element], frame: Frame, folder: str, name: str) -> Optional[Shape]:
+        """Return a collision's shape, None for the ground and for what is not understood."""
+        element = next((child for child in geometry if child.tag != "empty"), None) if geometry is not None else None
+        if element is None:
+            return None
+        try:
+            if element.tag == "box":
+                return Box(tuple(_numbers(element.findtext("size"), 3)))
+            if element.tag == "cylinder":
+                return Cylinder(_number(element, "radius"), _number(element, "length"))
+            if element.tag == "sphere":
+                return Sphere(_number(element, "radius"))
+            if element.tag == "mesh":
+                return self._mesh(element, folder, name)
+        except ValueError as error:
+            raise ValueError(f"world file {self._path}, model '{name}': {error}") from error
+        if element.tag == "plane":
+            normal = frame.rotation @ _numbers(element.findtext("normal") or "0 0 1", 3)
+            if normal[2] < FLAT * np.linalg.norm(normal) or abs(frame.position[2]) > 1e-3:
+                self._warn(f"<plane> of model '{name}' is not the ground at height 0; it is left out")
+            return None
+        self._warn(f"<{element.tag}> of model '{name}' is not understood; it is left out")
+        return None
+
+    def _mesh(self, element: Element, folder: str, name: str) -> Mesh:
+        if element.find("submesh") is not None:
+            self._warn(f"<submesh> of model '{name}' is not understood; the whole mesh is taken")
+        path = find_resource((element.findtext("uri") or "").strip(), folder)
+        return Mesh(read_mesh(path) * _numbers(element.findtext("scale") or "1 1 1", 3))
+
+
+class _Frames:
+    """Poses of the named children of an element, in the world."""
+
+    def __init__(self, element: Element, parent: Frame) -> None:
+        self.parent = parent
+        self._named = {
+            child.get("name"): child for child in element if child.tag in ("link", "model", "frame", "joint") and child.get("name")
+        }
+
+    def placed(self, element: Element, depth: int = 0) -> Frame:
+        """Return the pose of a child, in the world.
+
+        Raises:
+            KeyError: It is relative to something that is not beside it.
+        """
+        pose = element.find("pose")
+        reference = pose.get("relative_to", pose.get("frame", "")) if pose is not None else ""
+        if not reference:
+            reference = element.get("attached_to", "")
+        if not reference or reference in ("__model__", "world"):
+            return self.parent.compose(_pose(element))
+        if depth > 50 or reference not in self._named:
+            raise KeyError(reference)
+        return self.placed(self._named[reference], depth + 1).compose(_pose(element))
+
+
+def _pose(element: Element) -> Frame:
+    """Return an element's own pose as it is written."""
+    pose = element.find("pose")
+    text = (pose.text or "").strip() if pose is not None else ""
+    if not text:
+        return Frame.of(0.0, 0.0)
+    if pose is not None and pose.get("rotation_format") == "quat_xyzw":
+        values = _numbers(text, 7)
+        return Frame.from_quaternion(values[:3], values[3:])
+    values = _numbers(text, 6)
+    if pose is not None and pose.get("degrees", "").lower() in ("1", "true"):
+        values[3:] = np.radians(values[3:])
+    return Frame.of(*values)
+
+
+def _number(element: Element, name: str) -> float:
+    return float(_numbers(element.findtext(name), 1)[0])
+
+
+def _numbers(text: Optional[str], count: int) -> np.ndarray:
+    try:
+        values = np.array((text or "").split(), dtype=float)
+    except ValueError:
+        values = np.empty(0)
+    if len(values) != count or not np.isfinite(values).all():
+        raise ValueError(f"'{(text or '').strip()}' must be {count} finite number{'s' if count > 1 else ''}")
+    return values
