@@ -52,9 +52,12 @@ def main(arguments: Optional[Sequence[str]] = None, clock: Callable[[], float] =
 
 
 def drive(job: Job) -> EpisodeResult:
-    """Drive one episode; in a worker process."""
+    """Drive one episode; in a worker process. What cannot be driven is a failed result that says why."""
     task, setup, seed = job
-    return Episode(task, setup, seed, clock=time.perf_counter).run()
+    try:
+        return Episode(task, setup, seed, clock=time.perf_counter).run()
+    except ValueError as error:
+        return failed(task.name, seed, str(error))
 
 
 def run(jobs: Sequence[Job], processes: int) -> List[EpisodeResult]:

@@ -9,19 +9,21 @@ from typing import Any, Dict, Iterable, List, Optional, Tuple
 
 from mbf_relay.control import CONTROLLERS
 from mbf_relay.control.controller import Controller
-from mbf_relay.costmap.costmap import CostmapParameters
-from mbf_relay.costmap.factory import layer_groups
-from mbf_relay.costmap.layer import Layer
 from mbf_relay.costmap import LAYERS
+from mbf_relay.costmap.costmap import CostmapParameters
+from mbf_relay.costmap.factory import build_costmap, layer_groups
+from mbf_relay.costmap.layer import Layer
 from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.node_parameters import AmclParameters
 from mbf_relay.lockstep.settings import Settings, change, flatten, load_settings
 from mbf_relay.lockstep.tasks import Task
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.planning import PLANNERS
 from mbf_relay.planning.planner import Planner
-from mbf_relay.plugins import find_class
+from mbf_relay.plugins import create, find_class
 from mbf_relay.recovery import RECOVERIES
 from mbf_relay.recovery.recovery import Recovery
+from mbf_relay.simulation.parameters import SimulationParameters
 
 AMCL, ODOMETRY, TRUTH = LOCALIZATIONS = ("amcl", "odometry", "truth")
 KNOWN, NONE = MAPS = ("known", "none")
@@ -79,18 +81,29 @@ def make_setup(
         settings = change(settings, changes, known_names(settings))
     for kind, name in (("controllers", controller), ("planners", planner)):
         _check_listed(settings[SERVER].get(kind, []), kind, name)
+    _check_values(settings)
     return Setup(settings, localization, prior_map, controller, planner)
+
+
+def _check_values(settings: Settings) -> None:
+    """Raise ValueError where a parameter has a wrong value, before any world is built."""
+    SimulationParameters.from_mapping(settings["simulator"])
+    AmclParameters.from_mapping(settings["amcl"])
+    server = settings[SERVER]
+    for name in ("global_costmap", "local_costmap"):
+        build_costmap(name, server.get(name, {}), server)
+    NavigatorParameters.from_mapping(server)
+    for kind, base, known in PLUGIN_LISTS:
+        for entry in server.get(kind, []):
+            create(entry["name"], entry["type"], server.get(entry["name"], {}), base, known)
 
 
 def known_names(settings: Settings) -> List[str]:
     """Return the full name of every parameter there is: what the files say, and what the parts declare beside it."""
-    from mbf_relay.localization.parameters import LocalizerParameters
-    from mbf_relay.simulation.parameters import SimulationParameters
-
     server = settings[SERVER]
     names = set(flatten(settings))
     names.update(f"simulator.{name}" for name in SimulationParameters.names())
-    names.update(f"amcl.{name}" for name in LocalizerParameters.names())
+    names.update(f"amcl.{name}" for name in AmclParameters.names())
     names.update(f"{SERVER}.{name}" for name in NavigatorParameters.names())
     for kind, base, known in PLUGIN_LISTS:
         for entry in server.get(kind, []):

@@ -1,0 +1,52 @@
+"""Small worlds that a robot crosses in seconds, and plugins that misbehave."""
+
+import json
+
+from mbf_relay.control.controller import Controller
+from mbf_relay.geometry import STOP
+
+FREE = {"name": "free", "cylinders": [[1.0, 0.6, 0.1, 0.5], [1.0, -0.6, 0.1, 0.5]], "start": [0.0, 0.0, 0.0],
+        "goal": [1.6, 0.1, 0.0], "goal_radius": 0.3, "reference_path_length": 1.6, "time_limit": 30.0}
+BENT = {**FREE, "name": "bent", "cylinders": [[0.8, 0.05, 0.15, 0.5]]}
+BLOCKED_START = {**FREE, "name": "blocked_start", "cylinders": [[0.05, 0.05, 0.1, 0.5]]}
+WALLED_IN = {
+    **FREE, "name": "walled_in", "time_limit": 4.0,
+    "cylinders": [[0.6 * x, 0.6 * y, 0.12, 0.5] for x, y in
+                  [(1, 0), (0.92, 0.38), (0.71, 0.71), (0.38, 0.92), (0, 1), (-0.38, 0.92), (-0.71, 0.71), (-0.92, 0.38),
+                   (-1, 0), (0.92, -0.38), (0.71, -0.71), (0.38, -0.92), (0, -1), (-0.38, -0.92), (-0.71, -0.71),
+                   (-0.92, -0.38)]],
+}
+RUN_OVER = {
+    **FREE, "name": "run_over", "cylinders": [],
+    "movers": [{"radius": 0.15, "height": 0.5, "waypoints": [[0.0, 2.5, 0.0], [4.0, -1.0, 0.0]], "loop": False}],
+}
+
+
+def write(path, *worlds):
+    """Write a worlds file and return its path as text."""
+    path.write_text(json.dumps({"worlds": list(worlds)}))
+    return str(path)
+
+
+class Throwing(Controller):
+    """A controller with a mistake in it."""
+
+    def set_path(self, path, is_new_goal):
+        pass
+
+    def compute_velocity(self, state):
+        if state.now > 2.0:
+            raise ZeroDivisionError("a plugin's mistake")
+        return STOP
+
+    def is_goal_reached(self, state, tolerance=None):
+        return False
+
+
+class Dying(Throwing):
+    """A controller that ends its process."""
+
+    def compute_velocity(self, state):
+        import os
+
+        os._exit(9)

@@ -1,0 +1,103 @@
+"""Whole drives: they succeed, repeat to the last bit, and end with a reason where they fail."""
+
+import dataclasses
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("pybullet")
+sys.path.insert(0, str(Path(__file__).parent))
+
+import small_worlds  # noqa: E402
+
+from mbf_relay.lockstep import batch  # noqa: E402
+from mbf_relay.lockstep.episode import Episode  # noqa: E402
+from mbf_relay.lockstep.settings import config_folder  # noqa: E402
+from mbf_relay.lockstep.setup import SERVER, make_setup  # noqa: E402
+from mbf_relay.lockstep.tasks import circle, load_tasks  # noqa: E402
+
+BLIND = make_setup(config_folder(), has_map=False)
+SEEING = make_setup(config_folder())
+
+
+def task(tmp_path, world):
+    return load_tasks(small_worlds.write(tmp_path / "worlds.json", world))[0]
+
+
+def with_controller(setup, name):
+    server = {**setup.settings[SERVER], "controllers": [{"name": "own", "type": f"small_worlds.{name}"}]}
+    return dataclasses.replace(setup, settings={**setup.settings, SERVER: server})
+
+
+def test_the_circle_is_driven_by_amcl():
+    result = Episode(circle(), SEEING, seed=1).run()
+    assert result.success, (result.outcome, result.message)
+    assert result.goals_reached == 8 and result.contacts == 0
+    assert 50.0 < result.time < 90.0 and 11.0 < result.path_length < 14.0
+    assert result.smallest_clearance > 0.05
+    assert 0.0 < result.localization_error_mean < 0.1
+    assert list(result.goal_times) == sorted(result.goal_times) and result.goal_times[-1] == result.time
+
+
+def test_a_world_without_a_map_is_crossed_on_odometry(tmp_path):
+    result = Episode(task(tmp_path, small_worlds.BENT), BLIND, seed=1).run()
+    assert result.success, (result.outcome, result.message)
+    assert result.score == 0.5
+    assert result.smallest_clearance > 0.0
+    assert result.final_error <= 0.3
+
+
+def test_equal_seeds_give_equal_drives_and_other_seeds_other_ones(tmp_path):
+    made = task(tmp_path, small_worlds.BENT)
+    first, second, other = (Episode(made, BLIND, seed).run() for seed in (4, 4, 5))
+    assert first.drive() == second.drive()
+    assert first.digest != other.digest
+
+
+def test_a_drive_does_not_depend_on_how_many_processes_there_are(tmp_path):
+    worlds = load_tasks(small_worlds.write(tmp_path / "worlds.json", small_worlds.BENT, small_worlds.FREE))
+    jobs = [(worlds[0], BLIND, 1), (worlds[1], BLIND, 1), (worlds[0], BLIND, 2)]
+    one, two = (batch.run(jobs, processes) for processes in (1, 2))
+    assert [result.drive() for result in one] == [result.drive() for result in two]
+    assert one[1].drive() == batch.drive(jobs[1]).drive()
+
+
+def test_truth_has_no_error_and_amcl_finds_its_way_in_a_drawn_map(tmp_path):
+    made = task(tmp_path, small_worlds.BENT)
+    truth = Episode(made, make_setup(config_folder(), "truth", "known"), 1).run()
+    assert truth.success and truth.localization_error_max < 1e-3
+    amcl = Episode(made, make_setup(config_folder(), "amcl", "known"), 1).run()
+    assert amcl.success and 0.0 < amcl.localization_error_mean < 0.15
+
+
+def test_a_start_inside_of_something_is_refused_by_name(tmp_path):
+    with pytest.raises(ValueError, match="world 'blocked_start' has no free start"):
+        Episode(task(tmp_path, small_worlds.BLOCKED_START), BLIND, 1)
+
+
+def test_time_runs_out_or_navigation_gives_up_where_there_is_no_way(tmp_path):
+    result = Episode(task(tmp_path, small_worlds.WALLED_IN), BLIND, 1).run()
+    assert not result.success and result.score == 0.0
+    assert result.contacts == 0 and result.smallest_clearance > 0.0
+    assert result.outcome == "TIMEOUT" and "goal 1 of 1" in result.message and result.time == pytest.approx(4.0, abs=0.2)
+
+
+def test_a_mover_that_runs_into_the_robot_is_a_contact(tmp_path):
+    result = Episode(task(tmp_path, small_worlds.RUN_OVER), BLIND, 1).run()
+    assert result.outcome == "CONTACT" and "mover_0" in result.message
+    assert result.contacts == 1 and result.smallest_clearance < 0.02
+
+
+def test_a_plugin_that_throws_ends_its_episode_with_its_words(tmp_path):
+    result = Episode(task(tmp_path, small_worlds.FREE), with_controller(BLIND, "Throwing"), 1).run()
+    assert not result.success
+    assert result.outcome == "INTERNAL_ERROR" and "a plugin's mistake" in result.message
+    assert result.trajectory
+
+
+def test_stages_are_timed_by_the_clock_given(tmp_path):
+    ticks = iter(range(10**9))
+    result = Episode(task(tmp_path, small_worlds.FREE), BLIND, 1, clock=lambda: float(next(ticks))).run()
+    assert {"simulation", "costmaps", "navigation", "planning", "control"} <= set(result.machine["stages"])
+    assert result.machine["wall"] >= sum(result.machine["stages"].values())
