@@ -74,7 +74,9 @@ class RViz:
         self.screen = screen
         self.scale = scale
         self.process = screen.start(["rviz", "-d", config, "__name:=rviz"], log)
-        self._view: Tuple[int, int, int, int] = wait_until(self._find_view, "the 3D view of RViz", 60.0)
+        self._name = os.path.basename(config)
+        self._view: Tuple[int, int, int, int] = (0, 0, 0, 0)
+        wait_until(self._has_settled, "the 3D view of RViz", 60.0, period=1.0)
 
     def drag(self, key: str, x: float, y: float, heading: float) -> None:
         """Take the tool with a shortcut key, press at a map position (m), drag towards `heading` (rad), release."""
@@ -92,13 +94,19 @@ class RViz:
         left, top, width, height = self._view
         return round(left + width / 2.0 + self.scale * x), round(top + height / 2.0 - self.scale * y)
 
-    def _find_view(self) -> object:
+    def _has_settled(self) -> bool:
+        # RViz shows itself before it has read its file and laid out its panels: the view counts once it stays put.
+        before, self._view = self._view, self._find_view()
+        return bool(self.screen.xdotool("search", "--name", self._name)) and self._view[2] > 0 and self._view == before
+
+    def _find_view(self) -> Tuple[int, int, int, int]:
         if self.process.poll() is not None:
             raise AssertionError(f"rviz ended with status {self.process.returncode} before it showed anything")
         # The renderer draws into a window of its own, without a name, inside the main window.
-        for window in self.screen.xdotool("search", "--name", "^$").split():
+        # Windows are listed from the outside in, so it is the last large one.
+        for window in reversed(self.screen.xdotool("search", "--name", "^$").split()):
             lines = self.screen.xdotool("getwindowgeometry", "--shell", window).split()
             box = dict(line.split("=", 1) for line in lines if "=" in line)
-            if int(box.get("WIDTH", 0)) > 500 and int(box.get("HEIGHT", 0)) > 500:
-                return tuple(int(box[key]) for key in ("X", "Y", "WIDTH", "HEIGHT"))
-        return None
+            if 500 < int(box.get("WIDTH", 0)) < WIDTH and int(box.get("HEIGHT", 0)) > 500:
+                return int(box["X"]), int(box["Y"]), int(box["WIDTH"]), int(box["HEIGHT"])
+        return 0, 0, 0, 0
