@@ -86,6 +86,7 @@ class Costmap:
         self._costs = np.zeros((0, 0), dtype=np.uint8)
         self._default = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
         self._last_update: Optional[float] = None
+        self._updates = 0
         self._copy: Optional[np.ndarray] = None  # of the costs, made when somebody asks
         self._history: Deque[Tuple[int, Window]] = deque(maxlen=HISTORY)
         for layer in self.layers:
@@ -113,6 +114,16 @@ class Costmap:
         """The padded outline in the base frame, shape (K, 2) in metres."""
         return self._footprint
 
+    @property
+    def updates(self) -> int:
+        """How often it was updated."""
+        return self._updates
+
+    @property
+    def outline(self) -> np.ndarray:
+        """The outline without padding in the base frame, shape (K, 2) in metres."""
+        return self._outline
+
     def layer(self, name: str) -> Optional[Layer]:
         """Return the layer of that name, or None."""
         return next((layer for layer in self.layers if layer.name == name), None)
@@ -125,6 +136,7 @@ class Costmap:
         """
         corners = footprints.parse_footprint(np.asarray(outline, dtype=float))
         with self._lock:
+            self._outline = corners
             self._footprint = footprints.padded(corners, self.parameters.footprint_padding)
             self._inscribed_radius, self._circumscribed_radius = footprints.radii(self._footprint)
             for layer in self.layers:
@@ -217,6 +229,7 @@ class Costmap:
             if not window.is_empty:
                 self._redo(window, active)
             self._last_update = now
+            self._updates += 1
 
     def _redo(self, window: Window, layers: Sequence[Layer]) -> None:
         before = self._costs[window.slices].copy()

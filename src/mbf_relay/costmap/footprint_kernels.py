@@ -160,3 +160,47 @@ def polygon_cells(width, height, columns, rows, cells):
             cells[count, 1] = lowest + line
             count += 1
     return count
+
+
+@kernel("void(uint8[:,::1], float64, float64, float64, float64[:,::1], float64[:,::1], int64[:,::1])")
+def covered_costs(costs, origin_x, origin_y, resolution, footprint, poses, result):
+    """Count what a filled convex footprint covers at each pose.
+
+    Args:
+        costs: Shape (height, width).
+        origin_x, origin_y, resolution: Where the cells lie (m).
+        footprint: Corners in the base frame, shape (K, 2); fewer than three stand for the base's own cell.
+        poses: Shape (N, 3), x, y, theta in the grid's frame.
+        result: Shape (N, 5), filled with: 1 where a corner lies outside the grid (the rest is 0 then), and the number of
+            lethal, of inscribed and of unknown cells, and the sum of all other cells' costs.
+    """
+    height, width = costs.shape
+    corners = max(footprint.shape[0], 1)
+    columns, rows = np.empty(corners, np.int64), np.empty(corners, np.int64)
+    for index in range(poses.shape[0]):
+        x, y, theta = poses[index, 0], poses[index, 1], poses[index, 2]
+        cos, sin = math.cos(theta), math.sin(theta)
+        result[index, :] = 0
+        columns[0] = int(math.floor((x - origin_x) / resolution))
+        rows[0] = int(math.floor((y - origin_y) / resolution))
+        if footprint.shape[0] >= 3:
+            for corner in range(corners):
+                columns[corner] = int(
+                    math.floor((x + cos * footprint[corner, 0] - sin * footprint[corner, 1] - origin_x) / resolution))
+                rows[corner] = int(
+                    math.floor((y + sin * footprint[corner, 0] + cos * footprint[corner, 1] - origin_y) / resolution))
+        low_column, high_column, low_row, high_row = columns.min(), columns.max(), rows.min(), rows.max()
+        if low_column < 0 or high_column >= width or low_row < 0 or high_row >= height:
+            result[index, 0] = 1
+            continue
+        cells = np.empty(((high_column - low_column + 1) * (high_row - low_row + 1), 2), np.int32)
+        for cell in range(polygon_cells(width, height, columns, rows, cells)):
+            cost = costs[cells[cell, 1], cells[cell, 0]]
+            if cost == _LETHAL:
+                result[index, 1] += 1
+            elif cost == _INSCRIBED:
+                result[index, 2] += 1
+            elif cost == _NO_INFORMATION:
+                result[index, 3] += 1
+            else:
+                result[index, 4] += cost

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from typing import Any, Mapping
 
 from mbf_relay.navigation.parameters import NavigatorParameters
@@ -10,7 +11,7 @@ from mbf_relay.navigation.timing import Stopwatch
 
 
 class CostmapRest:
-    """Lets costmaps rest some time after the last goal and wakes them at the next one; used by the stepping thread.
+    """Lets costmaps rest some time after the last goal or request, and wakes them at the next one.
 
     Args:
         nodes: The costmaps' nodes.
@@ -19,33 +20,37 @@ class CostmapRest:
 
     def __init__(self, nodes: Mapping[str, Any], clear: bool) -> None:
         self._nodes, self._clear = nodes, clear
+        self._lock = threading.Lock()  # guards the two below; the costmaps' own locks are taken inside it
         self._resting = False
         self._idle_since = Stopwatch()
 
     def attend(self, now: float, idle: bool, parameters: NavigatorParameters) -> float:
         """Look whether to rest or to wake; returns the time (s) to look again."""
         if not idle or not parameters.shutdown_costmaps:
-            self._idle_since.reset()
             self.wake()
             return math.inf
-        if self._resting:
+        with self._lock:
+            if self._resting:
+                return math.inf
+            if not self._idle_since.running:
+                self._idle_since.start(now)
+            left = parameters.shutdown_costmaps_delay - self._idle_since.elapsed(now)
+            if left > 0.0:
+                return now + left
+            self._resting = True
+            for node in self._nodes.values():
+                node.rest()
+                if self._clear:
+                    node.costmap.clear()
             return math.inf
-        if not self._idle_since.running:
-            self._idle_since.start(now)
-        left = parameters.shutdown_costmaps_delay - self._idle_since.elapsed(now)
-        if left > 0.0:
-            return now + left
-        self._resting = True
-        for node in self._nodes.values():
-            node.rest()
-            if self._clear:
-                node.costmap.clear()
-        return math.inf
 
-    def wake(self) -> None:
-        """Let the costmaps work."""
-        if self._resting:
-            self._resting = False
+    def wake(self) -> bool:
+        """Let the costmaps work; tell whether they rested."""
+        with self._lock:
             self._idle_since.reset()
+            if not self._resting:
+                return False
+            self._resting = False
             for node in self._nodes.values():
                 node.resume()
+            return True

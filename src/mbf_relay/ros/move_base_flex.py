@@ -7,10 +7,8 @@ import threading
 from typing import Any, Dict, Mapping
 
 import rospy
-from geometry_msgs.msg import PoseStamped
 
 from mbf_relay.geometry import STOP
-from mbf_relay.navigation.goals import FramedPose
 from mbf_relay.navigation.navigator import Navigator
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.registry import Registry
@@ -18,11 +16,12 @@ from mbf_relay.navigation.worker import ThreadWorker
 from mbf_relay.ros import parameters as ros_parameters
 from mbf_relay.ros import reconfigure
 from mbf_relay.ros.controller_topics import serve_controllers
-from mbf_relay.ros.conversions import pose_stamped
 from mbf_relay.ros.costmap_rest import CostmapRest
+from mbf_relay.ros.costmap_services import CostmapServices
 from mbf_relay.ros.costmaps import CostmapNode
 from mbf_relay.ros.diagnostics import ERROR, OK, Diagnostics, RateMeter, Report
 from mbf_relay.ros.navigation_actions import make_actions
+from mbf_relay.ros.navigation_topics import NavigationTopics
 from mbf_relay.ros.planner_topics import PlannerTopics
 from mbf_relay.ros.robot import RosRobot
 from mbf_relay.ros.stepper import Stepper
@@ -58,19 +57,17 @@ class MoveBaseFlex:
             parameters.odom_timeout,
         )
         self._stepper = Stepper(self._step)
-        self.navigator = Navigator(config, self.robot, costmaps, ThreadWorker(self._stepper.wake))
+        worker = ThreadWorker(self._stepper.wake)
+        self.navigator = Navigator(config, self.robot, costmaps, worker)
         for registry in (self.navigator.planners, self.navigator.controllers, self.navigator.recoveries):
             _log_plugins(registry)
-        self.navigator.plan_watcher = PlannerTopics(self.navigator.planners.names).publish
-        self._goal_topics = {
-            "planner": rospy.Publisher("~planner_goal", PoseStamped, queue_size=1),
-            "controller": rospy.Publisher("~controller_goal", PoseStamped, queue_size=1),
-        }
-        self._current_goal = rospy.Publisher("~current_goal", PoseStamped, queue_size=1)
+        self._topics = NavigationTopics(self.navigator)
+        planner_topics = PlannerTopics(self.navigator.planners.names)
+        self.navigator.plan_watcher = lambda name, path: worker.start(lambda: planner_topics.publish(name, path))
         self._actions = make_actions(self.navigator)
         for action in self._actions:
-            action.wake, action.robot_frame = self._stepper.wake, parameters.robot_frame
-        self._costmap_nodes = costmap_nodes
+            action.wake, action.worker, action.robot_frame = self._stepper.wake, worker, parameters.robot_frame
+        self._costmap_nodes, self._transforms = costmap_nodes, transforms
         self._rest = CostmapRest(costmap_nodes, parameters.clear_on_shutdown)
         self._trouble = ""
         self._steps = RateMeter()
@@ -83,6 +80,10 @@ class MoveBaseFlex:
         self._controllers = serve_controllers(self.navigator.controllers)
         for node in self._costmap_nodes.values():
             node.start()
+        if self._costmap_nodes:
+            self._services = CostmapServices(
+                self._costmap_nodes, self._transforms, self.navigator.parameters.robot_frame, self._ask_costmaps
+            )
         self._stepper.start()
         for action in self._actions:
             action.start()
@@ -107,8 +108,7 @@ class MoveBaseFlex:
             for action in self._actions:
                 action.take_up()
             self.navigator.update(now)
-            for kind, goal in self.navigator.take_announced():
-                self._announce(kind, goal)
+            self._topics.publish(now)
             for action in self._actions:
                 action.report()
             self._steps.tick(now)
@@ -126,10 +126,10 @@ class MoveBaseFlex:
             action.abort_all("INTERNAL_ERROR", f"Internal error: {self._trouble}")
         return math.inf
 
-    def _announce(self, kind: str, goal: FramedPose) -> None:
-        message = pose_stamped(goal.pose, goal.frame, rospy.get_rostime())
-        self._goal_topics[kind].publish(message)
-        self._current_goal.publish(message)
+    def _ask_costmaps(self) -> bool:
+        rested = self._rest.wake()
+        self._stepper.wake()  # so that it looks again when they may rest
+        return rested
 
     def _report(self) -> Report:
         values: Dict[str, object] = {"steps [Hz]": f"{self._steps.rate():.1f}", "idle": self.navigator.idle}

@@ -16,16 +16,17 @@ from mbf_msgs.msg import (
 from mbf_relay.navigation.goals import NavigateOutcome
 from mbf_relay.navigation.navigator import Navigator
 from mbf_relay.navigation.task import Ending, Task
+from mbf_relay.navigation.worker import InlineWorker, Job, Worker
 from mbf_relay.outcomes import ControlOutcome, NavigationError, PlanOutcome, RecoveryOutcome
 from mbf_relay.ros import navigation_messages as messages
 from mbf_relay.ros.action_server import ActionServer
 
 
 class Request:
-    """A goal handle, and once it was taken up, its task."""
+    """A goal handle, its goal being read, and once it was taken up, its task."""
 
-    def __init__(self, handle: Any) -> None:
-        self.handle = handle
+    def __init__(self, handle: Any, reading: Job) -> None:
+        self.handle, self.reading = handle, reading
         self.cancelled = False
         self.task: "Optional[Task[Any]]" = None
 
@@ -38,18 +39,22 @@ class Action:
         action_type: Generated message class.
         result_type: Generated class of its result.
         outcomes: The enumeration of its outcomes.
-        begin: Converts a goal message and hands it to the navigator; raises NavigationError for nonsense.
+        read: Converts a goal message; raises NavigationError for nonsense. Runs on the worker, as a long path takes
+            its time.
+        begin: Hands the goal to the navigator.
         result: Converts a task's result, given a stamp.
         feedback: Converts feedback, given stamp and robot frame; None where the action has none.
     """
 
     def __init__(
-        self, name: str, action_type: Any, result_type: Any, outcomes: Type[Enum], begin: Callable[[Any], "Task[Any]"],
-        result: Callable[[Any, Any], Any], feedback: Optional[Callable[[Any, Any, str], Any]] = None,
+        self, name: str, action_type: Any, result_type: Any, outcomes: Type[Enum], read: Callable[[Any], Any],
+        begin: Callable[[Any], "Task[Any]"], result: Callable[[Any, Any], Any],
+        feedback: Optional[Callable[[Any, Any, str], Any]] = None,
     ) -> None:
-        self.name, self._begin_goal, self._result, self._feedback = name, begin, result, feedback
+        self.name, self._read, self._begin_goal, self._result, self._feedback = name, read, begin, result, feedback
         self._result_type, self._outcomes = result_type, outcomes
         self.wake: Callable[[], None] = lambda: None
+        self.worker: Worker = InlineWorker()
         self.robot_frame = ""
         self._lock = threading.Lock()  # guards the two below; nothing else is taken while it is held
         self._inbox: Deque[Request] = collections.deque()
@@ -64,7 +69,8 @@ class Action:
     # callbacks: they note what was asked and wake the stepper
 
     def _on_goal(self, handle: Any) -> None:
-        request = Request(handle)
+        goal = handle.get_goal()
+        request = Request(handle, self.worker.start(lambda: self._read(goal)))
         with self._lock:
             self._requests[handle.get_goal_id().id] = request
             self._inbox.append(request)
@@ -84,9 +90,10 @@ class Action:
 
     def take_up(self) -> None:
         """Begin what was asked for since the last call, in the order it came."""
+        taken: List[Request] = []
         with self._lock:
-            taken = list(self._inbox)
-            self._inbox.clear()
+            while self._inbox and (self._inbox[0].reading.done or self._inbox[0].cancelled):
+                taken.append(self._inbox.popleft())
         for request in taken:
             self._begin(request)
 
@@ -121,11 +128,17 @@ class Action:
             self._end(request, Ending.CANCELED, result)
             return
         try:
-            task = self._begin_goal(request.handle.get_goal())
+            goal = request.reading.result()
         except NavigationError as error:
             request.handle.set_accepted()
             self._end(request, Ending.ABORTED, self._failure(error.outcome, error.message))
             return
+        except Exception as error:  # a goal nobody foresaw ends alone
+            request.handle.set_accepted()
+            text = f"the goal could not be read: {type(error).__name__}: {error}"
+            self._end(request, Ending.ABORTED, self._failure(self._outcomes["INTERNAL_ERROR"], text))
+            return
+        task = self._begin_goal(goal)
         if task.ending is not Ending.REJECTED:
             request.handle.set_accepted()
         with self._lock:
@@ -155,19 +168,18 @@ def make_actions(navigator: Navigator) -> List[Action]:
     return [
         Action(
             "get_path", GetPathAction, GetPathResult, PlanOutcome,
-            lambda goal: navigator.get_path(messages.plan_goal(goal)), messages.plan_result,
+            messages.plan_goal, navigator.get_path, messages.plan_result,
         ),
         Action(
             "exe_path", ExePathAction, ExePathResult, ControlOutcome,
-            lambda goal: navigator.exe_path(messages.follow_goal(goal)), messages.follow_result, messages.follow_feedback,
+            messages.follow_goal, navigator.exe_path, messages.follow_result, messages.follow_feedback,
         ),
         Action(
             "recovery", RecoveryAction, RecoveryResult, RecoveryOutcome,
-            lambda goal: navigator.recovery(messages.recover_goal(goal)), messages.recover_result,
+            messages.recover_goal, navigator.recovery, messages.recover_result,
         ),
         Action(
             "move_base", MoveBaseAction, MoveBaseResult, NavigateOutcome,
-            lambda goal: navigator.move_base(messages.navigate_goal(goal)), messages.navigate_result,
-            messages.navigate_feedback,
+            messages.navigate_goal, navigator.move_base, messages.navigate_result, messages.navigate_feedback,
         ),
     ]

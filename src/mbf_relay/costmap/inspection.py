@@ -1,0 +1,210 @@
+"""Is this pose free? What the server's check and search services ask of a costmap, as mbf_costmap_nav answers it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Dict, Iterator, List, NamedTuple, Tuple
+
+import numpy as np
+
+from mbf_relay.costmap import footprint_kernels
+from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION, CostGrid
+from mbf_relay.geometry import Pose2D, normalize_angle
+
+ANGLE_STEP = math.radians(5.0)
+"""Largest turn between two headings tried in a search."""
+
+POINT = np.zeros((0, 2))
+"""The outline that covers the robot's own cell alone."""
+
+BATCH = 64
+"""Cells looked at together in a search."""
+
+
+class State(IntEnum):
+    """What lies under a robot, the worse the higher; numbers as in mbf_msgs' services, the same in all its versions."""
+
+    FREE = 0
+    INSCRIBED = 1
+    LETHAL = 2
+    UNKNOWN = 3
+    OUTSIDE = 4
+
+
+@dataclass(frozen=True)
+class Multipliers:
+    """What cells of a kind count for; 0 stands for 1."""
+
+    lethal: float = 1.0
+    inscribed: float = 1.0
+    unknown: float = 1.0
+
+
+class Verdict(NamedTuple):
+    """The worst that lies under a pose or along a path, and the sum of the cells' costs."""
+
+    state: State
+    cost: float
+
+
+class Found(NamedTuple):
+    """The pose a search came to; its own start where the state is LETHAL."""
+
+    pose: Pose2D
+    verdict: Verdict
+
+
+def check_point(costmap: CostGrid, x: float, y: float) -> Verdict:
+    """Tell what lies under a point (m, costmap's frame); nothing outside has a cost."""
+    return check_poses(costmap, np.array([[x, y, 0.0]]), POINT)[0]
+
+
+def check_poses(
+    costmap: CostGrid, poses: np.ndarray, outline: np.ndarray, multipliers: Multipliers = Multipliers()
+) -> List[Verdict]:
+    """Tell what a robot covers at each pose.
+
+    Args:
+        costmap: The picture to look at.
+        poses: Shape (N, 3), in the costmap's frame.
+        outline: Corners of the robot, convex, shape (K, 2) in its base frame; fewer than three for its cell alone.
+        multipliers: What cells of a kind count for.
+    """
+    counts = _counts(costmap, poses, outline)
+    states, costs = _states(counts), _costs(counts, multipliers)
+    return [Verdict(State(int(state)), float(cost)) for state, cost in zip(states, costs)]
+
+
+def check_path(
+    costmap: CostGrid, poses: np.ndarray, outline: np.ndarray, multipliers: Multipliers = Multipliers(),
+    return_on: int = 0, skip_poses: int = 0,
+) -> Tuple[Verdict, int]:
+    """Tell the worst along a path and what all of it costs.
+
+    Args:
+        costmap: The picture to look at.
+        poses: Shape (N, 3), in the costmap's frame.
+        outline: As for `check_poses`.
+        multipliers: What cells of a kind count for.
+        return_on: State from which on to look no further; 0 for none.
+        skip_poses: Poses left out after each one looked at.
+
+    Returns:
+        The verdict, and the index of the last pose looked at, 0 for a path without poses.
+    """
+    indices = np.arange(0, len(poses), 1 + skip_poses)
+    counts = _counts(costmap, poses[indices], outline)
+    states, costs = _states(counts), _costs(counts, multipliers)
+    bad = np.flatnonzero(states >= return_on) if return_on else np.zeros(0, dtype=int)
+    end = int(bad[0]) + 1 if len(bad) else len(indices)
+    if end == 0:
+        return Verdict(State.FREE, 0.0), 0
+    return Verdict(State(int(states[:end].max())), float(costs[:end].sum())), int(indices[end - 1])
+
+
+def find_valid_pose(
+    costmap: CostGrid, start: Pose2D, outline: np.ndarray, distance: float, angle: float
+) -> Found:
+    """Find the nearest pose where the robot fits.
+
+    The start itself comes first, then the cells' centres by distance; at each place the heading wanted, then those ever
+    further to both sides. Places whose own cell is inscribed, lethal or unknown are no answer.
+
+    Args:
+        costmap: The picture to look at.
+        start: Where to search from, in the costmap's frame.
+        outline: As for `check_poses`.
+        distance: How far (m) the answer may lie from the start.
+        angle: How far (rad) it may be turned.
+
+    Returns:
+        A FREE or INSCRIBED pose; else the nearest UNKNOWN one; else the nearest OUTSIDE one; else the start, LETHAL.
+    """
+    headings = _headings(start.theta, angle)
+    second_best: Dict[State, Found] = {}
+    for places in _places(costmap, start, distance):
+        poses = np.column_stack((np.repeat(places, len(headings), axis=0), np.tile(headings, len(places))))
+        counts = _counts(costmap, poses, outline)
+        # here inscribed cells are no worse than free ones, and nothing outweighs an obstacle
+        states = np.where(counts[:, 1] > 0, int(State.LETHAL), _states(counts))
+        fits = np.flatnonzero(states <= State.INSCRIBED)
+        if len(fits):
+            return _found(poses, counts, states, int(fits[0]))
+        for state in (State.UNKNOWN, State.OUTSIDE):
+            hits = np.flatnonzero(states == state)
+            if len(hits) and state not in second_best:
+                second_best[state] = _found(poses, counts, states, int(hits[0]))
+    for state in (State.UNKNOWN, State.OUTSIDE):
+        if state in second_best:
+            return second_best[state]
+    return Found(start, Verdict(State.LETHAL, float(LETHAL)))
+
+
+def _headings(wanted: float, tolerance: float) -> np.ndarray:
+    """Return the headings (rad) to try, the wanted one first; steps even, at most ANGLE_STEP."""
+    tolerance = min(tolerance, math.pi)
+    steps = int(math.ceil(tolerance / ANGLE_STEP - 1e-9))
+    offsets = [0.0]
+    for step in range(1, steps + 1):
+        turn = tolerance * step / steps
+        offsets += [turn, -turn]
+    return np.array([normalize_angle(wanted + offset) for offset in offsets])
+
+
+def _places(costmap: CostGrid, start: Pose2D, distance: float) -> Iterator[np.ndarray]:
+    """Yield positions to try, nearest first, some at a time: shape (M, 2)."""
+    grid = costmap.grid
+    if _is_passable(costmap, *grid.cell_at(start.x, start.y)):
+        yield np.array([[start.x, start.y]])
+    low = grid.cells_at(np.array([[start.x - distance, start.y - distance]]))[0]
+    high = grid.cells_at(np.array([[start.x + distance, start.y + distance]]))[0]
+    columns = np.arange(max(0, low[0]), min(grid.width - 1, high[0]) + 1)
+    rows = np.arange(max(0, low[1]), min(grid.height - 1, high[1]) + 1)
+    cells = np.array(np.meshgrid(columns, rows)).reshape(2, -1).T
+    cells = cells[costmap.costs[cells[:, 1], cells[:, 0]] < INSCRIBED]
+    centers = grid.centers_of(cells)
+    away = np.hypot(centers[:, 0] - start.x, centers[:, 1] - start.y)
+    order = np.argsort(away, kind="stable")
+    centers = centers[order[away[order] <= distance]]
+    for first in range(0, len(centers), BATCH):
+        yield centers[first:first + BATCH]
+
+
+def _is_passable(costmap: CostGrid, column: int, row: int) -> bool:
+    return costmap.grid.contains_cell(column, row) and costmap.costs[row, column] < INSCRIBED
+
+
+def _counts(costmap: CostGrid, poses: np.ndarray, outline: np.ndarray) -> np.ndarray:
+    """Return outside, lethal, inscribed, unknown and the rest's cost, shape (N, 5), as `covered_costs` fills it."""
+    result = np.zeros((len(poses), 5), dtype=np.int64)
+    grid = costmap.grid
+    footprint_kernels.covered_costs(
+        costmap.costs, grid.origin_x, grid.origin_y, grid.resolution, np.ascontiguousarray(outline, dtype=np.float64),
+        np.ascontiguousarray(poses, dtype=np.float64), result,
+    )
+    return result
+
+
+def _states(counts: np.ndarray) -> np.ndarray:
+    """Return the worst state of each row of `_counts`, shape (N,)."""
+    return np.select(
+        [counts[:, 0] > 0, counts[:, 3] > 0, counts[:, 1] > 0, counts[:, 2] > 0],
+        [int(State.OUTSIDE), int(State.UNKNOWN), int(State.LETHAL), int(State.INSCRIBED)], int(State.FREE),
+    )
+
+
+def _costs(counts: np.ndarray, multipliers: Multipliers) -> np.ndarray:
+    """Return the summed costs of each row of `_counts`, shape (N,)."""
+    return (
+        counts[:, 1] * (LETHAL * (multipliers.lethal or 1.0))
+        + counts[:, 2] * (INSCRIBED * (multipliers.inscribed or 1.0))
+        + counts[:, 3] * (NO_INFORMATION * (multipliers.unknown or 1.0)) + counts[:, 4]
+    )
+
+
+def _found(poses: np.ndarray, counts: np.ndarray, states: np.ndarray, index: int) -> Found:
+    cost = float(_costs(counts[index:index + 1], Multipliers())[0])
+    return Found(Pose2D(*map(float, poses[index])), Verdict(State(int(states[index])), cost))
+
