@@ -8,12 +8,13 @@ from typing import Optional
 import numpy as np
 
 from mbf_relay.lockstep.clearance_kernels import hull_clearances
+from mbf_relay.simulation.clearance import LOWER, UPPER
 from mbf_relay.simulation.frames import Frame
-from mbf_relay.simulation.shapes import slice_segments
+from mbf_relay.simulation.shapes import cut
 from mbf_relay.simulation.world import Mover, World
 
-HULL = np.array([[0.038, 0.089], [-0.102, 0.089], [-0.102, -0.089], [0.038, -0.089]])
-"""Outline (m) of the burger seen from above, wheels included, around base_footprint."""
+HULL = np.array([UPPER, (LOWER[0], UPPER[1]), LOWER, (UPPER[0], LOWER[1])])
+"""Corners (m) of the burger's outline, wheels included, around base_footprint."""
 
 HEIGHT = 0.1
 """Height (m) above the ground at which the world is looked at: that of the robot's middle."""
@@ -39,15 +40,9 @@ def smallest_clearance(world: World, times: np.ndarray, poses: np.ndarray) -> Op
 
 def _clearances_to(mover: Mover, times: np.ndarray, poses: np.ndarray) -> np.ndarray:
     """Return the distance (m) to a mover at each time, shape (N,): the robot is looked at from the mover."""
-    outline = np.ascontiguousarray(mover_outline(mover).reshape(-1, 4))
+    upright = Frame.from_pose(mover.frame_at(0.0).flat()).inverse().compose(mover.frame_at(0.0))
+    outline = cut(upright.transform_points(mover.body.shape.triangles()), HEIGHT)[0].reshape(-1, 4)
     clearances = np.full(len(poses), math.inf)
-    seen = np.array([mover.pose_at(float(time)).inverse().transform_poses(pose[None])[0] for time, pose in zip(times, poses)])
-    hull_clearances(np.ascontiguousarray(seen), HULL, outline, clearances)
+    seen = [mover.frame_at(float(time)).flat().inverse().transform_poses(pose[None])[0] for time, pose in zip(times, poses)]
+    hull_clearances(np.ascontiguousarray(seen).reshape(-1, 3), HULL, np.ascontiguousarray(outline), clearances)
     return clearances
-
-
-def mover_outline(mover: Mover) -> np.ndarray:
-    """Return what a plane at HEIGHT cuts of a mover, in the frame that its waypoints move: shape (M, 2, 2) in metres."""
-    body = mover.body
-    upright = Frame.from_pose(body.frame.flat()).inverse().compose(body.frame)
-    return slice_segments(upright.transform_points(body.shape.triangles()), HEIGHT)

@@ -8,7 +8,6 @@ from typing import Any, Callable, Dict, List, Optional, Tuple
 import cv2
 
 from mbf_relay.lockstep import result as outcomes
-from mbf_relay.lockstep.clearance import smallest_clearance
 from mbf_relay.lockstep.graph import Graph
 from mbf_relay.lockstep.record import SAMPLING, Record
 from mbf_relay.lockstep.rate import Rate
@@ -43,7 +42,6 @@ class Episode:
         self.task, self.setup, self.seed = task, setup, seed
         self._stages = Stages(clock)
         self._clock = clock
-        _check_start(task)
         self._began = clock() if clock is not None else 0.0
         self._graph = Graph(task, setup, seed, self._stages, self._note_command)
         self._record: Optional[Record] = None
@@ -129,13 +127,3 @@ class Episode:
             return {"memory_mib": round(memory, 1)}
         seconds = {name: round(value, 4) for name, value in sorted(self._stages.seconds.items())}
         return {"wall": round(self._clock() - self._began, 4), "stages": seconds, "memory_mib": round(memory, 1)}
-
-
-def _check_start(task: Task) -> None:
-    """Raise ValueError where the robot does not fit at the start."""
-    import numpy as np
-
-    start = task.world.start
-    clearance = smallest_clearance(task.world, np.zeros(1), np.array([start]))
-    if clearance is not None and clearance <= 0.0:
-        raise ValueError(f"world '{task.name}' has no free start: something stands at ({start.x:.2f}, {start.y:.2f})")

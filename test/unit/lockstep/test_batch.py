@@ -44,7 +44,7 @@ def test_a_batch_leaves_lines_a_summary_and_pictures(tmp_path, capsys):
     worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE, small_worlds.BLOCKED_START, small_worlds.WALLED_IN)
     assert batch.main([worlds, "--out", str(tmp_path / "out"), "--jobs", "2"]) == 0
     shown = capsys.readouterr()
-    assert "blocked_start (seed 1): ERROR" in shown.out and "no free start" in shown.out
+    assert "blocked_start (seed 1): ERROR" in shown.out and "choose a free place" in shown.out
     results, warnings = read_lines(tmp_path / "out" / LINES)
     assert {result.world: result.success for result in results} == {"free": True, "blocked_start": False, "walled_in": False}
     assert not warnings

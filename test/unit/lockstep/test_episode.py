@@ -72,7 +72,7 @@ def test_truth_has_no_error_and_amcl_finds_its_way_in_a_drawn_map(tmp_path):
 
 
 def test_a_start_inside_of_something_is_refused_by_name(tmp_path):
-    with pytest.raises(ValueError, match="world 'blocked_start' has no free start"):
+    with pytest.raises(ValueError, match="start.*lies in 'blocked_start_0'; choose a free place"):
         Episode(task(tmp_path, small_worlds.BLOCKED_START), BLIND, 1)
 
 
