@@ -43,7 +43,8 @@ class Simulator:
 
     def __init__(self, settings: SimulatorParameters) -> None:
         self._settings = settings
-        self.simulation = Simulation(load_world(settings.world, settings.world_name), settings, settings.seed, settings.gui)
+        world = settings.placed(load_world(settings.world, settings.world_name))
+        self.simulation = Simulation(world, settings, settings.seed, settings.gui)
         self._truth_steps = steps_between("truth_rate", settings.truth_rate, settings.physics_rate)
         self._clock_steps = steps_between("clock_rate", settings.clock_rate, settings.physics_rate)
         self._requests: "queue.Queue[Callable[[], None]]" = queue.Queue()

@@ -6,10 +6,10 @@ import math
 from typing import Tuple
 
 import numpy as np
-import pybullet
 
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.simulation import burger
+from mbf_relay.simulation.bullet import pybullet
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.physics import FIXED, GROUND, IDENTITY_QUATERNION, LOOSE, ROBOT, Physics

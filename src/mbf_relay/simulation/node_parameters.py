@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Optional
 
+from mbf_relay.geometry import Pose2D
 from mbf_relay.parameters import parameter
 from mbf_relay.simulation.parameters import SimulationParameters, steps_between
+from mbf_relay.simulation.world import World
 
 
 @dataclass(frozen=True)
@@ -14,6 +17,9 @@ class SimulatorParameters(SimulationParameters):
 
     world: str = parameter("arena", "arena, empty, or a file: map YAML, SDF or Gazebo world, URDF, or worlds file (JSON)")
     world_name: str = parameter("", "which world, in a file of several")
+    x_pos: Optional[float] = parameter(None, "where the robot starts, map frame; the world's own start where not set", unit="m")
+    y_pos: Optional[float] = parameter(None, "likewise", unit="m")
+    yaw: Optional[float] = parameter(None, "its heading there; likewise", unit="rad")
     seed: int = parameter(1, "of all chance; equal seeds give equal readings", minimum=0)
     gui: bool = parameter(False, "open PyBullet's window")
 
@@ -36,3 +42,8 @@ class SimulatorParameters(SimulationParameters):
         super().check()
         for name in ("clock_rate", "truth_rate"):
             steps_between(name, getattr(self, name), self.physics_rate)
+
+    def placed(self, world: World) -> World:
+        """Return the world with the robot's start where these parameters put it."""
+        asked = (self.x_pos, self.y_pos, self.yaw)
+        return replace(world, start=Pose2D(*(own if value is None else value for own, value in zip(world.start, asked))))

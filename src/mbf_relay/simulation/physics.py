@@ -11,8 +11,8 @@ from operator import itemgetter
 from typing import Any, List, Sequence, Tuple
 
 import numpy as np
-import pybullet
 
+from mbf_relay.simulation.bullet import pybullet
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.shapes import Box, Cylinder, Shape, Sphere
 
