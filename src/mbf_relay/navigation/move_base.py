@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from enum import Enum
-from typing import TYPE_CHECKING, Any, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Optional, Tuple
 
 import numpy as np
 
@@ -33,6 +33,10 @@ FINAL = (
 
 NO_REPLAN_WITHIN = 0.1
 """Metres to the goal below which the path stays as it is."""
+
+
+RecoveryWatcher = Callable[[str, int, int, Optional[FramedPose]], None]
+"""Told of each recovery that begins: its behaviour, that one's place in the list (from 0), the list's length, the robot."""
 
 
 class Trigger(Enum):
@@ -256,6 +260,8 @@ class MoveBase:
         self._trigger = trigger
         name = self._behaviors[self._next_behavior]
         self._recovery = self._navigator.new_recovery(RecoverGoal(name), self.goal.controller)
+        if self._navigator.recovery_watcher is not None:
+            self._navigator.recovery_watcher(name, self._next_behavior, len(self._behaviors), self._where()[0])
         return True
 
     def _recovered(self) -> None:

@@ -12,7 +12,7 @@ from mbf_relay.navigation.controller_execution import ControllerExecution
 from mbf_relay.navigation.goals import (
     FollowGoal, FollowResult, FramedPose, NavigateGoal, NavigateResult, PlanGoal, PlanResult, RecoverGoal, RecoverResult,
 )
-from mbf_relay.navigation.move_base import MoveBase
+from mbf_relay.navigation.move_base import MoveBase, RecoveryWatcher
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.planner_execution import PlannerExecution, PlanWatcher
 from mbf_relay.navigation.recovery_execution import RecoveryExecution
@@ -66,6 +66,7 @@ class Navigator:
         self._move_base: Optional[MoveBase] = None
         self._announced: List[Tuple[str, FramedPose]] = []
         self.plan_watcher: Optional[PlanWatcher] = None
+        self.recovery_watcher: Optional[RecoveryWatcher] = None
 
     # the actions
 

@@ -1,16 +1,22 @@
-"""What the server tells of its work beside the actions: the goals in pursuit."""
+"""What the server tells of its work beside the actions: the goals in pursuit, and the recoveries it begins."""
 
 from __future__ import annotations
 
+from typing import Optional
+
 import rospy
 from geometry_msgs.msg import PoseStamped
+from move_base_msgs.msg import RecoveryStatus
 
+from mbf_relay.navigation.goals import FramedPose
 from mbf_relay.navigation.navigator import Navigator
 from mbf_relay.ros.conversions import pose_stamped
 
 
 class NavigationTopics:
     """Publishes `~planner_goal` and `~controller_goal`, and both also as `~current_goal`, which mbf_msgs 0.4.0 has.
+
+    `~recovery_status` tells of each recovery that move_base begins, as the node move_base does.
 
     Args:
         navigator: Whose work it tells of.
@@ -22,6 +28,8 @@ class NavigationTopics:
             kind: rospy.Publisher(f"~{kind}_goal", PoseStamped, queue_size=1) for kind in ("planner", "controller")
         }
         self._current_goal = rospy.Publisher("~current_goal", PoseStamped, queue_size=1)
+        self._recovery_status = rospy.Publisher("~recovery_status", RecoveryStatus, queue_size=10)
+        navigator.recovery_watcher = self._tell_recovery
 
     def publish(self, now: float) -> None:
         """Publish what happened since the last call; `now` in seconds."""
@@ -29,3 +37,7 @@ class NavigationTopics:
             message = pose_stamped(goal.pose, goal.frame, now)
             self._goals[kind].publish(message)
             self._current_goal.publish(message)
+
+    def _tell_recovery(self, name: str, number: int, total: int, robot: Optional[FramedPose]) -> None:
+        pose = PoseStamped() if robot is None else pose_stamped(robot.pose, robot.frame, rospy.get_rostime())
+        self._recovery_status.publish(RecoveryStatus(pose, number, total, name))

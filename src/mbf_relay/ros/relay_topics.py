@@ -133,7 +133,10 @@ def pass_through(server: str, plugin_name: Callable[[str, str], str]) -> List[La
 
 
 class RecoveryTopic(rospy.SubscribeListener):
-    """move_base/recovery_status, told from the recovery goals the server sends itself; only while somebody listens."""
+    """move_base/recovery_status, only while somebody listens.
+
+    This package's server tells of its recoveries; the C++ server sends goals to its own recovery action, which tell less.
+    """
 
     def __init__(self, server: str, where: Callable[[], PoseStamped]) -> None:
         """Advertise.
@@ -144,22 +147,26 @@ class RecoveryTopic(rospy.SubscribeListener):
         """
         self._server, self._where = server, where
         self._lock = threading.Lock()
-        self._subscriber: Optional[rospy.Subscriber] = None
+        self._subscribers: List[rospy.Subscriber] = []
         self._publisher = rospy.Publisher(
             "move_base/recovery_status", RecoveryStatus, subscriber_listener=self, queue_size=10)
 
     def peer_subscribe(self, _name: str, _publish: Any, _peer_publish: Any) -> None:
         """Listen to the server's recoveries."""
         with self._lock:
-            if self._subscriber is None:
-                self._subscriber = rospy.Subscriber(f"{self._server}/recovery/goal", RecoveryActionGoal, self._take)
+            if not self._subscribers:
+                self._subscribers = [
+                    rospy.Subscriber(f"{self._server}/recovery_status", RecoveryStatus, self._publisher.publish),
+                    rospy.Subscriber(f"{self._server}/recovery/goal", RecoveryActionGoal, self._take),
+                ]
 
     def peer_unsubscribe(self, _name: str, listeners: int) -> None:
         """Stop listening, if nobody does here."""
         with self._lock:
-            if listeners == 0 and self._subscriber is not None:
-                self._subscriber.unregister()
-                self._subscriber = None
+            if listeners == 0:
+                for subscriber in self._subscribers:
+                    subscriber.unregister()
+                self._subscribers = []
 
     def _take(self, message: RecoveryActionGoal) -> None:
         names = [plugin["name"] for plugin in server_plugins(self._server, "recovery_behaviors")]
