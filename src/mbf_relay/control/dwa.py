@@ -18,6 +18,9 @@ from mbf_relay.geometry import Twist2D
 from mbf_relay.plugins import find_class
 from mbf_relay.planning.path import Path
 
+PLACE = ("path", "goal", "alignment", "goal_front")
+LEAST_GAIN = 0.002  # m off the path by which a trajectory's end must be better than standing
+
 
 class DwaController(PathFollower):
     """Samples velocities in reach, drives each forward, has critics score the batch, and takes the cheapest.
@@ -70,13 +73,14 @@ class DwaController(PathFollower):
         window = around.window
         if not parameters.use_dwa:
             window = window_of(parameters, around.velocity, parameters.sim_time, around.speed, around.turn)
-        velocities = sample(parameters, window, around.speed)
+        velocities = np.vstack((sample(parameters, window, around.speed), np.zeros((1, 3))))
         self.trajectories = roll_out(
-            parameters, around.view, state.pose, around.velocity, velocities, state.period, around.path.remaining
+            parameters, around.view, state.pose, around.velocity, velocities, state.period, around.path.remaining,
+            parameters.sim_time * around.focus,
         )
-        scene = Scene(state.now, state.pose, around.velocity, around.path, around.view)
+        scene = Scene(state.now, state.pose, around.velocity, around.path, around.view, window, around.focus)
         self.explanation = self._score(self.trajectories, scene)
-        if self.explanation.winner is None:
+        if self.explanation.winner is None or not self._is_worthwhile(self.explanation):
             raise self.nothing_left(around, str(self.explanation))
         command = Twist2D(*map(float, self.trajectories.commands[self.explanation.winner]))
         for critic in self.critics:
@@ -96,12 +100,22 @@ class DwaController(PathFollower):
             explanation=str(self.explanation),
         )
 
+    def _is_worthwhile(self, explanation: Explanation) -> bool:
+        """Tell whether the winner leads anywhere: whether its end is a better place than here, by what critics of place say.
+
+        A robot that creeps to and fro before an obstacle is not on its way; whoever sent it should hear of that.
+        """
+        place = np.array([name in PLACE for name in explanation.critics])
+        costs = explanation.scores[place]
+        gain = costs[:, -1].sum() - costs[:, explanation.winner].sum()
+        return bool(gain > LEAST_GAIN * self.parameters.path_distance_bias)
+
     def _score(self, trajectories: Trajectories, scene: Scene) -> Explanation:
         asked = [critic for critic in self.critics if critic.scale > 0.0]
         scores = np.zeros((len(asked), len(trajectories)))
         for row, critic in zip(scores, asked):
             row[:] = critic.scale * critic.score(trajectories, scene)
-        totals = scores.sum(axis=0)
+        totals = scores.sum(axis=0)[:-1]
         winner = int(np.argmin(totals)) if len(totals) and np.isfinite(totals).any() else None
         return Explanation(tuple(critic.name for critic in asked), scores, trajectories.velocities, winner)
 

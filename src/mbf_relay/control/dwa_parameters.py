@@ -33,6 +33,9 @@ class DwaParameters(FollowerParameters):
     steady_scale: float = parameter(
         0.01, "what a change of the turn by 1 rad/s costs, as metres off the path", "m", minimum=0.0
     )
+    slow_scale: float = parameter(
+        0.1, "what a velocity below both min_vel_trans and min_vel_theta costs, as metres off the path", "m", minimum=0.0
+    )
     sum_scores: bool = parameter(False, "sum the costs along a trajectory instead of taking the highest")
     forward_point_distance: float = parameter(0.325, "how far ahead of the robot its scored nose lies", "m")
     cheat_factor: float = parameter(
@@ -48,7 +51,8 @@ class DwaParameters(FollowerParameters):
         1.0, "heading error beyond which the robot turns on the spot before it drives; above pi never", "rad", above=0.0
     )
     critics: Tuple[str, ...] = parameter(
-        ("oscillation", "obstacle", "goal_front", "alignment", "path", "goal", "twirling", "prefer_forward", "steady"),
+        ("oscillation", "obstacle", "goal_front", "alignment", "path", "goal", "twirling", "prefer_forward", "slow",
+         "steady"),
         "critics in the order they are asked; package.module.Class for one of your own",
     )
     publish_traj_pc: bool = parameter(False, "publish trajectory_cloud")

@@ -17,7 +17,7 @@ class Explanation:
     Attributes:
         critics: Names in the order asked.
         scores: Shape (C, N): weighted cost by critic and trajectory; inf where ruled out.
-        velocities: Shape (N, 3): the velocities sampled.
+        velocities: Shape (N, 3): the velocities sampled; the last one is standing still, which never wins.
         winner: Index of the trajectory chosen; None where all were ruled out.
     """
 
@@ -34,7 +34,7 @@ class Explanation:
     @property
     def ruled_out(self) -> Dict[str, int]:
         """How many trajectories each critic ruled out; one that several did counts with each."""
-        return {name: int(np.isinf(row).sum()) for name, row in zip(self.critics, self.scores)}
+        return {name: int(np.isinf(row[:-1]).sum()) for name, row in zip(self.critics, self.scores)}
 
     def runner_up(self) -> Optional[int]:
         """Return the best of the trajectories that go another way: other by a tenth of the window in some component."""
@@ -42,14 +42,14 @@ class Explanation:
             return None
         spread = np.ptp(self.velocities, axis=0)
         apart = np.abs(self.velocities - self.velocities[self.winner]) > 0.1 * spread + 1e-9
-        totals = np.where(apart.any(axis=1), self.totals, np.inf)
+        totals = np.where(apart.any(axis=1), self.totals, np.inf)[:-1]
         best = int(np.argmin(totals))
         return best if np.isfinite(totals[best]) else None
 
     def __str__(self) -> str:
         """Return one line for a log."""
         out = ", ".join(f"{name} {count}" for name, count in self.ruled_out.items() if count) or "none"
-        text = f"{len(self.velocities)} trajectories; ruled out: {out}"
+        text = f"{len(self.velocities) - 1} trajectories; ruled out: {out}"
         if self.winner is None:
             return f"{text}; nothing is left"
         text += f"; chosen {_velocity(self.velocities[self.winner])} at {self.totals[self.winner]:.2f}"

@@ -24,6 +24,8 @@ from mbf_relay.parameters import ParameterSet
 from mbf_relay.planning.path import Path
 
 TURNED = 0.15  # rad: a turn towards the path ends here
+NARROW, WIDE = 0.02, 0.15  # m between the sides of the footprint and obstacles: where focus is least, and where it is 1
+NARROWEST_FOCUS = 0.4
 BEHIND = 0.7  # m of path kept behind the robot
 
 
@@ -39,6 +41,7 @@ class Surroundings:
         window: The velocities in reach, within the top speeds for now.
         speed: Top translational speed (m/s) for now.
         turn: Top rotational speed (rad/s) for now.
+        focus: 1 in the open, less where the path ahead is narrow: by how much to shorten what the robot looks ahead.
     """
 
     state: ControlState
@@ -48,6 +51,7 @@ class Surroundings:
     window: VelocityWindow
     speed: float
     turn: float
+    focus: float = 1.0
 
 
 class PathFollower(Controller, abc.ABC):
@@ -71,6 +75,7 @@ class PathFollower(Controller, abc.ABC):
         self._around: Optional[Surroundings] = None
         self._drove = False
         self._commanded_at: Optional[float] = None
+        self._started_from = STOP
         self._turn_left: Optional[float] = None
         self._turned_from = 0.0
 
@@ -168,7 +173,14 @@ class PathFollower(Controller, abc.ABC):
         speed = min(speed, self._speed_in_sight(path, view, state.pose, parameters.acc_lim_x, delay))
         turn = min(parameters.max_vel_theta, limit.rotation)
         window = window_of(parameters, velocity, state.period, speed, turn)
-        return Surroundings(state, path, view, velocity, window, speed, turn)
+        focus = self._focus(path, view)
+        return Surroundings(state, path, view, velocity, window, speed, turn, focus)
+
+    def _focus(self, path: LocalPath, view: ObstacleView) -> float:
+        """Return how narrow the path is from here to the end of what is looked ahead: 1 wide, NARROWEST_FOCUS narrow."""
+        ahead = (path.arcs >= path.robot_arc - 0.1) & (path.arcs <= min(path.robot_arc + self.lookahead, path.goal_arc))
+        room = view.room_along(path.points[ahead][::2])
+        return min(1.0, max(NARROWEST_FOCUS, (room - NARROW) / (WIDE - NARROW)))
 
     @staticmethod
     def _speed_in_sight(path: LocalPath, view: ObstacleView, pose: Pose2D, acceleration: float, delay: float) -> float:
@@ -185,9 +197,11 @@ class PathFollower(Controller, abc.ABC):
 
         Odometry lags; a window built on it alone makes every acceleration come late and every stop overshoot.
         """
-        recent = self._commanded_at is not None and 0.0 <= state.now - self._commanded_at <= 3.0 * state.period
-        if not recent:
+        elapsed = math.inf if self._commanded_at is None else state.now - self._commanded_at
+        if not 0.0 <= elapsed <= 3.0 * state.period:
             return state.velocity
+        if elapsed < 0.5 * state.period:  # asked again before the command could take effect: begin where it began
+            return self._started_from
         limits = (parameters.acc_lim_x, parameters.acc_lim_y, parameters.acc_lim_theta)
         values = [
             commanded if abs(commanded - measured) <= 2.0 * limit * state.period else measured
@@ -196,6 +210,7 @@ class PathFollower(Controller, abc.ABC):
         return Twist2D(*values)
 
     def _remember(self, state: ControlState, command: Twist2D) -> None:
+        self._started_from = self._around.velocity if self._around is not None else state.velocity
         self.command, self._commanded_at = command, state.now
 
     def _turn_at_goal(self, around: Surroundings) -> Twist2D:

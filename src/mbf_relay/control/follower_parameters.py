@@ -13,8 +13,8 @@ class FollowerParameters(ParameterSet):
 
     max_vel_trans: float = parameter(0.55, "top translational speed", "m/s", minimum=0.0, aliases=("max_trans_vel",))
     min_vel_trans: float = parameter(
-        0.1, "slowest translation worth commanding: slower ones are not sampled, except to start, to brake, or together "
-        "with a turn of at least min_vel_theta", "m/s", minimum=0.0, aliases=("min_trans_vel",),
+        0.1, "slowest translation worth commanding, except to start, to brake, together with a turn of at least "
+        "min_vel_theta, or where nothing faster serves", "m/s", minimum=0.0, aliases=("min_trans_vel",),
     )
     max_vel_x: float = parameter(0.55, "top forward velocity", "m/s")
     min_vel_x: float = parameter(0.0, "lowest forward velocity; below 0 allows driving backwards", "m/s")

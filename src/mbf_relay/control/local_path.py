@@ -16,6 +16,7 @@ from mbf_relay.outcomes import ControlError, ControlOutcome
 from mbf_relay.planning.path import Path
 
 SPACING = 0.02  # m between the points kept of a path; planners put them closer than a controller can use
+SMOOTHING = 0.12  # m over which a path is averaged
 
 
 @dataclass(frozen=True)
@@ -163,6 +164,25 @@ def _thin(poses: np.ndarray) -> "tuple[np.ndarray, np.ndarray]":
     points = poses[:, :2]
     keep = np.zeros(len(points), dtype=np.uint8)
     path_kernels.thin(np.ascontiguousarray(points), SPACING, keep)
-    points = np.ascontiguousarray(points[keep.astype(bool)])
+    points = _smoothed(points[keep.astype(bool)])
     steps = np.hypot(*np.diff(points, axis=0).T) if len(points) > 1 else np.zeros(0)
     return points, np.concatenate(([0.0], np.cumsum(steps)))
+
+
+def _smoothed(points: np.ndarray) -> np.ndarray:
+    """Return a path resampled at SPACING and averaged over SMOOTHING, which takes the steps out of a grid's path.
+
+    Its ends stay; at a right angle it passes the corner within a third of SMOOTHING.
+    """
+    arcs = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T)))) if len(points) > 1 else np.zeros(1)
+    count = int(arcs[-1] / SPACING)
+    if count < 4:
+        return np.ascontiguousarray(points)
+    places = np.linspace(0.0, arcs[-1], count + 1)
+    line = np.column_stack([np.interp(places, arcs, points[:, axis]) for axis in (0, 1)])
+    reach = max(1, int(0.5 * SMOOTHING / SPACING))
+    before = 2.0 * line[0] - line[reach:0:-1]  # mirrored at the ends, which thereby stay where they are
+    after = 2.0 * line[-1] - line[-2 : -2 - reach : -1]
+    sums = np.cumsum(np.vstack((np.zeros((1, 2)), before, line, after)), axis=0)
+    width = 2 * reach + 1
+    return np.ascontiguousarray((sums[width:] - sums[:-width]) / width)

@@ -63,6 +63,16 @@ class ObstacleView:
         batch = np.ascontiguousarray(poses, dtype=float)[None]
         return int(self.first_contacts(batch, np.array([len(poses)]), np.ones(1), allowed)[0][0])
 
+    def room_along(self, points: np.ndarray) -> float:
+        """Return the least distance (m) between obstacles and the footprint's sides, were it to pass along points (N, 2)."""
+        grid = self.costmap.grid
+        cells = grid.cells_at(points)
+        cells = cells[grid.contains_cells(cells)]
+        if len(cells) == 0:
+            return math.inf
+        half_width = float(np.abs(self.costmap.footprint[:, 1]).max()) if len(self.costmap.footprint) else 0.0
+        return float(self._distances[cells[:, 1], cells[:, 0]].min()) * grid.resolution - half_width
+
     def in_sight(self, pose: Pose2D, points: np.ndarray) -> np.ndarray:
         """Tell for each point, (N, 2) in metres, whether the straight line to it from the robot is free of obstacles."""
         seen = np.empty(len(points), np.uint8)

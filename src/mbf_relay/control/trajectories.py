@@ -59,8 +59,7 @@ def window_of(parameters: DwaParameters, velocity: Twist2D, horizon: float, spee
 def sample(parameters: DwaParameters, window: VelocityWindow, speed: float) -> np.ndarray:
     """Return velocities of the window, shape (N, 3): evenly spaced along each component, with its ends and zero.
 
-    Left out are: standing still; more than `speed` in all; and what is slower than both min_vel_trans and
-    min_vel_theta, unless nothing faster is in reach (the robot starts, or must be slow here).
+    Left out are standing still and more than `speed` in all.
     """
     p = parameters
     axes = [
@@ -70,15 +69,23 @@ def sample(parameters: DwaParameters, window: VelocityWindow, speed: float) -> n
     grids = np.meshgrid(*axes, indexing="ij")
     velocities = np.column_stack([grid.ravel() for grid in grids])
     speeds = np.hypot(velocities[:, 0], velocities[:, 1])
-    turns = np.abs(velocities[:, 2])
-    fastest = max(abs(window.low.x), abs(window.high.x), abs(window.low.y), abs(window.high.y))
-    sharpest = max(abs(window.low.theta), abs(window.high.theta))
-    too_slow = (speeds < min(p.min_vel_trans, fastest) - 1e-4) & (turns < min(p.min_vel_theta, sharpest) - 1e-4)
-    standing = (speeds < 1e-6) & (turns < 1e-6)
+    standing = (speeds < 1e-6) & (np.abs(velocities[:, 2]) < 1e-6)
     slowest = math.hypot(*(min(abs(low), abs(high)) if low * high > 0.0 else 0.0
                            for low, high in zip(window.low[:2], window.high[:2])))
     too_fast = speeds > max(speed, slowest) + 1e-4
-    return np.ascontiguousarray(velocities[~(too_slow | standing | too_fast)])
+    return np.ascontiguousarray(velocities[~(standing | too_fast)])
+
+
+def too_slow(parameters: DwaParameters, window: VelocityWindow, velocities: np.ndarray) -> np.ndarray:
+    """Tell of each velocity, (N, 3), whether it is slower than both min_vel_trans and min_vel_theta.
+
+    What is as fast as the window allows is not: the robot starts, or must be slow here.
+    """
+    fastest = max(abs(window.low.x), abs(window.high.x), abs(window.low.y), abs(window.high.y))
+    sharpest = max(abs(window.low.theta), abs(window.high.theta))
+    speeds, turns = np.hypot(velocities[:, 0], velocities[:, 1]), np.abs(velocities[:, 2])
+    return (speeds < min(parameters.min_vel_trans, fastest) - 1e-4) & (
+        turns < min(parameters.min_vel_theta, sharpest) - 1e-4)
 
 
 def _axis(low: float, high: float, count: int) -> np.ndarray:
@@ -123,11 +130,11 @@ class Trajectories:
 
 def roll_out(
     parameters: DwaParameters, view: ObstacleView, pose: Pose2D, velocity: Twist2D, velocities: np.ndarray,
-    period: float, distance_left: float,
+    period: float, distance_left: float, sim_time: float,
 ) -> Trajectories:
     """Simulate a batch of velocities and lay the footprint along it.
 
-    A trajectory lasts sim_time, or until it has driven `distance_left`: the robot would stop at the goal.
+    A trajectory lasts `sim_time`, or until it has driven `distance_left`: the robot would stop at the goal.
 
     Args:
         parameters: Limits, granularities, stop_time_buffer and footprint scaling.
@@ -136,13 +143,14 @@ def roll_out(
         velocities: Shape (N, 3).
         period: Seconds until the next command.
         distance_left: Metres to the goal.
+        sim_time: How far ahead (s) trajectories reach, where stopping does not take longer.
     """
     p = parameters
     speeds, turns = np.hypot(velocities[:, 0], velocities[:, 1]), np.abs(velocities[:, 2])
     accelerations = np.maximum(1e-9, [p.acc_lim_x, p.acc_lim_y, p.acc_lim_theta])
     braking = np.max(np.abs(velocities) / (2.0 * accelerations), axis=1)
     stopping = period + p.stop_time_buffer + braking
-    durations = np.full(len(velocities), max(p.sim_time, float(stopping.max()) if len(stopping) else 0.0))
+    durations = np.full(len(velocities), max(sim_time, float(stopping.max()) if len(stopping) else 0.0))
     moving = speeds > 1e-3
     durations[moving] = np.minimum(durations[moving], np.maximum(distance_left / speeds[moving], stopping[moving]))
     most = int(math.ceil(_longest(durations, speeds, turns, p))) + 1
@@ -158,7 +166,7 @@ def roll_out(
     ends = poses[np.arange(len(poses)), np.maximum(free, 1) - 1]
     ends[free == 0] = pose
     needed = np.minimum(counts, np.ceil(stopping / steps - 1e-9).astype(np.int64))
-    spare = np.where(free == counts, np.maximum(0.0, p.sim_time - durations) * speeds, 0.0)
+    spare = np.where(free == counts, np.maximum(0.0, sim_time - durations) * speeds, 0.0)
     change = accelerations * period
     commands = velocities if p.use_dwa else np.clip(velocities, np.array(velocity) - change, np.array(velocity) + change)
     return Trajectories(velocities, commands, poses, counts, free, needed, ends, spare, highest, summed)

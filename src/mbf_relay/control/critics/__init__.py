@@ -9,6 +9,7 @@ CRITICS = {
     "goal": "mbf_relay.control.critics.distances.GoalDistance",
     "twirling": "mbf_relay.control.critics.motion.Twirling",
     "prefer_forward": "mbf_relay.control.critics.motion.PreferForward",
+    "slow": "mbf_relay.control.critics.motion.Slow",
     "steady": "mbf_relay.control.critics.motion.Steady",
 }
 """Names in the parameter `critics` and the classes they stand for."""

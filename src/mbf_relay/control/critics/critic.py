@@ -10,7 +10,7 @@ import numpy as np
 from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.local_path import LocalPath
 from mbf_relay.control.obstacle_view import ObstacleView
-from mbf_relay.control.trajectories import Trajectories
+from mbf_relay.control.trajectories import Trajectories, VelocityWindow
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.plugins import Plugin
 
@@ -27,6 +27,8 @@ class Scene:
         velocity: The velocity the robot is at, body frame.
         path: The path round the robot.
         view: The obstacles.
+        window: The velocities in reach.
+        focus: Factor on all lengths looked ahead: 1 in the open, less where it is narrow.
     """
 
     now: float
@@ -34,6 +36,8 @@ class Scene:
     velocity: Twist2D
     path: LocalPath
     view: ObstacleView
+    window: VelocityWindow
+    focus: float = 1.0
 
 
 class Critic(Plugin, abc.ABC):

@@ -21,13 +21,13 @@ MARGIN = 0.2  # m of path beyond what a trajectory can reach that still counts
 class _OnPath(Critic):
     """Measures the ends of trajectories, moved forward by `_shift`, against the path."""
 
-    def _shift(self) -> float:
+    def _shift(self, scene: Scene) -> float:
         """Return how far ahead of the robot's centre the measured point lies, in metres."""
         return 0.0
 
     def _measure(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
         """Return distance across and arc length along the path of each end, shape (N, 2)."""
-        shift = self._shift()
+        shift = self._shift(scene)
         ends = trajectories.ends
         points = ends[:, :2]
         if shift != 0.0:
@@ -64,7 +64,7 @@ class GoalDistance(_OnPath):
 
     def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
         """Return metres; relative to what is in reach, so that figures do not grow with the path."""
-        farthest = scene.path.robot_arc + self.parameters.max_vel_trans * self.parameters.sim_time + abs(self._shift())
+        farthest = scene.path.robot_arc + self.parameters.max_vel_trans * self.parameters.sim_time + abs(self._shift(scene))
         arcs = self._measure(trajectories, scene)[:, 1] + trajectories.spare
         return np.maximum(0.0, farthest + MARGIN - arcs)
 
@@ -75,12 +75,12 @@ class Alignment(PathDistance):
     Near the goal it falls silent, as in DWAPlanner: the nose would have to be beyond the path's end.
     """
 
-    def _shift(self) -> float:
-        return self.parameters.forward_point_distance
+    def _shift(self, scene: Scene) -> float:
+        return self.parameters.forward_point_distance * scene.focus
 
     def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
         """Return metres, 0 near the goal."""
-        shift = self.parameters.forward_point_distance
+        shift = self._shift(scene)
         if shift == 0.0 or _distance_to_goal(scene) <= abs(shift) * math.sqrt(self.parameters.cheat_factor):
             return np.zeros(len(trajectories))
         return super().score(trajectories, scene)
@@ -89,8 +89,8 @@ class Alignment(PathDistance):
 class GoalFront(GoalDistance):
     """Charges the distance (m) left along the path from the nose at a trajectory's end."""
 
-    def _shift(self) -> float:
-        return self.parameters.forward_point_distance
+    def _shift(self, scene: Scene) -> float:
+        return self.parameters.forward_point_distance * scene.focus
 
     def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
         """Return metres."""

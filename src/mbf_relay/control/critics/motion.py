@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mbf_relay.control.critics.critic import Critic, Scene
-from mbf_relay.control.trajectories import Trajectories
+from mbf_relay.control.trajectories import Trajectories, too_slow
 
 
 class Twirling(Critic):
@@ -48,3 +48,20 @@ class Steady(Critic):
     def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
         """Return rad/s."""
         return np.abs(trajectories.velocities[:, 2] - scene.velocity.theta)
+
+
+class Slow(Critic):
+    """Charges velocities slower than both min_vel_trans and min_vel_theta.
+
+    dwa_local_planner leaves them out altogether. With a minimum turn as high as the tutorials' that leaves a robot in a
+    narrow place the choice between a spin and nothing, and it hunts; here they are for where nothing else serves.
+    """
+
+    @property
+    def scale(self) -> float:
+        """slow_scale, in the path critic's unit."""
+        return self.parameters.slow_scale * self.parameters.path_distance_bias
+
+    def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+        """Return 0 or 1."""
+        return too_slow(self.parameters, scene.window, trajectories.velocities).astype(float)
