@@ -13,8 +13,8 @@ from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.explanation import Explanation
 from mbf_relay.control.follower import PathFollower, Surroundings
 from mbf_relay.control.report import CycleReport
-from mbf_relay.control.trajectories import Trajectories, roll_out, sample, window_of
-from mbf_relay.geometry import Twist2D
+from mbf_relay.control.trajectories import STANDING, Trajectories, roll_out, sample, window_of
+from mbf_relay.geometry import STOP, Twist2D
 from mbf_relay.plugins import find_class
 from mbf_relay.planning.path import Path
 
@@ -80,9 +80,15 @@ class DwaController(PathFollower):
         )
         scene = Scene(state.now, state.pose, around.velocity, around.path, around.view, window, around.focus)
         self.explanation = self._score(self.trajectories, scene)
-        if self.explanation.winner is None or not self._is_worthwhile(self.explanation):
+        winner = self.explanation.winner
+        stands = around.window.contains(STOP)
+        if winner is not None and np.hypot(*velocities[winner, :2]) < STANDING:
+            turn = self.turn_to_path(around, 0.0)
+            if turn is not None:
+                return turn
+        if winner is None or (stands and not self._is_worthwhile(self.explanation)):
             raise self.nothing_left(around, str(self.explanation))
-        command = Twist2D(*map(float, self.trajectories.commands[self.explanation.winner]))
+        command = Twist2D(*map(float, self.trajectories.commands[winner]))
         for critic in self.critics:
             critic.driven(command, scene)
         return command

@@ -154,7 +154,7 @@ class PathFollower(Controller, abc.ABC):
                 f"the robot is {around.path.robot_distance:.2f} m from the path; at most "
                 f"{parameters.missed_path_distance:.2f} m (missed_path_distance) can be rejoined",
             )
-        turn = self._turn_to_path(around)
+        turn = self.turn_to_path(around, self.turn_to_path_angle)
         if turn is not None:
             return turn
         self._drove = True
@@ -232,28 +232,34 @@ class PathFollower(Controller, abc.ABC):
         rate = turn_rate(way, around.velocity.theta, p, state.period, around.turn)
         return Twist2D(still.x, still.y, rate)
 
-    def _turn_to_path(self, around: Surroundings) -> Optional[Twist2D]:
-        """Return a turn towards the path where the robot faces away from it, None where it may drive."""
-        state, p = around.state, self.parameters
-        target = around.path.point_at(min(around.path.robot_arc + self.lookahead, around.path.goal_arc))
+    def turn_to_path(self, around: Surroundings, least: float) -> Optional[Twist2D]:
+        """Return a turn on the spot towards the path, None where there is no need or no room for one.
+
+        A turn once begun goes on, in its direction, until the robot faces the path.
+
+        Args:
+            around: The cycle.
+            least: Heading error (rad) that begins a turn.
+        """
+        state = around.state
+        ahead = around.path.robot_arc + around.focus * self.lookahead
+        target = around.path.point_at(min(ahead, around.path.goal_arc))
         dx, dy = target[0] - state.pose.x, target[1] - state.pose.y
-        if math.hypot(dx, dy) < 0.02:
-            self._turn_left = None
+        error = angle_between(state.pose.theta, math.atan2(dy, dx)) if math.hypot(dx, dy) >= 0.02 else 0.0
+        begun, self._turn_left = self._turn_left, None
+        if abs(error) < (TURNED if begun is not None else max(least, TURNED)):
             return None
-        error = angle_between(state.pose.theta, math.atan2(dy, dx))
-        if abs(error) < (TURNED if self._turn_left is not None else self.turn_to_path_angle):
-            self._turn_left = None
-            return None
-        if self._turn_left is not None and abs(error) > math.pi / 2.0:
-            error = math.copysign(error % (2.0 * math.pi) if self._turn_left > 0.0 else (-error) % (2.0 * math.pi), self._turn_left)
-        way = error if free_turn(around.view, state.pose, error) >= abs(error) - 1e-9 else free_way_round(
-            around.view, state.pose, angle_between(0.0, error))
-        self._turn_left = way
+        if begun is not None and abs(error) > math.pi / 2.0 and error * begun < 0.0:
+            error -= math.copysign(2.0 * math.pi, error)
+        way: Optional[float] = error
+        if free_turn(around.view, state.pose, error) < abs(error) - 1e-9:
+            way = free_way_round(around.view, state.pose, angle_between(0.0, error))
         if way is None:
             return None
-        rate = turn_rate(way, around.velocity.theta, p, state.period, around.turn)
+        self._turn_left = way
         still = around.window.clip(STOP)
-        return Twist2D(still.x, still.y, rate)
+        return Twist2D(
+            still.x, still.y, turn_rate(way, around.velocity.theta, self.parameters, state.period, around.turn))
 
     @staticmethod
     def nothing_left(around: Surroundings, reason: str) -> ControlError:

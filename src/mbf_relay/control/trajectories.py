@@ -13,6 +13,8 @@ from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.obstacle_view import ObstacleView
 from mbf_relay.geometry import Pose2D, Twist2D
 
+STANDING = 0.01  # m/s: slower than this a robot turns on the spot
+
 
 @dataclass(frozen=True)
 class VelocityWindow:
@@ -77,15 +79,15 @@ def sample(parameters: DwaParameters, window: VelocityWindow, speed: float) -> n
 
 
 def too_slow(parameters: DwaParameters, window: VelocityWindow, velocities: np.ndarray) -> np.ndarray:
-    """Tell of each velocity, (N, 3), whether it is slower than both min_vel_trans and min_vel_theta.
+    """Tell of each velocity, (N, 3), whether it creeps: translates slower than min_vel_trans, turning less than min_vel_theta.
 
-    What is as fast as the window allows is not: the robot starts, or must be slow here.
+    What is as fast as the window allows does not: the robot starts, or must be slow here. A turn on the spot is no
+    creeping; how fast it is, is not decided by sampling.
     """
     fastest = max(abs(window.low.x), abs(window.high.x), abs(window.low.y), abs(window.high.y))
-    sharpest = max(abs(window.low.theta), abs(window.high.theta))
     speeds, turns = np.hypot(velocities[:, 0], velocities[:, 1]), np.abs(velocities[:, 2])
-    return (speeds < min(parameters.min_vel_trans, fastest) - 1e-4) & (
-        turns < min(parameters.min_vel_theta, sharpest) - 1e-4)
+    slow = (speeds > STANDING) & (speeds < min(parameters.min_vel_trans, fastest) - 1e-4)
+    return slow & (turns < parameters.min_vel_theta - 1e-4)
 
 
 def _axis(low: float, high: float, count: int) -> np.ndarray:

@@ -15,6 +15,8 @@ from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.recovery.maneuver import Place, look, measured
 from mbf_relay.recovery.recovery import Recovery, RecoveryContext
 
+FULL = 2.0 * math.pi
+
 
 @dataclass(frozen=True)
 class RotateParameters(ParameterSet):
@@ -39,11 +41,12 @@ class RotateParameters(ParameterSet):
 
 
 class Rotate(Recovery):
-    """Turns a full circle to the left; what is left of one to the right, where something is in the way.
+    """Turns a full circle: to the left, or to the right where only that is free all round.
 
-    Before each step the footprint is laid along the rest of the arc on the costmap as it is then.
+    Before each step the footprint is laid along the rest of the arc on the costmap as it is then. Where the circle is
+    not free the robot stays as it stands: half a turn in a narrow place would leave it across its way.
 
-    Source: rotate_recovery/RotateRecovery, which gives up where the circle is not free all round.
+    Source: rotate_recovery/RotateRecovery.
     """
 
     Parameters = RotateParameters
@@ -52,40 +55,38 @@ class Rotate(Recovery):
         """Yield the turn.
 
         Raises:
-            RecoveryError: IMPASSABLE where an obstacle allows no turn at all, TF_ERROR, FAILURE.
+            RecoveryError: IMPASSABLE where an obstacle is in the way, TF_ERROR, FAILURE.
         """
-        self._turned = 0.0
-        yield from self._turn(context, 2.0 * math.pi, 1.0)
-        if self._turned < 2.0 * math.pi - self.parameters.yaw_goal_tolerance:
-            seen = self._turned
-            yield from self._turn(context, 2.0 * math.pi, -1.0)
-            if max(seen, self._turned) <= self.parameters.yaw_goal_tolerance:
-                raise RecoveryError(
-                    RecoveryOutcome.IMPASSABLE, f"'{self.name}' cannot turn either way: the footprint would touch an obstacle"
-                )
-
-    def _turn(self, context: RecoveryContext, angle: float, sign: float) -> Iterator[Twist2D]:
-        """Yield a turn by `angle` (rad) to the left (`sign` 1) or right (-1), as far as it is free; leave it in _turned."""
         p = self.parameters
-        heading = look(context, self.name).pose.theta
-        self._turned, rate = 0.0, 0.0
+        place = look(context, self.name)
+        left_free, right_free = (self._free_angle(place, FULL, sign) for sign in (1.0, -1.0))
+        sign = 1.0 if left_free >= right_free else -1.0
+        turned, rate, heading = 0.0, 0.0, place.pose.theta
         while True:
             place = look(context, self.name)
-            self._turned += sign * angle_between(heading, place.pose.theta)
+            turned += sign * angle_between(heading, place.pose.theta)
             heading = place.pose.theta
-            left = angle - self._turned
+            left = FULL - turned
             if left <= p.yaw_goal_tolerance:
                 return
             free = self._free_angle(place, left, sign)
-            if free < min(left, p.yaw_goal_tolerance):
-                return
-            limit = speed_to_stop_within(free, p.acc_lim_theta, context.period)
-            wanted = min(max(limit, p.min_in_place_vel_theta if free >= left else 0.0), p.max_vel_theta)
-            change = p.acc_lim_theta * context.period
-            present = sign * measured(lambda: context.velocity, self.name).theta
-            base = rate if abs(rate - present) <= 2.0 * change else present
-            rate = min(base + change, max(base - change, wanted))
+            if free < left - 1e-9:
+                raise RecoveryError(
+                    RecoveryOutcome.IMPASSABLE,
+                    f"'{self.name}' cannot turn on: after {math.degrees(free):.0f} degrees more the footprint would touch an "
+                    "obstacle",
+                )
+            rate = self._rate(context, left, sign, rate)
             yield Twist2D(0.0, 0.0, sign * rate)
+
+    def _rate(self, context: RecoveryContext, left: float, sign: float, last: float) -> float:
+        """Return the speed (rad/s, in the direction of the turn) for the next step, with `left` (rad) to go."""
+        p = self.parameters
+        change = p.acc_lim_theta * context.period
+        wanted = max(speed_to_stop_within(left, p.acc_lim_theta, context.period), p.min_in_place_vel_theta)
+        present = sign * measured(lambda: context.velocity, self.name).theta
+        base = last if abs(last - present) <= 2.0 * change else present
+        return min(base + change, max(base - change, min(wanted, p.max_vel_theta)))
 
     def _free_angle(self, place: Place, angle: float, sign: float) -> float:
         count = max(1, math.ceil(angle / self.parameters.sim_granularity))

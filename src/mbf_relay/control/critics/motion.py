@@ -51,7 +51,7 @@ class Steady(Critic):
 
 
 class Slow(Critic):
-    """Charges velocities slower than both min_vel_trans and min_vel_theta.
+    """Charges creeping: translation below min_vel_trans with a turn below min_vel_theta.
 
     dwa_local_planner leaves them out altogether. With a minimum turn as high as the tutorials' that leaves a robot in a
     narrow place the choice between a spin and nothing, and it hunts; here they are for where nothing else serves.
