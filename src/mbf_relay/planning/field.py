@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Optional, Tuple
+import abc
+from typing import Any, ClassVar, Optional, Tuple
 
 import numpy as np
 
 from mbf_relay.outcomes import PlanningError, PlanOutcome
-from mbf_relay.planning import field_kernels as kernels
+from mbf_relay.planning import field_kernels, queue_kernels, wave_kernels
 from mbf_relay.planning.planner import Cancellation
 
 Cell = Tuple[int, int]
@@ -24,68 +25,77 @@ _FIRST_BUCKET = 512
 _FIRST_STORE = 1 << 12
 
 
-class CostToGo:
-    """Costs from cells of a grid to a goal over 8-connected steps, exact for every cell a plan needed.
+class KeptField(abc.ABC):
+    """A field over the cells of a grid that falls toward one goal, exact for every cell a plan needed.
 
-    A step between two cells costs the mean of what the cells count, times its length; a diagonal step needs both
-    orthogonal neighbours free. Called again for the same goal, it reads the new path off the field where that reaches
-    it, grows it on where not, and repairs it first where costs changed; the cost is that of a search from scratch.
+    Called again for the same goal, it is read where it reaches the start, grown on where not, and repaired first where
+    costs changed; its values are those of one grown from scratch.
 
     Attributes:
         expanded: Cells looked at in the last call, for benchmarks.
         repaired: Cells that lost their value in the last call's repair, None where the field was begun anew.
     """
 
+    octile: ClassVar[bool]
+    """Whether the heuristic is the octile distance, otherwise the straight one."""
+
+    kernels: ClassVar[Any]
+    """The module whose `grow` and `repair` make the field."""
+
     def __init__(self) -> None:
         self.expanded = 0
         self.repaired: Optional[int] = None
         self._goal: Optional[Cell] = None
-        self._halves = np.zeros(256, dtype=np.float32)
+        self._table = np.zeros(256, dtype=np.float32)
+        self._picture = 0
         self._weights = np.zeros(256, dtype=np.float32)
         self._field = np.zeros((0, 0), dtype=np.float32)
         self._seen = np.zeros((0, 0), dtype=np.uint8)  # the costs the field was made from, where it looked
-        self._sizes = np.zeros(kernels.BUCKETS, dtype=np.int64)
-        self._cells = np.zeros((kernels.BUCKETS, _FIRST_BUCKET), dtype=np.int32)
-        self._keys = np.zeros((kernels.BUCKETS, _FIRST_BUCKET), dtype=np.float32)
+        self._sizes = np.zeros(queue_kernels.BUCKETS, dtype=np.int64)
+        self._cells = np.zeros((queue_kernels.BUCKETS, _FIRST_BUCKET), dtype=np.int32)
+        self._keys = np.zeros((queue_kernels.BUCKETS, _FIRST_BUCKET), dtype=np.float32)
         self._apart_cells = np.zeros(_FIRST_STORE, dtype=np.int32)
         self._apart_keys = np.zeros(_FIRST_STORE, dtype=np.float32)
-        self._state = np.zeros(kernels.STATE_SIZE, dtype=np.int64)
+        self._state = np.zeros(queue_kernels.STATE_SIZE, dtype=np.int64)
 
-    def plan(
-        self, costs: np.ndarray, weights: np.ndarray, start: Cell, goal: Cell, cancelled: Cancellation
-    ) -> Optional[Tuple[np.ndarray, float]]:
-        """Return the cheapest way between two free cells, or None where there is none.
+    @staticmethod
+    @abc.abstractmethod
+    def table_of(weights: np.ndarray) -> np.ndarray:
+        """Return what the kernels look costs up in, from the weights: shape (256,), float32."""
+
+    def reach(
+        self, costs: np.ndarray, weights: np.ndarray, start: Cell, goal: Cell, cancelled: Cancellation,
+        picture: int = 0, all_around: bool = False,
+    ) -> bool:
+        """Have the field reach from a goal to a start; False where no free cells connect them.
 
         Args:
             costs: Shape (height, width), uint8, C-contiguous.
-            weights: Shape (256,), float32: what a straight step over a cell of each cost counts; 0 where it may not be
-                entered.
+            weights: Shape (256,), float32: what crossing a cell of each cost counts; 0 where it may not be entered.
             start, goal: Cells of the grid whose weight is above 0.
             cancelled: Stops the search when set.
-
-        Returns:
-            Cells from start to goal, shape (N, 2) int32, and the cost.
+            picture: A number that stands for these very costs, so that equal ones need no look; 0 for none.
+            all_around: Look at every cell nearer to the goal than the start instead of mainly toward the start.
 
         Raises:
             PlanningError: CANCELED, or MAP_ERROR where the map is too large.
         """
         before = 0
-        if self._may_keep(costs, weights, goal) and self._repair(costs):
-            before = int(self._state[kernels.EXPANDED])
+        if self._may_keep(costs, weights, goal) and self._repair(costs, picture):
+            before = int(self._state[queue_kernels.EXPANDED])
         else:
             self._begin(costs, weights, goal)
-        verdict = self._grow(costs, start, cancelled)
-        self.expanded = int(self._state[kernels.EXPANDED]) - before
-        self._remember(costs)
-        if verdict == kernels.CANCELLED:
+        verdict = self._grow(costs, start, cancelled, all_around)
+        self.expanded = int(self._state[queue_kernels.EXPANDED]) - before
+        if self.expanded or self._picture != picture or picture == 0:
+            self._remember(costs)
+        self._picture = picture
+        if verdict == queue_kernels.CANCELLED:
             raise PlanningError(PlanOutcome.CANCELED, "planning was cancelled")
-        if verdict == kernels.EXHAUSTED and self._field[start[1], start[0]] == 0.0:
-            return None
-        path = self._follow(costs, start)
-        return path, path_cost(costs, weights, path)
+        return bool(self._field[start[1], start[0]] > 0.0)
 
     def field(self) -> np.ndarray:
-        """Return the costs to go, shape (height, width), float32; 0 where none is known. Not to be kept."""
+        """Return the field, shape (height, width), float32; 0 where nothing is known. Not to be kept."""
         return self._field
 
     def _may_keep(self, costs: np.ndarray, weights: np.ndarray, goal: Cell) -> bool:
@@ -108,30 +118,34 @@ class CostToGo:
                 self._field[self._goal[1], self._goal[0]] = 0.0
         self._goal = goal
         self._weights = weights.copy()
-        self._halves = np.where(weights > 0.0, weights * np.float32(0.5), np.float32(np.inf)).astype(np.float32)
+        self._table = self.table_of(weights)
         self._sizes.fill(0)
         state = self._state
         state.fill(0)
-        state[kernels.MIN_COLUMN], state[kernels.MIN_ROW] = width, height
-        state[kernels.MAX_COLUMN] = state[kernels.MAX_ROW] = -1
-        self._field[goal[1], goal[0]] = kernels.ROOT_VALUE
-        self._apart_cells[0], self._apart_keys[0] = goal[1] * 65536 + goal[0], kernels.ROOT_VALUE
-        state[kernels.APART] = 1
+        state[queue_kernels.MIN_COLUMN], state[queue_kernels.MIN_ROW] = width, height
+        state[queue_kernels.MAX_COLUMN] = state[queue_kernels.MAX_ROW] = -1
+        self._field[goal[1], goal[0]] = queue_kernels.ROOT_VALUE
+        self._apart_cells[0], self._apart_keys[0] = goal[1] * 65536 + goal[0], queue_kernels.ROOT_VALUE
+        state[queue_kernels.APART] = 1
 
     def _looked_at(self) -> Tuple[slice, slice]:
         """Return the part of the map the field rests on: the cells expanded and those next to them."""
         state = self._state
         return (
-            slice(max(int(state[kernels.MIN_ROW]) - 1, 0), int(state[kernels.MAX_ROW]) + 2),
-            slice(max(int(state[kernels.MIN_COLUMN]) - 1, 0), int(state[kernels.MAX_COLUMN]) + 2),
+            slice(max(int(state[queue_kernels.MIN_ROW]) - 1, 0), int(state[queue_kernels.MAX_ROW]) + 2),
+            slice(max(int(state[queue_kernels.MIN_COLUMN]) - 1, 0), int(state[queue_kernels.MAX_COLUMN]) + 2),
         )
 
     def _remember(self, costs: np.ndarray) -> None:
         part = self._looked_at()
         self._seen[part] = costs[part]
 
-    def _repair(self, costs: np.ndarray) -> bool:
+    def _repair(self, costs: np.ndarray, picture: int) -> bool:
         """Bring the field in order after changes of the map; False where it is better begun anew."""
+        if picture != 0 and picture == self._picture:
+            self._set_apart()
+            self.repaired = 0
+            return True
         part = self._looked_at()
         differs = costs[part] != self._seen[part]
         waiting = self._set_apart()
@@ -139,13 +153,13 @@ class CostToGo:
         if not differs.any():
             return True
         rows, columns = np.nonzero(differs)
-        if len(rows) > WORTH_REPAIRING * max(int(self._state[kernels.EXPANDED]), 1):
+        if len(rows) > WORTH_REPAIRING * max(int(self._state[queue_kernels.EXPANDED]), 1):
             return False
         changed = np.column_stack((columns + part[1].start, rows + part[0].start)).astype(np.int32)
         looked_at = self._seen[part].size
         self._reserve(waiting + 9 * (looked_at + len(changed)))
-        forgotten = kernels.repair(
-            costs, self._halves, self._field, changed, np.empty(looked_at + 9 * len(changed), dtype=np.int32),
+        forgotten = self.kernels.repair(
+            costs, self._table, self._field, changed, np.empty(looked_at + 9 * len(changed), dtype=np.int32),
             self._apart_cells, self._apart_keys, self._state)
         self.repaired = int(forgotten)
         return forgotten >= 0
@@ -153,7 +167,7 @@ class CostToGo:
     def _set_apart(self) -> int:
         """Empty the queue's ring into its store; returns how many entries wait there."""
         while True:
-            waiting = kernels.set_apart(
+            waiting = queue_kernels.set_apart(
                 self._field, self._sizes, self._cells, self._keys, self._apart_cells, self._apart_keys, self._state)
             if waiting >= 0:
                 return int(waiting)
@@ -164,41 +178,98 @@ class CostToGo:
             self._apart_cells = np.resize(self._apart_cells, entries)
             self._apart_keys = np.resize(self._apart_keys, entries)
 
-    def _grow(self, costs: np.ndarray, start: Cell, cancelled: Cancellation) -> int:
+    def _grow(self, costs: np.ndarray, start: Cell, cancelled: Cancellation, all_around: bool) -> int:
         height, width = costs.shape
-        weights = self._weights
-        # nothing on the map counts less than its lowest cost does, which makes for a steep heuristic
-        cheapest = weights[weights > 0.0].min()
-        lowest = kernels.lowest_cost(costs, start[1], int(np.argmin(np.where(weights > 0.0, weights, np.inf))))
-        reachable = weights[lowest:][weights[lowest:] > 0.0]
-        slope = (reachable.min() if len(reachable) else cheapest) * _HEURISTIC_SHARE
+        slope = np.float32(0.0) if all_around else self._lowest_weight(costs, start[1]) * _HEURISTIC_SHARE
         # one expansion raises the key by no more than the ring is long
-        widest = np.float32(1.5) * (weights.max() + slope) / np.float32(kernels.BUCKETS - 3)
+        widest = np.float32(1.5) * (self._weights.max() + slope) / np.float32(queue_kernels.BUCKETS - 3)
         inverse_width = np.float32(1.0) / max(slope, widest)
         aim = (start[0], start[1], slope, inverse_width)
-        queue = (self._apart_cells, self._apart_keys, self._state)
-        while not kernels.spread(self._sizes, self._cells, self._keys, *queue, *aim):
-            self._enlarge()
+        verdict = queue_kernels.SPREAD_DUE
         while True:
-            verdict = kernels.grow(
-                costs.reshape(-1), width, height, self._halves, self._field.reshape(-1), self._sizes, self._cells,
-                self._keys, *queue, *aim, cancelled.flag)
-            if verdict != kernels.BUCKET_FULL:
+            if verdict == queue_kernels.SPREAD_DUE:
+                while not queue_kernels.spread(
+                    self._sizes, self._cells, self._keys, self._apart_cells, self._apart_keys, self._state, *aim,
+                    self.octile):
+                    self._enlarge()
+            elif verdict == queue_kernels.BUCKET_FULL:
+                self._enlarge()
+            else:
                 return int(verdict)
-            self._enlarge()
+            verdict = self.kernels.grow(
+                costs.reshape(-1), width, height, self._table, self._field.reshape(-1), self._sizes, self._cells,
+                self._keys, self._state, *aim, cancelled.flag)
+
+    def _lowest_weight(self, costs: np.ndarray, row: int) -> np.float32:
+        """Return a weight no free cell of the map goes below: the higher, the steeper the heuristic."""
+        weights = self._weights
+        free = np.flatnonzero(weights > 0.0)
+        best = int(free[np.argmin(weights[free])])
+        lowest = queue_kernels.lowest_cost(costs, row, best)
+        return weights[free[free >= lowest]].min() if (free >= lowest).any() else weights[best]
 
     def _enlarge(self) -> None:
         self._cells = np.concatenate((self._cells, np.zeros_like(self._cells)), axis=1)
         self._keys = np.concatenate((self._keys, np.zeros_like(self._keys)), axis=1)
 
-    def _follow(self, costs: np.ndarray, start: Cell) -> np.ndarray:
+
+class CostToGo(KeptField):
+    """Costs to go over 8-connected steps: exact, and so are the paths.
+
+    A step between two cells costs the mean of what the cells count, times its length; a diagonal step needs both
+    orthogonal neighbours free.
+    """
+
+    octile = True
+    kernels = field_kernels
+
+    @staticmethod
+    def table_of(weights: np.ndarray) -> np.ndarray:
+        """Return half of each weight, inf where the cell may not be entered."""
+        return np.where(weights > 0.0, weights * np.float32(0.5), np.float32(np.inf)).astype(np.float32)
+
+    def path(self, costs: np.ndarray, start: Cell) -> np.ndarray:
+        """Return the cells of the cheapest way from a start the field reaches: (N, 2) int32, the goal's cell last."""
         room = 4 * max(costs.shape) + 16
         while True:
             path = np.empty((room, 2), dtype=np.int32)
-            count = kernels.follow(costs, self._halves, self._field, start[0], start[1], path)
+            count = field_kernels.follow(costs, self._table, self._field, start[0], start[1], path)
             if count >= 0:
                 return path[:count]
             room *= 4
+
+
+class Wave(KeptField):
+    """The potential of a wave that spreads from the goal: the eikonal equation on the grid, for smooth paths."""
+
+    octile = False
+    kernels = wave_kernels
+
+    @staticmethod
+    def table_of(weights: np.ndarray) -> np.ndarray:
+        """Return the weights, inf where the cell may not be entered."""
+        return np.where(weights > 0.0, weights, np.float32(np.inf)).astype(np.float32)
+
+    def path(self, start: Tuple[float, float]) -> np.ndarray:
+        """Return points down the potential to the goal's cell or the one next to it: (N, 2), in cells.
+
+        Args:
+            start: In cells, the centre of a cell at halves; in a cell the field reaches. The first point.
+        """
+        room = 16 * max(self._field.shape) + 16
+        while True:
+            path = np.empty((room, 2))
+            count = wave_kernels.descend(self._field, start[0], start[1], self._goal[0], self._goal[1], path)
+            if count >= 0:
+                return path[:count]
+            room *= 4
+
+    def cost_at(self, x: float, y: float) -> float:
+        """Return the potential at a point, in cells, above the goal's: what the way down from there counts."""
+        value = wave_kernels.potential_at(self._field, x, y)
+        if not np.isfinite(value):
+            value = self._field[int(y), int(x)]
+        return float(value) - queue_kernels.ROOT_VALUE
 
 
 def path_cost(costs: np.ndarray, weights: np.ndarray, cells: np.ndarray) -> float:

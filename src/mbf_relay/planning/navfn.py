@@ -1,23 +1,16 @@
-"""The planner that stands in for navfn."""
+"""The planner that stands in for navfn: a smooth path down the potential of a wave from the goal."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Optional, Tuple
 
 import numpy as np
 
-from mbf_relay.costmap.cost_grid import INSCRIBED, NO_INFORMATION, CostGrid
-from mbf_relay.geometry import Pose2D
-from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.parameters import ParameterSet, parameter
-from mbf_relay.planning.field import CostToGo
-from mbf_relay.planning.path import Path
-from mbf_relay.planning.planner import Cancellation, Planner
-from mbf_relay.planning.request import checked_cells, headings_along
-
-NEUTRAL, FACTOR, HIGHEST = 50.0, 0.8, 252.0
-"""navfn's COST_NEUTRAL, COST_FACTOR and the value just below COST_OBS."""
+from mbf_relay.planning.field import Wave
+from mbf_relay.planning.grid_planner import GridPlanner, Leg
+from mbf_relay.planning.weights import navfn_weights
 
 
 @dataclass(frozen=True)
@@ -25,40 +18,46 @@ class NavfnParameters(ParameterSet):
     """Parameters of navfn, by its names."""
 
     allow_unknown: bool = parameter(True, "plan through unknown cells")
-    default_tolerance: float = parameter(0.0, "how far the goal may be missed", unit="m", minimum=0.0)
+    default_tolerance: float = parameter(0.0, "how far the goal may be missed, where a request says no more", unit="m", minimum=0.0)
+    visualize_potential: bool = parameter(False, "publish the potential as a point cloud")
+    planner_window_x: float = parameter(0.0, "read for navfn's sake; without effect there, too", unit="m")
+    planner_window_y: float = parameter(0.0, "read for navfn's sake; without effect there, too", unit="m")
 
 
-class NavfnPlanner(Planner):
-    """Plans the cheapest path over 8-connected cells, weighted as navfn weighs costs."""
+class NavfnPlanner(GridPlanner):
+    """Plans as navfn does, with the exact wave update, a heuristic, and a potential kept between plans."""
 
     Parameters = NavfnParameters
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
-        self._field = CostToGo()
+        self._wave = Wave()
+        self._weights = navfn_weights(parameters.allow_unknown)
 
-    def plan(
-        self, costmap: CostGrid, start: Pose2D, goal: Pose2D, tolerance: float, cancelled: Cancellation
-    ) -> Path:
-        weights = navfn_weights(self.parameters.allow_unknown)
-        start_cell, goal_cell = checked_cells(costmap, weights, start, goal)
-        found = self._field.plan(costmap.costs, weights, start_cell, goal_cell, cancelled)
-        if found is None:
-            raise PlanningError(
-                PlanOutcome.NO_PATH_FOUND,
-                f"no path from ({start.x:.3f}, {start.y:.3f}) to ({goal.x:.3f}, {goal.y:.3f}): no free cells connect them")
-        cells, cost = found
-        points = costmap.grid.centers_of(cells)
-        if len(points) == 1:
-            points = np.vstack((points, points))
-        points[0], points[-1] = start[:2], goal[:2]
-        return Path(headings_along(points, goal.theta), costmap.frame, cost)
+    def reconfigure(self, parameters: Any) -> None:
+        super().reconfigure(parameters)
+        self._weights = navfn_weights(parameters.allow_unknown)
+
+    def weights(self) -> np.ndarray:
+        return self._weights
+
+    def potential(self) -> Optional[np.ndarray]:
+        return self._wave.field()
+
+    def search(self, leg: Leg) -> Optional[Tuple[np.ndarray, float]]:
+        return descend_wave(self._wave, self._weights, leg, all_around=self.wants_potential)
 
 
-def navfn_weights(allow_unknown: bool) -> np.ndarray:
-    """Return what navfn makes of each cost: shape (256,), float32, 0 where it does not go."""
-    weights = np.minimum(NEUTRAL + FACTOR * np.arange(256), HIGHEST)
-    weights[INSCRIBED:] = 0.0
-    if allow_unknown:
-        weights[NO_INFORMATION] = HIGHEST
-    return np.floor(weights).astype(np.float32)
+def descend_wave(
+    wave: Wave, weights: np.ndarray, leg: Leg, all_around: bool = False
+) -> Optional[Tuple[np.ndarray, float]]:
+    """Return points in metres and the cost of the way down a wave's potential, None where there is none."""
+    costmap, grid = leg.costmap, leg.costmap.grid
+    if not wave.reach(
+        costmap.costs, weights, leg.start_cell, leg.goal_cell, leg.cancelled, costmap.revision, all_around):
+        return None
+    origin = np.array([grid.origin_x, grid.origin_y])
+    start = (np.array(leg.start[:2]) - origin) / grid.resolution
+    points = wave.path((float(start[0]), float(start[1]))) * grid.resolution + origin
+    points[0] = leg.start[:2]
+    return np.vstack((points, leg.goal[:2])), wave.cost_at(float(start[0]), float(start[1]))

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from mbf_relay.outcomes import PlanningError, PlanOutcome
-from mbf_relay.planning import field_kernels
-from mbf_relay.planning.field import CostToGo, path_cost
-from mbf_relay.planning.navfn import navfn_weights
+from mbf_relay.planning import queue_kernels
+from mbf_relay.planning.field import CostToGo, Wave, path_cost
+from mbf_relay.planning.weights import navfn_weights
 from mbf_relay.planning.planner import Cancellation
 
 WEIGHTS = navfn_weights(allow_unknown=True)
@@ -48,6 +48,14 @@ def random_map(rng, height, width, blocked=0.3):
     return costs
 
 
+def plan(field, costs, weights, start, goal, cancelled):
+    """Return path and cost, None where there is no way."""
+    if not field.reach(costs, weights, start, goal, cancelled):
+        return None
+    path = field.path(costs, start)
+    return path, path_cost(costs, weights, path)
+
+
 def free_cell(rng, costs):
     rows, columns = np.nonzero(WEIGHTS[costs] > 0.0)
     index = rng.integers(len(rows))
@@ -76,7 +84,7 @@ def test_costs_are_those_of_dijkstras_algorithm(seed):
         if not (WEIGHTS[costs] > 0.0).any():
             continue
         start, goal = free_cell(rng, costs), free_cell(rng, costs)
-        found = field.plan(costs, WEIGHTS, start, goal, Cancellation())
+        found = plan(field, costs, WEIGHTS, start, goal, Cancellation())
         expected = reference_cost(costs, WEIGHTS, start, goal)
         assert (found is None) == math.isinf(expected)
         if found is not None:
@@ -93,8 +101,8 @@ def test_replanning_after_changes_costs_what_planning_from_scratch_costs(seed):
     repairs = 0
     for step in range(40):
         start = free_cell(rng, costs)
-        found = kept.plan(costs, WEIGHTS, start, goal, Cancellation())
-        scratch = CostToGo().plan(costs, WEIGHTS, start, goal, Cancellation())
+        found = plan(kept, costs, WEIGHTS, start, goal, Cancellation())
+        scratch = plan(CostToGo(), costs, WEIGHTS, start, goal, Cancellation())
         assert (found is None) == (scratch is None), step
         if found is not None:
             check_path(costs, start, goal, found)
@@ -113,10 +121,10 @@ def test_an_unchanged_map_is_only_read():
     costs = random_map(rng, 80, 80, 0.1)
     costs[3, 3] = costs[70, 70] = 0
     field = CostToGo()
-    first = field.plan(costs, WEIGHTS, (3, 3), (70, 70), Cancellation())
+    first = plan(field, costs, WEIGHTS, (3, 3), (70, 70), Cancellation())
     assert field.expanded > 1000
     for cell in first[0][::10]:
-        found = field.plan(costs, WEIGHTS, tuple(cell), (70, 70), Cancellation())
+        found = plan(field, costs, WEIGHTS, tuple(cell), (70, 70), Cancellation())
         assert field.expanded == 0 and field.repaired == 0
         assert found[1] == pytest.approx(reference_cost(costs, WEIGHTS, tuple(cell), (70, 70)), rel=2e-6)
 
@@ -124,10 +132,10 @@ def test_an_unchanged_map_is_only_read():
 def test_a_local_change_is_repaired_locally():
     costs = np.zeros((300, 300), dtype=np.uint8)
     field = CostToGo()
-    field.plan(costs, WEIGHTS, (10, 10), (290, 280), Cancellation())
+    plan(field, costs, WEIGHTS, (10, 10), (290, 280), Cancellation())
     whole = field.expanded
     costs[18:21, 18:21] = 254
-    found = field.plan(costs, WEIGHTS, (10, 10), (290, 280), Cancellation())
+    found = plan(field, costs, WEIGHTS, (10, 10), (290, 280), Cancellation())
     assert found[1] == pytest.approx(reference_cost(costs, WEIGHTS, (10, 10), (290, 280)), rel=2e-6)
     assert field.repaired is not None and field.expanded < whole / 5
 
@@ -138,7 +146,7 @@ def test_cost_grows_with_the_free_area_not_with_the_map():
     expanded = []
     for costs in (small, large):
         field = CostToGo()
-        assert field.plan(costs, WEIGHTS, (60, 60), (140, 130), Cancellation()) is not None
+        assert plan(field, costs, WEIGHTS, (60, 60), (140, 130), Cancellation()) is not None
         expanded.append(field.expanded)
     assert expanded[0] == expanded[1]
 
@@ -151,10 +159,10 @@ def test_a_cancelled_plan_says_so_and_leaves_the_field_good():
     cancelled.cancel()
     field = CostToGo()
     with pytest.raises(PlanningError) as error:
-        field.plan(costs, WEIGHTS, (0, 0), (5, 398), cancelled)
+        plan(field, costs, WEIGHTS, (0, 0), (5, 398), cancelled)
     assert error.value.outcome is PlanOutcome.CANCELED
     assert field.expanded <= 2 * 4096
-    found = field.plan(costs, WEIGHTS, (0, 0), (5, 398), Cancellation())
+    found = plan(field, costs, WEIGHTS, (0, 0), (5, 398), Cancellation())
     assert found[1] == pytest.approx(reference_cost(costs, WEIGHTS, (0, 0), (5, 398)), rel=1e-5)
 
 
@@ -166,7 +174,7 @@ def test_weights_that_differ_by_far_are_still_exact():
         costs = random_map(rng, 40, 40, 0.2)
         costs[costs == 255] = 254
         start, goal = free_cell(rng, costs), free_cell(rng, costs)
-        found = field.plan(costs, weights, start, goal, Cancellation())
+        found = plan(field, costs, weights, start, goal, Cancellation())
         expected = reference_cost(costs, weights, start, goal)
         assert (found is None) == math.isinf(expected)
         if found is not None:
@@ -176,5 +184,5 @@ def test_weights_that_differ_by_far_are_still_exact():
 def test_lowest_cost_ends_its_look_when_it_cannot_get_lower():
     costs = np.full((10, 7), 200, np.uint8)
     costs[2, 3], costs[9, 1] = 5, 3
-    assert field_kernels.lowest_cost(costs, 2, 5) == 5
-    assert field_kernels.lowest_cost(costs, 2, 0) == 3
+    assert queue_kernels.lowest_cost(costs, 2, 5) == 5
+    assert queue_kernels.lowest_cost(costs, 2, 0) == 3

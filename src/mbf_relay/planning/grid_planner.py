@@ -1,0 +1,130 @@
+"""The frame of every planner over a grid: checks, tolerance, a search of the planner's own, headings."""
+
+from __future__ import annotations
+
+import abc
+from dataclasses import dataclass
+from typing import Any, Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.costmap.cost_grid import CostGrid
+from mbf_relay.geometry import Pose2D
+from mbf_relay.outcomes import PlanOutcome
+from mbf_relay.planning import request
+from mbf_relay.planning.orientation import OrientationMode, oriented
+from mbf_relay.planning.path import Path
+from mbf_relay.planning.planner import Cancellation, Planner
+
+Cell = Tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Leg:
+    """What a search is asked for, both ends on free cells.
+
+    Attributes:
+        costmap: The picture to plan on.
+        start, goal: Where from and where to, in the costmap's frame.
+        start_cell, goal_cell: The cells they lie in.
+        cancelled: Stops the search when set.
+    """
+
+    costmap: CostGrid
+    start: Pose2D
+    goal: Pose2D
+    start_cell: Cell
+    goal_cell: Cell
+    cancelled: Cancellation
+
+
+class GridPlanner(Planner):
+    """A planner that searches the cells of a costmap; derive, and give `weights` and `search`.
+
+    The parameters have a `default_tolerance` (m), which holds where a request's own tolerance is smaller.
+    """
+
+    def __init__(self, name: str, parameters: Any) -> None:
+        super().__init__(name, parameters)
+        self.wants_potential = False
+
+    @abc.abstractmethod
+    def weights(self) -> np.ndarray:
+        """Return what crossing a cell of each cost counts: shape (256,), float32, 0 where it may not be entered."""
+
+    @abc.abstractmethod
+    def search(self, leg: Leg) -> Optional[Tuple[np.ndarray, float]]:
+        """Return points from start to goal, (N, 2) in metres, both included, and the cost; None where there is no way.
+
+        Raises:
+            PlanningError: CANCELED.
+        """
+
+    def orient(self, points: np.ndarray, start: Pose2D, goal: Pose2D) -> np.ndarray:
+        """Return poses (N, 3) over a path's points (N, 2)."""
+        return oriented(points, start, goal, OrientationMode.FORWARD)
+
+    def potential(self) -> Optional[np.ndarray]:
+        """Return the field of the last search, shape (height, width), 0 where nothing is known; None before one."""
+        return None
+
+    def plan(
+        self, costmap: CostGrid, start: Pose2D, goal: Pose2D, tolerance: float, cancelled: Cancellation
+    ) -> Path:
+        request.require_finite(start, goal)
+        weights = self.weights()
+        way_out = request.departure(costmap, weights, start)
+        start_cell = (int(way_out[-1, 0]), int(way_out[-1, 1]))
+        leaving = start
+        if len(way_out) > 1:
+            leaving = Pose2D(*costmap.grid.center_of(*start_cell), start.theta)
+        tolerance = max(tolerance, self.parameters.default_tolerance)
+        found, goal = self._find(costmap, weights, leaving, start_cell, goal, tolerance, cancelled)
+        points, cost = found
+        if len(way_out) > 1:
+            points = np.vstack((costmap.grid.centers_of(way_out[:-1]), points))
+            points[0] = start[:2]
+        return Path(self.orient(_without_repeats(points), start, goal), costmap.frame, cost)
+
+    def _find(
+        self, costmap: CostGrid, weights: np.ndarray, start: Pose2D, start_cell: Cell, goal: Pose2D, tolerance: float,
+        cancelled: Cancellation,
+    ) -> Tuple[Tuple[np.ndarray, float], Pose2D]:
+        """Return the way to the goal, or to the reachable point nearest to it, and the goal it leads to."""
+        goal_cell = costmap.grid.cell_at(goal.x, goal.y)
+        if not costmap.grid.contains_cell(*goal_cell):
+            error = request.outside_error(costmap, "goal", goal)
+        elif weights[costmap.costs[goal_cell[1], goal_cell[0]]] == 0.0:
+            error = request.blocked_error(costmap, "goal", goal, PlanOutcome.BLOCKED_GOAL)
+        else:
+            found = self._search(Leg(costmap, start, goal, start_cell, goal_cell, cancelled))
+            if found is not None:
+                return found, goal
+            error = request.unreachable_error(start, goal, tolerance)
+        nearest = None
+        if tolerance > 0.0:
+            nearest = request.nearest_reachable(costmap, weights, start_cell, goal, tolerance, cancelled)
+        if nearest is None:
+            raise error
+        goal = Pose2D(*costmap.grid.center_of(*nearest), goal.theta)
+        found = self._search(Leg(costmap, start, goal, start_cell, nearest, cancelled))
+        if found is None:
+            raise error
+        return found, goal
+
+    def _search(self, leg: Leg) -> Optional[Tuple[np.ndarray, float]]:
+        if leg.start_cell != leg.goal_cell:
+            return self.search(leg)
+        cost = leg.costmap.costs[leg.goal_cell[1], leg.goal_cell[0]]
+        cells = leg.start.distance_to(leg.goal) / leg.costmap.grid.resolution
+        return np.array([leg.start[:2], leg.goal[:2]]), float(self.weights()[cost]) * cells
+
+
+def _without_repeats(points: np.ndarray) -> np.ndarray:
+    """Return points without those that equal the one before: a heading needs two that differ."""
+    moved = np.abs(np.diff(points, axis=0)).max(axis=1) > 1e-9
+    if moved.all():
+        return points
+    kept = points[np.concatenate(([True], moved))]
+    kept[-1] = points[-1]
+    return kept

@@ -1,0 +1,156 @@
+"""The queue of a label-correcting search, and what its fields share.
+
+The queue is a ring of buckets about one straight step wide (Denardo and Fox, 1979), worked through in the order of
+arrival, so that one cell need not wait for the memory of the one before. What lies too far up for the ring waits in a
+store beside it; a new aim, which changes every key, empties the ring into the store and spreads it out again.
+
+An entry is a cell (row * 65536 + column) and the value it had when it was put there: where the cell's value is another
+one now, the entry is out of date, because the cell waits elsewhere too.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mbf_relay.kernels import kernel
+
+BUCKETS = 64
+ROOT_VALUE = 1.0  # of the goal's own cell: any value above 0
+
+# places in `state`, int64
+WAITING = 0  # entries in the ring
+BASE = 1  # number of the lowest bucket
+TAKEN = 2  # entries of the lowest bucket already worked through
+APART = 3  # entries in the store
+NEXT_SPREAD = 4  # number of the lowest bucket at which the store must be looked through again
+MIN_COLUMN, MIN_ROW, MAX_COLUMN, MAX_ROW = 5, 6, 7, 8  # cells expanded
+EXPANDED = 9  # how many, since the field was begun
+STATE_SIZE = 10
+
+# verdicts of the kernels that grow a field
+REACHED, EXHAUSTED, CANCELLED, BUCKET_FULL, SPREAD_DUE = 0, 1, 2, 3, 4
+
+CANCEL_CHECK = 4096  # expansions between two looks at the flag: a fraction of a millisecond
+SPARE = 8  # entries one expansion may add to a bucket
+
+_BUCKETS = 64
+_WAITING, _BASE, _TAKEN, _APART, _NEXT_SPREAD = 0, 1, 2, 3, 4
+_OCTILE = np.float32(math.sqrt(2.0) - 1.0)
+_SPARE = 8
+_NEVER = 1 << 60
+
+
+@kernel("int64(uint8[::1], int64)")
+def _lowest(cells, lowest):
+    for i in range(cells.shape[0]):
+        lowest = min(lowest, np.int64(cells[i]))
+    return lowest
+
+
+@kernel("int64(uint8[:,::1], int64, int64)")
+def lowest_cost(costs, row, enough):
+    """Return the lowest cost on the map; the search starts at `row` and ends early once it is not above `enough`."""
+    lowest = 255
+    height = costs.shape[0]
+    for offset in range(height):
+        lowest = _lowest(costs[(row + offset) % height], lowest)
+        if lowest <= enough:
+            break
+    return lowest
+
+
+@kernel("float32(int64, int64, int64, int64, float32, boolean)")
+def _heuristic(x, y, start_x, start_y, slope, octile):
+    dx, dy = abs(x - start_x), abs(y - start_y)
+    if octile:
+        return np.float32(slope * (np.float32(max(dx, dy)) + _OCTILE * np.float32(min(dx, dy))))
+    return np.float32(slope * math.sqrt(np.float32(dx * dx + dy * dy)))
+
+
+@kernel("boolean(int64[::1], int32[:,::1], float32[:,::1], int32[::1], float32[::1], int64[::1], int64, int64,"
+        " float32, float32, boolean)")
+def spread(sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope, inverse_width, octile):
+    """Move from the store into the ring what belongs there.
+
+    The lowest bucket moves up to the lowest entry where the ring is empty.
+
+    Args:
+        sizes, cells, keys: The ring: entries in each bucket; their cells and the cells' values.
+        apart_cells, apart_keys, state: The store and the counters, see above.
+        start_x, start_y: What the search aims for.
+        slope: What the heuristic counts for one cell.
+        inverse_width: One over the width of a bucket.
+        octile: The heuristic is the octile distance, otherwise the straight one.
+
+    Returns:
+        False where a bucket is full: nothing was moved then. Make the buckets larger and call again.
+    """
+    count = state[_APART]
+    base = state[_BASE]
+    if state[_WAITING] == 0:
+        base = _NEVER
+        for i in range(count):
+            x, y = np.int64(apart_cells[i] & 65535), np.int64(apart_cells[i] >> 16)
+            key = apart_keys[i] + _heuristic(x, y, start_x, start_y, slope, octile)
+            base = min(base, np.int64(key * inverse_width))
+        sizes[state[_BASE] & (_BUCKETS - 1)] = 0
+        state[_TAKEN] = 0
+        state[_BASE] = base
+    added = np.zeros(_BUCKETS, np.int64)
+    for i in range(count):
+        x, y = np.int64(apart_cells[i] & 65535), np.int64(apart_cells[i] >> 16)
+        key = apart_keys[i] + _heuristic(x, y, start_x, start_y, slope, octile)
+        bucket = max(np.int64(key * inverse_width), base)
+        if bucket - base < _BUCKETS:
+            added[bucket & (_BUCKETS - 1)] += 1
+    for slot in range(_BUCKETS):
+        if sizes[slot] + added[slot] + _SPARE > cells.shape[1]:
+            return False
+    kept = 0
+    next_bucket = _NEVER
+    for i in range(count):
+        x, y = np.int64(apart_cells[i] & 65535), np.int64(apart_cells[i] >> 16)
+        value = apart_keys[i]
+        key = value + _heuristic(x, y, start_x, start_y, slope, octile)
+        bucket = max(np.int64(key * inverse_width), base)
+        if bucket - base < _BUCKETS:
+            slot = bucket & (_BUCKETS - 1)
+            cells[slot, sizes[slot]] = apart_cells[i]
+            keys[slot, sizes[slot]] = value
+            sizes[slot] += 1
+            state[_WAITING] += 1
+        else:
+            apart_cells[kept], apart_keys[kept] = apart_cells[i], value
+            kept += 1
+            next_bucket = min(next_bucket, bucket)
+    state[_APART] = kept
+    state[_NEXT_SPREAD] = next_bucket - _BUCKETS + 1 if kept > 0 else _NEVER
+    return True
+
+
+@kernel("int64(float32[:,::1], int64[::1], int32[:,::1], float32[:,::1], int32[::1], float32[::1], int64[::1])")
+def set_apart(field, sizes, cells, keys, apart_cells, apart_keys, state):
+    """Empty the ring into the store, for a new aim; what is out of date is dropped. Return how many wait there.
+
+    The store must have room for all that wait; a negative result is minus the room it needs, and nothing was moved.
+    """
+    if state[_APART] + state[_WAITING] > apart_cells.shape[0]:
+        return -(state[_APART] + state[_WAITING])
+    count = state[_APART]
+    for slot in range(_BUCKETS):
+        first = state[_TAKEN] if slot == (state[_BASE] & (_BUCKETS - 1)) else 0
+        for i in range(first, sizes[slot]):
+            apart_cells[count], apart_keys[count] = cells[slot, i], keys[slot, i]
+            count += 1
+        sizes[slot] = 0
+    kept = 0
+    for i in range(count):
+        if field[apart_cells[i] >> 16, apart_cells[i] & 65535] == apart_keys[i]:
+            apart_cells[kept], apart_keys[kept] = apart_cells[i], apart_keys[i]
+            kept += 1
+    state[_APART] = kept
+    state[_WAITING] = 0
+    state[_TAKEN] = 0
+    return kept

@@ -1,0 +1,330 @@
+"""Compiled search for smooth paths: the potential of a wave that spreads from the goal, and the way down on it.
+
+The potential solves the eikonal equation |grad u| = cost on the grid (Sethian, "A fast marching level set method for
+monotonically advancing fronts", 1996; navfn approximates the same update by a polynomial). It grows, and is kept and
+repaired, as field_kernels does it for 8-connected steps; the queue is the same. Its heuristic is the straight distance
+at the lowest cost on the map.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mbf_relay.kernels import kernel
+
+_BUCKETS = 64
+_ROOT = np.float32(1.0)
+_WAITING, _BASE, _TAKEN, _APART, _NEXT_SPREAD = 0, 1, 2, 3, 4
+_MIN_COLUMN, _MIN_ROW, _MAX_COLUMN, _MAX_ROW, _EXPANDED = 5, 6, 7, 8, 9
+_REACHED, _EXHAUSTED, _CANCELLED, _BUCKET_FULL, _SPREAD_DUE = 0, 1, 2, 3, 4
+_CANCEL_CHECK = 4096
+_SPARE = 8
+_SLACK = np.float32(3.0)  # cells: the straight distance is convex, so keys may fall a little along the wave
+_STEP = 0.5  # cells between two points of the path, as navfn's
+
+
+@kernel("float32(float32, float32, float32)")
+def wave_value(across, along, cost):
+    """Return the potential of a cell from the lower of its neighbours on either axis, inf where there is none."""
+    apart = abs(across - along)
+    if not apart < cost:  # also where both are inf
+        return np.float32(min(across, along) + cost)
+    return np.float32(np.float32(0.5) * (across + along + math.sqrt(np.float32(2.0) * cost * cost - apart * apart)))
+
+
+@kernel("float32(float32[::1], uint64)")
+def _known(field, index):
+    value = field[index]
+    return value if value > 0 else np.float32(np.inf)
+
+
+@kernel("int64(uint8[::1], int64, int64, float32[::1], float32[::1], int64[::1], int32[:,::1], float32[:,::1],"
+        " int64[::1], int64, int64, float32, float32, uint8[::1])")
+def grow(
+    costs, width, height, weights, field, sizes, cells, keys, state, start_x, start_y, slope, inverse_width, cancelled
+):
+    """Grow the potential until the start's value is final.
+
+    Args:
+        costs: The map's costs, row by row, width * height of them; at most 32767 each way.
+        width, height: Of the map, in cells.
+        weights: Shape (256,): what crossing a cell of each cost counts, inf where it may not be entered.
+        field: Potential, as long as `costs`; 0 where not known.
+        sizes, cells, keys, state: The queue's ring and its counters, see queue_kernels.
+        start_x, start_y: Where to.
+        slope: What the heuristic counts for one cell: not more than crossing any does.
+        inverse_width: One over the width of a bucket.
+        cancelled: Shape (1,), non-zero to stop.
+
+    Returns:
+        A verdict of queue_kernels; after BUCKET_FULL make the buckets larger, after SPREAD_DUE spread the store, and
+        call again.
+    """
+    inf = np.float32(np.inf)
+    start = np.uint64(start_y * width + start_x)
+    waiting, base, taken, expanded = state[_WAITING], state[_BASE], state[_TAKEN], state[_EXPANDED]
+    min_column, min_row = state[_MIN_COLUMN], state[_MIN_ROW]
+    max_column, max_row = state[_MAX_COLUMN], state[_MAX_ROW]
+    capacity = np.int64(cells.shape[1])
+    ring_cells, ring_keys = cells.ravel(), keys.ravel()
+    full = False
+    for slot in range(_BUCKETS):
+        full |= sizes[slot] + _SPARE > capacity
+    countdown = _CANCEL_CHECK
+    verdict = -1
+    reached = field[start]
+    if reached > 0 and waiting > 0 and np.float32(base) > (reached + _SLACK * slope) * inverse_width:
+        verdict = _REACHED  # a field grown before reaches here
+    while verdict < 0:
+        slot = base & (_BUCKETS - 1)
+        if taken == sizes[np.uint64(slot)]:
+            sizes[np.uint64(slot)] = 0
+            taken = 0
+            reached = field[start]
+            if reached > 0 and np.float32(base + 1) > (reached + _SLACK * slope) * inverse_width:
+                verdict = _REACHED
+                break
+            if waiting > 0:
+                base += 1
+            if waiting == 0 or base >= state[_NEXT_SPREAD]:
+                verdict = _EXHAUSTED if waiting == 0 and state[_APART] == 0 else _SPREAD_DUE
+                break
+            continue
+        if full:
+            verdict = _BUCKET_FULL
+            break
+        if countdown == 0:
+            countdown = _CANCEL_CHECK
+            if cancelled[0] != 0:
+                verdict = _CANCELLED
+                break
+        place = np.uint64(slot * capacity + taken)
+        taken += 1
+        waiting -= 1
+        packed = ring_cells[place]
+        y, x = np.int64(packed >> 16), np.int64(packed & 65535)
+        i = y * width + x
+        if ring_keys[place] != field[np.uint64(i)]:
+            continue  # it was lowered since, and waits elsewhere with its present value
+        countdown -= 1
+        expanded += 1
+        min_column, max_column = min(min_column, x), max(max_column, x)
+        min_row, max_row = min(min_row, y), max(max_row, y)
+        own = field[np.uint64(i)]
+        for side in range(4):
+            near_x = x + (side * 2 - 1 if side < 2 else 0)
+            near_y = y + (side * 2 - 5 if side > 1 else 0)
+            if near_x < 0 or near_x >= width or near_y < 0 or near_y >= height:
+                continue
+            j = near_y * width + near_x
+            old = _known(field, np.uint64(j))
+            if old <= own:
+                continue
+            cost = weights[costs[np.uint64(j)]]
+            if cost == inf:
+                continue
+            if side < 2:
+                across = own
+                along = min(_known(field, np.uint64(j - width)) if near_y > 0 else inf,
+                            _known(field, np.uint64(j + width)) if near_y + 1 < height else inf)
+            else:
+                along = own
+                across = min(_known(field, np.uint64(j - 1)) if near_x > 0 else inf,
+                             _known(field, np.uint64(j + 1)) if near_x + 1 < width else inf)
+            lowered = wave_value(across, along, cost)
+            if lowered < old:
+                field[np.uint64(j)] = lowered
+                dx, dy = near_x - start_x, near_y - start_y
+                key = lowered + slope * np.float32(math.sqrt(np.float32(dx * dx + dy * dy)))
+                # too early does no harm, too late would: what lies beyond the ring goes into its last bucket
+                bucket = min(max(np.int64(key * inverse_width), base), base + (_BUCKETS - 1))
+                near_slot = np.uint64(bucket & (_BUCKETS - 1))
+                size = sizes[near_slot]
+                near_place = np.uint64(np.int64(near_slot) * capacity + size)
+                ring_cells[near_place] = near_y * 65536 + near_x
+                ring_keys[near_place] = lowered
+                sizes[near_slot] = size + 1
+                full |= size + 1 + _SPARE > capacity
+                waiting += 1
+    state[_WAITING], state[_BASE], state[_TAKEN], state[_EXPANDED] = waiting, base, taken, expanded
+    state[_MIN_COLUMN], state[_MIN_ROW] = min_column, min_row
+    state[_MAX_COLUMN], state[_MAX_ROW] = max_column, max_row
+    return verdict
+
+
+@kernel("float32(float32[:,::1], int64, int64, float32)")
+def _below(field, x, y, value):
+    """Return a cell's value where it is known and below `value`, else inf."""
+    if 0 <= x < field.shape[1] and 0 <= y < field.shape[0] and 0 < field[y, x] < value:
+        return field[y, x]
+    return np.float32(np.inf)
+
+
+@kernel("boolean(uint8[:,::1], float32[::1], float32[:,::1], int64, int64)")
+def _is_supported(costs, weights, field, x, y):
+    """Tell whether lower neighbours still explain a cell's value: the wave update gives no more than it says."""
+    value = field[y, x]
+    if value == _ROOT:
+        return True
+    across = min(_below(field, x - 1, y, value), _below(field, x + 1, y, value))
+    along = min(_below(field, x, y - 1, value), _below(field, x, y + 1, value))
+    return wave_value(across, along, weights[costs[y, x]]) <= value
+
+
+@kernel("int64(uint8[:,::1], float32[::1], float32[:,::1], int32[:,::1], int32[::1], int32[::1], float32[::1],"
+        " int64[::1])")
+def repair(costs, weights, field, changed, unsupported, apart_cells, apart_keys, state):
+    """Bring a potential in order after costs changed; as field_kernels.repair, with `weights` as in `grow`."""
+    height, width = costs.shape
+    count = 0
+    for n in range(changed.shape[0]):
+        x, y = changed[n, 0], changed[n, 1]
+        if field[y, x] > 0 and not _is_supported(costs, weights, field, x, y):
+            field[y, x] = 0
+            unsupported[count] = y * 65536 + x
+            count += 1
+    done = 0
+    while done < count:
+        middle_x, middle_y = unsupported[done] & 65535, unsupported[done] >> 16
+        done += 1
+        for side in range(4):
+            x = middle_x + (side * 2 - 1 if side < 2 else 0)
+            y = middle_y + (side * 2 - 5 if side > 1 else 0)
+            if 0 <= x < width and 0 <= y < height:
+                if field[y, x] > 0 and not _is_supported(costs, weights, field, x, y):
+                    if count == unsupported.shape[0]:
+                        return -1
+                    field[y, x] = 0
+                    unsupported[count] = y * 65536 + x
+                    count += 1
+    waiting = state[_APART]
+    for n in range(count + changed.shape[0]):
+        if n < count:
+            middle_x, middle_y = unsupported[n] & 65535, unsupported[n] >> 16
+        else:
+            middle_x, middle_y = changed[n - count, 0], changed[n - count, 1]
+        for y in range(max(middle_y - 1, 0), min(middle_y + 2, height)):
+            for x in range(max(middle_x - 1, 0), min(middle_x + 2, width)):
+                if field[y, x] > 0:
+                    if waiting == apart_cells.shape[0]:
+                        return -1
+                    apart_cells[waiting], apart_keys[waiting] = y * 65536 + x, field[y, x]
+                    waiting += 1
+    state[_APART] = waiting
+    return count
+
+
+@kernel("boolean(float32[:,::1], int64, int64)")
+def _is_known(field, x, y):
+    return 0 <= x < field.shape[1] and 0 <= y < field.shape[0] and field[y, x] > 0
+
+
+@kernel("float64(float32[:,::1], float64, float64)")
+def potential_at(field, x, y):
+    """Return the potential between cell centres, x and y in cells; inf where a centre around is not known."""
+    column, row = int(math.floor(x - 0.5)), int(math.floor(y - 0.5))
+    right, up = x - 0.5 - column, y - 0.5 - row
+    total = 0.0
+    for dy in range(2):
+        for dx in range(2):
+            share = (right if dx else 1.0 - right) * (up if dy else 1.0 - up)
+            if share > 0.0:
+                if not _is_known(field, column + dx, row + dy):
+                    return np.inf
+                total += share * field[row + dy, column + dx]
+    return total
+
+
+@kernel("UniTuple(float64, 2)(float32[:,::1], int64, int64)")
+def _slope_at(field, x, y):
+    """Return the potential's slope at a cell's centre, toward known neighbours only."""
+    middle = field[y, x]
+    slope_x, slope_y = 0.0, 0.0
+    sides = 0
+    if _is_known(field, x - 1, y):
+        slope_x += middle - field[y, x - 1]
+        sides += 1
+    if _is_known(field, x + 1, y):
+        slope_x += field[y, x + 1] - middle
+        sides += 1
+    slope_x /= max(sides, 1)
+    sides = 0
+    if _is_known(field, x, y - 1):
+        slope_y += middle - field[y - 1, x]
+        sides += 1
+    if _is_known(field, x, y + 1):
+        slope_y += field[y + 1, x] - middle
+        sides += 1
+    return slope_x, slope_y / max(sides, 1)
+
+
+@kernel("UniTuple(float64, 2)(float32[:,::1], float64, float64)")
+def _next_down(field, x, y):
+    """Return the point one step down the slope, or NaN where there is no slope to follow safely."""
+    column, row = int(math.floor(x - 0.5)), int(math.floor(y - 0.5))
+    right, up = x - 0.5 - column, y - 0.5 - row
+    slope_x, slope_y = 0.0, 0.0
+    for dy in range(2):
+        for dx in range(2):
+            if not _is_known(field, column + dx, row + dy):
+                return np.nan, np.nan
+            share = (right if dx else 1.0 - right) * (up if dy else 1.0 - up)
+            one_x, one_y = _slope_at(field, column + dx, row + dy)
+            slope_x += share * one_x
+            slope_y += share * one_y
+    steepness = math.hypot(slope_x, slope_y)
+    if steepness < 1e-9:
+        return np.nan, np.nan
+    return x - _STEP * slope_x / steepness, y - _STEP * slope_y / steepness
+
+
+@kernel("int64(float32[:,::1], float64, float64, int64, int64, float64[:,::1])")
+def descend(field, start_x, start_y, goal_x, goal_y, path):
+    """Collect points down the potential from a start to the goal's cell, in cells (centres at halves).
+
+    Every point lies in a cell of known potential, and so does the line between any two. The potential falls from
+    point to point, so the way down ends: where the slope leads no lower, it goes on from cell to cell.
+
+    Args:
+        field: As `grow` left it, the start's value being known.
+        start_x, start_y: Where from; becomes the first point.
+        goal_x, goal_y: The goal's cell.
+        path: Shape (M, 2).
+
+    Returns:
+        How many points there are, or -1 where `path` is too short; the last lies in the goal's cell or next to it.
+    """
+    x, y = start_x, start_y
+    column, row = int(math.floor(x)), int(math.floor(y))
+    height_here = min(potential_at(field, x, y), np.float64(field[row, column]))
+    count = 0
+    while True:
+        if count == path.shape[0]:
+            return -1
+        path[count, 0], path[count, 1] = x, y
+        count += 1
+        column, row = int(math.floor(x)), int(math.floor(y))
+        if abs(column - goal_x) + abs(row - goal_y) <= 1:
+            return count
+        next_x, next_y = _next_down(field, x, y)
+        if not math.isnan(next_x):
+            to_column, to_row = int(math.floor(next_x)), int(math.floor(next_y))
+            lower = potential_at(field, next_x, next_y)
+            if lower < height_here and _is_known(field, column, to_row) and _is_known(field, to_column, row):
+                x, y, height_here = next_x, next_y, lower
+                continue
+        # from cell to cell: to the lowest neighbour that can be entered without cutting a corner
+        lowest = field[row, column]
+        best_x, best_y = column, row
+        for dy in range(-1, 2):
+            for dx in range(-1, 2):
+                if _is_known(field, column + dx, row + dy) and _is_known(field, column + dx, row) and \
+                        _is_known(field, column, row + dy) and field[row + dy, column + dx] < lowest:
+                    lowest = field[row + dy, column + dx]
+                    best_x, best_y = column + dx, row + dy
+        if best_x == column and best_y == row:
+            return count  # only the goal's cell has no lower neighbour
+        x, y = best_x + 0.5, best_y + 0.5
+        height_here = min(height_here, np.float64(lowest))

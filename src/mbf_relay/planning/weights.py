@@ -1,0 +1,35 @@
+"""What crossing a cell of each cost counts, as the planners users know weigh costs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mbf_relay.costmap.cost_grid import INSCRIBED, NO_INFORMATION
+
+NAVFN_NEUTRAL, NAVFN_FACTOR, NAVFN_HIGHEST = 50.0, 0.8, 252.0
+"""navfn's COST_NEUTRAL, COST_FACTOR and the value just below its COST_OBS."""
+
+
+def navfn_weights(allow_unknown: bool) -> np.ndarray:
+    """Return navfn's weight of each cost: shape (256,), float32, 0 where it does not go."""
+    weights = np.floor(np.minimum(NAVFN_NEUTRAL + NAVFN_FACTOR * np.arange(256), NAVFN_HIGHEST))
+    weights[INSCRIBED:] = 0.0
+    if allow_unknown:
+        weights[NO_INFORMATION] = NAVFN_HIGHEST
+    return weights.astype(np.float32)
+
+
+def global_planner_weights(
+    neutral_cost: int, cost_factor: float, lethal_cost: int, allow_unknown: bool
+) -> np.ndarray:
+    """Return global_planner's weight of each cost: shape (256,), float32, 0 where it does not go.
+
+    Costs are scaled and capped below `lethal_cost`; from one below `lethal_cost` on, cells are not entered.
+    """
+    costs = np.arange(256)
+    weights = np.minimum(neutral_cost + cost_factor * costs, max(lethal_cost - 1.0, neutral_cost))
+    unknown = weights[NO_INFORMATION]
+    weights[costs >= lethal_cost - 1] = 0.0
+    weights[INSCRIBED:] = 0.0
+    weights[NO_INFORMATION] = unknown if allow_unknown else 0.0
+    return weights.astype(np.float32)
