@@ -14,27 +14,37 @@ from mbf_relay.costmap.cost_grid import LETHAL, CostGrid
 from mbf_relay.geometry import Pose2D
 
 HEADINGS = 256  # the outline is turned beforehand; half a step moves a burger's corner by 2 mm
+OVERLAP = 0.25
 
 
 class ObstacleView:
-    """One costmap, asked many times within a cycle. Cells that are lethal or unknown are in the way."""
+    """One costmap, asked many times within a cycle. Cells that are lethal or unknown are in the way.
 
-    def __init__(self, costmap: CostGrid) -> None:
+    Args:
+        costmap: The picture.
+        overlap: Share of a cell by which the outline may reach into an obstacle's cell from a free one: what is marked
+            there lies somewhere within, half a cell deep on the mean. costmap_2d's own check, which draws lines between
+            the cells of the corners, is off by as much either way.
+    """
+
+    def __init__(self, costmap: CostGrid, overlap: float = OVERLAP) -> None:
         self.costmap = costmap
         grid = costmap.grid
         self._costs = np.ascontiguousarray(costmap.costs)
         self._distances = distances_to_obstacles(self._costs)
-        spacing = grid.resolution / 2.0
+        spacing = grid.resolution / 3.0
         self._outlines = _outlines(costmap.footprint.tobytes(), len(costmap.footprint), spacing)
         self._place = (grid.origin_x, grid.origin_y, grid.resolution)
         corners = costmap.footprint
         self._radius = float(np.hypot(corners[:, 0], corners[:, 1]).max()) if len(corners) else 0.0
+        self._overlap = overlap
 
     def contacts_at(self, pose: Pose2D, scale: float = 1.0) -> int:
-        """Return how many points of the outline, half a cell apart, lie on an obstacle at a pose."""
+        """Return how many points of the outline, a third of a cell apart, lie on an obstacle at a pose."""
         return int(
             trajectory_kernels.contacts(
-                self._costs, self._distances, *self._place, self._outlines, self._radius, pose.x, pose.y, pose.theta, scale
+                self._costs, self._distances, *self._place, self._outlines, self._radius, self._overlap, pose.x, pose.y,
+                pose.theta, scale,
             )
         )
 
@@ -51,8 +61,8 @@ class ObstacleView:
         """
         free, highest, summed = np.empty(len(poses), np.int64), np.empty(len(poses)), np.empty(len(poses))
         trajectory_kernels.first_contacts(
-            self._costs, self._distances, *self._place, self._outlines, self._radius, poses, counts, scales, allowed,
-            free, highest, summed,
+            self._costs, self._distances, *self._place, self._outlines, self._radius, self._overlap, poses, counts, scales,
+            allowed, free, highest, summed,
         )
         return free, highest, summed
 

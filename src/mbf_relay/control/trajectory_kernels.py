@@ -73,9 +73,9 @@ def simulate(pose, velocity, accelerations, targets, durations, granularity, ang
 
 @kernel(
     "int64(uint8[:,::1], float32[:,::1], float64, float64, float64, float32[:,:,::1], float64, float64, float64, "
-    "float64, float64)"
+    "float64, float64, float64)"
 )
-def contacts(costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, x, y, theta, scale):
+def contacts(costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, overlap, x, y, theta, scale):
     """Return how many points of a footprint's outline lie on a lethal or unknown cell, or outside the grid.
 
     Args:
@@ -84,6 +84,7 @@ def contacts(costs, distances, origin_x, origin_y, resolution, outlines, circums
         origin_x, origin_y, resolution: Where the cells lie.
         outlines: Shape (A, P, 2): points (m) round the outline, turned by each of A headings of a full circle.
         circumscribed: Radius (m) of the outline at scale 1.
+        overlap: Share of a cell by which the outline may reach into an obstacle's cell from a free one beside it.
         x, y, theta: Pose of the base.
         scale: Factor on the outline.
     """
@@ -99,25 +100,37 @@ def contacts(costs, distances, origin_x, origin_y, resolution, outlines, circums
     factor = scale / resolution
     found = 0
     for point in range(outlines.shape[1]):
-        column = int(math.floor(across + factor * outlines[heading, point, 0]))
-        row = int(math.floor(up + factor * outlines[heading, point, 1]))
-        if column < 0 or row < 0 or column >= width or row >= height or costs[row, column] >= _LETHAL:
+        in_x = across + factor * outlines[heading, point, 0]
+        in_y = up + factor * outlines[heading, point, 1]
+        column, row = int(math.floor(in_x)), int(math.floor(in_y))
+        if column < 0 or row < 0 or column >= width or row >= height:
             found += 1
+        elif costs[row, column] >= _LETHAL:
+            in_x -= column
+            in_y -= row
+            grazes = (
+                (in_x < overlap and column > 0 and costs[row, column - 1] < _LETHAL)
+                or (in_x > 1.0 - overlap and column + 1 < width and costs[row, column + 1] < _LETHAL)
+                or (in_y < overlap and row > 0 and costs[row - 1, column] < _LETHAL)
+                or (in_y > 1.0 - overlap and row + 1 < height and costs[row + 1, column] < _LETHAL)
+            )
+            if not grazes:
+                found += 1
     return found
 
 
 @kernel(
-    "void(uint8[:,::1], float32[:,::1], float64, float64, float64, float32[:,:,::1], float64, float64[:,:,::1], "
-    "int64[::1], float64[::1], int64, int64[::1], float64[::1], float64[::1])"
+    "void(uint8[:,::1], float32[:,::1], float64, float64, float64, float32[:,:,::1], float64, float64, "
+    "float64[:,:,::1], int64[::1], float64[::1], int64, int64[::1], float64[::1], float64[::1])"
 )
 def first_contacts(
-    costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, poses, counts, scales, allowed, free,
-    highest, summed,
+    costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, overlap, poses, counts, scales, allowed,
+    free, highest, summed,
 ):
     """Find how far along each trajectory the footprint stays free, and what cost its centre passes.
 
     Args:
-        costs, distances, origin_x, origin_y, resolution, outlines, circumscribed: As for `contacts`.
+        costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, overlap: As for `contacts`.
         poses: Shape (N, S, 3).
         counts: Shape (N,): number of poses of each trajectory.
         scales: Shape (N,): factor on the footprint.
@@ -134,8 +147,8 @@ def first_contacts(
         for i in range(counts[n]):
             x, y = poses[n, i, 0], poses[n, i, 1]
             found = contacts(
-                costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, x, y, poses[n, i, 2],
-                scales[n])
+                costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, overlap, x, y,
+                poses[n, i, 2], scales[n])
             if found > tolerated:
                 free[n] = i
                 break

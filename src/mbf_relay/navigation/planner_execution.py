@@ -16,6 +16,7 @@ from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.timing import Pacer, Stopwatch
 from mbf_relay.navigation.worker import Job
 from mbf_relay.outcomes import PlanningError, PlanOutcome, TransformError
+from mbf_relay.planning.passage import plan_with_room
 from mbf_relay.planning.path import Path
 from mbf_relay.planning.planner import Cancellation, Planner
 
@@ -111,7 +112,7 @@ class PlannerExecution:
         snapshot = self._costmap.snapshot()
         self._start_patience(now)
         tolerance, cancelled = self.goal.tolerance, self._cancellation
-        self._job = self.seat.call(lambda planner: planner.plan(snapshot, start, goal, tolerance, cancelled))
+        self._job = self.seat.call(lambda planner: plan_with_room(planner, snapshot, start, goal, tolerance, cancelled))
         if self._job.done:
             self._collect(now)
 
