@@ -25,7 +25,7 @@ class Estimate(NamedTuple):
 NOTHING = Estimate(math.nan, math.nan, math.nan)
 
 
-def share(successes: int, trials: int, confidence: float = 0.95) -> Estimate:
+def share(successes: float, trials: float, confidence: float = 0.95) -> Estimate:
     """Return a share with its score interval (Wilson 1927), which stays honest near 0 and 1.
 
     Args:
@@ -41,6 +41,32 @@ def share(successes: int, trials: int, confidence: float = 0.95) -> Estimate:
     middle = p + z * z / (2.0 * trials)
     scale = 1.0 + z * z / trials
     return Estimate(p, max(0.0, (middle - spread) / scale), min(1.0, (middle + spread) / scale))
+
+
+def grouped_share(groups: Mapping[str, Sequence[float]], confidence: float = 0.95) -> Estimate:
+    """Return the share of ones among samples of 0 and 1, with a score interval that knows that groups are alike within.
+
+    As many trials are counted as would have that much spread if they were independent (Kish's design effect), but no
+    fewer than there are groups; where all samples agree, nothing tells their likeness, and each group counts once.
+
+    Args:
+        groups: The samples of each group, e.g. of each world.
+        confidence: Confidence of the interval.
+    """
+    filled = [np.asarray(samples, dtype=float) for _, samples in sorted(groups.items()) if len(samples)]
+    if not filled:
+        return NOTHING
+    trials = float(sum(len(samples) for samples in filled))
+    p = sum(float(samples.sum()) for samples in filled) / trials
+    counted = trials
+    if 1 < len(filled) < trials:
+        counted = float(len(filled))
+        if 0.0 < p < 1.0:
+            k = len(filled)
+            residuals = np.array([(samples - p).sum() for samples in filled])
+            variance = k / (k - 1.0) * float((residuals**2).sum()) / trials**2
+            counted = min(trials, max(counted, p * (1.0 - p) / variance)) if variance > 0.0 else trials
+    return share(p * counted, counted, confidence)
 
 
 def mean(groups: Mapping[str, Sequence[float]], seed: int = 0, confidence: float = 0.95) -> Estimate:

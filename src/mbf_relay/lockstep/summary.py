@@ -70,10 +70,7 @@ def summarize(results: Iterable[EpisodeResult]) -> Dict[str, Estimate]:
 
 def _estimate(measure: Measure, results: Sequence[EpisodeResult]) -> Estimate:
     groups = _by_world((episode.world, measure.of(episode)) for episode in results)
-    if measure.is_share and all(len(samples) == 1 for samples in groups.values()):
-        samples = [sample for group in groups.values() for sample in group]
-        return statistics.share(int(sum(samples)), len(samples))
-    return statistics.mean(groups)
+    return statistics.grouped_share(groups) if measure.is_share else statistics.mean(groups)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -15,6 +15,27 @@ def test_share_as_in_wilson():
     assert statistics.share(29, 29).high == 1.0
 
 
+def test_share_of_groups_of_one_is_wilsons():
+    groups = {str(i): [float(i < 81)] for i in range(263)}
+    assert statistics.grouped_share(groups) == pytest.approx(statistics.share(81, 263))
+
+
+def test_groups_that_are_alike_within_count_once_each_and_unlike_ones_in_full():
+    alike = statistics.grouped_share({str(i): [float(i % 2)] * 5 for i in range(20)})
+    unlike = statistics.grouped_share({str(i): [0.0, 1.0, 0.0, 1.0] for i in range(20)})
+    assert alike.high - alike.low == pytest.approx(share_width(10, 20), rel=0.06)
+    assert unlike.high - unlike.low == pytest.approx(share_width(40, 80))
+    certain = statistics.grouped_share({str(i): [1.0] * 5 for i in range(20)})
+    assert certain == pytest.approx(statistics.share(20, 20))
+    one_world = statistics.grouped_share({"a": [1.0] * 9})
+    assert one_world == pytest.approx(statistics.share(9, 9)) and one_world.low < 1.0
+
+
+def share_width(successes, trials):
+    estimate = statistics.share(successes, trials)
+    return estimate.high - estimate.low
+
+
 def test_nothing_measured_has_no_value():
     assert math.isnan(statistics.share(0, 0).value)
     assert math.isnan(statistics.mean({"a": []}).value)
