@@ -61,20 +61,6 @@ class Witness:
         """Return how near (m) the robot has come to a point."""
         return min(((pose.x - x) ** 2 + (pose.y - y) ** 2) ** 0.5 for pose in self.way)
 
-    def forget(self) -> None:
-        """Start the way and the complaints anew."""
-        self._truth.messages.clear()
-        self._log.messages.clear()
-
-    def speed(self) -> float:
-        """Return how fast (m/s) the robot goes now."""
-        twist = self._truth.last.twist.twist
-        return (twist.linear.x ** 2 + twist.linear.y ** 2) ** 0.5
-
-    def stands(self) -> bool:
-        """Tell whether the robot neither drives nor turns."""
-        return self.speed() < 0.01 and abs(self._truth.last.twist.twist.angular.z) < 0.05
-
     def touched(self) -> List[str]:
         """Return what the robot has touched."""
         return [marker.ns for message in self._contacts.messages for marker in message.markers if marker.action == marker.ADD]
