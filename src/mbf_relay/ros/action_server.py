@@ -83,8 +83,11 @@ class ActionServer(actionlib.ActionServer):
                 self.status_pub.publish(message)
 
     def _keep_publishing(self) -> None:
-        while not self._stopped.wait(STATUS_PERIOD) and not rospy.is_shutdown():
-            self.publish_status()
+        try:
+            while not self._stopped.wait(STATUS_PERIOD) and not rospy.is_shutdown():
+                self.publish_status()
+        except rospy.ROSException:
+            pass  # rospy closes topics from another thread when the node ends
 
     def _forget_finished(self, now: float) -> None:
         kept, to_drop = [], len(self.status_list) - REMEMBER_AT_MOST
