@@ -24,6 +24,7 @@ from mbf_relay.ros import diagnostics, parameters
 from mbf_relay.localization.node_parameters import (
     INITIAL, NODE_ONLY, AmclParameters, initial_pose_as_parameters, initial_pose_from,
 )
+from mbf_relay.ros.complaints import Complaints
 from mbf_relay.ros.conversions import InvalidMessage, header, map_from_message, pose_from_message, pose_to_message
 from mbf_relay.ros.map_to_odom import MapToOdom
 from mbf_relay.ros.particle_cloud import ParticleCloud
@@ -122,6 +123,7 @@ class AmclNode:
     # --- map ------------------------------------------------------------------------------------------------------
 
     def _request_map(self) -> None:
+        complaints = Complaints()
         while not rospy.is_shutdown():
             try:
                 rospy.wait_for_service("static_map", timeout=5.0)
@@ -130,7 +132,7 @@ class AmclNode:
             except rospy.ROSInterruptException:
                 raise
             except (rospy.ROSException, rospy.ServiceException, ValueError) as error:
-                rospy.logwarn("no map from %s yet, trying again: %s", rospy.resolve_name("static_map"), error)
+                complaints.say(f"no map from {rospy.resolve_name('static_map')} yet, trying again: {error}")
                 time.sleep(0.5)
 
     def _take_map(self, message: OccupancyGrid) -> None:

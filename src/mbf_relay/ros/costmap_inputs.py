@@ -16,6 +16,7 @@ from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.observation import Observation, observation_from_points, scan_points
 from mbf_relay.costmap.obstacle_layer import SourceParameters
 from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.complaints import Complaints
 from mbf_relay.ros.conversions import InvalidMessage, scan_from_message
 from mbf_relay.ros.transforms import Transforms
 
@@ -47,6 +48,7 @@ class SensorInput:
         self._lock = threading.Lock()  # guards the messages that wait; nothing else is locked while it is held
         self._waiting: Deque[Tuple[float, Any]] = deque(maxlen=50 if parameters.observation_persistence > 0.0 else 5)
         self._trouble: Optional[str] = None
+        self._complaints = Complaints()
         self._subscriber = rospy.Subscriber(
             parameters.topic, MESSAGE_TYPES[parameters.data_type], self._keep, queue_size=1, buff_size=BUFFER_BYTES,
             tcp_nodelay=True)
@@ -77,6 +79,7 @@ class SensorInput:
                 observation = self._observation(message)
                 self._costmap.observe(self._name, observation, arrived)
                 self._trouble = None
+                self._complaints.worked()
             except TransformError as error:
                 if now - arrived <= self._patience:
                     continue
@@ -91,7 +94,7 @@ class SensorInput:
 
     def _complain(self, reason: str) -> None:
         self._trouble = f"source '{self._name}' on topic '{self._subscriber.resolved_name}': message {reason}"
-        rospy.logwarn_throttle(WARN_PERIOD, f"{self._costmap.name}: {self._trouble}")
+        self._complaints.say(f"{self._costmap.name}: {self._trouble}")
 
     def _observation(self, message: Any) -> Observation:
         points, hits = points_from_message(message, self._parameters.inf_is_valid)

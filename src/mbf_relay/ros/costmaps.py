@@ -12,6 +12,7 @@ from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters
 from mbf_relay.costmap.static_layer import StaticLayerParameters
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.complaints import Complaints
 from mbf_relay.ros.costmap_inputs import WARN_PERIOD, MapInput, SensorInput
 from mbf_relay.ros.costmap_publisher import CostmapPublisher
 from mbf_relay.ros.diagnostics import ERROR, OK, RateMeter, Report
@@ -43,6 +44,7 @@ class CostmapNode:
         self._next_publication = 0.0
         self._last: Optional[float] = None
         self._pose_trouble: Optional[str] = None
+        self._pose_complaints = Complaints()
         parameters = self.costmap.parameters
         self._period = 1.0 / parameters.update_frequency if parameters.update_frequency > 0.0 else float("inf")
         self._publisher = CostmapPublisher(name, parameters.published_footprint_topic, parameters.always_send_full_costmap)
@@ -133,10 +135,11 @@ class CostmapNode:
             pose = self._transforms.lookup(
                 costmap.frame, costmap.robot_frame, max_age=costmap.parameters.transform_tolerance)
             self._pose_trouble = None
+            self._pose_complaints.worked()
             return pose
         except TransformError as error:
             self._pose_trouble = str(error)
-            rospy.logwarn_throttle(WARN_PERIOD, f"{self._name} waits for the robot's pose: {error}")
+            self._pose_complaints.say(f"{self._name} waits for the robot's pose: {error}")
             return None
 
     def _place_map(self, source: MapInput) -> None:
@@ -144,4 +147,4 @@ class CostmapNode:
             try:
                 self.costmap.set_map_from_costmap(self._transforms.lookup(source.frame, self.costmap.frame))
             except TransformError as error:
-                rospy.logwarn_throttle(WARN_PERIOD, f"{self._name} cannot place the map: {error}")
+                self._pose_complaints.say(f"{self._name} cannot place the map: {error}")

@@ -1,0 +1,66 @@
+#!/usr/bin/env python3
+"""Nodes started with something wrong end at once, with one line that names it, its value and what is allowed."""
+
+import re
+import subprocess
+import sys
+import unittest
+
+import rospy
+import rostest
+
+PATIENCE = 60.0
+NO_PLANNER = "_planners:=[{name: Pathfinder, type: atlantis/Pathfinder}]"
+NO_CONTROLLER = "_controllers:=[{name: Pilot, type: atlantis.pilot.Pilot}]"
+
+WRONG = [
+    # executable, arguments, words of the one line
+    ("map_server", ["/nowhere/map.yaml"], ["/nowhere/map.yaml"]),
+    ("map_server", [], ["usage"]),
+    ("simulator", ["_world:=atlantis"], ["world", "atlantis", "arena", "empty"]),
+    ("simulator", ["_world:=/nowhere/map.yaml"], ["/nowhere/map.yaml"]),
+    ("simulator", ["_max_speed:=fast"], ["max_speed", "fast"]),
+    ("simulator", ["_max_speed:=-1.0"], ["max_speed", "-1", "above 0"]),
+    ("simulator", ["_scan_rate:=7.0"], ["scan_rate", "7", "divide", "240"]),
+    ("amcl", ["_laser_model_type:=sonar"], ["laser_model_type", "sonar", "likelihood_field", "beam"]),
+    ("amcl", ["_min_particles:=many"], ["min_particles", "many"]),
+    ("amcl", ["_min_particles:=-5"], ["min_particles", "-5"]),
+    ("move_base_flex", [NO_PLANNER], ["Pathfinder", "atlantis/Pathfinder", "navfn/NavfnROS"]),
+    ("move_base_flex", [NO_CONTROLLER], ["Pilot", "atlantis.pilot.Pilot", "dwa_local_planner/DWAPlannerROS"]),
+    ("move_base_flex", ["_controller_frequency:=often"], ["controller_frequency", "often"]),
+    ("move_base_flex", ["_global_costmap:={resolution: -1.0}"], ["resolution", "-1"]),
+    ("move_base_relay", ["_server_timeout:=-1.0"], ["server_timeout", "-1"]),
+    ("mb_relay_client.py", ["--timeout", "1"], ["move_base"]),
+]
+
+
+class TestWrongStart(unittest.TestCase):
+    def test_each_ends_with_one_line(self):
+        for executable, arguments, words in WRONG:
+            with self.subTest(" ".join([executable] + arguments)):
+                status, output = run(executable, arguments)
+                self.assertNotIn("Traceback", output)
+                self.assertNotEqual(status, 0, output)
+                fatal = [line for line in output.splitlines() if re.search(r"FATAL|^usage", line)]
+                self.assertEqual(len(fatal), 1, output)
+                for word in words:
+                    self.assertIn(word, fatal[0])
+
+
+def run(executable, arguments):
+    """Return the exit status and output of an executable that should end by itself."""
+    process = subprocess.Popen(
+        ["rosrun", "mbf_relay", executable, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        universal_newlines=True,
+    )
+    try:
+        output = process.communicate(timeout=PATIENCE)[0]
+    except subprocess.TimeoutExpired:
+        process.terminate()
+        raise AssertionError(f"{executable} {arguments} did not end within {PATIENCE} s:\n{process.communicate()[0]}")
+    return process.returncode, output
+
+
+if __name__ == "__main__":
+    rospy.init_node("wrong_start_test")
+    rostest.rosrun("mbf_relay", "wrong_start", TestWrongStart, sys.argv)
