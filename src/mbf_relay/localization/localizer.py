@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import math
-from typing import Dict, Optional
+from typing import Dict, Optional, Tuple
 
 import numpy as np
 
 from mbf_relay.geometry import Pose2D, angle_between, normalize_angles
-from mbf_relay.localization.beams import Beams
+from mbf_relay.localization.beams import Beams, pick_beams
 from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.estimate import Estimate, estimate
+from mbf_relay.localization.gaussians import log_sum_exp
 from mbf_relay.localization.laser_models import make_laser_model
 from mbf_relay.localization.motion_models import make_motion_model
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.resampling import AverageLikelihood, particle_limits, resample
+from mbf_relay.localization.scan_likelihood import ScanLikelihood
+from mbf_relay.localization.scan_proposal import ScanProposal
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.scan import LaserScan
+
+
+FEWEST_PREDICTED = 500
+"""Particles that odometry moves at least, in the robust form: kept in few, the belief would still leave in few places."""
 
 
 class Localizer:
@@ -132,15 +139,19 @@ class Localizer:
         if not self._is_due(odom_pose, scan.frame):
             return None
         beams = self._laser_model.pick(scan, laser_pose_in_base)
+        before = odom_pose if self._odom_pose is None else self._odom_pose
         if self._odom_pose is not None:
-            self._propagate(self._odom_pose, odom_pose)
-        self._reweight(beams)
+            self._propagate(before, odom_pose)
+        if self.parameters.robust:
+            self._propose(scan, laser_pose_in_base, before.distance_to(odom_pose))
+        else:
+            self._reweight(beams)
         self._odom_pose = odom_pose
         self._awaited[scan.frame] = False
         self._forced = False
         self._updates += 1
+        self.last_estimate = estimate(self.poses, self.weights)
         resampled = self._updates % self.parameters.resample_interval == 0 and self._resample()
-        self.last_estimate = estimate(self.poses, self.weights, resampled)
         self.map_from_odom = self.last_estimate.pose.compose(odom_pose.inverse())
         return self.last_estimate
 
@@ -161,7 +172,17 @@ class Localizer:
 
     def _propagate(self, before: Pose2D, after: Pose2D) -> None:
         """Sample where each particle went (table 8.2, line 4)."""
+        if self.parameters.robust:
+            fewest = min(self.parameters.max_particles, max(self.parameters.min_particles, FEWEST_PREDICTED))
+            if len(self.poses) <= fewest // 2:
+                self.poses, self.log_weights = replicate(self.poses, self.log_weights, fewest)
         self.poses = self._motion_model.propagate(self.poses, before, after, self._rng)
+
+    def _propose(self, scan: LaserScan, laser_pose: Pose2D, driven: float) -> None:
+        """Redraw particles with the whole scan in view, weigh them, and normalise."""
+        beams = pick_beams(scan, laser_pose, 1, self.parameters.laser_min_range, self.parameters.laser_max_range)
+        self.poses, log_weights = self._proposal.propose(self.poses, self.log_weights, beams.hits, driven, self._rng)
+        self.log_weights = log_weights - log_sum_exp(log_weights)
 
     def _reweight(self, beams: Beams) -> None:
         """Weigh each particle by how the scan fits, and normalise (table 8.2, line 5)."""
@@ -175,7 +196,7 @@ class Localizer:
         values, weights = self.parameters, self.weights
         if values.selective_resampling and 1.0 / np.square(weights).sum() > 0.5 * len(weights):
             return False
-        limits = particle_limits(values.max_particles, values.min_particles, values.kld_err, values.kld_z)
+        limits = particle_limits(values.max_particles, values.min_particles, values.kld_err, values.kld_z, values.robust)
         share = self._averages.random_share() if not self.field.blocked.all() else 0.0
         self.poses = resample(self.poses, weights, limits, self._rng, share, self._random_poses)
         self.log_weights = np.full(len(self.poses), -math.log(len(self.poses)))
@@ -200,9 +221,10 @@ class Localizer:
     def _make_models(self) -> None:
         self._laser_model = make_laser_model(self.field, self.parameters)
         self._motion_model = make_motion_model(self.parameters)
+        self._proposal = ScanProposal(ScanLikelihood(self.field, self.parameters.laser_sigma_hit))
 
 
-def log_sum_exp(values: np.ndarray) -> float:
-    """Return log(sum(exp(values))) without overflow or underflow."""
-    highest = float(values.max())
-    return highest + math.log(float(np.exp(values - highest).sum()))
+def replicate(poses: np.ndarray, log_weights: np.ndarray, fewest: int) -> Tuple[np.ndarray, np.ndarray]:
+    """Return particles and log-weights with each repeated as often as it takes to have `fewest`."""
+    times = -(-fewest // len(poses))
+    return np.repeat(poses, times, axis=0), np.repeat(log_weights, times) - math.log(times)

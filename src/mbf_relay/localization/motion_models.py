@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import abc
 import math
-from typing import Dict, Type
+from typing import Dict, Optional, Tuple, Type
 
 import numpy as np
 
@@ -21,8 +21,13 @@ class MotionModel(abc.ABC):
     amcl's plain models use what is a variance in the book as a standard deviation; its "corrected" ones take the
     root. Both are offered, because the plain ones are the default and people's alphas are tuned to them.
 
+    The plain ones think ever better of odometry the shorter its steps are, and a step of 3 m leaves them without any
+    idea of the heading. In the robust form they read an alpha as a share of the motion, which is the same for steps of
+    1 m, and hold odometry to be off by some share at least.
+
     Attributes:
         corrected: Take the root.
+        least_share: Share of its motion odometry is off at least; None for amcl's form.
     """
 
     def __init__(self, parameters: LocalizerParameters, corrected: bool) -> None:
@@ -31,10 +36,22 @@ class MotionModel(abc.ABC):
             parameters.odom_alpha5,
         )
         self.corrected = corrected
+        self.least_share: Optional[float] = parameters.robust_odom_error if parameters.robust else None
 
-    def deviation(self, variance: float) -> float:
-        """Return the standard deviation that stands for the sum of alpha terms."""
-        return math.sqrt(variance) if self.corrected else variance
+    def deviation(self, *terms: Tuple[float, float], floor: float = 0.0) -> float:
+        """Return the standard deviation that pairs of an alpha and a motion stand for.
+
+        Args:
+            terms: Alphas with the motions (m or rad) they belong to.
+            floor: The motion of which the least share counts in the robust form.
+        """
+        if self.corrected:
+            deviation = math.sqrt(sum(alpha * motion * motion for alpha, motion in terms))
+        elif self.least_share is None:
+            return sum(alpha * motion * motion for alpha, motion in terms)
+        else:
+            deviation = math.sqrt(sum((alpha * motion) ** 2 for alpha, motion in terms))
+        return deviation if self.least_share is None else max(deviation, self.least_share * floor)
 
     @abc.abstractmethod
     def propagate(self, poses: np.ndarray, before: Pose2D, after: Pose2D, rng: np.random.Generator) -> np.ndarray:
@@ -53,11 +70,10 @@ class DifferentialModel(MotionModel):
         first_noise = min(abs(first), abs(angle_between(math.pi, first)))
         second_noise = min(abs(second), abs(angle_between(math.pi, second)))
         _, a1, a2, a3, a4, _ = self.alphas
-        squared = translation * translation
         deviations = (
-            self.deviation(a1 * first_noise ** 2 + a2 * squared),
-            self.deviation(a3 * squared + a4 * first_noise ** 2 + a4 * second_noise ** 2),
-            self.deviation(a1 * second_noise ** 2 + a2 * squared),
+            self.deviation((a1, first_noise), (a2, translation), floor=first_noise + 0.5 * translation),
+            self.deviation((a3, translation), (a4, first_noise), (a4, second_noise), floor=translation),
+            self.deviation((a1, second_noise), (a2, translation), floor=second_noise + 0.5 * translation),
         )
         noise = rng.standard_normal((3, len(poses))) * np.array(deviations)[:, None]
         heading = poses[:, 2] + (first + noise[0])
@@ -86,16 +102,16 @@ class OmnidirectionalModel(MotionModel):
         moved[:, 2] = normalize_angles(poses[:, 2] + rotation + noise[1])
         return moved
 
-    def _deviations(self, translation: float, rotation: float) -> "tuple[float, float, float]":
+    def _deviations(self, driven: float, turned: float) -> Tuple[float, float, float]:
         """Return the deviations along (m), in heading (rad) and across (m)."""
         _, a1, a2, a3, a4, a5 = self.alphas
-        driven, turned = translation * translation, rotation * rotation
-        if self.corrected:
-            along, heading, across = a3 * driven + a4 * turned, a1 * turned + a2 * driven, a4 * turned + a5 * driven
-        else:
-            # The plain omni model of amcl swaps alpha 1 and 4; files tuned to it rely on that.
-            along, heading, across = a3 * driven + a1 * turned, a4 * turned + a2 * driven, a1 * turned + a5 * driven
-        return self.deviation(along), self.deviation(heading), self.deviation(across)
+        # The plain omni model of amcl swaps alpha 1 and 4; files tuned to it rely on that.
+        a1, a4 = (a1, a4) if self.corrected else (a4, a1)
+        return (
+            self.deviation((a3, driven), (a4, turned), floor=driven),
+            self.deviation((a1, turned), (a2, driven), floor=turned + 0.5 * driven),
+            self.deviation((a4, turned), (a5, driven), floor=0.5 * driven),
+        )
 
 
 MODELS: Dict[str, Type[MotionModel]] = {"diff": DifferentialModel, "omni": OmnidirectionalModel}
@@ -105,3 +121,4 @@ def make_motion_model(parameters: LocalizerParameters) -> MotionModel:
     """Return the motion model the parameters name."""
     name, _, corrected = parameters.odom_model_type.partition("-")
     return MODELS[name](parameters, corrected == "corrected")
+

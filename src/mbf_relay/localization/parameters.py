@@ -50,6 +50,12 @@ class LocalizerParameters(ParameterSet):
         aliases=("beam_skip_error_threshold_",),
     )
 
+    robust: bool = parameter(
+        True, "temper likelihoods and let the proposal look at the scan; false for the behaviour of amcl"
+    )
+    robust_odom_error: float = parameter(
+        0.15, "least share of its motion that odometry is taken to be off (robust)", minimum=0.0, maximum=1.0
+    )
     odom_model_type: str = parameter(
         "diff", "how odometry errs", choices=("diff", "omni", "diff-corrected", "omni-corrected")
     )

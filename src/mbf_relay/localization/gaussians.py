@@ -1,0 +1,87 @@
+"""Normal distributions over poses, with the heading on its circle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Tuple
+
+import numpy as np
+
+from mbf_relay.geometry import normalize_angles
+
+FLOOR = np.array([0.02, 0.02, 0.01])
+"""Least deviations (m, m, rad) that a distribution fitted to particles is given, so that it can be inverted."""
+
+LOG_NORMALIZER = -1.5 * math.log(2.0 * math.pi)
+
+
+@dataclass(frozen=True)
+class PoseGaussian:
+    """A normal distribution over poses: mean of shape (3,), covariance of shape (3, 3)."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+
+    @staticmethod
+    def fitted(poses: np.ndarray, weights: np.ndarray) -> "PoseGaussian":
+        """Return the distribution with the moments of weighted poses, shape (N, 3), never narrower than FLOOR."""
+        share = weights / weights.sum()
+        heading = math.atan2(share @ np.sin(poses[:, 2]), share @ np.cos(poses[:, 2]))
+        mean = np.array([share @ poses[:, 0], share @ poses[:, 1], heading])
+        offsets = differences(poses, mean)
+        return PoseGaussian(mean, (offsets * share[:, None]).T @ offsets + np.diag(FLOOR ** 2))
+
+    @property
+    def information(self) -> np.ndarray:
+        """Inverse of the covariance, shape (3, 3)."""
+        return np.linalg.inv(self.covariance)
+
+    def widened(self, deviations: np.ndarray) -> "PoseGaussian":
+        """Return a wider one: `deviations` (m, m, rad) are added as independent noise."""
+        return PoseGaussian(self.mean, self.covariance + np.diag(np.square(deviations)))
+
+    def log_density(self, poses: np.ndarray) -> np.ndarray:
+        """Return the log-density at poses, (N, 3) in, (N,) out."""
+        root = np.linalg.cholesky(self.covariance)
+        whitened = np.linalg.solve(root, differences(poses, self.mean).T)
+        return LOG_NORMALIZER - np.log(np.diag(root)).sum() - 0.5 * np.square(whitened).sum(axis=0)
+
+    def sample(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """Draw poses, shape (count, 3)."""
+        return PoseMixture((self,), np.ones(1)).sample(count, rng)
+
+
+@dataclass(frozen=True)
+class PoseMixture:
+    """A mixture of normal distributions with shares that sum to one."""
+
+    parts: Tuple[PoseGaussian, ...]
+    shares: np.ndarray
+
+    def log_density(self, poses: np.ndarray) -> np.ndarray:
+        """Return the log-density at poses, (N, 3) in, (N,) out."""
+        logs = [math.log(share) + part.log_density(poses) for part, share in zip(self.parts, self.shares)]
+        return np.logaddexp.reduce(logs, axis=0)
+
+    def sample(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """Draw poses, shape (count, 3)."""
+        chosen = rng.choice(len(self.parts), count, p=self.shares)
+        means = np.array([part.mean for part in self.parts])
+        roots = np.array([np.linalg.cholesky(part.covariance) for part in self.parts])
+        poses = means[chosen] + np.einsum("nij,nj->ni", roots[chosen], rng.standard_normal((count, 3)))
+        poses[:, 2] = normalize_angles(poses[:, 2])
+        return poses
+
+
+def differences(poses: np.ndarray, mean: np.ndarray) -> np.ndarray:
+    """Return poses minus a pose, shape (N, 3), with headings wrapped to [-pi, pi)."""
+    offsets = poses - mean
+    offsets[:, 2] = normalize_angles(offsets[:, 2])
+    return offsets
+
+
+def log_sum_exp(values: np.ndarray) -> float:
+    """Return log(sum(exp(values))) without overflow or underflow."""
+    highest = float(values.max())
+    return highest + math.log(float(np.exp(values - highest).sum()))

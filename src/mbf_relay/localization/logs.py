@@ -1,0 +1,123 @@
+"""Recorded logs of odometry and scans, kept as .npz files without ROS."""
+
+from __future__ import annotations
+
+import zipfile
+from dataclasses import dataclass
+from typing import Optional
+
+import numpy as np
+
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.scan import LaserScan
+
+CROWDED = 0.002
+"""Share of all readings at one and the same value beyond which it is the sensor's word for "nothing came back"."""
+
+
+class LogError(ValueError):
+    """A log's file lacks an array or holds one of a wrong shape; the text names file and array."""
+
+
+@dataclass(frozen=True)
+class RecordedLog:
+    """A drive, scan by scan.
+
+    Attributes:
+        times: Shape (N,), seconds.
+        odom: Shape (N, 3): x, y (m), yaw (rad) of the base in the odometry frame at each scan.
+        ranges: Shape (N, B), metres.
+        angle_min, angle_increment: Of the scans, radians.
+        range_max: Readings (m) from here on are none.
+        reference: Shape (N, 3): where the base truly was on the map, None where nobody knows.
+        laser_pose: Pose of the sensor in the base's frame.
+    """
+
+    times: np.ndarray
+    odom: np.ndarray
+    ranges: np.ndarray
+    angle_min: float
+    angle_increment: float
+    range_max: float
+    reference: Optional[np.ndarray] = None
+    laser_pose: Pose2D = IDENTITY
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def scan(self, index: int) -> LaserScan:
+        """Return a scan of the log."""
+        return LaserScan(
+            self.ranges[index], self.angle_min, self.angle_increment, 0.0, self.range_max, float(self.times[index]), "laser"
+        )
+
+    def odom_pose(self, index: int) -> Pose2D:
+        """Return the odometry pose of a scan."""
+        return Pose2D(*map(float, self.odom[index]))
+
+
+def load_log(path: str) -> RecordedLog:
+    """Read a log: arrays t (N), odom (N, 3), ranges (N, B), angle_min, angle_increment; ref (N, 3), laser_pose (3) and
+    range_max where it has them.
+
+    Raises:
+        OSError: The file cannot be opened.
+        LogError: It is no .npz file, or an array is missing or of a wrong shape.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: np.asarray(file[name], dtype=float) for name in file.files if name in _KNOWN}
+    except (ValueError, zipfile.BadZipFile, AttributeError, EOFError) as error:
+        raise LogError(f"log {path} is no .npz file of numbers: {error}") from error
+    for name in ("t", "odom", "ranges", "angle_min", "angle_increment"):
+        if name not in arrays:
+            raise LogError(f"log {path} has no array '{name}'; it must have t, odom, ranges, angle_min, angle_increment")
+    count = arrays["t"].size
+    shapes = {"t": (count,), "odom": (count, 3), "ref": (count, 3)}
+    for name, shape in shapes.items():
+        if name in arrays and arrays[name].shape != shape:
+            raise LogError(f"array '{name}' of log {path} has shape {arrays[name].shape}; it must have {shape}")
+    if arrays["ranges"].ndim != 2 or len(arrays["ranges"]) != count or arrays["ranges"].size == 0:
+        raise LogError(f"array 'ranges' of log {path} has shape {arrays['ranges'].shape}; it must have ({count}, beams)")
+    laser = arrays.get("laser_pose", np.zeros(3)).ravel()
+    if laser.shape != (3,) or not np.isfinite(laser).all():
+        raise LogError(f"array 'laser_pose' of log {path} is {laser.tolist()}; it must be x, y, yaw")
+    return RecordedLog(
+        arrays["t"], arrays["odom"], arrays["ranges"], float(arrays["angle_min"]), float(arrays["angle_increment"]),
+        float(arrays["range_max"]) if "range_max" in arrays else guess_range_max(arrays["ranges"]), arrays.get("ref"),
+        Pose2D(*map(float, laser)),
+    )
+
+
+_KNOWN = ("t", "odom", "ranges", "angle_min", "angle_increment", "ref", "laser_pose", "range_max")
+
+
+def save_log(path: str, log: RecordedLog) -> None:
+    """Write a log in the form `load_log` reads; OSError where it cannot be written."""
+    arrays = dict(
+        t=log.times, odom=log.odom, ranges=log.ranges, angle_min=log.angle_min, angle_increment=log.angle_increment,
+        range_max=log.range_max, laser_pose=np.array(log.laser_pose),
+    )
+    if log.reference is not None:
+        arrays["ref"] = log.reference
+    with open(path, "wb") as file:
+        np.savez_compressed(file, **arrays)
+
+
+def guess_range_max(ranges: np.ndarray) -> float:
+    """Return the range (m) from which on readings are none, for logs that do not say.
+
+    Sensors report nothing as one fixed high value, or as a few (81.83, 81.91). So the highest values are taken off as
+    long as each stands out as a crowd of equal readings; where none does, the highest reading is the limit.
+    """
+    readings = ranges[np.isfinite(ranges) & (ranges > 0.0)]
+    if readings.size == 0:
+        return 1.0
+    values, counts = np.unique(np.round(readings, 2), return_counts=True)
+    limit, crowd = float(values[-1]), max(3.0, CROWDED * readings.size)
+    for index in range(len(values) - 1, -1, -1):
+        if values[index] < limit - 0.5:
+            break  # a gap: what follows are distances
+        if counts[index] >= crowd or index == len(values) - 1:
+            limit = float(values[index])
+    return limit - 0.01 if limit > 0.02 else limit

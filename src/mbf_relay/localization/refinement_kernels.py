@@ -1,0 +1,150 @@
+"""Compiled loops that pull poses to where their scan fits the distance field."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mbf_relay.kernels import kernel
+
+LONGEST_STEP = 0.2
+LARGEST_TURN = 0.1
+
+
+@kernel("boolean(float64[:,::1], float64[:,::1])")
+def invert(matrix, inverse):
+    """Invert a symmetric 3 x 3 matrix; tell whether it has an inverse."""
+    a, b, c = matrix[0, 0], matrix[0, 1], matrix[0, 2]
+    d, e, f = matrix[1, 1], matrix[1, 2], matrix[2, 2]
+    inverse[0, 0], inverse[0, 1], inverse[0, 2] = d * f - e * e, c * e - b * f, b * e - c * d
+    inverse[1, 1], inverse[1, 2], inverse[2, 2] = a * f - c * c, b * c - a * e, a * d - b * b
+    inverse[1, 0], inverse[2, 0], inverse[2, 1] = inverse[0, 1], inverse[0, 2], inverse[1, 2]
+    determinant = a * inverse[0, 0] + b * inverse[0, 1] + c * inverse[0, 2]
+    if not abs(determinant) > 1e-300:
+        return False
+    for i in range(3):
+        for j in range(3):
+            inverse[i, j] /= determinant
+    return True
+
+
+@kernel(
+    "float64(float64[::1], float64[:,::1], float32[:,::1], float64[::1], float64, float64, float64[:,::1], float64[::1])"
+)
+def linearize(pose, endpoints, distances, frame, sigma, outlier, information, gradient):
+    """Build the normal equations of a scan against the distance field at one pose.
+
+    Each beam counts by the probability that it hit what the map holds rather than something else, which is one step of
+    expectation maximisation for the mixture (1 - outlier) N(d; 0, sigma) + outlier.
+
+    Args:
+        pose: Shape (3,), in the map's frame.
+        endpoints: Shape (B, 2) in the base's frame.
+        distances: Shape (height, width).
+        frame: Origin x, y, theta and resolution of the map, shape (4,).
+        sigma: Deviation (m) of a hit.
+        outlier: Share of beams that hit something else.
+        information: Result, shape (3, 3): sum of w J^T J / sigma^2.
+        gradient: Result, shape (3,): sum of w J^T d / sigma^2.
+
+    Returns:
+        The sum of the beams' probabilities of a hit.
+    """
+    height, width = distances.shape
+    cos_origin, sin_origin = math.cos(frame[2]), math.sin(frame[2])
+    scale = 1.0 / frame[3]
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    precision = 1.0 / (sigma * sigma)
+    information[:, :] = 0.0
+    gradient[:] = 0.0
+    explained = 0.0
+    for j in range(endpoints.shape[0]):
+        arm_x = cos * endpoints[j, 0] - sin * endpoints[j, 1]
+        arm_y = sin * endpoints[j, 0] + cos * endpoints[j, 1]
+        dx, dy = pose[0] + arm_x - frame[0], pose[1] + arm_y - frame[1]
+        column = (cos_origin * dx + sin_origin * dy) * scale - 0.5
+        row = (cos_origin * dy - sin_origin * dx) * scale - 0.5
+        if not (column >= 0.0 and row >= 0.0 and column < width - 1 and row < height - 1):
+            continue
+        x, y = int(column), int(row)
+        u, v = column - x, row - y
+        d00, d10, d01, d11 = distances[y, x], distances[y, x + 1], distances[y + 1, x], distances[y + 1, x + 1]
+        distance = (1 - v) * ((1 - u) * d00 + u * d10) + v * ((1 - u) * d01 + u * d11)
+        hit = (1.0 - outlier) * math.exp(-0.5 * distance * distance * precision)
+        weight = hit / (hit + outlier)
+        explained += weight
+        slope_u = ((1 - v) * (d10 - d00) + v * (d11 - d01)) * scale
+        slope_v = ((1 - u) * (d01 - d00) + u * (d11 - d10)) * scale
+        jx = cos_origin * slope_u - sin_origin * slope_v
+        jy = sin_origin * slope_u + cos_origin * slope_v
+        ja = jy * arm_x - jx * arm_y
+        factor = weight * precision
+        information[0, 0] += factor * jx * jx
+        information[0, 1] += factor * jx * jy
+        information[0, 2] += factor * jx * ja
+        information[1, 1] += factor * jy * jy
+        information[1, 2] += factor * jy * ja
+        information[2, 2] += factor * ja * ja
+        gradient[0] += factor * jx * distance
+        gradient[1] += factor * jy * distance
+        gradient[2] += factor * ja * distance
+    information[1, 0], information[2, 0], information[2, 1] = information[0, 1], information[0, 2], information[1, 2]
+    return explained
+
+
+@kernel(
+    "void(float64[:,::1], float64[:,::1], float32[:,::1], float64[::1], float64[::1], float64, float64, float64[::1],"
+    " float64[:,::1], int64, float64[:,:,::1], float64[::1])"
+)
+def climb(
+    poses, endpoints, distances, frame, sigmas, outlier, temper, prior_mean, prior_information, iterations, covariances,
+    explained,
+):
+    """Move each pose to the nearest maximum of prior times tempered scan likelihood, by Gauss-Newton steps.
+
+    The prior keeps what the scan does not tell, e.g. the way along a bare corridor, where odometry puts it.
+
+    Args:
+        poses: Where to start, shape (K, 3); where the maxima are.
+        endpoints, distances, frame, outlier: As for `linearize`.
+        sigmas: Deviations (m) to go through, wide to narrow.
+        temper: Factor on the scan's log-likelihood.
+        prior_mean, prior_information: Of the one prior of all poses, shapes (3,) and (3, 3).
+        iterations: Steps at each deviation.
+        covariances: Result, shape (K, 3, 3): inverse curvature at each maximum.
+        explained: Result, shape (K,): share of the beams the map explains there.
+    """
+    information, inverse = np.empty((3, 3)), np.empty((3, 3))
+    gradient = np.empty(3)
+    for k in range(poses.shape[0]):
+        pose = poses[k]
+        for level in range(sigmas.shape[0]):
+            for _ in range(iterations):
+                linearize(pose, endpoints, distances, frame, sigmas[level], outlier, information, gradient)
+                turn = pose[2] - prior_mean[2]
+                turn -= 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
+                dx, dy = pose[0] - prior_mean[0], pose[1] - prior_mean[1]
+                for i in range(3):
+                    pull = prior_information[i, 0] * dx + prior_information[i, 1] * dy + prior_information[i, 2] * turn
+                    gradient[i] = temper * gradient[i] + pull
+                    for j in range(3):
+                        information[i, j] = temper * information[i, j] + prior_information[i, j]
+                if not invert(information, inverse):
+                    break
+                step_x = -(inverse[0, 0] * gradient[0] + inverse[0, 1] * gradient[1] + inverse[0, 2] * gradient[2])
+                step_y = -(inverse[1, 0] * gradient[0] + inverse[1, 1] * gradient[1] + inverse[1, 2] * gradient[2])
+                step_a = -(inverse[2, 0] * gradient[0] + inverse[2, 1] * gradient[1] + inverse[2, 2] * gradient[2])
+                longest = max(math.hypot(step_x, step_y) / LONGEST_STEP, abs(step_a) / LARGEST_TURN, 1.0)
+                pose[0] += step_x / longest
+                pose[1] += step_y / longest
+                pose[2] += step_a / longest
+                if math.hypot(step_x, step_y) < 1e-4 and abs(step_a) < 1e-4:
+                    break
+        last = sigmas[sigmas.shape[0] - 1]
+        hits = linearize(pose, endpoints, distances, frame, last, outlier, information, gradient)
+        explained[k] = hits / max(1, endpoints.shape[0])
+        for i in range(3):
+            for j in range(3):
+                information[i, j] = temper * information[i, j] + prior_information[i, j]
+        invert(information, covariances[k])

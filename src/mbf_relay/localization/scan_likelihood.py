@@ -1,0 +1,102 @@
+"""The tempered likelihood of a scan, and the poses where it and a prior together are highest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import List
+
+import numpy as np
+
+from mbf_relay.geometry import normalize_angles
+from mbf_relay.localization.distance_field import DistanceField
+from mbf_relay.localization.gaussians import PoseGaussian
+from mbf_relay.localization.laser_kernels import sum_over_endpoints
+from mbf_relay.localization.refinement_kernels import climb
+
+INDEPENDENT_BEAMS = 30.0
+"""A scan says no more than so many independent beams would: its beams hit the same few walls, by the same error."""
+OUTLIERS = 0.15
+"""Share of beams that hit something the map does not have; it bounds what one beam can say against a pose."""
+NARROWING = 1.0 / math.sqrt(3.0)
+"""amcl's cubed sum sees laser_sigma_hit narrowed by this, so a user's sigma keeps its meaning."""
+WIDE_SIGMA = 0.3
+"""Deviation (m) at which the climb starts, so that walls are found from farther away."""
+SPACING = 0.1
+"""One endpoint (m) in each square of this side: a near wall must not outvote a far one."""
+ITERATIONS = 5
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Maxima of prior times likelihood.
+
+    Attributes:
+        poses: Shape (K, 3).
+        covariances: Shape (K, 3, 3), inverse curvature at each.
+        log_masses: Shape (K,): log of the probability around each, up to a constant (Laplace's approximation).
+        explained: Shape (K,): share of the beams that hit what the map holds.
+    """
+
+    poses: np.ndarray
+    covariances: np.ndarray
+    log_masses: np.ndarray
+    explained: np.ndarray
+
+
+class ScanLikelihood:
+    """Likelihood of endpoints on a map's distance field: a mixture of hit and anything, tempered."""
+
+    def __init__(self, field: DistanceField, sigma_hit: float) -> None:
+        self._field = field
+        self._sigma = sigma_hit * NARROWING
+        squared = np.square(field.distances) * np.float32(-0.5 / self._sigma ** 2)
+        self._table = np.log(np.float32(1.0 - OUTLIERS) * np.exp(squared) + np.float32(OUTLIERS))
+        self._outside = math.log(OUTLIERS)
+
+    def log(self, poses: np.ndarray, endpoints: np.ndarray) -> np.ndarray:
+        """Return the tempered log-likelihood of endpoints, shape (B, 2) in the base's frame, at poses, shape (N, 3)."""
+        sums = np.empty(len(poses))
+        sum_over_endpoints(np.ascontiguousarray(poses), endpoints, self._table, self._outside, self._field.frame, sums)
+        return sums * temper(len(endpoints))
+
+    def modes(self, starts: np.ndarray, prior: PoseGaussian, endpoints: np.ndarray) -> Modes:
+        """Climb from each start, shape (K, 3), to the nearest maximum of prior times likelihood; one of each is kept."""
+        poses = np.array(starts, dtype=float, order="C")
+        covariances, explained = np.empty((len(poses), 3, 3)), np.empty(len(poses))
+        sigmas = np.array([max(WIDE_SIGMA, self._sigma), self._sigma])
+        climb(
+            poses, endpoints, self._field.distances, self._field.frame, sigmas, OUTLIERS, temper(len(endpoints)),
+            prior.mean, prior.information, ITERATIONS, covariances, explained,
+        )
+        poses[:, 2] = normalize_angles(poses[:, 2])
+        heights = self.log(poses, endpoints) + prior.log_density(poses)
+        kept = apart(poses, heights, len(poses), distance=0.02, turn=0.01)
+        masses = heights[kept] + 0.5 * np.linalg.slogdet(covariances[kept])[1]
+        return Modes(poses[kept], covariances[kept], masses, explained[kept])
+
+
+def temper(beams: int) -> float:
+    """Return the factor that makes so many dependent beams count as a few independent ones."""
+    return min(1.0, INDEPENDENT_BEAMS / max(1, beams))
+
+
+def thin_out(endpoints: np.ndarray, most: int = 1 << 30) -> np.ndarray:
+    """Return endpoints, shape (B, 2), with at most one in each square of SPACING and at most so many."""
+    cells = np.floor(endpoints / SPACING).astype(np.int64)
+    _, first = np.unique(cells[:, 0] * (1 << 32) + cells[:, 1], return_index=True)
+    first.sort()
+    return np.ascontiguousarray(endpoints[first[:: max(1, -(-len(first) // most))]])
+
+
+def apart(poses: np.ndarray, values: np.ndarray, count: int, distance: float, turn: float) -> List[int]:
+    """Return indices of up to `count` poses, highest values first, no two within `distance` (m) and `turn` (rad)."""
+    chosen: List[int] = []
+    for index in np.argsort(-values)[: 50 * count]:
+        offsets = poses[chosen] - poses[index]
+        near = (np.hypot(offsets[:, 0], offsets[:, 1]) <= distance) & (np.abs(normalize_angles(offsets[:, 2])) <= turn)
+        if not near.any():
+            chosen.append(int(index))
+        if len(chosen) == count:
+            break
+    return chosen
