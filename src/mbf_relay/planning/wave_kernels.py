@@ -26,18 +26,13 @@ _STEP = 0.5  # cells between two points of the path, as navfn's
 
 
 @kernel("float32(float32, float32, float32)")
-def wave_value(across, along, cost):
+def _wave_value(across, along, cost):
     """Return the potential of a cell from the lower of its neighbours on either axis, inf where there is none."""
     apart = abs(across - along)
     if not apart < cost:  # also where both are inf
         return np.float32(min(across, along) + cost)
-    return np.float32(np.float32(0.5) * (across + along + math.sqrt(np.float32(2.0) * cost * cost - apart * apart)))
-
-
-@kernel("float32(float32[::1], uint64)")
-def _known(field, index):
-    value = field[index]
-    return value if value > 0 else np.float32(np.inf)
+    root = np.float32(math.sqrt(max(np.float32(2.0) * cost * cost - apart * apart, np.float32(0.0))))
+    return np.float32(np.float32(0.5) * (across + along + root))
 
 
 @kernel("int64(uint8[::1], int64, int64, float32[::1], float32[::1], int64[::1], int32[:,::1], float32[:,::1],"
@@ -63,12 +58,19 @@ def grow(
         call again.
     """
     inf = np.float32(np.inf)
+    zero = np.float32(0.0)
     start = np.uint64(start_y * width + start_x)
     waiting, base, taken, expanded = state[_WAITING], state[_BASE], state[_TAKEN], state[_EXPANDED]
     min_column, min_row = state[_MIN_COLUMN], state[_MIN_ROW]
     max_column, max_row = state[_MAX_COLUMN], state[_MAX_ROW]
     capacity = np.int64(cells.shape[1])
     ring_cells, ring_keys = cells.ravel(), keys.ravel()
+    offsets = np.array([-1, 1, -width, width])
+    columns = np.array([-1, 1, 0, 0])
+    rows = np.array([0, 0, -1, 1])
+    costs_near, old, other = np.empty(4, np.float32), np.empty(4, np.float32), np.empty(4, np.float32)
+    through = np.empty(4, np.float32)
+    better = np.empty(5, np.int64)
     full = False
     for slot in range(_BUCKETS):
         full |= sizes[slot] + _SPARE > capacity
@@ -106,48 +108,79 @@ def grow(
         packed = ring_cells[place]
         y, x = np.int64(packed >> 16), np.int64(packed & 65535)
         i = y * width + x
-        if ring_keys[place] != field[np.uint64(i)]:
+        own = field[np.uint64(i)]
+        if ring_keys[place] != own:
             continue  # it was lowered since, and waits elsewhere with its present value
         countdown -= 1
         expanded += 1
         min_column, max_column = min(min_column, x), max(max_column, x)
         min_row, max_row = min(min_row, y), max(max_row, y)
-        own = field[np.uint64(i)]
-        for side in range(4):
-            near_x = x + (side * 2 - 1 if side < 2 else 0)
-            near_y = y + (side * 2 - 5 if side > 1 else 0)
-            if near_x < 0 or near_x >= width or near_y < 0 or near_y >= height:
-                continue
-            j = near_y * width + near_x
-            old = _known(field, np.uint64(j))
-            if old <= own:
-                continue
-            cost = weights[costs[np.uint64(j)]]
-            if cost == inf:
-                continue
-            if side < 2:
-                across = own
-                along = min(_known(field, np.uint64(j - width)) if near_y > 0 else inf,
-                            _known(field, np.uint64(j + width)) if near_y + 1 < height else inf)
-            else:
-                along = own
-                across = min(_known(field, np.uint64(j - 1)) if near_x > 0 else inf,
-                             _known(field, np.uint64(j + 1)) if near_x + 1 < width else inf)
-            lowered = wave_value(across, along, cost)
-            if lowered < old:
-                field[np.uint64(j)] = lowered
-                dx, dy = near_x - start_x, near_y - start_y
-                key = lowered + slope * np.float32(math.sqrt(np.float32(dx * dx + dy * dy)))
-                # too early does no harm, too late would: what lies beyond the ring goes into its last bucket
-                bucket = min(max(np.int64(key * inverse_width), base), base + (_BUCKETS - 1))
-                near_slot = np.uint64(bucket & (_BUCKETS - 1))
-                size = sizes[near_slot]
-                near_place = np.uint64(np.int64(near_slot) * capacity + size)
-                ring_cells[near_place] = near_y * 65536 + near_x
-                ring_keys[near_place] = lowered
-                sizes[near_slot] = size + 1
-                full |= size + 1 + _SPARE > capacity
-                waiting += 1
+        inside = x > 0 and x + 1 < width and y > 0 and y + 1 < height
+        if inside:
+            left, right = field[np.uint64(i - 1)], field[np.uint64(i + 1)]
+            below, above = field[np.uint64(i - width)], field[np.uint64(i + width)]
+            left_below, right_below = field[np.uint64(i - width - 1)], field[np.uint64(i - width + 1)]
+            left_above, right_above = field[np.uint64(i + width - 1)], field[np.uint64(i + width + 1)]
+            costs_near[0] = weights[costs[np.uint64(i - 1)]]
+            costs_near[1] = weights[costs[np.uint64(i + 1)]]
+            costs_near[2] = weights[costs[np.uint64(i - width)]]
+            costs_near[3] = weights[costs[np.uint64(i + width)]]
+        else:
+            has_left, has_right, has_below, has_above = x > 0, x + 1 < width, y > 0, y + 1 < height
+            left = field[i - 1] if has_left else zero
+            right = field[i + 1] if has_right else zero
+            below = field[i - width] if has_below else zero
+            above = field[i + width] if has_above else zero
+            left_below = field[i - width - 1] if has_left and has_below else zero
+            right_below = field[i - width + 1] if has_right and has_below else zero
+            left_above = field[i + width - 1] if has_left and has_above else zero
+            right_above = field[i + width + 1] if has_right and has_above else zero
+            costs_near[0] = weights[costs[i - 1]] if has_left else inf
+            costs_near[1] = weights[costs[i + 1]] if has_right else inf
+            costs_near[2] = weights[costs[i - width]] if has_below else inf
+            costs_near[3] = weights[costs[i + width]] if has_above else inf
+        old[0] = left if left > zero else inf
+        old[1] = right if right > zero else inf
+        old[2] = below if below > zero else inf
+        old[3] = above if above > zero else inf
+        left_below = left_below if left_below > zero else inf
+        right_below = right_below if right_below > zero else inf
+        left_above = left_above if left_above > zero else inf
+        right_above = right_above if right_above > zero else inf
+        # the lower neighbour of each on the axis across the step
+        other[0] = min(left_below, left_above)
+        other[1] = min(right_below, right_above)
+        other[2] = min(left_below, right_below)
+        other[3] = min(left_above, right_above)
+        # which neighbours get better, without a branch for each: such branches cannot be predicted
+        for k in range(4):
+            cost = costs_near[k]
+            apart = abs(own - other[k])
+            one = min(own, other[k]) + cost
+            root = np.float32(math.sqrt(max(np.float32(2.0) * cost * cost - apart * apart, zero)))
+            both = np.float32(0.5) * (own + other[k] + root)
+            through[k] = both if apart < cost else one
+        count = np.int64(0)
+        for k in range(4):
+            better[np.uint64(count)] = k
+            count += np.int64(through[np.uint64(k)] < old[np.uint64(k)])
+        for n in range(count):
+            chosen = np.uint64(better[np.uint64(n)])
+            lowered = through[chosen]
+            field[np.uint64(i + offsets[chosen])] = lowered
+            near_x, near_y = x + columns[chosen], y + rows[chosen]
+            dx, dy = np.float32(near_x - start_x), np.float32(near_y - start_y)
+            key = lowered + slope * np.float32(math.sqrt(dx * dx + dy * dy))
+            # too early does no harm, too late would: what lies beyond the ring goes into its last bucket
+            bucket = min(max(np.int64(key * inverse_width), base), base + (_BUCKETS - 1))
+            near_slot = np.uint64(bucket & (_BUCKETS - 1))
+            size = sizes[near_slot]
+            near_place = np.uint64(np.int64(near_slot) * capacity + size)
+            ring_cells[near_place] = near_y * 65536 + near_x
+            ring_keys[near_place] = lowered
+            sizes[near_slot] = size + 1
+            full |= size + 1 + _SPARE > capacity
+            waiting += 1
     state[_WAITING], state[_BASE], state[_TAKEN], state[_EXPANDED] = waiting, base, taken, expanded
     state[_MIN_COLUMN], state[_MIN_ROW] = min_column, min_row
     state[_MAX_COLUMN], state[_MAX_ROW] = max_column, max_row
@@ -170,7 +203,7 @@ def _is_supported(costs, weights, field, x, y):
         return True
     across = min(_below(field, x - 1, y, value), _below(field, x + 1, y, value))
     along = min(_below(field, x, y - 1, value), _below(field, x, y + 1, value))
-    return wave_value(across, along, weights[costs[y, x]]) <= value
+    return _wave_value(across, along, weights[costs[y, x]]) <= value
 
 
 @kernel("int64(uint8[:,::1], float32[::1], float32[:,::1], int32[:,::1], int32[::1], int32[::1], float32[::1],"
