@@ -21,6 +21,8 @@ REMEMBER_FOR = 5.0
 """Wall time (s) for which a finished goal stays in the status: actionlib's default."""
 REMEMBER_AT_MOST = 50
 """Number of finished goals kept in the status."""
+MANY = 10000
+"""Results that may wait for a slow client."""
 UNFINISHED = frozenset((GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING))
 
 
@@ -40,11 +42,12 @@ class ActionServer(actionlib.ActionServer):
         name = rospy.remap_name(self.ns)
         queue = rospy.get_param("actionlib_server_pub_queue_size", 50)
         queue = queue if queue > 0 else 50
+        results = max(queue, MANY)  # a result that is dropped leaves its client waiting for ever
         publisher = lambda kind, message, **options: rospy.Publisher(  # noqa: E731
-            f"{name}/{kind}", message, queue_size=queue, tcp_nodelay=True, **options
+            f"{name}/{kind}", message, tcp_nodelay=True, **{"queue_size": queue, **options}
         )
         self.status_pub = publisher("status", GoalStatusArray, latch=True)
-        self.result_pub = publisher("result", self.ActionResult)
+        self.result_pub = publisher("result", self.ActionResult, queue_size=results)
         self.feedback_pub = publisher("feedback", self.ActionFeedback)
         self.goal_sub = rospy.Subscriber(f"{name}/goal", self.ActionGoal, self.internal_goal_callback, tcp_nodelay=True)
         self.cancel_sub = rospy.Subscriber(f"{name}/cancel", GoalID, self.internal_cancel_callback, tcp_nodelay=True)

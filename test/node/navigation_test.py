@@ -1,0 +1,225 @@
+#!/usr/bin/env python3
+"""The server's races: goals cancelled at every moment, replaced by the hundred, and a server that is told to end.
+
+The server runs scripted plugins, so that the robot does nothing but what the server makes of them.
+"""
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import threading
+import unittest
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir))
+
+import rospy
+import rostest
+from actionlib_msgs.msg import GoalStatus
+from dynamic_reconfigure.client import Client as ReconfigureClient
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Twist
+from mbf_msgs.msg import (
+    ExePathAction, ExePathGoal, ExePathResult, GetPathAction, GetPathGoal, GetPathResult, MoveBaseAction, MoveBaseGoal,
+    MoveBaseResult, RecoveryAction, RecoveryGoal, RecoveryResult,
+)
+from nav_msgs.msg import Odometry
+
+from mbf_relay.ros.action_client import ActionClient
+from mbf_relay.ros.outcome_codes import name_of
+from ros_testing import Listener, wait_until
+
+SERVER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "paper_server.py")
+LONG = os.environ.get("MBF_RELAY_LONG") == "1"
+DELAYS = (0.0, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)
+"""Seconds from goal to cancel."""
+REPETITIONS = 50 if LONG else 2
+ACTIONS = {
+    "get_path": (GetPathAction, GetPathResult), "exe_path": (ExePathAction, ExePathResult),
+    "recovery": (RecoveryAction, RecoveryResult), "move_base": (MoveBaseAction, MoveBaseResult),
+}
+CANCELLED = (GoalStatus.PREEMPTED, GoalStatus.RECALLED)
+STATES = {value: name for name, value in vars(GoalStatus).items() if name.isupper()}
+
+
+def pose_at(x, y=0.0, frame="map"):
+    pose = PoseStamped(pose=Pose(Point(x, y, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0)))
+    pose.header.frame_id = frame
+    return pose
+
+
+def is_zero(twist):
+    return twist.linear.x == twist.linear.y == twist.angular.z == 0.0
+
+
+class NavigationTest(unittest.TestCase):
+    """Every test leaves the server running and idle."""
+
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node("navigation_test")
+        cls.velocity = Listener("cmd_vel", Twist)
+        cls.odometry = Listener("odom", Odometry)
+        cls.clients = {
+            name: ActionClient(f"move_base_flex/{name}", types[0]) for name, types in ACTIONS.items()
+        }
+        rospy.set_param("move_base_flex", {"tf_timeout": 0.3, "plan_time": 0.03, "recovery_steps": 20})
+        cls.start_server()
+
+    @classmethod
+    def start_server(cls):
+        cls.server = subprocess.Popen([sys.executable, SERVER])
+        for name, client in cls.clients.items():
+            assert client.wait_for_server(60.0), f"waited 60 s for the action {name}, in vain"
+        wait_until(lambda: cls.odometry.last, "odometry")
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.server.terminate()
+        cls.server.wait(20.0)
+
+    # helpers
+
+    def x(self):
+        return self.odometry.last.pose.pose.position.x
+
+    def path_to(self, x):
+        goal = ExePathGoal()
+        goal.path.header.frame_id = "map"
+        start = self.x()
+        goal.path.poses = [pose_at(start + (x - start) * step / 10.0) for step in range(11)]
+        return goal
+
+    def long_goal(self, action):
+        """A goal that takes seconds, or for plans, tens of milliseconds."""
+        return {
+            "get_path": lambda: GetPathGoal(target_pose=pose_at(3.0)), "exe_path": lambda: self.path_to(self.x() + 5.0),
+            "recovery": lambda: RecoveryGoal(behavior="R1"),
+            "move_base": lambda: MoveBaseGoal(target_pose=pose_at(self.x() + 5.0)),
+        }[action]()
+
+    def short_goal(self, action):
+        """A goal that succeeds at once."""
+        return {
+            "get_path": lambda: GetPathGoal(target_pose=pose_at(1.0)), "exe_path": lambda: self.path_to(self.x()),
+            "recovery": lambda: RecoveryGoal(behavior="R2"),
+            "move_base": lambda: MoveBaseGoal(target_pose=pose_at(self.x())),
+        }[action]()
+
+    def end_of(self, sent, timeout=20.0):
+        ending = sent.wait(timeout)
+        self.assertIsNotNone(ending, f"waited {timeout} s for the end of goal {sent.goal_id}, in vain")
+        return ending
+
+    def await_standing(self):
+        """Wait until the last velocity is zero; returns how many there were."""
+        wait_until(lambda: self.velocity.last is None or is_zero(self.velocity.last), "a zero as the last velocity", 5.0)
+        return len(self.velocity.messages)
+
+    def succeed(self, action):
+        if action == "recovery":
+            rospy.set_param("move_base_flex/recovery_steps", 1)
+        ending = self.end_of(self.clients[action].send(self.short_goal(action)))
+        rospy.set_param("move_base_flex/recovery_steps", 20)
+        self.assertEqual(STATES[ending.status], "SUCCEEDED", f"{action}: {ending.text}")
+
+    # tests
+
+    def test_1_a_goal_can_be_cancelled_at_any_moment(self):
+        pause = threading.Event()
+        for action, delay, _ in itertools.product(ACTIONS, DELAYS, range(REPETITIONS)):
+            what = f"{action} cancelled after {1000.0 * delay:g} ms"
+            sent = self.clients[action].send(self.long_goal(action))
+            if delay:
+                pause.wait(delay)
+            sent.cancel()
+            ending = self.end_of(sent)
+            # a plan may be done before it is called off
+            allowed = CANCELLED + ((GoalStatus.SUCCEEDED,) if action == "get_path" and delay > 0.02 else ())
+            self.assertIn(ending.status, allowed, f"{what} ended {STATES[ending.status]}: {ending.text}")
+            if ending.status in CANCELLED:
+                self.assertEqual(name_of(ending.result.outcome, ACTIONS[action][1]), "CANCELED", what)
+            count = self.await_standing()
+            self.succeed("get_path")
+            self.assertTrue(all(map(is_zero, self.velocity.messages[count:])), f"{what}, and the robot drove on")
+        for action in ACTIONS:
+            self.succeed(action)
+
+    def test_2_hundreds_of_goals_replace_each_other(self):
+        for action in ("get_path", "move_base"):
+            sent = [self.clients[action].send(self.long_goal(action)) for _ in range(499)]
+            last = self.clients[action].send(self.short_goal(action))
+            self.assertEqual(self.end_of(last, 60.0).status, GoalStatus.SUCCEEDED, action)
+            for one in sent:
+                self.assertIn(self.end_of(one, 60.0).status, CANCELLED, action)
+            self.await_standing()
+            self.succeed(action)
+
+    def test_3_a_takeover_does_not_stop_the_robot_but_a_cancel_does(self):
+        for action in ("exe_path", "move_base"):
+            first = self.clients[action].send(self.long_goal(action))
+            wait_until(lambda: not is_zero(self.velocity.last or Twist()), "driving")
+            count = len(self.velocity.messages)
+            second = self.clients[action].send(self.long_goal(action))
+            self.assertIn(self.end_of(first).status, CANCELLED)
+            wait_until(lambda: len(self.velocity.messages) > count + 5, "more velocities")
+            self.assertFalse(any(map(is_zero, self.velocity.messages[count:])), f"{action}: the robot stopped in between")
+            second.cancel()
+            self.assertEqual(self.end_of(second).status, GoalStatus.PREEMPTED)
+            self.await_standing()
+
+    def test_4_slots_and_actions_go_on_beside_each_other(self):
+        rospy.set_param("move_base_flex/plan_time", 0.5)
+        plans = [self.clients["get_path"].send(GetPathGoal(target_pose=pose_at(2.0), concurrency_slot=s)) for s in (0, 1, 255)]
+        drive = self.clients["exe_path"].send(self.long_goal("exe_path"))
+        self.assertEqual([self.end_of(plan).status for plan in plans], [GoalStatus.SUCCEEDED] * 3)
+        self.assertIsNone(drive.ending)
+        drive.cancel()
+        self.end_of(drive)
+        rospy.set_param("move_base_flex/plan_time", 0.03)
+
+    def test_5_feedback_tells_of_every_cycle_and_rates_change_at_run_time(self):
+        client = ReconfigureClient("move_base_flex", timeout=20.0)
+        for frequency in (5.0, 50.0):
+            client.update_configuration({"controller_frequency": frequency, "oscillation_timeout": 0.0})
+            feedback, count = [], len(self.velocity.messages)
+            sent = self.clients["exe_path"].send(self.long_goal("exe_path"), on_feedback=feedback.append)
+            wait_until(lambda: len(feedback) > 20, "feedback")
+            stamps = [entry.last_cmd_vel.header.stamp.to_sec() for entry in feedback]
+            steps = sorted(after - before for before, after in zip(stamps, stamps[1:]))
+            self.assertAlmostEqual(steps[len(steps) // 2] * frequency, 1.0, delta=0.3)
+            self.assertGreater(len(self.velocity.messages), count)
+            self.assertEqual(feedback[-1].current_pose.header.frame_id, "map")
+            sent.cancel()
+            self.end_of(sent)
+        client.update_configuration({"restore_defaults": True})
+        self.assertEqual(client.get_configuration(timeout=10.0)["controller_frequency"], 10.0)
+        client.close()
+
+    def test_6_a_path_of_a_hundred_thousand_poses_is_driven_along(self):
+        goal = self.path_to(self.x() + 5.0)
+        goal.path.poses = [pose_at(self.x() + 5.0 * step / 1e5) for step in range(100001)]
+        feedback = []
+        sent = self.clients["exe_path"].send(goal, on_feedback=feedback.append)
+        wait_until(lambda: feedback, "the first cycle along it", 60.0)
+        sent.cancel()
+        self.assertEqual(self.end_of(sent).status, GoalStatus.PREEMPTED)
+        self.await_standing()
+
+    def test_7_told_to_end_the_server_leaves_the_robot_standing_and_no_goal_open(self):
+        for how in (signal.SIGINT, signal.SIGTERM):
+            drive = self.clients["move_base"].send(self.long_goal("move_base"))
+            wait_until(lambda: not is_zero(self.velocity.last or Twist()), "driving")
+            self.server.send_signal(how)
+            self.server.wait(20.0)
+            count = self.await_standing()
+            self.assertTrue(is_zero(self.velocity.messages[count - 1]))
+            ending = self.end_of(drive)
+            self.assertEqual(STATES[ending.status], "ABORTED")
+            self.assertIn("shutting down", ending.text)
+            self.start_server()
+            self.succeed("move_base")
+
+
+if __name__ == "__main__":
+    rostest.rosrun("mbf_relay", "navigation", NavigationTest)

@@ -1,0 +1,90 @@
+"""Plugin lists: what is wrong with them is named, and each slot gets a plugin of its own."""
+
+import pytest
+import scripted
+
+from mbf_relay.navigation.registry import Registry
+from mbf_relay.navigation.worker import InlineWorker
+from mbf_relay.planning import PLANNERS
+from mbf_relay.planning.planner import Planner
+from mbf_relay.plugins import PluginError
+
+TYPE = "scripted.ScriptedPlanner"
+
+
+def registry(entries, **config):
+    return Registry("planners", {"planners": entries, **config}, Planner, PLANNERS, InlineWorker(), "global")
+
+
+@pytest.mark.parametrize("entries, words", [
+    ([{"name": "A", "type": TYPE}, {"name": "A", "type": TYPE}], ["planners", "'A' twice"]),
+    ([{"name": "A", "type": "teb_local_planner/TebLocalPlannerROS"}], ["teb_local_planner/TebLocalPlannerROS", "navfn/NavfnROS"]),
+    ([{"name": "A", "type": "no.such.module.Planner"}], ["no.such.module.Planner", "available"]),
+    ([{"name": "A", "type": "scripted.ScriptedController"}], ["ScriptedController", "no planner"]),
+    ([{"name": "A"}], ["entry 0", "name and a type"]),
+    ([{"name": 3, "type": TYPE}], ["entry 0"]),
+    ([{"name": "", "type": TYPE}], ["empty name"]),
+    (["A"], ["entry 0", "'A'"]),
+    ("A", ["must be a list"]),
+    ([{"name": "A", "type": TYPE, "costmap": "both"}], ["'both'", "global"]),
+])
+def test_a_wrong_list_is_refused_and_the_text_says_why(entries, words):
+    with pytest.raises(PluginError) as caught:
+        registry(entries)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_wrong_parameters_name_plugin_and_parameter():
+    with pytest.raises(PluginError, match="(?s)NavfnROS.*allow_unknown"):
+        registry([{"name": "NavfnROS", "type": "navfn/NavfnROS"}], NavfnROS={"allow_unknown": "perhaps"})
+    with pytest.raises(PluginError, match="must be the group"):
+        registry([{"name": "A", "type": TYPE}], A=3)
+
+
+def test_each_plugin_gets_its_own_parameters():
+    made = registry([{"name": "N1", "type": "navfn/NavfnROS"}, {"name": "N2", "type": "navfn/NavfnROS"}],
+                    N2={"allow_unknown": False})
+    assert made.plugin("N1").parameters.allow_unknown and not made.plugin("N2").parameters.allow_unknown
+
+
+def test_names_are_kept_in_order_and_the_first_is_the_default():
+    made = registry([{"name": name, "type": TYPE} for name in ("Z", "A", "M")])
+    assert made.names == ["Z", "A", "M"] and made.choose("") == "Z" and made.choose("M") == "M"
+    assert made.type_of("A") == TYPE and made.class_of("A") is scripted.ScriptedPlanner
+
+
+def test_an_empty_list_is_fine_until_somebody_asks():
+    with pytest.raises(PluginError, match="No plugins loaded"):
+        registry([]).choose("")
+    assert registry([]).names == []
+
+
+def test_slots_have_plugins_of_their_own_and_share_parameters():
+    made = registry([{"name": "N", "type": "navfn/NavfnROS"}])
+    first, second = made.seat("N", 0), made.seat("N", 1)
+    assert first.plugin is made.plugin("N") is not second.plugin
+    wanted = first.plugin.parameters.replace(allow_unknown=False)
+    made.reconfigure("N", wanted)
+    assert first.plugin.parameters == second.plugin.parameters == made.seat("N", 2).plugin.parameters == wanted
+
+
+def test_a_busy_plugin_is_reconfigured_before_its_next_call():
+    before = registry([{"name": "N", "type": "navfn/NavfnROS"}]).plugin("N").parameters
+    wanted = before.replace(allow_unknown=False)
+
+    def meanwhile(plugin):
+        made.reconfigure("N", wanted)
+        return plugin.parameters
+
+    held = scripted.HeldWorker()
+    made = Registry("planners", {"planners": [{"name": "N", "type": "navfn/NavfnROS"}]}, Planner, PLANNERS, held, "global")
+    seat = made.seat("N", 0)
+    call = seat.call(meanwhile)
+    with pytest.raises(RuntimeError, match="earlier call"):
+        seat.call(lambda plugin: None)
+    held.step()
+    assert call.result() == before
+    after = seat.call(lambda plugin: plugin.parameters)
+    held.step()
+    assert after.result() == wanted
