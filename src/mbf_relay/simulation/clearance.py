@@ -45,6 +45,11 @@ def obstruction(triangles: np.ndarray, owners: np.ndarray, pose: Pose2D) -> Opti
     return None
 
 
+def surface_obstructs(triangles: np.ndarray, pose: Pose2D) -> bool:
+    """Tell whether one closed surface, shape (N, 3, 3) in metres, leaves no room for the robot at `pose`."""
+    return obstruction(triangles, np.zeros(len(triangles), dtype=int), pose) is not None
+
+
 def _crosses_box(segments: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
     """Tell which segments (M, 2, 2) have a point in a box, by the slab method; shape (M,) bool."""
     start, way = segments[:, 0], segments[:, 1] - segments[:, 0]

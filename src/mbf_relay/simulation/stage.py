@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Dict, Hashable, Iterator, List, Mapping, Optional, Tuple
 
 import numpy as np
@@ -99,16 +100,17 @@ class Stage:
         owner = clearance.obstruction(self._triangles, self._owners, pose)
         if owner is not None:
             return self._world.bodies[owner].name
-        for body in self._moved_bodies():
-            triangles = body.triangles()
-            if clearance.obstruction(triangles, np.zeros(len(triangles), dtype=int), pose) is not None:
-                return body.name
-        return None
+        blocking = (body.name for body in self._moved_bodies() if clearance.surface_obstructs(body.triangles(), pose))
+        return next(blocking, None)
+
+    def bodies(self) -> List[Body]:
+        """Return everything that stands here, where it is now."""
+        return [body for body in self._world.bodies if body.mass == 0.0] + list(self._moved_bodies())
 
     def _moved_bodies(self) -> Iterator[Body]:
         """Yield loose bodies, movers and obstacles where they are now."""
         for number, body in self._loose + [(n, m.body) for n, m in self._movers] + list(self._obstacles.values()):
-            yield Body(body.name, body.shape, self._physics.frame_of(number))
+            yield replace(body, frame=self._physics.frame_of(number))
 
 
 def seen_by_level_rays(triangles: np.ndarray) -> np.ndarray:
