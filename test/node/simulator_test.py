@@ -77,6 +77,13 @@ class TestSimulator(unittest.TestCase):
         wait_until(lambda: len(listener.messages) >= known + count, f"{count} more messages on {listener.topic}")
         return listener.messages[known + count - 1]
 
+    def spacing(self, listener):
+        """Return the time (s) between two readings that come one after another."""
+        known = len(listener.messages)
+        self.fresh(listener, 2)
+        first, second = listener.messages[known:known + 2]
+        return (second.header.stamp - first.header.stamp).to_sec()
+
     def true_pose(self):
         return pose_from_message(self.fresh(self.truths, 2).pose.pose)
 
@@ -93,7 +100,7 @@ class TestSimulator(unittest.TestCase):
         scan = self.fresh(self.scans)
         self.assertEqual((scan.header.frame_id, len(scan.ranges)), ("base_scan", 360))
         self.assertAlmostEqual(scan.angle_max, 2.0 * math.pi * 359 / 360, places=5)
-        self.assertAlmostEqual((self.fresh(self.scans).header.stamp - scan.header.stamp).to_sec(), 0.2, places=6)
+        self.assertAlmostEqual(self.spacing(self.scans), 0.2, places=6)
         # The pillar at (-1.1, 0) stands a good metre off, ahead to the left of the lidar at x = -2.032.
         x, y = -1.1 + 2.032, 0.5
         beam = round(math.degrees(math.atan2(y, x)))
@@ -102,7 +109,7 @@ class TestSimulator(unittest.TestCase):
         self.assertEqual((odom.header.frame_id, odom.child_frame_id), ("odom", "base_footprint"))
         self.assertGreater(odom.pose.covariance[0], 0.0)
         self.assertGreater(odom.twist.covariance[35], 0.0)
-        self.assertAlmostEqual((self.fresh(self.odoms).header.stamp - odom.header.stamp).to_sec(), 1.0 / 30.0, places=6)
+        self.assertAlmostEqual(self.spacing(self.odoms), 1.0 / 30.0, places=6)
         imu = self.fresh(Listener("imu", Imu, connected=True))
         self.assertEqual(imu.header.frame_id, "imu_link")
         self.assertAlmostEqual(imu.linear_acceleration.z, 9.81, delta=0.2)
@@ -165,7 +172,7 @@ class TestSimulator(unittest.TestCase):
         return self.fresh(self.scans, 2).ranges[0]
 
     def test_obstacles_come_move_and_go(self):
-        free = self.ahead()
+        self.assertGreater(self.ahead(), 1.0)
         self.set_obstacles.publish(MarkerArray([marker(1)]))
         # From the lidar at x = -2.032 to the near side at -1.6.
         wait_until(lambda: abs(self.ahead() - 0.432) < 0.05, "the lidar to see the obstacle")
@@ -173,7 +180,7 @@ class TestSimulator(unittest.TestCase):
         wait_until(lambda: abs(self.ahead() - 0.732) < 0.05, "the lidar to see it moved")
         self.assertEqual([(m.ns, m.id) for m in self.standing.last.markers[1:]], [("test", 1)])
         self.set_obstacles.publish(MarkerArray([marker(1, action=Marker.DELETE)]))
-        wait_until(lambda: abs(self.ahead() - free) < 0.05, "the obstacle to be gone")
+        wait_until(lambda: self.ahead() > 1.0, "the obstacle to be gone")
         self.set_obstacles.publish(MarkerArray([
             marker(2, Marker.CUBE, lifetime=0.6), marker(3, Marker.SPHERE, x=-1.0, y=0.6, size=(0.4, 0.4, 0.4)),
         ]))

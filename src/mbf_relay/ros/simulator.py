@@ -61,7 +61,7 @@ class Simulator:
 
     def _listen(self) -> None:
         rospy.Subscriber("cmd_vel", Twist, self._take_command, queue_size=1, tcp_nodelay=True)
-        rospy.Subscriber("~set_pose", PoseStamped, self._take_pose, queue_size=1)
+        rospy.Subscriber("~set_pose", PoseStamped, self._take_pose, queue_size=10)
         rospy.Subscriber("~set_obstacles", MarkerArray, self._take_obstacles, queue_size=100)
         rospy.Service("~reset", Empty, self._serve_reset)
         rospy.Service("~pause", Empty, lambda _: self._serve_pause(True))

@@ -1,0 +1,85 @@
+"""Maps drawn from worlds: where their walls are, what is free, and that the one in config/ is up to date."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.grid import Grid
+from mbf_relay.maps import FREE, OCCUPIED, UNKNOWN, load_map, read_map_file
+from mbf_relay.simulation.arena import arena
+from mbf_relay.simulation.frames import Frame
+from mbf_relay.simulation.shapes import Body, Box
+from mbf_relay.simulation.world import World
+from mbf_relay.simulation.world_map import SCAN_HEIGHT, grid_around, map_of_world
+from mbf_relay.simulation.world_map_command import main
+
+ARENA_MAP = Path(__file__).resolve().parents[3] / "config" / "maps" / "turtlebot3_world.yaml"
+GRID = Grid(0.05, -10.0, -10.0, 384, 384)
+
+
+def distances_to_surface(points, segments):
+    """Return the distance (m) of each point (N, 2) to the nearest of the segments (M, 2, 2)."""
+    start, way = segments[:, 0], segments[:, 1] - segments[:, 0]
+    best = np.full(len(points), np.inf)
+    for a, d in zip(start, way):
+        share = np.clip((points - a) @ d / max(d @ d, 1e-18), 0.0, 1.0)
+        best = np.minimum(best, np.linalg.norm(points - a - share[:, None] * d, axis=1))
+    return best
+
+
+def test_the_map_in_config_is_the_arenas():
+    kept, drawn = load_map(str(ARENA_MAP)), map_of_world(arena(), GRID)
+    assert np.array_equal(kept.data, drawn.data) and kept.origin == drawn.origin and kept.resolution == drawn.resolution
+    values = read_map_file(str(ARENA_MAP))
+    assert (values.free_thresh, values.occupied_thresh) == (0.196, 0.65)
+
+
+def test_every_wall_cell_lies_on_a_surface_and_every_surface_in_reach_has_a_cell():
+    world = arena()
+    drawn = map_of_world(world, GRID)
+    rows, columns = np.nonzero(drawn.data == OCCUPIED)
+    distances = distances_to_surface(GRID.centers_of(np.column_stack((columns, rows))), world.outline(SCAN_HEIGHT))
+    assert distances.max() < 0.036
+    free_rows, free_columns = np.nonzero(drawn.data == FREE)
+    free = distances_to_surface(GRID.centers_of(np.column_stack((free_columns, free_rows))), world.outline(SCAN_HEIGHT))
+    assert free.min() > 0.015
+
+
+def test_the_tutorials_goals_are_free():
+    drawn = map_of_world(arena(), GRID)
+    goals = [(-1.75, 0.74), (-0.36, 1.92), (0.957, 1.6), (1.8741, 0.383), (1.752, -0.928), (0.418, -2.116), (-0.775, -1.8), (-1.99, -0.508)]
+    for x, y in goals + [(0.5, 0.0)]:
+        column, row = GRID.cell_at(x, y)
+        assert drawn.data[row, column] == FREE
+    for x, y in ((0.0, 0.0), (3.5, 0.0), (8.0, 8.0)):
+        column, row = GRID.cell_at(x, y)
+        assert drawn.data[row, column] == UNKNOWN
+
+
+def room(start=Pose2D(0.0, 0.0, 0.0)):
+    sides = [((4.2, 0.1, 0.5), 0.0, 2.0), ((4.2, 0.1, 0.5), 0.0, -2.0), ((0.1, 4.2, 0.5), 2.0, 0.0), ((0.1, 4.2, 0.5), -2.0, 0.0)]
+    return World("room", tuple(Body("w", Box(size), Frame.of(x, y, 0.25)) for size, x, y in sides), start)
+
+
+def test_a_grid_around_a_world_holds_it():
+    world = room()
+    drawn = map_of_world(world, grid_around(world, 0.02, margin=0.5))
+    assert (drawn.data == FREE).sum() * 0.02 ** 2 == pytest.approx(3.9 ** 2, rel=0.03)
+    assert drawn.data[0, 0] == UNKNOWN
+
+
+@pytest.mark.parametrize("start, text", [(Pose2D(2.0, 0.0, 0.0), "lies in a wall"), (Pose2D(50.0, 0.0, 0.0), "lies off the map")])
+def test_a_start_that_is_no_place_is_refused(start, text):
+    grid = Grid(0.05, -3.0, -3.0, 120, 120)
+    world = room(start) if start.x > 3.0 else World("w", (Body("b", Box((0.06, 4.0, 1.0)), Frame.of(2.03, 0.0, 0.5)),), start)
+    with pytest.raises(ValueError, match=text):
+        map_of_world(world, grid)
+
+
+def test_the_command_writes_a_map_and_says_what_is_wrong(tmp_path, capsys):
+    assert main(["arena", str(tmp_path / "new" / "arena"), "--size", "384", "384"]) == 0
+    assert (tmp_path / "new" / "arena.pgm").read_bytes() == ARENA_MAP.with_suffix(".pgm").read_bytes()
+    assert main(["nowhere", str(tmp_path / "x")]) == 1
+    assert capsys.readouterr().err.startswith("world_to_map.py: world 'nowhere' is not known")

@@ -1,0 +1,340 @@
+"""Worlds out of names and files: what is read, what is warned of, and what is refused."""
+
+import json
+import math
+import os
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, save_map
+from mbf_relay.simulation.map_world import map_world, merged_rectangles, wall_triangles
+from mbf_relay.simulation.shapes import Box, Cylinder, Sphere, cut
+from mbf_relay.simulation.worlds import load_world
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+SHARED = Path(os.environ.get("MBF_RELAY_SHARED", str(REPOSITORY.parent / "shared")))
+BARN = SHARED / "data" / "barn_sample.json"
+
+
+def write(path, text):
+    path.write_text(text)
+    return str(path)
+
+
+def sdf(inside, version="1.6"):
+    return f'<?xml version="1.0"?><sdf version="{version}"><world name="made">{inside}</world></sdf>'
+
+
+def model(name, geometry, pose="0 0 0 0 0 0", link_pose="0 0 0 0 0 0", collision_pose="0 0 0 0 0 0", rest="<static>true</static>"):
+    return (
+        f'<model name="{name}"><pose>{pose}</pose>{rest}<link name="link"><pose>{link_pose}</pose>'
+        f'<collision name="c"><pose>{collision_pose}</pose><geometry>{geometry}</geometry></collision></link></model>'
+    )
+
+
+BOX = "<box><size>1 2 3</size></box>"
+
+
+def test_the_arena_has_its_figures():
+    world = load_world("arena")
+    assert world.start == Pose2D(-2.0, -0.5, 0.0)
+    pillars = [body for body in world.bodies if body.name.startswith("pillar")]
+    assert len(pillars) == 9 and all(p.shape == Cylinder(0.15, 0.5) for p in pillars)
+    triangles, owners = world.fixed_triangles()
+    wall = triangles[owners == [body.name for body in world.bodies].index("wall")]
+    assert wall[:, :, 0].max() == pytest.approx(3.3) and wall[:, :, 2].min() == pytest.approx(-0.3)
+    head = [body for body in world.bodies if body.name == "head"][0].triangles()
+    assert head[:, :, 0].min() == pytest.approx(3.5 - 1.173)
+    assert (head[:, :, 2].min(), head[:, :, 2].max()) == pytest.approx((-0.5, 1.53))
+
+
+@pytest.mark.parametrize("text, said", [
+    ("aren", "world 'aren' is not known; it must be arena, empty or a file"),
+    ("nowhere/x.yaml", "x.yaml does not exist"),
+    ("world.blend", "must be arena, empty or a file that ends in"),
+])
+def test_unknown_worlds_are_refused(text, said):
+    with pytest.raises(ValueError, match=said):
+        load_world(text)
+
+
+def test_sdf_solids_and_nested_poses(tmp_path):
+    text = sdf(
+        model("a", BOX, pose="1 2 0 0 0 1.5707963267948966", link_pose="1 0 0 0 0 0", collision_pose="0 1 0.5 0 0 0")
+        + model("b", "<cylinder><radius>0.2</radius><length>0.6</length></cylinder>")
+        + model("c", "<sphere><radius>0.3</radius></sphere>")
+        + "<model name='outer'><static>1</static><pose>5 0 0 0 0 0</pose>" + model("inner", BOX, pose="0 1 0 0 0 0") + "</model>"
+    )
+    world = load_world(write(tmp_path / "w.world", text))
+    bodies = {body.name: body for body in world.bodies}
+    assert world.name == "made" and set(bodies) == {"a", "b", "c", "outer/inner"}
+    # The link one ahead of a model that looks along +y, the collision one to the left of that.
+    assert bodies["a"].frame.position == pytest.approx([0.0, 3.0, 0.5])
+    assert bodies["a"].shape == Box((1.0, 2.0, 3.0)) and bodies["b"].shape == Cylinder(0.2, 0.6)
+    assert bodies["outer/inner"].frame.position == pytest.approx([5.0, 1.0, 0.0])
+    assert isinstance(bodies["c"].shape, Sphere)
+
+
+def test_sdf_loose_models_have_their_mass(tmp_path):
+    rest = "<link name='l'><inertial><mass>2.5</mass></inertial><collision name='c'><geometry>" + BOX + "</geometry></collision></link>"
+    world = load_world(write(tmp_path / "w.sdf", sdf(f"<model name='crate'>{rest}</model>")))
+    assert [(body.name, body.mass) for body in world.bodies] == [("crate", 2.5)]
+
+
+def test_sdf_includes_are_found_on_the_model_path(tmp_path, monkeypatch):
+    folder = tmp_path / "models" / "crate"
+    folder.mkdir(parents=True)
+    write(folder / "model.config", "<model><sdf version='1.6'>crate.sdf</sdf></model>")
+    write(folder / "crate.sdf", "<sdf version='1.6'>" + model("crate", BOX, pose="9 9 9 0 0 0") + "</sdf>")
+    path = write(tmp_path / "w.world", sdf(
+        "<include><uri>model://crate</uri><name>first</name><pose>1 2 3 0 0 0</pose></include>"
+        "<include><uri>model://crate</uri></include>"
+    ))
+    elsewhere = tmp_path / "else" / "where"
+    elsewhere.mkdir(parents=True)
+    moved = write(elsewhere / "w.world", Path(path).read_text())
+    monkeypatch.setenv("HOME", str(tmp_path / "none"))
+    monkeypatch.delenv("GAZEBO_MODEL_PATH", raising=False)
+    with pytest.raises(ValueError, match="'model://crate' was not found .*GAZEBO_MODEL_PATH"):
+        load_world(moved)
+    assert len(load_world(path).bodies) == 2
+    monkeypatch.setenv("GAZEBO_MODEL_PATH", f"/nowhere{os.pathsep}{tmp_path / 'models'}")
+    bodies = load_world(moved).bodies
+    assert [(b.name, b.frame.position.tolist()) for b in bodies] == [("first", [1, 2, 3]), ("crate", [9, 9, 9])]
+
+
+def test_sdf_saved_state_moves_models(tmp_path):
+    text = sdf(model("a", BOX) + "<state world_name='made'><model name='a'><pose>4 5 6 0 0 0</pose></model></state>")
+    assert load_world(write(tmp_path / "w.world", text)).bodies[0].frame.position == pytest.approx([4, 5, 6])
+
+
+def test_sdf_poses_relative_to_something(tmp_path):
+    text = sdf(
+        "<model name='m'><static>1</static><pose>1 0 0 0 0 0</pose><link name='a'><pose>0 1 0 0 0 0</pose></link><link name='b'>"
+        f"<pose relative_to='a'>0 0 1 0 0 0</pose><collision name='c'><geometry>{BOX}</geometry></collision></link></model>", "1.7"
+    )
+    assert load_world(write(tmp_path / "w.sdf", text)).bodies[0].frame.position == pytest.approx([1, 1, 1])
+
+
+def test_sdf_names_what_it_does_not_understand_once(tmp_path):
+    text = sdf(
+        "<actor name='x'/><actor name='y'/><light name='sun'/><physics type='ode'/>"
+        + model("hill", "<heightmap><uri>x</uri></heightmap>") + model("floor", "<plane><normal>0 0 1</normal></plane>")
+        + model("ramp", "<plane><normal>0 1 1</normal></plane>") + model("a", BOX)
+    )
+    world = load_world(write(tmp_path / "w.world", text))
+    assert [body.name for body in world.bodies] == ["a"]
+    assert len(world.warnings) == 3
+    for word, warning in zip(("<actor>", "<heightmap> of model 'hill'", "<plane> of model 'ramp'"), world.warnings):
+        assert word in warning
+
+
+@pytest.mark.parametrize("text, said", [
+    ("<sdf><world>", "is no XML"),
+    ("<robot/>", "is no SDF: it begins with <robot>"),
+    ("<sdf version='1.6'/>", "holds neither a <world> nor a <model>"),
+    (sdf(model("a", "<box><size>1 2</size></box>")), "model 'a': '1 2' must be 3 finite numbers"),
+    (sdf(model("a", "<box><size>1 0 1</size></box>")), "model 'a': box size"),
+    (sdf(model("a", "<cylinder><radius>nan</radius><length>1</length></cylinder>")), "'nan' must be 1 finite number"),
+    (sdf(model("a", "<mesh><uri>file://gone.stl</uri></mesh>")), "model 'a': 'file://gone.stl' was not found"),
+    (sdf(model("a", "<mesh><uri>model://gone/x.dae</uri></mesh>")), "set GAZEBO_MODEL_PATH"),
+    (sdf(model("a", "<mesh><uri>http://x/y.stl</uri></mesh>")), "only model://, package:// and file://"),
+])
+def test_malformed_sdf_is_refused_in_one_line(tmp_path, text, said):
+    path = write(tmp_path / "w.world", text)
+    with pytest.raises(ValueError) as caught:
+        load_world(path)
+    assert said in str(caught.value) and path in str(caught.value) and "\n" not in str(caught.value)
+
+
+CUBE_CORNERS = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+CUBE_FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+
+
+def cube_stl(path, binary):
+    triangles = [[CUBE_CORNERS[f[0]], CUBE_CORNERS[f[i]], CUBE_CORNERS[f[i + 1]]] for f in CUBE_FACES for i in (1, 2)]
+    if binary:
+        data = b"x" * 80 + struct.pack("<I", 12)
+        for triangle in triangles:
+            data += struct.pack("<12fH", 0, 0, 0, *[value for corner in triangle for value in corner], 0)
+        path.write_bytes(data)
+    else:
+        facets = "".join(
+            "facet normal 0 0 0\nouter loop\n" + "".join(f"vertex {x} {y} {z}\n" for x, y, z in t) + "endloop\nendfacet\n"
+            for t in triangles
+        )
+        path.write_text(f"solid cube\n{facets}endsolid cube\n")
+
+
+def cube_obj(path):
+    lines = [f"v {x} {y} {z}" for x, y, z in CUBE_CORNERS] + ["f " + " ".join(f"{i + 1}/1/1" for i in f) for f in CUBE_FACES]
+    path.write_text("\n".join(lines))
+
+
+def cube_collada(path, up="Z_UP", meter="1", kind="polylist"):
+    numbers = " ".join(f"{v}" for corner in CUBE_CORNERS for v in corner)
+    if kind == "polylist":
+        faces = "<polylist count='6'><input semantic='VERTEX' source='#v' offset='0'/><input semantic='NORMAL' source='#n' offset='1'/>" \
+            f"<vcount>{'4 ' * 6}</vcount><p>{' '.join(f'{i} 0' for f in CUBE_FACES for i in f)}</p></polylist>"
+    else:
+        triples = [i for f in CUBE_FACES for i in (f[0], f[1], f[2], f[0], f[2], f[3])]
+        faces = f"<triangles count='12'><input semantic='VERTEX' source='#v' offset='0'/><p>{' '.join(map(str, triples))}</p></triangles>"
+    path.write_text(
+        "<COLLADA xmlns='http://www.collada.org/2005/11/COLLADASchema' version='1.4.1'>"
+        f"<asset><unit meter='{meter}'/><up_axis>{up}</up_axis></asset><library_geometries><geometry id='g'><mesh>"
+        f"<source id='p'><float_array id='pa' count='24'>{numbers}</float_array></source>"
+        f"<vertices id='v'><input semantic='POSITION' source='#p'/></vertices>{faces}</mesh></geometry></library_geometries>"
+        "<library_visual_scenes><visual_scene id='s'><node><translate>0 0 2</translate><scale>1 1 3</scale>"
+        "<instance_geometry url='#g'/></node></visual_scene></library_visual_scenes></COLLADA>"
+    )
+
+
+@pytest.mark.parametrize("name, make, size, corner", [
+    ("a.stl", lambda p: cube_stl(p, True), (1, 1, 1), (0, 0, 0)),
+    ("a.stl", lambda p: cube_stl(p, False), (1, 1, 1), (0, 0, 0)),
+    ("a.obj", cube_obj, (1, 1, 1), (0, 0, 0)),
+    ("a.dae", cube_collada, (1, 1, 3), (0, 0, 2)),
+    ("a.dae", lambda p: cube_collada(p, kind="triangles", meter="0.5"), (0.5, 0.5, 1.5), (0, 0, 1)),
+    ("a.dae", lambda p: cube_collada(p, up="Y_UP"), (1, 3, 1), (0, -5, 0)),
+])
+def test_meshes_are_read_and_scaled(tmp_path, name, make, size, corner):
+    make(tmp_path / name)
+    text = sdf(model("m", f"<mesh><uri>file://{name}</uri><scale>2 1 1</scale></mesh>"))
+    triangles = load_world(write(tmp_path / "w.world", text)).bodies[0].triangles()
+    assert len(triangles) == 12
+    lower, upper = triangles.reshape(-1, 3).min(axis=0), triangles.reshape(-1, 3).max(axis=0)
+    assert upper - lower == pytest.approx(np.array(size) * (2, 1, 1))
+    assert lower == pytest.approx(np.array(corner) * (2, 1, 1))
+
+
+@pytest.mark.parametrize("name, text", [
+    ("a.stl", "solid\nvertex 1 2\nendsolid"), ("a.obj", "v 0 0 0\nf 1 2 9"), ("a.dae", "<COLLADA><library_"), ("a.stl", ""),
+    ("a.dae", "<COLLADA/>"), ("a.fbx", "x"),
+])
+def test_malformed_meshes_are_named(tmp_path, name, text):
+    write(tmp_path / name, text)
+    path = write(tmp_path / "w.world", sdf(model("m", f"<mesh><uri>{name}</uri></mesh>")))
+    with pytest.raises(ValueError, match=f"mesh .*{name}"):
+        load_world(path)
+
+
+def test_urdf_links_stand_where_their_joints_put_them(tmp_path):
+    text = (
+        "<robot name='hall'><link name='base'/><link name='post'><collision><origin xyz='0 0 0.5'/><geometry>"
+        "<cylinder radius='0.1' length='1'/></geometry></collision></link>"
+        "<link name='arm'><collision><geometry><box size='1 1 1'/></geometry></collision></link>"
+        "<joint name='j' type='fixed'><parent link='base'/><child link='post'/><origin xyz='1 2 0' rpy='0 0 1.5707963267948966'/></joint>"
+        "<joint name='k' type='fixed'><parent link='post'/><child link='arm'/><origin xyz='1 0 0'/></joint></robot>"
+    )
+    bodies = {b.name: b for b in load_world(write(tmp_path / "w.urdf", text)).bodies}
+    assert bodies["post"].frame.position == pytest.approx([1, 2, 0.5])
+    assert bodies["arm"].frame.position == pytest.approx([1, 3, 0])
+
+
+@pytest.mark.parametrize("text, said", [
+    ("<robot", "is no XML"), ("<sdf/>", "is no URDF"),
+    ("<robot><link name='a'><collision><geometry><box size='1 x 1'/></geometry></collision></link></robot>", "'1 x 1'"),
+    ("<robot><link name='a'><collision><geometry><mesh filename='package://gone/a.stl'/></geometry></collision></link></robot>",
+     "package://gone/a.stl"),
+])
+def test_malformed_urdf_is_refused(tmp_path, text, said):
+    path = write(tmp_path / "w.urdf", text)
+    with pytest.raises(ValueError) as caught:
+        load_world(path)
+    assert said in str(caught.value) and path in str(caught.value)
+
+
+def worlds_json(**changes):
+    world = {"name": "w", "cylinders": [[1.0, 0.0, 0.2, 0.5]], "start": [0.0, 0.0, 0.0]}
+    world.update(changes)
+    return json.dumps({"worlds": [world, {**world, "name": "v", "cylinders": []}]})
+
+
+def test_worlds_files(tmp_path):
+    mover = {"box": [0.4, 0.2, 0.5], "waypoints": [[0, 1, 1, 0], [2, 3, 1, 1.0]], "loop": False, "name": "cart"}
+    path = write(tmp_path / "w.json", worlds_json(goal=[2, 0, 0], time_limit=30, boxes=[[0, 2, 0.5, 1, 1, 1]], movers=[mover], colour=1))
+    world = load_world(path)
+    assert (world.name, len(world.bodies), world.goal, world.time_limit) == ("w", 2, Pose2D(2, 0, 0), 30.0)
+    assert world.movers[0].frame_at(1.0).flat() == pytest.approx((2.0, 1.0, 0.5))
+    assert "'colour'" in world.warnings[0]
+    assert [body.name for body in load_world(path, "v").bodies] == ["v_box_0"]
+    with pytest.raises(ValueError, match="has no world 'u'; it has w, v"):
+        load_world(path, "u")
+
+
+@pytest.mark.parametrize("text, said", [
+    ("{", "no JSON"), ("[]", "worlds"), ("{\"worlds\": []}", "worlds"),
+    (worlds_json(cylinders=[[1, 2, 3]]), "4 finite numbers"), (worlds_json(cylinders=[[1, 2, 0, 1]]), "above 0"),
+    (worlds_json(start=[0, 0]), "start"), (worlds_json(time_limit=-1), "time_limit"), (worlds_json(cylinders=3), "cylinders"),
+    (worlds_json(movers=[{"waypoints": [[0, 0, 0]]}]), "mover 0"),
+    (worlds_json(movers=[{"radius": 0.1, "height": 1.0, "waypoints": [[1, 0, 0]]}]), "start at 0 and rise"),
+])
+def test_malformed_worlds_files_are_refused(tmp_path, text, said):
+    path = write(tmp_path / "w.json", text)
+    with pytest.raises(ValueError) as caught:
+        load_world(path)
+    assert said in str(caught.value) and path in str(caught.value)
+
+
+@pytest.mark.skipif(not BARN.exists(), reason="the shared data is not here")
+def test_the_sample_worlds_are_read():
+    world = load_world(str(BARN), "barn_001")
+    assert len(world.bodies) > 100 and world.goal is not None and world.reference_path_length > 1.0
+
+
+def random_map(seed, shape=(60, 80)):
+    rng = np.random.RandomState(seed)
+    data = np.where(rng.rand(*shape) < 0.3, OCCUPIED, FREE).astype(np.int8)
+    data[rng.rand(*shape) < 0.1] = UNKNOWN
+    return OccupancyMap(data, 0.05, Pose2D(-1.0, 2.0, 0.3))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rectangles_cover_the_walls_once(seed):
+    walls = random_map(seed).data == OCCUPIED
+    covered = np.zeros(walls.shape, dtype=int)
+    for left, bottom, right, top in merged_rectangles(walls).astype(int):
+        covered[bottom:top, left:right] += 1
+    assert np.array_equal(covered, walls.astype(int))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_walls_stand_exactly_on_the_borders_of_the_cells(seed):
+    walls = random_map(seed).data == OCCUPIED
+    segments, _ = cut(wall_triangles(walls, 0.05), 0.2)
+    padded = np.pad(walls, 1).astype(int)
+    length = 0.05 * (np.abs(np.diff(padded, axis=0)).sum() + np.abs(np.diff(padded, axis=1)).sum())
+    assert np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1).sum() == pytest.approx(length)
+    middles = segments.mean(axis=1) / 0.05
+    assert np.minimum(np.abs(middles - np.round(middles)).min(axis=1), 1.0).max() < 1e-6
+
+
+def test_walls_are_merged():
+    walls = np.zeros((1000, 1000), dtype=bool)
+    walls[:5], walls[-5:], walls[:, :5], walls[:, -5:] = True, True, True, True
+    walls[500:503, 100:900] = True
+    assert len(merged_rectangles(walls)) <= 6 and len(wall_triangles(walls, 0.05)) < 40
+
+
+def test_map_worlds(tmp_path):
+    data = np.full((40, 60), FREE, dtype=np.int8)
+    data[:, :2] = data[:, -2:] = data[:2] = data[-2:] = OCCUPIED
+    yaml_path, _ = save_map(str(tmp_path / "hall"), OccupancyMap(data, 0.1, Pose2D(1.0, 1.0, 0.0)))
+    world = load_world(yaml_path)
+    assert world.name == "hall"
+    # The frame's origin lies off the map, so the start is where there is most room.
+    assert world.start.y == pytest.approx(3.0, abs=0.11) and 2.9 < world.start.x < 5.1
+    around = map_world("m", OccupancyMap(data, 0.1, Pose2D(-3.0, -2.0, 0.0)))
+    assert around.start == Pose2D(0.0, 0.0, 0.0)
+    turned = map_world("m", OccupancyMap(data, 0.1, Pose2D(0.0, 0.0, math.pi / 2.0)))
+    assert turned.fixed_triangles()[0][:, :, 0].min() == pytest.approx(-4.0)
+
+
+def test_a_map_without_a_free_cell_is_refused(tmp_path):
+    yaml_path, _ = save_map(str(tmp_path / "full"), OccupancyMap(np.full((5, 5), OCCUPIED, np.int8), 0.1, Pose2D(0, 0, 0)))
+    with pytest.raises(ValueError, match="full.yaml: the map has no free cell"):
+        load_world(yaml_path)
