@@ -238,9 +238,7 @@ class Simulator:
 def main() -> None:
     """Run the node until ROS is shut down."""
     settings = parameters.load(SimulatorParameters)
-    world = load_world(settings.world, settings.world_name)
-    if settings.start:
-        world = world.starting_at(Pose2D(*settings.start))
+    world = settings.placed(load_world(settings.world, settings.world_name))
     for warning in world.warnings:
         rospy.logwarn("world '%s': %s", world.name, warning)
     simulator = Simulator(settings, world)

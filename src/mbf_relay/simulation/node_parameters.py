@@ -30,6 +30,8 @@ class SimulatorParameters(SimulationParameters):
         0.0, "wall time to wait, before a scan, for the velocity command that answers the last one; 0 for none", unit="s", minimum=0.0
     )
 
+    picture_folder: str = parameter("", "where take_pictures leaves its files; empty for the folder ROS logs to")
+
     world_frame: str = parameter("map", "frame of the true pose, of obstacles and of poses to be set down at")
     odom_frame: str = parameter("odom", "frame of the odometry")
     base_frame: str = parameter("base_footprint", "frame of the robot on the ground")

@@ -11,11 +11,11 @@ import os
 from typing import List, NamedTuple, Tuple
 
 import numpy as np
-import pybullet
 from PIL import Image
 
 from mbf_relay.simulation import burger
 from mbf_relay.simulation.base import AXLE
+from mbf_relay.simulation.bullet import pybullet
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.physics import CHUNK
 from mbf_relay.simulation.shapes import Body, Box, Cylinder, Shape, Sphere

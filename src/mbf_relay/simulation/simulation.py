@@ -94,8 +94,6 @@ class Simulation:
         Raises:
             ValueError: The pose is not finite or lies inside of something; the robot stays where it is.
         """
-        if not pose.is_finite():
-            raise ValueError(f"pose {tuple(pose)} is not finite; the robot stays where it is")
         self._require_room(pose, "a pose to set the robot down at")
         self._set_down(pose)
 
@@ -134,6 +132,8 @@ class Simulation:
         self._imu.reset()
 
     def _require_room(self, pose: Pose2D, what: str) -> None:
+        if not pose.is_finite():
+            raise ValueError(f"{what}, {tuple(pose)}, is not finite")
         name = self.stage.obstruction_at(pose)
         if name is not None:
             raise ValueError(f"{what}, ({pose.x:.3f}, {pose.y:.3f}, {pose.theta:.3f}), lies in '{name}'; choose a free place")

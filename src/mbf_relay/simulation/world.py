@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Optional, Tuple
 
 import numpy as np
@@ -76,16 +76,6 @@ class World:
     reference_path_length: Optional[float] = None
     time_limit: Optional[float] = None
     warnings: Tuple[str, ...] = ()
-
-    def starting_at(self, start: Pose2D) -> World:
-        """Return this world with another start.
-
-        Raises:
-            ValueError: The start is not finite.
-        """
-        if not start.is_finite():
-            raise ValueError(f"start {tuple(start)} is not finite")
-        return replace(self, start=start)
 
     def fixed_triangles(self) -> Tuple[np.ndarray, np.ndarray]:
         """Return the surface of everything that never moves.

@@ -18,7 +18,7 @@ def empty() -> World:
     return World("empty", ())
 
 
-BUILT_IN: Dict[str, Callable[[], World]] = {"arena": arena, "empty": empty}
+BUILT_IN: Dict[str, Callable[[], World]] = {"arena": arena, "empty": empty, "turtlebot3_world": arena}
 
 READERS: Dict[str, Callable[[str, str], World]] = {
     ".yaml": lambda path, name: read_map_world(path),
@@ -47,7 +47,7 @@ def load_world(text: str, world_name: str = "") -> World:
     if ending not in READERS:
         endings: List[str] = sorted(READERS)
         raise ValueError(
-            f"world '{text}' is not known; it must be {', '.join(BUILT_IN)} or a file that ends in {', '.join(endings)}"
+            f"world '{text}' is not known; it must be arena, empty or a file that ends in {', '.join(endings)}"
         )
     if not os.path.isfile(text):
         raise ValueError(f"world file {os.path.abspath(text)} does not exist")
