@@ -152,8 +152,9 @@ class Action:
 
     def _end(self, request: Request, ending: Ending, result: Any) -> None:
         handle = request.handle
+        goal_id = handle.get_goal_id().id  # takes the server's lock, under which callbacks take ours
         with self._lock:
-            self._requests.pop(handle.get_goal_id().id, None)
+            self._requests.pop(goal_id, None)
         finish = {
             Ending.SUCCEEDED: handle.set_succeeded, Ending.ABORTED: handle.set_aborted,
             Ending.CANCELED: handle.set_canceled, Ending.REJECTED: handle.set_rejected,
