@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from mbf_relay.kernels import kernel
 
 
@@ -42,23 +44,27 @@ def project(points, line, arcs, result):
         result: Shape (M, 2): filled with the distance (m) and the arc length (m) of the nearest point; of several, the
             first along the line.
     """
+    count = line.shape[0] - 1
+    ways = np.empty((count, 3))  # from each corner to the next, and one over the squared length: no division in the loop
+    for corner in range(count):
+        dx = line[corner + 1, 0] - line[corner, 0]
+        dy = line[corner + 1, 1] - line[corner, 1]
+        length = dx * dx + dy * dy
+        ways[corner, 0], ways[corner, 1] = dx, dy
+        ways[corner, 2] = 1.0 / length if length > 0.0 else 0.0
     for index in range(points.shape[0]):
         x, y = points[index, 0], points[index, 1]
-        nearest = 1e300
-        nearest_arc = arcs[0]
-        for corner in range(line.shape[0] - 1):
-            dx = line[corner + 1, 0] - line[corner, 0]
-            dy = line[corner + 1, 1] - line[corner, 1]
+        nearest, nearest_corner, nearest_along = 1e300, 0, 0.0
+        for corner in range(count):
+            dx, dy = ways[corner, 0], ways[corner, 1]
             px = x - line[corner, 0]
             py = y - line[corner, 1]
-            length = dx * dx + dy * dy
-            along = (px * dx + py * dy) / length if length > 0.0 else 0.0
-            along = min(1.0, max(0.0, along))
+            along = (px * dx + py * dy) * ways[corner, 2]
+            along = 0.0 if along < 0.0 else (1.0 if along > 1.0 else along)
             px -= along * dx
             py -= along * dy
             distance = px * px + py * py
             if distance < nearest:
-                nearest = distance
-                nearest_arc = arcs[corner] + along * (arcs[corner + 1] - arcs[corner])
+                nearest, nearest_corner, nearest_along = distance, corner, along
         result[index, 0] = math.sqrt(nearest)
-        result[index, 1] = nearest_arc
+        result[index, 1] = arcs[nearest_corner] + nearest_along * (arcs[nearest_corner + 1] - arcs[nearest_corner])

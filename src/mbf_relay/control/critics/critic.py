@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import abc
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Dict, Tuple
 
 import numpy as np
 
@@ -29,6 +30,7 @@ class Scene:
         view: The obstacles.
         window: The velocities in reach.
         focus: Factor on all lengths looked ahead: 1 in the open, less where it is narrow.
+        measured: Of which trajectories what was measured already, by how far ahead, for critics that measure the same.
     """
 
     now: float
@@ -38,6 +40,7 @@ class Scene:
     view: ObstacleView
     window: VelocityWindow
     focus: float = 1.0
+    measured: Dict[float, Tuple[Trajectories, np.ndarray]] = field(default_factory=dict)
 
 
 class Critic(Plugin, abc.ABC):
