@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, List
 
 import rosbag
 import rospy
+from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
@@ -58,13 +59,19 @@ def find_scan_topic(bag: rosbag.Bag) -> str:
     """
     topics = bag.get_type_and_topic_info().topics
     scans = sorted(name for name, info in topics.items() if info.msg_type == "sensor_msgs/LaserScan")
-    wanted = rospy.resolve_name("scan")
-    named = [name for name in scans if rospy.resolve_name(name) == wanted]
+    named = [name for name in scans if rospy.resolve_name(name) == rospy.resolve_name("scan")]
     if named or len(scans) == 1:
         return (named or scans)[0]
     raise ValueError(
         f"bag {bag.filename} has {', '.join(scans) or 'no topic'} with laser scans; remap 'scan' to the one to use"
     )
+
+
+def strip_slashes(transform: TransformStamped) -> TransformStamped:
+    """Return a transform with frame names as tf2 wants them; old bags have leading slashes."""
+    transform.header.frame_id = transform.header.frame_id.lstrip("/")
+    transform.child_frame_id = transform.child_frame_id.lstrip("/")
+    return transform
 
 
 class _Player:
@@ -95,10 +102,9 @@ class _Player:
 
     def _take_transforms(self, message: TFMessage, static: bool) -> None:
         for transform in message.transforms:
-            transform.header.frame_id = transform.header.frame_id.lstrip("/")
-            transform.child_frame_id = transform.child_frame_id.lstrip("/")
-            setter = self._node.transforms.buffer.set_transform_static if static else self._node.transforms.buffer.set_transform
-            setter(transform, "bag")
+            buffer = self._node.transforms.buffer
+            setter = buffer.set_transform_static if static else buffer.set_transform
+            setter(strip_slashes(transform), "bag")
         self._tf_publisher.publish(message)
 
     def _work(self) -> None:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
+from dataclasses import replace
 from typing import Callable, Deque, Dict, List, Optional, Tuple
 
 import rospy
+from geometry_msgs.msg import Transform
 from sensor_msgs.msg import LaserScan as LaserScanMessage
 
 from mbf_relay.geometry import Pose2D
@@ -82,17 +84,24 @@ class LidarGeometry:
         if key not in self._known:
             self._known[key] = self._look_up(scan.frame, base_frame)
         pose, upside_down = self._known[key]
-        if upside_down:
-            scan = LaserScan(
-                scan.ranges, -scan.angle_min, -scan.angle_increment, scan.range_min, scan.range_max, scan.stamp, scan.frame
-            )
-        return scan, pose
+        return seen_from_above(scan, upside_down), pose
 
     def _look_up(self, frame: str, base_frame: str) -> Tuple[Pose2D, bool]:
-        transform = self._transforms.lookup_message(base_frame, frame).transform
-        q, p = transform.rotation, transform.translation
-        # Of the rotation matrix: where the sensor's x axis points seen from above, and whether its z axis points up.
-        forward_x = 1.0 - 2.0 * (q.y * q.y + q.z * q.z)
-        forward_y = 2.0 * (q.x * q.y + q.w * q.z)
-        up_z = 1.0 - 2.0 * (q.x * q.x + q.y * q.y)
-        return Pose2D(p.x, p.y, math.atan2(forward_y, forward_x)), up_z < 0.0
+        return mounting_of(self._transforms.lookup_message(base_frame, frame).transform)
+
+
+def mounting_of(transform: Transform) -> Tuple[Pose2D, bool]:
+    """Return where a lidar sits on the robot, and whether it hangs upside down, from its transform to the base."""
+    q, p = transform.rotation, transform.translation
+    # Of the rotation matrix: where the sensor's x axis points seen from above, and whether its z axis points up.
+    forward_x = 1.0 - 2.0 * (q.y * q.y + q.z * q.z)
+    forward_y = 2.0 * (q.x * q.y + q.w * q.z)
+    up_z = 1.0 - 2.0 * (q.x * q.x + q.y * q.y)
+    return Pose2D(p.x, p.y, math.atan2(forward_y, forward_x)), up_z < 0.0
+
+
+def seen_from_above(scan: LaserScan, upside_down: bool) -> LaserScan:
+    """Return a scan with its angles counter-clockwise as the base sees them."""
+    if not upside_down:
+        return scan
+    return replace(scan, angle_min=-scan.angle_min, angle_increment=-scan.angle_increment)
