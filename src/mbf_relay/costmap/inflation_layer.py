@@ -6,10 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Any, Tuple
 
+import cv2
 import numpy as np
 
 from mbf_relay.costmap import inflation_kernels
-from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL
+from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION
 from mbf_relay.costmap.layer import Layer, LayerContext
 from mbf_relay.costmap.window import Window
 from mbf_relay.grid import Grid
@@ -65,8 +66,27 @@ class InflationLayer(Layer):
         return window.grown(self._radius)
 
     def update_costs(self, costs: np.ndarray, window: Window) -> None:
-        if self._radius > 0:
+        if self._radius > MAXIMUM_CELLS:
+            inflate_far(costs, window, self._table, self._radius, self.parameters.inflate_unknown)
+        elif self._radius > 0:
             inflation_kernels.inflate(costs, *window, self._table, self._radius, self.parameters.inflate_unknown)
+
+
+def inflate_far(costs: np.ndarray, window: Window, table: np.ndarray, radius: int, inflate_unknown: bool) -> None:
+    """Do what inflation_kernels.inflate does, for radii whose squares its 16-bit numbers cannot hold."""
+    height, width = costs.shape
+    around = Window(*window).grown(radius).within(Grid(1.0, 0.0, 0.0, width, height))
+    obstacles = costs[around.slices] == LETHAL
+    if not obstacles.any():
+        return
+    distances = cv2.distanceTransform((~obstacles).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    inside = window.shifted(-around.x0, -around.y0).slices
+    squared = np.rint(np.square(distances[inside], dtype=np.float64)).astype(np.int64)
+    raised = np.where(squared < len(table), table[np.minimum(squared, len(table) - 1)], 0)
+    old = costs[window.slices]
+    unknown = old == NO_INFORMATION
+    taken = raised >= (1 if inflate_unknown else INSCRIBED)
+    costs[window.slices] = np.where(unknown, np.where(taken, raised, old), np.maximum(old, raised))
 
 
 def cost_of_distance(distance: float, resolution: float, inscribed_radius: float, cost_scaling_factor: float) -> int:
@@ -85,9 +105,6 @@ def cost_table(
     """Return the costs by squared distance in cells, and the radius (cells) beyond which all are 0.
 
     The radius is costmap_2d's, or the smaller one at which the costs have fallen to 0.
-
-    Raises:
-        ValueError: The radius is more cells than the distances can be computed for.
     """
     radius = math.ceil(inflation_radius / resolution)
     costs = [LETHAL]
@@ -99,10 +116,6 @@ def cost_table(
         costs.append(cost)
         last = squared
     radius = math.ceil(math.sqrt(last))
-    if radius > MAXIMUM_CELLS:
-        raise ValueError(
-            f"parameter inflation_radius is {inflation_radius} m, at {resolution} m per cell {radius} cells; it must be at "
-            f"most {MAXIMUM_CELLS} cells, or cost_scaling_factor larger so that costs fall to 0 before")
     table = np.zeros(radius * radius + 1, dtype=np.uint8)
     table[:len(costs)] = costs
     return table, radius
