@@ -15,6 +15,7 @@ from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.physics import FIXED, GROUND, IDENTITY_QUATERNION, LOOSE, ROBOT, Physics
 
 WHEELS = (0, 1)
+RIM_CLEARANCE = 0.003  # m between the ground and the wheels' part of the hull, which only meets obstacles
 CASTER = 2
 AXLE = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 """Turns a joint's axis from z to y."""
@@ -33,6 +34,8 @@ class Base:
         self._center_of_mass = _center_of_mass()
         self.body = self._create(Frame.from_pose(pose, burger.BASE_HEIGHT))
         physics.filter(self.body, ROBOT, GROUND | FIXED | LOOSE)
+        for wheel in WHEELS:  # the balls that roll are wider than the wheels, which are part of the hull
+            pybullet.setCollisionFilterGroupMask(self.body, wheel, ROBOT, GROUND, physicsClientId=self._client)
         self._set_dynamics(parameters.wheel_friction)
         self.turn_wheels(0.0, 0.0, 0.0, 0.0)
 
@@ -43,14 +46,19 @@ class Base:
         caster = pybullet.createCollisionShape(
             pybullet.GEOM_SPHERE, radius=burger.CASTER_RADIUS, physicsClientId=self._client
         )
-        hull = pybullet.createCollisionShapeArray(
-            shapeTypes=[pybullet.GEOM_BOX, pybullet.GEOM_CYLINDER],
-            halfExtents=[[side / 2.0 for side in burger.BODY_SIZE], [0.0, 0.0, 0.0]],
-            radii=[0.0, burger.LIDAR_RADIUS], lengths=[0.0, burger.LIDAR_HEIGHT],
-            collisionFramePositions=[burger.BODY_CENTER, burger.LIDAR_CENTER],
-            collisionFrameOrientations=[IDENTITY_QUATERNION] * 2, physicsClientId=self._client,
-        )
         half_track = burger.WHEEL_SEPARATION / 2.0
+        rim = burger.WHEEL_RADIUS - RIM_CLEARANCE
+        hull = pybullet.createCollisionShapeArray(
+            shapeTypes=[pybullet.GEOM_BOX] + [pybullet.GEOM_CYLINDER] * 3,
+            halfExtents=[[side / 2.0 for side in burger.BODY_SIZE]] + [[0.0, 0.0, 0.0]] * 3,
+            radii=[0.0, burger.LIDAR_RADIUS, rim, rim],
+            lengths=[0.0, burger.LIDAR_HEIGHT, burger.WHEEL_WIDTH, burger.WHEEL_WIDTH],
+            collisionFramePositions=[
+                burger.BODY_CENTER, burger.LIDAR_CENTER, (0.0, half_track, burger.WHEEL_HEIGHT),
+                (0.0, -half_track, burger.WHEEL_HEIGHT),
+            ],
+            collisionFrameOrientations=[IDENTITY_QUATERNION] * 2 + [AXLE] * 2, physicsClientId=self._client,
+        )
         return pybullet.createMultiBody(
             burger.BODY_MASS + burger.LIDAR_MASS, hull, -1, frame.position.tolist(), frame.quaternion(),
             baseInertialFramePosition=self._center_of_mass.tolist(),
