@@ -15,7 +15,7 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 
 __all__ = [
-    "IN_COLLISION", "ON_UNKNOWN", "OUTSIDE", "footprint_cells", "footprint_cost", "footprint_costs",
+    "IN_COLLISION", "ON_UNKNOWN", "OUTSIDE", "cells_within", "footprint_cells", "footprint_cost", "footprint_costs",
     "footprint_from_radius", "padded", "parse_footprint", "radii",
 ]
 
@@ -131,3 +131,22 @@ def footprint_cells(grid: Grid, footprint: np.ndarray, pose: Pose2D) -> np.ndarr
         grid.width, grid.height, np.ascontiguousarray(corners[:, 0]), np.ascontiguousarray(corners[:, 1]), cells
     )
     return cells[:count]
+
+
+def cells_within(grid: Grid, footprint: np.ndarray, pose: Pose2D) -> np.ndarray:
+    """Return the cells that lie wholly within a convex footprint: (N, 2) int32.
+
+    Nothing but the robot can be there. A cell that the outline only crosses may hold what stands beside the robot; to
+    take it for free, as costmap_2d does, blinds the robot to what it is about to touch.
+    """
+    cells = footprint_cells(grid, footprint, pose)
+    if len(footprint) < 3 or len(cells) == 0:
+        return cells
+    outline = pose.transform_points(footprint)
+    edges = np.roll(outline, -1, axis=0) - outline
+    turn = np.sign(np.sum(outline[:, 0] * np.roll(outline[:, 1], -1) - outline[:, 1] * np.roll(outline[:, 0], -1)))
+    low = cells * grid.resolution + (grid.origin_x, grid.origin_y)
+    corners = low[:, None, :] + grid.resolution * np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
+    offsets = corners[:, :, None, :] - outline
+    sides = turn * (edges[:, 0] * offsets[..., 1] - edges[:, 1] * offsets[..., 0])
+    return cells[(sides >= 0.0).all(axis=(1, 2))]

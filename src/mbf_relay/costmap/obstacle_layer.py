@@ -135,16 +135,16 @@ class ObstacleLayer(CellLayer):
         marking = [rays for s in self._sources.values() if s.parameters.marking for rays in s.kept]
         covered = np.zeros((0, 2), dtype=np.int32)
         if self.parameters.footprint_clearing_enabled:
-            covered = footprint.footprint_cells(self.grid, context.footprint, context.robot_pose)
+            covered = footprint.cells_within(self.grid, context.footprint, context.robot_pose)
         touched = self._touched(clearing + marking, covered)
         before = self.costs[touched.slices].copy()
         grid = (self.grid.origin_x, self.grid.origin_y, self.grid.resolution)
         for rays in clearing:
             reach = math.ceil(rays.reach / self.grid.resolution)
             layer_kernels.clear_rays(self.costs, *grid, rays.x, rays.y, rays.ends, float(reach))
+        self.costs[covered[:, 1], covered[:, 0]] = FREE_SPACE
         for rays in marking:
             layer_kernels.mark_points(self.costs, *grid, rays.marks)
-        self.costs[covered[:, 1], covered[:, 0]] = FREE_SPACE
         if not touched.is_empty:
             self.touch(changed_window(before, self.costs[touched.slices], touched))
         return window.union(self.take_pending())
