@@ -4,6 +4,7 @@
 The test drives /clock itself, and mostly does not: what the relay does must not depend on it.
 """
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -17,9 +18,10 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), os.p
 import actionlib
 import rospy
 import rostest
+import tf2_ros
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from dynamic_reconfigure.client import Client as ReconfigureClient
-from geometry_msgs.msg import PoseStamped, Twist
+from geometry_msgs.msg import PoseStamped, TransformStamped, Twist
 from mbf_msgs.msg import ExePathResult, MoveBaseActionResult
 from move_base_msgs.msg import (MoveBaseAction, MoveBaseActionFeedback, MoveBaseActionGoal, MoveBaseActionResult as Result,
                                 MoveBaseGoal, RecoveryStatus)
@@ -36,6 +38,17 @@ SERVER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "scripted_serv
 NO_PLAN = "Failed to find a valid plan. Even after executing recovery behaviors."
 NO_CONTROL = "Failed to find a valid control. Even after executing recovery behaviors."
 REPLACED = "This goal was canceled because another goal was recieved by the simple action server"
+
+
+@contextlib.contextmanager
+def started(executable, *arguments):
+    """Run a node of the package as `move_base`; end it in the end."""
+    process = subprocess.Popen(["rosrun", "mbf_relay", executable, *arguments])
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
 
 
 class RelayTest(unittest.TestCase):
@@ -100,16 +113,16 @@ class RelayTest(unittest.TestCase):
             wait_until(lambda: not self.report._subscriber.get_num_connections(), "the old server's end")
             self.start_server()
 
-    def send(self, script, x=0.0, goal_id=None, stamp=None, quaternion_w=1.0):
+    def send(self, script, x=0.0, goal_id=None, stamp=None, quaternion_w=1.0, frame="map", goals=None):
         """Send an action goal and return its id."""
         type(self).number += 1
         message = MoveBaseActionGoal()
         message.goal_id.id = f"goal-{self.number}" if goal_id is None else goal_id
         message.goal_id.stamp = rospy.Time.from_sec(self.now if stamp is None else stamp)
         pose = message.goal.target_pose
-        pose.header.frame_id, pose.pose.position.x, pose.pose.position.z = "map", x, SCRIPTS[script]
+        pose.header.frame_id, pose.pose.position.x, pose.pose.position.z = frame, x, SCRIPTS[script]
         pose.pose.orientation.w = quaternion_w
-        self.goals.publish(message)
+        (goals or self.goals).publish(message)
         return message.goal_id.id
 
     def end_of(self, goal_id, timeout=10.0):
@@ -365,6 +378,63 @@ class RelayTest(unittest.TestCase):
         self.assertFalse(self.reported("controller_frequency"))
         client.update_configuration({"base_global_planner": "global_planner/GlobalPlanner"})
         client.close()
+
+    def test_a_goal_in_another_frame_is_shown_in_the_map(self):
+        self.make_sure_of_server()
+        broadcaster = tf2_ros.StaticTransformBroadcaster()
+        transform = TransformStamped()
+        transform.header.frame_id, transform.child_frame_id = "map", "base_link"
+        transform.transform.translation.x, transform.transform.rotation.w = 5.0, 1.0
+        broadcaster.sendTransform(transform)
+        self.check_end(self.send("arrive", x=2.0, frame="base_link"), GoalStatus.SUCCEEDED, "Goal reached.")
+        self.current_goal.wait_for(lambda m: (m.header.frame_id, m.pose.position.x) == ("map", 7.0), "the goal in the map")
+
+    def test_a_relay_that_is_stopped_cancels_and_says_so(self):
+        self.make_sure_of_server()
+        results = Listener("second/move_base/result", Result)
+        with started("move_base_relay", "__ns:=second", "_server:=/move_base_flex") as relay:
+            goals = connected_publisher("second/move_base/goal", MoveBaseActionGoal)
+            wait_until(results._subscriber.get_num_connections, "the second relay")
+            self.send("drive", x=91.0, goals=goals)
+            wait_until(lambda: self.reported("goal drive 91.0"), "the goal at the server")
+            relay.send_signal(signal.SIGINT)
+            end = results.wait_for(lambda m: True, "the end").status
+            self.assertEqual((end.status, end.text),
+                             (GoalStatus.ABORTED, "Aborting on the goal because the node has been killed"))
+            wait_until(lambda: self.reported("cancel drive 91.0"), "the cancel at the server")
+            self.assertEqual(relay.wait(20.0), 0)
+
+    def test_the_goal_topic_alone(self):
+        self.make_sure_of_server()
+        outcomes = Listener("third/move_base/navigation_outcome", MoveBaseActionResult)
+        with started("mb_relay_subscriber.py", "__ns:=third", "_server:=/move_base_flex"):
+            simple = connected_publisher("third/move_base_simple/goal", PoseStamped)
+            wait_until(outcomes._subscriber.get_num_connections, "the third relay")
+            for number, script in enumerate(("drive", "no_plan", "arrive")):
+                pose = PoseStamped()
+                pose.header.frame_id, pose.header.stamp = "map", rospy.Time.from_sec(self.now + number)
+                pose.pose.position.z, pose.pose.orientation.w = SCRIPTS[script], 1.0
+                simple.publish(pose)
+            topics = [name for name, _ in rospy.get_published_topics("/third")]
+            ends = [outcomes.wait_for(lambda m: True, f"outcome {i + 1}", since=i) for i in range(3)]
+            self.assertNotIn("/third/move_base/status", topics)
+        self.assertEqual([end.status.status for end in ends], [GoalStatus.PREEMPTED, GoalStatus.ABORTED, GoalStatus.SUCCEEDED])
+
+    def test_the_tutorials_clients_tell_by_their_exit_status(self):
+        self.make_sure_of_server()
+        self.assertIn("Drove circle with result: True", self.run_client("mb_relay_client.py", 0))
+        self.assertIn("Drove circle with result: True", self.run_client("mb_relay_client.py", 0, "--via", "topic"))
+        self.assertIn("Drove circle with result: True", self.run_client("mbf_goal_client.py", 0))
+        self.run_client("movebase_client.py", 2, "nan")
+        self.kill_server()
+        self.assertIn("within 3 s", self.run_client("movebase_client.py", 1))
+
+    def run_client(self, name, status, *arguments):
+        """Run a client, check its exit status and return what it said."""
+        done = subprocess.run(["rosrun", "mbf_relay", name, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                              timeout=60.0, universal_newlines=True)
+        self.assertEqual(done.returncode, status, done.stdout)
+        return done.stdout
 
     def test_topics_are_passed_on_while_somebody_listens(self):
         self.make_sure_of_server()

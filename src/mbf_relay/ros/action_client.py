@@ -160,6 +160,11 @@ class ActionClient:
             elif not sent.acknowledged:
                 self._press(sent, now)
 
+    def cancel_all(self) -> None:
+        """Ask the server to cancel every goal of this client's that has not ended; for a program that is interrupted."""
+        for goal_id in self.open_goals:
+            self.cancel(goal_id)
+
     def close(self) -> None:
         """Leave the action."""
         self._watch.close()

@@ -12,7 +12,7 @@ import argparse
 import math
 import sys
 import time
-from typing import Any, Callable, List, Optional, Sequence, Tuple
+from typing import Any, Callable, List, Optional, Sequence
 
 import rospy
 from actionlib_msgs.msg import GoalStatus
@@ -20,8 +20,9 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from mbf_msgs import msg as mbf_msgs
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 
-from mbf_relay.ros.action_client import ActionClient, Ending, SentGoal
+from mbf_relay.ros.action_client import ActionClient, Ending
 from mbf_relay.ros.conversions import quaternion_from_yaw
+from mbf_relay.ros.node import on_shutdown
 from mbf_relay.ros.outcome_codes import name_of
 from mbf_relay.simulation.arena import CIRCLE
 
@@ -91,6 +92,7 @@ def drive_circle(drive: Drive, options: argparse.Namespace) -> None:
 def move_base_drive(options: argparse.Namespace) -> Drive:
     """Return how to drive by move_base: by its action where it has one, else by its goal topic."""
     client = ActionClient(options.server, MoveBaseAction)
+    on_shutdown(client.cancel_all)
     topic = GoalTopic(options.server)
     deadline, topic_since = time.monotonic() + options.timeout, None
     while not rospy.is_shutdown() and time.monotonic() < deadline:
@@ -135,16 +137,15 @@ class GoalTopic:
 def connect(name: str, action_type: Any, timeout: float) -> ActionClient:
     """Return a client whose server is there, or end the program."""
     client = ActionClient(name, action_type)
+    on_shutdown(client.cancel_all)
     if not client.wait_for_server(timeout):
         give_up(f"no action server {client.name} within {timeout:g} s; is it running?")
     return client
 
 
 def run(client: ActionClient, goal: Any) -> Ending:
-    """Send a goal and wait for its end; cancel it, and end the program, when interrupted."""
-    sent: SentGoal = client.send(goal)
-    rospy.on_shutdown(lambda: sent.ending or (sent.cancel(), time.sleep(0.2)))
-    ending = sent.wait()
+    """Send a goal and wait for its end, or for the program's."""
+    ending = client.send(goal).wait()
     if ending is None:
         sys.exit(130)
     return ending

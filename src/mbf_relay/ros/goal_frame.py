@@ -11,9 +11,11 @@ import time
 from typing import Callable
 
 import rospy
-import tf2_geometry_msgs
-import tf2_ros
 from geometry_msgs.msg import PoseStamped
+
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.conversions import InvalidMessage, pose_from_message, pose_stamped
+from mbf_relay.ros.transforms import Transforms
 
 TF_TIMEOUT = 2.0
 """Wall time (s) to wait for the transform, after which the goal is shown as it came, as move_base does."""
@@ -45,15 +47,19 @@ class GoalFrame:
 
 def transformed(pose: PoseStamped, frame: str, timeout: float = TF_TIMEOUT) -> PoseStamped:
     """Return a pose in another frame by the newest transform, or as it is where tf gives none in `timeout` s."""
-    buffer = tf2_ros.Buffer()
-    listener = tf2_ros.TransformListener(buffer)
-    source, deadline = pose.header.frame_id.lstrip("/"), time.monotonic() + timeout
+    transforms, deadline = Transforms(), time.monotonic() + timeout
     try:
-        while not buffer.can_transform(frame, source, rospy.Time(0)) and time.monotonic() < deadline:
-            time.sleep(0.02)
-        return tf2_geometry_msgs.do_transform_pose(pose, buffer.lookup_transform(frame, source, rospy.Time(0)))
-    except tf2_ros.TransformException as error:
-        rospy.logwarn("goal shown in its own frame '%s': %s", source, error)
+        while True:
+            try:
+                frame_from_pose = transforms.lookup(frame, pose.header.frame_id)
+                break
+            except TransformError:
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(0.02)
+        return pose_stamped(frame_from_pose.compose(pose_from_message(pose.pose)), frame, pose.header.stamp)
+    except (TransformError, InvalidMessage) as error:
+        rospy.logwarn("goal shown in its own frame: %s", error)
         return pose
     finally:
-        listener.unregister()
+        transforms.close()

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import sys
+import time
 from typing import Callable
 
 import rospy
 import rospy.core
 
 from mbf_relay.outcomes import StaleDataError, TransformError
+
+FLUSH_TIME = 0.2
+"""Wall seconds that rospy's sending threads need for last words."""
 
 USER_ERRORS = (ValueError, OSError, TransformError, StaleDataError)
 """What a wrong parameter, a missing file or an absent node raise; their text is the whole message."""
@@ -29,6 +33,15 @@ def run_node(name: str, main: Callable[[], None]) -> None:
         rospy.logfatal("%s", one_line(error))
         rospy.signal_shutdown(one_line(error))
         sys.exit(1)
+
+
+def on_shutdown(last_words: Callable[[], None]) -> None:
+    """Have `last_words` called when the node ends, while it can still publish, and what it publishes sent."""
+    def speak() -> None:
+        last_words()
+        time.sleep(FLUSH_TIME)
+
+    rospy.on_shutdown(speak)
 
 
 def one_line(error: BaseException) -> str:

@@ -12,14 +12,16 @@ from geometry_msgs.msg import PoseStamped, Twist
 from mbf_msgs.msg import MoveBaseAction, MoveBaseActionResult, MoveBaseGoal, MoveBaseResult
 from move_base_msgs import msg as move_base_msgs
 
-from mbf_relay.outcomes import TransformError
 from mbf_relay.ros import parameters as ros_parameters
 from mbf_relay.ros.action_client import ActionClient
 from mbf_relay.ros.action_server import ActionServer
 from mbf_relay.ros.goal_frame import GoalFrame
+from mbf_relay.ros.node import on_shutdown
 from mbf_relay.ros.relay import Effects, Relay, RelayParameters
 from mbf_relay.ros.relay_answers import Answer
-from mbf_relay.ros.relay_reconfigure import MoveBaseParameters, MoveBaseSettings, OTHER_MOVE_BASE_NAMES
+from mbf_relay.ros.relay_reconfigure import (
+    MoveBaseParameters, MoveBaseSettings, OTHER_MOVE_BASE_NAMES, tell_of_misplaced,
+)
 from mbf_relay.ros.relay_services import ClearCostmaps, MakePlan
 from mbf_relay.ros.relay_topics import RecoveryTopic, pass_through
 
@@ -41,6 +43,7 @@ def serve(action: bool = True, topic: bool = True) -> None:
         f"{parameters.server}/move_base", MoveBaseAction, parameters.server_timeout, parameters.silence_timeout
     )
     values = ros_parameters.fill(MoveBaseParameters, MoveBaseParameters.known(namespace), "~")
+    tell_of_misplaced(namespace, parameters.server)
     settings = MoveBaseSettings(parameters.server, values)
     outlets = Outlets(parameters)
 
@@ -62,7 +65,7 @@ def serve(action: bool = True, topic: bool = True) -> None:
     pass_through(parameters.server, settings.server_name)
     RecoveryTopic(parameters.server, lambda: outlets.robot_pose)
     settings.serve()
-    rospy.on_shutdown(relay.shut_down)
+    on_shutdown(relay.shut_down)
     rospy.loginfo("move_base is here, carried out by %s", rospy.resolve_name(parameters.server))
     was_up = False
     while not rospy.is_shutdown():

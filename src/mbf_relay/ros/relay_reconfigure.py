@@ -214,6 +214,13 @@ class MoveBaseSettings:
                     self._to_send = {**changes, **self._to_send}
 
 
+def tell_of_misplaced(values: Mapping[str, Any], server: str) -> None:
+    """Say in the log which of move_base's parameters, costmaps' and plugins', the server has to be given instead."""
+    groups = sorted(name for name, value in values.items() if isinstance(value, Mapping) or name == "recovery_behaviors")
+    if groups:
+        rospy.logwarn("of no use to the relay, load them for %s: %s", rospy.resolve_name(server), ", ".join(groups))
+
+
 def server_plugins(server: str, kind: str) -> List[Mapping[str, str]]:
     """Return the server's list of planners or controllers, empty where there is none."""
     plugins = rospy.get_param(f"{server}/{kind}", [])

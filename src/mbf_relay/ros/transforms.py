@@ -22,6 +22,10 @@ class Transforms:
         self.buffer = tf2_ros.Buffer(rospy.Duration(cache_time))
         self._listener = tf2_ros.TransformListener(self.buffer, buff_size=1 << 20, tcp_nodelay=True)
 
+    def close(self) -> None:
+        """Stop listening."""
+        self._listener.unregister()
+
     def lookup(
         self, target_frame: str, source_frame: str, stamp: Optional[float] = None, timeout: float = 0.0,
         max_age: Optional[float] = None,

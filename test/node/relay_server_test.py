@@ -1,0 +1,166 @@
+#!/usr/bin/env python3
+"""The relay in front of this package's server, which moves a robot of paper."""
+
+import math
+import os
+import signal
+import sys
+import time
+import unittest
+import xmlrpc.client
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir))
+
+import actionlib
+import rosgraph
+import rospy
+import rostest
+from actionlib_msgs.msg import GoalStatus
+from dynamic_reconfigure.client import Client as ReconfigureClient
+from geometry_msgs.msg import Twist
+from mbf_msgs.msg import MoveBaseActionResult
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal, RecoveryStatus
+from nav_msgs.msg import Odometry
+from nav_msgs.srv import GetPlan, GetPlanRequest
+
+from ros_testing import Listener, wait_until
+
+NO_PLAN = "Failed to find a valid plan. Even after executing recovery behaviors."
+
+
+class RelayServerTest(unittest.TestCase):
+    """Everything a client of move_base can do, and what it is told."""
+
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node("relay_server_test")
+        cls.client = actionlib.ActionClient("move_base", MoveBaseAction)
+        cls.odometry = Listener("odom", Odometry, connected=True)
+        cls.velocity = Listener("cmd_vel", Twist, connected=True)
+        cls.outcomes = Listener("move_base/navigation_outcome", MoveBaseActionResult, connected=True)
+        wait_until(lambda: cls.client.pub_goal.get_num_connections() and cls.client.result_sub.get_num_connections(),
+                   "the action move_base")
+
+    def setUp(self):
+        self.feedback = []
+
+    def send(self, x, y, frame="map", w=1.0):
+        goal = MoveBaseGoal()
+        goal.target_pose.header.frame_id, goal.target_pose.header.stamp = frame, rospy.Time.now()
+        goal.target_pose.pose.position.x, goal.target_pose.pose.position.y = x, y
+        goal.target_pose.pose.orientation.w = w
+        return self.client.send_goal(goal, feedback_cb=lambda _, feedback: self.feedback.append(feedback.base_position))
+
+    def check_end(self, handle, status, text, timeout=20.0):
+        wait_until(lambda: handle.get_comm_state() == actionlib.CommState.DONE, "the goal's end", timeout)
+        self.assertEqual((GoalStatus.to_string(handle.get_terminal_state()), handle.get_goal_status_text()),
+                         (GoalStatus.to_string(status), text))
+
+    def wait_until_driving(self):
+        wait_until(lambda: self.feedback, "feedback")
+        wait_until(lambda: abs(self.odometry.last.twist.twist.linear.x) > 0.01, "the robot to drive")
+
+    @property
+    def x(self):
+        return self.odometry.last.pose.pose.position.x
+
+    def test_a_goal_is_reached(self):
+        target = self.x + 0.5
+        self.check_end(self.send(target, 0.0), GoalStatus.SUCCEEDED, "Goal reached.")
+        self.assertLess(abs(self.x - target), 0.1)
+        self.assertEqual({pose.header.frame_id for pose in self.feedback}, {"map"})
+        xs = [pose.pose.position.x for pose in self.feedback]
+        self.assertEqual(xs, sorted(xs), "frames came out of order")
+
+    def test_cancel_stops_the_robot(self):
+        handle = self.send(self.x + 50.0, 0.0)
+        self.wait_until_driving()
+        handle.cancel()
+        self.check_end(handle, GoalStatus.PREEMPTED, "")
+        wait_until(lambda: self.odometry.last.twist.twist == Twist(), "the robot to stand")
+        self.assertEqual(self.velocity.last, Twist())
+
+    def test_the_newest_of_many_goals_wins(self):
+        target = self.x + 0.3
+        handles = [self.send(self.x + 50.0, 0.0) for _ in range(10)] + [self.send(target, 0.0)]
+        self.check_end(handles[-1], GoalStatus.SUCCEEDED, "Goal reached.")
+        for handle in handles[:-1]:
+            self.check_end(handle, GoalStatus.PREEMPTED,
+                           "This goal was canceled because another goal was recieved by the simple action server")
+
+    def test_a_plan_is_made_from_the_robot_while_it_drives(self):
+        handle = self.send(self.x + 50.0, 0.0)
+        self.wait_until_driving()
+        request = GetPlanRequest()  # as rosservice makes it: an empty start frame, all quaternions zero
+        request.goal.header.frame_id, request.goal.pose.position.x = "map", -3.0
+        poses = rospy.ServiceProxy("move_base/make_plan", GetPlan)(request).plan.poses
+        self.assertLess(abs(poses[0].pose.position.x - self.x), 0.3)
+        self.assertAlmostEqual(poses[-1].pose.position.x, -3.0, places=3)
+        driven = self.x
+        wait_until(lambda: self.x > driven + 0.05, "the robot to drive on")
+        handle.cancel()
+        self.check_end(handle, GoalStatus.PREEMPTED, "")
+
+    def test_nonsense_is_answered_and_moves_nothing(self):
+        wait_until(lambda: self.odometry.last.twist.twist == Twist(), "the robot to stand")
+        before = self.x
+        for goal in (dict(x=math.nan, y=0.0), dict(x=1.0, y=math.inf), dict(x=1.0, y=0.0, frame="nowhere"),
+                     dict(x=1.0, y=0.0, frame="")):
+            with self.subTest(goal):
+                self.check_end(self.send(**goal), GoalStatus.ABORTED, NO_PLAN, 30.0)
+        self.check_end(self.send(1.0, 0.0, w=0.0), GoalStatus.ABORTED,
+                       "Aborting on goal because it was sent with an invalid quaternion")
+        self.assertEqual(self.x, before)
+
+    def test_recoveries_and_the_servers_reason_are_told(self):
+        told = Listener("move_base/recovery_status", RecoveryStatus, connected=True)
+        wait_until(lambda: told_by_server("/move_base_flex/recovery_status"), "the relay to listen to the server")
+        rospy.set_param("move_base_flex/plan_time", 3.0)
+        try:
+            self.check_end(self.send(1.0, 0.0), GoalStatus.ABORTED, NO_PLAN, 40.0)
+        finally:
+            rospy.set_param("move_base_flex/plan_time", 0.005)
+        self.assertEqual([(m.recovery_behavior_name, m.current_recovery_number, m.total_number_of_recoveries)
+                          for m in told.messages], [("R1", 0, 2), ("R2", 1, 2)])
+        self.assertEqual(told.last.pose_stamped.header.frame_id, "map")
+        reason = self.outcomes.wait_for(lambda m: m.result.outcome == 55 or "patience" in m.result.message.lower(),
+                                        "the server's reason")
+        self.assertEqual(reason.status.text, NO_PLAN)
+
+    def test_parameters_arrive_at_the_server(self):
+        mine, servers = ReconfigureClient("move_base", timeout=10), ReconfigureClient("move_base_flex", timeout=10)
+        before = servers.get_configuration()
+        mine.update_configuration({"oscillation_timeout": 17.0, "max_planning_retries": 2})
+        wait_until(lambda: servers.get_configuration()["oscillation_timeout"] == 17.0, "the server's new value")
+        after = servers.get_configuration()
+        changed = {name for name in after if name != "groups" and after[name] != before[name]}
+        self.assertEqual(changed, {"oscillation_timeout", "planner_max_retries"})
+        mine.update_configuration({"oscillation_timeout": before["oscillation_timeout"], "max_planning_retries": -1})
+        wait_until(lambda: servers.get_configuration()["oscillation_timeout"] == before["oscillation_timeout"], "it back")
+        mine.close()
+        servers.close()
+
+    def test_the_servers_death_and_return(self):
+        handle = self.send(self.x + 50.0, 0.0)
+        self.wait_until_driving()
+        master = rosgraph.Master(rospy.get_name())
+        pid = xmlrpc.client.ServerProxy(master.lookupNode("/move_base_flex")).getPid("/t")[2]
+        os.kill(pid, signal.SIGKILL)
+        died = time.monotonic()
+        wait_until(lambda: handle.get_comm_state() == actionlib.CommState.DONE, "the goal's end", 10.0)
+        self.assertLess(time.monotonic() - died, 2.0)
+        self.assertEqual(handle.get_terminal_state(), GoalStatus.ABORTED)
+        self.assertIn("died", handle.get_goal_status_text())
+        wait_until(lambda: self.velocity.last == Twist(), "zero velocity")
+        handle = self.send(0.3, 0.0)  # the robot of paper starts anew with the server
+        self.check_end(handle, GoalStatus.SUCCEEDED, "Goal reached.", 40.0)
+
+
+def told_by_server(topic):
+    """Tell whether the relay listens to a topic of the server's."""
+    return any(name == topic and "/move_base" in nodes
+               for name, nodes in rosgraph.Master(rospy.get_name()).getSystemState()[1])
+
+
+if __name__ == "__main__":
+    rostest.rosrun("mbf_relay", "relay_server", RelayServerTest)
