@@ -8,6 +8,7 @@ from typing import List, NamedTuple
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 
+import numpy as np  # noqa: E402
 import rospy  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from rosgraph_msgs.msg import Log  # noqa: E402
@@ -56,6 +57,12 @@ class Witness:
     def way(self) -> List[Pose2D]:
         """Every pose so far."""
         return [pose_from_message(message.pose.pose) for message in list(self._truth.messages)]
+
+    @property
+    def trajectory(self) -> np.ndarray:
+        """The way with its times: rows of time (s), x, y (m), heading (rad)."""
+        messages = list(self._truth.messages)
+        return np.array([(m.header.stamp.to_sec(), *pose_from_message(m.pose.pose)) for m in messages]).reshape(-1, 4)
 
     def way_to(self, x: float, y: float) -> float:
         """Return how near (m) the robot has come to a point."""

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 import time
 import traceback
 from collections import deque
+from contextlib import contextmanager
 from multiprocessing import connection
-from typing import Any, Callable, Deque, Dict, Generic, Iterator, Optional, Sequence, Tuple, TypeVar
+from typing import Any, Callable, Deque, Dict, Generic, Iterator, Mapping, Optional, Sequence, Tuple, TypeVar
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
+
+
+ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
+"""Each process gets one core: threads of libraries would fight over them, and add up in an order of their own."""
 
 
 class Lost(Exception):
@@ -24,7 +30,8 @@ class _Worker:
     def __init__(self, context: Any, call: Callable[[Any], Any]) -> None:
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, call), daemon=True)
-        self.process.start()
+        with _environment(ONE_THREAD):
+            self.process.start()
         theirs.close()
         self.task: Any = None
         self.since = 0.0
@@ -102,6 +109,21 @@ class Pool(Generic[Task, Result]):
     def _hung(self, workers: Dict[Any, _Worker]) -> Sequence[_Worker]:
         now = self._clock()
         return [worker for worker in workers.values() if now - worker.since > self._time_limit]
+
+
+@contextmanager
+def _environment(values: Mapping[str, str]) -> Iterator[None]:
+    """Set variables of the environment for a while, for the processes started meanwhile."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 def _collect(worker: _Worker) -> Tuple[Any, Optional[Lost]]:

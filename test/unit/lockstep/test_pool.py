@@ -18,6 +18,8 @@ def act(task):
         os.kill(os.getpid(), signal.SIGKILL)
     if task == "hang":
         threading.Event().wait(600.0)
+    if task == "threads":
+        return os.environ["OPENBLAS_NUM_THREADS"]
     return task * 2
 
 
@@ -38,6 +40,12 @@ def test_a_task_that_throws_dies_or_hangs_costs_only_itself():
     assert "ValueError: a plugin's mistake" in lost["throw"]
     assert "SIGKILL" in lost["die"]
     assert "hung" in lost["hang"]
+
+
+def test_processes_get_one_thread_each_and_this_one_keeps_its_own(monkeypatch):
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    assert [result for _, result, _ in Pool(act, 1, 60.0).run(["threads"])] == ["1"]
+    assert "OPENBLAS_NUM_THREADS" not in os.environ
 
 
 def test_closing_ends_the_processes():

@@ -1,0 +1,94 @@
+"""Clearances against plain geometry, and what makes two tasks the same."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.lockstep.clearance import HULL, smallest_clearance
+from mbf_relay.lockstep.clearance_kernels import hull_clearances
+from mbf_relay.lockstep.record import velocities
+from mbf_relay.lockstep.tasks import Task
+from mbf_relay.simulation.frames import Frame
+from mbf_relay.simulation.shapes import Body, Box, Cylinder
+from mbf_relay.simulation.world import Mover, World
+
+SQUARE = np.array([[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]])
+
+
+def along(segments, count=400):
+    """Return points on segments (M, 2, 2)."""
+    shares = np.linspace(0.0, 1.0, count)[None, :, None]
+    return (segments[:, None, 0] + shares * (segments[:, None, 1] - segments[:, None, 0])).reshape(-1, 2)
+
+
+def plain_clearance(pose, hull, segment):
+    """Return the distance of a segment to a convex outline by sampling both; 0 where a point of it lies inside."""
+    local = pose.inverse().transform_points(along(segment.reshape(1, 2, 2)))
+    if ((local > hull.min(axis=0)) & (local < hull.max(axis=0))).all(axis=1).any():
+        return 0.0
+    outline = along(np.stack((hull, np.roll(hull, -1, axis=0)), axis=1))
+    return float(np.hypot(*(local[:, None] - outline[None]).T).min())
+
+
+def test_kernel_agrees_with_sampling():
+    rng = np.random.default_rng(5)
+    for _ in range(60):
+        pose = Pose2D(*rng.uniform(-0.5, 0.5, 2), rng.uniform(-math.pi, math.pi))
+        segment = rng.uniform(-0.8, 0.8, 4)
+        made = np.full(1, math.inf)
+        hull_clearances(np.array([pose]), SQUARE, segment[None].copy(), made)
+        assert made[0] == pytest.approx(plain_clearance(pose, SQUARE, segment), abs=2e-3)
+
+
+def test_nearest_of_many_is_found_and_larger_values_are_only_lowered():
+    segments = np.array([[1.0, -1.0, 1.0, 1.0], [0.4, -1.0, 0.4, 1.0], [3.0, 0.0, 4.0, 0.0]])
+    made = np.array([math.inf, 0.05])
+    hull_clearances(np.zeros((2, 3)), SQUARE, segments, made)
+    assert made == pytest.approx([0.3, 0.05])
+
+
+def pillar(x, y):
+    return Body("pillar", Cylinder(0.1, 0.5), Frame.of(x, y, 0.25))
+
+
+def test_clearance_to_a_pillar_and_in_an_empty_world():
+    poses = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0]])
+    made = smallest_clearance(World("one", (pillar(1.0, 0.0),)), np.arange(2.0), poses)
+    assert made == pytest.approx(1.0 - 0.1 - 0.2 - HULL[:, 0].max(), abs=2e-4)
+    assert smallest_clearance(World("none", ()), np.arange(2.0), poses) is None
+    assert smallest_clearance(World("below", (Body("sill", Box((9.0, 9.0, 0.02)), Frame.of(0.0, 0.0, 0.01)),)), np.arange(2.0), poses) is None
+
+
+def test_clearance_to_a_mover_counts_where_it_is_at_that_time():
+    mover = Mover(pillar(0.0, 0.0), np.array([0.0, 10.0]), np.array([[2.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), loop=False)
+    world = World("moving", (), movers=(mover,))
+    standing = np.zeros((3, 3))
+    made = smallest_clearance(world, np.array([0.0, 5.0, 10.0]), standing)
+    assert made == pytest.approx(1.0 - 0.1 - HULL[:, 0].max(), abs=2e-4)
+    assert smallest_clearance(world, np.zeros(3), standing) == pytest.approx(2.0 - 0.1 - HULL[:, 0].max(), abs=2e-4)
+
+
+def test_velocities_of_an_arc():
+    times = np.arange(0.0, 2.0, 0.1)
+    poses = np.column_stack((2.0 * np.sin(0.5 * times), 2.0 - 2.0 * np.cos(0.5 * times), 0.5 * times))
+    forward, angular = velocities(times, poses)
+    assert forward[1:] == pytest.approx(np.full(19, 1.0), abs=2e-4)
+    assert angular[1:] == pytest.approx(np.full(19, 0.5))
+    assert (forward[0], angular[0]) == (0.0, 0.0)
+
+
+def test_driving_backwards_is_negative():
+    forward, _ = velocities(np.arange(3.0), np.array([[0.0, 0.0, 0.0], [-0.1, 0.0, 0.0], [-0.2, 0.0, 0.0]]))
+    assert forward[1:] == pytest.approx([-0.1, -0.1])
+
+
+def test_a_task_is_told_from_others_by_what_is_in_it():
+    task = Task("a", World("a", (pillar(1.0, 0.0),)), (Pose2D(2.0, 0.0, 0.0),), 30.0)
+    again = Task("a", World("a", (pillar(1.0, 0.0),)), (Pose2D(2.0, 0.0, 0.0),), 30.0)
+    assert task.digest() == again.digest()
+    moved = dataclasses.replace(task, world=World("a", (pillar(1.01, 0.0),)))
+    later = dataclasses.replace(task, time_limit=31.0)
+    assert len({task.digest(), moved.digest(), later.digest()}) == 3
