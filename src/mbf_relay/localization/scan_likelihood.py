@@ -91,12 +91,15 @@ def thin_out(endpoints: np.ndarray, most: int = 1 << 30) -> np.ndarray:
 
 def apart(poses: np.ndarray, values: np.ndarray, count: int, distance: float, turn: float) -> List[int]:
     """Return indices of up to `count` poses, highest values first, no two within `distance` (m) and `turn` (rad)."""
+    order = np.argsort(-values)[: 50 * count]
+    candidates = poses[order]
+    left = np.ones(len(order), dtype=bool)
     chosen: List[int] = []
-    for index in np.argsort(-values)[: 50 * count]:
-        offsets = poses[chosen] - poses[index]
-        near = (np.hypot(offsets[:, 0], offsets[:, 1]) <= distance) & (np.abs(normalize_angles(offsets[:, 2])) <= turn)
-        if not near.any():
-            chosen.append(int(index))
-        if len(chosen) == count:
-            break
+    while len(chosen) < count and left.any():
+        first = int(np.argmax(left))
+        chosen.append(int(order[first]))
+        offsets = candidates - candidates[first]
+        near = np.square(offsets[:, 0]) + np.square(offsets[:, 1]) <= distance ** 2
+        left &= ~(near & (np.abs(normalize_angles(offsets[:, 2])) <= turn))
+        left[first] = False
     return chosen
