@@ -20,6 +20,9 @@ LARGEST_SIDE = 32767
 WORTH_REPAIRING = 0.1
 """Share of the cells looked at whose change is repaired; where more changed, a new field is quicker."""
 
+STORE_PER_CELL = 4
+"""Entries waiting for each cell looked at beyond which a new field is quicker."""
+
 _HEURISTIC_SHARE = np.float32(0.99999)  # a hair less than the truth, so that rounding never makes it more
 _FIRST_BUCKET = 512
 _FIRST_STORE = 1 << 12
@@ -156,13 +159,17 @@ class KeptField(abc.ABC):
         if len(rows) > WORTH_REPAIRING * max(int(self._state[queue_kernels.EXPANDED]), 1):
             return False
         changed = np.column_stack((columns + part[1].start, rows + part[0].start)).astype(np.int32)
-        looked_at = self._seen[part].size
-        self._reserve(waiting + 9 * (looked_at + len(changed)))
-        forgotten = self.kernels.repair(
-            costs, self._table, self._field, changed, np.empty(looked_at + 9 * len(changed), dtype=np.int32),
-            self._apart_cells, self._apart_keys, self._state)
-        self.repaired = int(forgotten)
-        return forgotten >= 0
+        if waiting > STORE_PER_CELL * int(self._state[queue_kernels.EXPANDED]) + _FIRST_STORE:
+            return False  # many repairs have left the same cells waiting many times over
+        unsupported = np.empty(self._seen[part].size + 9 * len(changed), dtype=np.int32)
+        forgotten = int(self.kernels.repair(costs, self._table, self._field, changed, unsupported))
+        if forgotten < 0:
+            return False
+        self._reserve(waiting + 9 * (forgotten + len(changed)))
+        queue_kernels.requeue(
+            self._field, changed, unsupported, forgotten, self._apart_cells, self._apart_keys, self._state)
+        self.repaired = forgotten
+        return True
 
     def _set_apart(self) -> int:
         """Empty the queue's ring into its store; returns how many entries wait there."""
@@ -174,9 +181,10 @@ class KeptField(abc.ABC):
             self._reserve(-waiting)
 
     def _reserve(self, entries: int) -> None:
+        """Make room in the store for so many entries in all."""
         if len(self._apart_cells) < entries:
-            self._apart_cells = np.resize(self._apart_cells, entries)
-            self._apart_keys = np.resize(self._apart_keys, entries)
+            self._apart_cells = np.resize(self._apart_cells, 2 * entries)
+            self._apart_keys = np.resize(self._apart_keys, 2 * entries)
 
     def _grow(self, costs: np.ndarray, start: Cell, cancelled: Cancellation, all_around: bool) -> int:
         height, width = costs.shape

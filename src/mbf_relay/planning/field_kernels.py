@@ -201,14 +201,12 @@ def _is_supported(costs, halves, field, x, y):
     return False
 
 
-@kernel("int64(uint8[:,::1], float32[::1], float32[:,::1], int32[:,::1], int32[::1], int32[::1], float32[::1],"
-        " int64[::1])")
-def repair(costs, halves, field, changed, unsupported, apart_cells, apart_keys, state):
-    """Bring a field in order after costs changed: forget what is no longer true, queue what bears on it.
+@kernel("int64(uint8[:,::1], float32[::1], float32[:,::1], int32[:,::1], int32[::1])")
+def repair(costs, halves, field, changed, unsupported):
+    """Forget what is no longer true in a field after costs changed.
 
     What a cell's value rests on lies lower than the value, so support cannot run in circles (Ramalingam and Reps,
-    "An incremental algorithm for a generalization of the shortest-path problem", 1996). The queue must stand in the
-    store.
+    "An incremental algorithm for a generalization of the shortest-path problem", 1996).
 
     Args:
         costs, halves: The map as it is now.
@@ -241,20 +239,6 @@ def repair(costs, halves, field, changed, unsupported, apart_cells, apart_keys, 
                     field[y, x] = 0
                     unsupported[count] = y * 65536 + x
                     count += 1
-    waiting = state[_APART]
-    for n in range(count + changed.shape[0]):
-        if n < count:
-            middle_x, middle_y = unsupported[n] & 65535, unsupported[n] >> 16
-        else:
-            middle_x, middle_y = changed[n - count, 0], changed[n - count, 1]
-        for y in range(max(middle_y - 1, 0), min(middle_y + 2, height)):
-            for x in range(max(middle_x - 1, 0), min(middle_x + 2, width)):
-                if field[y, x] > 0:
-                    if waiting == apart_cells.shape[0]:
-                        return -1
-                    apart_cells[waiting], apart_keys[waiting] = y * 65536 + x, field[y, x]
-                    waiting += 1
-    state[_APART] = waiting
     return count
 
 

@@ -154,3 +154,29 @@ def set_apart(field, sizes, cells, keys, apart_cells, apart_keys, state):
     state[_WAITING] = 0
     state[_TAKEN] = 0
     return kept
+
+
+@kernel("int64(float32[:,::1], int32[:,::1], int32[::1], int64, int32[::1], float32[::1], int64[::1])")
+def requeue(field, changed, forgotten, count, apart_cells, apart_keys, state):
+    """Put into the store every known cell in or next to cells that changed or were forgotten.
+
+    Args:
+        field: The field, forgotten cells holding 0.
+        changed: Shape (N, 2): columns and rows of cells whose costs changed.
+        forgotten: The first `count` are cells that lost their value, row * 65536 + column.
+        apart_cells, apart_keys, state: The store, with room for 9 entries for each of these cells, and the counters.
+    """
+    height, width = field.shape
+    waiting = state[_APART]
+    for n in range(count + changed.shape[0]):
+        if n < count:
+            middle_x, middle_y = np.int64(forgotten[n] & 65535), np.int64(forgotten[n] >> 16)
+        else:
+            middle_x, middle_y = np.int64(changed[n - count, 0]), np.int64(changed[n - count, 1])
+        for y in range(max(middle_y - 1, 0), min(middle_y + 2, height)):
+            for x in range(max(middle_x - 1, 0), min(middle_x + 2, width)):
+                if field[y, x] > 0:
+                    apart_cells[waiting], apart_keys[waiting] = y * 65536 + x, field[y, x]
+                    waiting += 1
+    state[_APART] = waiting
+    return waiting

@@ -206,10 +206,9 @@ def _is_supported(costs, weights, field, x, y):
     return _wave_value(across, along, weights[costs[y, x]]) <= value
 
 
-@kernel("int64(uint8[:,::1], float32[::1], float32[:,::1], int32[:,::1], int32[::1], int32[::1], float32[::1],"
-        " int64[::1])")
-def repair(costs, weights, field, changed, unsupported, apart_cells, apart_keys, state):
-    """Bring a potential in order after costs changed; as field_kernels.repair, with `weights` as in `grow`."""
+@kernel("int64(uint8[:,::1], float32[::1], float32[:,::1], int32[:,::1], int32[::1])")
+def repair(costs, weights, field, changed, unsupported):
+    """Forget what is no longer true in a potential; as field_kernels.repair, with `weights` as in `grow`."""
     height, width = costs.shape
     count = 0
     for n in range(changed.shape[0]):
@@ -232,20 +231,6 @@ def repair(costs, weights, field, changed, unsupported, apart_cells, apart_keys,
                     field[y, x] = 0
                     unsupported[count] = y * 65536 + x
                     count += 1
-    waiting = state[_APART]
-    for n in range(count + changed.shape[0]):
-        if n < count:
-            middle_x, middle_y = unsupported[n] & 65535, unsupported[n] >> 16
-        else:
-            middle_x, middle_y = changed[n - count, 0], changed[n - count, 1]
-        for y in range(max(middle_y - 1, 0), min(middle_y + 2, height)):
-            for x in range(max(middle_x - 1, 0), min(middle_x + 2, width)):
-                if field[y, x] > 0:
-                    if waiting == apart_cells.shape[0]:
-                        return -1
-                    apart_cells[waiting], apart_keys[waiting] = y * 65536 + x, field[y, x]
-                    waiting += 1
-    state[_APART] = waiting
     return count
 
 
