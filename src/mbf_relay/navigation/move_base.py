@@ -218,13 +218,16 @@ class MoveBase:
                 self._take_replan(now)
             return
         period = self._replan_period()
-        if math.isfinite(period) and self._last.distance > NO_REPLAN_WITHIN and self._replan_pacer.is_due(now):
-            self._replan_pacer.passed(now, period)
-            goal = PlanGoal(self.goal.target, planner=self.goal.planner)
-            self._replan = self._navigator.new_plan(goal, retry=False)
-            self._replan.update(now)
-            if self._replan.task.done:
-                self._take_replan(now)
+        if not (math.isfinite(period) and self._replan_pacer.is_due(now)):
+            return
+        self._replan_pacer.passed(now, period)  # also where nothing is to be done, or `due` would stay in the past
+        if self._last.distance <= NO_REPLAN_WITHIN:
+            return
+        goal = PlanGoal(self.goal.target, planner=self.goal.planner)
+        self._replan = self._navigator.new_plan(goal, retry=False)
+        self._replan.update(now)
+        if self._replan.task.done:
+            self._take_replan(now)
 
     def _take_replan(self, now: float) -> None:
         replan, self._replan = self._replan, None

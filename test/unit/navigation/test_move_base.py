@@ -305,3 +305,14 @@ def test_unknown_plugins_are_rejected_at_once_and_disturb_nothing(bench, goal, o
     assert task.ending is Ending.REJECTED and task.result.outcome is outcome
     bench.step()
     assert not running.done
+
+
+def test_nothing_is_due_in_the_past_also_near_the_goal(make_bench):
+    bench = make_bench(planner_frequency=5.0)
+    arrive(bench, x=0.99)
+    task = bench.navigator.move_base(GOAL)
+    while not task.done:
+        bench.step()
+        bench.navigator.update(bench.now)
+        assert bench.navigator.due > bench.now - 1e-6, f"at x {bench.robot.pose.x:.3f}"
+    assert task.ending is Ending.SUCCEEDED
