@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
+import signal
 import sys
 
-from mbf_relay.ros.demo import main
+signal.signal(signal.SIGINT, signal.SIG_DFL)  # nothing to put in order before main() takes over
+from mbf_relay.ros.demo import main  # noqa: E402
 
 sys.exit(main())

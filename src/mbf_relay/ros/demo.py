@@ -18,7 +18,7 @@ from typing import Any, Dict, List, Optional, Sequence
 
 from mbf_relay.report.drive import Drive
 from mbf_relay.report.terminal import Terminal
-from mbf_relay.ros.demo_graph import Graph, GraphError, last_complaints
+from mbf_relay.ros.demo_graph import ENDING_SIGNALS, Graph, GraphError, last_complaints
 
 GOALS_PER_LAP = 8
 START_PATIENCE = 60.0
@@ -28,9 +28,9 @@ NODES = ("simulator", "map_server", "amcl", "move_base_flex", "move_base")
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Drive as the command line says and return the exit status."""
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, _interrupt)
     options = parse(arguments)
+    for number in ENDING_SIGNALS:
+        signal.signal(number, _interrupt)
     try:
         drive = run(options)
     except KeyboardInterrupt:
@@ -186,6 +186,3 @@ def versions() -> Dict[str, str]:
 def _interrupt(_number: int, _frame: Any) -> None:
     raise KeyboardInterrupt
 
-
-if __name__ == "__main__":
-    sys.exit(main())

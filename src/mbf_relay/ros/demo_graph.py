@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import socket
 import subprocess
 import time
 import xmlrpc.client
-from typing import Dict, List
+from typing import Dict, Iterator, List
 
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 INTERRUPT_PATIENCE = 25.0
 """Wall seconds roslaunch gets to end its nodes; it gives each 15 s before it turns to SIGTERM."""
 
@@ -43,17 +45,18 @@ class Graph:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for process in reversed(self._processes):
-            end(process)
+        with uninterrupted():
+            for process in reversed(self._processes):
+                end(process)
 
     def start(self, command: List[str], log: str) -> subprocess.Popen:
         """Start a process of the graph, its output in the file `log`; Ctrl-C in the terminal does not reach it."""
-        with open(log, "wb") as stream:
+        with open(log, "wb") as stream, uninterrupted():
             process = subprocess.Popen(
                 command, env=self.environment, stdin=subprocess.DEVNULL, stdout=stream, stderr=subprocess.STDOUT,
                 start_new_session=True,
             )
-        self._processes.append(process)
+            self._processes.append(process)
         return process
 
     def check(self) -> None:
@@ -78,6 +81,20 @@ class Graph:
                 pass
             time.sleep(0.05)
         raise GraphError(f"roslaunch did not set {name} within {timeout:.0f} s; see {self._log}")
+
+
+@contextlib.contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Put off requests to end until the block is done, where a process started must not be lost sight of."""
+    pending: List[int] = []
+    before = {number: signal.signal(number, lambda n, _: pending.append(n)) for number in ENDING_SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if pending:
+        raise KeyboardInterrupt
 
 
 def free_port() -> int:

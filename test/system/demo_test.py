@@ -1,0 +1,128 @@
+#!/usr/bin/env python3
+"""The demo as a user runs it: a clean drive with its report, and Ctrl-C at any moment."""
+
+import json
+import os
+import signal
+import subprocess
+import tempfile
+import time
+import unittest
+import uuid
+
+import rostest
+
+from mbf_relay.ros.demo_graph import descendants, start_time
+
+MARK = "MBF_RELAY_DEMO_TEST"
+PATIENCE = 240.0
+FIGURES = (
+    "success", "goals_reached", "contacts", "sim_time", "wall_time", "path_length", "localization_error_mean",
+    "localization_error_max", "versions", "seed", "parameters",
+)
+
+
+class Demo:
+    """A running demo whose processes, however deep, carry a mark in their environment."""
+
+    def __init__(self, *options: str) -> None:
+        self.mark = uuid.uuid4().hex
+        self.folder = tempfile.mkdtemp(prefix="demo test ")
+        self.log = os.path.join(self.folder, "demo.log")
+        with open(self.log, "wb") as stream:
+            self.process = subprocess.Popen(
+                ["rosrun", "mbf_relay", "demo.py", "--no-rviz", "--report", self.folder, *options],
+                stdout=stream, stderr=subprocess.STDOUT, env=dict(os.environ, **{MARK: self.mark}),
+            )
+
+    @property
+    def output(self) -> str:
+        """What it has printed."""
+        with open(self.log, encoding="utf-8") as stream:
+            return stream.read()
+
+    def wait_for(self, words: str) -> None:
+        """Wait until it has printed some words."""
+        deadline = time.monotonic() + PATIENCE
+        while words not in self.output:
+            assert self.process.poll() is None, f"it ended before it said '{words}':\n{self.output}"
+            assert time.monotonic() < deadline, f"waited {PATIENCE} s for '{words}', in vain:\n{self.output}"
+            time.sleep(0.05)
+
+    def left_behind(self) -> list:
+        """Return the processes that carry its mark and still run."""
+        found = []
+        for entry in filter(str.isdigit, os.listdir("/proc")):
+            try:
+                with open(f"/proc/{entry}/environ", "rb") as stream:
+                    if f"{MARK}={self.mark}".encode() in stream.read():
+                        found.append(int(entry))
+            except OSError:
+                pass
+        return found
+
+
+class TestDemo(unittest.TestCase):
+    def test_1_a_drive_leaves_a_report_and_nothing_else(self):
+        demo = Demo("--speed", "4", "--seed", "5", "--relay", "server")
+        self.assertEqual(demo.process.wait(PATIENCE), 0, demo.output)
+        self.assertIn("Drove circle with result: True", demo.output)
+        self.assertEqual(demo.left_behind(), [])
+        with open(os.path.join(demo.folder, "report.json"), encoding="utf-8") as stream:
+            figures = json.load(stream)
+        for name in FIGURES:
+            self.assertIn(name, figures)
+        self.assertTrue(figures["success"])
+        self.assertEqual((figures["goals_reached"], figures["contacts"], figures["seed"]), (8, 0, 5))
+        self.assertGreater(figures["path_length"], 11.0)
+        self.assertLess(figures["localization_error_max"], 0.3)
+        with open(os.path.join(demo.folder, "report.png"), "rb") as stream:
+            self.assertEqual(stream.read(8), b"\x89PNG\r\n\x1a\n")
+        self.assertEqual(complaints(os.path.join(demo.folder, "log", "roslaunch.log")), [])
+
+    def test_2_an_interrupt_ends_it_while_it_starts(self):
+        demo = Demo()
+        demo.wait_for("starting")
+        self.interrupt(demo, signal.SIGINT)
+
+    def test_3_an_interrupt_ends_it_while_nodes_come_up(self):
+        demo = Demo()
+        demo.wait_for("starting")
+        deadline = time.monotonic() + PATIENCE
+        while len(descendants(demo.process.pid)) < 6:
+            self.assertLess(time.monotonic(), deadline, "no nodes came up")
+            time.sleep(0.02)
+        self.interrupt(demo, signal.SIGTERM)
+
+    def test_4_two_interrupts_end_it_while_it_drives(self):
+        demo = Demo("--speed", "4")
+        demo.wait_for("goal 1 of 8")
+        demo.process.send_signal(signal.SIGINT)
+        self.interrupt(demo, signal.SIGINT)
+
+    def interrupt(self, demo, number):
+        demo.process.send_signal(number)
+        self.assertEqual(demo.process.wait(60.0), 130, demo.output)
+        self.assertNotIn("Traceback", demo.output)
+        self.assertEqual(demo.left_behind(), [])
+
+    def test_5_wrong_options_are_told(self):
+        for options, words in ((["--speed", "0"], "--speed is 0"), (["--laps", "0"], "--laps is 0"), (["--relay", "x"], "x")):
+            demo = Demo(*options)
+            self.assertEqual(demo.process.wait(60.0), 2, demo.output)
+            self.assertIn(words, demo.output)
+
+    def test_6_a_process_is_known_again_by_its_start(self):
+        self.assertEqual(start_time(os.getpid()), start_time(os.getpid()))
+        self.assertNotEqual(start_time(os.getpid()), start_time(1))
+        self.assertEqual(start_time(2 ** 22 + 1), "")
+
+
+def complaints(log):
+    """Return the lines of a log with a warning, an error or a traceback."""
+    with open(log, encoding="utf-8", errors="replace") as stream:
+        return [line for line in stream if any(word in line for word in ("[WARN]", "[ERROR]", "[FATAL]", "Traceback"))]
+
+
+if __name__ == "__main__":
+    rostest.rosrun("mbf_relay", "demo", TestDemo)
