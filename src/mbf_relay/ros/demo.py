@@ -14,7 +14,8 @@ import signal
 import subprocess
 import sys
 import time
-from typing import Any, Dict, List, Optional, Sequence
+import xml.etree.ElementTree as ElementTree
+from typing import Any, Dict, Optional, Sequence
 
 from mbf_relay.report.drive import Drive
 from mbf_relay.report.terminal import Terminal
@@ -174,11 +175,12 @@ def versions() -> Dict[str, str]:
     found = {"python": platform.python_version(), "ROS": os.environ.get("ROS_DISTRO", "unknown")}
     for name in ("numpy", "numba", "cv2", "scipy", "matplotlib"):
         found[name] = str(getattr(importlib.import_module(name), "__version__", "unknown"))
-    packages: List[str] = ["mbf_relay", "mbf_msgs", "rospy", "actionlib"]
-    for name in packages:
+    packages = rospkg.RosPack()
+    for name in ("mbf_relay", "mbf_msgs", "rospy", "actionlib"):
         try:
-            found[name] = rospkg.RosPack().get_manifest(name).version
-        except rospkg.ResourceNotFound:
+            manifest = os.path.join(packages.get_path(name), "package.xml")
+            found[name] = ElementTree.parse(manifest).findtext("version", "unknown").strip()
+        except (rospkg.ResourceNotFound, OSError, ElementTree.ParseError):
             found[name] = "unknown"
     return found
 
