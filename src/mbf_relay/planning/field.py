@@ -51,9 +51,11 @@ class KeptField(abc.ABC):
         self._goal: Optional[Cell] = None
         self._table = np.zeros(256, dtype=np.float32)
         self._picture = 0
+        self._slope = np.float32(0.0)
         self._weights = np.zeros(256, dtype=np.float32)
         self._field = np.zeros((0, 0), dtype=np.float32)
         self._seen = np.zeros((0, 0), dtype=np.uint8)  # the costs the field was made from, where it looked
+        self._marks = np.zeros((0, 0), dtype=np.uint8)
         self._sizes = np.zeros(queue_kernels.BUCKETS, dtype=np.int64)
         self._cells = np.zeros((queue_kernels.BUCKETS, _FIRST_BUCKET), dtype=np.int32)
         self._keys = np.zeros((queue_kernels.BUCKETS, _FIRST_BUCKET), dtype=np.float32)
@@ -88,7 +90,9 @@ class KeptField(abc.ABC):
             before = int(self._state[queue_kernels.EXPANDED])
         else:
             self._begin(costs, weights, goal)
-        verdict = self._grow(costs, start, cancelled, all_around)
+        if before == 0 or picture == 0 or picture != self._picture:
+            self._slope = self._lowest_weight(costs) * _HEURISTIC_SHARE
+        verdict = self._grow(costs, start, cancelled, np.float32(0.0) if all_around else self._slope)
         self.expanded = int(self._state[queue_kernels.EXPANDED]) - before
         if self.expanded or self._picture != picture or picture == 0:
             self._remember(costs)
@@ -115,6 +119,7 @@ class KeptField(abc.ABC):
         if self._field.shape != costs.shape:
             self._field = np.zeros(costs.shape, dtype=np.float32)
             self._seen = np.zeros(costs.shape, dtype=np.uint8)
+            self._marks = np.zeros(costs.shape, dtype=np.uint8)
         else:
             self._field[self._looked_at()] = 0.0
             if self._goal is not None:
@@ -186,9 +191,8 @@ class KeptField(abc.ABC):
             self._apart_cells = np.resize(self._apart_cells, 2 * entries)
             self._apart_keys = np.resize(self._apart_keys, 2 * entries)
 
-    def _grow(self, costs: np.ndarray, start: Cell, cancelled: Cancellation, all_around: bool) -> int:
+    def _grow(self, costs: np.ndarray, start: Cell, cancelled: Cancellation, slope: np.float32) -> int:
         height, width = costs.shape
-        slope = np.float32(0.0) if all_around else self._lowest_weight(costs, start[1]) * _HEURISTIC_SHARE
         # one expansion raises the key by no more than the ring is long
         widest = np.float32(1.5) * (self._weights.max() + slope) / np.float32(queue_kernels.BUCKETS - 3)
         inverse_width = np.float32(1.0) / max(slope, widest)
@@ -208,13 +212,13 @@ class KeptField(abc.ABC):
                 costs.reshape(-1), width, height, self._table, self._field.reshape(-1), self._sizes, self._cells,
                 self._keys, self._state, *aim, cancelled.flag)
 
-    def _lowest_weight(self, costs: np.ndarray, row: int) -> np.float32:
-        """Return a weight no free cell of the map goes below: the higher, the steeper the heuristic."""
+    def _lowest_weight(self, costs: np.ndarray) -> np.float32:
+        """Return a weight no cell connected with the goal goes below: the higher, the steeper the heuristic."""
         weights = self._weights
         free = np.flatnonzero(weights > 0.0)
         best = int(free[np.argmin(weights[free])])
-        lowest = queue_kernels.lowest_cost(costs, row, best)
-        return weights[free[free >= lowest]].min() if (free >= lowest).any() else weights[best]
+        lowest = queue_kernels.lowest_connected(costs, weights > 0.0, self._goal[0], self._goal[1], best, self._marks)
+        return weights[free[free >= lowest]].min()
 
     def _enlarge(self) -> None:
         self._cells = np.concatenate((self._cells, np.zeros_like(self._cells)), axis=1)

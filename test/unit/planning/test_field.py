@@ -181,8 +181,24 @@ def test_weights_that_differ_by_far_are_still_exact():
             assert found[1] == pytest.approx(expected, rel=2e-6)
 
 
-def test_lowest_cost_ends_its_look_when_it_cannot_get_lower():
-    costs = np.full((10, 7), 200, np.uint8)
-    costs[2, 3], costs[9, 1] = 5, 3
-    assert queue_kernels.lowest_cost(costs, 2, 5) == 5
-    assert queue_kernels.lowest_cost(costs, 2, 0) == 3
+@pytest.mark.parametrize("seed", range(10))
+def test_lowest_cost_is_that_of_the_cells_connected(seed):
+    rng = np.random.default_rng(seed)
+    free = np.arange(256) < 253
+    marks = np.zeros((30, 25), np.uint8)
+    for _ in range(20):
+        costs = rng.integers(1, 253, (30, 25)).astype(np.uint8)
+        costs[rng.random(costs.shape) < 0.45] = 254
+        x, y = (int(value) for value in rng.integers(0, 25, 2))
+        costs[y, x] = 100
+        reached, waiting = {(x, y)}, [(x, y)]
+        while waiting:
+            column, row = waiting.pop()
+            for cell in ((column + 1, row), (column - 1, row), (column, row + 1), (column, row - 1)):
+                if 0 <= cell[0] < 25 and 0 <= cell[1] < 30 and cell not in reached and costs[cell[1], cell[0]] < 253:
+                    reached.add(cell)
+                    waiting.append(cell)
+        expected = min(costs[row, column] for column, row in reached)
+        assert queue_kernels.lowest_connected(costs, free, x, y, 0, marks) == expected
+        assert queue_kernels.lowest_connected(costs, free, x, y, int(expected), marks) == expected
+        assert not marks.any()
