@@ -65,7 +65,11 @@ class Drivetrain:
                 self._base.park()
         else:
             self._wake()
-            self._speeds = tuple(approach(s, t, self._rim_change) for s, t in zip(self._speeds, self._target))
+            if self._speeds != self._target:
+                (left, right), (left_target, right_target) = self._speeds, self._target
+                self._speeds = (
+                    approach(left, left_target, self._rim_change), approach(right, right_target, self._rim_change)
+                )
         if self._idle_steps < self._park_steps:
             self._turn_wheels(slip)
 
