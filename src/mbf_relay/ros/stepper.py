@@ -62,7 +62,7 @@ class Stepper:
             self._sleep(self._due - rospy.get_time())
 
     def _sleep(self, remaining: float) -> None:
-        if not math.isfinite(remaining):
+        if remaining == math.inf:
             self._wake.wait()
         elif remaining > 0.0:
             self._wake.wait(STILL_CLOCK if self._simulated else remaining)

@@ -48,6 +48,8 @@ class Transforms:
         max_age: Optional[float] = None,
     ) -> TransformStamped:
         """Return the transform as a message, for whoever needs all three dimensions; arguments as for `lookup`."""
+        if not target_frame.strip("/") or not source_frame.strip("/"):
+            raise TransformError(f"no transform from '{source_frame}' to '{target_frame}': a frame must have a name")
         time = rospy.Time(0) if stamp is None else rospy.Time.from_sec(stamp)
         try:
             message = self.buffer.lookup_transform(
