@@ -298,7 +298,7 @@ class RelayTest(unittest.TestCase):
 
     def test_a_frozen_server_is_noticed(self):
         self.make_sure_of_server()
-        goal_id = self.send("drive")
+        goal_id = self.send("drive", x=61.0)
         self.wait_for_feedback(goal_id)
         self.server.send_signal(signal.SIGSTOP)
         try:
@@ -307,6 +307,7 @@ class RelayTest(unittest.TestCase):
             self.server.send_signal(signal.SIGCONT)
         self.assertEqual(end.status, GoalStatus.ABORTED)
         self.assertIn("hangs", end.text)
+        wait_until(lambda: self.reported("cancel drive 61.0"), "the cancel of what was given up")
         self.check_end(self.send("arrive"), GoalStatus.SUCCEEDED, "Goal reached.")
 
     def test_a_clock_that_stands_or_is_set_back_loses_nothing(self):

@@ -98,12 +98,13 @@ class ActionClient:
         self._goals: Dict[str, SentGoal] = {}
         self._life = uuid.uuid4().hex[:8]
         self._count = 0
-        topic = lambda kind: f"{self.name}/{kind}"  # noqa: E731
-        self._goal_publisher = rospy.Publisher(topic("goal"), self._goal_type, queue_size=100, tcp_nodelay=True)
-        self._cancel_publisher = rospy.Publisher(topic("cancel"), GoalID, queue_size=100, tcp_nodelay=True)
+        publisher, subscriber = rospy.Publisher, rospy.Subscriber
+        self._goal_publisher = publisher(f"{self.name}/goal", self._goal_type, queue_size=100, tcp_nodelay=True)
+        self._cancel_publisher = publisher(f"{self.name}/cancel", GoalID, queue_size=100, tcp_nodelay=True)
+        feedback, result = type(action.action_feedback), type(action.action_result)
         self._subscribers = [
-            rospy.Subscriber(topic("result"), type(action.action_result), self._take_result, tcp_nodelay=True),
-            rospy.Subscriber(topic("feedback"), type(action.action_feedback), self._take_feedback, tcp_nodelay=True),
+            subscriber(f"{self.name}/result", result, self._take_result, tcp_nodelay=True),
+            subscriber(f"{self.name}/feedback", feedback, self._take_feedback, tcp_nodelay=True),
         ]
         self._watch = ServerWatch(
             self.name, self._goal_publisher.impl.has_connection, silence_timeout, self._take_status)
@@ -209,6 +210,8 @@ class ActionClient:
         with self._lock:
             still_open = self._goals.pop(sent.goal_id, None) is not None
         if still_open:
+            if ending.status == GoalStatus.LOST:
+                self.cancel(sent.goal_id)  # a server that only hung must not go on with what was given up
             sent.finish(ending)
 
     @property
