@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import List, Optional
+from typing import Optional
 
 import rospy
 from nav_msgs.msg import OccupancyGrid
@@ -13,13 +13,16 @@ from mbf_relay.maps import save_map
 from mbf_relay.ros.conversions import map_from_message
 
 
-def parse_arguments(arguments: List[str]) -> argparse.Namespace:
-    """Return the options of the command line; exits with its usage where they are wrong."""
+def make_parser() -> argparse.ArgumentParser:
+    """Return what reads the command line; it exits with its usage where that is wrong."""
     parser = argparse.ArgumentParser(prog="map_saver", description="Write the map on the topic 'map' to NAME.pgm and NAME.yaml.")
     parser.add_argument("-f", dest="name", metavar="NAME", default="map", help="files to write, without ending")
     parser.add_argument("--occ", type=int, default=65, help="cells from this value on are occupied, 1 to 100")
     parser.add_argument("--free", type=int, default=25, help="cells up to this value are free, 0 to 100")
-    return parser.parse_args(arguments)
+    return parser
+
+
+USAGE = make_parser().format_help()
 
 
 def wait_for_map() -> Optional[OccupancyGrid]:
@@ -34,7 +37,7 @@ def wait_for_map() -> Optional[OccupancyGrid]:
 
 def main() -> None:
     """Save one map."""
-    options = parse_arguments(rospy.myargv(sys.argv)[1:])
+    options = make_parser().parse_args(rospy.myargv(sys.argv)[1:])
     if not 0 <= options.free < options.occ <= 100:
         raise ValueError(f"--occ is {options.occ} and --free is {options.free}; they must be 0 <= free < occ <= 100")
     rospy.loginfo("waiting for a map on %s", rospy.resolve_name("map"))

@@ -22,8 +22,13 @@ def run_node(name: str, main: Callable[[], None]) -> None:
     """Register a node, run `main` until it returns, and exit.
 
     The exit status is 0 after `main` returned or ROS was shut down and 1 after an error a user can mend, which is
-    logged as one line. A programming error keeps its traceback.
+    logged as one line. A programming error keeps its traceback. `--help` prints what the module of `main` says of itself
+    (its USAGE where it has one, else its docstring) and needs no ROS master.
     """
+    if {"-h", "--help"} & set(rospy.myargv(sys.argv)[1:]):
+        module = sys.modules[main.__module__]
+        print(str(getattr(module, "USAGE", module.__doc__)).strip())
+        sys.exit(0)
     rospy.init_node(name)
     try:
         main()

@@ -59,7 +59,9 @@ def parameter_sets() -> List[Type[ParameterSet]]:
     while pending:
         candidate = pending.pop()
         pending.extend(candidate.__subclasses__())
-        if candidate.__module__.startswith("mbf_relay.") and dataclasses.fields(candidate):
+        # A set that another one extends is shown there, with what the other adds.
+        extended = any(further.__module__.startswith("mbf_relay.") for further in candidate.__subclasses__())
+        if candidate.__module__.startswith("mbf_relay.") and dataclasses.fields(candidate) and not extended:
             found[f"{candidate.__module__}.{candidate.__qualname__}"] = candidate
     return [found[name] for name in sorted(found)]
 

@@ -1,0 +1,23 @@
+"""Launch files explain their arguments and hold what they name."""
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("mbf_msgs", reason="needs the built package")
+rlutil = pytest.importorskip("roslaunch.rlutil")
+
+LAUNCH = sorted((Path(__file__).resolve().parents[3] / "launch").glob("*.launch"))
+
+
+@pytest.mark.parametrize("path", LAUNCH, ids=lambda path: path.name)
+def test_every_argument_is_explained(path):
+    for argument in ElementTree.parse(str(path)).getroot().iter("arg"):
+        if "default" in argument.attrib or not ("value" in argument.attrib):
+            assert argument.get("doc"), f"argument {argument.get('name')} of {path.name} has no doc"
+
+
+@pytest.mark.parametrize("path", LAUNCH, ids=lambda path: path.name)
+def test_roslaunch_check_finds_nothing(path):
+    assert rlutil.check_roslaunch(str(path)) is None  # what roslaunch-check calls; it returns the error's text
