@@ -38,6 +38,17 @@ class DistanceField:
         self.distances = distances_to(occupancy.data >= OCCUPIED_FROM, occupancy.resolution, max_distance)
         self.blocked = np.ascontiguousarray(~free_cells(occupancy)).view(np.uint8)
 
+    def surface_distances(self) -> np.ndarray:
+        """Return the distances (m) to the faces of obstacles, with what lies inside of thick ones far from them.
+
+        A beam ends on a face. To the plain field a beam that ends deep in a wall fits as well as one that ends on it.
+        """
+        occupied = self.occupancy.data >= OCCUPIED_FROM
+        inside = cv2.erode(occupied.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_REPLICATE)
+        if not inside.any():
+            return self.distances
+        return distances_to(occupied & (inside == 0), self.resolution, self.max_distance)
+
     @property
     def frame(self) -> np.ndarray:
         """Origin x, y, theta and resolution as the kernels take them, shape (4,)."""

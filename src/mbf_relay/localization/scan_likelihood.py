@@ -48,16 +48,17 @@ class ScanLikelihood:
     """Likelihood of endpoints on a map's distance field: a mixture of hit and anything, tempered."""
 
     def __init__(self, field: DistanceField, sigma_hit: float) -> None:
-        self._field = field
+        self._frame = field.frame
+        self._distances = field.surface_distances()
         self._sigma = sigma_hit * NARROWING
-        squared = np.square(field.distances) * np.float32(-0.5 / self._sigma ** 2)
+        squared = np.square(self._distances) * np.float32(-0.5 / self._sigma ** 2)
         self._table = np.log(np.float32(1.0 - OUTLIERS) * np.exp(squared) + np.float32(OUTLIERS))
         self._outside = math.log(OUTLIERS)
 
     def log(self, poses: np.ndarray, endpoints: np.ndarray) -> np.ndarray:
         """Return the tempered log-likelihood of endpoints, shape (B, 2) in the base's frame, at poses, shape (N, 3)."""
         sums = np.empty(len(poses))
-        sum_over_endpoints(np.ascontiguousarray(poses), endpoints, self._table, self._outside, self._field.frame, sums)
+        sum_over_endpoints(np.ascontiguousarray(poses), endpoints, self._table, self._outside, self._frame, sums)
         return sums * temper(len(endpoints))
 
     def modes(self, starts: np.ndarray, prior: PoseGaussian, endpoints: np.ndarray) -> Modes:
@@ -66,7 +67,7 @@ class ScanLikelihood:
         covariances, explained = np.empty((len(poses), 3, 3)), np.empty(len(poses))
         sigmas = np.array([max(WIDE_SIGMA, self._sigma), self._sigma])
         climb(
-            poses, endpoints, self._field.distances, self._field.frame, sigmas, OUTLIERS, temper(len(endpoints)),
+            poses, endpoints, self._distances, self._frame, sigmas, OUTLIERS, temper(len(endpoints)),
             prior.mean, prior.information, ITERATIONS, covariances, explained,
         )
         poses[:, 2] = normalize_angles(poses[:, 2])

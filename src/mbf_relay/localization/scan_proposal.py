@@ -31,6 +31,9 @@ WIDENING = 1.5
 """Factor on the deviations around a maximum, so that the proposal's tails lie above the target's."""
 FEWEST_BEAMS = 5
 
+FULL_CREDIT = 0.6
+"""Share of the beams the map must explain for a scan to be believed in full; below, with the third power."""
+
 SCOUTS = 6000
 SCOUT_BEAMS = 60
 BASE = np.array([0.25, 0.25, 0.15])
@@ -106,9 +109,11 @@ class ScanProposal:
             modes = self._redraw(members, poses, log_weights, likelihoods, endpoints, rng)
             if rank == 0:
                 self.explained = float(modes.explained[np.argmax(modes.log_masses)])
-        log_weights += likelihoods
+        # Of a scan in which little is on the map, what fits does so by chance.
+        credit = min(1.0, self.explained / FULL_CREDIT) ** 3
+        log_weights += credit * likelihoods
         if self._trust.is_lost(self.explained, driven):
-            return self._send_scouts(poses, log_weights, belief, endpoints, rng)
+            return self._send_scouts(poses, log_weights, belief, endpoints, credit, rng)
         return poses, log_weights
 
     def _redraw(
@@ -133,7 +138,7 @@ class ScanProposal:
         return modes
 
     def _send_scouts(
-        self, poses: np.ndarray, log_weights: np.ndarray, belief: PoseGaussian, endpoints: np.ndarray,
+        self, poses: np.ndarray, log_weights: np.ndarray, belief: PoseGaussian, endpoints: np.ndarray, credit: float,
         rng: np.random.Generator,
     ) -> Tuple[np.ndarray, np.ndarray]:
         """Add particles where odometry would not have led, if the map explains clearly more of the scan there."""
@@ -149,7 +154,7 @@ class ScanProposal:
         around = mixture_around(modes)
         found = around.sample(max(100, len(poses) // 4), rng)
         found_weights = math.log(SLIP) + wide.log_density(found) - around.log_density(found) - math.log(len(found))
-        found_weights += self._likelihood.log(found, endpoints)
+        found_weights += credit * self._likelihood.log(found, endpoints)
         excess = log_sum_exp(found_weights) - log_sum_exp(log_weights) - math.log(MOST / (1.0 - MOST))
         return np.vstack((poses, found)), np.concatenate((log_weights, found_weights - max(0.0, excess)))
 
