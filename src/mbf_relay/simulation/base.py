@@ -12,7 +12,7 @@ from mbf_relay.simulation import burger
 from mbf_relay.simulation.bullet import pybullet
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.parameters import SimulationParameters
-from mbf_relay.simulation.physics import FIXED, GROUND, IDENTITY_QUATERNION, LOOSE, ROBOT, Physics
+from mbf_relay.simulation.physics import FIXED, GROUND, IDENTITY_QUATERNION, LOOSE, ROBOT, ROLLING, Physics
 
 WHEELS = (0, 1)
 RIM_CLEARANCE = 0.003  # m between the ground and the wheels' part of the hull, which only meets obstacles
@@ -35,7 +35,7 @@ class Base:
         self.body = self._create(Frame.from_pose(pose, burger.BASE_HEIGHT))
         physics.filter(self.body, ROBOT, GROUND | FIXED | LOOSE)
         for wheel in WHEELS:  # the balls that roll are wider than the wheels, which are part of the hull
-            pybullet.setCollisionFilterGroupMask(self.body, wheel, ROBOT, GROUND, physicsClientId=self._client)
+            pybullet.setCollisionFilterGroupMask(self.body, wheel, ROLLING, GROUND, physicsClientId=self._client)
         self._set_dynamics(parameters.wheel_friction)
         self.turn_wheels(0.0, 0.0, 0.0, 0.0)
 

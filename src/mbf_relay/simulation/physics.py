@@ -16,7 +16,7 @@ from mbf_relay.simulation.bullet import pybullet
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.shapes import Box, Cylinder, Shape, Sphere
 
-GROUND, FIXED, LIDAR, ROBOT, LOOSE = 2, 4, 8, 16, 32
+GROUND, FIXED, LIDAR, ROBOT, LOOSE, ROLLING = 2, 4, 8, 16, 32, 64
 """Collision groups; Bullet gives rays group 1."""
 
 RAYS = 1
@@ -54,7 +54,7 @@ class Physics:
         )
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
         self.ground = pybullet.createMultiBody(0.0, plane, physicsClientId=self.client)
-        self.filter(self.ground, GROUND, ROBOT | LOOSE)
+        self.filter(self.ground, GROUND, ROBOT | LOOSE | ROLLING)
         pybullet.changeDynamics(self.ground, -1, lateralFriction=1.0, physicsClientId=self.client)
         self.rays_hit: int = LIDAR | LOOSE
 

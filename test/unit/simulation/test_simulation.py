@@ -245,6 +245,14 @@ def test_equal_seeds_give_equal_streams_byte_for_byte():
     assert stream(5) != stream(6)
 
 
+@pytest.mark.parametrize("gap, expected", [(0.094, False), (0.084, True)])
+def test_the_robot_is_as_wide_as_its_wheels(gap, expected):
+    post = Body("post", Cylinder(0.03, 0.5), Frame.of(0.3, gap + 0.03, 0.25))
+    with simulate([post]) as simulation:
+        seen = run(simulation, 2.5, Twist2D(0.2, 0.0, 0.0))
+        assert any(o.contacts for o in seen) is expected, "wheels reach 0.089 m to the side"
+
+
 def test_a_touch_is_told_with_its_place_and_the_others_name():
     bodies = [box("wall", 1.0, 0.0, (0.2, 4.0, 1.0)), box("other", -1.0, 0.0, (0.2, 4.0, 1.0))]
     with simulate(bodies) as simulation:
