@@ -9,6 +9,7 @@ from typing import Any, Callable, ClassVar, Optional, Type
 
 import numpy as np
 
+from mbf_relay.control.back_out import BackOut
 from mbf_relay.control.controller import Controller, ControlState, GoalTolerance, SpeedLimit
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.goal_keeper import GoalKeeper
@@ -70,6 +71,7 @@ class PathFollower(Controller, abc.ABC):
         self._goal_keeper = GoalKeeper()
         self._stuck_guard = StuckGuard()
         self._goal_guard = GoalGuard()
+        self._back_out = BackOut()
         self.command = STOP
         self.watcher: Optional[Callable[[CycleReport], None]] = None
         self._around: Optional[Surroundings] = None
@@ -104,6 +106,7 @@ class PathFollower(Controller, abc.ABC):
             self._goal_keeper.reset()
             self._goal_guard.reset()
             self._stuck_guard.reset()
+            self._back_out.reset()
             self._turn_left = None
 
     def is_goal_reached(self, state: ControlState, tolerance: Optional[GoalTolerance] = None) -> bool:
@@ -154,11 +157,27 @@ class PathFollower(Controller, abc.ABC):
                 f"the robot is {around.path.robot_distance:.2f} m from the path; at most "
                 f"{parameters.missed_path_distance:.2f} m (missed_path_distance) can be rejoined",
             )
-        turn = self.turn_to_path(around, self.turn_to_path_angle)
+        turn = None if self._back_out.is_active else self.turn_to_path(around, self.turn_to_path_angle)
         if turn is not None:
             return turn
         self._drove = True
-        return self.drive(around)
+        return self._drive_or_back_out(around)
+
+    def _drive_or_back_out(self, around: Surroundings) -> Twist2D:
+        state, parameters = around.state, self.parameters
+        back_out = self._back_out
+        if not back_out.is_active:
+            try:
+                command = self.drive(around)
+            except ControlError:
+                back_out.failed(state.now, state.pose, around.path, around.view, parameters)
+                if not back_out.is_active:
+                    raise
+            else:
+                back_out.drove(around.path)
+                return command
+        backward = back_out.command(state.pose, around.velocity, around.view, parameters, state.period)
+        return self.drive(around) if backward is None else backward
 
     def _look_around(self, state: ControlState, parameters: FollowerParameters) -> Surroundings:
         limit = self.speed_limit_at(state.pose)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from functools import lru_cache
-from typing import Tuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -14,7 +15,22 @@ from mbf_relay.costmap.cost_grid import LETHAL, CostGrid
 from mbf_relay.geometry import Pose2D
 
 HEADINGS = 256  # the outline is turned beforehand; half a step moves a burger's corner by 2 mm
-OVERLAP = 0.25
+OVERLAP, LOOSE_OVERLAP = 0.25, 0.45
+
+
+class FreeWay(NamedTuple):
+    """How far trajectories are free.
+
+    Attributes:
+        steps: Shape (N,), int64: poses before the first contact.
+        highest_costs, summed_costs: Shape (N,): the highest and the summed cost under the centre at these poses.
+        contacts: Shape (N,), int64: what is still touched at the last of them, of what was touched at the start.
+    """
+
+    steps: np.ndarray
+    highest_costs: np.ndarray
+    summed_costs: np.ndarray
+    contacts: np.ndarray
 
 
 class ObstacleView:
@@ -39,6 +55,16 @@ class ObstacleView:
         self._radius = float(np.hypot(corners[:, 0], corners[:, 1]).max()) if len(corners) else 0.0
         self._overlap = overlap
 
+    def loosened(self) -> ObstacleView:
+        """Return a view in which the outline may overlap obstacle cells nearly to their middle.
+
+        For a robot that already overlaps more than it should, as cells come and go with the noise of the scan: it must
+        still tell what leads farther in from what leads out.
+        """
+        view = copy.copy(self)
+        view._overlap = max(self._overlap, LOOSE_OVERLAP)
+        return view
+
     def contacts_at(self, pose: Pose2D, scale: float = 1.0) -> int:
         """Return how many points of the outline, a third of a cell apart, lie on an obstacle at a pose."""
         return int(
@@ -50,8 +76,8 @@ class ObstacleView:
 
     def first_contacts(
         self, poses: np.ndarray, counts: np.ndarray, scales: np.ndarray, allowed: int = 0
-    ) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return for each trajectory the poses before its first contact, and the highest and summed cost under them.
+    ) -> FreeWay:
+        """Return how far each trajectory of a batch is free, and what it passes.
 
         Args:
             poses: Shape (N, S, 3), float64, C-contiguous.
@@ -59,19 +85,20 @@ class ObstacleView:
             scales: Shape (N,), float64: factor on the footprint.
             allowed: Contacts the robot already has; a trajectory may keep them and lose them, not add to them.
         """
-        free, highest, summed = np.empty(len(poses), np.int64), np.empty(len(poses)), np.empty(len(poses))
+        way = FreeWay(
+            np.empty(len(poses), np.int64), np.empty(len(poses)), np.empty(len(poses)), np.empty(len(poses), np.int64))
         trajectory_kernels.first_contacts(
             self._costs, self._distances, *self._place, self._outlines, self._radius, self._overlap, poses, counts, scales,
-            allowed, free, highest, summed,
+            allowed, way.steps, way.highest_costs, way.summed_costs, way.contacts,
         )
-        return free, highest, summed
+        return way
 
     def free_steps(self, poses: np.ndarray, allowed: int = 0) -> int:
         """Return how many of consecutive poses, shape (S, 3), come before the first contact."""
         if len(poses) == 0:
             return 0
         batch = np.ascontiguousarray(poses, dtype=float)[None]
-        return int(self.first_contacts(batch, np.array([len(poses)]), np.ones(1), allowed)[0][0])
+        return int(self.first_contacts(batch, np.array([len(poses)]), np.ones(1), allowed).steps[0])
 
     def room_along(self, points: np.ndarray) -> float:
         """Return the least distance (m) between obstacles and the footprint's sides, were it to pass along points (N, 2)."""
