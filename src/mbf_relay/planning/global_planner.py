@@ -16,6 +16,12 @@ from mbf_relay.planning.orientation import OrientationMode, oriented
 from mbf_relay.planning.weights import global_planner_weights
 
 
+RECONFIGURABLE = (
+    "lethal_cost", "neutral_cost", "cost_factor", "publish_potential", "orientation_mode", "orientation_window_size",
+)
+"""What can be changed at run time, as in global_planner."""
+
+
 @dataclass(frozen=True)
 class GlobalPlannerParameters(ParameterSet):
     """Parameters of global_planner, by its names."""

@@ -19,6 +19,18 @@ from mbf_relay.planning.planner import Cancellation, Planner
 Cell = Tuple[int, int]
 
 
+class PotentialWatcher(abc.ABC):
+    """Somebody who looks at the potential of each plan."""
+
+    @abc.abstractmethod
+    def is_watching(self) -> bool:
+        """Tell whether the potential is wanted at present."""
+
+    @abc.abstractmethod
+    def take(self, costmap: CostGrid, potential: np.ndarray, start: Pose2D) -> None:
+        """Look at a potential: (height, width), 0 where nothing is known. It changes with the next plan."""
+
+
 @dataclass(frozen=True)
 class Leg:
     """What a search is asked for, both ends on free cells.
@@ -46,7 +58,8 @@ class GridPlanner(Planner):
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
-        self.wants_potential = False
+        self.potential_watcher: Optional[PotentialWatcher] = None
+        self.wants_potential = False  # in the present plan: somebody looks at the potential
 
     @abc.abstractmethod
     def weights(self) -> np.ndarray:
@@ -72,6 +85,8 @@ class GridPlanner(Planner):
         self, costmap: CostGrid, start: Pose2D, goal: Pose2D, tolerance: float, cancelled: Cancellation
     ) -> Path:
         request.require_finite(start, goal)
+        watcher = self.potential_watcher
+        self.wants_potential = watcher is not None and watcher.is_watching()
         weights = self.weights()
         way_out = request.departure(costmap, weights, start)
         start_cell = (int(way_out[-1, 0]), int(way_out[-1, 1]))
@@ -81,6 +96,9 @@ class GridPlanner(Planner):
         tolerance = max(tolerance, self.parameters.default_tolerance)
         found, goal = self._find(costmap, weights, leaving, start_cell, goal, tolerance, cancelled)
         points, cost = found
+        potential = self.potential() if self.wants_potential else None
+        if watcher is not None and potential is not None:
+            watcher.take(costmap, potential, leaving)
         if len(way_out) > 1:
             points = np.vstack((costmap.grid.centers_of(way_out[:-1]), points))
             points[0] = start[:2]

@@ -22,6 +22,7 @@ from mbf_relay.ros.costmaps import CostmapNode
 from mbf_relay.ros.diagnostics import ERROR, OK, Diagnostics, RateMeter, Report
 from mbf_relay.ros.navigation_actions import make_actions
 from mbf_relay.ros.navigation_topics import NavigationTopics
+from mbf_relay.ros.planner_potential import serve_planners
 from mbf_relay.ros.planner_topics import PlannerTopics
 from mbf_relay.ros.robot import RosRobot
 from mbf_relay.ros.stepper import Stepper
@@ -78,6 +79,7 @@ class MoveBaseFlex:
         rospy.on_shutdown(self.close)
         self._reconfigure_server = _serve_reconfigure(self.navigator, self._stepper)
         self._controllers = serve_controllers(self.navigator.controllers)
+        self._planners = serve_planners(self.navigator.planners)
         for node in self._costmap_nodes.values():
             node.start()
         if self._costmap_nodes:
