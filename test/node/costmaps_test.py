@@ -1,0 +1,192 @@
+#!/usr/bin/env python3
+"""Two costmaps of both forms on topics: what feeds them, what they publish, and what they say of missing input."""
+
+import os
+import subprocess
+import sys
+import unittest
+
+import numpy as np
+import rospy
+import rostest
+from geometry_msgs.msg import Point32, Polygon, PolygonStamped, TransformStamped
+from map_msgs.msg import OccupancyGridUpdate
+from nav_msgs.msg import OccupancyGrid
+from sensor_msgs.msg import PointCloud2, PointField
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+
+from made_room import RoomRobot, made_room  # noqa: E402
+from ros_testing import Listener, wait_until  # noqa: E402
+
+from mbf_relay.geometry import Pose2D  # noqa: E402
+from mbf_relay.ros.conversions import header, map_to_message, transform_to_message  # noqa: E402
+from mbf_relay.ros.costmap_publisher import OCCUPANCY  # noqa: E402
+from mbf_relay.ros.costmaps import CostmapNode  # noqa: E402
+from mbf_relay.ros.parameters import read_namespace  # noqa: E402
+from mbf_relay.ros.transforms import Transforms  # noqa: E402
+
+START = Pose2D(0.0, 1.0, 0.4)
+
+LATE = """
+import sys
+import rospy
+from nav_msgs.msg import OccupancyGrid
+rospy.init_node("late", anonymous=True)
+info = rospy.wait_for_message(sys.argv[1], OccupancyGrid, 30.0).info
+print(info.width, info.height)
+"""
+
+
+def assembled(grids, updates):
+    """Return the costmap a listener puts together from the last whole grid and the updates after it."""
+    last = grids.messages[-1]
+    data = np.array(last.data, dtype=np.int8).reshape(last.info.height, last.info.width)
+    for update in updates.messages:
+        if update.header.stamp > last.header.stamp:
+            part = np.array(update.data, dtype=np.int8).reshape(update.height, update.width)
+            data[update.y:update.y + update.height, update.x:update.x + update.width] = part
+    return data
+
+
+class TestCostmaps(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.room = made_room()
+        cls.map_publisher = rospy.Publisher("map", OccupancyGrid, queue_size=1, latch=True)
+        cls.map_publisher.publish(map_to_message(cls.room, "map", rospy.get_rostime()))
+        cls.map_updates = rospy.Publisher("map_updates", OccupancyGridUpdate, queue_size=1)
+        cls.clouds = rospy.Publisher("cloud", PointCloud2, queue_size=1)
+        cls.outlines = rospy.Publisher("~local_costmap/outline", Polygon, queue_size=1)
+        cls.robot = RoomRobot(cls.room, START)
+        mounts = [cls.robot._mount(frame, mount, down) for frame, _, mount, down in cls.robot.lidars]
+        placed = TransformStamped(header("map", rospy.get_rostime()), "odom", transform_to_message(cls.robot.odom_in_map))
+        cls.robot._static.sendTransform(mounts + [placed])
+        config = read_namespace("~")
+        transforms = Transforms()
+        cls.nodes = {side: CostmapNode(f"{side}_costmap", config, transforms) for side in ("global", "local")}
+        cls.grids, cls.updates = {}, {}
+        for side, node in cls.nodes.items():
+            node.start()
+            cls.grids[side] = Listener(f"~{side}_costmap/costmap", OccupancyGrid)
+            cls.updates[side] = Listener(f"~{side}_costmap/costmap_updates", OccupancyGridUpdate)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.robot.stop()
+        for node in cls.nodes.values():
+            node.close()
+
+    def setUp(self):
+        self.robot.velocity = (0.0, 0.0)
+        self.robot.scanning = True
+        for side, node in self.nodes.items():
+            wait_until(lambda: node.costmap.stale_reason(rospy.get_time()) is None, f"the {side} costmap to be up to date")
+
+    def picture(self, side):
+        return self.nodes[side].costmap.snapshot()
+
+    def test_the_map_is_published_once_and_then_what_changed(self):
+        grid = self.grids["global"].wait_for(lambda message: 100 in message.data, "a costmap with obstacles")
+        self.assertEqual((grid.info.width, grid.info.height), (200, 120))
+        self.assertEqual(grid.header.frame_id, "map")
+        self.assertAlmostEqual(grid.info.origin.position.x, -2.0)
+        whole = len(self.grids["global"].messages)
+        update = OccupancyGridUpdate(header("map", rospy.get_rostime()), 100, 50, 2, 3, [100] * 6)
+        wait_until(lambda: self.map_updates.get_num_connections() > 0, "the costmap to subscribe to map updates")
+        self.map_updates.publish(update)
+        sent = self.updates["global"].wait_for(lambda message: 100 in message.data, "the changed window")
+        self.assertTrue(sent.x <= 100 and sent.y <= 50 and sent.width < 60 and sent.height < 60)
+        self.assertEqual(len(self.grids["global"].messages), whole)
+        wait_until(
+            lambda: (assembled(self.grids["global"], self.updates["global"]) == OCCUPANCY[self.picture("global").costs]).all(),
+            "the grid put together from updates to equal the costmap")
+
+    def test_whoever_comes_late_gets_the_whole_costmap(self):
+        wait_until(lambda: self.grids["global"].messages, "the first costmap")
+        # another process: here a second listener would share the first one's connection
+        told = subprocess.run(
+            [sys.executable, "-c", LATE, rospy.resolve_name("~global_costmap/costmap")], stdout=subprocess.PIPE,
+            universal_newlines=True, timeout=60.0)
+        self.assertEqual(told.stdout.split(), ["200", "120"])
+
+    def test_the_local_costmap_shows_what_the_lidar_sees_and_follows_the_robot(self):
+        grid = self.grids["local"].wait_for(lambda message: 100 in message.data, "a costmap with obstacles")
+        self.assertEqual((grid.info.width, grid.info.height, grid.header.frame_id), (60, 60, "odom"))
+        before = self.picture("local").grid.origin_x, self.picture("local").grid.origin_y
+        self.robot.velocity = (0.3, 0.0)
+        wait_until(
+            lambda: (self.picture("local").grid.origin_x, self.picture("local").grid.origin_y) != before,
+            "the window to move")
+
+    def test_points_of_a_cloud_within_its_heights_become_obstacles(self):
+        wait_until(lambda: self.clouds.get_num_connections() > 0, "the costmap to subscribe to the cloud")
+        ahead = np.array([[0.5, 0.0, 0.2], [0.0, 0.5, 0.9], [np.nan, 0.0, 0.0]], dtype=np.float32)
+        fields = [PointField(name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate("xyz")]
+
+        def cost_at(x, y):
+            picture = self.picture("local")
+            point = self.robot.odom_pose.transform_points(np.array([[x, y]]))[0]
+            column, row = picture.grid.cell_at(*point)
+            return picture.costs[row, column]
+
+        def marked():
+            stamp = rospy.get_rostime()
+            self.clouds.publish(PointCloud2(
+                header("base_footprint", stamp), 1, 3, fields, False, 12, 36, ahead.tobytes(), False))
+            return cost_at(0.5, 0.0) == 254
+
+        wait_until(marked, "the low point to be marked", period=0.1)
+        self.assertNotEqual(cost_at(0.0, 0.5), 254)
+
+    def test_the_footprint_is_published_and_can_be_changed(self):
+        outlines = Listener("~local_costmap/footprint", PolygonStamped)
+        first = outlines.wait_for(lambda message: len(message.polygon.points) == 16, "the round footprint")
+        self.assertEqual(first.header.frame_id, "odom")
+        wait_until(lambda: self.outlines.get_num_connections() > 0, "the costmap to subscribe to outlines")
+        self.outlines.publish(Polygon([Point32(-0.1, -0.1, 0.0), Point32(-0.1, 0.1, 0.0), Point32(0.2, 0.0, 0.0)]))
+        outlines.wait_for(lambda message: len(message.polygon.points) == 3, "the new footprint")
+        self.outlines.publish(Polygon([Point32(0.0, 0.0, 0.0)]))  # refused; the last one stays
+        outlines.wait_for(lambda message: len(message.polygon.points) == 3, "the footprint to stay", since=len(outlines.messages))
+        outlines.close()
+
+    def test_a_silent_source_is_named_until_it_speaks_again(self):
+        self.robot.scanning = False
+        reason = wait_until(
+            lambda: self.nodes["local"].costmap.stale_reason(rospy.get_time()), "the costmap to become stale", timeout=15.0)
+        self.assertIn("source 'scan'", reason)
+        level, text, _ = self.nodes["local"].report()
+        self.assertEqual(level, 2)
+        self.assertIn("scan", text)
+        self.assertIsNone(self.nodes["global"].costmap.stale_reason(rospy.get_time()))
+        self.robot.scanning = True
+        wait_until(lambda: self.nodes["local"].costmap.stale_reason(rospy.get_time()) is None, "the costmap to be fresh")
+
+    def test_a_source_without_a_transform_is_named(self):
+        real = self.robot.change_message
+
+        def renamed(message):
+            message.header.frame_id = "nowhere"
+            return message
+
+        self.robot.change_message = renamed
+        try:
+            text = wait_until(
+                lambda: "nowhere" in self.nodes["local"].report()[1] and self.nodes["local"].report()[1],
+                "a report that names the frame", timeout=15.0)
+            self.assertIn("'scan'", text)
+        finally:
+            self.robot.change_message = real
+
+    def test_resting_costmaps_stand_still(self):
+        node = self.nodes["global"]
+        node.rest()
+        wait_until(lambda: node.costmap.stale_reason(rospy.get_time()), "a resting costmap to be stale", timeout=10.0)
+        node.resume()
+        wait_until(lambda: node.costmap.stale_reason(rospy.get_time()) is None, "it to be up to date again")
+
+
+if __name__ == "__main__":
+    rospy.init_node("costmaps")
+    rostest.rosrun("mbf_relay", "costmaps", TestCostmaps)
