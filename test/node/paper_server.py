@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The real server over scripted plugins and an empty costmap, with a robot that goes where it is told: for races.
 
-Parameters beside the server's: ~plan_time (s) a plan takes, ~recovery_steps a behaviour drives for.
+Parameters beside the server's: ~script/plan_time (s) a plan takes, ~script/recovery_steps a behaviour drives for.
 """
 
 import os
@@ -24,7 +24,7 @@ from mbf_relay.ros.transforms import Transforms  # noqa: E402
 
 def plan(start: Pose2D, goal: Pose2D) -> Path:
     """Think for as long as the test wants."""
-    threading.Event().wait(rospy.get_param("~plan_time", 0.005))
+    threading.Event().wait(rospy.get_param("~script/plan_time", 0.005))
     return scripted.line(start, goal)
 
 
@@ -46,7 +46,7 @@ def main() -> None:
     script = scripted.SCRIPT
     script.plan, script.velocity = plan, steer
     script.reached = lambda state: state.pose.distance_to(newest_goal()) < 0.05
-    script.recovery = lambda context: (scripted.FORWARD for _ in range(rospy.get_param("~recovery_steps", 20)))
+    script.recovery = lambda context: (scripted.FORWARD for _ in range(rospy.get_param("~script/recovery_steps", 20)))
     wheels = PaperWheels()
     costmaps = {"global": scripted.PaperCostmap("map"), "local": scripted.PaperCostmap("odom")}
     server = MoveBaseFlex({**scripted.config(), **read_namespace("~")}, costmaps, Transforms(), {})

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Any, Dict
+from typing import Any, Callable, Dict, Optional
 
 import actionlib
 import rospy
@@ -30,9 +30,17 @@ class ActionServer(actionlib.ActionServer):
     """An ActionServer; constructor and use as actionlib's, with auto_start off.
 
     `lock` is the one lock of the server: goal and cancel callbacks run under it, goal handles take it.
+
+    Args:
+        name, action_type, goal_cb, cancel_cb: As actionlib's.
+        recalled: Makes the result of a goal whose cancel came before it; actionlib sends an empty one, which says 0,
+            and that is SUCCESS to whoever looks at the outcome alone.
     """
 
-    def __init__(self, name: str, action_type: Any, goal_cb: Any, cancel_cb: Any) -> None:
+    def __init__(
+        self, name: str, action_type: Any, goal_cb: Any, cancel_cb: Any, recalled: Optional[Callable[[], Any]] = None
+    ) -> None:
+        self._recalled = recalled
         self._finished_at: Dict[str, float] = {}
         self._stopped = threading.Event()
         super().__init__(name, action_type, goal_cb, cancel_cb, auto_start=False)
@@ -75,6 +83,12 @@ class ActionServer(actionlib.ActionServer):
             self.status_list[:] = [tracker for tracker in self.status_list if tracker.goal is not None]
             super().internal_cancel_callback(goal_id)
             self.status_list.extend(tracker for tracker in early if tracker.status.goal_id.id != goal_id.id)
+
+    def publish_result(self, status: GoalStatus, result: Any) -> None:
+        """Publish a goal's result; overrides actionlib's, see `recalled`."""
+        if self._recalled is not None and status.status == GoalStatus.RECALLED and result == self.ActionResultType():
+            result = self._recalled()
+        super().publish_result(status, result)
 
     def publish_status(self) -> None:
         """Publish the goals at hand and those finished lately; overrides actionlib's."""

@@ -27,6 +27,7 @@ class Request:
 
     def __init__(self, handle: Any, reading: Job) -> None:
         self.handle, self.reading = handle, reading
+        self.goal_id: str = handle.get_goal_id().id  # kept, as asking takes the action server's lock
         self.cancelled = False
         self.task: "Optional[Task[Any]]" = None
 
@@ -56,11 +57,12 @@ class Action:
         self.wake: Callable[[], None] = lambda: None
         self.worker: Worker = InlineWorker()
         self.robot_frame = ""
-        self._lock = threading.Lock()  # guards the two below; nothing else is taken while it is held
+        # guards the two below; taken inside the action server's lock, so never that one inside this
+        self._lock = threading.Lock()
         self._inbox: Deque[Request] = collections.deque()
         self._requests: Dict[str, Request] = {}
         self._running: List[Request] = []
-        self._server = ActionServer(f"~{name}", action_type, self._on_goal, self._on_cancel)
+        self._server = ActionServer(f"~{name}", action_type, self._on_goal, self._on_cancel, self._recalled)
 
     def start(self) -> None:
         """Advertise."""
@@ -72,13 +74,14 @@ class Action:
         goal = handle.get_goal()
         request = Request(handle, self.worker.start(lambda: self._read(goal)))
         with self._lock:
-            self._requests[handle.get_goal_id().id] = request
+            self._requests[request.goal_id] = request
             self._inbox.append(request)
         self.wake()
 
     def _on_cancel(self, handle: Any) -> None:
+        goal_id = handle.get_goal_id().id
         with self._lock:
-            request = self._requests.get(handle.get_goal_id().id)
+            request = self._requests.get(goal_id)
             if request is None:
                 return
             request.cancelled = True
@@ -124,8 +127,7 @@ class Action:
 
     def _begin(self, request: Request) -> None:
         if request.cancelled:
-            result = self._failure(self._outcomes["CANCELED"], "Goal cancelled before it began")
-            self._end(request, Ending.CANCELED, result)
+            self._end(request, Ending.CANCELED, self._recalled())
             return
         try:
             goal = request.reading.result()
@@ -147,14 +149,16 @@ class Action:
                 task.cancel()
         self._running.append(request)
 
+    def _recalled(self) -> Any:
+        return self._failure(self._outcomes["CANCELED"], "Goal cancelled before it began")
+
     def _failure(self, outcome: Enum, message: str) -> Any:
         return self._result_type(outcome=messages.outcome_code(outcome, self._result_type), message=message)
 
     def _end(self, request: Request, ending: Ending, result: Any) -> None:
         handle = request.handle
-        goal_id = handle.get_goal_id().id  # takes the server's lock, under which callbacks take ours
         with self._lock:
-            self._requests.pop(goal_id, None)
+            self._requests.pop(request.goal_id, None)
         finish = {
             Ending.SUCCEEDED: handle.set_succeeded, Ending.ABORTED: handle.set_aborted,
             Ending.CANCELED: handle.set_canceled, Ending.REJECTED: handle.set_rejected,
