@@ -55,7 +55,6 @@ class KeptField(abc.ABC):
         self._weights = np.zeros(256, dtype=np.float32)
         self._field = np.zeros((0, 0), dtype=np.float32)
         self._seen = np.zeros((0, 0), dtype=np.uint8)  # the costs the field was made from, where it looked
-        self._marks = np.zeros((0, 0), dtype=np.uint8)
         self._sizes = np.zeros(queue_kernels.BUCKETS, dtype=np.int64)
         self._cells = np.zeros((queue_kernels.BUCKETS, _FIRST_BUCKET), dtype=np.int32)
         self._keys = np.zeros((queue_kernels.BUCKETS, _FIRST_BUCKET), dtype=np.float32)
@@ -119,7 +118,6 @@ class KeptField(abc.ABC):
         if self._field.shape != costs.shape:
             self._field = np.zeros(costs.shape, dtype=np.float32)
             self._seen = np.zeros(costs.shape, dtype=np.uint8)
-            self._marks = np.zeros(costs.shape, dtype=np.uint8)
         else:
             self._field[self._looked_at()] = 0.0
             if self._goal is not None:
@@ -217,7 +215,7 @@ class KeptField(abc.ABC):
         weights = self._weights
         free = np.flatnonzero(weights > 0.0)
         best = int(free[np.argmin(weights[free])])
-        lowest = queue_kernels.lowest_connected(costs, weights > 0.0, self._goal[0], self._goal[1], best, self._marks)
+        lowest = queue_kernels.lowest_connected(costs, weights > 0.0, self._goal[0], self._goal[1], best)
         return weights[free[free >= lowest]].min()
 
     def _enlarge(self) -> None:

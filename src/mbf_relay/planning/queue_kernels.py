@@ -42,66 +42,73 @@ _SPARE = 8
 _NEVER = 1 << 60
 
 
-@kernel("int64(uint8[:,::1], boolean[::1], int64, int64, int64, uint8[:,::1])")
-def lowest_connected(costs, free, start_x, start_y, enough, marks):
-    """Return the lowest cost of the cells connected with a free one; it ends early once that is not above `enough`.
+@kernel("int64(uint8[::1], int64)")
+def _lowest(cells, lowest):
+    for i in range(cells.shape[0]):
+        lowest = min(lowest, np.int64(cells[i]))
+    return lowest
 
-    Spans of rows are filled one by one, each from a cell above or below it (Smith, "Tint fill", 1979), which takes a
-    fraction of what a search takes there.
+
+@kernel("int64(uint8[:,::1], boolean[::1], int64, int64, int64)")
+def lowest_connected(costs, free, start_x, start_y, enough):
+    """Return a cost that no cell connected with a free one goes below; `enough` as soon as it is not above that.
+
+    Each row holds one span of columns that covers what is connected in it. A span reaches into the rows beside it as
+    far as the free cells there go that touch it, until no span grows. What lies between the ends of a span counts
+    too, connected or not, so that the result may be lower than need be; but only the ends are looked for cell by cell.
 
     Args:
         costs: Shape (height, width).
         free: Shape (256,): whether cells of each cost may be entered.
         start_x, start_y: A free cell.
         enough: No cell counts less than this.
-        marks: Scratch of `costs`' shape, all 0, and left so.
     """
     height, width = costs.shape
-    spans = np.empty((256, 3), np.int32)
+    firsts = np.full(height, width, np.int32)
+    lasts = np.full(height, -1, np.int32)
+    waits = np.zeros(height, np.uint8)
+    rows = np.empty(height, np.int32)
+    firsts[start_y] = lasts[start_y] = start_x
     left, right = start_x, start_x
     while left > 0 and free[costs[start_y, left - 1]]:
         left -= 1
     while right + 1 < width and free[costs[start_y, right + 1]]:
         right += 1
-    lowest = 255
-    for x in range(left, right + 1):
-        marks[start_y, x] = 1
-        lowest = min(lowest, np.int64(costs[start_y, x]))
-    spans[0, 0], spans[0, 1], spans[0, 2] = start_y, left, right
-    count = 1
-    first_column, last_column, first_row, last_row = left, right, start_y, start_y
+    firsts[start_y], lasts[start_y] = left, right
+    lowest = _lowest(costs[start_y, left:right + 1], 255)
+    rows[0] = start_y
+    waits[start_y] = 1
+    count, left_to_do = 1, 8 * height
     while count > 0 and lowest > enough:
+        left_to_do -= 1
+        if left_to_do < 0:
+            return enough  # a maze: not worth the while
         count -= 1
-        row, left, right = np.int64(spans[count, 0]), np.int64(spans[count, 1]), np.int64(spans[count, 2])
+        row = np.int64(rows[count])
+        waits[row] = 0
         for y in range(row - 1, row + 2, 2):
             if y < 0 or y >= height:
                 continue
-            x = left
-            while x <= right:
-                if marks[y, x] != 0 or not free[costs[y, x]]:
-                    x += 1
-                    continue
-                begin = x
-                while begin > 0 and free[costs[y, begin - 1]] and marks[y, begin - 1] == 0:
-                    begin -= 1
-                for filled in range(begin, x):
-                    marks[y, filled] = 1
-                    lowest = min(lowest, np.int64(costs[y, filled]))
-                while x < width and free[costs[y, x]] and marks[y, x] == 0:
-                    marks[y, x] = 1
-                    lowest = min(lowest, np.int64(costs[y, x]))
-                    x += 1
-                if count == spans.shape[0]:
-                    longer = np.empty((2 * count, 3), np.int32)
-                    longer[:count] = spans
-                    spans = longer
-                spans[count, 0], spans[count, 1], spans[count, 2] = y, begin, x - 1
-                count += 1
-                first_column, last_column = min(first_column, begin), max(last_column, x - 1)
-                first_row, last_row = min(first_row, y), max(last_row, y)
-    for y in range(first_row, last_row + 1):
-        marks[y, first_column:last_column + 1] = 0
-    return lowest
+            left, right = np.int64(firsts[row]), np.int64(lasts[row])
+            while left <= right and not free[costs[y, left]]:
+                left += 1
+            if left > right:
+                continue
+            while not free[costs[y, right]]:
+                right -= 1
+            while left > 0 and free[costs[y, left - 1]]:
+                left -= 1
+            while right + 1 < width and free[costs[y, right + 1]]:
+                right += 1
+            first, last = min(left, np.int64(firsts[y])), max(right, np.int64(lasts[y]))
+            if first < firsts[y] or last > lasts[y]:
+                firsts[y], lasts[y] = first, last
+                lowest = _lowest(costs[y, first:last + 1], lowest)
+                if waits[y] == 0:
+                    waits[y] = 1
+                    rows[count] = y
+                    count += 1
+    return max(lowest, enough)
 
 
 @kernel("float32(int64, int64, int64, int64, float32, boolean)")

