@@ -4,6 +4,7 @@
 import math
 import os
 import signal
+import subprocess
 import sys
 import time
 import unittest
@@ -101,16 +102,28 @@ class RelayServerTest(unittest.TestCase):
         handle.cancel()
         self.check_end(handle, GoalStatus.PREEMPTED, "")
 
-    def test_nonsense_is_answered_and_moves_nothing(self):
+    def test_as_typed_in_a_shell(self):
+        plan = shell("rosservice", "call", "/move_base/make_plan", "{goal: {header: {frame_id: map}, pose: {position: {x: 2}}}}")
+        self.assertIn("frame_id: \"map\"", plan)
+        self.assertIn("poses:", shell("rosservice", "call", "/move_base/make_plan", "{}"))
+        count, target = len(self.outcomes.messages), self.x + 0.2
+        shell("rostopic", "pub", "-1", "/move_base_simple/goal", "geometry_msgs/PoseStamped",
+              "{header: {frame_id: map}, pose: {position: {x: %f}, orientation: {w: 1}}}" % target)
+        outcome = self.outcomes.wait_for(lambda m: True, "the outcome", since=count)
+        self.assertEqual(outcome.status.text, "Goal reached.")
+
+    def test_nonsense_moves_nothing(self):
         wait_until(lambda: self.odometry.last.twist.twist == Twist(), "the robot to stand")
         before = self.x
-        for goal in (dict(x=math.nan, y=0.0), dict(x=1.0, y=math.inf), dict(x=1.0, y=0.0, frame="nowhere"),
-                     dict(x=1.0, y=0.0, frame="")):
-            with self.subTest(goal):
-                self.check_end(self.send(**goal), GoalStatus.ABORTED, NO_PLAN, 30.0)
+        for goal in (dict(x=math.nan, y=0.0), dict(x=1.0, y=math.inf)):
+            self.check_end(self.send(**goal), GoalStatus.ABORTED, NO_PLAN, 30.0)
         self.check_end(self.send(1.0, 0.0, w=0.0), GoalStatus.ABORTED,
                        "Aborting on goal because it was sent with an invalid quaternion")
         self.assertEqual(self.x, before)
+
+    def test_a_frame_nobody_knows_fails_like_any_plan(self):
+        for frame in ("nowhere", ""):
+            self.check_end(self.send(1.0, 0.0, frame=frame), GoalStatus.ABORTED, NO_PLAN, 30.0)
 
     def test_recoveries_and_the_servers_reason_are_told(self):
         told = Listener("move_base/recovery_status", RecoveryStatus, connected=True)
@@ -154,6 +167,11 @@ class RelayServerTest(unittest.TestCase):
         wait_until(lambda: self.velocity.last == Twist(), "zero velocity")
         handle = self.send(0.3, 0.0)  # the robot of paper starts anew with the server
         self.check_end(handle, GoalStatus.SUCCEEDED, "Goal reached.", 40.0)
+
+
+def shell(*command):
+    """Run a command and return what it says."""
+    return subprocess.run(command, stdout=subprocess.PIPE, check=True, timeout=30.0, universal_newlines=True).stdout
 
 
 def told_by_server(topic):

@@ -412,6 +412,8 @@ class RelayTest(unittest.TestCase):
             simple = connected_publisher("third/move_base_simple/goal", PoseStamped)
             wait_until(outcomes._subscriber.get_num_connections, "the third relay")
             for number, script in enumerate(("drive", "no_plan", "arrive")):
+                if number == 2:
+                    outcomes.wait_for(lambda m: True, "the outcomes of the first two", since=1)
                 pose = PoseStamped()
                 pose.header.frame_id, pose.header.stamp = "map", rospy.Time.from_sec(self.now + number)
                 pose.pose.position.z, pose.pose.orientation.w = SCRIPTS[script], 1.0

@@ -119,6 +119,7 @@ class ActionClient:
         """Wait up to `timeout` seconds of wall time for a server; tell whether there is one."""
         deadline = time.monotonic() + timeout
         while not self.server_is_up and time.monotonic() < deadline and not rospy.is_shutdown():
+            self.check()
             time.sleep(0.02)
         return self.server_is_up
 

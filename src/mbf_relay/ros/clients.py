@@ -96,6 +96,7 @@ def move_base_drive(options: argparse.Namespace) -> Drive:
     topic = GoalTopic(options.server)
     deadline, topic_since = time.monotonic() + options.timeout, None
     while not rospy.is_shutdown() and time.monotonic() < deadline:
+        client.check()
         if options.via != "topic" and client.server_is_up:
             return lambda pose: succeeded(run(client, MoveBaseGoal(pose)))
         topic_since = (topic_since or time.monotonic()) if topic.is_connected else None

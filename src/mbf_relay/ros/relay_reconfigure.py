@@ -126,6 +126,7 @@ class MoveBaseSettings:
             self._plugins.clear()
             self._to_send = dict(self._wanted)
         self._wake.set()
+        self.plugin_names()  # asks the master now, not when the first goal comes
 
     def plugin_names(self) -> Tuple[str, str]:
         """Return the server's names of the planner and controller to use, empty for its first."""
