@@ -45,6 +45,9 @@ class KeptField(abc.ABC):
     kernels: ClassVar[Any]
     """The module whose `grow` and `repair` make the field."""
 
+    bucket: ClassVar[np.float32]
+    """Width of the queue's buckets, in steps over the cheapest cell."""
+
     def __init__(self) -> None:
         self.expanded = 0
         self.repaired: Optional[int] = None
@@ -193,7 +196,7 @@ class KeptField(abc.ABC):
         height, width = costs.shape
         # one expansion raises the key by no more than the ring is long
         widest = np.float32(1.5) * (self._weights.max() + slope) / np.float32(queue_kernels.BUCKETS - 3)
-        inverse_width = np.float32(1.0) / max(slope, widest)
+        inverse_width = np.float32(1.0) / max(slope * self.bucket, widest)
         aim = (start[0], start[1], slope, inverse_width)
         verdict = queue_kernels.SPREAD_DUE
         while True:
@@ -232,6 +235,7 @@ class CostToGo(KeptField):
 
     octile = True
     kernels = field_kernels
+    bucket = np.float32(1.0)  # no step is shorter, so what is taken from one bucket is final
 
     @staticmethod
     def table_of(weights: np.ndarray) -> np.ndarray:
@@ -254,6 +258,7 @@ class Wave(KeptField):
 
     octile = False
     kernels = wave_kernels
+    bucket = np.float32(0.25)  # a wave rises by less than a step from cell to cell
 
     @staticmethod
     def table_of(weights: np.ndarray) -> np.ndarray:

@@ -1,0 +1,272 @@
+"""The layers one by one: what each makes of maps, scans and clouds."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mbf_relay.costmap import factory
+from mbf_relay.costmap.cost_grid import FREE_SPACE, LETHAL, NO_INFORMATION
+from mbf_relay.costmap.layer import Layer, changed_window, shifted
+from mbf_relay.costmap.observation import Observation, observation_from_points, observation_from_scan, scan_points
+from mbf_relay.costmap.static_layer import StaticLayerParameters, cost_table
+from mbf_relay.costmap.window import EMPTY, Window
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.grid import Grid
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.parameters import ParameterSet
+from mbf_relay.scan import LaserScan
+
+STILL = {
+    "global_frame": "map", "width": 4.0, "height": 4.0, "resolution": 0.1, "origin_x": -2.0, "origin_y": -2.0,
+    "robot_radius": 0.1, "footprint_padding": 0.0, "transform_tolerance": 0.5,
+}
+
+
+def with_obstacles(source=None, **layer):
+    source = {"data_type": "LaserScan", "marking": True, "clearing": True, **(source or {})}
+    group = {"observation_sources": "scan", "scan": source, "footprint_clearing_enabled": False, **layer}
+    return factory.build_costmap(
+        "costmap", {**STILL, "plugins": [{"name": "obstacles", "type": "costmap_2d::ObstacleLayer"}], "obstacles": group})
+
+
+def with_map(**layer):
+    return factory.build_costmap(
+        "costmap", {**STILL, "plugins": [{"name": "static", "type": "costmap_2d::StaticLayer"}], "static": layer})
+
+
+def cost_at(costmap, x, y):
+    picture = costmap.snapshot()
+    column, row = picture.grid.cell_at(x, y)
+    return int(picture.costs[row, column])
+
+
+# --- the static layer
+
+def test_a_trinary_map_knows_free_lethal_and_unknown():
+    table = cost_table(StaticLayerParameters(lethal_cost_threshold=65))
+    assert [table[value] for value in (0, 1, 64, 65, 100, 255)] == [
+        FREE_SPACE, FREE_SPACE, FREE_SPACE, LETHAL, LETHAL, NO_INFORMATION]
+
+
+def test_a_scaled_map_has_costs_between():
+    table = cost_table(StaticLayerParameters(lethal_cost_threshold=80, trinary_costmap=False))
+    assert [table[value] for value in (0, 20, 40, 79, 80, 100)] == [0, 63, 127, int(79 / 80 * 254), LETHAL, LETHAL]
+
+
+def test_unknown_space_is_free_where_it_is_not_tracked_and_its_value_can_be_chosen():
+    assert cost_table(StaticLayerParameters(track_unknown_space=False))[255] == FREE_SPACE
+    table = cost_table(StaticLayerParameters(unknown_cost_value=50))
+    assert table[50] == NO_INFORMATION and table[255] == LETHAL  # as in costmap_2d, -1 is then but a high value
+
+
+def test_a_map_gives_the_costmap_its_size_and_a_notice_of_another_resolution():
+    costmap = with_map()
+    data = np.zeros((30, 50), dtype=np.int8)
+    data[3, 4] = 100
+    notice = costmap.set_map(OccupancyMap(data, 0.2, Pose2D(1.0, 2.0, 0.0)))
+    assert "0.2 m" in notice and "0.1 m" in notice
+    costmap.update(0.0, Pose2D(3.0, 4.0, 0.0))
+    picture = costmap.snapshot()
+    assert picture.grid == Grid(0.2, 1.0, 2.0, 50, 30)
+    assert np.argwhere(picture.costs == LETHAL).tolist() == [[3, 4]]
+
+
+def test_a_turned_map_is_refused_with_its_angle():
+    with pytest.raises(ValueError, match="0.3 rad"):
+        with_map().set_map(OccupancyMap(np.zeros((5, 5), np.int8), 0.1, Pose2D(0.0, 0.0, 0.3)))
+
+
+def test_map_updates_change_their_window_alone():
+    costmap = with_map(subscribe_to_updates=True)
+    costmap.set_map(OccupancyMap(np.zeros((40, 40), np.int8), 0.1, Pose2D(0.0, 0.0, 0.0)))
+    costmap.update(0.0, IDENTITY)
+    before = costmap.snapshot()
+    costmap.update_map(10, 20, np.full((2, 3), 100, np.int8))
+    costmap.update(0.1, IDENTITY)
+    after = costmap.snapshot()
+    assert after.changed_since(before.revision) == Window(10, 20, 13, 22)
+    assert (after.costs[20:22, 10:13] == LETHAL).all() and (after.costs == LETHAL).sum() == 6
+    with pytest.raises(ValueError, match="does not fit"):
+        costmap.update_map(39, 0, np.zeros((2, 3), np.int8))
+
+
+def test_a_new_map_replaces_the_old_one():
+    costmap = with_map()
+    data = np.zeros((20, 20), np.int8)
+    data[5, 5] = 100
+    for column in (5, 8):
+        data = np.zeros((20, 20), np.int8)
+        data[5, column] = 100
+        costmap.set_map(OccupancyMap(data, 0.1, Pose2D(0.0, 0.0, 0.0)))
+        costmap.update(0.0, IDENTITY)
+    assert np.argwhere(costmap.snapshot().costs == LETHAL).tolist() == [[5, 8]]
+
+
+def test_a_window_in_another_frame_shows_the_map_where_it_lies():
+    values = {**STILL, "rolling_window": True, "plugins": [{"name": "static", "type": "costmap_2d::StaticLayer"}]}
+    costmap = factory.build_costmap("costmap", values)
+    data = np.zeros((100, 100), np.int8)
+    data[60, 70] = 100  # its centre at (2.05, 1.05) on the map
+    costmap.set_map(OccupancyMap(data, 0.1, Pose2D(-5.0, -5.0, 0.0)))
+    map_from_costmap = Pose2D(1.0, 1.0, math.pi / 2.0)
+    costmap.set_map_from_costmap(map_from_costmap)
+    costmap.update(0.0, IDENTITY)
+    found = np.argwhere(costmap.snapshot().costs == LETHAL)
+    x, y = costmap.snapshot().grid.center_of(int(found[0][1]), int(found[0][0]))
+    seen = map_from_costmap.compose(Pose2D(x, y, 0.0))
+    assert (seen.x, seen.y) == pytest.approx((2.05, 1.05), abs=0.08)
+
+
+# --- the obstacle layer
+
+def test_ranges_bound_what_is_marked_and_what_is_cleared():
+    costmap = with_obstacles({"obstacle_range": 1.0, "raytrace_range": 0.5})
+    costmap.observe("scan", Observation((0.05, 0.05), np.array([[0.95, 0.05], [0.05, 1.5]]), None, 0.0))
+    costmap.update(0.0, IDENTITY)
+    assert cost_at(costmap, 0.95, 0.05) == LETHAL
+    assert cost_at(costmap, 0.05, 1.5) == FREE_SPACE  # too far to be marked
+    costmap.observe("scan", Observation((0.05, 0.05), np.array([[1.9, 0.05]]), None, 0.1))
+    costmap.update(0.1, IDENTITY)
+    assert cost_at(costmap, 0.95, 0.05) == LETHAL  # too far to be cleared
+
+
+def test_heights_bound_what_a_cloud_says():
+    costmap = with_obstacles({"data_type": "PointCloud2", "min_obstacle_height": 0.1, "max_obstacle_height": 1.0})
+    points = np.array([[0.5, 0.0, 0.05], [0.7, 0.0, 0.5], [0.9, 0.0, 1.5], [np.nan, 0.0, 0.5]])
+    costmap.observe("scan", Observation((0.0, 0.0, 0.3), points, None, 0.0))
+    costmap.update(0.0, IDENTITY)
+    assert [cost_at(costmap, x, 0.0) for x in (0.5, 0.7, 0.9)] == [FREE_SPACE, LETHAL, FREE_SPACE]
+
+
+def test_observations_count_as_long_as_they_persist():
+    for persistence, count in ((0.0, 1), (1.0, 3)):
+        costmap = with_obstacles({"clearing": False, "observation_persistence": persistence})
+        for step in range(4):
+            costmap.observe("scan", Observation((0.0, 0.0), np.array([[0.3 + 0.3 * step, 0.0]]), None, 0.5 * step))
+        costmap.update(1.5, IDENTITY)
+        assert (costmap.snapshot().costs == LETHAL).sum() == count
+
+
+def test_a_source_that_only_clears_marks_nothing_and_the_other_way_round():
+    clears, marks = with_obstacles({"marking": False}), with_obstacles({"clearing": False})
+    for costmap in (clears, marks):
+        costmap.observe("scan", Observation((0.0, 0.0), np.array([[0.5, 0.0]]), None, 0.0))
+        costmap.update(0.0, IDENTITY)
+    assert cost_at(clears, 0.5, 0.0) == FREE_SPACE and cost_at(marks, 0.5, 0.0) == LETHAL
+    marks.observe("scan", Observation((0.0, 0.0), np.array([[1.5, 0.0]]), None, 0.1))
+    marks.update(0.1, IDENTITY)
+    assert cost_at(marks, 0.5, 0.0) == LETHAL
+
+
+def test_beams_without_a_return_clear_up_to_the_range_and_mark_nothing():
+    ranges = np.array([np.inf, 3.5, 3.4999, np.nan, 0.05, -np.inf, 1.0])
+    scan = LaserScan(ranges, 0.0, 0.1, 0.12, 3.5, 0.0)
+    points, hits = scan_points(scan)
+    assert hits.tolist() == [False, False, False, True]
+    assert np.hypot(points[:, 0], points[:, 1]) == pytest.approx([3.5, 3.5, 3.5, 1.0])
+    points, hits = scan_points(scan, inf_is_valid=False)
+    assert hits.tolist() == [True] and len(points) == 1
+
+
+def test_a_tilted_sensors_points_are_turned_in_space():
+    upside_down = np.diag([1.0, -1.0, -1.0])
+    seen = observation_from_points(
+        np.array([[1.0, 0.5]]), np.array([True]), upside_down, np.array([0.2, 0.0, 0.4]), 3.0)
+    assert seen.origin == (0.2, 0.0, 0.4) and seen.points[0] == pytest.approx([1.2, -0.5, 0.4])
+
+
+def test_a_level_scan_is_the_same_by_either_way():
+    rng = np.random.default_rng(0)
+    scan = LaserScan(rng.uniform(0.2, 3.0, 50), -1.0, 0.05, 0.12, 3.5, 1.0)
+    pose = Pose2D(0.3, -0.2, 0.7)
+    rotation = np.array([[math.cos(0.7), -math.sin(0.7), 0.0], [math.sin(0.7), math.cos(0.7), 0.0], [0.0, 0.0, 1.0]])
+    flat = observation_from_scan(scan, pose, height=0.2)
+    points, hits = scan_points(scan)
+    solid = observation_from_points(points, hits, rotation, np.array([0.3, -0.2, 0.2]), 1.0)
+    assert flat.points == pytest.approx(solid.points) and flat.origin == solid.origin
+
+
+def test_unknown_space_is_known_only_where_rays_passed():
+    costmap = with_obstacles(track_unknown_space=True)
+    costmap.observe("scan", Observation((0.05, 0.05), np.array([[1.05, 0.05]]), None, 0.0))
+    costmap.update(0.0, IDENTITY)
+    # the costmap's own default is free; only the layer says nothing
+    layer = costmap.layer("obstacles")
+    assert (layer.costs == FREE_SPACE).sum() == 10 and (layer.costs == LETHAL).sum() == 1
+    assert (layer.costs == NO_INFORMATION).sum() == 1600 - 11
+
+
+def test_an_unknown_source_is_named():
+    with pytest.raises(ValueError, match="'sonar'.*scan"):
+        with_obstacles().observe("sonar", Observation((0.0, 0.0), np.zeros((0, 2)), None, 0.0))
+
+
+def test_the_expected_update_rate_makes_a_source_stale():
+    costmap = with_obstacles({"expected_update_rate": 0.3})
+    costmap.observe("scan", Observation((0.0, 0.0), np.zeros((0, 2)), None, 0.0))
+    costmap.update(0.0, IDENTITY)
+    assert costmap.stale_reason(0.2) is None
+    assert "at most 0.30 s" in costmap.stale_reason(0.5)
+    costmap.observe("scan", Observation((0.0, 0.0), np.zeros((0, 2)), None, 0.45), now=0.5)
+    assert costmap.stale_reason(0.5) is None
+    costmap.update(0.5, IDENTITY)
+    costmap.observe("scan", Observation((0.0, 0.0), np.zeros((0, 2)), None, 2.0), now=2.0)
+    assert "last updated" in costmap.stale_reason(2.0)
+
+
+# --- layers of a user's own
+
+class Puddle(Layer):
+    """A layer as a user may write one: a square of costs."""
+
+    Parameters = ParameterSet
+
+    def update_bounds(self, context, window):
+        return window.union(Window(5, 5, 8, 9))
+
+    def update_costs(self, costs, window):
+        costs[5:9, 5:8] = 77
+
+
+def test_a_layer_is_a_class_and_a_line():
+    kinds = [{"name": "puddle", "type": f"{__name__}.Puddle"}]
+    costmap = factory.build_costmap("costmap", {**STILL, "plugins": kinds})
+    costmap.update(0.0, IDENTITY)
+    assert (costmap.snapshot().costs == 77).sum() == 12
+    with pytest.raises(ValueError, match="Swamp.*costmap_2d::StaticLayer"):
+        factory.build_costmap("costmap", {**STILL, "plugins": [{"name": "a", "type": f"{__name__}.Swamp"}]})
+
+
+# --- windows
+
+def test_windows_join_grow_shift_and_are_cut():
+    window = Window(2, 3, 5, 7)
+    assert window.union(EMPTY) == window == EMPTY.union(window)
+    assert window.union(Window(0, 6, 3, 9)) == Window(0, 3, 5, 9)
+    assert window.grown(4).within(Grid(1.0, 0.0, 0.0, 6, 8)) == Window(0, 0, 6, 8)
+    assert EMPTY.grown(3).is_empty and window.shifted(1, -1) == Window(3, 2, 6, 6)
+
+
+def test_the_window_of_a_change_is_the_smallest():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        before = np.zeros((20, 30), np.uint8)
+        after = before.copy()
+        cells = rng.integers(0, 20, (rng.integers(0, 4), 2))
+        after[cells[:, 0], cells[:, 1]] = 1
+        window = changed_window(before, after, Window(100, 200, 130, 220))
+        if len(cells) == 0:
+            assert window.is_empty
+        else:
+            assert window == Window(100 + cells[:, 1].min(), 200 + cells[:, 0].min(), 101 + cells[:, 1].max(), 201 + cells[:, 0].max())
+
+
+@pytest.mark.parametrize("columns, rows", [(0, 0), (3, -2), (-5, 4), (100, 0), (-1, -100)])
+def test_shifting_keeps_what_is_in_both_windows(columns, rows):
+    costs = np.arange(80, dtype=np.uint8).reshape(8, 10)
+    moved = shifted(costs, columns, rows, 255)
+    for y in range(8):
+        for x in range(10):
+            inside = 0 <= x + columns < 10 and 0 <= y + rows < 8
+            assert moved[y, x] == (costs[y + rows, x + columns] if inside else 255)
