@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Tuple
+from typing import NamedTuple, Tuple
 
 import numpy as np
 
@@ -24,6 +24,22 @@ SERVO_GAINS, VELOCITY_GAINS = (0.1, 0.1), (1.0, 1.0)
 """Share of the error in angle and in speed that the motors take away in one step."""
 
 
+class Motion(NamedTuple):
+    """How base_link is turned and moves.
+
+    Attributes:
+        orientation: In the world, quaternion (x, y, z, w).
+        velocity: In its own axes (m/s).
+        turn_rate: In its own axes (rad/s).
+        up: The world's upward direction in its own axes.
+    """
+
+    orientation: Tuple[float, float, float, float]
+    velocity: Tuple[float, float, float]
+    turn_rate: Tuple[float, float, float]
+    up: Tuple[float, float, float]
+
+
 class Base:
     """The robot's body in one physics client."""
 
@@ -32,6 +48,7 @@ class Base:
         self._client = physics.client
         self._torque = [parameters.wheel_torque] * 2
         self._center_of_mass = _center_of_mass()
+        self._center = tuple(self._center_of_mass.tolist())
         self.body = self._create(Frame.from_pose(pose, burger.BASE_HEIGHT))
         physics.filter(self.body, ROBOT, GROUND | FIXED | LOOSE)
         for wheel in WHEELS:  # the balls that roll are wider than the wheels, which are part of the hull
@@ -127,23 +144,25 @@ class Base:
         """Return where base_footprint is in the world."""
         return self.frame().flat()
 
-    def velocity(self) -> Tuple[np.ndarray, np.ndarray]:
-        """Return the speed of base_link (m/s) and its turn rate (rad/s), shape (3,) each, in the world's axes."""
+    def motion(self) -> Motion:
+        """Return how base_link is turned and how it moves, in its own axes.
+
+        Written out in plain numbers: it is asked for at the rates of the fastest sensors, and numpy is slow on threes.
+        """
+        quaternion = pybullet.getBasePositionAndOrientation(self.body, physicsClientId=self._client)[1]
         (vx, vy, vz), (wx, wy, wz) = pybullet.getBaseVelocity(self.body, physicsClientId=self._client)
-        x, y, z = (self._physics.frame_of(self.body).rotation @ self._center_of_mass).tolist()
-        # The speed of the centre of mass less what the turning adds to it; written out, for numpy's cross is slow.
-        linear = (vx - (wy * z - wz * y), vy - (wz * x - wx * z), vz - (wx * y - wy * x))
-        return np.array(linear), np.array((wx, wy, wz))
+        r = pybullet.getMatrixFromQuaternion(quaternion)
+        turning = (r[0] * wx + r[3] * wy + r[6] * wz, r[1] * wx + r[4] * wy + r[7] * wz, r[2] * wx + r[5] * wy + r[8] * wz)
+        moving = (r[0] * vx + r[3] * vy + r[6] * vz, r[1] * vx + r[4] * vy + r[7] * vz, r[2] * vx + r[5] * vy + r[8] * vz)
+        (ux, uy, uz), (x, y, z) = turning, self._center
+        # The speed of the centre of mass less what the turning adds to it.
+        moving = (moving[0] - (uy * z - uz * y), moving[1] - (uz * x - ux * z), moving[2] - (ux * y - uy * x))
+        return Motion(quaternion, moving, turning, (r[6], r[7], r[8]))
 
     def body_velocity(self) -> Twist2D:
         """Return the velocity of base_footprint in the body's own axes."""
-        linear, angular = self.velocity()
-        forward = self.frame().rotation.T @ linear
-        return Twist2D(float(forward[0]), float(forward[1]), float(angular[2]))
-
-    def orientation(self) -> Tuple[float, float, float, float]:
-        """Return how the body is turned in the world, quaternion (x, y, z, w)."""
-        return pybullet.getBasePositionAndOrientation(self.body, physicsClientId=self._client)[1]
+        motion = self.motion()
+        return Twist2D(motion.velocity[0], motion.velocity[1], motion.turn_rate[2])
 
     def place(self, pose: Pose2D) -> None:
         """Set the robot down elsewhere, at rest."""

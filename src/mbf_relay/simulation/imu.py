@@ -7,10 +7,10 @@ from typing import Optional, Tuple
 
 import numpy as np
 
-from mbf_relay.simulation.base import Base
+from mbf_relay.simulation.base import Motion
 from mbf_relay.simulation.parameters import SimulationParameters
 
-GRAVITY = np.array([0.0, 0.0, 9.81])
+GRAVITY = 9.81
 
 
 @dataclass(frozen=True)
@@ -38,21 +38,28 @@ class Imu:
 
     def __init__(self, parameters: SimulationParameters, rng: np.random.Generator) -> None:
         self._gyro, self._accelerometer, self._rng = parameters.gyro_noise, parameters.accelerometer_noise, rng
-        self._last: Optional[np.ndarray] = None
-        self._period = 1.0 / parameters.imu_rate if parameters.imu_rate else 0.0
+        self._last: Optional[Motion] = None
+        self._rate = parameters.imu_rate
 
     def reset(self) -> None:
         """Forget the last velocity, so that being set down elsewhere is no blow."""
         self._last = None
 
-    def read(self, base: Base, stamp: float) -> ImuReading:
-        """Return a reading at `stamp` (s)."""
-        linear, angular = base.velocity()
-        change = (linear - self._last) / self._period if self._last is not None else np.zeros(3)
-        self._last = linear
-        to_body = base.frame().rotation.T
+    def read(self, motion: Motion, stamp: float) -> ImuReading:
+        """Return a reading of the base's motion at `stamp` (s).
+
+        What the body feels is its speed's change in its own axes, what the axes' turning adds, and what holds it up.
+        """
+        last = self._last or motion
+        self._last = motion
+        (vx, vy, vz), (wx, wy, wz), up = motion.velocity, motion.turn_rate, motion.up
+        change = [(now - before) * self._rate for now, before in zip(motion.velocity, last.velocity)]
+        felt = (
+            change[0] + wy * vz - wz * vy + GRAVITY * up[0], change[1] + wz * vx - wx * vz + GRAVITY * up[1],
+            change[2] + wx * vy - wy * vx + GRAVITY * up[2],
+        )
         noise = self._rng.standard_normal(6)
         return ImuReading(
-            stamp, base.orientation(), to_body @ angular + self._gyro * noise[:3],
-            to_body @ (change + GRAVITY) + self._accelerometer * noise[3:], self._gyro, self._accelerometer,
+            stamp, motion.orientation, motion.turn_rate + self._gyro * noise[:3], felt + self._accelerometer * noise[3:],
+            self._gyro, self._accelerometer,
         )

@@ -14,9 +14,9 @@ RATES = ("scan_rate", "odom_rate", "imu_rate", "joint_state_rate")
 class SimulationParameters(ParameterSet):
     """Parameters of `Simulation`; the defaults are a TurtleBot3 burger with an LDS-01 lidar."""
 
-    physics_rate: int = parameter(240, "physics steps per second of simulated time", unit="Hz", minimum=20, maximum=2000)
+    physics_rate: int = parameter(120, "physics steps per second of simulated time", unit="Hz", minimum=20, maximum=2000)
     start_time: float = parameter(1.0, "what the clock shows at first", unit="s", above=0.0)
-    solver_iterations: int = parameter(20, "iterations of the contact solver per step", minimum=5, maximum=500)
+    solver_iterations: int = parameter(40, "iterations of the contact solver per step", minimum=5, maximum=500)
 
     max_speed: float = parameter(0.22, "top speed forward and back", unit="m/s", above=0.0)
     max_turn_rate: float = parameter(2.84, "top speed of turning", unit="rad/s", above=0.0)

@@ -32,6 +32,7 @@ class Simulation:
         parameters: Of robot, sensors and time.
         stage: The bodies in it; obstacles are added there.
         base: The robot's body.
+        lidar: Its lidar.
         faults: What is made to go wrong (Faults); assign to change.
     """
 
@@ -54,7 +55,7 @@ class Simulation:
         self.base = Base(self.physics, parameters, world.start)
         self._drivetrain = Drivetrain(self.base, parameters)
         scan, odom, imu = (np.random.Generator(np.random.PCG64(s)) for s in np.random.SeedSequence(seed).spawn(3))
-        self._lidar = Lidar(self.physics, parameters, scan)
+        self.lidar = Lidar(self.physics, parameters, scan)
         self._odometer = Odometer(parameters.odom_noise, parameters.odom_bias, odom)
         self._imu = Imu(parameters, imu)
         self._scan_steps, self._odom_steps, self._imu_steps, self._joint_steps = (
@@ -77,6 +78,11 @@ class Simulation:
     def true_velocity(self) -> Twist2D:
         """How the robot really moves, in its own axes."""
         return self.base.body_velocity()
+
+    @property
+    def odometry_pose(self) -> Pose2D:
+        """Where base_footprint was in odom at the last reading of the wheels."""
+        return self._odometer.pose
 
     def set_command(self, velocity: Twist2D) -> None:
         """Take a velocity command; it holds until the next one or for `cmd_vel_timeout`.
@@ -102,6 +108,7 @@ class Simulation:
         self.stage.reset()
         self._set_down(self.world.start)
         self._odometer.restart()
+        self._odom_angles = self._drivetrain.wheel_angles()
         self._first_step = self._steps
 
     def step(self) -> Observations:
@@ -113,7 +120,7 @@ class Simulation:
         self.stage.advance((self._steps - self._first_step) / parameters.physics_rate)
         self.physics.step()
         if parameters.scan_skew and self._scan_steps:
-            self._lidar.sweep(self.base.frame(), self._steps)
+            self.lidar.sweep(self.base.frame(), self._steps)
         return self._read(self.stage.contacts_of(self.base.body))
 
     def close(self) -> None:
@@ -151,9 +158,9 @@ class Simulation:
         now = self.now
         angles = self._drivetrain.wheel_angles() if odom or joints else self._odom_angles
         return Observations(
-            self._lidar.scan(self.base.frame(), now, self.faults) if scan else None,
+            self.lidar.scan(self.base.frame(), now, self.faults) if scan else None,
             self._read_odometry(angles, now) if odom else None,
-            self._imu.read(self.base, now) if imu else None,
+            self._imu.read(self.base.motion(), now) if imu else None,
             self._read_joints(angles, now) if joints else None,
             contacts,
         )
