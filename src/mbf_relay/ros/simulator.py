@@ -1,7 +1,8 @@
 """The `simulator` node: a burger in a world, on the topics a real one has, and the graph's clock.
 
-One thread, the one that called `run`, owns the simulation. Callbacks and services leave what they want done in a queue
-that this thread empties between two steps; it never waits on ROS time, which it makes.
+One thread owns the simulation. Callbacks and services leave what they want done in a queue that this thread empties
+between two steps; it never waits on ROS time, which it makes. It is not the main thread: that one handles signals, and rospy
+shuts down inside of the handler, which must not come upon a publisher in the middle of its work.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import os
 import queue
 import threading
-from typing import Any, Callable, List
+from typing import Any, Callable, List, Optional
 
 import rospkg
 import rospy
@@ -51,6 +52,7 @@ class Simulator:
         self._requests: "queue.Queue[Callable[[], None]]" = queue.Queue()
         self._commands = CommandGate(settings.hold)
         self._paused = False
+        self._failure: Optional[Exception] = None
         self._steps = 0
         self._pacer = Pacer(settings.real_time_factor)
         self._meter = FactorMeter(self.simulation.now)
@@ -75,7 +77,24 @@ class Simulator:
         self._diagnostics.add("simulation", self._report)
 
     def run(self) -> None:
-        """Step until ROS is shut down."""
+        """Step in a thread of its own until ROS is shut down, then free the physics; call from the main thread."""
+        thread = threading.Thread(target=self._run, name="simulation", daemon=True)
+        thread.start()
+        while thread.is_alive():
+            thread.join(0.2)
+        self.simulation.close()
+        if self._failure is not None:
+            raise self._failure
+
+    def _run(self) -> None:
+        try:
+            self._loop()
+        except rospy.ROSException:
+            pass  # published while ROS shut down
+        except Exception as error:  # it ends the node, from the main thread
+            self._failure = error
+
+    def _loop(self) -> None:
         period = self._clock_steps / self._settings.physics_rate
         self._topics.publish_clock(self.simulation.now)
         while not rospy.is_shutdown():
@@ -86,10 +105,6 @@ class Simulator:
             self._hold_for_answer()
             self._advance()
             self._pacer.pace(period)
-
-    def close(self) -> None:
-        """Free the physics."""
-        self.simulation.close()
 
     def _hold_for_answer(self) -> None:
         """Wait for the velocity command that answers the last scan, if the next one is made in this period."""
@@ -246,7 +261,4 @@ def main() -> None:
         "simulating world '%s' with seed %d at %s", world.name, settings.seed,
         f"{settings.real_time_factor:g} x real time" if settings.real_time_factor else "full speed",
     )
-    try:
-        simulator.run()
-    finally:
-        simulator.close()
+    simulator.run()

@@ -44,6 +44,7 @@ class Drivetrain:
         """Forget all commands and stand, as after being set down."""
         self._waiting.clear()
         self._target = self._speeds = STANDSTILL
+        self._wanted = self._base.wheel_angles()
         self._wake()
 
     def advance(self, slip: float, restless: bool) -> None:
