@@ -100,7 +100,7 @@ def make_drive(building: str, scans: int, rough: Rough, rng: np.random.Generator
     """
     walls = BUILDINGS[building](rng)
     field = DistanceField(_as_map(walls), 5.0)
-    way = _wander(field, scans, rough.step, rng)
+    way = wander(field, scans, rough.step, rng)
     bearings = np.linspace(-math.pi / 2.0, math.pi / 2.0, BEAMS)
     ranges = np.array([_measure(field, pose, bearings, rough.people, rng) for pose in way])
     log = RecordedLog(
@@ -151,7 +151,7 @@ def _forget(walls: np.ndarray, share: float, rng: np.random.Generator) -> np.nda
     return kept
 
 
-def _wander(field: DistanceField, scans: int, step: float, rng: np.random.Generator) -> List[Pose2D]:
+def wander(field: DistanceField, scans: int, step: float, rng: np.random.Generator) -> List[Pose2D]:
     """Return a way that keeps clear of walls and rather goes on than turns."""
     poses = field.random_free_poses(2000, rng)
     pose = next(Pose2D(*p) for p in poses if _clear(field, p[0], p[1]) > 2.0 * CLEARANCE)

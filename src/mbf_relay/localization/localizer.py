@@ -221,7 +221,10 @@ class Localizer:
     def _make_models(self) -> None:
         self._laser_model = make_laser_model(self.field, self.parameters)
         self._motion_model = make_motion_model(self.parameters)
-        self._proposal = ScanProposal(ScanLikelihood(self.field, self.parameters.laser_sigma_hit))
+        recovers = self.parameters.recovery_alpha_fast > 0.0 and not self.field.blocked.all()
+        self._proposal = ScanProposal(
+            ScanLikelihood(self.field, self.parameters.laser_sigma_hit), self._random_poses if recovers else None
+        )
 
 
 def replicate(poses: np.ndarray, log_weights: np.ndarray, fewest: int) -> Tuple[np.ndarray, np.ndarray]:

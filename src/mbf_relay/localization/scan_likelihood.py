@@ -10,7 +10,7 @@ import numpy as np
 
 from mbf_relay.geometry import normalize_angles
 from mbf_relay.localization.distance_field import DistanceField
-from mbf_relay.localization.gaussians import PoseGaussian
+from mbf_relay.localization.gaussians import PoseGaussian, PoseMixture
 from mbf_relay.localization.laser_kernels import sum_over_endpoints
 from mbf_relay.localization.refinement_kernels import climb
 
@@ -25,6 +25,8 @@ WIDE_SIGMA = 0.3
 SPACING = 0.1
 """One endpoint (m) in each square of this side: a near wall must not outvote a far one."""
 ITERATIONS = 5
+WIDENING = 1.5
+"""Factor on the deviations around a maximum, so that the proposal's tails lie above the target's."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,10 @@ class Modes:
     covariances: np.ndarray
     log_masses: np.ndarray
     explained: np.ndarray
+
+    def only(self, chosen: np.ndarray) -> "Modes":
+        """Return those a mask, shape (K,), says."""
+        return Modes(self.poses[chosen], self.covariances[chosen], self.log_masses[chosen], self.explained[chosen])
 
 
 class ScanLikelihood:
@@ -104,3 +110,11 @@ def apart(poses: np.ndarray, values: np.ndarray, count: int, distance: float, tu
         left &= ~(near & (np.abs(normalize_angles(offsets[:, 2])) <= turn))
         left[first] = False
     return chosen
+
+
+def mixture_around(modes: Modes) -> PoseMixture:
+    """Return the proposal around maxima: shares by their mass, a few draws for each, deviations widened."""
+    shares = np.exp(modes.log_masses - modes.log_masses.max())
+    shares = 0.95 * shares / shares.sum() + 0.05 / len(shares)
+    parts = tuple(PoseGaussian(p, c * WIDENING ** 2) for p, c in zip(modes.poses, modes.covariances))
+    return PoseMixture(parts, shares / shares.sum())
