@@ -34,8 +34,9 @@ class Cancellation:
 class Planner(Plugin, abc.ABC):
     """Finds a path over a costmap.
 
-    A planner may keep what it learned between calls, to replan faster; the path it returns must depend on the
-    arguments alone. It is never called by two threads at once.
+    A planner may keep what it learned between calls, to replan faster; the path it returns must be as good as one from
+    the arguments alone: what was kept may decide between paths of equal cost, never between others. It is never called
+    by two threads at once.
     """
 
     @abc.abstractmethod

@@ -16,6 +16,7 @@ from std_msgs.msg import Header
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.planning.path import Path
+from mbf_relay.ros.quick_grids import QuickGrid
 from mbf_relay.scan import LaserScan
 
 
@@ -134,7 +135,7 @@ def map_to_message(occupancy: OccupancyMap, frame: str, stamp: Any) -> Occupancy
     top = header(frame, stamp)
     height, width = occupancy.data.shape
     info = MapMetaData(top.stamp, occupancy.resolution, width, height, pose_to_message(occupancy.origin))
-    return OccupancyGrid(top, info, occupancy.data.ravel())
+    return QuickGrid(top, info, occupancy.data.ravel())
 
 
 def scan_from_message(message: LaserScanMessage) -> LaserScan:

@@ -17,7 +17,8 @@ from mbf_relay.costmap.observation import Observation, observation_from_points, 
 from mbf_relay.costmap.obstacle_layer import SourceParameters
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.complaints import Complaints
-from mbf_relay.ros.conversions import InvalidMessage, scan_from_message
+from mbf_relay.ros.conversions import InvalidMessage, map_from_message, scan_from_message
+from mbf_relay.ros.quick_grids import QuickGrid, QuickGridUpdate
 from mbf_relay.ros.transforms import Transforms
 
 BUFFER_BYTES = 1 << 24
@@ -174,16 +175,13 @@ class MapInput:
     """
 
     def __init__(self, parameters: Any, costmap: Costmap, on_map: Callable[[], None]) -> None:
-        from map_msgs.msg import OccupancyGridUpdate
-        from nav_msgs.msg import OccupancyGrid
-
         self._parameters, self._costmap, self._on_map = parameters, costmap, on_map
         self.frame: Optional[str] = None
         self._subscribers = [
-            rospy.Subscriber(parameters.map_topic, OccupancyGrid, self._take_map, queue_size=1, buff_size=BUFFER_BYTES)]
+            rospy.Subscriber(parameters.map_topic, QuickGrid, self._take_map, queue_size=1, buff_size=BUFFER_BYTES)]
         if parameters.subscribe_to_updates:
             self._subscribers.append(rospy.Subscriber(
-                f"{parameters.map_topic}_updates", OccupancyGridUpdate, self._take_update, queue_size=10,
+                f"{parameters.map_topic}_updates", QuickGridUpdate, self._take_update, queue_size=10,
                 buff_size=BUFFER_BYTES))
 
     def close(self) -> None:
@@ -192,8 +190,6 @@ class MapInput:
             subscriber.unregister()
 
     def _take_map(self, message: Any) -> None:
-        from mbf_relay.ros.conversions import map_from_message
-
         if self.frame is not None and self._parameters.first_map_only:
             return
         try:

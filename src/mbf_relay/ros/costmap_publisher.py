@@ -15,6 +15,7 @@ from mbf_relay.costmap.window import Window
 from mbf_relay.geometry import Pose2D
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.ros.conversions import header, map_to_message
+from mbf_relay.ros.quick_grids import QuickGridUpdate
 
 
 def occupancy_table() -> np.ndarray:
@@ -92,5 +93,5 @@ def grid_message(picture: CostGrid) -> OccupancyGrid:
 def update_message(picture: CostGrid, window: Window) -> OccupancyGridUpdate:
     """Return a window of a costmap as a message."""
     values = OCCUPANCY[picture.costs[window.slices]].ravel()
-    return OccupancyGridUpdate(
+    return QuickGridUpdate(
         header(picture.frame, picture.stamp), window.x0, window.y0, window.x1 - window.x0, window.y1 - window.y0, values)
