@@ -17,7 +17,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 from running_stack import OF_THE_MACHINE  # noqa: E402
 
-from mbf_relay.ros.demo_graph import descendants, start_time  # noqa: E402
+from mbf_relay.ros.demo_graph import descendants  # noqa: E402
 
 MARK = "MBF_RELAY_DEMO_TEST"
 PATIENCE = 240.0
@@ -116,11 +116,6 @@ class TestDemo(unittest.TestCase):
             demo = Demo(*options)
             self.assertEqual(demo.process.wait(60.0), 2, demo.output)
             self.assertIn(words, demo.output)
-
-    def test_6_a_process_is_known_again_by_its_start(self):
-        self.assertEqual(start_time(os.getpid()), start_time(os.getpid()))
-        self.assertNotEqual(start_time(os.getpid()), start_time(1))
-        self.assertEqual(start_time(2 ** 22 + 1), "")
 
 
 def complaints(log):

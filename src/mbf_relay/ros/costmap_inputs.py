@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import deque
 from typing import Any, Callable, Deque, List, Optional, Tuple
@@ -50,6 +51,7 @@ class SensorInput:
         self._waiting: Deque[Tuple[float, Any]] = deque(maxlen=50 if parameters.observation_persistence > 0.0 else 5)
         self._trouble: Optional[str] = None
         self._complaints = Complaints()
+        self._used_since = math.inf
         self._subscriber = rospy.Subscriber(
             parameters.topic, MESSAGE_TYPES[parameters.data_type], self._keep, queue_size=1, buff_size=BUFFER_BYTES,
             tcp_nodelay=True)
@@ -81,10 +83,12 @@ class SensorInput:
                 self._costmap.observe(self._name, observation, arrived)
                 self._trouble = None
                 self._complaints.worked()
+                self._used_since = min(self._used_since, arrived)
             except TransformError as error:
                 if now - arrived <= self._patience:
                     continue
-                self._complain(f"dropped after {now - arrived:.2f} s: {error}")
+                if arrived >= self._used_since or self._used_since == math.inf:  # what is older came before tf did
+                    self._complain(f"dropped after {now - arrived:.2f} s: {error}")
             except InvalidMessage as error:
                 self._complain(f"refused: {error}")
             done.append(message)

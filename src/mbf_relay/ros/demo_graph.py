@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import signal
 import socket
@@ -40,6 +41,7 @@ class Graph:
         self._command = ["roslaunch", "-p", str(port)] + launch
 
     def __enter__(self) -> Graph:
+        adopt_orphans()
         os.makedirs(os.path.dirname(self._log), exist_ok=True)
         self.start(self._command, self._log)
         return self
@@ -48,6 +50,7 @@ class Graph:
         with uninterrupted():
             for process in reversed(self._processes):
                 end(process)
+            kill_descendants()
 
     def start(self, command: List[str], log: str) -> subprocess.Popen:
         """Start a process of the graph, its output in the file `log`; Ctrl-C in the terminal does not reach it."""
@@ -105,54 +108,56 @@ def free_port() -> int:
 
 
 def end(process: subprocess.Popen) -> None:
-    """End a process with SIGINT, and with it everything it started, which gets SIGKILL if it stays."""
-    offspring = descendants(process.pid)
+    """End a process with SIGINT, on which roslaunch ends its nodes, or with SIGKILL if it stays."""
     if process.poll() is None:
         process.send_signal(signal.SIGINT)
         try:
             process.wait(INTERRUPT_PATIENCE)
         except subprocess.TimeoutExpired:
-            offspring.update(descendants(process.pid))
             process.kill()
             process.wait()
-    for pid, started in offspring.items():
-        if start_time(pid) == started:
+
+
+def adopt_orphans() -> None:
+    """Become the parent of descendants whose own parent ends, so that they stay in sight (Linux: prctl(2))."""
+    set_child_subreaper = 36
+    ctypes.CDLL(None, use_errno=True).prctl(set_child_subreaper, 1, 0, 0, 0)
+
+
+def kill_descendants() -> None:
+    """Kill whatever this process's children left behind; a roslaunch interrupted early may leave a node."""
+    while True:
+        left = descendants(os.getpid())
+        if not left:
+            return
+        for pid in left:
             try:
                 os.kill(pid, signal.SIGKILL)
             except ProcessLookupError:
                 pass
+        try:
+            os.waitpid(-1, 0)
+        except ChildProcessError:
+            return
 
 
-def descendants(pid: int) -> Dict[int, str]:
-    """Return the processes that `pid` started, and they in turn, with their start times to know them again by."""
+def descendants(pid: int) -> List[int]:
+    """Return the processes that `pid` started, and those they started in turn."""
     children: Dict[int, List[int]] = {}
-    for entry in os.listdir("/proc"):
-        if entry.isdigit():
-            fields = stat_fields(int(entry))
-            if fields:
-                children.setdefault(int(fields[1]), []).append(int(entry))
-    found: Dict[int, str] = {}
+    for entry in filter(str.isdigit, os.listdir("/proc")):
+        try:
+            with open(f"/proc/{entry}/stat", encoding="utf-8", errors="replace") as stream:
+                parent = stream.read().rpartition(")")[2].split()[1]
+        except OSError:
+            continue  # it has ended meanwhile
+        children.setdefault(int(parent), []).append(int(entry))
+    found: List[int] = []
     waiting = [pid]
     while waiting:
-        for child in children.get(waiting.pop(), []):
-            found[child] = start_time(child)
-            waiting.append(child)
+        offspring = children.get(waiting.pop(), [])
+        found += offspring
+        waiting += offspring
     return found
-
-
-def start_time(pid: int) -> str:
-    """Return when a process started, in the kernel's own ticks; empty where it is gone."""
-    fields = stat_fields(pid)
-    return fields[19] if fields else ""
-
-
-def stat_fields(pid: int) -> List[str]:
-    """Return the fields of /proc/PID/stat after the command's name (state first), empty where it is gone."""
-    try:
-        with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as stream:
-            return stream.read().rpartition(")")[2].split()
-    except OSError:
-        return []
 
 
 def last_complaints(log: str, count: int = 8) -> str:

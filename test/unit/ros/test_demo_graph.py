@@ -1,0 +1,52 @@
+"""The demo's hold on its processes."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip("rospy")
+
+PARENT_THAT_DIES = """
+import os, subprocess, sys
+from mbf_relay.ros import demo_graph
+demo_graph.adopt_orphans()
+code = "import subprocess; print(subprocess.Popen(['sleep', '600'], stdout=subprocess.DEVNULL).pid, flush=True)"
+parent = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, universal_newlines=True)
+orphan = int(parent.stdout)
+assert demo_graph.descendants(os.getpid()) == [orphan]
+demo_graph.kill_descendants()
+assert demo_graph.descendants(os.getpid()) == []
+try:
+    os.kill(orphan, 0)
+except ProcessLookupError:
+    print("gone")
+"""
+
+
+def test_a_process_whose_parent_died_is_found_and_ended():
+    run = subprocess.run([sys.executable, "-c", PARENT_THAT_DIES], stdout=subprocess.PIPE, universal_newlines=True)
+    assert run.stdout == "gone\n" and run.returncode == 0
+
+
+def test_a_request_to_end_waits_for_the_block():
+    from mbf_relay.ros.demo_graph import uninterrupted
+
+    steps = []
+    with pytest.raises(KeyboardInterrupt):
+        with uninterrupted():
+            signal.raise_signal(signal.SIGINT)
+            steps.append("finished")
+    assert steps == ["finished"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_complaints_come_before_the_last_lines(tmp_path):
+    from mbf_relay.ros.demo_graph import last_complaints
+
+    log = tmp_path / "log"
+    log.write_text("one\n[FATAL] the map is missing\ntwo\n\n")
+    assert last_complaints(str(log)) == "[FATAL] the map is missing"
+    log.write_text("one\ntwo\n")
+    assert last_complaints(str(log)) == "one\ntwo"
