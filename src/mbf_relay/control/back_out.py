@@ -12,11 +12,14 @@ from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.local_path import LocalPath
 from mbf_relay.control.obstacle_view import ObstacleView
 from mbf_relay.control.trajectories import speed_to_stop_within
-from mbf_relay.geometry import Pose2D, Twist2D, normalize_angles
+from mbf_relay.geometry import Pose2D, Twist2D, angle_between, normalize_angles
 
 SPEED = 0.1  # m/s
+SLOWEST = 0.03  # m/s
 PATIENCE = 0.25  # s without a velocity before it begins
 REACH = (0.1, 0.2, 0.35)  # m: the first try, the second, and all later ones without progress
+ASKEW = 0.5  # rad off the path's direction: one that faces along it and cannot go on has nothing to turn for
+TRIES = 4  # without progress, before it is left to whoever sent the robot
 LEAST = 0.03  # m that must be free behind for a try
 PROGRESS = 0.3  # m nearer to the goal that make the next try a first one
 CURVATURES = np.array([0.0, 1.5, -1.5, 3.0, -3.0, 5.0, -5.0])  # 1/m
@@ -57,13 +60,17 @@ class BackOut:
         """Note that driving failed, and begin to back out where it has for long enough and there is room behind."""
         if self._failing_since is None or now < self._failing_since:
             self._failing_since = now
-        if parameters.min_vel_x >= 0.0 or now - self._failing_since < PATIENCE:
+        hopeless = self._tries >= TRIES or parameters.min_vel_x >= 0.0
+        if hopeless or now - self._failing_since < PATIENCE:
+            return
+        ahead = path.point_at(min(path.robot_arc + 0.2, float(path.arcs[-1])))
+        heading = math.atan2(ahead[1] - pose.y, ahead[0] - pose.x)
+        if abs(angle_between(pose.theta, heading)) < ASKEW:
             return
         self._best_left = min(self._best_left, path.remaining)
         reach = REACH[min(self._tries, len(REACH) - 1)]
         free, ends = _arcs(pose, view, reach)
         lateral = path.project(ends, -math.inf, math.inf)
-        ahead = path.point_at(min(path.robot_arc + 0.2, float(path.arcs[-1])))
         turns = np.abs(normalize_angles(np.arctan2(ahead[1] - ends[:, 1], ahead[0] - ends[:, 0]) - ends[:, 2]))
         costs = np.where(free >= LEAST, lateral[:, 0] + HEADING_WORTH * turns - 0.5 * free, np.inf)
         best = int(np.argmin(costs))
@@ -78,13 +85,14 @@ class BackOut:
         if self._from is None:
             return None
         left = REACH[min(self._tries, len(REACH)) - 1] - pose.distance_to(self._from)
-        free = float(_arcs(pose, view, max(left, STEP), np.array([self._curvature]))[0][0]) if left > 0.0 else 0.0
-        if left <= 0.0 or free < STEP:
+        free = float(_arcs(pose, view, max(left, LEAST), np.array([self._curvature]))[0][0]) if left > 0.0 else 0.0
+        if left <= 0.0 or free < 2.0 * STEP:
             self._from, self._failing_since = None, None
             return None
         top = min(SPEED, -parameters.min_vel_x, parameters.max_vel_trans)
         delay = period + parameters.stop_time_buffer
-        wanted = -min(top, speed_to_stop_within(min(left, free), parameters.acc_lim_x, delay))
+        room = math.inf if free >= left else free  # where it is free throughout, it stops on whatever comes next
+        wanted = -min(top, max(SLOWEST, speed_to_stop_within(min(room, 1.0), parameters.acc_lim_x, delay)))
         change = parameters.acc_lim_x * period
         speed = min(velocity.x + change, max(velocity.x - change, wanted))
         most = parameters.acc_lim_theta * period

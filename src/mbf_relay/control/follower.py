@@ -183,7 +183,7 @@ class PathFollower(Controller, abc.ABC):
         limit = self.speed_limit_at(state.pose)
         reach = max(parameters.max_vel_trans * getattr(parameters, "sim_time", 1.5), self.lookahead) + 1.0
         path = self._tracker.cut(state, BEHIND, reach, self.lookahead + 0.5)
-        view = ObstacleView(state.costmap)
+        view = ObstacleView(state.costmap, parameters.obstacle_overlap)
         velocity = self._velocity_now(state, parameters)
         speed = min(parameters.max_vel_trans, limit.translation)
         delay = state.period + parameters.stop_time_buffer

@@ -43,6 +43,10 @@ class FollowerParameters(ParameterSet):
     latch_xy_goal_tolerance: bool = parameter(False, "once at the goal's position only turn, until the goal changes")
     stop_time_buffer: float = parameter(0.2, "time before braking in which a collision rules a velocity out", "s", minimum=0.0)
 
+    obstacle_overlap: float = parameter(
+        0.25, "share of a cell by which the footprint may reach into an obstacle's cell, which is filled by half on the mean",
+        minimum=0.0, maximum=0.5,
+    )
     missed_path_distance: float = parameter(0.5, "distance to the path beyond which it is missed", "m", above=0.0)
     stuck_timeout: float = parameter(2.0, "time without any of the motion commanded that means stuck; 0 never", "s", minimum=0.0)
     blocked_timeout: float = parameter(0.5, "time the goal must be occupied to be given up", "s", minimum=0.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from functools import lru_cache
 from typing import NamedTuple
@@ -15,7 +14,7 @@ from mbf_relay.costmap.cost_grid import LETHAL, CostGrid
 from mbf_relay.geometry import Pose2D
 
 HEADINGS = 256  # the outline is turned beforehand; half a step moves a burger's corner by 2 mm
-OVERLAP, LOOSE_OVERLAP = 0.25, 0.45
+OVERLAP = 0.25
 
 
 class FreeWay(NamedTuple):
@@ -24,13 +23,11 @@ class FreeWay(NamedTuple):
     Attributes:
         steps: Shape (N,), int64: poses before the first contact.
         highest_costs, summed_costs: Shape (N,): the highest and the summed cost under the centre at these poses.
-        contacts: Shape (N,), int64: what is still touched at the last of them, of what was touched at the start.
     """
 
     steps: np.ndarray
     highest_costs: np.ndarray
     summed_costs: np.ndarray
-    contacts: np.ndarray
 
 
 class ObstacleView:
@@ -55,16 +52,6 @@ class ObstacleView:
         self._radius = float(np.hypot(corners[:, 0], corners[:, 1]).max()) if len(corners) else 0.0
         self._overlap = overlap
 
-    def loosened(self) -> ObstacleView:
-        """Return a view in which the outline may overlap obstacle cells nearly to their middle.
-
-        For a robot that already overlaps more than it should, as cells come and go with the noise of the scan: it must
-        still tell what leads farther in from what leads out.
-        """
-        view = copy.copy(self)
-        view._overlap = max(self._overlap, LOOSE_OVERLAP)
-        return view
-
     def contacts_at(self, pose: Pose2D, scale: float = 1.0) -> int:
         """Return how many points of the outline, a third of a cell apart, lie on an obstacle at a pose."""
         return int(
@@ -85,11 +72,10 @@ class ObstacleView:
             scales: Shape (N,), float64: factor on the footprint.
             allowed: Contacts the robot already has; a trajectory may keep them and lose them, not add to them.
         """
-        way = FreeWay(
-            np.empty(len(poses), np.int64), np.empty(len(poses)), np.empty(len(poses)), np.empty(len(poses), np.int64))
+        way = FreeWay(np.empty(len(poses), np.int64), np.empty(len(poses)), np.empty(len(poses)))
         trajectory_kernels.first_contacts(
             self._costs, self._distances, *self._place, self._outlines, self._radius, self._overlap, poses, counts, scales,
-            allowed, way.steps, way.highest_costs, way.summed_costs, way.contacts,
+            allowed, way.steps, way.highest_costs, way.summed_costs,
         )
         return way
 

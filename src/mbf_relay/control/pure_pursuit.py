@@ -87,9 +87,9 @@ class RegulatedPurePursuit(PathFollower):
         return p.rotate_to_heading_min_angle if p.use_rotate_to_heading else math.inf
 
     def drive(self, around: Surroundings) -> Twist2D:
-        """Return the fastest arc to the farthest carrot that is free."""
+        """Return the fastest arc to the farthest carrot that is free, or a turn towards the path where none is."""
         for share in NEARER:
-            carrot = self._carrot(around, share * self.lookahead)
+            carrot = self._carrot(around, share * around.focus * self.lookahead)
             curvature = _curvature_to(around.state.pose, carrot)
             speed = self._regulated_speed(around, curvature)
             for slower in SLOWER:
@@ -97,6 +97,9 @@ class RegulatedPurePursuit(PathFollower):
                 if self._is_free(around, command):
                     self.carrot = carrot
                     return command
+        turn = self.turn_to_path(around, 0.0)
+        if turn is not None:
+            return turn
         raise self.nothing_left(around, "no arc to the path ahead is free")
 
     def report(self, around: Surroundings, drove: bool) -> CycleReport:

@@ -113,9 +113,6 @@ class Trajectories:
         ends: Shape (N, 3): the last free pose, the robot's own where none is free.
         spare: Shape (N,): metres it would drive on within sim_time, were the goal not where it stops.
         highest_costs, summed_costs: Shape (N,): cost under the centre, over the free poses.
-        contacts: Shape (N,): points of the outline that still touch at the last free pose.
-        contacts_now: How many touch where the robot stands; 0 as a rule.
-        grazing: Whether the robot overlaps obstacle cells by more than it should, though not as far as to touch.
     """
 
     velocities: np.ndarray
@@ -128,9 +125,6 @@ class Trajectories:
     spare: np.ndarray
     highest_costs: np.ndarray
     summed_costs: np.ndarray
-    contacts: np.ndarray
-    contacts_now: int
-    grazing: bool
 
     def __len__(self) -> int:
         return len(self.velocities)
@@ -169,8 +163,6 @@ def roll_out(
         np.array(pose, dtype=float), start, accelerations, velocities, durations, p.sim_granularity,
         p.angular_sim_granularity, poses, counts, steps,
     )
-    grazing = view.contacts_at(pose) > 0
-    view = view.loosened() if grazing else view
     allowed = view.contacts_at(pose)
     way = view.first_contacts(poses, counts, _scales(p, speeds), allowed)
     free = way.steps
@@ -181,7 +173,7 @@ def roll_out(
     change = accelerations * period
     commands = velocities if p.use_dwa else np.clip(velocities, np.array(velocity) - change, np.array(velocity) + change)
     return Trajectories(velocities, commands, poses, counts, free, needed, ends, spare,
-                        way.highest_costs, way.summed_costs, way.contacts, allowed, grazing)
+                        way.highest_costs, way.summed_costs)
 
 
 def _longest(durations: np.ndarray, speeds: np.ndarray, turns: np.ndarray, p: DwaParameters) -> float:

@@ -121,11 +121,11 @@ def contacts(costs, distances, origin_x, origin_y, resolution, outlines, circums
 
 @kernel(
     "void(uint8[:,::1], float32[:,::1], float64, float64, float64, float32[:,:,::1], float64, float64, "
-    "float64[:,:,::1], int64[::1], float64[::1], int64, int64[::1], float64[::1], float64[::1], int64[::1])"
+    "float64[:,:,::1], int64[::1], float64[::1], int64, int64[::1], float64[::1], float64[::1])"
 )
 def first_contacts(
     costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, overlap, poses, counts, scales, allowed,
-    free, highest, summed, left,
+    free, highest, summed,
 ):
     """Find how far along each trajectory the footprint stays free, and what cost its centre passes.
 
@@ -137,7 +137,6 @@ def first_contacts(
         allowed: Number of outline points in contact that is tolerated; it falls to what is left on the way.
         free: Shape (N,): filled with the number of poses before the first contact.
         highest, summed: Shape (N,): filled with the highest and the summed cost under the centre of these poses.
-        left: Shape (N,): filled with the contacts at the last of these poses.
     """
     height, width = costs.shape
     for n in range(poses.shape[0]):
@@ -162,7 +161,6 @@ def first_contacts(
             cost = float(costs[row, column])
             highest[n] = max(highest[n], cost)
             summed[n] += cost
-        left[n] = tolerated
 
 
 @kernel("void(uint8[:,::1], float64, float64, float64, float64, float64, float64[:,::1], uint8[::1])")

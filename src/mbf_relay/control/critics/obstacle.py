@@ -8,8 +8,6 @@ from mbf_relay.control.critics.critic import RULED_OUT, Critic, Scene
 from mbf_relay.control.trajectories import Trajectories
 from mbf_relay.costmap.cost_grid import INSCRIBED
 
-GRAZING_SPEED = 0.11  # m/s: fastest motion of a robot that overlaps obstacle cells
-
 
 class ObstacleCost(Critic):
     """Rules out what the robot could not stop from, and charges the highest cost the robot's centre passes.
@@ -18,8 +16,8 @@ class ObstacleCost(Critic):
     sim_time, this one discards those that touch before the robot could have stopped, with stop_time_buffer to spare;
     one that touches later is worth what it reaches until then, at the cost of an inscribed cell.
 
-    Where the footprint overlaps obstacle cells already, for an obstacle came near or was seen late, only slow motion
-    is left, and where it touches, only what leads away.
+    Where the footprint touches already, for an obstacle came near or was seen late, what touches no more than now is
+    left.
     """
 
     @property
@@ -32,9 +30,4 @@ class ObstacleCost(Critic):
         costs = trajectories.summed_costs if self.parameters.sum_scores else trajectories.highest_costs
         touches = trajectories.free < trajectories.counts
         costs = np.where(touches, np.maximum(costs, INSCRIBED), costs)
-        unsafe = trajectories.free < trajectories.needed
-        if trajectories.grazing:
-            unsafe |= np.hypot(trajectories.velocities[:, 0], trajectories.velocities[:, 1]) > GRAZING_SPEED
-        if trajectories.contacts_now:
-            unsafe |= trajectories.contacts >= trajectories.contacts_now
-        return np.where(unsafe, RULED_OUT, costs)
+        return np.where(trajectories.free < trajectories.needed, RULED_OUT, costs)
