@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import resource
 import subprocess
 import sys
@@ -15,7 +14,8 @@ import numpy as np
 
 from mbf_relay import plugins
 from mbf_relay.benchmarks.arena import GOAL, START, arena_costmap
-from mbf_relay.benchmarks.figure import Figure, figure_of, time_call
+from mbf_relay.benchmarks.figure import Figure, NotMeasurable, figure_of, time_call
+from mbf_relay.benchmarks.public_data import public_data
 from mbf_relay.costmap.cost_grid import LETHAL, CostGrid
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
@@ -134,8 +134,10 @@ def _cancel(case: str, repeats: int) -> Figure:
 
 def _lengths(every: int) -> Iterator[Figure]:
     """Yield path lengths over the optimal 8-connected ones on public problems, where the data is at hand."""
-    folder = _movingai()
-    if folder is None:
+    try:
+        folder = public_data("movingai")
+    except NotMeasurable as reason:
+        print(f"path lengths are left out: {reason}", file=sys.stderr)
         return
     for name in MAPS:
         costmap, problems = load_problems(folder, name)
@@ -145,13 +147,6 @@ def _lengths(every: int) -> Iterator[Figure]:
                 planner.plan(costmap, start, goal, 0.0, Cancellation()).length / optimum
                 for start, goal, optimum in problems[::every] if optimum > 0.0]
             yield figure_of(f"length over the 8-connected optimum, {name}, {case}", ratios, "", highest=round(max(ratios), 6))
-
-
-def _movingai() -> Any:
-    places = [Path(__file__).resolve().parents[depth].parent / "shared" for depth in (3, 4)]
-    if "MBF_RELAY_SHARED" in os.environ:
-        places.insert(0, Path(os.environ["MBF_RELAY_SHARED"]))
-    return next((place / "data" / "movingai" for place in places if (place / "data" / "movingai").is_dir()), None)
 
 
 def load_problems(folder: Path, name: str) -> Tuple[CostGrid, List[Tuple[Pose2D, Pose2D, float]]]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import time
-from pathlib import Path
 from typing import Iterator
 
-from mbf_relay.benchmarks.figure import Figure, NotMeasurable, figure_of
+from mbf_relay.benchmarks.figure import Figure, figure_of
+from mbf_relay.benchmarks.public_data import public_data
 from mbf_relay.lockstep.batch import run
 from mbf_relay.lockstep.result import CONTACT, TIMEOUT
 from mbf_relay.lockstep.settings import config_folder
@@ -15,25 +15,9 @@ from mbf_relay.lockstep.setup import SERVER, make_setup
 from mbf_relay.lockstep.tasks import load_tasks
 
 
-def sample_file() -> Path:
-    """Return the file with the sample of worlds; it is no part of the package.
-
-    Raises:
-        NotMeasurable: It is not beside the package and $MBF_RELAY_SHARED does not say where it is.
-    """
-    places = [Path(__file__).resolve().parents[depth].parent / "shared" for depth in (3, 4)]
-    if "MBF_RELAY_SHARED" in os.environ:
-        places.insert(0, Path(os.environ["MBF_RELAY_SHARED"]))
-    for place in places:
-        path = place / "data" / "barn_sample.json"
-        if path.is_file():
-            return path
-    raise NotMeasurable("barn_sample.json was not found; set MBF_RELAY_SHARED to the folder that holds data/barn_sample.json")
-
-
 def figures(quick: bool) -> Iterator[Figure]:
     """Drive every world with every controller and yield what came of it."""
-    tasks = load_tasks(str(sample_file()))[:: 6 if quick else 1]
+    tasks = load_tasks(str(public_data("barn_sample.json")))[:: 6 if quick else 1]
     processes = os.cpu_count() or 1
     for entry in make_setup(config_folder(), has_map=False).settings[SERVER]["controllers"]:
         setup = make_setup(config_folder(), controller=entry["name"], has_map=False)

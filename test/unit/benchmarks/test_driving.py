@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("pybullet")
 
-from mbf_relay.benchmarks import circle, command, worlds  # noqa: E402
+from mbf_relay.benchmarks import circle, command, public_data  # noqa: E402
 from mbf_relay.benchmarks.figure import Figure, NotMeasurable  # noqa: E402
 from mbf_relay.lockstep.result import EpisodeResult  # noqa: E402
 
@@ -48,9 +48,9 @@ def test_shares_of_time_add_up(monkeypatch):
 
 def test_worlds_need_the_sample_and_its_absence_is_no_failure(monkeypatch, tmp_path, capsys):
     monkeypatch.setenv("MBF_RELAY_SHARED", str(tmp_path))
-    monkeypatch.setattr(worlds, "__file__", str(tmp_path / "src" / "mbf_relay" / "benchmarks" / "worlds.py"))
+    monkeypatch.setattr(public_data, "__file__", str(tmp_path / "src" / "mbf_relay" / "benchmarks" / "public_data.py"))
     with pytest.raises(NotMeasurable, match="set MBF_RELAY_SHARED"):
-        worlds.sample_file()
+        public_data.public_data("barn_sample.json")
     assert command.run(["worlds"], quick=True) == ([], [])
     assert "benchmark worlds is left out: barn_sample.json was not found" in capsys.readouterr().err
 
@@ -59,7 +59,7 @@ def test_the_sample_is_found_where_the_variable_says(monkeypatch, tmp_path):
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "barn_sample.json").write_text("{}")
     monkeypatch.setenv("MBF_RELAY_SHARED", str(tmp_path))
-    assert worlds.sample_file() == tmp_path / "data" / "barn_sample.json"
+    assert public_data.public_data("barn_sample.json") == tmp_path / "data" / "barn_sample.json"
 
 
 def test_a_broken_benchmark_does_not_cost_the_others(monkeypatch, capsys):
