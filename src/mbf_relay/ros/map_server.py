@@ -12,6 +12,7 @@ from nav_msgs.srv import GetMap, GetMapResponse, LoadMap, LoadMapRequest, LoadMa
 
 from mbf_relay.maps import MapFileError, MapFileParameters, MapImageError, OccupancyMap, load_map, load_map_image
 from mbf_relay.ros.conversions import map_to_message
+from mbf_relay.ros.diagnostics import OK, Diagnostics, Report
 
 USAGE = "usage: map_server MAP.yaml (or, as it was long ago: map_server IMAGE RESOLUTION)"
 
@@ -29,6 +30,8 @@ class MapServer:
             rospy.Service("static_map", GetMap, self._give),
             rospy.Service("change_map", LoadMap, self._change),
         ]
+        self._diagnostics = Diagnostics()
+        self._diagnostics.add("map", self._report)
 
     def _publish(self, occupancy: OccupancyMap) -> None:
         message = map_to_message(occupancy, self._frame, rospy.get_rostime())
@@ -38,6 +41,15 @@ class MapServer:
             self._map_publisher.publish(message)
         height, width = occupancy.data.shape
         rospy.loginfo("serving a map of %d x %d cells of %.3f m", width, height, occupancy.resolution)
+
+    def _report(self) -> Report:
+        with self._lock:
+            info = self._message.info
+        values = {
+            "cells": f"{info.width} x {info.height}", "resolution [m]": f"{info.resolution:.3f}",
+            "subscribers": self._map_publisher.get_num_connections(),
+        }
+        return OK, "serving a map", values
 
     def _give(self, _request: object) -> GetMapResponse:
         with self._lock:

@@ -15,6 +15,7 @@ from move_base_msgs import msg as move_base_msgs
 from mbf_relay.ros import parameters as ros_parameters
 from mbf_relay.ros.action_client import ActionClient
 from mbf_relay.ros.action_server import ActionServer
+from mbf_relay.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Report
 from mbf_relay.ros.goal_frame import GoalFrame
 from mbf_relay.ros.node import on_shutdown
 from mbf_relay.ros.relay import Effects, Relay, RelayParameters
@@ -66,6 +67,8 @@ def serve(action: bool = True, topic: bool = True) -> None:
     RecoveryTopic(parameters.server, lambda: outlets.robot_pose)
     settings.serve()
     on_shutdown(relay.shut_down)
+    diagnostics = Diagnostics()
+    diagnostics.add("relay", lambda: report(relay, client.server_is_up, parameters.server, outlets))
     rospy.loginfo("move_base is here, carried out by %s", rospy.resolve_name(parameters.server))
     was_up = False
     while not rospy.is_shutdown():
@@ -76,6 +79,15 @@ def serve(action: bool = True, topic: bool = True) -> None:
             settings.server_came()
         was_up = is_up
         time.sleep(CHECK_PERIOD)
+
+
+def report(relay: Relay, server_is_up: bool, server: str, outlets: "Outlets") -> Report:
+    """Say on /diagnostics whether goals can be carried out, and what came of those so far."""
+    values = {"server": server, "server there": server_is_up, "goal running": relay.is_pursuing, **outlets.endings}
+    if server_is_up:
+        return OK, "driving to a goal" if relay.is_pursuing else "ready for goals", values
+    level = ERROR if relay.is_pursuing else WARN
+    return level, f"the Move Base Flex server {rospy.resolve_name(server)} is not there", values
 
 
 class Outlets(Effects):
@@ -89,6 +101,7 @@ class Outlets(Effects):
         self._velocity = publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True) if stops else None
         self._frame = GoalFrame(parameters.global_frame, self._goal.publish)
         self.robot_pose = PoseStamped()
+        self.endings = {"goals reached": 0, "goals preempted": 0, "goals aborted": 0, "last outcome": ""}
 
     def goal_taken(self, pose: PoseStamped) -> None:
         """Publish ~current_goal."""
@@ -97,6 +110,9 @@ class Outlets(Effects):
     def goal_ended(self, front: Any, answer: Answer, result: Optional[MoveBaseResult]) -> None:
         """Publish ~navigation_outcome and say in the log what move_base's text leaves out."""
         goal_id = front.get_goal_id()
+        ended = {GoalStatus.SUCCEEDED: "goals reached", GoalStatus.ABORTED: "goals aborted"}
+        self.endings[ended.get(answer.status, "goals preempted")] += 1
+        self.endings["last outcome"] = answer.reason or answer.text
         if answer.status == GoalStatus.ABORTED:
             rospy.logwarn("goal %s aborted: %s", goal_id.id, answer.reason)
         elif answer.reason:
