@@ -70,7 +70,7 @@ class Simulator:
         rospy.Service("~unpause", Empty, lambda _: self._serve_pause(False))
         rospy.Service("~step", Trigger, self._serve_step)
         rospy.Service("~take_pictures", Trigger, self._serve_pictures)
-        faults = parameters.load(Faults, "~faults")
+        faults = parameters.load(Faults, "~faults", (reconfigure.RESTORE_DEFAULTS,))
         self._set_faults(faults)
         self._reconfigure = reconfigure.serve(SimulatorFaultsConfig, faults, self._set_faults, "faults")
         self._diagnostics = diagnostics.Diagnostics()

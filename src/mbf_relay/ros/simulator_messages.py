@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Iterable, List, Tuple
+from typing import Iterable, List
 
+import numpy as np
 import rospy
 from geometry_msgs.msg import Point, Pose, PoseWithCovariance, Quaternion, TwistWithCovariance, Vector3
 from nav_msgs.msg import Odometry as OdometryMessage
@@ -24,6 +25,8 @@ from mbf_relay.simulation.observations import JointReading
 
 UNMEASURED = 1e6
 """Variance of what a planar robot's odometry knows nothing of: height, roll and pitch."""
+PLANAR = np.ix_((0, 1, 5), (0, 1, 5))
+"""Where x, y and heading stand in a covariance of six."""
 
 
 def scan_to_message(scan: LaserScan, parameters: SimulatorParameters) -> LaserScanMessage:
@@ -42,10 +45,9 @@ def odometry_to_message(odometry: Odometry, parameters: SimulatorParameters) -> 
     message = odometry_message(
         odometry.pose, odometry.velocity, odometry.stamp, parameters.odom_frame, parameters.base_frame
     )
-    x, y, theta = odometry.pose_variance
+    message.pose.covariance = covariance_of_six(odometry.pose_covariance)
     speed, turn = odometry.velocity_variance
-    message.pose.covariance = diagonal(x, y, theta)
-    message.twist.covariance = diagonal(speed, 1e-9, turn)
+    message.twist.covariance = covariance_of_six(np.diag((speed, 1e-9, turn)))
     return message
 
 
@@ -88,9 +90,8 @@ def contacts_to_message(contacts: Iterable[Contact], stamp: float, frame: str) -
     return MarkerArray(markers)
 
 
-def diagonal(x: float, y: float, theta: float) -> Tuple[float, ...]:
-    """Return a 6 x 6 covariance, row by row, of the planar variances."""
-    values = [0.0] * 36
-    values[0], values[7], values[35] = x, y, theta
-    values[14] = values[21] = values[28] = UNMEASURED
-    return tuple(values)
+def covariance_of_six(planar: np.ndarray) -> List[float]:
+    """Return a message's 6 x 6 covariance, row by row, of one of x, y and heading, shape (3, 3)."""
+    covariance = np.diag([0.0, 0.0, UNMEASURED, UNMEASURED, UNMEASURED, 0.0])
+    covariance[PLANAR] = planar
+    return covariance.ravel().tolist()

@@ -12,8 +12,11 @@ from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D, normalize_angle
 from mbf_relay.simulation import burger
 from mbf_relay.simulation.parameters import SimulationParameters
 
+LEAST_COVARIANCE = (1e-6, 0.0, 1e-6, 0.0, 0.0, 1e-6)
+"""Of x and x, x and y, y and y, x and heading, y and heading, heading and heading (m, rad), before the first metre."""
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Odometry:
     """What the robot makes of its wheels' rotation.
 
@@ -21,14 +24,14 @@ class Odometry:
         stamp: Time (s).
         pose: Of base_footprint in odom, which is where the robot was set down first.
         velocity: In the body's own axes.
-        pose_variance: Of x, y (m^2) and heading (rad^2); it grows with the way.
+        pose_covariance: Of x, y and heading (m, rad), shape (3, 3); it grows with the way.
         velocity_variance: Of the speed (m^2/s^2) and the turn rate (rad^2/s^2).
     """
 
     stamp: float
     pose: Pose2D
     velocity: Twist2D
-    pose_variance: Tuple[float, float, float]
+    pose_covariance: np.ndarray
     velocity_variance: Tuple[float, float]
 
 
@@ -56,7 +59,8 @@ def approach(current: float, target: float, change: float) -> float:
 class Odometer:
     """Adds up wheel rotation, with the errors asked for.
 
-    Each reading moves the pose along the arc between the two wheel angles, taken at the arc's middle heading.
+    Each reading moves the pose along the arc between the two wheel angles, taken at the arc's middle heading. The
+    covariance follows to first order, from the wheels' independent errors.
     """
 
     def __init__(self, noise: float, bias: Tuple[float, float], rng: np.random.Generator) -> None:
@@ -74,8 +78,7 @@ class Odometer:
         """Begin again at the origin."""
         self.pose = IDENTITY
         self.velocity = STOP
-        self._variance_xy = 0.0
-        self._variance_theta = 0.0
+        self._covariance = LEAST_COVARIANCE
 
     def advance(self, left: float, right: float, duration: float) -> None:
         """Add what the wheels turned (rad) during `duration` (s)."""
@@ -83,19 +86,39 @@ class Odometer:
         right = self._measured(right * burger.WHEEL_RADIUS, self._bias[1])
         way, turn = (left + right) / 2.0, (right - left) / burger.WHEEL_SEPARATION
         middle = self.pose.theta + turn / 2.0
+        cos, sin = math.cos(middle), math.sin(middle)
         self.pose = Pose2D(
-            self.pose.x + way * math.cos(middle), self.pose.y + way * math.sin(middle),
-            normalize_angle(self.pose.theta + turn),
+            self.pose.x + way * cos, self.pose.y + way * sin, normalize_angle(self.pose.theta + turn)
         )
         self.velocity = Twist2D(way / duration, 0.0, turn / duration)
-        wheels = self._noise ** 2 * (abs(left) + abs(right))
-        self._variance_theta += wheels / burger.WHEEL_SEPARATION ** 2
-        self._variance_xy += wheels / 4.0 + way ** 2 * self._variance_theta
+        if way or turn:
+            self._spread(way, cos, sin, self._noise ** 2 * abs(left), self._noise ** 2 * abs(right))
 
     def reading(self, stamp: float) -> Odometry:
         """Return the odometry at `stamp` (s)."""
-        xy, theta = 1e-6 + self._variance_xy, 1e-6 + self._variance_theta
-        return Odometry(stamp, self.pose, self.velocity, (xy, xy, theta), (1e-4, 1e-3))
+        xx, xy, yy, xt, yt, tt = self._covariance
+        covariance = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
+        return Odometry(stamp, self.pose, self.velocity, covariance, (1e-4, 1e-3))
+
+    def _spread(self, way: float, cos: float, sin: float, left: float, right: float) -> None:
+        """Carry the covariance over one reading.
+
+        Written out, for it is symmetric and numpy is slow on threes. P becomes F P F' + G Q G', with F the motion's
+        derivative by the pose and G that by way and turn.
+
+        Args:
+            way: Of the middle between the wheels (m).
+            cos, sin: Of the heading along it.
+            left, right: Variances of the wheels' ways (m^2).
+        """
+        xx, xy, yy, xt, yt, tt = self._covariance
+        a, b = -way * sin, way * cos
+        ways, turns = (left + right) / 4.0, (left + right) / burger.WHEEL_SEPARATION ** 2
+        both = (right - left) / (2.0 * burger.WHEEL_SEPARATION)
+        self._covariance = (
+            xx + 2.0 * a * xt + a * a * tt + cos * cos * ways, xy + a * yt + b * xt + a * b * tt + cos * sin * ways,
+            yy + 2.0 * b * yt + b * b * tt + sin * sin * ways, xt + a * tt + cos * both, yt + b * tt + sin * both, tt + turns,
+        )
 
     def _measured(self, way: float, bias: float) -> float:
         if self._noise > 0.0 and way != 0.0:
