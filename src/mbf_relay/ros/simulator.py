@@ -24,6 +24,7 @@ from mbf_relay.ros import diagnostics, parameters, reconfigure
 from mbf_relay.ros.command_gate import CommandGate
 from mbf_relay.ros.conversions import InvalidMessage, pose_from_message, twist_from_message
 from mbf_relay.ros.pacing import FactorMeter, Pacer
+from mbf_relay.ros.simulator_neighbours import ClockFollower, Neighbours
 from mbf_relay.ros.simulator_obstacles import Obstacles
 from mbf_relay.ros.simulator_topics import SimulatorTopics
 from mbf_relay.simulation.faults import Faults
@@ -54,7 +55,7 @@ class Simulator:
         self._paused = False
         self._failure: Optional[Exception] = None
         self._steps = 0
-        self._pacer = Pacer(settings.real_time_factor)
+        self._pacer = ClockFollower(lambda: self.simulation.now) if settings.follow_clock else Pacer(settings.real_time_factor)
         self._meter = FactorMeter(self.simulation.now)
         self._slow_reports = 0
         self._topics = SimulatorTopics(settings)
@@ -65,6 +66,7 @@ class Simulator:
         rospy.Subscriber("cmd_vel", Twist, self._take_command, queue_size=1, tcp_nodelay=True)
         rospy.Subscriber("~set_pose", PoseStamped, self._take_pose, queue_size=10)
         rospy.Subscriber("~set_obstacles", MarkerArray, self._take_obstacles, queue_size=100)
+        self._neighbours = Neighbours(self._settings.neighbours.split(), self._take_obstacles)
         rospy.Service("~reset", Empty, self._serve_reset)
         rospy.Service("~pause", Empty, lambda _: self._serve_pause(True))
         rospy.Service("~unpause", Empty, lambda _: self._serve_pause(False))

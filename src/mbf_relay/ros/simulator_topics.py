@@ -38,7 +38,8 @@ class SimulatorTopics:
         self._touched: Dict[str, float] = {}
         self._told = 0.0
         fast = dict(queue_size=10, tcp_nodelay=True)
-        self._clock = rospy.Publisher("/clock", Clock, **fast)
+        if not settings.follow_clock:
+            self._clock = rospy.Publisher("/clock", Clock, **fast)
         self._scan = rospy.Publisher("scan", LaserScanMessage, **fast)
         self._odom = rospy.Publisher("odom", OdometryMessage, **fast)
         self._imu = rospy.Publisher("imu", Imu, **fast)
@@ -48,8 +49,9 @@ class SimulatorTopics:
         self._tf = TransformPublisher()
 
     def publish_clock(self, now: float) -> None:
-        """Publish the time (s)."""
-        self._clock.publish(Clock(rospy.Time.from_sec(now)))
+        """Publish the time (s), unless somebody else does."""
+        if not self._settings.follow_clock:
+            self._clock.publish(Clock(rospy.Time.from_sec(now)))
 
     def publish(self, simulation: Simulation, seen: Observations, steps: int) -> None:
         """Publish what one step gave; `steps` counts them."""

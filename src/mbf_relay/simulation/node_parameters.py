@@ -24,6 +24,8 @@ class SimulatorParameters(SimulationParameters):
     gui: bool = parameter(False, "open PyBullet's window")
 
     real_time_factor: float = parameter(1.0, "simulated seconds per second; 0 for as fast as it goes", minimum=0.0)
+    follow_clock: bool = parameter(False, "keep to another simulator's /clock instead of making one")
+    neighbours: str = parameter("", "namespaces of other simulators whose robots stand in this world too, blanks between them")
     clock_rate: float = parameter(60.0, "messages on /clock per simulated second", unit="Hz", above=0.0)
     truth_rate: float = parameter(30.0, "messages with the true pose per simulated second; 0 for none", unit="Hz", minimum=0.0)
     hold: float = parameter(
