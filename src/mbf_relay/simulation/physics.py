@@ -12,6 +12,8 @@ from typing import Any, List, Sequence, Tuple
 
 import numpy as np
 
+from mbf_relay.geometry import Pose2D
+from mbf_relay.simulation import window
 from mbf_relay.simulation.bullet import pybullet
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.shapes import Box, Cylinder, Shape, Sphere
@@ -39,14 +41,12 @@ class Physics:
             gui: Open PyBullet's window.
 
         Raises:
-            OSError: The window could not be opened.
+            OSError: There is no display for the window.
         """
-        try:
-            self.client = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
-        except pybullet.error as error:
-            raise OSError(f"PyBullet could not be started ({error})") from error
-        if self.client < 0:
-            raise OSError("PyBullet could not be started" + ("; gui needs a display (DISPLAY)" if gui else ""))
+        if gui:
+            window.require_display()
+        self.gui = gui
+        self.client = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
         pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=1.0 / rate, numSolverIterations=iterations, deterministicOverlappingPairs=1,
@@ -57,6 +57,12 @@ class Physics:
         self.filter(self.ground, GROUND, ROBOT | LOOSE | ROLLING)
         pybullet.changeDynamics(self.ground, -1, lateralFriction=1.0, physicsClientId=self.client)
         self.rays_hit: int = LIDAR | LOOSE
+
+    def show(self, start: Pose2D, robot: int) -> None:
+        """Make the window, if there is one, ready for watching the robot from its start on."""
+        if self.gui:
+            window.tidy(self.client, start)
+            window.paint(self.client, robot, window.ROBOT)
 
     def close(self) -> None:
         """Disconnect; more than once does no harm."""
@@ -85,6 +91,8 @@ class Physics:
             )
             body = pybullet.createMultiBody(0.0, shape, physicsClientId=self.client)
             self.filter(body, group, mask)
+            if self.gui:
+                window.paint(self.client, body, window.HIDDEN if group == LIDAR else window.WALLS)
             bodies.append(body)
         return bodies
 

@@ -47,12 +47,14 @@ class Simulation:
 
         Raises:
             ValueError: The start lies inside of something.
+            OSError: There is no display for the window.
         """
         self.world, self.parameters, self.faults = world, parameters, NO_FAULTS
         self.physics = Physics(parameters.physics_rate, parameters.solver_iterations, gui)
         self.stage = Stage(self.physics, world)
         self._require_room(world.start, f"the start of world '{world.name}'")
         self.base = Base(self.physics, parameters, world.start)
+        self.physics.show(world.start, self.base.body)
         self._drivetrain = Drivetrain(self.base, parameters)
         scan, odom, imu = (np.random.Generator(np.random.PCG64(s)) for s in np.random.SeedSequence(seed).spawn(3))
         self.lidar = Lidar(self.physics, parameters, scan)
