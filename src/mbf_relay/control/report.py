@@ -43,8 +43,8 @@ class CycleReport:
         points = points[: int(np.argmin(inside))] if not inside.all() else points
         if len(points) < 2:
             return np.zeros((0, 3))
-        steps = np.diff(points, axis=0)
-        headings = np.arctan2(steps[:, 1], steps[:, 0])
+        steps_x, steps_y = np.diff(points, axis=0).T.copy()
+        headings = np.arctan2(steps_y, steps_x)
         return np.column_stack((points, np.append(headings, headings[-1])))
 
     def cell_costs(self) -> Tuple[np.ndarray, np.ndarray]:

@@ -49,8 +49,10 @@ def heaviest_first(labels: np.ndarray, weights: np.ndarray, count: int) -> List[
 def mean_and_covariance(poses: np.ndarray, weights: np.ndarray) -> Tuple[Pose2D, np.ndarray]:
     """Return the weighted mean pose and covariance, shape (3, 3); the heading's is -2 ln R as in amcl."""
     share = weights / weights.sum()
-    x, y = float(share @ poses[:, 0]), float(share @ poses[:, 1])
-    cos, sin = float(share @ np.cos(poses[:, 2])), float(share @ np.sin(poses[:, 2]))
+    headings = poses[:, 2].copy()
+    x, y, cos, sin = (
+        float((share * values).sum()) for values in (poses[:, 0], poses[:, 1], np.cos(headings), np.sin(headings))
+    )
     offsets = poses[:, :2] - (x, y)
     covariance = np.zeros((3, 3))
     covariance[:2, :2] = (offsets * share[:, None]).T @ offsets

@@ -27,8 +27,11 @@ class PoseGaussian:
     def fitted(poses: np.ndarray, weights: np.ndarray) -> "PoseGaussian":
         """Return the distribution with the moments of weighted poses, shape (N, 3), never narrower than FLOOR."""
         share = weights / weights.sum()
-        heading = math.atan2(share @ np.sin(poses[:, 2]), share @ np.cos(poses[:, 2]))
-        mean = np.array([share @ poses[:, 0], share @ poses[:, 1], heading])
+        headings = poses[:, 2].copy()
+        x, y, cos, sin = (
+            (share * values).sum() for values in (poses[:, 0], poses[:, 1], np.cos(headings), np.sin(headings))
+        )
+        mean = np.array([x, y, math.atan2(sin, cos)])
         offsets = differences(poses, mean)
         return PoseGaussian(mean, (offsets * share[:, None]).T @ offsets + np.diag(FLOOR ** 2))
 
@@ -45,7 +48,7 @@ class PoseGaussian:
         """Return the log-density at poses, (N, 3) in, (N,) out."""
         root = np.linalg.cholesky(self.covariance)
         whitened = np.linalg.solve(root, differences(poses, self.mean).T)
-        return LOG_NORMALIZER - np.log(np.diag(root)).sum() - 0.5 * np.square(whitened).sum(axis=0)
+        return LOG_NORMALIZER - np.log(np.diag(root).copy()).sum() - 0.5 * np.square(whitened).sum(axis=0)
 
     def sample(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """Draw poses, shape (count, 3)."""

@@ -62,8 +62,8 @@ def directions(points: np.ndarray, window: int) -> np.ndarray:
     indices = np.arange(len(points))
     ahead = points[np.minimum(indices + window, len(points) - 1)]
     behind = points[np.maximum(indices - window, 0)]
-    steps = ahead - behind
-    return np.arctan2(steps[:, 1], steps[:, 0])
+    steps_x, steps_y = (ahead - behind).T.copy()
+    return np.arctan2(steps_y, steps_x)
 
 
 def _blend(first: float, last: float, count: int) -> np.ndarray:

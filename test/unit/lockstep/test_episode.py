@@ -4,6 +4,7 @@ import dataclasses
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("pybullet")
@@ -53,6 +54,15 @@ def test_equal_seeds_give_equal_drives_and_other_seeds_other_ones(tmp_path):
     first, second, other = (Episode(made, BLIND, seed).run() for seed in (4, 4, 5))
     assert first.drive() == second.drive()
     assert first.digest != other.digest
+
+
+def test_a_drive_does_not_depend_on_where_its_memory_lies():
+    made = dataclasses.replace(circle(), goals=circle().goals[:1])
+    digests, ballast = set(), []
+    for size in (0, 1000, 37, 5000):
+        ballast += [np.empty(size + 8 * k) for k in range(20)]
+        digests.add(Episode(made, SEEING, 1).run().digest)
+    assert len(digests) == 1
 
 
 def test_a_drive_does_not_depend_on_how_many_processes_there_are(tmp_path):

@@ -34,7 +34,8 @@ class _OnPath(Critic):
         ends = trajectories.ends
         points = ends[:, :2]
         if shift != 0.0:
-            points = points + shift * np.column_stack((np.cos(ends[:, 2]), np.sin(ends[:, 2])))
+            headings = ends[:, 2].copy()
+            points = points + shift * np.column_stack((np.cos(headings), np.sin(headings)))
         reach = self.parameters.max_vel_trans * self.parameters.sim_time + abs(shift) + MARGIN
         arc = scene.path.robot_arc
         result = scene.path.project(points, arc - LOOK_BACK - abs(shift), arc + reach)
