@@ -112,6 +112,7 @@ class Drive:
         reached: Whether the controller said so.
         error: The error it ended with, or None.
         poses, commands: One row per cycle.
+        failed: Whether the controller had no velocity in a cycle, so that the robot was stopped.
         contacts: Cycles in which the footprint touched an obstacle.
         seconds: Time taken.
     """
@@ -120,6 +121,7 @@ class Drive:
     error: Optional[ControlError] = None
     poses: List[Pose2D] = field(default_factory=list)
     commands: List[Twist2D] = field(default_factory=list)
+    failed: List[bool] = field(default_factory=list)
     contacts: int = 0
     seconds: float = 0.0
 
@@ -196,6 +198,7 @@ def drive(
         robot.move(command, period)
         result.poses.append(robot.pose)
         result.commands.append(command)
+        result.failed.append(result.error is not None)
         result.contacts += touches(robot.pose, occupied)
     return result
 

@@ -19,6 +19,9 @@ from mbf_relay.plugins import find_class
 from mbf_relay.planning.path import Path
 
 PLACE = ("path", "goal", "alignment", "goal_front")
+NOSES = ("alignment", "goal_front")
+"""Not asked where they hold the robot: at a bend its nose may be as near to the path as it gets where it stands."""
+
 LEAST_GAIN = 0.002  # m off the path by which a trajectory's end must be better than standing
 
 
@@ -86,7 +89,10 @@ class DwaController(PathFollower):
             turn = self.turn_to_path(around, 0.0)
             if turn is not None:
                 return turn
-        if winner is None or (stands and not self._is_worthwhile(self.explanation)):
+        if stands and not self._is_worthwhile(self.explanation):
+            self.explanation = self.explanation.without(NOSES)
+            winner = self.explanation.winner if self._is_worthwhile(self.explanation) else None
+        if winner is None:
             raise self.nothing_left(around, str(self.explanation))
         command = Twist2D(*map(float, self.trajectories.commands[winner]))
         for critic in self.critics:
@@ -111,6 +117,8 @@ class DwaController(PathFollower):
 
         A robot that creeps to and fro before an obstacle is not on its way; whoever sent it should hear of that.
         """
+        if explanation.winner is None:
+            return False
         place = np.array([name in PLACE for name in explanation.critics])
         costs = explanation.scores[place]
         gain = costs[:, -1].sum() - costs[:, explanation.winner].sum()
@@ -121,9 +129,7 @@ class DwaController(PathFollower):
         scores = np.zeros((len(asked), len(trajectories)))
         for row, critic in zip(scores, asked):
             row[:] = critic.scale * critic.score(trajectories, scene)
-        totals = scores.sum(axis=0)[:-1]
-        winner = int(np.argmin(totals)) if len(totals) and np.isfinite(totals).any() else None
-        return Explanation(tuple(critic.name for critic in asked), scores, trajectories.velocities, winner)
+        return Explanation.of([critic.name for critic in asked], scores, trajectories.velocities)
 
 
 def _make_critics(parameters: DwaParameters) -> List[Critic]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Dict, Optional, Tuple
+from typing import Dict, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -25,6 +25,18 @@ class Explanation:
     scores: np.ndarray
     velocities: np.ndarray
     winner: Optional[int]
+
+    @staticmethod
+    def of(critics: Sequence[str], scores: np.ndarray, velocities: np.ndarray) -> Explanation:
+        """Return the explanation of scores, the cheapest trajectory the winner."""
+        totals = scores.sum(axis=0)[:-1]
+        winner = int(np.argmin(totals)) if len(totals) and np.isfinite(totals).any() else None
+        return Explanation(tuple(critics), scores, velocities, winner)
+
+    def without(self, critics: Sequence[str]) -> Explanation:
+        """Return what it would be had these critics not been asked."""
+        kept = [index for index, name in enumerate(self.critics) if name not in critics]
+        return Explanation.of([self.critics[index] for index in kept], self.scores[kept], self.velocities)
 
     @property
     def totals(self) -> np.ndarray:

@@ -1,0 +1,204 @@
+"""What every controller owes whoever drives with it."""
+
+import math
+import os
+import sys
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from controllers import NAMES, make  # noqa: E402
+from kinematics import PaperRobot, boxes, costmap_round, discs, drive, nowhere, path_through  # noqa: E402
+
+from mbf_relay.control.controller import ControlState, GoalTolerance, SpeedLimit  # noqa: E402
+from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D, angle_between  # noqa: E402
+from mbf_relay.outcomes import ControlError, ControlOutcome  # noqa: E402
+from mbf_relay.planning.path import Path  # noqa: E402
+from mbf_relay.plugins import PluginError  # noqa: E402
+
+START = Pose2D(0.0, 0.0, 0.0)
+STRAIGHT = path_through((0, 0), (1.5, 0))
+pytestmark = pytest.mark.parametrize("name", NAMES)
+
+
+def state(pose=START, velocity=STOP, now=0.0, occupied=nowhere, costmap_from_path=IDENTITY):
+    return ControlState(now, pose, velocity, costmap_round(pose, occupied), costmap_from_path, 0.1)
+
+
+PATHS = {
+    "straight": STRAIGHT,
+    "bend": path_through((0, 0), (0.8, 0), (0.8, 0.8)),
+    "behind": path_through((0, 0), (-0.8, 0)),
+    "aside, turned at the end": path_through((0, 0), (0, 0.8), end_heading=-1.0),
+    "a few centimetres": path_through((0, 0), (0.08, 0.05), end_heading=2.0),
+    "only a turn": Path(np.array([[0.0, 0.0, 2.5]]), "odom"),
+    "hairpin": path_through((0, 0), (0.9, 0), (0.9, 0.3), (0, 0.3)),
+}
+
+
+@pytest.mark.parametrize("path", sorted(PATHS))
+@pytest.mark.parametrize("period", [0.05, 0.1, 0.2])
+def test_it_arrives_in_place_and_heading_and_stands(name, path, period):
+    robot = PaperRobot(START)
+    ended = drive(make(name), PATHS[path], START, seconds=40.0, period=period, robot=robot)
+    assert ended.reached, f"{ended.error}"
+    goal = PATHS[path].goal
+    assert robot.pose.distance_to(goal) <= 0.05 and abs(angle_between(robot.pose.theta, goal.theta)) <= 0.17
+    assert robot.velocity.speed() <= 0.1
+    ideal = PATHS[path].length / 0.22 + (2 * math.pi) / 2.75
+    assert ended.seconds <= ideal + 4.0
+
+
+@pytest.mark.parametrize("path", sorted(PATHS))
+def test_commands_stay_within_limits_and_accelerations(name, path):
+    ended = drive(make(name), PATHS[path], START, seconds=40.0)
+    commands = np.array(ended.commands)
+    assert np.abs(commands[:, 0]).max(initial=0.0) <= 0.22 + 1e-9 and not commands[:, 1].any()
+    assert np.abs(commands[:, 2]).max() <= 2.75 + 1e-9
+    steps = np.abs(np.diff(np.vstack((np.zeros(3), commands)), axis=0))[~np.array(ended.failed)]
+    assert steps[:, 0].max() <= 2.5 * 0.1 + 1e-9 and steps[:, 2].max() <= 3.2 * 0.1 + 1e-9
+
+
+def test_equal_input_gives_equal_output(name):
+    one, two = (drive(make(name), PATHS["bend"], START, discs((0.4, 0.25, 0.05))).commands for _ in range(2))
+    assert one == two
+
+
+def test_another_frame_drives_the_same_way(name):
+    transform = Pose2D(3.0, -1.0, 2.0)
+    poses = transform.inverse().transform_poses(PATHS["bend"].poses)
+    straight, turned = make(name), make(name)
+    straight.set_path(PATHS["bend"], True)
+    turned.set_path(Path(poses, "map"), True)
+    for pose in (START, Pose2D(0.3, 0.02, 0.1), Pose2D(0.79, 0.2, 1.3)):
+        assert turned.compute_velocity(state(pose, costmap_from_path=transform)) == pytest.approx(
+            straight.compute_velocity(state(pose)), abs=1e-6)
+        assert turned.is_goal_reached(state(pose, costmap_from_path=transform)) is False
+
+
+def test_a_wall_across_the_way_is_not_touched_and_told(name):
+    ended = drive(make(name), STRAIGHT, START, boxes((0.6, -2, 0.7, 2)), seconds=30.0)
+    assert not ended.reached and ended.contacts == 0
+    assert ended.error.outcome in (ControlOutcome.BLOCKED_PATH, ControlOutcome.NO_VALID_CMD)
+    assert len(str(ended.error)) > 20
+
+
+def test_an_obstacle_that_appears_close_ahead_is_not_touched(name):
+    controller, robot, wall = make(name), PaperRobot(START, acceleration=2.5), boxes((0.9, -2, 1.0, 2))
+    controller.set_path(STRAIGHT, True)
+    for cycle in range(80):
+        seen = wall if robot.pose.x > 0.9 - 0.041 - 0.1 else nowhere
+        now = cycle * 0.1
+        try:
+            command = controller.compute_velocity(ControlState(now, robot.pose, robot.velocity, costmap_round(robot.pose, seen), IDENTITY, 0.1))
+        except ControlError:
+            command = STOP
+        robot.move(command, 0.1)
+    assert robot.pose.x < 0.9 - 0.041
+
+
+def test_a_goal_that_something_stands_on_is_blocked(name):
+    ended = drive(make(name), STRAIGHT, START, discs((1.5, 0.0, 0.1)), seconds=30.0)
+    assert not ended.reached and ended.contacts == 0 and ended.error.outcome is ControlOutcome.BLOCKED_GOAL
+    assert "1.50" in str(ended.error)
+
+
+def test_a_path_that_starts_a_metre_away_is_missed(name):
+    controller = make(name)
+    controller.set_path(path_through((0, 1.0), (1, 1.0)), True)
+    with pytest.raises(ControlError, match="1.00 m") as missed:
+        controller.compute_velocity(state())
+    assert missed.value.outcome is ControlOutcome.MISSED_PATH
+
+
+def test_a_path_lost_by_less_is_rejoined(name):
+    assert drive(make(name), STRAIGHT, Pose2D(0.1, 0.3, -1.0)).reached
+
+
+def test_wheels_that_do_not_turn_are_stuck(name):
+    controller = make(name)
+    controller.set_path(STRAIGHT, True)
+    with pytest.raises(ControlError, match="wheels") as stuck:
+        for cycle in range(60):
+            controller.compute_velocity(state(now=cycle * 0.1))
+    assert stuck.value.outcome is ControlOutcome.ROBOT_STUCK and cycle >= 20
+
+
+def test_turning_on_the_spot_is_no_being_stuck(name):
+    assert drive(make(name, max_vel_theta=0.4, min_vel_theta=0.0), Path(np.array([[0.0, 0.0, 3.0]]), "odom"), START).reached
+
+
+@pytest.mark.parametrize("poses, outcome", [
+    (np.zeros((0, 3)), ControlOutcome.INVALID_PATH), (np.array([[0.0, math.nan, 0.0]]), ControlOutcome.INVALID_PATH),
+])
+def test_what_is_no_path_is_refused(name, poses, outcome):
+    with pytest.raises(ControlError) as refused:
+        make(name).set_path(Path(poses, "odom"), True)
+    assert refused.value.outcome is outcome
+
+
+def test_without_a_path_there_is_no_velocity_and_no_goal(name):
+    controller = make(name)
+    assert not controller.is_goal_reached(state())
+    with pytest.raises(ControlError) as refused:
+        controller.compute_velocity(state())
+    assert refused.value.outcome is ControlOutcome.NOT_INITIALIZED
+
+
+def test_a_pose_that_is_no_number_moves_nothing(name):
+    controller = make(name)
+    controller.set_path(STRAIGHT, True)
+    with pytest.raises(ControlError):
+        controller.compute_velocity(ControlState(0.0, Pose2D(math.nan, 0.0, 0.0), STOP, costmap_round(START), IDENTITY, 0.1))
+
+
+@pytest.mark.parametrize("changes, word", [
+    ({"max_vel_x": -0.5}, "min_vel_x"), ({"min_vel_trans": 0.5}, "min_vel_trans"), ({"acc_lim_theta": 0.0}, "acc_lim_theta"),
+    ({"acc_lim_x": 0.0}, "acc_lim_x"), ({"acc_lim_x": -1.0}, "acc_lim_x"), ({"xy_goal_tolerance": 0.0}, "xy_goal_tolerance"),
+    ({"max_vel_theta": float("nan")}, "max_vel_theta"), ({"min_vel_theta": 3.0}, "min_vel_theta"),
+])
+def test_limits_that_contradict_each_other_are_named(name, changes, word):
+    with pytest.raises(PluginError, match=word):
+        make(name, **changes)
+
+
+def test_the_tolerance_of_the_action_holds(name):
+    path, robot = path_through((0, 0), (1, 0)), PaperRobot(Pose2D(0.8, 0.1, 0.8))
+    controller = make(name)
+    controller.set_path(path, True)
+    assert not controller.is_goal_reached(state(robot.pose))
+    assert controller.is_goal_reached(state(robot.pose), GoalTolerance(0.3, 1.0))
+    assert not controller.is_goal_reached(state(robot.pose), GoalTolerance(0.3, 0.5))
+    assert not controller.is_goal_reached(state(robot.pose, Twist2D(0.2, 0.0, 0.0)), GoalTolerance(0.3, 1.0))
+
+
+def test_a_new_path_to_the_same_goal_keeps_what_was_reached(name):
+    path = path_through((0, 0), (1, 0), end_heading=3.0)
+    controller = make(name, latch_xy_goal_tolerance=True)
+    controller.set_path(path, True)
+    at_goal = Pose2D(1.0, 0.0, 0.0)
+    assert controller.compute_velocity(state(at_goal)).theta > 0.0
+    controller.set_path(path, False)
+    drifted = Pose2D(1.0, 0.09, 3.0)
+    assert controller.is_goal_reached(state(drifted)), "latched: only the heading counts"
+    controller.set_path(path, True)
+    assert not controller.is_goal_reached(state(drifted))
+
+
+def test_a_speed_limit_holds_for_its_distance(name):
+    controller = make(name)
+    controller.limit_speed(SpeedLimit(0.05, 0.3, 0.3))
+    ended = drive(controller, path_through((0, 0), (1.5, 0)), START)
+    slow = [c.x for p, c in zip(ended.poses, ended.commands) if p.x <= 0.3]
+    assert ended.reached and max(slow) <= 0.05 + 1e-9 and max(c.x for c in ended.commands) == pytest.approx(0.22, abs=0.01)
+    assert max(abs(c.theta) for p, c in zip(ended.poses, ended.commands) if p.x <= 0.3) <= 0.3 + 1e-9
+
+
+def test_new_parameters_hold_from_the_next_cycle_on(name):
+    controller = make(name)
+    controller.set_path(STRAIGHT, True)
+    for cycle in range(5):
+        controller.compute_velocity(state(Pose2D(0.02 * cycle, 0.0, 0.0), Twist2D(0.2, 0.0, 0.0), cycle * 0.1))
+    controller.reconfigure(controller.parameters.replace(max_vel_trans=0.12))
+    assert controller.compute_velocity(state(Pose2D(0.12, 0.0, 0.0), Twist2D(0.2, 0.0, 0.0), 0.5)).x <= 0.12 + 1e-9

@@ -1,0 +1,110 @@
+"""Cutting out the path round the robot, and refusing what is no path."""
+
+import math
+
+import numpy as np
+import pytest
+from paper import random_costmap
+
+from mbf_relay.control import path_kernels
+from mbf_relay.control.controller import ControlState
+from mbf_relay.control.local_path import PathTracker
+from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.outcomes import ControlError, ControlOutcome
+from mbf_relay.planning.path import Path
+
+COSTMAP = random_costmap(np.random.default_rng(1))
+
+
+def state(x, y, theta=0.0, costmap_from_path=Pose2D(0.0, 0.0, 0.0)):
+    return ControlState(0.0, Pose2D(x, y, theta), Twist2D(0.0, 0.0, 0.0), COSTMAP, costmap_from_path)
+
+
+def tracker_on(points):
+    tracker = PathTracker()
+    tracker.set_path(Path(np.column_stack((np.array(points, float), np.zeros(len(points)))), "odom"))
+    return tracker
+
+
+def line(*corners, spacing=0.01):
+    points = []
+    for start, end in zip(np.array(corners, float)[:-1], np.array(corners, float)[1:]):
+        count = int(np.hypot(*(end - start)) / spacing)
+        points += [start + (end - start) * i / count for i in range(count)]
+    return points + [np.array(corners[-1], float)]
+
+
+def test_the_stretch_reaches_as_far_as_asked_and_straight_beyond_the_goal():
+    path = tracker_on(line((0, 0), (2, 0))).cut(state(0.5, 0.1), 0.3, 0.6, 1.0)
+    assert (path.robot_arc, path.robot_distance) == pytest.approx((0.5, 0.1), abs=1e-6)
+    assert path.arcs[0] == pytest.approx(0.2, abs=0.03) and path.arcs[-1] == pytest.approx(1.1, abs=0.03)
+    assert path.remaining == pytest.approx(1.5)
+    end = tracker_on(line((0, 0), (2, 0))).cut(state(1.9, 0.0), 0.3, 0.6, 1.0)
+    assert end.points[-1] == pytest.approx([3.0, 0.0]) and end.goal_arc == pytest.approx(2.0)
+    assert end.point_at(2.5) == pytest.approx([2.5, 0.0])
+
+
+def test_frames_are_related_by_the_transform():
+    transform = Pose2D(1.0, -2.0, 0.7)
+    robot = transform.compose(Pose2D(0.4, 0.05, 0.0))
+    path = tracker_on(line((0, 0), (1, 0))).cut(state(robot.x, robot.y, robot.theta, transform), 0.2, 0.2, 0.1)
+    assert (path.robot_arc, path.robot_distance) == pytest.approx((0.4, 0.05), abs=1e-6)
+    assert path.point_at(0.5) == pytest.approx(transform.transform_points(np.array([[0.5, 0.0]]))[0])
+
+
+def test_a_path_that_comes_back_beside_itself_is_followed_in_order():
+    tracker = tracker_on(line((0, 0), (1, 0), (1, 0.12), (0, 0.12)))
+    assert tracker.cut(state(0.3, 0.0), 0.1, 0.1, 0.1).robot_arc == pytest.approx(0.3, abs=0.01)
+    assert tracker.cut(state(0.5, 0.07), 0.1, 0.1, 0.1).robot_arc == pytest.approx(0.5, abs=0.02), "not the way back"
+    for x in np.arange(0.5, 1.01, 0.1):
+        tracker.cut(state(x, 0.03), 0.1, 0.1, 0.1)
+    assert tracker.cut(state(0.8, 0.1), 0.1, 0.1, 0.1).robot_arc == pytest.approx(1.3, abs=0.06)
+
+
+def test_a_robot_set_down_elsewhere_is_found_again():
+    tracker = tracker_on(line((0, 0), (5, 0)))
+    tracker.cut(state(0.1, 0.0), 0.1, 0.1, 0.1)
+    assert tracker.cut(state(4.0, 0.3), 0.1, 0.1, 0.1).robot_arc == pytest.approx(4.0)
+
+
+def test_the_steps_of_a_grid_are_smoothed_and_the_ends_stay():
+    stairs = [(0.05 * ((i + 1) // 2), 0.05 * (i // 2)) for i in range(41)]
+    path = tracker_on(stairs).cut(state(0.5, 0.5), 9.0, 9.0, 0.0)
+    inner = path.points[(path.arcs > 0.1) & (path.arcs < path.goal_arc - 0.1)]
+    assert np.abs(inner[:, 0] - inner[:, 1]).max() < 0.036, "the diagonal, a cell's step off at most"
+    headings = np.arctan2(*np.diff(inner, axis=0).T[::-1])
+    assert np.abs(headings - math.pi / 4).max() < 0.5
+    assert path.points[0] == pytest.approx([0.0, 0.0]) and path.point_at(path.goal_arc) == pytest.approx([1.0, 1.0])
+
+
+@pytest.mark.parametrize("points", [[(0.3, 0.1)], [(0.3, 0.1)] * 3, [(0.3, 0.1), (0.305, 0.1)], [(0.0, 0.0), (0.03, 0.0), (0.0, 0.0)]])
+def test_the_shortest_of_paths_can_be_cut(points):
+    path = tracker_on(points).cut(state(0.2, 0.1), 0.5, 0.5, 0.3)
+    assert len(path.points) >= 2 and np.isfinite(path.points).all() and (np.diff(path.arcs) >= 0.0).all()
+    assert (path.goal.x, path.goal.y) == points[-1]
+
+
+@pytest.mark.parametrize("poses, word", [
+    (np.zeros((0, 3)), "empty"), (np.array([[0.0, 0.0, 0.0], [math.nan, 0.0, 0.0]]), "pose 1"),
+    (np.array([[0.0, math.inf, 0.0]]), "pose 0"), (np.zeros(3), "empty"),
+])
+def test_what_is_no_path_is_refused_by_name(poses, word):
+    with pytest.raises(ControlError, match=word) as refused:
+        PathTracker().set_path(Path(poses, "odom"))
+    assert refused.value.outcome is ControlOutcome.INVALID_PATH
+
+
+def test_projection_finds_the_nearest_point_of_the_line():
+    rng = np.random.default_rng(2)
+    corners = np.cumsum(rng.normal(0, 0.1, (30, 2)), axis=0)
+    arcs = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))))
+    points = rng.uniform(-1, 1, (50, 2))
+    result = np.empty((50, 2))
+    path_kernels.project(points, corners, arcs, result)
+    dense = np.arange(0.0, arcs[-1], 1e-4)
+    places = np.column_stack([np.interp(dense, arcs, corners[:, axis]) for axis in (0, 1)])
+    for (x, y), (distance, arc) in zip(points, result):
+        gaps = np.hypot(places[:, 0] - x, places[:, 1] - y)
+        assert distance == pytest.approx(gaps.min(), abs=1e-4)
+        at = [np.interp(arc, arcs, corners[:, axis]) for axis in (0, 1)]
+        assert np.hypot(at[0] - x, at[1] - y) == pytest.approx(distance, abs=1e-9)

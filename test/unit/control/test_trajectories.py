@@ -1,0 +1,251 @@
+"""The dynamic window, its samples, forward simulation and footprint contacts, against plain references."""
+
+import math
+
+import numpy as np
+import pytest
+from paper import BURGER, burger, random_costmap, random_scene
+
+from mbf_relay.control import trajectory_kernels
+from mbf_relay.control.obstacle_view import HEADINGS, ObstacleView, distances_to_obstacles
+from mbf_relay.control.trajectories import (
+    roll_out, sample, speed_to_stop_within, stopping_distance, too_slow, window_of,
+)
+from mbf_relay.geometry import STOP, Pose2D, Twist2D
+
+
+def test_the_window_is_what_acceleration_reaches_within_the_limits():
+    window = window_of(burger(), Twist2D(0.1, 0.0, 2.6), 0.1, 0.22, 2.75)
+    assert window.high == pytest.approx((0.22, 0.0, 2.75))
+    assert window.low == pytest.approx((-0.15, 0.0, 2.28))
+
+
+def test_a_robot_beyond_its_limit_brakes_as_hard_as_it_can():
+    window = window_of(burger(), Twist2D(0.22, 0.0, 2.0), 0.02, 0.1, 1.0)
+    assert window.high.x == window.low.x == pytest.approx(0.22 - 2.5 * 0.02)
+    assert window.high.theta == window.low.theta == pytest.approx(2.0 - 3.2 * 0.02)
+
+
+def test_samples_are_even_and_hold_the_ends_and_zero():
+    parameters = burger(vx_samples=4, vth_samples=6)
+    velocities = sample(parameters, window_of(parameters, STOP, 0.05, 0.22, 2.75), 0.22)
+    assert sorted(set(np.round(velocities[:, 0], 6))) == pytest.approx([-0.125, -0.041667, 0.0, 0.041667, 0.125])
+    assert sorted(set(np.round(velocities[:, 2], 6))) == pytest.approx([-0.16, -0.096, -0.032, 0.0, 0.032, 0.096, 0.16])
+    assert not (np.abs(velocities).sum(axis=1) == 0.0).any(), "standing still is no trajectory"
+
+
+def test_no_sample_is_faster_than_the_top_speed_in_all():
+    parameters = burger(max_vel_y=0.2, min_vel_y=-0.2, vy_samples=5, acc_lim_y=2.5)
+    velocities = sample(parameters, window_of(parameters, Twist2D(0.1, 0.1, 0.0), 0.1, 0.22, 2.75), 0.22)
+    assert np.hypot(velocities[:, 0], velocities[:, 1]).max() <= 0.22 + 1e-3
+    assert (velocities[:, 1] < 0.0).any() and (velocities[:, 1] > 0.0).any()
+
+
+@pytest.mark.parametrize("counts", [(0, 0, 0), (1, 1, 1), (2, 0, 3)])
+def test_few_or_no_samples_asked_for_still_give_the_ends_of_the_window(counts):
+    parameters = burger(**dict(zip(("vx_samples", "vy_samples", "vth_samples"), counts)))
+    window = window_of(parameters, STOP, 0.1, 0.22, 2.75)
+    velocities = sample(parameters, window, 0.22)
+    assert velocities[:, 0].max() == pytest.approx(window.high.x) and velocities[:, 2].min() == pytest.approx(window.low.theta)
+
+
+def test_creeping_is_told_from_starting_and_from_turning():
+    parameters = burger()
+    window = window_of(parameters, Twist2D(0.2, 0.0, 0.0), 0.1, 0.22, 2.75)
+    candidates = np.array([[0.05, 0.0, 0.1], [0.05, 0.0, 1.5], [0.0, 0.0, 0.2], [0.12, 0.0, 0.0]])
+    assert too_slow(parameters, window, candidates).tolist() == [True, False, False, False]
+    starting = window_of(parameters, STOP, 0.02, 0.22, 2.75)
+    assert not too_slow(parameters, starting, np.array([[starting.high.x, 0.0, 0.0]])).any()
+
+
+def integrated(pose, start, target, accelerations, duration, count, substeps=400):
+    """Euler in very small steps, velocity constant within each of `count` steps."""
+    step, velocity, poses = duration / count, np.array(start, float), []
+    x, y, theta = pose
+    for _ in range(count):
+        velocity = velocity + np.clip(np.array(target) - velocity, -accelerations * step, accelerations * step)
+        for _ in range(substeps):
+            dt = step / substeps
+            x += (velocity[0] * math.cos(theta) - velocity[1] * math.sin(theta)) * dt
+            y += (velocity[0] * math.sin(theta) + velocity[1] * math.cos(theta)) * dt
+            theta += velocity[2] * dt
+        poses.append((x, y, theta))
+    return np.array(poses)
+
+
+@pytest.mark.parametrize("accelerates", [False, True])
+def test_simulation_drives_exact_arcs(accelerates):
+    rng = np.random.default_rng(3)
+    for _ in range(8):
+        pose, now = rng.uniform(-1, 1, 3), rng.uniform((-0.3, -0.2, -2.0), (0.3, 0.2, 2.0))
+        target, accelerations = rng.uniform((-0.5, -0.3, -2.5), (0.5, 0.3, 2.5)), np.array([0.5, 0.4, 2.0])
+        poses, counts, steps = np.empty((1, 80, 3)), np.empty(1, np.int64), np.empty(1)
+        start = now if accelerates else np.full(3, np.nan)
+        trajectory_kernels.simulate(
+            pose, start, accelerations, target[None], np.array([1.5]), 0.025, 0.1, poses, counts, steps)
+        expected_count = math.ceil(max(math.hypot(*target[:2]) * 1.5 / 0.025, abs(target[2]) * 1.5 / 0.1) - 1e-9)
+        assert counts[0] == expected_count and steps[0] == pytest.approx(1.5 / expected_count)
+        first = now if accelerates else target
+        expected = integrated(pose, first, target, accelerations, 1.5, expected_count)
+        assert np.allclose(poses[0, : counts[0]], expected, atol=2e-3)
+
+
+def grazes(costs, column, row, in_x, in_y, overlap):
+    sides = [(in_x < overlap, -1, 0), (in_x > 1 - overlap, 1, 0), (in_y < overlap, 0, -1), (in_y > 1 - overlap, 0, 1)]
+    return any(
+        near and 0 <= column + dx < costs.shape[1] and 0 <= row + dy < costs.shape[0] and costs[row + dy, column + dx] < 254
+        for near, dx, dy in sides
+    )
+
+
+def contacts_reference(costmap, pose, scale, overlap):
+    """Walk round the outline in thirds of a cell."""
+    grid, found = costmap.grid, 0
+    step = 2 * math.pi / HEADINGS
+    turned = Pose2D(pose.x, pose.y, round(pose.theta / step) * step)
+    corners = costmap.footprint
+    for start, end in zip(corners, np.roll(corners, -1, axis=0)):
+        count = max(1, math.ceil(np.hypot(*(end - start)) / (grid.resolution / 3)))
+        for i in range(count):
+            local = np.float32(start + (end - start) * i / count) * scale
+            x, y = turned.transform_points(local[None])[0]
+            column, row = grid.cell_at(x, y)
+            if not grid.contains_cell(column, row):
+                found += 1
+            elif costmap.costs[row, column] >= 254:
+                in_x = (x - grid.origin_x) / grid.resolution - column
+                in_y = (y - grid.origin_y) / grid.resolution - row
+                found += not grazes(costmap.costs, column, row, in_x, in_y, overlap)
+    return found
+
+
+@pytest.mark.parametrize("overlap", [0.0, 0.25])
+def test_contacts_are_those_of_a_walk_round_the_outline(overlap):
+    rng = np.random.default_rng(5)
+    agreed = total = touching = 0
+    for _ in range(20):
+        costmap = random_costmap(rng, obstacles=60)
+        view = ObstacleView(costmap, overlap)
+        for _ in range(20):
+            pose = Pose2D(*rng.uniform((-1.55, -1.55, -7.0), (1.55, 1.55, 7.0)))
+            scale = float(rng.choice([1.0, 1.2]))
+            found, expected = view.contacts_at(pose, scale), contacts_reference(costmap, pose, scale, overlap)
+            agreed, total, touching = agreed + (found == expected), total + 1, touching + (expected > 0)
+            assert abs(found - expected) <= 2, "a point on the edge of a cell may round either way"
+    assert agreed >= 0.97 * total and touching > 50
+
+
+def test_a_cell_is_nearly_full_only_without_overlap():
+    costmap = random_costmap(np.random.default_rng(1), obstacles=0)
+    costmap.costs[:] = 0
+    costmap.costs[30, 40] = 254  # x from 0.50 to 0.55, y from 0 to 0.05
+    ahead = Pose2D(0.47, 0.025, 0.0)  # the front edge at 0.511, a fifth of the cell inside
+    assert ObstacleView(costmap, 0.0).contacts_at(ahead) > 0
+    assert ObstacleView(costmap, 0.25).contacts_at(ahead) == 0
+    assert ObstacleView(costmap, 0.25).contacts_at(Pose2D(0.48, 0.025, 0.0)) > 0
+
+
+def test_first_contacts_count_free_poses_and_sum_the_costs_under_them():
+    rng = np.random.default_rng(7)
+    costmap = random_costmap(rng, obstacles=80)
+    view = ObstacleView(costmap)
+    poses = rng.uniform((-1.4, -1.4, -3.0), (1.4, 1.4, 3.0), (40, 10, 3))
+    counts = rng.integers(1, 11, 40)
+    free, highest, summed = view.first_contacts(poses, counts, np.ones(40))
+    for n in range(40):
+        touching = [view.contacts_at(Pose2D(*pose)) > 0 for pose in poses[n, : counts[n]]]
+        expected = touching.index(True) if True in touching else counts[n]
+        cells = costmap.grid.cells_at(poses[n, :expected, :2])
+        costs = costmap.costs[cells[:, 1], cells[:, 0]].astype(float)
+        assert free[n] == expected
+        assert highest[n] == (costs.max() if expected else 0.0) and summed[n] == pytest.approx(costs.sum())
+
+
+def test_what_touches_already_may_be_left_and_not_entered_further():
+    costmap = random_costmap(np.random.default_rng(1), obstacles=0)
+    costmap.costs[:] = 0
+    costmap.costs[:, 42:] = 254  # from x = 0.6 on
+    view = ObstacleView(costmap)
+    inside = Pose2D(0.60, 0.0, 0.0)
+    allowed = view.contacts_at(inside)
+    assert allowed > 0
+    steps = 0.01 * np.arange(1, 6)
+    back = np.column_stack((inside.x - steps, np.zeros((5, 2))))
+    turned = np.column_stack((np.full((5, 2), (inside.x, 0.0)), 0.2 * np.arange(1, 6)))
+    assert view.free_steps(back, allowed) == 5
+    assert view.free_steps(back, 0) == 0
+    assert view.free_steps(turned, allowed) < 5
+
+
+def test_distances_are_to_the_nearest_lethal_or_unknown_cell():
+    rng = np.random.default_rng(2)
+    costs = rng.choice([0, 252, 253, 254, 255], (20, 30), p=[0.7, 0.1, 0.17, 0.02, 0.01]).astype(np.uint8)
+    rows, columns = np.nonzero(costs >= 254)
+    y, x = np.mgrid[:20, :30]
+    expected = np.hypot(x[..., None] - columns, y[..., None] - rows).min(axis=2)
+    assert np.allclose(distances_to_obstacles(costs), expected, atol=1e-4)
+    assert (distances_to_obstacles(np.zeros((5, 5), np.uint8)) > 1e5).all()
+
+
+def test_sight_ends_at_obstacles_and_is_not_judged_outside():
+    costmap = random_costmap(np.random.default_rng(1), obstacles=0)
+    costmap.costs[:] = 0
+    costmap.costs[25:35, 40] = 254
+    view = ObstacleView(costmap)
+    points = np.array([[0.4, 0.0], [0.8, 0.0], [0.8, 1.0], [5.0, 5.0]])
+    assert view.in_sight(Pose2D(0.0, 0.0, 0.0), points).tolist() == [True, False, True, True]
+
+
+def test_a_fast_robot_has_a_larger_footprint():
+    parameters = burger(max_vel_trans=0.5, max_vel_x=0.5, scaling_speed=0.2, max_scaling_factor=0.5)
+    costmap = random_costmap(np.random.default_rng(1), obstacles=0)
+    costmap.costs[:] = 0
+    costmap.costs[33, 30:50] = 254  # from y = 0.15 on, beside a footprint of 0.105, inside one of 0.158
+    view = ObstacleView(costmap, 0.0)
+    velocities = np.array([[0.2, 0.0, 0.0], [0.5, 0.0, 0.0]])
+    batch = roll_out(parameters, view, Pose2D(-0.2, 0.0, 0.0), Twist2D(0.2, 0.0, 0.0), velocities, 0.1, 9.0, 1.5)
+    assert batch.free[0] == batch.counts[0] and batch.free[1] < batch.counts[1]
+
+
+def test_a_trajectory_stops_at_the_goal_and_says_how_much_farther_it_would_come():
+    parameters = burger()
+    view = ObstacleView(random_costmap(np.random.default_rng(1), obstacles=0))
+    velocities = np.array([[0.2, 0.0, 0.0], [0.15, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    batch = roll_out(parameters, view, Pose2D(0.0, 0.0, 0.0), Twist2D(0.2, 0.0, 0.0), velocities, 0.1, 0.12, 1.5)
+    assert batch.ends[:2, 0] == pytest.approx([0.12, 0.12], abs=1e-6)
+    assert batch.spare[:2] == pytest.approx([0.2 * 1.5 - 0.12, 0.15 * 1.5 - 0.12])
+    assert batch.ends[2, 2] == pytest.approx(1.5) and batch.spare[2] == 0.0
+
+
+def test_stopping_and_the_speed_to_stop_are_inverse():
+    for speed in (0.05, 0.22, 1.0):
+        for delay in (0.0, 0.1, 0.5):
+            distance = stopping_distance(speed, 2.5, delay)
+            assert speed_to_stop_within(distance, 2.5, delay) == pytest.approx(speed)
+    assert speed_to_stop_within(0.0, 1.0, 0.1) == speed_to_stop_within(-1.0, 1.0, 0.1) == 0.0
+
+
+def test_with_acceleration_through_the_whole_horizon_the_command_is_still_within_one_period():
+    parameters = burger(use_dwa=False, acc_lim_x=0.2, acc_lim_theta=1.0)
+    velocity = Twist2D(0.05, 0.0, 0.0)
+    window = window_of(parameters, velocity, parameters.sim_time, 0.22, 2.75)
+    velocities = sample(parameters, window, 0.22)
+    view = ObstacleView(random_costmap(np.random.default_rng(1), obstacles=0))
+    batch = roll_out(parameters, view, Pose2D(0.0, 0.0, 0.0), velocity, velocities, 0.1, 9.0, 1.5)
+    assert np.abs(batch.commands - velocity).max(axis=0) == pytest.approx([0.02, 0.0, 0.1])
+    assert velocities[:, 2].max() == pytest.approx(1.5), "the samples reach what 1.5 s allow"
+
+
+def test_equal_scenes_give_equal_batches():
+    first, _ = random_scene(np.random.default_rng(11))
+    second, _ = random_scene(np.random.default_rng(11))
+    assert np.array_equal(first.ends, second.ends) and np.array_equal(first.free, second.free)
+
+
+def test_a_point_robot_has_an_outline_of_one_point():
+    costmap = random_costmap(np.random.default_rng(1), obstacles=0, footprint=np.zeros((0, 2)))
+    costmap.costs[:] = 0
+    costmap.costs[30, 40] = 254
+    view = ObstacleView(costmap, 0.0)
+    assert view.contacts_at(Pose2D(0.52, 0.02, 1.0)) == 1 and view.contacts_at(Pose2D(0.48, 0.02, 1.0)) == 0
+    assert BURGER.shape == (4, 2)
