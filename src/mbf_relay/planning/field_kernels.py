@@ -31,6 +31,25 @@ _CANCEL_CHECK = 4096
 _SPARE = 8
 
 
+@kernel("int64(int64[::1], int32[:,::1], float32[:,::1], int64, int64)")
+def _make_room(sizes, cells, keys, slot, taken):
+    """Drop a bucket's entries already worked through, where that is worth it; return how many there still are of them."""
+    if 2 * taken < sizes[slot]:
+        return taken
+    for i in range(taken, sizes[slot]):
+        cells[slot, i - taken], keys[slot, i - taken] = cells[slot, i], keys[slot, i]
+    sizes[slot] -= taken
+    return 0
+
+
+@kernel("boolean(int64[::1], int64)")
+def _is_full(sizes, capacity):
+    full = False
+    for slot in range(_BUCKETS):
+        full |= sizes[slot] + _SPARE > capacity
+    return full
+
+
 @kernel("int64(uint8[::1], int64, int64, float32[::1], float32[::1], int64[::1], int32[:,::1], float32[:,::1],"
         " int64[::1], int64, int64, float32, float32, uint8[::1])")
 def grow(
@@ -67,9 +86,7 @@ def grow(
     rows = np.array([0, 0, -1, 1, -1, -1, 1, 1])
     through = np.empty(8, np.float32)
     better = np.empty(9, np.int64)
-    full = False
-    for slot in range(_BUCKETS):
-        full |= sizes[slot] + _SPARE > capacity
+    full = _is_full(sizes, capacity)
     countdown = _CANCEL_CHECK
     verdict = -1
     if field[start] > zero and waiting > 0 and np.float32(base) > field[start] * inverse_width:
@@ -90,8 +107,12 @@ def grow(
                 break
             continue
         if full:
-            verdict = _BUCKET_FULL
-            break
+            # where many keys are equal, one bucket fills while it is emptied: first drop what is done with
+            taken = _make_room(sizes, cells, keys, slot, taken)
+            full = _is_full(sizes, capacity)
+            if full:
+                verdict = _BUCKET_FULL
+                break
         if countdown == 0:
             countdown = _CANCEL_CHECK
             if cancelled[0] != 0:

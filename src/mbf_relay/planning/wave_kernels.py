@@ -35,6 +35,25 @@ def _wave_value(across, along, cost):
     return np.float32(np.float32(0.5) * (across + along + root))
 
 
+@kernel("int64(int64[::1], int32[:,::1], float32[:,::1], int64, int64)")
+def _make_room(sizes, cells, keys, slot, taken):
+    """Drop a bucket's entries already worked through, where that is worth it; return how many there still are of them."""
+    if 2 * taken < sizes[slot]:
+        return taken
+    for i in range(taken, sizes[slot]):
+        cells[slot, i - taken], keys[slot, i - taken] = cells[slot, i], keys[slot, i]
+    sizes[slot] -= taken
+    return 0
+
+
+@kernel("boolean(int64[::1], int64)")
+def _is_full(sizes, capacity):
+    full = False
+    for slot in range(_BUCKETS):
+        full |= sizes[slot] + _SPARE > capacity
+    return full
+
+
 @kernel("int64(uint8[::1], int64, int64, float32[::1], float32[::1], int64[::1], int32[:,::1], float32[:,::1],"
         " int64[::1], int64, int64, float32, float32, uint8[::1])")
 def grow(
@@ -71,9 +90,7 @@ def grow(
     costs_near, old, other = np.empty(4, np.float32), np.empty(4, np.float32), np.empty(4, np.float32)
     through = np.empty(4, np.float32)
     better = np.empty(5, np.int64)
-    full = False
-    for slot in range(_BUCKETS):
-        full |= sizes[slot] + _SPARE > capacity
+    full = _is_full(sizes, capacity)
     countdown = _CANCEL_CHECK
     verdict = -1
     reached = field[start]
@@ -95,8 +112,12 @@ def grow(
                 break
             continue
         if full:
-            verdict = _BUCKET_FULL
-            break
+            # where many keys are equal, one bucket fills while it is emptied: first drop what is done with
+            taken = _make_room(sizes, cells, keys, slot, taken)
+            full = _is_full(sizes, capacity)
+            if full:
+                verdict = _BUCKET_FULL
+                break
         if countdown == 0:
             countdown = _CANCEL_CHECK
             if cancelled[0] != 0:
