@@ -26,6 +26,9 @@ from mbf_relay.ros.node import on_shutdown
 from mbf_relay.ros.outcome_codes import name_of
 from mbf_relay.simulation.arena import CIRCLE
 
+CLOCK_SKEW = 0.5
+"""How far (s) this program's simulated clock may be ahead of the relay's."""
+
 Drive = Callable[[PoseStamped], bool]
 """Drives to a pose and tells whether the robot got there."""
 
@@ -123,11 +126,12 @@ class GoalTopic:
     def drive(self, pose: PoseStamped) -> bool:
         """Send a pose; wait for the outcome of a goal at least as new."""
         pose.header.stamp = rospy.get_rostime()
+        newer_than = pose.header.stamp.to_sec() - CLOCK_SKEW
         self._outcomes.clear()
         self._goals.publish(pose)
         while not rospy.is_shutdown():
             for outcome in list(self._outcomes):
-                if outcome.status.goal_id.stamp >= pose.header.stamp:
+                if outcome.status.goal_id.stamp.to_sec() > newer_than:
                     return succeeded(Ending(outcome.status.status, outcome.status.text, outcome.result))
             if not self.is_connected:
                 give_up("the relay is gone")

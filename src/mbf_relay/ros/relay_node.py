@@ -168,11 +168,11 @@ class SimpleGoals:
 class TopicGoal:
     """A goal that came as a bare pose, for a relay without the action: nobody to answer but ~navigation_outcome.
 
-    Has the methods of actionlib's ServerGoalHandle. Its id carries the pose's stamp, by which its sender may know it.
+    Has the methods of actionlib's ServerGoalHandle. Its stamp is not before the pose's, by which its sender may know it.
     """
 
     def __init__(self, pose: PoseStamped, number: int) -> None:
-        stamp = pose.header.stamp if not pose.header.stamp.is_zero() else rospy.get_rostime()
+        stamp = max(pose.header.stamp, rospy.get_rostime())  # what came last is newest, whatever its sender's clock says
         self._goal = move_base_msgs.MoveBaseGoal(target_pose=pose)
         self._id = GoalID(stamp=stamp, id=f"{rospy.get_name()}-topic-{number}-{stamp.to_sec():.3f}")
 
