@@ -189,6 +189,7 @@ class ControllerExecution:
     def _collect(self, now: float) -> None:
         job, self._job = self._job, None
         if self._job_task is not self.task:  # the path was replaced meanwhile; the new one is due at once
+            self._pacer.hasten()
             return
         try:
             answer = job.result()

@@ -307,3 +307,16 @@ def test_the_clock_may_jump_back(bench):
     bench.step(0.0)
     bench.step()
     assert bench.robot.sent == [FORWARD] * 3 and not task.done
+
+
+def test_a_path_that_came_while_the_controller_thought_is_taken_up_the_moment_it_returns(held_bench):
+    bench = held_bench
+    bench.worker.delays = [2, 1]
+    bench.navigator.exe_path(FollowGoal(PATH))
+    bench.step(0.0)
+    newer = scripted.straight_path()
+    bench.navigator.exe_path(FollowGoal(newer))
+    bench.step(0.02)  # the controller is still at the old path
+    bench.step(0.02)  # it returns
+    bench.step(0.02)  # what it thought of the new path is there: no cycle was waited for
+    assert [path for path, _ in bench.script.paths] == [PATH, newer] and bench.robot.sent == [FORWARD]
