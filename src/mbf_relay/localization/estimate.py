@@ -22,14 +22,12 @@ class Estimate:
         covariance: Shape (3, 3) over x, y (m^2) and theta (rad^2), of all particles.
         weight: Share of the belief, 0 to 1, in the cluster the pose was taken from.
         clusters: Number of separate clusters.
-        resampled: Whether the particles were drawn anew at this update.
     """
 
     pose: Pose2D
     covariance: np.ndarray
     weight: float
     clusters: int
-    resampled: bool = False
 
 
 def cluster(poses: np.ndarray) -> Tuple[np.ndarray, int]:
@@ -60,7 +58,7 @@ def mean_and_covariance(poses: np.ndarray, weights: np.ndarray) -> Tuple[Pose2D,
     return Pose2D(x, y, math.atan2(sin, cos)), covariance
 
 
-def estimate(poses: np.ndarray, weights: np.ndarray, resampled: bool = False) -> Estimate:
+def estimate(poses: np.ndarray, weights: np.ndarray) -> Estimate:
     """Return the mean of the heaviest cluster, with the covariance of the whole set.
 
     The mean of all would lie between two places the robot may be in, where it certainly is not.
@@ -70,4 +68,4 @@ def estimate(poses: np.ndarray, weights: np.ndarray, resampled: bool = False) ->
     members = labels == label
     pose, _ = mean_and_covariance(poses[members], weights[members])
     _, covariance = mean_and_covariance(poses, weights)
-    return Estimate(pose, covariance, share, count, resampled)
+    return Estimate(pose, covariance, min(1.0, share), count)

@@ -151,7 +151,8 @@ class Localizer:
         self._forced = False
         self._updates += 1
         self.last_estimate = estimate(self.poses, self.weights)
-        resampled = self._updates % self.parameters.resample_interval == 0 and self._resample()
+        if self._updates % self.parameters.resample_interval == 0:
+            self._resample()
         self.map_from_odom = self.last_estimate.pose.compose(odom_pose.inverse())
         return self.last_estimate
 
@@ -191,18 +192,17 @@ class Localizer:
         self._averages.update(log_average, self.parameters.recovery_alpha_slow, self.parameters.recovery_alpha_fast)
         self.log_weights = log_weights - log_average
 
-    def _resample(self) -> bool:
-        """Draw a new set by weight (table 8.3, lines 11 to 17); tell whether it was done."""
+    def _resample(self) -> None:
+        """Draw a new set by weight (table 8.3, lines 11 to 17), unless that can wait."""
         values, weights = self.parameters, self.weights
         if values.selective_resampling and 1.0 / np.square(weights).sum() > 0.5 * len(weights):
-            return False
+            return
         limits = particle_limits(values.max_particles, values.min_particles, values.kld_err, values.kld_z, values.robust)
         share = self._averages.random_share() if not self.field.blocked.all() else 0.0
         self.poses = resample(self.poses, weights, limits, self._rng, share, self._random_poses)
         self.log_weights = np.full(len(self.poses), -math.log(len(self.poses)))
         if share > 0.0:
             self._averages.reset()
-        return True
 
     def _random_poses(self, count: int) -> np.ndarray:
         return self.field.random_free_poses(count, self._rng)

@@ -110,7 +110,8 @@ def guess_range_max(ranges: np.ndarray) -> float:
     Sensors report nothing as one fixed high value, or as a few (81.83, 81.91). So the highest values are taken off as
     long as each stands out as a crowd of equal readings; where none does, the highest reading is the limit.
     """
-    readings = ranges[np.isfinite(ranges) & (ranges > 0.0)]
+    readings = ranges[np.isfinite(ranges)]
+    readings = readings[readings > 0.0]
     if readings.size == 0:
         return 1.0
     values, counts = np.unique(np.round(readings, 2), return_counts=True)

@@ -33,7 +33,7 @@ GAIN, GAIN_ANYWHERE = 0.15, 0.03
 alike, and which of them it is only the next scans tell."""
 SLIP = 0.02
 """Probability that odometry failed altogether, where a scan calls for scouts."""
-MOST = 0.1
+MOST = 0.02
 """Share of the belief that scouts are given at one scan at most."""
 
 

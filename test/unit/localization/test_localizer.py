@@ -1,0 +1,231 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mbf_relay.geometry import IDENTITY, Pose2D, angle_between
+from mbf_relay.localization.localizer import Localizer
+from mbf_relay.localization.parameters import LocalizerParameters
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.scan import LaserScan
+
+from made_room import ORIGIN, room, scan_at
+
+START = Pose2D(1.5, 0.5, 0.3)
+NARROW = np.diag([0.02, 0.02, 0.01])
+MODELS = ["beam", "likelihood_field", "likelihood_field_prob"]
+
+
+def localizer(occupancy=None, seed=1, start=START, **values):
+    values = {"min_particles": 500, "max_particles": 2000, "resample_interval": 1, "laser_max_beams": 60, **values}
+    made = Localizer(LocalizerParameters(**values), occupancy or room(), np.random.default_rng(seed))
+    made.set_initial_pose(start, NARROW)
+    return made
+
+
+def drive(made, occupancy, updates=12, start=START, rng=None):
+    """Drive a small circle; return the true pose at its end and the estimates."""
+    truth, odom, estimates = start, Pose2D(5.0, 5.0, 1.0), []
+    rng = rng or np.random.default_rng(7)
+    for _ in range(updates):
+        step = Pose2D(0.3, 0.0, 0.5)
+        truth, odom = truth.compose(step), odom.compose(step)
+        estimates.append(made.process(odom, scan_at(occupancy, truth, rng), IDENTITY))
+    return truth, odom, estimates
+
+
+@pytest.mark.parametrize("robust", [False, True])
+@pytest.mark.parametrize("model", MODELS)
+def test_every_model_tracks(model, robust):
+    made = localizer(laser_model_type=model, robust=robust)
+    truth, odom, estimates = drive(made, room())
+    assert estimates[-1].pose.distance_to(truth) < (0.03 if robust else 0.12)
+    assert abs(angle_between(estimates[-1].pose.theta, truth.theta)) < 0.06
+    believed = made.map_from_odom.compose(odom)
+    assert believed.distance_to(estimates[-1].pose) < 1e-9
+
+
+@pytest.mark.parametrize("kind", ["diff", "omni", "diff-corrected", "omni-corrected"])
+def test_every_odometry_model_tracks(kind):
+    truth, _, estimates = drive(localizer(odom_model_type=kind), room())
+    assert estimates[-1].pose.distance_to(truth) < 0.05
+
+
+@pytest.mark.parametrize("robust", [False, True])
+def test_weights_sum_to_one_and_covariance_is_a_covariance(robust):
+    made = localizer(resample_interval=3, robust=robust)
+    for estimate in drive(made, room(), updates=4)[2]:
+        assert made.weights.sum() == pytest.approx(1.0)
+        assert (np.linalg.eigvalsh(estimate.covariance) >= -1e-12).all()
+        assert 0.0 < estimate.weight <= 1.0
+
+
+@pytest.mark.parametrize("robust", [False, True])
+def test_equal_seeds_give_equal_results(robust):
+    one, other = (drive(localizer(seed=4, robust=robust), room())[2] for _ in range(2))
+    assert [e.pose for e in one] == [e.pose for e in other]
+
+
+@settings(max_examples=5, deadline=None)
+@given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(-3.0, 3.0))
+def test_moving_world_and_map_together_moves_the_estimate_along(x, y, theta):
+    move = Pose2D(x, y, theta)
+    plain = drive(localizer(), room(), updates=4)[2][-1].pose
+    moved_map, start = room(move.compose(ORIGIN)), move.compose(START)
+    moved = drive(localizer(moved_map, start=start), moved_map, updates=4, start=start)[2][-1].pose
+    assert moved.distance_to(move.compose(plain)) < 0.03
+    assert abs(angle_between(moved.theta, move.compose(plain).theta)) < 0.03
+
+
+def test_updates_wait_for_motion():
+    made, occupancy = localizer(update_min_d=0.2, update_min_a=0.3), room()
+    odom, scan = Pose2D(0.0, 0.0, 0.0), scan_at(occupancy, START)
+    assert made.process(odom, scan, IDENTITY) is not None  # the first one always counts
+    assert made.process(odom, scan, IDENTITY) is None
+    assert made.process(Pose2D(0.19, 0.0, 0.29), scan, IDENTITY) is None
+    assert made.process(Pose2D(0.0, 0.0, 0.31), scan, IDENTITY) is not None
+    assert made.process(Pose2D(0.21, 0.0, 0.31), scan, IDENTITY) is not None
+    assert made.process(Pose2D(0.21, 0.0, 0.31), scan, IDENTITY) is None
+    made.request_update()
+    assert made.process(Pose2D(0.21, 0.0, 0.31), scan, IDENTITY) is not None
+    assert made.process(Pose2D(0.21, 0.0, 0.31), scan, IDENTITY) is None
+
+
+def test_each_lidar_gives_one_scan_to_an_update():
+    made, occupancy = localizer(), room()
+    front = scan_at(occupancy, START, frame="front")
+    rear = scan_at(occupancy, START, frame="rear")
+    assert made.process(Pose2D(0.0, 0.0, 0.0), front, IDENTITY) is not None
+    assert made.process(Pose2D(0.0, 0.0, 0.0), rear, IDENTITY) is not None
+    assert made.process(Pose2D(0.05, 0.0, 0.0), front, IDENTITY) is None
+    assert made.process(Pose2D(0.3, 0.0, 0.0), rear, IDENTITY) is not None
+    assert made.process(Pose2D(0.3, 0.0, 0.0), rear, IDENTITY) is None
+    assert made.process(Pose2D(0.3, 0.0, 0.0), front, IDENTITY) is not None
+
+
+def test_resampling_keeps_its_interval_and_can_wait_for_need():
+    made, occupancy = localizer(resample_interval=3, robust=False), room()
+    drive(made, occupancy, updates=2)
+    assert len(set(np.round(made.weights, 15))) > 1
+    drive(made, occupancy, updates=1)
+    assert made.weights == pytest.approx(1.0 / len(made.poses))
+    choosy = localizer(selective_resampling=True, robust=False, laser_sigma_hit=5.0)
+    drive(choosy, occupancy, updates=1)
+    assert len(choosy.poses) == 2000  # weights hardly differ, so nothing was drawn
+
+
+@pytest.mark.parametrize(
+    "pose, covariance, complaint",
+    [
+        (Pose2D(math.nan, 0.0, 0.0), NARROW, "not finite"), (Pose2D(50.0, 0.0, 0.0), NARROW, "not on the map"),
+        (START, NARROW * math.nan, "covariance"), (START, np.zeros((2, 2)), "covariance"),
+        (Pose2D(0.0, math.inf, 0.0), NARROW, "not finite"),
+    ],
+)
+def test_bad_initial_poses_are_refused_and_harm_nothing(pose, covariance, complaint):
+    made = localizer()
+    drive(made, room(), updates=2)
+    before = made.poses.copy()
+    with pytest.raises(ValueError, match=complaint):
+        made.set_initial_pose(pose, covariance)
+    assert np.array_equal(made.poses, before)
+
+
+@pytest.mark.parametrize("robust", [False, True])
+@pytest.mark.parametrize(
+    "ranges", [np.full(60, np.nan), np.full(60, np.inf), np.full(60, -1.0), np.zeros(60), np.array([]), np.full(7, 1.0)],
+    ids=["nan", "inf", "negative", "zero", "empty", "other size"],
+)
+def test_bad_scans_leave_the_filter_sane(ranges, robust):
+    made, occupancy = localizer(robust=robust), room()
+    made.process(Pose2D(0.0, 0.0, 0.0), scan_at(occupancy, START), IDENTITY)
+    try:
+        made.process(Pose2D(0.3, 0.0, 0.0), LaserScan(ranges, 0.0, 0.1, 0.12, 6.0, 0.0), IDENTITY)
+    except ValueError as error:
+        assert str(error)
+    assert np.isfinite(made.poses).all()
+    assert made.weights.sum() == pytest.approx(1.0)
+    truth = START.compose(Pose2D(0.6, 0.0, 0.0))
+    estimate = made.process(Pose2D(0.6, 0.0, 0.0), scan_at(occupancy, truth), IDENTITY)
+    assert estimate.pose.distance_to(truth) < 0.3
+
+
+def test_odometry_that_is_no_number_is_refused():
+    made = localizer()
+    with pytest.raises(ValueError, match="odometry pose"):
+        made.process(Pose2D(math.nan, 0.0, 0.0), scan_at(room(), START), IDENTITY)
+    assert np.isfinite(made.poses).all()
+
+
+def test_empty_maps_are_refused_and_the_old_one_stays():
+    made = localizer()
+    field = made.field
+    for bad in (
+        OccupancyMap(np.zeros((0, 0), dtype=np.int8), 0.05, IDENTITY), OccupancyMap(np.zeros((3, 3), dtype=np.int8), 0.0, IDENTITY),
+        OccupancyMap(np.zeros((3, 3), dtype=np.int8), 0.05, Pose2D(math.nan, 0.0, 0.0)),
+    ):
+        with pytest.raises(ValueError, match="map"):
+            made.set_map(bad)
+    assert made.field is field
+    drive(made, room(), updates=2)
+
+
+@pytest.mark.parametrize("value", [0, 100, -1])
+def test_maps_of_one_kind_of_cell_do_no_harm(value):
+    occupancy = OccupancyMap(np.full((40, 40), value, dtype=np.int8), 0.05, ORIGIN)
+    made = Localizer(LocalizerParameters(max_particles=300), occupancy, np.random.default_rng(1))
+    if value != 0:
+        with pytest.raises(ValueError, match="no free cell"):
+            made.globalize()
+    estimate = made.process(IDENTITY, scan_at(room(), START), IDENTITY)
+    assert np.isfinite(np.array(estimate.pose)).all()
+
+
+def test_parameters_take_effect_at_once_and_particles_stay():
+    made = localizer(robust=False)
+    drive(made, room(), updates=3)
+    before = made.poses
+    made.reconfigure(made.parameters.replace(laser_model_type="beam", max_particles=600, laser_likelihood_max_dist=1.0))
+    assert made.poses is before
+    assert made.field.max_distance == 1.0
+    drive(made, room(), updates=1)
+    assert len(made.poses) <= 600
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_robot_carried_off_is_found_with_recovery_on(seed):
+    made = localizer(seed=seed, recovery_alpha_slow=0.001, recovery_alpha_fast=0.1, max_particles=3000)
+    occupancy, rng = room(), np.random.default_rng(2)
+    drive(made, occupancy, updates=5)
+    truth, _, estimates = drive(made, occupancy, updates=15, start=Pose2D(-1.5, 2.5, 2.0), rng=rng)
+    assert estimates[-1].pose.distance_to(truth) < 0.25
+
+
+def test_the_plain_filter_throws_random_poses_in_when_the_fit_drops():
+    made = localizer(robust=False, recovery_alpha_slow=0.001, recovery_alpha_fast=0.2, laser_model_type="likelihood_field_prob")
+    occupancy = room()
+    drive(made, occupancy, updates=5)
+    assert np.ptp(made.poses[:, 0]) < 2.0
+    drive(made, occupancy, updates=1, start=Pose2D(-1.5, 2.5, 2.0))
+    assert np.ptp(made.poses[:, 0]) > 5.0
+    made = localizer(robust=False, laser_model_type="likelihood_field_prob")
+    drive(made, occupancy, updates=5)
+    drive(made, occupancy, updates=1, start=Pose2D(-1.5, 2.5, 2.0))
+    assert np.ptp(made.poses[:, 0]) < 3.0
+
+
+def test_anywhere_is_found():
+    made, occupancy = localizer(max_particles=3000), room()
+    made.globalize()
+    assert np.ptp(made.poses[:, 0]) > 6.0
+    truth, _, estimates = drive(made, occupancy, updates=10, start=Pose2D(-1.5, 2.5, 2.0))
+    assert estimates[-1].pose.distance_to(truth) < 0.1
+
+
+def test_unknown_settings_are_named():
+    with pytest.raises(ValueError, match="min_particles is 10; it must not be above max_particles 5"):
+        LocalizerParameters(min_particles=10, max_particles=5)
+    with pytest.raises(ValueError, match="laser_model_type is 'laser'"):
+        LocalizerParameters(laser_model_type="laser")

@@ -1,0 +1,106 @@
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from mbf_relay.benchmarks.made_drives import Rough, make_drive
+from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.command import main
+from mbf_relay.localization.logs import LogError, guess_range_max, load_log, save_log
+from mbf_relay.maps import save_map
+
+
+def arrays(count=4, beams=5):
+    return dict(
+        t=np.arange(float(count)), odom=np.zeros((count, 3)), ranges=np.ones((count, beams)), angle_min=-1.0, angle_increment=0.5,
+        ref=np.zeros((count, 3)), laser_pose=np.array([0.1, 0.0, 0.2]),
+    )
+
+
+def test_logs_come_back_as_they_were_saved(tmp_path):
+    made = make_drive("hall", 5, Rough(), np.random.default_rng(1))
+    save_log(str(tmp_path / "log.npz"), made.log)
+    again = load_log(str(tmp_path / "log.npz"))
+    for name in ("times", "odom", "ranges", "reference"):
+        assert np.array_equal(getattr(again, name), getattr(made.log, name))
+    assert (again.angle_min, again.angle_increment, again.range_max) == (
+        made.log.angle_min, made.log.angle_increment, made.log.range_max,
+    )
+    assert again.laser_pose == made.log.laser_pose
+
+
+def test_reference_and_laser_pose_may_be_missing(tmp_path):
+    values = arrays()
+    del values["ref"], values["laser_pose"]
+    np.savez(str(tmp_path / "log.npz"), **values)
+    log = load_log(str(tmp_path / "log.npz"))
+    assert log.reference is None and log.laser_pose == Pose2D(0.0, 0.0, 0.0) and len(log) == 4
+
+
+@pytest.mark.parametrize(
+    "change, complaint",
+    [
+        (dict(t=None), "no array 't'"), (dict(odom=np.zeros((3, 3))), "'odom' of log .* shape \\(3, 3\\)"),
+        (dict(ranges=np.ones(4)), "'ranges'"), (dict(laser_pose=np.ones(2)), "laser_pose"), (dict(ref=np.zeros((4, 2))), "'ref'"),
+        (dict(ranges=np.ones((4, 0))), "'ranges'"),
+    ],
+)
+def test_wrong_logs_are_named_with_what_is_wrong(tmp_path, change, complaint):
+    values = {name: value for name, value in {**arrays(), **change}.items() if value is not None}
+    np.savez(str(tmp_path / "log.npz"), **values)
+    with pytest.raises(LogError, match=complaint):
+        load_log(str(tmp_path / "log.npz"))
+    (tmp_path / "text.npz").write_text("no archive")
+    with pytest.raises(LogError, match="text.npz"):
+        load_log(str(tmp_path / "text.npz"))
+
+
+def test_the_sensors_word_for_nothing_is_found_in_the_readings():
+    rng = np.random.default_rng(1)
+    ranges = rng.uniform(0.5, 12.0, (100, 180))
+    assert guess_range_max(ranges) == pytest.approx(12.0, abs=0.03)
+    nothing = ranges.copy()
+    nothing[rng.random(nothing.shape) < 0.1] = 81.91
+    assert 12.0 < guess_range_max(nothing) < 81.91
+    nothing[rng.random(nothing.shape) < 0.05] = 81.83
+    assert 12.0 < guess_range_max(nothing) < 81.83
+    assert guess_range_max(np.full((3, 3), np.nan)) > 0.0
+
+
+def test_the_command_writes_way_figures_and_picture(tmp_path, capsys):
+    made = make_drive("hall", 30, Rough(), np.random.default_rng(1))
+    save_log(str(tmp_path / "log.npz"), made.log)
+    save_map(str(tmp_path / "map"), made.occupancy)
+    (tmp_path / "amcl.yaml").write_text("amcl:\n  max_particles: 1000\n  initial_pose_x: 99.0\n")
+    out = tmp_path / "out"
+    status = main([
+        str(tmp_path / "log.npz"), str(tmp_path / "map.yaml"), "--params", str(tmp_path / "amcl.yaml"), "--seed", "3",
+        "--out", str(out),
+    ])
+    assert status == 0
+    figures = json.loads((out / "result.json").read_text())
+    for name in ("translation_error", "rotation_error", "seconds_per_update"):
+        assert set(figures[name]) == {"mean", "median", "p95", "max"}
+    assert figures["translation_error"]["median"] < 0.1
+    assert figures["seconds_per_update"]["mean"] > 0.0
+    rows = np.loadtxt(str(out / "trajectory.csv"), delimiter=",", skiprows=1)
+    assert rows.shape == (30, 6)
+    assert Image.open(str(out / "result.png")).size[0] > 300
+    printed = capsys.readouterr().out
+    assert "translation error [m]: mean" in printed and "time per update [ms]" in printed
+
+
+@pytest.mark.parametrize(
+    "arguments, complaint",
+    [(["none.npz", "map.yaml"], "none.npz"), (["log.npz", "none.yaml"], "none.yaml"), (["log.npz", "map.yaml", "--params", "bad.yaml"], "kld_err")],
+)
+def test_the_command_says_what_was_wrong(tmp_path, capsys, monkeypatch, arguments, complaint):
+    monkeypatch.chdir(tmp_path)
+    made = make_drive("hall", 3, Rough(), np.random.default_rng(1))
+    save_log("log.npz", made.log)
+    save_map("map", made.occupancy)
+    (tmp_path / "bad.yaml").write_text("kld_err: -1\n")
+    assert main(arguments) == 1
+    printed = capsys.readouterr().err
+    assert complaint in printed and printed.count("\n") == 1

@@ -1,0 +1,165 @@
+import math
+
+import numpy as np
+import pytest
+
+from mbf_relay.benchmarks.made_drives import Rough, make_drive
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.localization.beams import pick_beams
+from mbf_relay.localization.distance_field import DistanceField
+from mbf_relay.localization.gaussians import PoseGaussian, PoseMixture, log_sum_exp
+from mbf_relay.localization.parameters import LocalizerParameters
+from mbf_relay.localization.refinement_kernels import invert, linearize
+from mbf_relay.localization.replay import errors, replay
+from mbf_relay.localization.scan_likelihood import ScanLikelihood, apart, thin_out
+from mbf_relay.localization.scan_proposal import ScanProposal
+from mbf_relay.localization.scouts import Trust
+from mbf_relay.maps import OccupancyMap
+
+from made_room import room, scan_at
+
+TRUTH = Pose2D(1.5, 0.5, 0.3)
+ODOMETRY = np.diag([0.15, 0.15, 0.1]) ** 2
+
+
+def corridor():
+    """Return a bare corridor of 20 m x 2 m along x, open at both ends."""
+    data = np.zeros((60, 400), dtype=np.int8)
+    data[8:10] = data[50:52] = 100
+    return OccupancyMap(data, 0.05, Pose2D(0.0, 0.0, 0.0))
+
+
+def hits(occupancy, pose):
+    return pick_beams(scan_at(occupancy, pose, np.random.default_rng(1)), IDENTITY, 1).hits
+
+
+def likelihood(occupancy):
+    return ScanLikelihood(DistanceField(occupancy, 2.0), 0.2)
+
+
+def test_the_gradient_is_the_slope_of_the_squared_distances():
+    """Where every beam counts in full, the gradient is that of sum(d^2) / (2 sigma^2), here by differences."""
+    field, sigma = DistanceField(room(), 2.0), 50.0
+    endpoints, pose = hits(room(), TRUTH), np.array(TRUTH) + (0.03, -0.02, 0.01)
+    information, gradient = np.empty((3, 3)), np.empty(3)
+
+    def half_squares(at):
+        total, column = 0.0, np.empty(3)
+        for endpoint in endpoints:
+            matrix = np.empty((3, 3))
+            linearize(at, endpoint[None, :].copy(), field.distances, field.frame, sigma, 1e-12, matrix, column)
+            # A single beam's J d and J J^T give d back: d^2 = (g . g) / trace(J J^T), in units of 1 / sigma^2.
+            trace = np.trace(matrix)
+            total += 0.5 * float(column @ column) / trace if trace > 0.0 else 0.0
+        return total
+
+    linearize(pose, endpoints, field.distances, field.frame, sigma, 1e-12, information, gradient)
+    for axis in range(3):
+        step = np.zeros(3)
+        step[axis] = 1e-5
+        slope = (half_squares(pose + step) - half_squares(pose - step)) / 2e-5
+        assert gradient[axis] == pytest.approx(slope, rel=0.05, abs=2e-4)
+
+
+def test_inverse_of_a_symmetric_matrix():
+    rng, inverse = np.random.default_rng(1), np.empty((3, 3))
+    for _ in range(20):
+        root = rng.normal(size=(3, 3))
+        matrix = root @ root.T + 0.1 * np.eye(3)
+        assert invert(matrix, inverse)
+        assert inverse @ matrix == pytest.approx(np.eye(3), abs=1e-9)
+    assert not invert(np.zeros((3, 3)), inverse)
+
+
+@pytest.mark.parametrize("origin", [Pose2D(-3.0, -2.0, 0.0), Pose2D(1.0, 2.0, 0.7)])
+def test_climbing_leads_to_the_truth(origin):
+    occupancy = room(origin)
+    truth = origin.compose(Pose2D(4.5, 2.5, 0.3))
+    prior = PoseGaussian(np.array(truth) + (0.2, -0.15, 0.12), ODOMETRY)
+    modes = likelihood(occupancy).modes(prior.mean[None, :], prior, thin_out(hits(occupancy, truth)))
+    assert modes.poses[0] == pytest.approx(np.array(truth), abs=0.02)
+    assert modes.explained[0] > 0.7
+
+
+def test_a_bare_corridor_leaves_the_way_along_it_to_odometry():
+    occupancy, truth = corridor(), Pose2D(10.0, 1.5, 0.0)
+    prior = PoseGaussian(np.array([10.3, 1.4, 0.05]), ODOMETRY)
+    modes = likelihood(occupancy).modes(prior.mean[None, :], prior, thin_out(hits(occupancy, truth)))
+    assert modes.poses[0, 0] == pytest.approx(10.3, abs=0.02)
+    assert modes.poses[0, 1:] == pytest.approx([1.5, 0.0], abs=0.02)
+    assert math.sqrt(modes.covariances[0, 0, 0]) == pytest.approx(0.15, rel=0.1)
+    assert math.sqrt(modes.covariances[0, 1, 1]) < 0.05
+
+
+def test_particles_stay_a_sample_of_prior_times_likelihood():
+    """In a bare corridor the posterior is known: across from the scan, along as odometry had it."""
+    occupancy, truth = corridor(), Pose2D(10.0, 1.5, 0.0)
+    prior = PoseGaussian(np.array([10.3, 1.45, 0.0]), ODOMETRY)
+    rng = np.random.default_rng(3)
+    poses = prior.sample(20000, rng)
+    poses, log_weights = ScanProposal(likelihood(occupancy)).propose(
+        poses, np.full(20000, -math.log(20000)), hits(occupancy, truth), 0.5, rng
+    )
+    weights = np.exp(log_weights - log_sum_exp(log_weights))
+    mean = weights @ poses[:, 0]
+    assert mean == pytest.approx(10.3, abs=0.02)
+    assert math.sqrt(weights @ (poses[:, 0] - mean) ** 2) == pytest.approx(0.15, rel=0.1)
+    assert 1.0 / np.square(weights).sum() > 2000.0
+
+
+def test_densities_are_normalised_and_samples_have_their_moments():
+    part = PoseGaussian(np.array([1.0, 2.0, 3.1]), np.array([[0.04, 0.01, 0.0], [0.01, 0.09, 0.02], [0.0, 0.02, 0.05]]))
+    mixture = PoseMixture((part, PoseGaussian(np.array([4.0, 2.0, 0.0]), np.eye(3) * 0.02)), np.array([0.7, 0.3]))
+    x, y, a = np.meshgrid(np.linspace(-1, 6, 71), np.linspace(0, 4, 41), np.linspace(-math.pi, math.pi, 63, endpoint=False))
+    density = np.exp(mixture.log_density(np.column_stack((x.ravel(), y.ravel(), a.ravel()))))
+    assert density.sum() * 0.1 * 0.1 * (2 * math.pi / 63) == pytest.approx(1.0, rel=0.01)
+    fitted = PoseGaussian.fitted(part.sample(40000, np.random.default_rng(1)), np.ones(40000))
+    assert fitted.mean == pytest.approx(part.mean, abs=0.01)
+    assert fitted.covariance == pytest.approx(part.covariance, abs=0.004)
+
+
+def test_near_walls_do_not_outvote_far_ones():
+    near = np.column_stack((np.full(200, 0.5), np.linspace(0.0, 0.3, 200)))
+    far = np.column_stack((np.full(20, 5.0), np.linspace(0.0, 3.0, 20)))
+    kept = thin_out(np.vstack((near, far)))
+    assert (kept[:, 0] == 0.5).sum() <= 4
+    assert (kept[:, 0] == 5.0).sum() == 20
+    assert len(thin_out(np.vstack((near, far)), most=10)) <= 10
+
+
+def test_starts_are_the_best_that_lie_apart():
+    poses = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    assert apart(poses, np.array([3.0, 4.0, 1.0, 2.0]), 3, 0.1, 0.1) == [1, 3, 2]
+
+
+def test_trust_is_lost_when_much_less_is_explained_than_usual():
+    trust = Trust(wary=False)
+    assert not any(trust.is_lost(share, 0.5) for share in (0.8, 0.75, 0.85, 0.7))
+    assert trust.is_lost(0.4, 0.5) and trust.is_lost(0.4, 0.5)
+    assert trust.driven == 1.0
+    assert not trust.is_lost(0.8, 0.5)
+    assert trust.driven == 0.0
+
+
+@pytest.mark.parametrize("building, seed", [("hall", 0), ("hall", 1), ("corridors", 0), ("office", 1)])
+def test_rough_drives_are_tracked(building, seed):
+    """Scans 0.75 m apart, odometry off by 12 %, slips, 15 % of the walls not on the map, people in view."""
+    made = make_drive(building, 120, Rough(), np.random.default_rng(seed))
+    start = Pose2D(*map(float, made.log.reference[0]))
+    result = replay(
+        made.log, made.occupancy, LocalizerParameters(), np.random.default_rng(seed), start, np.diag([0.05, 0.05, 0.02])
+    )
+    off = errors(result.poses, made.log.reference)["translation"]
+    assert np.median(off) < 0.1
+    assert (off < 1.0).mean() > 0.95
+    assert off[-10:].max() < 0.3
+
+
+def test_robust_off_is_the_plain_filter():
+    """The same drive that is kept above is lost without looking at the scan first: the switch does switch."""
+    made = make_drive("hall", 120, Rough(), np.random.default_rng(0))
+    start = Pose2D(*map(float, made.log.reference[0]))
+    result = replay(
+        made.log, made.occupancy, LocalizerParameters(robust=False), np.random.default_rng(0), start, np.diag([0.05, 0.05, 0.02])
+    )
+    assert np.median(errors(result.poses, made.log.reference)["translation"]) > 0.1
