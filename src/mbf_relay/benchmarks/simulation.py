@@ -15,7 +15,7 @@ from typing import Callable, Dict, Iterator, List, Optional, Sequence, Tuple
 import numpy as np
 
 from mbf_relay.benchmarks.figure import Figure, NotMeasurable, figure_of, time_call
-from mbf_relay.benchmarks.worlds import sample_file
+from mbf_relay.benchmarks.public_data import public_data
 from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D, angle_between
 from mbf_relay.maps import FREE, OCCUPIED, OccupancyMap
 from mbf_relay.simulation.map_world import map_world
@@ -70,7 +70,7 @@ def _worlds() -> Iterator[Tuple[str, World]]:
     yield "arena", load_world("arena")
     yield "map 1000 x 1000", map_world("building", building())
     try:
-        yield "BARN", load_world(str(sample_file()))
+        yield "BARN", load_world(str(public_data("barn_sample.json")))
     except NotMeasurable:
         return
 

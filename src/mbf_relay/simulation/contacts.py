@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import List, Mapping, NamedTuple, Tuple
+from typing import Dict, List, Mapping, NamedTuple, Tuple
 
 import numpy as np
 
@@ -10,6 +10,8 @@ from mbf_relay.simulation.physics import Physics
 
 REACH = 0.005
 """Distance (m) from a surface at which a contact point is taken to lie on it."""
+GRAIN, MOST_KNOWN = 0.002, 10000
+"""Distance (m) within which points are taken for one, and how many of them are remembered."""
 
 
 class Contact(NamedTuple):
@@ -40,6 +42,7 @@ class Contacts:
         self._triangles, self._owners, self._names = triangles, owners, names
         self._lower = triangles.min(axis=1) - REACH
         self._upper = triangles.max(axis=1) + REACH
+        self._known: Dict[Tuple[int, ...], str] = {}
 
     def find(self, physics: Physics, robot: int, loose: Mapping[int, str]) -> Tuple[Contact, ...]:
         """Return the contacts of this moment.
@@ -57,7 +60,15 @@ class Contacts:
 
     def owner_at(self, position: Tuple[float, float, float]) -> str:
         """Return the name of the fixed body whose surface is nearest to a point (m) on or very near to it."""
-        point = np.array(position)
+        # A touch lasts for many steps in one place, and a search through a building takes as long as ten steps.
+        place = tuple(round(coordinate / GRAIN) for coordinate in position)
+        if place not in self._known:
+            if len(self._known) >= MOST_KNOWN:
+                self._known.clear()
+            self._known[place] = self._find_owner(np.array(position))
+        return self._known[place]
+
+    def _find_owner(self, point: np.ndarray) -> str:
         near = np.flatnonzero(((point >= self._lower) & (point <= self._upper)).all(axis=1))
         if not len(near):
             return "unknown"
