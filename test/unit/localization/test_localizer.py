@@ -204,16 +204,16 @@ def test_a_robot_carried_off_is_found_with_recovery_on(seed):
 
 
 def test_the_plain_filter_throws_random_poses_in_when_the_fit_drops():
-    made = localizer(robust=False, recovery_alpha_slow=0.001, recovery_alpha_fast=0.2, laser_model_type="likelihood_field_prob")
+    made = localizer(robust=False, recovery_alpha_slow=0.001, recovery_alpha_fast=0.2)
     occupancy = room()
     drive(made, occupancy, updates=5)
     assert np.ptp(made.poses[:, 0]) < 2.0
     drive(made, occupancy, updates=1, start=Pose2D(-1.5, 2.5, 2.0))
-    assert np.ptp(made.poses[:, 0]) > 5.0
-    made = localizer(robust=False, laser_model_type="likelihood_field_prob")
+    assert np.ptp(made.poses[:, 0]) > 7.0
+    made = localizer(robust=False)
     drive(made, occupancy, updates=5)
     drive(made, occupancy, updates=1, start=Pose2D(-1.5, 2.5, 2.0))
-    assert np.ptp(made.poses[:, 0]) < 3.0
+    assert np.ptp(made.poses[:, 0]) < 6.0
 
 
 def test_anywhere_is_found():
