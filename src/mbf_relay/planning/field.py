@@ -23,6 +23,12 @@ WORTH_REPAIRING = 0.1
 STORE_PER_CELL = 4
 """Entries waiting for each cell looked at beyond which a new field is quicker."""
 
+FIRST_LIMIT, FIRST_RISE = 1.03, 1.06
+"""A wave is first looked for within this times the straight way's cost, then within this times as much again."""
+
+WAVE_SLACK = np.float32(3.0)
+"""Cells: the straight distance is convex, so value plus heuristic may fall a little along the wave."""
+
 _HEURISTIC_SHARE = np.float32(0.99999)  # a hair less than the truth, so that rounding never makes it more
 _FIRST_BUCKET = 512
 _FIRST_STORE = 1 << 12
@@ -193,25 +199,35 @@ class KeptField(abc.ABC):
             self._apart_keys = np.resize(self._apart_keys, 2 * entries)
 
     def _grow(self, costs: np.ndarray, start: Cell, cancelled: Cancellation, slope: np.float32) -> int:
-        height, width = costs.shape
         # one expansion raises the key by no more than the ring is long
         widest = np.float32(1.5) * (self._weights.max() + slope) / np.float32(queue_kernels.BUCKETS - 3)
         inverse_width = np.float32(1.0) / max(slope * self.bucket, widest)
-        aim = (start[0], start[1], slope, inverse_width)
+        return self._grow_within(np.float32(np.inf), costs, (start[0], start[1], slope, inverse_width), cancelled)
+
+    def _grow_within(
+        self, limit: np.float32, costs: np.ndarray, aim: Tuple[int, int, np.float32, np.float32], cancelled: Cancellation
+    ) -> int:
+        """Spread the queue and grow until there is a verdict that asks for no more memory."""
         verdict = queue_kernels.SPREAD_DUE
         while True:
             if verdict == queue_kernels.SPREAD_DUE:
                 while not queue_kernels.spread(
                     self._sizes, self._cells, self._keys, self._apart_cells, self._apart_keys, self._state, *aim,
-                    self.octile):
+                    self.octile, limit):
                     self._enlarge()
             elif verdict == queue_kernels.BUCKET_FULL:
                 self._enlarge()
+            elif verdict == queue_kernels.STORE_FULL:
+                self._reserve(len(self._apart_cells) + 1)
             else:
-                return int(verdict)
-            verdict = self.kernels.grow(
-                costs.reshape(-1), width, height, self._table, self._field.reshape(-1), self._sizes, self._cells,
-                self._keys, self._state, *aim, cancelled.flag)
+                return verdict
+            verdict = int(self._call_grow(limit, costs, aim, cancelled))
+
+    @abc.abstractmethod
+    def _call_grow(
+        self, limit: np.float32, costs: np.ndarray, aim: Tuple[int, int, np.float32, np.float32], cancelled: Cancellation
+    ) -> int:
+        """Call the kernel."""
 
     def _lowest_weight(self, costs: np.ndarray) -> np.float32:
         """Return a weight no cell connected with the goal goes below: the higher, the steeper the heuristic."""
@@ -242,6 +258,14 @@ class CostToGo(KeptField):
         """Return half of each weight, inf where the cell may not be entered."""
         return np.where(weights > 0.0, weights * np.float32(0.5), np.float32(np.inf)).astype(np.float32)
 
+    def _call_grow(
+        self, limit: np.float32, costs: np.ndarray, aim: Tuple[int, int, np.float32, np.float32], cancelled: Cancellation
+    ) -> int:
+        height, width = costs.shape
+        return field_kernels.grow(
+            costs.reshape(-1), width, height, self._table, self._field.reshape(-1), self._sizes, self._cells, self._keys,
+            self._state, *aim, cancelled.flag)
+
     def path(self, costs: np.ndarray, start: Cell) -> np.ndarray:
         """Return the cells of the cheapest way from a start the field reaches: (N, 2) int32, the goal's cell last."""
         room = 4 * max(costs.shape) + 16
@@ -258,12 +282,44 @@ class Wave(KeptField):
 
     octile = False
     kernels = wave_kernels
-    bucket = np.float32(0.25)  # a wave rises by less than a step from cell to cell
+    bucket = np.float32(0.7)  # a wave rises by less than a step from cell to cell
 
     @staticmethod
     def table_of(weights: np.ndarray) -> np.ndarray:
         """Return the weights, inf where the cell may not be entered."""
         return np.where(weights > 0.0, weights, np.float32(np.inf)).astype(np.float32)
+
+    def _grow(self, costs: np.ndarray, start: Cell, cancelled: Cancellation, slope: np.float32) -> int:
+        """Raise the limit on value plus heuristic step by step, until it lies above the start's value."""
+        widest = np.float32(1.5) * self._weights.max() / np.float32(queue_kernels.BUCKETS - 3)
+        inverse_width = np.float32(1.0) / max(self._slope * self.bucket, widest)
+        aim = (start[0], start[1], slope, inverse_width)
+        slack = WAVE_SLACK * slope
+        goal_x, goal_y = self._goal
+        straight = slope * np.float32(np.hypot(start[0] - goal_x, start[1] - goal_y))
+        limit = np.float32(FIRST_LIMIT * straight + 10.0 * slope) if slope > 0.0 else np.float32(np.inf)
+        rise = FIRST_RISE
+        while True:
+            reached = self._field[start[1], start[0]]
+            if reached > 0.0:
+                limit = max(limit, reached + slack)
+            verdict = self._grow_within(limit, costs, aim, cancelled)
+            reached = self._field[start[1], start[0]]
+            if verdict == queue_kernels.CANCELLED or (reached > 0.0 and reached + slack <= limit):
+                return verdict
+            if reached == 0.0:
+                if self._state[queue_kernels.APART] == 0:
+                    return queue_kernels.EXHAUSTED
+                limit = np.float32(limit * rise)
+                rise = min(rise * 1.02, 2.0)
+
+    def _call_grow(
+        self, limit: np.float32, costs: np.ndarray, aim: Tuple[int, int, np.float32, np.float32], cancelled: Cancellation
+    ) -> int:
+        height, width = costs.shape
+        return wave_kernels.grow(
+            costs.reshape(-1), width, height, self._table, self._field.reshape(-1), self._sizes, self._cells, self._keys,
+            self._apart_cells, self._apart_keys, self._state, *aim, limit, cancelled.flag)
 
     def path(self, start: Tuple[float, float]) -> np.ndarray:
         """Return points down the potential to the goal's cell or the one next to it: (N, 2), in cells.

@@ -30,7 +30,7 @@ EXPANDED = 9  # how many, since the field was begun
 STATE_SIZE = 10
 
 # verdicts of the kernels that grow a field
-REACHED, EXHAUSTED, CANCELLED, BUCKET_FULL, SPREAD_DUE = 0, 1, 2, 3, 4
+REACHED, EXHAUSTED, CANCELLED, BUCKET_FULL, SPREAD_DUE, STORE_FULL = 0, 1, 2, 3, 4, 5
 
 CANCEL_CHECK = 4096  # expansions between two looks at the flag: a fraction of a millisecond
 SPARE = 8  # entries one expansion may add to a bucket
@@ -120,8 +120,8 @@ def _heuristic(x, y, start_x, start_y, slope, octile):
 
 
 @kernel("boolean(int64[::1], int32[:,::1], float32[:,::1], int32[::1], float32[::1], int64[::1], int64, int64,"
-        " float32, float32, boolean)")
-def spread(sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope, inverse_width, octile):
+        " float32, float32, boolean, float32)")
+def spread(sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope, inverse_width, octile, limit):
     """Move from the store into the ring what belongs there.
 
     The lowest bucket moves up to the lowest entry where the ring is empty.
@@ -132,51 +132,51 @@ def spread(sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y,
         start_x, start_y: What the search aims for.
         slope: What the heuristic counts for one cell.
         inverse_width: One over the width of a bucket.
-        octile: The heuristic is the octile distance, otherwise the straight one.
+        octile: The heuristic is the octile distance, and keys are values plus heuristic. Otherwise it is the straight
+            one, and keys are values alone.
+        limit: Where value plus heuristic is above it, an entry stays in the store.
 
     Returns:
         False where a bucket is full: nothing was moved then. Make the buckets larger and call again.
     """
     count = state[_APART]
     base = state[_BASE]
+    buckets = np.empty(count, np.int64)
+    lowest = _NEVER
+    for i in range(count):
+        x, y = np.int64(apart_cells[i] & 65535), np.int64(apart_cells[i] >> 16)
+        total = np.float32(apart_keys[i] + _heuristic(x, y, start_x, start_y, slope, octile))
+        buckets[i] = _NEVER
+        if total <= limit:
+            buckets[i] = np.int64((total if octile else apart_keys[i]) * inverse_width)
+            lowest = min(lowest, buckets[i])
     if state[_WAITING] == 0:
-        base = _NEVER
-        for i in range(count):
-            x, y = np.int64(apart_cells[i] & 65535), np.int64(apart_cells[i] >> 16)
-            key = apart_keys[i] + _heuristic(x, y, start_x, start_y, slope, octile)
-            base = min(base, np.int64(key * inverse_width))
+        base = lowest if lowest < _NEVER else base
         sizes[state[_BASE] & (_BUCKETS - 1)] = 0
         state[_TAKEN] = 0
         state[_BASE] = base
     added = np.zeros(_BUCKETS, np.int64)
     for i in range(count):
-        x, y = np.int64(apart_cells[i] & 65535), np.int64(apart_cells[i] >> 16)
-        key = apart_keys[i] + _heuristic(x, y, start_x, start_y, slope, octile)
-        bucket = max(np.int64(key * inverse_width), base)
-        if bucket - base < _BUCKETS:
-            added[bucket & (_BUCKETS - 1)] += 1
+        buckets[i] = max(buckets[i], base)
+        if buckets[i] - base < _BUCKETS:
+            added[buckets[i] & (_BUCKETS - 1)] += 1
     for slot in range(_BUCKETS):
         if sizes[slot] + added[slot] + _SPARE > cells.shape[1]:
             return False
     kept = 0
     next_bucket = _NEVER
     for i in range(count):
-        x, y = np.int64(apart_cells[i] & 65535), np.int64(apart_cells[i] >> 16)
-        value = apart_keys[i]
-        key = value + _heuristic(x, y, start_x, start_y, slope, octile)
-        bucket = max(np.int64(key * inverse_width), base)
-        if bucket - base < _BUCKETS:
-            slot = bucket & (_BUCKETS - 1)
-            cells[slot, sizes[slot]] = apart_cells[i]
-            keys[slot, sizes[slot]] = value
+        if buckets[i] - base < _BUCKETS:
+            slot = buckets[i] & (_BUCKETS - 1)
+            cells[slot, sizes[slot]], keys[slot, sizes[slot]] = apart_cells[i], apart_keys[i]
             sizes[slot] += 1
             state[_WAITING] += 1
         else:
-            apart_cells[kept], apart_keys[kept] = apart_cells[i], value
+            apart_cells[kept], apart_keys[kept] = apart_cells[i], apart_keys[i]
             kept += 1
-            next_bucket = min(next_bucket, bucket)
+            next_bucket = min(next_bucket, buckets[i])
     state[_APART] = kept
-    state[_NEXT_SPREAD] = next_bucket - _BUCKETS + 1 if kept > 0 else _NEVER
+    state[_NEXT_SPREAD] = next_bucket - _BUCKETS + 1 if next_bucket < _NEVER else _NEVER
     return True
 
 

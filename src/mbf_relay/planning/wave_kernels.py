@@ -3,7 +3,7 @@
 The potential solves the eikonal equation |grad u| = cost on the grid (Sethian, "A fast marching level set method for
 monotonically advancing fronts", 1996; navfn approximates the same update by a polynomial). It grows, and is kept and
 repaired, as field_kernels does it for 8-connected steps; the queue is the same. Its heuristic is the straight distance
-at the lowest cost on the map.
+at the lowest cost around.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ _BUCKETS = 64
 _ROOT = np.float32(1.0)
 _WAITING, _BASE, _TAKEN, _APART, _NEXT_SPREAD = 0, 1, 2, 3, 4
 _MIN_COLUMN, _MIN_ROW, _MAX_COLUMN, _MAX_ROW, _EXPANDED = 5, 6, 7, 8, 9
-_REACHED, _EXHAUSTED, _CANCELLED, _BUCKET_FULL, _SPREAD_DUE = 0, 1, 2, 3, 4
+_REACHED, _EXHAUSTED, _CANCELLED, _BUCKET_FULL, _SPREAD_DUE, _STORE_FULL = 0, 1, 2, 3, 4, 5
 _CANCEL_CHECK = 4096
 _SPARE = 8
-_SLACK = np.float32(3.0)  # cells: the straight distance is convex, so keys may fall a little along the wave
+_NEVER = 1 << 60
 _STEP = 0.5  # cells between two points of the path, as navfn's
 
 
@@ -55,26 +55,33 @@ def _is_full(sizes, capacity):
 
 
 @kernel("int64(uint8[::1], int64, int64, float32[::1], float32[::1], int64[::1], int32[:,::1], float32[:,::1],"
-        " int64[::1], int64, int64, float32, float32, uint8[::1])")
+        " int32[::1], float32[::1], int64[::1], int64, int64, float32, float32, float32, uint8[::1])")
 def grow(
-    costs, width, height, weights, field, sizes, cells, keys, state, start_x, start_y, slope, inverse_width, cancelled
+    costs, width, height, weights, field, sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope,
+    inverse_width, limit, cancelled,
 ):
-    """Grow the potential until the start's value is final.
+    """Grow the potential, where value plus heuristic is within a limit, until the start's value is final.
+
+    The queue is ordered by the values alone: in the order of value plus heuristic, over free space all the same, cells
+    would be taken before the wave has come to them from both sides, again and again.
 
     Args:
         costs: The map's costs, row by row, width * height of them; at most 32767 each way.
         width, height: Of the map, in cells.
         weights: Shape (256,): what crossing a cell of each cost counts, inf where it may not be entered.
         field: Potential, as long as `costs`; 0 where not known.
-        sizes, cells, keys, state: The queue's ring and its counters, see queue_kernels.
+        sizes, cells, keys, apart_cells, apart_keys, state: The queue, see queue_kernels; what is beyond the limit goes
+            into the store.
         start_x, start_y: Where to.
         slope: What the heuristic counts for one cell: not more than crossing any does.
         inverse_width: One over the width of a bucket.
+        limit: Value plus heuristic up to which cells are looked at.
         cancelled: Shape (1,), non-zero to stop.
 
     Returns:
-        A verdict of queue_kernels; after BUCKET_FULL make the buckets larger, after SPREAD_DUE spread the store, and
-        call again.
+        A verdict of queue_kernels; after BUCKET_FULL make the buckets larger, after STORE_FULL the store, after
+        SPREAD_DUE spread the store, and call again. EXHAUSTED tells that the ring is empty, and that nothing in the
+        store lies within the limit.
     """
     inf = np.float32(np.inf)
     zero = np.float32(0.0)
@@ -93,22 +100,20 @@ def grow(
     full = _is_full(sizes, capacity)
     countdown = _CANCEL_CHECK
     verdict = -1
-    reached = field[start]
-    if reached > 0 and waiting > 0 and np.float32(base) > (reached + _SLACK * slope) * inverse_width:
-        verdict = _REACHED  # a field grown before reaches here
+    apart = state[_APART]
     while verdict < 0:
         slot = base & (_BUCKETS - 1)
         if taken == sizes[np.uint64(slot)]:
             sizes[np.uint64(slot)] = 0
             taken = 0
             reached = field[start]
-            if reached > 0 and np.float32(base + 1) > (reached + _SLACK * slope) * inverse_width:
+            if reached > 0 and np.float32(base + 1) > reached * inverse_width:
                 verdict = _REACHED
                 break
             if waiting > 0:
                 base += 1
             if waiting == 0 or base >= state[_NEXT_SPREAD]:
-                verdict = _EXHAUSTED if waiting == 0 and state[_APART] == 0 else _SPREAD_DUE
+                verdict = _EXHAUSTED if waiting == 0 and state[_NEXT_SPREAD] == _NEVER else _SPREAD_DUE
                 break
             continue
         if full:
@@ -118,6 +123,9 @@ def grow(
             if full:
                 verdict = _BUCKET_FULL
                 break
+        if apart + _SPARE > apart_cells.shape[0]:
+            verdict = _STORE_FULL
+            break
         if countdown == 0:
             countdown = _CANCEL_CHECK
             if cancelled[0] != 0:
@@ -176,11 +184,11 @@ def grow(
         # which neighbours get better, without a branch for each: such branches cannot be predicted
         for k in range(4):
             cost = costs_near[k]
-            apart = abs(own - other[k])
+            gap = abs(own - other[k])
             one = min(own, other[k]) + cost
-            root = np.float32(math.sqrt(max(np.float32(2.0) * cost * cost - apart * apart, zero)))
+            root = np.float32(math.sqrt(max(np.float32(2.0) * cost * cost - gap * gap, zero)))
             both = np.float32(0.5) * (own + other[k] + root)
-            through[k] = both if apart < cost else one
+            through[k] = both if gap < cost else one
         count = np.int64(0)
         for k in range(4):
             better[np.uint64(count)] = k
@@ -191,9 +199,13 @@ def grow(
             field[np.uint64(i + offsets[chosen])] = lowered
             near_x, near_y = x + columns[chosen], y + rows[chosen]
             dx, dy = np.float32(near_x - start_x), np.float32(near_y - start_y)
-            key = lowered + slope * np.float32(math.sqrt(dx * dx + dy * dy))
+            if lowered + slope * np.float32(math.sqrt(dx * dx + dy * dy)) > limit:
+                apart_cells[apart] = near_y * 65536 + near_x
+                apart_keys[apart] = lowered
+                apart += 1
+                continue
             # too early does no harm, too late would: what lies beyond the ring goes into its last bucket
-            bucket = min(max(np.int64(key * inverse_width), base), base + (_BUCKETS - 1))
+            bucket = min(max(np.int64(lowered * inverse_width), base), base + (_BUCKETS - 1))
             near_slot = np.uint64(bucket & (_BUCKETS - 1))
             size = sizes[near_slot]
             near_place = np.uint64(np.int64(near_slot) * capacity + size)
@@ -203,6 +215,7 @@ def grow(
             full |= size + 1 + _SPARE > capacity
             waiting += 1
     state[_WAITING], state[_BASE], state[_TAKEN], state[_EXPANDED] = waiting, base, taken, expanded
+    state[_APART] = apart
     state[_MIN_COLUMN], state[_MIN_ROW] = min_column, min_row
     state[_MAX_COLUMN], state[_MAX_ROW] = max_column, max_row
     return verdict
