@@ -11,13 +11,6 @@ import numpy as np
 
 from mbf_relay.simulation.frames import Frame
 
-UPRIGHT: Dict[str, np.ndarray] = {
-    "X_UP": np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
-    "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
-    "Z_UP": np.eye(3),
-}
-"""Rotations that bring COLLADA's upward axes to z."""
-
 
 def read_mesh(path: str) -> np.ndarray:
     """Return the triangles of a mesh file, shape (N, 3, 3) in metres.
@@ -65,7 +58,10 @@ def _read_obj(path: str) -> np.ndarray:
 
 
 def _read_collada(path: str) -> np.ndarray:
-    """Return the triangles of the visual scene of a COLLADA file, in metres and with z upwards."""
+    """Return the triangles of the visual scene of a COLLADA file, in metres.
+
+    The file's own upward axis is not looked at: Gazebo does not either, and worlds are made to look right there.
+    """
     root = ElementTree.parse(path).getroot()
     for element in root.iter():
         element.tag = element.tag.rpartition("}")[2]
@@ -81,8 +77,7 @@ def _read_collada(path: str) -> np.ndarray:
     unit = root.find("asset/unit")
     if unit is not None:
         triangles = triangles * float(unit.get("meter", "1"))
-    up = root.findtext("asset/up_axis", "Y_UP").strip()
-    return triangles @ UPRIGHT[up].T
+    return triangles
 
 
 def _collada_node(

@@ -31,7 +31,10 @@ PASSED_OVER = {
     "must_be_base_link", "mass", "inertia", "material_name", "projector", "battery", "audio_source", "audio_sink",
 }
 """Elements that are read elsewhere or say nothing about what can be bumped into."""
+ALWAYS_THERE = ("ground_plane", "sun")
+"""Gazebo's own models that nearly every world includes: there is ground here, and light where it is needed."""
 FLAT = 0.999
+"""Upward part of a plane's normal from which it lies level."""
 
 
 def read_sdf(path: str) -> World:
@@ -106,6 +109,8 @@ class SdfReader:
         self, include: Element, frames: "_Frames", folder: str, saved: Dict[str, Frame], prefix: str
     ) -> None:
         uri = (include.findtext("uri") or "").strip()
+        if uri.rstrip("/").rpartition("/")[2].lower().replace(" ", "_") in ALWAYS_THERE:
+            return
         try:
             found = find_resource(uri, folder)
             file = model_file(found) if os.path.isdir(found) else found

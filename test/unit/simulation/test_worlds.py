@@ -107,6 +107,13 @@ def test_sdf_includes_are_found_on_the_model_path(tmp_path, monkeypatch):
     assert [(b.name, b.frame.position.tolist()) for b in bodies] == [("first", [1, 2, 3]), ("crate", [9, 9, 9])]
 
 
+def test_gazebos_ground_and_sun_need_no_files(tmp_path):
+    uris = ("model://ground_plane", "model://sun", "https://fuel.gazebosim.org/1.0/OpenRobotics/models/Ground Plane")
+    text = sdf("".join(f"<include><uri>{uri}</uri></include>" for uri in uris) + model("a", BOX))
+    world = load_world(write(tmp_path / "w.world", text))
+    assert [body.name for body in world.bodies] == ["a"] and not world.warnings
+
+
 def test_sdf_saved_state_moves_models(tmp_path):
     text = sdf(model("a", BOX) + "<state world_name='made'><model name='a'><pose>4 5 6 0 0 0</pose></model></state>")
     assert load_world(write(tmp_path / "w.world", text)).bodies[0].frame.position == pytest.approx([4, 5, 6])
@@ -199,7 +206,7 @@ def cube_collada(path, up="Z_UP", meter="1", kind="polylist"):
     ("a.obj", cube_obj, (1, 1, 1), (0, 0, 0)),
     ("a.dae", cube_collada, (1, 1, 3), (0, 0, 2)),
     ("a.dae", lambda p: cube_collada(p, kind="triangles", meter="0.5"), (0.5, 0.5, 1.5), (0, 0, 1)),
-    ("a.dae", lambda p: cube_collada(p, up="Y_UP"), (1, 3, 1), (0, -5, 0)),
+    ("a.dae", lambda p: cube_collada(p, up="Y_UP"), (1, 1, 3), (0, 0, 2)),
 ])
 def test_meshes_are_read_and_scaled(tmp_path, name, make, size, corner):
     make(tmp_path / name)
