@@ -33,13 +33,14 @@ def main(arguments: Optional[Sequence[str]] = None, clock: Callable[[], float] =
     """Run the command; return its exit status: 0, 1 for what a user can mend, 130 when interrupted."""
     options = _parse(without_remappings(sys.argv[1:] if arguments is None else arguments))
     try:
-        tasks = _chosen(load_tasks(options.worlds), options.only)
+        all_tasks = load_tasks(options.worlds)
+        tasks = _chosen(all_tasks, options.only)
         setup = make_setup(
             config_folder(), options.localization, options.map, options.controller, options.planner, options.set,
             all(task.has_map for task in tasks),
         )
         folder = options.out or Path(f"batch-{Path(options.worlds).stem}")
-        results = ResultsFile(folder, _settings(options, setup, tasks))
+        results = ResultsFile(folder, _settings(options, setup, all_tasks))
     except ValueError as error:
         print(f"batch.py: {error}", file=sys.stderr)
         return 1
@@ -47,7 +48,7 @@ def main(arguments: Optional[Sequence[str]] = None, clock: Callable[[], float] =
         status = _drive(results, _jobs(tasks, setup, options.seeds), options.jobs, clock)
     finally:
         results.close()
-    _leave(folder, results, tasks)
+    _leave(folder, results, all_tasks)
     return status
 
 

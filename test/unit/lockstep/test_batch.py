@@ -120,6 +120,14 @@ def test_what_is_wrong_is_named_before_anything_is_driven(tmp_path, capsys, argu
     assert not (tmp_path / "out" / LINES).exists()
 
 
+def test_a_batch_of_one_world_can_be_widened(tmp_path, capsys):
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE, small_worlds.BENT)
+    assert batch.main([worlds, "--out", str(tmp_path / "out"), "--only", "bent"]) == 0
+    assert batch.main([worlds, "--out", str(tmp_path / "out")]) == 0
+    assert "1 of 2 episodes have a result already" in capsys.readouterr().err
+    assert len((tmp_path / "out" / LINES).read_text().splitlines()) == 2
+
+
 def test_a_missing_worlds_file_is_named(tmp_path, capsys):
     assert batch.main([str(tmp_path / "none.json"), "--out", str(tmp_path / "out")]) == 1
     assert "none.json cannot be read" in capsys.readouterr().err
@@ -128,7 +136,7 @@ def test_a_missing_worlds_file_is_named(tmp_path, capsys):
 def test_changed_parameters_change_the_drive_and_need_another_folder(tmp_path, capsys):
     worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE)
     assert batch.main([worlds, "--out", str(tmp_path / "a")]) == 0
-    slower = ["--set", "max_vel_x=0.12", "--set", "max_vel_trans=0.12"]
+    slower = ["--set", "DWAPlannerROS.max_vel_x=0.12", "--set", "DWAPlannerROS.max_vel_trans=0.12"]
     assert batch.main([worlds, "--out", str(tmp_path / "b"), *slower]) == 0
     (fast,), (slow,) = (read_lines(tmp_path / name / LINES)[0] for name in ("a", "b"))
     assert slow.success and slow.time > 1.4 * fast.time
