@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from typing import Optional
+from collections import deque
+from typing import Deque, Optional
 
 import rospy
 
@@ -11,6 +12,8 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.ros.transforms import TransformPublisher
 
 KEEP_ALIVE_PERIOD = 0.02
+REMEMBERED = 50
+"""Stamps sent lately that are not used again."""
 PAUSE = 0.3
 """Time (s) without a scan from which the transform is sent on its own."""
 
@@ -29,6 +32,7 @@ class MapToOdom:
         self._parent, self._child = "map", "odom"
         self._tolerance, self._enabled = 0.1, True
         self._sent = rospy.Time(0)
+        self._stamps: Deque[rospy.Time] = deque(maxlen=REMEMBERED)
         self._updated = self._taken_at = rospy.Time(0)
         self._stop = threading.Event()
         rospy.on_shutdown(self._stop.set)
@@ -51,11 +55,12 @@ class MapToOdom:
             return (rospy.get_rostime() - self._updated).to_sec() if self._map_from_odom is not None else 0.0
 
     def _send(self, stamp: rospy.Time) -> None:
-        if stamp == self._sent:
-            stamp += rospy.Duration(0, 1000)  # tf refuses two transforms of one stamp
+        while stamp in self._stamps:
+            stamp += rospy.Duration(0, 1000)  # tf refuses two transforms of one stamp, and not only in a row
         if self._enabled and self._map_from_odom is not None:
             self._publisher.send(self._parent, self._child, self._map_from_odom, stamp)
             self._sent = stamp
+            self._stamps.append(stamp)
 
     def _keep_alive(self) -> None:
         while not self._stop.wait(KEEP_ALIVE_PERIOD):
