@@ -45,7 +45,8 @@ class RoomRobot:
         self._publishers = {frame: rospy.Publisher(topic, LaserScan, queue_size=5) for frame, topic, _, _ in lidars}
         self._tf = TransformPublisher()
         self._static = tf2_ros.StaticTransformBroadcaster()
-        self._static.sendTransform([self._mount(frame, pose, down) for frame, _, pose, down in lidars])
+        now = rospy.get_rostime()
+        self._static.sendTransform([mounting(frame, pose, down, "base_footprint", now) for frame, _, pose, down in lidars])
         self._rng = np.random.default_rng(5)
         self._period = 1.0 / rate
         self._stop = threading.Event()
@@ -60,15 +61,6 @@ class RoomRobot:
     def odom_pose(self):
         return self.pose.relative_to(self.odom_in_map)
 
-    def _mount(self, frame, pose, upside_down):
-        message = TransformStamped(header("base_footprint", rospy.get_rostime()), frame, transform_to_message(pose))
-        if upside_down:
-            # Roll by half a turn after the yaw: (x, y, z, w) = yaw * roll.
-            rotation = message.transform.rotation
-            rotation.x, rotation.y = math.cos(pose.theta / 2.0), math.sin(pose.theta / 2.0)
-            rotation.z = rotation.w = 0.0
-        return message
-
     def _run(self):
         while not self._stop.wait(self._period):
             forward, turn = self.velocity
@@ -77,15 +69,28 @@ class RoomRobot:
             self._tf.send("odom", "base_footprint", self.odom_pose, now)
             if self.scanning:
                 for frame, _, mount, upside_down in self.lidars:
-                    self._publishers[frame].publish(self.change_message(self._scan(frame, mount, upside_down, now)))
+                    message = lidar_message(self.field, self.pose, frame, mount, upside_down, now, self._rng)
+                    message.ranges = self.change_ranges(np.array(message.ranges)).tolist()
+                    self._publishers[frame].publish(self.change_message(message))
 
-    def _scan(self, frame, mount, upside_down, now):
-        increment = 2.0 * math.pi / BEAMS
-        bearings = np.arange(BEAMS) * (-increment if upside_down else increment)
-        ranges = np.empty(BEAMS)
-        cast_scan(np.array([self.pose.compose(mount)]), self.field.blocked, self.field.frame, 5.0, bearings, ranges)
-        ranges = np.where(ranges < 5.0, ranges + self._rng.normal(0.0, 0.01, BEAMS), np.inf)
-        message = LaserScan(header=header(frame, now), angle_min=0.0, angle_max=2.0 * math.pi - increment)
-        message.angle_increment, message.range_min, message.range_max = increment, 0.12, 5.0
-        message.ranges = self.change_ranges(ranges).tolist()
-        return message
+
+def mounting(frame, pose, upside_down, base, stamp):
+    """Return the transform of a lidar on its robot; one that hangs upside down is rolled by half a turn."""
+    message = TransformStamped(header(base, stamp), frame, transform_to_message(pose))
+    if upside_down:
+        rotation = message.transform.rotation
+        rotation.x, rotation.y = math.cos(pose.theta / 2.0), math.sin(pose.theta / 2.0)
+        rotation.z = rotation.w = 0.0
+    return message
+
+
+def lidar_message(field, robot, frame, mount, upside_down, stamp, rng):
+    """Return what a lidar mounted so on a robot sees."""
+    increment = 2.0 * math.pi / BEAMS
+    bearings = np.arange(BEAMS) * (-increment if upside_down else increment)
+    ranges = np.empty(BEAMS)
+    cast_scan(np.array([robot.compose(mount)]), field.blocked, field.frame, 5.0, bearings, ranges)
+    message = LaserScan(header=header(frame, stamp), angle_min=0.0, angle_max=2.0 * math.pi - increment)
+    message.angle_increment, message.range_min, message.range_max = increment, 0.12, 5.0
+    message.ranges = np.where(ranges < 5.0, ranges + rng.normal(0.0, 0.01, BEAMS), np.inf).tolist()
+    return message
