@@ -13,6 +13,7 @@ from mbf_relay.geometry import Pose2D, angle_between
 from mbf_relay.grid import Grid
 from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.planning import PLANNERS
+from mbf_relay.planning.grid_planner import PotentialWatcher
 from mbf_relay.planning.planner import Cancellation, Planner
 
 CASES = {
@@ -338,3 +339,33 @@ def test_a_running_plan_can_be_cancelled_by_another_thread(planner):
     assert outcome_of(
         planner, costmap, at(costmap, 0, 0), at(costmap, 0, 1998), cancelled=cancelled) is PlanOutcome.CANCELED
     timer.join()
+
+
+class Watcher(PotentialWatcher):
+    """Remembers what it was shown."""
+
+    def __init__(self, watching):
+        self.watching, self.seen = watching, []
+
+    def is_watching(self):
+        return self.watching
+
+    def take(self, costmap, potential, start):
+        self.seen.append((costmap, potential.copy(), start))
+
+
+def test_a_watcher_sees_the_potential_and_the_path_is_the_same(case):
+    costmap = drawn(ROOMS)
+    start, goal = at(costmap, 0, 0), at(costmap, 9, 9)
+    unwatched = plan(made(case), costmap, start, goal)
+    for watching in (True, False):
+        planner = made(case)
+        planner.potential_watcher = Watcher(watching)
+        path = plan(planner, costmap, start, goal)
+        assert path.cost == pytest.approx(unwatched.cost, rel=1e-5)
+        assert len(planner.potential_watcher.seen) == watching
+    planner.potential_watcher = Watcher(True)
+    plan(planner, costmap, start, goal)
+    (_, potential, _), = planner.potential_watcher.seen
+    assert potential.shape == costmap.costs.shape
+    assert (potential[costmap.costs == LETHAL] == 0.0).all() and potential[0, 0] > potential[9, 8] > 0.0
