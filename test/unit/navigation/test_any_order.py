@@ -67,7 +67,7 @@ def send(bench, action, slot):
 
 
 @given(events, st.lists(planning, max_size=6), st.lists(driving, max_size=20), recovering, delays, st.booleans())
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=300, deadline=None)
 def test_every_goal_ends_once_and_in_time_and_the_robot_stands(script, plans, velocities, recovery, wait, replan):
     bench = Bench(scripted.HeldWorker(), planner_frequency=5.0 if replan else 0.0, oscillation_timeout=5.0)
     bench.worker.delays = wait
