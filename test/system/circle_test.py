@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""The tutorial's circle, driven with the tutorial's launch files and client."""
+"""The tutorial's circle, driven with the tutorial's launch files and clients."""
 
 import os
 import sys
 import unittest
 
+import rospy
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
@@ -20,13 +21,15 @@ NEAR = 0.15
 class TestCircle(unittest.TestCase):
     def test_the_client_drives_the_circle(self):
         witness = Witness()
-        run = run_client("mb_relay_client.py")
-        self.assertIn("Drove circle with result: True", run.output)
-        self.assertEqual(run.status, 0, run.output)
-        for x, y, _, _ in CIRCLE:
-            self.assertLess(witness.way_to(x, y), NEAR, f"goal ({x}, {y})")
-        self.assertEqual(witness.touched(), [])
-        self.assertEqual(witness.complaints(), [])
+        for client in rospy.get_param("~clients", ["mb_relay_client.py"]):
+            run = run_client(client)
+            self.assertIn("Drove circle with result: True", run.output)
+            self.assertEqual(run.status, 0, run.output)
+            for x, y, _, _ in CIRCLE:
+                self.assertLess(witness.way_to(x, y), NEAR, f"goal ({x}, {y}) of {client}")
+            self.assertEqual(witness.touched(), [])
+            self.assertEqual(witness.complaints(), [])
+            witness.forget()
 
 
 if __name__ == "__main__":

@@ -150,7 +150,7 @@ class CostmapServices:
 
 def _outline(costmap: Any, request: Any) -> np.ndarray:
     _require_finite(safety_dist=request.safety_dist)
-    return padded(costmap.footprint if request.use_padded_fp else costmap.outline, request.safety_dist)
+    return padded(costmap.footprint if getattr(request, "use_padded_fp", False) else costmap.outline, request.safety_dist)
 
 
 def _multipliers(request: Any) -> inspection.Multipliers:
