@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import shutil
+import socket
 import subprocess
 import sys
 import tempfile
@@ -34,6 +35,9 @@ DRIVES: Dict[str, List[Command]] = {
     "square 2 x 2 m": SQUARE,
     "ten turns on the spot": [(0.0, 1.0, 20.0 * math.pi)],
 }
+
+LISTENER = ["rostopic", "hz", "/scan", "/odom", "/tf", "/joint_states", "/imu", "/clock", "/ground_truth"]
+DRIVER = ["rostopic", "pub", "-r", "10", "/cmd_vel", "geometry_msgs/Twist", "{linear: {x: 0.05}, angular: {z: 0.5}}"]
 
 
 def figures(quick: bool) -> Iterator[Figure]:
@@ -133,33 +137,34 @@ def _trueness(name: str, commands: List[Command]) -> Iterator[Figure]:
 
 
 def _cpu_share(seconds: float) -> Iterator[Figure]:
-    """Run the node at real time and measure its share of a core."""
+    """Run the node at real time, driven and listened to, and measure its share of a core."""
     script = _node_script()
     if shutil.which("rosmaster") is None or script is None:
         return
     import rosgraph
 
     with tempfile.TemporaryDirectory() as folder:
-        port = 11000 + os.getpid() % 4000
+        port = _free_port()
         environment = {**os.environ, "ROS_MASTER_URI": f"http://localhost:{port}", "ROS_LOG_DIR": folder}
-        environment["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)
         quiet = dict(env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         master = subprocess.Popen(["rosmaster", "--core", "-p", str(port)], **quiet)
-        node: Optional[subprocess.Popen] = None
+        processes = [master]
         try:
             _wait_for(lambda: rosgraph.is_master_online(environment["ROS_MASTER_URI"]))
             node = subprocess.Popen([sys.executable, str(script), "__name:=simulator"], **quiet)
+            processes += [node, subprocess.Popen(LISTENER, **quiet), subprocess.Popen(DRIVER, **quiet)]
             time.sleep(5.0)
-            before = _cpu_seconds(node.pid)
-            start = time.monotonic()
+            if node.poll() is not None:
+                raise NotMeasurable(f"the simulator node ended at once with status {node.returncode}")
+            before, start = _cpu_seconds(node.pid), time.monotonic()
             time.sleep(seconds)
             share = 100.0 * (_cpu_seconds(node.pid) - before) / (time.monotonic() - start)
-            yield Figure("CPU share of the node at real time", share, "% of a core", parameters={"world": "arena", "for [s]": seconds})
+            where = {"world": "arena", "for [s]": seconds, "driving": True}
+            yield Figure("CPU share of the node at real time", share, "% of a core", parameters=where)
         finally:
-            for process in (node, master):
-                if process is not None:
-                    process.terminate()
-                    process.wait(20.0)
+            for process in reversed(processes):
+                process.terminate()
+                process.wait(20.0)
 
 
 def _node_script() -> Optional[Path]:
@@ -167,6 +172,12 @@ def _node_script() -> Optional[Path]:
     places = [Path(__file__).resolve().parents[depth] / inside for depth, inside in ((3, "scripts"), (4, "mbf_relay"))]
     places += [Path(path).parent for path in (sys.argv[0],) if path]
     return next((place / "simulator" for place in places if (place / "simulator").is_file()), None)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        return probe.getsockname()[1]
 
 
 def _wait_for(condition: Callable[[], bool], patience: float = 20.0) -> None:
