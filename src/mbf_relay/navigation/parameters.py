@@ -32,9 +32,9 @@ class NavigatorParameters(ParameterSet):
     robot_frame: str = parameter("base_link", "Frame of the robot's base")
     odom_topic: str = parameter("odom", "Topic of odometry; empty to do without")
     tf_timeout: Optional[float] = parameter(
-        None, "How long to wait for, and how old to accept, a transform; 3 for plans and 1 for control where not given",
-        "s", 0.0,
+        None, "How long to wait for a transform, standing; 3 for plans and 1 for control where not given", "s", 0.0
     )
+    pose_timeout: float = parameter(1.0, "Age beyond which a pose is not driven on", "s", above=0.0)
     odom_timeout: float = parameter(1.0, "Age beyond which odometry is not driven on", "s", above=0.0)
     force_stop_at_goal: bool = parameter(False, "Kept for its name: driving always ends with a zero velocity")
     force_stop_on_retry: bool = parameter(True, "Stop while a failed cycle is tried again; else slow down")

@@ -54,7 +54,7 @@ class MoveBaseFlex:
     ) -> None:
         parameters = ros_parameters.fill(NavigatorParameters, config, "~", READ_ELSEWHERE)
         self.robot = RosRobot(
-            transforms, parameters.robot_frame, parameters.odom_topic, parameters.control_tf_timeout,
+            transforms, parameters.robot_frame, parameters.odom_topic, parameters.pose_timeout,
             parameters.odom_timeout,
         )
         self._stepper = Stepper(self._step)

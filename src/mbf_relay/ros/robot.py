@@ -23,15 +23,15 @@ class RosRobot(Robot):
         transforms: Where frames are looked up.
         base_frame: The robot's frame.
         odom_topic: Odometry; where empty, the last command stands in for the velocity.
-        tf_timeout: Age (s) beyond which a transform is refused.
+        pose_timeout: Age (s) beyond which a transform is refused.
         odom_timeout: Age (s) beyond which odometry is refused.
     """
 
     def __init__(
-        self, transforms: Transforms, base_frame: str, odom_topic: str, tf_timeout: float, odom_timeout: float
+        self, transforms: Transforms, base_frame: str, odom_topic: str, pose_timeout: float, odom_timeout: float
     ) -> None:
         self._transforms, self._base_frame = transforms, base_frame
-        self._tf_timeout, self._odom_timeout = tf_timeout, odom_timeout
+        self._pose_timeout, self._odom_timeout = pose_timeout, odom_timeout
         self._odometry: Optional[Odometry] = None
         self._last_command = STOP
         self._publisher = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
@@ -43,11 +43,11 @@ class RosRobot(Robot):
 
     def pose_in(self, frame: str) -> Pose2D:
         """Return the newest pose of the base in `frame`; raise TransformError where it is unknown or too old."""
-        return self._transforms.lookup(frame, self._base_frame, max_age=self._tf_timeout)
+        return self._transforms.lookup(frame, self._base_frame, max_age=self._pose_timeout)
 
     def transform(self, target_frame: str, source_frame: str) -> Pose2D:
         """Return the newest transform to `target_frame`; raise TransformError where it is unknown or too old."""
-        return self._transforms.lookup(target_frame, source_frame, max_age=self._tf_timeout)
+        return self._transforms.lookup(target_frame, source_frame, max_age=self._pose_timeout)
 
     def velocity(self) -> Twist2D:
         """Return the newest velocity, body frame; raise StaleDataError where there is none or it is too old."""
