@@ -23,8 +23,9 @@ WORTH_REPAIRING = 0.1
 STORE_PER_CELL = 4
 """Entries waiting for each cell looked at beyond which a new field is quicker."""
 
-FIRST_LIMIT, FIRST_RISE = 1.03, 1.06
-"""A wave is first looked for within this times the straight way's cost, then within this times as much again."""
+FIRST_LIMIT, RISE, FINE_RISE, MANY_CELLS = 1.01, 1.06, 1.015, 50000
+"""A wave is first looked for within this times the straight way's cost, then within this times as much again: in finer
+steps where so many cells were looked at that another step costs little beside them."""
 
 WAVE_SLACK = np.float32(3.0)
 """Cells: the straight distance is convex, so value plus heuristic may fall a little along the wave."""
@@ -298,7 +299,7 @@ class Wave(KeptField):
         goal_x, goal_y = self._goal
         straight = slope * np.float32(np.hypot(start[0] - goal_x, start[1] - goal_y))
         limit = np.float32(FIRST_LIMIT * straight + 10.0 * slope) if slope > 0.0 else np.float32(np.inf)
-        rise = FIRST_RISE
+        rise = 1.0
         while True:
             reached = self._field[start[1], start[0]]
             if reached > 0.0:
@@ -310,8 +311,9 @@ class Wave(KeptField):
             if reached == 0.0:
                 if self._state[queue_kernels.APART] == 0:
                     return queue_kernels.EXHAUSTED
-                limit = np.float32(limit * rise)
-                rise = min(rise * 1.02, 2.0)
+                is_large = self._state[queue_kernels.EXPANDED] > MANY_CELLS
+                limit = np.float32(limit * (FINE_RISE if is_large else RISE) * rise)
+                rise = min(rise * 1.02, 2.0)  # walled off: the end must come in a few steps, however far the walls
 
     def _call_grow(
         self, limit: np.float32, costs: np.ndarray, aim: Tuple[int, int, np.float32, np.float32], cancelled: Cancellation
