@@ -145,7 +145,7 @@ class PathFollower(Controller, abc.ABC):
             raise ControlError(
                 ControlOutcome.INTERNAL_ERROR, f"pose {tuple(state.pose)} or velocity {tuple(state.velocity)} is not finite"
             )
-        around = self._around = self._look_around(state, parameters)
+        around = self._around = self.look_around(state)
         self._stuck_guard.check(state, self.command, parameters.stuck_timeout)
         self._goal_guard.check(state, around.path, around.view, parameters)
         if self._goal_keeper.is_turning(state.pose, around.path.goal, parameters):
@@ -179,7 +179,9 @@ class PathFollower(Controller, abc.ABC):
         backward = back_out.command(state.pose, around.velocity, around.view, parameters, state.period)
         return self.drive(around) if backward is None else backward
 
-    def _look_around(self, state: ControlState, parameters: FollowerParameters) -> Surroundings:
+    def look_around(self, state: ControlState) -> Surroundings:
+        """Return what this cycle works on: path, obstacles, and the velocities in reach and in order here."""
+        parameters = self.parameters
         limit = self.speed_limit_at(state.pose)
         reach = max(parameters.max_vel_trans * getattr(parameters, "sim_time", 1.5), self.lookahead) + 1.0
         path = self._tracker.cut(state, BEHIND, reach, self.lookahead + 0.5)

@@ -1,0 +1,157 @@
+"""What is the DWA controller's own: parameters by their old names, explanations, critics by name, what it shows."""
+
+import math
+import os
+import sys
+
+import numpy as np
+import pytest
+from paper import burger
+
+from kinematics import TURTLEBOT3, boxes, costmap_round, nowhere, path_through
+from mbf_relay.control import CONTROLLERS
+from mbf_relay.control.controller import Controller, ControlState
+from mbf_relay.control.critics.critic import Critic
+from mbf_relay.control.dwa import DwaController
+from mbf_relay.control.dwa_parameters import DwaParameters
+from mbf_relay.control.explanation import Explanation
+from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
+from mbf_relay.outcomes import ControlError
+from mbf_relay.plugins import PluginError, create
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+
+NOETIC = dict(
+    max_vel_trans=0.55, min_vel_trans=0.1, max_vel_x=0.55, min_vel_x=0.0, max_vel_y=0.1, min_vel_y=-0.1, max_vel_theta=1.0,
+    min_vel_theta=0.4, acc_lim_x=2.5, acc_lim_y=2.5, acc_lim_theta=3.2, acc_lim_trans=0.1, prune_plan=False,
+    xy_goal_tolerance=0.1, yaw_goal_tolerance=0.1, trans_stopped_vel=0.1, theta_stopped_vel=0.1, sim_time=1.7,
+    sim_granularity=0.025, angular_sim_granularity=0.1, path_distance_bias=0.6, goal_distance_bias=0.8, occdist_scale=0.01,
+    twirling_scale=0.0, stop_time_buffer=0.2, oscillation_reset_dist=0.05, oscillation_reset_angle=0.2,
+    forward_point_distance=0.325, scaling_speed=0.25, max_scaling_factor=0.2, vx_samples=3, vy_samples=10, vth_samples=20,
+    use_dwa=True, latch_xy_goal_tolerance=False, sum_scores=False, cheat_factor=1.0, publish_cost_grid_pc=False,
+    publish_traj_pc=False,
+)
+
+
+class Shy(Critic):
+    """A user's own critic: rules out every turn to the left."""
+
+    @property
+    def scale(self):
+        return 1.0
+
+    def score(self, trajectories, scene):
+        return np.where(trajectories.velocities[:, 2] > 1e-9, np.inf, 0.0)
+
+
+def state(pose=Pose2D(0.0, 0.0, 0.0), velocity=STOP, occupied=nowhere, now=0.0):
+    return ControlState(now, pose, velocity, costmap_round(pose, occupied), IDENTITY, 0.1)
+
+
+def on_the_way(**changes):
+    controller = DwaController("DWAPlannerROS", burger(**changes))
+    controller.set_path(path_through((0, 0), (1.0, 0.4)), True)
+    return controller
+
+
+def test_names_and_defaults_are_those_of_dwa_local_planner():
+    declared = DwaParameters().as_dict()
+    assert {name: declared[name] for name in NOETIC} == NOETIC
+
+
+@pytest.mark.parametrize("old, new", [
+    ("max_trans_vel", "max_vel_trans"), ("min_trans_vel", "min_vel_trans"), ("max_rot_vel", "max_vel_theta"),
+    ("min_rot_vel", "min_vel_theta"), ("acc_limit_trans", "acc_lim_trans"), ("rot_stopped_vel", "theta_stopped_vel"),
+    ("acc_lim_th", "acc_lim_theta"),
+])
+def test_older_names_are_read_and_told(old, new):
+    assert getattr(DwaParameters.from_mapping({old: 0.45}), new) == 0.45
+    assert getattr(DwaParameters.from_mapping({old: 0.45, new: 0.5}), new) == 0.5
+    assert DwaParameters.deprecated_names({old: 0.45}) == {old: new}
+
+
+def test_the_tutorials_file_is_taken_whole():
+    assert not DwaParameters.unknown_names(TURTLEBOT3)
+    controller = create("DWAPlannerROS", "dwa_local_planner/DWAPlannerROS", TURTLEBOT3, Controller, CONTROLLERS)
+    assert controller.parameters.min_vel_theta == 1.37
+
+
+def test_it_says_why_the_winner_won_and_what_was_ruled_out():
+    controller = on_the_way()
+    controller.compute_velocity(state(velocity=Twist2D(0.2, 0.0, 0.0), occupied=boxes((0.06, 0.125, 0.5, 0.6))))
+    why = controller.explanation
+    assert why.totals[why.winner] == why.totals[:-1].min()
+    assert why.ruled_out["obstacle"] == np.isinf(why.scores[why.critics.index("obstacle")][:-1]).sum() > 0
+    text = str(why)
+    assert "ruled out: obstacle" in text and "ahead of" in text and "mostly by" in text
+
+
+def test_the_decisive_critic_is_the_one_with_the_largest_lead():
+    velocities = np.array([[0.2, 0, 0], [0.0, 0, 1.0], [0.1, 0, -1.0], [0, 0, 0]], float)
+    scores = np.array([[1.0, 2.0, 9.0, 0.0], [1.0, 5.0, np.inf, 0.0]])
+    why = Explanation.of(("path", "goal"), scores, velocities)
+    assert (why.winner, why.runner_up(), why.ruled_out) == (0, 1, {"path": 0, "goal": 1})
+    assert str(why).endswith("ahead of (0.00 m/s, 0.00 m/s, 1.00 rad/s) at 7.00 mostly by goal (+4.00)")
+    nothing = Explanation.of(("path",), np.array([[np.inf, np.inf, 0.0]]), velocities[[0, 1, 3]])
+    assert nothing.winner is None and "nothing is left" in str(nothing)
+    assert why.without(("goal",)).critics == ("path",)
+
+
+def test_the_error_explains():
+    controller = on_the_way()
+    controller.set_path(path_through((0, 0), (1, 0)), True)
+    with pytest.raises(ControlError, match="ruled out"):
+        for cycle in range(20):
+            controller.compute_velocity(state(occupied=boxes((0.06, -1, 0.3, 1), (-0.3, -1, -0.125, 1), (-1, 0.12, 1, 1), (-1, -1, 1, -0.12)), now=0.1 * cycle))
+
+
+def test_a_users_own_critic_has_its_say():
+    shy = on_the_way(critics=("obstacle", "path", "goal", "test_dwa.Shy"))
+    free = on_the_way(critics=("obstacle", "path", "goal"))
+    for controller in (shy, free):
+        controller.command = controller.compute_velocity(state(velocity=Twist2D(0.2, 0.0, 0.0)))
+    assert free.command.theta > 0.0 >= shy.command.theta
+    with pytest.raises(PluginError, match="no_such_critic"):
+        on_the_way(critics=("no_such_critic",))
+
+
+def test_reconfigured_critics_keep_what_they_remember():
+    controller = on_the_way()
+    before = controller.critics
+    controller.reconfigure(controller.parameters.replace(path_distance_bias=5.0))
+    assert controller.critics is before and all(c.parameters.path_distance_bias == 5.0 for c in before)
+    controller.reconfigure(controller.parameters.replace(critics=("path", "goal", "obstacle")))
+    assert [critic.name for critic in controller.critics] == ["path", "goal", "obstacle"]
+
+
+def test_a_cycle_is_shown_to_whoever_watches():
+    seen, controller = [], on_the_way()
+    controller.watcher = seen.append
+    command = controller.compute_velocity(state(velocity=Twist2D(0.2, 0.0, 0.0)))
+    report = seen[-1]
+    assert command.x > 0.0 and len(report.trajectory) > 5 and report.explanation
+    assert report.path_ahead()[0, :2] == pytest.approx([0.0, 0.0], abs=0.03)
+    assert report.path_ahead()[:, 2] == pytest.approx(math.atan2(0.4, 1.0), abs=0.05)
+    centers, costs = report.cell_costs()
+    assert len(centers) == 3600 and costs.shape == (3600, 3)
+    nearest = int(np.argmin(np.hypot(*(centers - (0.5, 0.2)).T)))
+    assert costs[nearest, 0] < 0.05 and costs[nearest, 1] > costs[int(np.argmin(np.hypot(*(centers - (0.9, 0.36)).T))), 1]
+    controller.set_path(path_through((0, 0), (-1, 0)), True)
+    controller.compute_velocity(state(now=10.0))
+    assert len(seen[-1].trajectory) == 0, "turning on the spot leads nowhere"
+
+
+def test_asked_twice_at_one_time_it_accelerates_once():
+    controller = on_the_way()
+    slow = dict(pose=Pose2D(0.0, 0.0, 0.38), velocity=STOP)
+    controller.reconfigure(controller.parameters.replace(acc_lim_x=0.5))
+    first = controller.compute_velocity(state(**slow))
+    controller.set_path(path_through((0, 0), (1.0, 0.4)), False)
+    assert controller.compute_velocity(state(**slow)).x == pytest.approx(first.x) == pytest.approx(0.05)
+    assert controller.compute_velocity(state(**{**slow, "now": 0.1})).x == pytest.approx(0.1)
+
+
+def test_a_sideways_robot_uses_its_legs():
+    controller = on_the_way(max_vel_y=0.2, min_vel_y=-0.2, acc_lim_y=2.5, vy_samples=9, twirling_scale=50.0)
+    controller.set_path(path_through((0, 0.05), (1.0, 0.05)), True)
+    assert controller.compute_velocity(state(velocity=Twist2D(0.15, 0.0, 0.0))).y > 0.0
