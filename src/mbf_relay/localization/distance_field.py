@@ -61,9 +61,9 @@ class DistanceField:
             ValueError: The map has no free cell.
         """
         rows, columns = np.nonzero(self.blocked == 0)
-        if len(rows) == 0:
+        if len(rows) == 0 and count > 0:
             raise ValueError("the map has no free cell; poses cannot be spread over it")
-        chosen = rng.integers(0, len(rows), count)
+        chosen = rng.integers(0, max(1, len(rows)), count)
         poses = np.empty((count, 3))
         poses[:, 0] = (columns[chosen] + rng.random(count)) * self.resolution
         poses[:, 1] = (rows[chosen] + rng.random(count)) * self.resolution

@@ -22,7 +22,7 @@ from mbf_relay.maps import OccupancyMap
 from mbf_relay.scan import LaserScan
 
 
-FEWEST_PREDICTED = 500
+FEWEST_PREDICTED = 1500
 """Particles that odometry moves at least, in the robust form: kept in few, the belief would still leave in few places."""
 
 
@@ -205,7 +205,7 @@ class Localizer:
             self._averages.reset()
 
     def _random_poses(self, count: int) -> np.ndarray:
-        return self.field.random_free_poses(count, self._rng)
+        return self.field.random_free_poses(0 if self.field.blocked.all() else count, self._rng)
 
     def _start(self, poses: np.ndarray) -> None:
         """Take new particles; the next scan updates them without a motion."""
@@ -221,9 +221,9 @@ class Localizer:
     def _make_models(self) -> None:
         self._laser_model = make_laser_model(self.field, self.parameters)
         self._motion_model = make_motion_model(self.parameters)
-        recovers = self.parameters.recovery_alpha_fast > 0.0 and not self.field.blocked.all()
         self._proposal = ScanProposal(
-            ScanLikelihood(self.field, self.parameters.laser_sigma_hit), self._random_poses if recovers else None
+            ScanLikelihood(self.field, self.parameters.laser_sigma_hit), self._random_poses,
+            recovers=self.parameters.recovery_alpha_fast > 0.0,
         )
 
 

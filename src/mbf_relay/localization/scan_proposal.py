@@ -20,7 +20,7 @@ import numpy as np
 from mbf_relay.localization.estimate import cluster, heaviest_first
 from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp
 from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, apart, mixture_around, thin_out
-from mbf_relay.localization.scouts import RandomPoses, Scouts, Trust
+from mbf_relay.localization.scouts import ASTRAY, GAIN, GAIN_ANYWHERE, RandomPoses, Scouts, Trust
 
 CLUSTERS = 40
 """Clusters, heaviest first, that are looked into; a tracked robot has one or two, a lost one many."""
@@ -43,11 +43,18 @@ class ScanProposal:
         explained: Share of the beams the map explained at the best pose of the last scan.
     """
 
-    def __init__(self, likelihood: ScanLikelihood, random_poses: Optional[RandomPoses] = None) -> None:
-        """Draw by a likelihood; with `random_poses`, scouts look all over the map."""
+    def __init__(self, likelihood: ScanLikelihood, random_poses: RandomPoses, recovers: bool = False) -> None:
+        """Draw by a likelihood.
+
+        Args:
+            likelihood: Of scans on the map.
+            random_poses: Makes poses all over the map.
+            recovers: Look all over the map whenever scans stop fitting; else only after a long drive in doubt.
+        """
         self._likelihood = likelihood
         self._scouts = Scouts(likelihood, random_poses)
-        self._trust = Trust(wary=self._scouts.go_anywhere)
+        self._recovers = recovers
+        self._trust = Trust(wary=recovers)
         self.explained = 1.0
 
     def propose(
@@ -77,10 +84,13 @@ class ScanProposal:
             if rank == 0:
                 self.explained = float(modes.explained[np.argmax(modes.log_masses)])
         found = None
-        if self._trust.is_lost(self.explained, driven):
-            found = self._scouts.search(belief, endpoints, self.explained, self._trust.driven, max(100, len(poses) // 4), rng)
+        if self._trust.is_lost(self.explained, driven) or self._trust.astray > ASTRAY:
+            found = self._scouts.search(
+                belief, endpoints, self.explained, self._trust.driven, self._recovers or self._trust.astray > ASTRAY,
+                GAIN_ANYWHERE if self._recovers else GAIN, max(100, len(poses) // 4), rng,
+            )
         # Of a scan in which little is on the map, what fits does so by chance.
-        explained = found.explained if found is not None and self._scouts.go_anywhere else self.explained
+        explained = found.explained if found is not None and self._recovers else self.explained
         credit = min(1.0, explained / FULL_CREDIT) ** 3
         log_weights += credit * likelihoods
         return (poses, log_weights) if found is None else found.join(poses, log_weights, credit)

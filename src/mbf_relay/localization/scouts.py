@@ -31,6 +31,8 @@ ANYWHERE = np.array([100.0, 100.0, 10.0])
 GAIN, GAIN_ANYWHERE = 0.15, 0.03
 """Share of the beams the map must explain better where a scout is than where the belief is. Anywhere, many places look
 alike, and which of them it is only the next scans tell."""
+ASTRAY = 10.0
+"""Distance (m) driven in doubt from which scouts go anywhere without being told to."""
 SLIP = 0.02
 """Probability that odometry failed altogether, where a scan calls for scouts."""
 MOST = 0.02
@@ -42,22 +44,27 @@ class Trust:
 
     Attributes:
         driven: Distance (m) since the last scan that fitted.
+        astray: Distance (m) driven in doubt against a much slower average, less what was driven without.
     """
 
-    DECAY = 0.05
+    DECAY, SLOW_DECAY = 0.05, 0.005
     LEAST = 0.3
 
     def __init__(self, wary: bool) -> None:
         """A wary one doubts sooner, and does not take doubtful scans for the new usual."""
         self._usual: Optional[float] = None
         self._wary, self._low = wary, 0.85 if wary else 0.75
-        self.driven = 0.0
+        self._long_usual: Optional[float] = None
+        self.driven = self.astray = 0.0
 
     def is_lost(self, explained: float, driven: float) -> bool:
         """Take the share of one scan and the distance (m) to it; tell whether it is clearly below the usual."""
         usual = explained if self._usual is None else self._usual
         doubtful = explained < max(self.LEAST, self._low * usual)
         self.driven = self.driven + driven if doubtful else 0.0
+        self._long_usual = max(usual, explained) if self._long_usual is None else self._long_usual
+        self.astray = max(0.0, self.astray + (driven if explained < self._low * self._long_usual else -driven))
+        self._long_usual += self.SLOW_DECAY * (explained - self._long_usual)
         self._usual = usual if doubtful and self._wary else usual + self.DECAY * (explained - usual)
         return doubtful
 
@@ -86,20 +93,15 @@ class Found:
 
 
 class Scouts:
-    """Looks for places where the map explains clearly more of a scan.
+    """Looks for places where the map explains clearly more of a scan."""
 
-    Attributes:
-        go_anywhere: Whether scouts are not held to the belief's surroundings.
-    """
-
-    def __init__(self, likelihood: ScanLikelihood, random_poses: Optional[RandomPoses]) -> None:
+    def __init__(self, likelihood: ScanLikelihood, random_poses: RandomPoses) -> None:
         self._likelihood = likelihood
         self._random_poses = random_poses
-        self.go_anywhere = random_poses is not None
 
     def search(
-        self, belief: PoseGaussian, endpoints: np.ndarray, explained: float, driven: float, count: int,
-        rng: np.random.Generator,
+        self, belief: PoseGaussian, endpoints: np.ndarray, explained: float, driven: float, anywhere: bool, gain: float,
+        count: int, rng: np.random.Generator,
     ) -> Optional[Found]:
         """Return particles at places that fit clearly better, None where there are none.
 
@@ -108,13 +110,15 @@ class Scouts:
             endpoints: The scan, shape (B, 2), in the base's frame.
             explained: Share of the beams that the map explains where the robot is thought to be now.
             driven: Distance (m) in doubt.
+            anywhere: Look all over the map, not only around the belief.
+            gain: How much more must be explained.
             count: How many particles to return.
             rng: Where chance comes from.
         """
-        wide = belief.widened(ANYWHERE if self.go_anywhere else BASE + PER_METRE * driven)
-        starts, gain = (STARTS_ANYWHERE, GAIN_ANYWHERE) if self.go_anywhere else (STARTS, GAIN)
-        scouts = belief.widened(BASE + PER_METRE * driven).sample(SCOUTS, rng)
-        if self._random_poses is not None:
+        wide, starts = belief.widened(BASE + PER_METRE * driven), STARTS
+        scouts = wide.sample(SCOUTS, rng)
+        if anywhere:
+            wide, starts = belief.widened(ANYWHERE), STARTS_ANYWHERE
             scouts = np.vstack((scouts, self._random_poses(SCOUTS_ANYWHERE)))
         values = self._likelihood.log(scouts, thin_out(endpoints, SCOUT_BEAMS))
         modes = self._likelihood.modes(scouts[apart(scouts, values, starts, 0.2, 0.1)], wide, endpoints)

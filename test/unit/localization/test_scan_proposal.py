@@ -97,7 +97,7 @@ def test_particles_stay_a_sample_of_prior_times_likelihood():
     prior = PoseGaussian(np.array([10.3, 1.45, 0.0]), ODOMETRY)
     rng = np.random.default_rng(3)
     poses = prior.sample(20000, rng)
-    poses, log_weights = ScanProposal(likelihood(occupancy)).propose(
+    poses, log_weights = ScanProposal(likelihood(occupancy), lambda count: np.empty((0, 3))).propose(
         poses, np.full(20000, -math.log(20000)), hits(occupancy, truth), 0.5, rng
     )
     weights = np.exp(log_weights - log_sum_exp(log_weights))
