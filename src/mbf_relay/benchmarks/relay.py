@@ -19,6 +19,8 @@ import numpy as np
 from mbf_relay.benchmarks.figure import Figure, NotMeasurable, figure_of
 
 GOALS, QUICK_GOALS = 10_000, 500
+WARM_UP = 3_000
+"""Goals before the measurement, until every list, cache and arena of the relay's has its size."""
 IDLE_TIME = 10.0
 WAIT = 10.0
 """Wall time (s) after which a message counts as lost."""
@@ -41,7 +43,7 @@ def figures(quick: bool) -> Iterator[Figure]:
             used = cpu_seconds(relay)
             time.sleep(idle_time)
             used = cpu_seconds(relay) - used
-            ends.exchange(500)  # until every list and cache has its size
+            ends.exchange(100 if quick else WARM_UP)
             memory = resident_bytes(relay)
             samples = ends.exchange(goals)
             grown = resident_bytes(relay) - memory
