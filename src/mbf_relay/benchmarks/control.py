@@ -69,7 +69,8 @@ def costmap_with(posts: Tuple[Tuple[float, float], ...] = POSTS) -> CostGrid:
 
 def _cycle(along: int, turns: int, speed: float, turn: float, name: str = "DWAPlannerROS") -> Tuple[Any, int]:
     """Return a call that runs one cycle of a moving robot, and how many trajectories that scores."""
-    changes = {"vx_samples": along, "vth_samples": turns} if name == "DWAPlannerROS" else {}
+    sampled = {"vx_samples": along, "vth_samples": turns, "turn_to_path_angle": 4.0}
+    changes: Dict[str, Any] = sampled if name == "DWAPlannerROS" else {}
     controller = make(name, **changes)
     controller.set_path(_line((0.0, 0.0), (1.4, 0.3)), True)
     costmap, clock = costmap_with(), [0.0]
