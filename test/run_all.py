@@ -20,6 +20,8 @@ from typing import Dict, List, NamedTuple, Optional
 
 TEST_FOLDER = os.path.dirname(os.path.abspath(__file__))
 CHECKOUT = os.path.dirname(TEST_FOLDER)
+SUMMARY = r"SUMMARY\s+\S* \* RESULT: .*?TESTS: (\d+)\s+\S* \* ERRORS: (\d+).*?FAILURES: (\d+)"
+"""The end of rostest's output, coloured or not."""
 TIME_LIMIT = 420.0
 """Wall seconds after which one job is ended and counts as failed; --long triples it."""
 
@@ -163,14 +165,16 @@ class Runner:
         end_group(process)
         with self._lock:
             self._running.remove(process)
-        passed, failed, skipped = read_rostest(log) if job.is_rostest else read_pytest(os.path.join(folder, "pytest.xml"))
+        report_file = os.path.join(folder, "pytest.xml")
+        passed, failed, skipped = read_rostest(log) if job.is_rostest else read_pytest(report_file)
         if process.returncode != 0 and failed == 0:
             failed = 1
         return Outcome(job, passed, failed, skipped, time.monotonic() - start, log)
 
     def _environment(self, folder: str) -> Dict[str, str]:
         environment = dict(os.environ, ROS_LOG_DIR=os.path.join(folder, "log"), ROS_TEST_RESULTS_DIR=folder)
-        paths = [TEST_FOLDER, environment.get("PYTHONPATH", ""), os.path.join(CHECKOUT, "src")]  # the build has mbf_relay.cfg
+        # The built package goes before the source, which has no mbf_relay.cfg.
+        paths = [TEST_FOLDER, environment.get("PYTHONPATH", ""), os.path.join(CHECKOUT, "src")]
         environment["PYTHONPATH"] = os.pathsep.join(path for path in paths if path)
         environment["MBF_RELAY_TEST_RESULTS"] = folder
         environment["MPLBACKEND"] = "Agg"
@@ -209,7 +213,7 @@ def read_rostest(log: str) -> "tuple[int, int, int]":
     """Return how many tests passed, failed and were skipped by rostest's own summary; one failure without it."""
     with open(log, encoding="utf-8", errors="replace") as stream:
         text = stream.read()
-    found = re.search(r"SUMMARY\s+\S* \* RESULT: .*?TESTS: (\d+)\s+\S* \* ERRORS: (\d+).*?FAILURES: (\d+)", text, re.DOTALL)
+    found = re.search(SUMMARY, text, re.DOTALL)
     if not found:
         return 0, 1, 0
     tests, errors, failures = (int(number) for number in found.groups())

@@ -112,9 +112,10 @@ class TestDemo(unittest.TestCase):
         self.assertEqual(demo.left_behind(), [])
 
     def test_5_wrong_options_are_told(self):
-        for options, words in ((["--speed", "0"], "--speed is 0"), (["--laps", "0"], "--laps is 0"), (["--relay", "x"], "x")):
-            demo = Demo(*options)
+        for name, value, words in (("--speed", "0", "is 0"), ("--laps", "0", "is 0"), ("--relay", "x", "choice: 'x'")):
+            demo = Demo(name, value)
             self.assertEqual(demo.process.wait(60.0), 2, demo.output)
+            self.assertIn(name, demo.output)
             self.assertIn(words, demo.output)
 
 

@@ -1,4 +1,4 @@
-"""What the tests of the whole stack share: the tutorials' clients as processes, the simulator's truth, the nodes' logs."""
+"""What the tests of the whole stack share: clients as processes, the simulator's truth, the nodes' logs."""
 
 import os
 import subprocess
@@ -33,7 +33,8 @@ class Run(NamedTuple):
 def run_client(name: str, *arguments: str, timeout: float = 240.0) -> Run:
     """Run one of the package's executables as a user does and return how it ended."""
     process = subprocess.Popen(
-        ["rosrun", "mbf_relay", name, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True
+        ["rosrun", "mbf_relay", name, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        universal_newlines=True,
     )
     try:
         output = process.communicate(timeout=timeout)[0]
@@ -74,7 +75,8 @@ class Witness:
 
     def touched(self) -> List[str]:
         """Return what the robot has touched."""
-        return [marker.ns for message in self._contacts.messages for marker in message.markers if marker.action == marker.ADD]
+        markers = [marker for message in list(self._contacts.messages) for marker in message.markers]
+        return [marker.ns for marker in markers if marker.action == marker.ADD]
 
     def complaints(self) -> List[str]:
         """Return every warning and error the nodes have logged, but for those that say how slow this machine is."""

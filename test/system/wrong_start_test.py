@@ -58,8 +58,8 @@ def run(executable, arguments):
     """Return the exit status and output of an executable that should end by itself."""
     name = f"case_{next(NUMBERS)}"  # under a name of its own, since parameters outlive their node
     process = subprocess.Popen(
-        ["rosrun", "mbf_relay", executable, *arguments, f"__name:={name}"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        universal_newlines=True,
+        ["rosrun", "mbf_relay", executable, *arguments, f"__name:={name}"], stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT, universal_newlines=True,
     )
     try:
         output = process.communicate(timeout=PATIENCE)[0]

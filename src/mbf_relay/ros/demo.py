@@ -47,9 +47,13 @@ def parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:
     """Return the options, checked."""
     parser = argparse.ArgumentParser(prog="demo", description="Drive the tutorial's circle in the simulated arena.")
     parser.add_argument("--laps", type=int, default=1, metavar="N", help="rounds to drive (default: %(default)s)")
-    parser.add_argument("--speed", type=float, default=1.0, metavar="F", help="simulated seconds per second (default: 1)")
+    parser.add_argument(
+        "--speed", type=float, default=1.0, metavar="F", help="simulated seconds per second (default: 1)"
+    )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all chance (default: %(default)s)")
-    parser.add_argument("--rviz", dest="rviz", action="store_true", default=None, help="open RViz (default: where there is a display)")
+    parser.add_argument(
+        "--rviz", dest="rviz", action="store_true", default=None, help="open RViz (default: where there is a display)"
+    )
     parser.add_argument("--no-rviz", dest="rviz", action="store_false", help="do not open RViz")
     parser.add_argument(
         "--relay", choices=("server", "subscriber", "both"), default="both",
