@@ -35,11 +35,7 @@ def run_from_bag(node: "AmclNode", arguments: List[str]) -> None:
     options = parser.parse_args(arguments)
     pause = float(rospy.get_param("~bag_scan_period", -1.0))
     began = time.monotonic()
-    try:
-        bag = rosbag.Bag(options.bag)
-    except rosbag.ROSBagException as error:
-        raise ValueError(f"bag {options.bag} cannot be read: {error}") from error
-    with bag:
+    with open_bag(options.bag) as bag:
         scan_topic = find_scan_topic(bag)
         node.open()
         if options.global_localization:
@@ -49,6 +45,14 @@ def run_from_bag(node: "AmclNode", arguments: List[str]) -> None:
     pose = node.pose()
     rospy.loginfo("final location %s", "unknown" if pose is None else "%.3f, %.3f, %.3f" % tuple(pose))
     rospy.signal_shutdown("the bag has ended")
+
+
+def open_bag(path: str) -> rosbag.Bag:
+    """Open a bag to read; OSError where there is none, ValueError where it is none."""
+    try:
+        return rosbag.Bag(path)
+    except rosbag.ROSBagException as error:
+        raise ValueError(f"bag {path} cannot be read: {error}") from error
 
 
 def find_scan_topic(bag: rosbag.Bag) -> str:

@@ -13,7 +13,7 @@ import tf2_py
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.logs import RecordedLog, save_log
-from mbf_relay.ros.amcl_bag import find_scan_topic, strip_slashes
+from mbf_relay.ros.amcl_bag import find_scan_topic, open_bag, strip_slashes
 from mbf_relay.ros.conversions import InvalidMessage, scan_from_message, transform_from_message
 from mbf_relay.ros.scan_queue import mounting_of, seen_from_above
 
@@ -82,12 +82,12 @@ def main(arguments: Optional[List[str]] = None) -> int:
     )
     options = parser.parse_args(arguments)
     try:
-        with rosbag.Bag(options.bag) as bag:
+        with open_bag(options.bag) as bag:
             topic = options.scan or find_scan_topic(bag)
             reference = tuple(options.ref) if options.ref else None
             log = BagReader(topic, options.base_frame, options.odom_frame, reference).read(bag)
         save_log(options.log, log)
-    except (OSError, ValueError, rosbag.ROSBagException) as error:
+    except (OSError, ValueError) as error:
         print(f"bag_to_log.py: {' '.join(str(error).split())}", file=sys.stderr)
         return 1
     print(f"{len(log)} scans of {log.ranges.shape[1]} beams written to {options.log}")
