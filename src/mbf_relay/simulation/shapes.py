@@ -178,6 +178,23 @@ def cut(triangles: np.ndarray, height: float) -> Tuple[np.ndarray, np.ndarray]:
     return np.stack(ends, axis=1), indices
 
 
+def subdivided(triangles: np.ndarray, longest: float) -> np.ndarray:
+    """Halve triangles, shape (N, 3, 3), across their longest edges until none is longer than `longest` metres.
+
+    A long wall that runs aslant has an enclosing box as large as a room; in pieces it is out of the way of all but the near.
+    """
+    done = []
+    while len(triangles):
+        lengths = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+        edge, large = lengths.argmax(axis=1), lengths.max(axis=1) > longest
+        done.append(triangles[~large])
+        rows = np.arange(len(triangles))[large]
+        first, second, third = (triangles[rows, (edge[large] + step) % 3] for step in range(3))
+        middle = (first + second) / 2.0
+        triangles = np.concatenate((np.stack((first, middle, third), axis=1), np.stack((middle, second, third), axis=1)))
+    return np.concatenate(done) if done else triangles
+
+
 def _band(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
     """Return the triangles between two rings of as many corners, shape (2 N, 3, 3)."""
     next_lower, next_upper = np.roll(lower, -1, axis=0), np.roll(upper, -1, axis=0)

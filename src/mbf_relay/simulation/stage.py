@@ -11,11 +11,15 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.simulation import burger, clearance
 from mbf_relay.simulation.contacts import Contact, Contacts
 from mbf_relay.simulation.physics import FIXED, LIDAR, LOOSE, RAYS, ROBOT, Physics
-from mbf_relay.simulation.shapes import Body
+from mbf_relay.simulation.shapes import Body, subdivided
 from mbf_relay.simulation.world import Mover, World
 
 MOST_TRIANGLES = 2000000
 """In the fixed surface; what is beyond would fill the memory."""
+LONGEST_EDGE = 0.8
+"""Of a triangle (m) in the surface that bodies bump into."""
+REACHED = 1.0
+"""Height (m) above which nothing bumps into anything."""
 LEVEL = 0.999999
 """Upward part of a normal beyond which a surface lies flat."""
 SEEN_BAND = 0.5
@@ -35,7 +39,7 @@ class Stage:
         triangles, owners = world.fixed_triangles()
         if len(triangles) > MOST_TRIANGLES:
             raise ValueError(f"world '{world.name}' has {len(triangles)} triangles; at most {MOST_TRIANGLES} are possible")
-        physics.add_fixed(triangles, FIXED, ROBOT | LOOSE)
+        physics.add_fixed(subdivided(low_enough(triangles), LONGEST_EDGE), FIXED, ROBOT | LOOSE)
         physics.add_fixed(seen_by_level_rays(triangles), LIDAR, RAYS)
         self._triangles, self._owners = triangles, owners
         self._contacts = Contacts(triangles, owners, [body.name for body in world.bodies])
@@ -111,6 +115,12 @@ class Stage:
         """Yield loose bodies, movers and obstacles where they are now."""
         for number, body in self._loose + [(n, m.body) for n, m in self._movers] + list(self._obstacles.values()):
             yield replace(body, frame=self._physics.frame_of(number))
+
+
+def low_enough(triangles: np.ndarray) -> np.ndarray:
+    """Return the triangles, shape (N, 3, 3), that a body on the ground can bump into."""
+    heights = triangles[:, :, 2]
+    return triangles[(heights.min(axis=1) < REACHED) & (heights.max(axis=1) > 0.0)]
 
 
 def seen_by_level_rays(triangles: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.simulation.clearance import obstruction
 from mbf_relay.simulation.frames import Frame, quaternion_from_rotation, rotation_from_quaternion, rotation_from_rpy
 from mbf_relay.simulation.shapes import (
-    ROUNDNESS, Body, Box, Cylinder, Mesh, Sphere, cut, prism_triangles, regular_polygon, ring_triangles,
+    ROUNDNESS, Body, Box, Cylinder, Mesh, Sphere, cut, prism_triangles, regular_polygon, ring_triangles, subdivided,
 )
 
 HEXAGON = regular_polygon(1.0, 6)
@@ -65,6 +65,14 @@ def test_a_cut_above_or_below_is_empty():
     for height in (-0.6, 0.6):
         segments, indices = cut(triangles, height)
         assert segments.shape == (0, 2, 2) and indices.shape == (0,)
+
+
+def test_subdividing_keeps_the_surface_and_bounds_the_edges():
+    triangles = Box((4.0, 0.1, 1.0)).triangles()
+    pieces = subdivided(triangles, 0.3)
+    assert np.linalg.norm(np.roll(pieces, -1, axis=1) - pieces, axis=2).max() <= 0.3
+    assert volume(pieces) == pytest.approx(0.4)
+    assert len(subdivided(triangles, 10.0)) == 12 and subdivided(np.empty((0, 3, 3)), 1.0).shape == (0, 3, 3)
 
 
 @pytest.mark.parametrize("make", [
