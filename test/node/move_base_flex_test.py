@@ -3,6 +3,7 @@
 
 import math
 import os
+import subprocess
 import sys
 import threading
 import unittest
@@ -145,6 +146,9 @@ class MoveBaseFlexTest(unittest.TestCase):
             path = path_of(0.0, 0.1, 0.2)
             path.path.poses[1] = pose
             self.assert_outcome("exe_path", path, "INVALID_PATH", words="pose 1 of the path")
+        self.assert_outcome("get_path", GetPathGoal(target_pose=pose_at(1e300)), "OUT_OF_MAP")
+        self.assert_outcome("exe_path", path_of(1e300, 1e308, frame="atlantis"), "TF_ERROR")
+        self.end_of("exe_path", path_of(1e300, 1e308))  # no float32 holds how far that is
         for frame in ("atlantis", ""):
             self.assert_outcome("get_path", GetPathGoal(target_pose=pose_at(1.0, frame=frame)), "TF_ERROR", words=frame)
             self.assert_outcome("move_base", MoveBaseGoal(target_pose=pose_at(1.0, frame=frame)), "TF_ERROR", words=frame)
@@ -320,6 +324,30 @@ class MoveBaseFlexTest(unittest.TestCase):
         client.update_configuration({"shutdown_costmaps": False})
         wait_until(lambda: not rests(), "costmaps at work")
         client.close()
+
+
+    # configuration
+
+    def test_7_a_wrong_configuration_stops_the_start_and_says_what_is_wrong(self):
+        navfn = {"name": "N", "type": "navfn/NavfnROS"}
+        wrong = {
+            "'N' twice": {"planners": [navfn, navfn]},
+            "teb_local_planner/TebLocalPlannerROS": {"controllers": [{"name": "T", "type": "teb_local_planner/TebLocalPlannerROS"}]},
+            "controller_frequency": {"controller_frequency": "fast"},
+        }
+        for words, parameters in wrong.items():
+            name = f"wrong_{abs(hash(words))}"
+            rospy.set_param(name, {**rospy.get_param("move_base_flex"), **parameters})
+            node = subprocess.Popen(
+                ["rosrun", "mbf_relay", "move_base_flex", f"__name:={name}"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                universal_newlines=True)
+            try:
+                output = node.communicate(timeout=60.0)[0]
+            finally:
+                node.kill()
+            self.assertEqual(node.returncode, 1, output)
+            self.assertIn(words, output)
+            self.assertNotIn("Traceback", output)
 
 
 if __name__ == "__main__":

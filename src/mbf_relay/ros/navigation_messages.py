@@ -6,6 +6,7 @@ import math
 from enum import Enum
 from typing import Any, Optional
 
+import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from mbf_msgs.msg import (
     ExePathFeedback, ExePathGoal, ExePathResult, GetPathGoal, GetPathResult, MoveBaseFeedback, MoveBaseGoal,
@@ -22,6 +23,8 @@ from mbf_relay.ros.conversions import (
     InvalidMessage, path_from_message, path_to_message, pose_from_message, pose_stamped, twist_to_message,
 )
 from mbf_relay.ros.outcome_codes import code_of
+
+FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 RESULT_TYPES = {PlanOutcome: GetPathResult, ControlOutcome: ExePathResult, RecoveryOutcome: RecoveryResult}
 """Whose constants number which outcomes; move_base passes on those of its parts."""
@@ -100,7 +103,7 @@ def follow_result(result: FollowResult, stamp: Any) -> ExePathResult:
     """Return what exe_path answers."""
     return ExePathResult(
         outcome=code_of(result.outcome, ExePathResult), message=result.message, final_pose=_pose(result.pose, stamp),
-        dist_to_goal=result.distance, angle_to_goal=result.angle,
+        dist_to_goal=_float32(result.distance), angle_to_goal=_float32(result.angle),
     )
 
 
@@ -116,7 +119,7 @@ def navigate_result(result: NavigateResult, stamp: Any) -> MoveBaseResult:
     """Return what move_base answers."""
     return MoveBaseResult(
         outcome=outcome_code(result.outcome, MoveBaseResult), message=result.message,
-        final_pose=_pose(result.pose, stamp), dist_to_goal=result.distance, angle_to_goal=result.angle,
+        final_pose=_pose(result.pose, stamp), dist_to_goal=_float32(result.distance), angle_to_goal=_float32(result.angle),
     )
 
 
@@ -125,8 +128,8 @@ def follow_feedback(feedback: FollowFeedback, stamp: Any, robot_frame: str, feed
     twist = TwistStamped(twist=twist_to_message(feedback.velocity))
     twist.header.stamp, twist.header.frame_id = stamp, robot_frame
     return feedback_type(
-        outcome=code_of(feedback.outcome, ExePathResult), message=feedback.message, dist_to_goal=feedback.distance,
-        angle_to_goal=feedback.angle, current_pose=_pose(feedback.pose, stamp), last_cmd_vel=twist,
+        outcome=code_of(feedback.outcome, ExePathResult), message=feedback.message,
+        dist_to_goal=_float32(feedback.distance), angle_to_goal=_float32(feedback.angle), current_pose=_pose(feedback.pose, stamp), last_cmd_vel=twist,
     )
 
 
@@ -137,3 +140,8 @@ def navigate_feedback(feedback: FollowFeedback, stamp: Any, robot_frame: str) ->
 
 def _pose(pose: Optional[FramedPose], stamp: Any) -> PoseStamped:
     return PoseStamped() if pose is None else pose_stamped(pose.pose, pose.frame, stamp)
+
+
+def _float32(value: float) -> float:
+    """Return a number as the largest that fits where it is too large for a float32; infinity fits."""
+    return value if math.isinf(value) else min(value, FLOAT32_MAX)
