@@ -23,7 +23,7 @@ WORTH_REPAIRING = 0.1
 STORE_PER_CELL = 4
 """Entries waiting for each cell looked at beyond which a new field is quicker."""
 
-FIRST_LIMIT, RISE, FINE_RISE, MANY_CELLS = 1.01, 1.06, 1.015, 50000
+FIRST_LIMIT, RISE, FINE_RISE, MANY_CELLS = 1.01, 1.2, 1.015, 30000
 """A wave is first looked for within this times the straight way's cost, then within this times as much again: in finer
 steps where so many cells were looked at that another step costs little beside them."""
 

@@ -176,7 +176,7 @@ def spread(sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y,
             kept += 1
             next_bucket = min(next_bucket, buckets[i])
     state[_APART] = kept
-    state[_NEXT_SPREAD] = next_bucket - _BUCKETS + 1 if next_bucket < _NEVER else _NEVER
+    state[_NEXT_SPREAD] = next_bucket  # not sooner: each spread then brings a whole ring of buckets
     return True
 
 

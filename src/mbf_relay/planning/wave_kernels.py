@@ -4,6 +4,8 @@ The potential solves the eikonal equation |grad u| = cost on the grid (Sethian, 
 monotonically advancing fronts", 1996; navfn approximates the same update by a polynomial). It grows, and is kept and
 repaired, as field_kernels does it for 8-connected steps; the queue is the same. Its heuristic is the straight distance
 at the lowest cost around.
+
+`grow` is one long function on purpose: with its parts in functions of their own, it was a fifth slower.
 """
 
 from __future__ import annotations
