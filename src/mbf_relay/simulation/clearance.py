@@ -67,5 +67,4 @@ def _crosses_positive_x_axis(segments: np.ndarray) -> np.ndarray:
     (x1, y1), (x2, y2) = segments[:, 0].T, segments[:, 1].T
     spans = (y1 > 0.0) != (y2 > 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        x = x1 - y1 * (x2 - x1) / (y2 - y1)
-    return spans & (x > 0.0)
+        return spans & (x1 - y1 * (x2 - x1) / (y2 - y1) > 0.0)
