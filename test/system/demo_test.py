@@ -118,6 +118,12 @@ class TestDemo(unittest.TestCase):
             self.assertIn(name, demo.output)
             self.assertIn(words, demo.output)
 
+    def test_6_a_folder_that_cannot_be_made_is_named(self):
+        demo = Demo("--report", "/proc/report")
+        self.assertEqual(demo.process.wait(60.0), 1, demo.output)
+        self.assertIn("/proc/report", demo.output)
+        self.assertNotIn("Traceback", demo.output)
+
 
 def complaints(log):
     """Return the lines of a log with a warning, an error or a traceback."""

@@ -37,7 +37,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     except KeyboardInterrupt:
         print("\ninterrupted; everything the demo started has ended", file=sys.stderr)
         return 130
-    except GraphError as error:
+    except (GraphError, OSError) as error:
         print(f"\n{error}", file=sys.stderr)
         return 1
     return 0 if drive.summary()["success"] else 1
