@@ -51,7 +51,9 @@ class LocalizerParameters(ParameterSet):
     )
 
     robust: bool = parameter(
-        True, "temper likelihoods and let the proposal look at the scan; false for the behaviour of amcl"
+        True,
+        "look at the scan before drawing particles, weighing it by a tempered likelihood field over all beams; false for "
+        "amcl's behaviour, with laser_model_type, laser_max_beams, the laser_z_* and beam skipping",
     )
     robust_odom_error: float = parameter(
         0.15, "least share of its motion that odometry is taken to be off (robust)", minimum=0.0, maximum=1.0
