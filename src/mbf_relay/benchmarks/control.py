@@ -31,7 +31,7 @@ def figures(quick: bool) -> Iterator[Figure]:
     """Yield the time of cycles, and figures of drives."""
     repeats = 20 if quick else 200
     for label, (along, turns) in SAMPLES.items():
-        for speed, turn in ((0.2, 0.0), (0.15, 1.5)):
+        for speed, turn in ((0.2, 0.0), (0.2, 0.8)):
             call, count = _cycle(along, turns, speed, turn)
             yield time_call(
                 "one cycle of DWA", call, repeats, warm_up=3, sampled=label, trajectories=count, sim_time=1.5,
