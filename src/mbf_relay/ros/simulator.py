@@ -165,8 +165,12 @@ class Simulator:
         self._requests.put(apply)
 
     def _serve_reset(self, _request: object) -> EmptyResponse:
-        self._ask(self.simulation.reset)
-        self._ask(self._obstacles.forget)
+        def reset() -> None:
+            self._commands.take()  # what came before is for the drive that ends here
+            self.simulation.reset()
+            self._obstacles.forget()
+
+        self._ask(reset)
         return EmptyResponse()
 
     def _serve_pause(self, paused: bool) -> EmptyResponse:
