@@ -158,9 +158,11 @@ class NavigationTest(unittest.TestCase):
             results = Listener(f"move_base_flex/{action}/result", result_type, connected=True)
             goals = connected_publisher(f"move_base_flex/{action}/goal", goal_type, queue_size=1000)
             names = [f"{action} {index}" for index in range(500)]
-            for name in names:
+            for index, name in enumerate(names):
                 goal = self.short_goal(action) if name == names[-1] else self.long_goal(action)
                 goals.publish(goal_type(goal_id=GoalID(id=name), goal=goal))
+                if index % 50 == 49:  # or this process' own queue, a hundred long, would drop some
+                    wait_until(lambda: len(results.messages) >= index - 10, f"{index - 10} results of {action}", 60.0)
             wait_until(lambda: len(results.messages) >= len(names), f"{len(names)} results of {action}", 60.0)
             self.await_standing()
             self.succeed(action)
@@ -211,8 +213,7 @@ class NavigationTest(unittest.TestCase):
             sent.cancel()
             self.end_of(sent)
         self.assertLess(medians[1], medians[0] / 4.0)
-        client.update_configuration({"restore_defaults": True})
-        self.assertEqual(client.get_configuration(timeout=10.0)["controller_frequency"], 10.0)
+        self.assertEqual(client.update_configuration({"restore_defaults": True})["controller_frequency"], 10.0)
         client.close()
 
     def test_6_a_path_of_a_hundred_thousand_poses_is_driven_along(self):

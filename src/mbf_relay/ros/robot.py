@@ -16,6 +16,17 @@ from mbf_relay.ros.conversions import InvalidMessage, twist_from_message, twist_
 from mbf_relay.ros.transforms import Transforms
 
 
+class RawOdometry(rospy.AnyMsg):
+    """An Odometry message as it came, to be read when it is needed."""
+
+    _md5sum, _type = Odometry._md5sum, Odometry._type
+    _full_text, _has_header = Odometry._full_text, False
+
+    def read(self) -> Odometry:
+        """Return the message."""
+        return Odometry().deserialize(self._buff)
+
+
 class RosRobot(Robot):
     """Reads the robot's pose from tf and its velocity from odometry; sends velocities on `cmd_vel`.
 
@@ -32,14 +43,15 @@ class RosRobot(Robot):
     ) -> None:
         self._transforms, self._base_frame = transforms, base_frame
         self._pose_timeout, self._odom_timeout = pose_timeout, odom_timeout
-        self._odometry: Optional[Odometry] = None
+        self._odometry: Optional[RawOdometry] = None
         self._last_command = STOP
         self._publisher = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
         self._closing = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
         self._closed = False
         self._topic = rospy.resolve_name(odom_topic) if odom_topic else ""
         if odom_topic:
-            rospy.Subscriber(odom_topic, Odometry, self._on_odometry, queue_size=1, buff_size=1 << 18, tcp_nodelay=True)
+            # kept as bytes until somebody asks: most of thirty messages a second are never looked at
+            rospy.Subscriber(odom_topic, RawOdometry, self._on_odometry, queue_size=1, buff_size=1 << 18, tcp_nodelay=True)
 
     def pose_in(self, frame: str) -> Pose2D:
         """Return the newest pose of the base in `frame`; raise TransformError where it is unknown or too old."""
@@ -53,9 +65,9 @@ class RosRobot(Robot):
         """Return the newest velocity, body frame; raise StaleDataError where there is none or it is too old."""
         if not self._topic:
             return self._last_command
-        odometry = self._odometry
-        if odometry is None:
+        if self._odometry is None:
             raise StaleDataError(f"no odometry on {self._topic} yet")
+        odometry = self._odometry.read()
         age = (rospy.get_rostime() - odometry.header.stamp).to_sec()
         if age > self._odom_timeout:
             raise StaleDataError(f"odometry on {self._topic} is {age:.2f} s old; at most {self._odom_timeout:.2f} s allowed")
@@ -81,5 +93,5 @@ class RosRobot(Robot):
                 self._closed = True
                 self._publisher.publish(twist_to_message(STOP))
 
-    def _on_odometry(self, message: Odometry) -> None:
+    def _on_odometry(self, message: RawOdometry) -> None:
         self._odometry = message
