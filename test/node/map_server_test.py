@@ -85,7 +85,8 @@ class TestMapServer(unittest.TestCase):
 
     def test_programs_end_with_one_line_that_says_what_is_wrong(self):
         for command, complaint in (
-            (["map_server", "/none/such.yaml"], b"/none/such.yaml"), (["map_saver", "--occ", "10", "--free", "20"], b"--occ is 10"),
+            (["map_server", "/none/such.yaml", "__name:=wrong_map_server"], b"/none/such.yaml"),
+            (["map_saver", "--occ", "10", "--free", "20"], b"--occ is 10"),
         ):
             done = subprocess.run(
                 ["rosrun", "mbf_relay"] + command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=30
