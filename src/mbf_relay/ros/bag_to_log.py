@@ -9,7 +9,7 @@ from typing import Any, List, Optional, Tuple
 import numpy as np
 import rosbag
 import rospy
-import tf2_py
+import tf2_ros
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.logs import RecordedLog, save_log
@@ -23,7 +23,7 @@ class BagReader:
 
     def __init__(self, scan_topic: str, base: str, odom: str, reference: Optional[Tuple[str, str]]) -> None:
         self._scan_topic, self._base, self._odom, self._reference = scan_topic, base, odom, reference
-        self._buffer = tf2_py.BufferCore(rospy.Duration(10 ** 9))
+        self._buffer = tf2_ros.BufferCore(rospy.Duration(10 ** 9))
 
     def read(self, bag: rosbag.Bag) -> RecordedLog:
         """Return the log; ValueError where no scan can be related to odometry."""
@@ -38,7 +38,7 @@ class BagReader:
                     mount = mounting_of(self._buffer.lookup_transform_core(self._base, frame, rospy.Time(0)).transform)
                 scan = seen_from_above(scan_from_message(message), mount[1])
                 truth = self._pose(*self._reference, message.header.stamp) if self._reference else None
-            except (tf2_py.TransformException, InvalidMessage):
+            except (tf2_ros.TransformException, InvalidMessage):
                 continue
             first = first or scan
             if len(scan.ranges) == len(first.ranges):
