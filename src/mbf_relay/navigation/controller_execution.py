@@ -28,6 +28,12 @@ BUSY_DELAY = 0.01
 """Seconds between two looks at a controller that is still in a call of an ended drive."""
 
 
+FINAL = frozenset((
+    ControlOutcome.INVALID_PATH, ControlOutcome.ROBOT_STUCK, ControlOutcome.BLOCKED_GOAL, ControlOutcome.MISSED_PATH,
+))
+"""What another try with the same path cannot change; controllers say it after a patience of their own."""
+
+
 class Answer(NamedTuple):
     """What a controller said in one cycle: that it has arrived, or else a velocity."""
 
@@ -195,8 +201,8 @@ class ControllerExecution:
             answer = job.result()
             velocity = Twist2D(*answer.velocity)
         except ControlError as error:
-            if error.outcome is ControlOutcome.INVALID_PATH:
-                self._end(Ending.ABORTED, ControlOutcome.INVALID_PATH, error.message)
+            if error.outcome in FINAL:
+                self._end(Ending.ABORTED, error.outcome, error.message)
             else:
                 self._fail(now, error.outcome, error.message)
         except Exception as error:  # a plugin may raise anything, and the server lives on

@@ -125,6 +125,16 @@ def test_without_force_stop_on_retry_the_robot_slows_down(make_bench):
     assert not task.done
 
 
+@pytest.mark.parametrize("outcome", [
+    ControlOutcome.ROBOT_STUCK, ControlOutcome.BLOCKED_GOAL, ControlOutcome.MISSED_PATH, ControlOutcome.INVALID_PATH,
+])
+def test_what_no_retry_can_change_ends_the_drive_at_once(make_bench, outcome):
+    bench = make_bench(controller_max_retries=-1, controller_patience=0.0)
+    bench.script.velocity = ControlError(outcome, "for a reason")
+    result = bench.finish(bench.navigator.exe_path(FollowGoal(PATH)))
+    assert result.outcome is outcome and result.message == "for a reason" and bench.script.calls["velocity"] == 1
+
+
 @pytest.mark.parametrize("answer, outcome, text", [
     (RuntimeError("index 7"), ControlOutcome.INTERNAL_ERROR, "RuntimeError: index 7"),
     (None, ControlOutcome.INTERNAL_ERROR, ""),
