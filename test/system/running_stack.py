@@ -63,6 +63,10 @@ class Witness:
         """Every pose so far."""
         return [pose_from_message(message.pose.pose) for message in list(self._truth.messages)]
 
+    def forget(self) -> None:
+        """Start the way anew."""
+        self._truth.messages.clear()
+
     @property
     def trajectory(self) -> np.ndarray:
         """The way with its times: rows of time (s), x, y (m), heading (rad)."""
