@@ -68,6 +68,8 @@ class TestSimulator(unittest.TestCase):
 
     def setUp(self):
         self.faults.update_configuration(NO_FAULTS)
+        # Commands of the test before may still be on their way; they end half a second after the last.
+        self.fresh(self.truths, 20)
         self.reset()
         self.fresh(self.scans)
 
