@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import scripted
-from conftest import Bench
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scripted_bench import Bench
 
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.goals import FollowGoal, FramedPose, NavigateGoal, NavigateOutcome, PlanGoal, RecoverGoal
