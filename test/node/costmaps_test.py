@@ -17,7 +17,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 
-from made_room import RoomRobot, made_room  # noqa: E402
+from made_room import RoomRobot, made_room, mounting  # noqa: E402
 from ros_testing import Listener, wait_until  # noqa: E402
 
 from mbf_relay.geometry import Pose2D  # noqa: E402
@@ -60,8 +60,9 @@ class TestCostmaps(unittest.TestCase):
         cls.clouds = rospy.Publisher("cloud", PointCloud2, queue_size=1)
         cls.outlines = rospy.Publisher("~local_costmap/outline", Polygon, queue_size=1)
         cls.robot = RoomRobot(cls.room, START)
-        mounts = [cls.robot._mount(frame, mount, down) for frame, _, mount, down in cls.robot.lidars]
-        placed = TransformStamped(header("map", rospy.get_rostime()), "odom", transform_to_message(cls.robot.odom_in_map))
+        now = rospy.get_rostime()
+        mounts = [mounting(frame, mount, down, "base_footprint", now) for frame, _, mount, down in cls.robot.lidars]
+        placed = TransformStamped(header("map", now), "odom", transform_to_message(cls.robot.odom_in_map))
         cls.robot._static.sendTransform(mounts + [placed])
         config = read_namespace("~")
         transforms = Transforms()
