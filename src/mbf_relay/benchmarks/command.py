@@ -25,9 +25,16 @@ Results = List[Tuple[str, Figure]]
 def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Run the command; return its exit status: 0, or 1 where a benchmark failed."""
     options = _parse(arguments)
-    machine = describe_machine()
-    print(_machine_line(machine), flush=True)
-    results, failed = run(options.names or available(), options.quick)
+    if options.taken:
+        try:
+            machine, results = read_taken(options.taken)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            sys.exit(f"benchmark.py: no figures in {', '.join(options.taken)}: {error}")
+        failed: List[str] = []
+    else:
+        machine = describe_machine()
+        print(_machine_line(machine), flush=True)
+        results, failed = run(options.names or available(), options.quick)
     print(table(results))
     if options.json:
         Path(options.json).write_text(as_json(machine, results), encoding="utf-8")
@@ -74,6 +81,23 @@ def as_json(machine: Dict[str, Any], results: Results) -> str:
     return json.dumps({"machine": machine, "figures": figures}, indent=1) + "\n"
 
 
+def read_taken(paths: Sequence[str]) -> Tuple[Dict[str, Any], Results]:
+    """Return the machine and the figures of files that `--json` wrote, in the benchmarks' order; of one machine only.
+
+    Raises:
+        OSError, ValueError, KeyError, TypeError: A file cannot be read, or is none of these, or of another machine.
+    """
+    machine: Dict[str, Any] = {}
+    results: Results = []
+    for path in paths:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        if machine and content["machine"] != machine:
+            raise ValueError(f"{path} was taken on another machine than {paths[0]}")
+        machine = content["machine"]
+        results += [(figure.pop("benchmark"), Figure(**figure)) for figure in content["figures"]]
+    return machine, sorted(results, key=lambda result: NAMES.index(result[0]))
+
+
 def rewrite_section(readme: str, machine: Dict[str, Any], results: Results) -> str:
     """Return the README's text with the table between its two markers made anew.
 
@@ -101,6 +125,7 @@ def _parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(NAMES)}; all where none is given")
     parser.add_argument("--json", metavar="FILE", help="write the figures and the machine there")
+    parser.add_argument("--taken", metavar="FILE", nargs="+", help="show the figures in these --json files; measure nothing")
     parser.add_argument("--quick", action="store_true", help="fewer repeats and smaller cases, for a first look")
     parser.add_argument(
         "--readme", metavar="FILE", nargs="?", const="README.md", help="rewrite the table in the README (default README.md)"

@@ -67,3 +67,26 @@ def test_unknown_benchmark_names_the_nearest(capsys):
     with pytest.raises(SystemExit):
         command.main(["plannning"])
     assert "did you mean 'planning'" in capsys.readouterr().err
+
+
+def test_figures_taken_one_after_the_other_make_one_table(tmp_path, capsys):
+    for name, benchmark in (("late", "worlds"), ("early", "planning")):
+        text = command.as_json({"cores": 2}, [(benchmark, Figure(name, 1.5, "ms", parameters={"n": 1}))])
+        (tmp_path / f"{name}.json").write_text(text, encoding="utf-8")
+    machine, results = command.read_taken([str(tmp_path / "late.json"), str(tmp_path / "early.json")])
+    assert machine == {"cores": 2}
+    assert [(benchmark, taken.name) for benchmark, taken in results] == [("planning", "early"), ("worlds", "late")]
+
+
+def test_figures_of_two_machines_are_not_mixed(tmp_path):
+    for cores in (2, 4):
+        text = command.as_json({"cores": cores}, [("planning", Figure("a", 1.0))])
+        (tmp_path / f"{cores}.json").write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match="another machine"):
+        command.read_taken([str(tmp_path / "2.json"), str(tmp_path / "4.json")])
+
+
+def test_a_file_without_figures_is_named(tmp_path):
+    (tmp_path / "odd.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(SystemExit, match="odd.json"):
+        command.main(["--taken", str(tmp_path / "odd.json")])
