@@ -73,21 +73,26 @@ class RViz:
     def __init__(self, screen: VirtualScreen, config: str, log: str, scale: float = 110.0) -> None:
         self.screen = screen
         self.scale = scale
-        self.process = screen.start(["rviz", "-d", config, "__name:=rviz"], log)
         self._name = os.path.basename(config)
         self._view: Tuple[int, int, int, int] = (0, 0, 0, 0)
-        wait_until(self._has_settled, "the 3D view of RViz", 60.0, period=1.0)
+        for attempt in range(4):
+            # On a screen without a graphics card RViz itself now and then aborts while it starts.
+            self.process = screen.start(["rviz", "-d", config, "__name:=rviz"], log)
+            ended = wait_until(lambda: self._has_settled() or self.process.poll() is not None, "RViz's 3D view", 60.0, 1.0)
+            if self.process.poll() is None and ended:
+                return
+        raise AssertionError(f"rviz ended with status {self.process.returncode} each time before it showed anything")
 
     def drag(self, key: str, x: float, y: float, heading: float) -> None:
         """Take the tool with a shortcut key, press at a map position (m), drag towards `heading` (rad), release."""
         column, row = self.pixel(x, y)
-        xdotool = self.screen.xdotool
-        xdotool("mousemove", column, row)
-        xdotool("key", key)
-        xdotool("mousedown", 1)
-        for reach in (20, 40, 60, 80):
-            xdotool("mousemove", column + reach * math.cos(heading), row - reach * math.sin(heading))
-        xdotool("mouseup", 1)
+        # As slowly as a hand: a renderer without a graphics card draws a few frames a second, and a tool that is not yet
+        # taken, or a drag between two frames, counts for nothing.
+        pause = ("sleep", 0.15)
+        moves = [("mousemove", round(column + reach * math.cos(heading)), round(row - reach * math.sin(heading)), *pause)
+                 for reach in (20, 40, 60, 80)]
+        steps = [("mousemove", column, row, *pause), ("key", key, *pause), ("mousedown", 1, *pause), *moves, ("mouseup", 1)]
+        self.screen.xdotool(*(word for step in steps for word in step))
 
     def pixel(self, x: float, y: float) -> Tuple[float, float]:
         """Return the screen position of a map position (m)."""
@@ -100,8 +105,6 @@ class RViz:
         return bool(self.screen.xdotool("search", "--name", self._name)) and self._view[2] > 0 and self._view == before
 
     def _find_view(self) -> Tuple[int, int, int, int]:
-        if self.process.poll() is not None:
-            raise AssertionError(f"rviz ended with status {self.process.returncode} before it showed anything")
         # The renderer draws into a window of its own, without a name, inside the main window.
         # Windows are listed from the outside in, so it is the last large one.
         for window in reversed(self.screen.xdotool("search", "--name", "^$").split()):

@@ -18,7 +18,8 @@ from mbf_relay.ros.conversions import InvalidMessage
 
 STATES: Dict[int, str] = {value: name for name, value in vars(GoalStatus).items() if name.isupper() and value in range(10)}
 GOAL_ACTIONS = ("move_base", "move_base_flex/move_base", "move_base_flex/exe_path")
-"""Actions that drive; the first one that saw a goal tells the goals, for a relayed goal shows in two of them."""
+"""Actions that drive. A relayed goal shows in two of them, so the one that saw most tells the goals: a client's first goal
+can be gone before a recorder has connected to it."""
 SCAN_PERIOD = 0.5
 
 
