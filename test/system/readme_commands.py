@@ -92,15 +92,11 @@ class TestReadme(unittest.TestCase):
     def test_1_the_tutorial_s_commands_drive_the_circle_and_save_a_map(self):
         self.launch(self.first("roslaunch mbf_relay turtlebot3_world.launch") + FASTER, "/simulator")
         self.launch(self.first("roslaunch mbf_relay amcl_demo_relay_server.launch"), "/amcl", "/move_base_flex", "/move_base")
-        self.launch(f"roslaunch mbf_relay record.launch bag:={self.folder.name}/drive", "/record")
-        recording = self.running.pop()
         with VirtualScreen() as screen:
             self.launch(self.first("roslaunch mbf_relay rviz.launch"), "/rviz", environment=screen.environment)
             self.assertIn("Drove circle with result: True", self.run_to_end(self.first("rosrun mbf_relay mb_relay_client.py")))
             os.killpg(self.running[-1].pid, signal.SIGINT)
             self.running[-1].wait(40.0)
-        os.killpg(recording.pid, signal.SIGINT)
-        recording.wait(40.0)
         self.run_to_end(re.search(r"`(rosrun mbf_relay map_saver[^`]*)`", (ROOT / "README.md").read_text()).group(1))
         self.assertTrue((Path(self.folder.name) / "my_map.yaml").is_file())
 
@@ -112,19 +108,7 @@ class TestReadme(unittest.TestCase):
         self.running[-1].wait(40.0)
         self.launch(self.command("config:="), "/map_server", "/amcl", "/move_base_flex", "/move_base")
 
-    def test_3_a_recorded_drive_is_reported_and_localized_again(self):
-        shutil.copy(str(ROOT / "config" / "amcl.yaml"), os.path.join(self.folder.name, "amcl.yaml"))
-        shutil.copy(os.path.join(self.folder.name, "my_map.yaml"), os.path.join(self.folder.name, "map.yaml"))
-        self.run_to_end("rosrun mbf_relay drive_report.py drive.bag")
-        figures = json.loads((Path(self.folder.name) / "report.json").read_text())
-        self.assertTrue(figures["success"], figures)
-        self.assertEqual(figures["goals_reached"], 8)
-        self.assertLess(figures["localization_error_mean"], 0.05)
-        self.run_to_end(self.command("bag_to_log.py"))
-        self.run_to_end(self.command("localize_log.py"))
-        self.assertTrue(list((Path(self.folder.name) / "result").glob("*.png")))
-
-    def test_4_drives_without_ros_are_compared(self):
+    def test_3_drives_without_ros_are_compared(self):
         worlds = json.loads((ROOT / "config" / "worlds" / "sample.json").read_text())
         worlds["worlds"] = worlds["worlds"][:1]
         (Path(self.folder.name) / "worlds.json").write_text(json.dumps(worlds))
