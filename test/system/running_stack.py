@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import time
 from typing import List, NamedTuple
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
@@ -91,7 +90,4 @@ class Witness:
 def start_test_node(name: str) -> None:
     """Start this process's node and wait for the simulated clock."""
     rospy.init_node(name)
-    deadline = time.monotonic() + 60.0
-    while rospy.get_time() == 0.0:
-        assert time.monotonic() < deadline, "waited 60 s for /clock, in vain"
-        time.sleep(0.02)
+    wait_until(lambda: rospy.get_time() != 0.0, "/clock", 60.0)
