@@ -81,6 +81,7 @@ class TestBags(unittest.TestCase):
             path = os.path.join(self.folder, "drive.npz")
             done = run("bag_to_log.py", self.bag, path)
             self.assertEqual(done.returncode, 0, done.stdout)
+            self.assertNotIn("Warning", done.stdout)
             log = load_log(path)
             self.assertEqual(len(log), 60)
             result = replay(

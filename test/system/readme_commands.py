@@ -12,16 +12,21 @@ import tempfile
 import unittest
 from pathlib import Path
 
+import numpy as np
 import rosgraph
 import rostest
 
 TEST = Path(os.path.abspath(__file__)).parents[1]
 sys.path.insert(0, str(TEST))
 
+from mbf_relay.maps import OCCUPIED, load_map  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 from virtual_screen import VirtualScreen  # noqa: E402
 
 ROOT = TEST.parent
+HALL = """<sdf version="1.6"><world name="hall"><model name="block"><static>true</static><pose>2 0 0.5 0 0 0</pose>
+<link name="link"><collision name="all"><geometry><box><size>1 1 1</size></box></geometry></collision></link></model></world></sdf>
+"""
 FASTER = " real_time_factor:=3"
 """Added to the world's launch file, for the sake of the test's length; everything else is run word for word."""
 
@@ -81,6 +86,12 @@ class TestReadme(unittest.TestCase):
 
         wait_until(there, f"{nodes} after '{command}'", 60.0)
 
+    def end_last(self):
+        """End what was started last, as Ctrl-C does."""
+        process = self.running.pop()
+        os.killpg(process.pid, signal.SIGINT)
+        process.wait(40.0)
+
     def run_to_end(self, command, timeout=120.0):
         done = subprocess.run(
             ["bash", "-c", command], cwd=self.folder.name, timeout=timeout, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
@@ -92,23 +103,42 @@ class TestReadme(unittest.TestCase):
     def test_1_the_tutorial_s_commands_drive_the_circle_and_save_a_map(self):
         self.launch(self.first("roslaunch mbf_relay turtlebot3_world.launch") + FASTER, "/simulator")
         self.launch(self.first("roslaunch mbf_relay amcl_demo_relay_server.launch"), "/amcl", "/move_base_flex", "/move_base")
+        self.launch(self.command("record.launch"), "/record")
         with VirtualScreen() as screen:
             self.launch(self.first("roslaunch mbf_relay rviz.launch"), "/rviz", environment=screen.environment)
             self.assertIn("Drove circle with result: True", self.run_to_end(self.first("rosrun mbf_relay mb_relay_client.py")))
-            os.killpg(self.running[-1].pid, signal.SIGINT)
-            self.running[-1].wait(40.0)
+            self.end_last()
+        self.end_last()
+        self.run_to_end(self.command("drive_report.py"))
+        report = json.loads((Path(self.folder.name) / "report.json").read_text())
+        self.assertTrue(report["success"], report)
+        self.assertEqual(report["goals_reached"], 8, report)
+        self.assertLess(report["localization_error_mean"], 0.05, report)
         self.run_to_end(re.search(r"`(rosrun mbf_relay map_saver[^`]*)`", (ROOT / "README.md").read_text()).group(1))
         self.assertTrue((Path(self.folder.name) / "my_map.yaml").is_file())
 
-    def test_2_one_s_own_map_and_world_and_parameters_are_taken(self):
+    def test_2_the_recorded_drive_is_localized_again_without_ros(self):
+        shutil.copy(os.path.join(self.folder.name, "my_map.yaml"), os.path.join(self.folder.name, "map.yaml"))
+        shutil.copy(str(ROOT / "config" / "amcl.yaml"), self.folder.name)
+        self.run_to_end(self.command("bag_to_log.py"))
+        self.run_to_end(self.command("localize_log.py"))
+        trajectory = np.loadtxt(os.path.join(self.folder.name, "result", "trajectory.csv"), delimiter=",", skiprows=1)
+        self.assertLess(np.hypot(*(trajectory[-1, 1:3] - (-1.990, -0.508))), 0.1, "the circle ends where it began")
+
+    def test_4_one_s_own_map_and_world_and_parameters_are_taken(self):
         shutil.copy(str(ROOT / "config" / "move_base_flex.yaml"), os.path.join(self.folder.name, "my_robot.yaml"))
         self.launch(self.command("turtlebot3_world.launch", "world:="), "/simulator")
         self.launch(self.command("map:="), "/map_server", "/amcl", "/move_base_flex")
-        os.killpg(self.running[-1].pid, signal.SIGINT)
-        self.running[-1].wait(40.0)
+        self.end_last()
         self.launch(self.command("config:="), "/map_server", "/amcl", "/move_base_flex", "/move_base")
 
-    def test_3_drives_without_ros_are_compared(self):
+    def test_3_a_world_s_map_is_drawn(self):
+        (Path(self.folder.name) / "my_hall.world").write_text(HALL)
+        self.run_to_end(self.command("world_to_map.py"))
+        drawn = load_map(os.path.join(self.folder.name, "my_hall.yaml"))
+        self.assertAlmostEqual((drawn.data == OCCUPIED).sum() * drawn.resolution, 4.0, delta=0.5, msg="the block's sides (m)")
+
+    def test_5_drives_without_ros_are_compared(self):
         worlds = json.loads((ROOT / "config" / "worlds" / "sample.json").read_text())
         worlds["worlds"] = worlds["worlds"][:1]
         (Path(self.folder.name) / "worlds.json").write_text(json.dumps(worlds))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import time
-from typing import TYPE_CHECKING, List
+from typing import TYPE_CHECKING, Any, List
 
 import rosbag
 import rospy
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 if TYPE_CHECKING:
@@ -71,11 +72,16 @@ def find_scan_topic(bag: rosbag.Bag) -> str:
     )
 
 
-def strip_slashes(transform: TransformStamped) -> TransformStamped:
-    """Return a transform with frame names as tf2 wants them; old bags have leading slashes."""
-    transform.header.frame_id = transform.header.frame_id.lstrip("/")
-    transform.child_frame_id = transform.child_frame_id.lstrip("/")
-    return transform
+def as_tf2_wants(transform: Any) -> TransformStamped:
+    """Return a bag's transform without the leading slashes of old frame names.
+
+    A bag's messages are of classes made when it is read, which tf2 takes with a warning for each; so it gets its own.
+    """
+    header, moved, turned = transform.header, transform.transform.translation, transform.transform.rotation
+    return TransformStamped(
+        Header(header.seq, header.stamp, header.frame_id.lstrip("/")), transform.child_frame_id.lstrip("/"),
+        Transform(Vector3(moved.x, moved.y, moved.z), Quaternion(turned.x, turned.y, turned.z, turned.w)),
+    )
 
 
 class _Player:
@@ -105,11 +111,12 @@ class _Player:
         return count
 
     def _take_transforms(self, message: TFMessage, static: bool) -> None:
-        for transform in message.transforms:
-            buffer = self._node.transforms.buffer
-            setter = buffer.set_transform_static if static else buffer.set_transform
-            setter(strip_slashes(transform), "bag")
-        self._tf_publisher.publish(message)
+        buffer = self._node.transforms.buffer
+        setter = buffer.set_transform_static if static else buffer.set_transform
+        transforms = [as_tf2_wants(transform) for transform in message.transforms]
+        for transform in transforms:
+            setter(transform, "bag")
+        self._tf_publisher.publish(TFMessage(transforms))
 
     def _work(self) -> None:
         """Process what has its transform; what waits for longer than tf remembers will never have it."""

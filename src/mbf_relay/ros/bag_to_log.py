@@ -13,7 +13,7 @@ import tf2_ros
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.logs import RecordedLog, save_log
-from mbf_relay.ros.amcl_bag import find_scan_topic, open_bag, strip_slashes
+from mbf_relay.ros.amcl_bag import as_tf2_wants, find_scan_topic, open_bag
 from mbf_relay.ros.conversions import InvalidMessage, scan_from_message, transform_from_message
 from mbf_relay.ros.scan_queue import mounting_of, seen_from_above
 
@@ -62,7 +62,7 @@ class BagReader:
                 continue
             for transform in message.transforms:
                 setter = self._buffer.set_transform_static if topic.endswith("static") else self._buffer.set_transform
-                setter(strip_slashes(transform), "bag")
+                setter(as_tf2_wants(transform), "bag")
         return scans
 
     def _pose(self, parent: str, child: str, stamp: rospy.Time) -> Pose2D:

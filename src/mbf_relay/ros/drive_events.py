@@ -64,7 +64,7 @@ class DriveEvents:
 
     def goals(self) -> List[GoalRecord]:
         """Return the goals so far."""
-        return next((log.goals for log in self._goal_logs.values() if log.goals), [])
+        return max((log.goals for log in self._goal_logs.values()), key=len)
 
     def _map(self, message: Any, _now: float) -> None:
         self._log.map = conversions.map_from_message(message)

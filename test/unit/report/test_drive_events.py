@@ -80,6 +80,19 @@ def test_without_ground_truth_the_estimate_is_the_path(tmp_path):
     assert figures["localization_error_mean"] is None
 
 
+def test_a_client_s_first_goal_that_the_recorder_missed_is_told_by_the_server(tmp_path):
+    path = str(tmp_path / "drive.bag")
+    with rosbag.Bag(path, "w") as bag:
+        for number in range(3):
+            for action in ("move_base", "move_base_flex/move_base")[number == 0:]:
+                goal = MoveBaseActionGoal()
+                goal.goal_id.id = f"{action} {number}"
+                goal.goal.target_pose = conversions.pose_stamped(Pose2D(float(number), 0.0, 0.0), "map", 1.0)
+                bag.write(f"/{action}/goal", goal, rospy.Time.from_sec(1.0 + number))
+    drive, _ = read_bag(path)
+    assert [goal.pose.x for goal in drive.goals] == [0.0, 1.0, 2.0]
+
+
 def test_the_command_leaves_a_report_beside_the_bag(tmp_path, capsys):
     write_bag(str(tmp_path / "drive.bag"))
     drive_report.main([str(tmp_path / "drive.bag")])
