@@ -13,11 +13,9 @@ from pathlib import Path
 from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 from mbf_relay.benchmarks import NAMES
-from mbf_relay.benchmarks.figure import Figure, NotMeasurable, describe_machine, table
+from mbf_relay.benchmarks.figure import Figure, NotMeasurable, describe_machine, machine_line, table
+from mbf_relay.benchmarks.readme import rewrite_section
 from mbf_relay.lockstep.command import without_remappings
-
-MARKER_BEGIN = "<!-- benchmark: made by `rosrun mbf_relay benchmark.py --readme` -->"
-MARKER_END = "<!-- end of benchmark -->"
 
 Results = List[Tuple[str, Figure]]
 
@@ -33,16 +31,17 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         failed: List[str] = []
     else:
         machine = describe_machine()
-        print(_machine_line(machine), flush=True)
+        print(machine_line(machine), flush=True)
         results, failed = run(options.names or available(), options.quick)
-    print(table(results))
+    for name in dict.fromkeys(name for name, _ in results):
+        print(f"\n{name}\n{table([figure for benchmark, figure in results if benchmark == name])}")
     if options.json:
         Path(options.json).write_text(as_json(machine, results), encoding="utf-8")
         print(f"figures written to {options.json}")
     if options.readme:
         readme = Path(options.readme)
         readme.write_text(rewrite_section(readme.read_text(encoding="utf-8"), machine, results), encoding="utf-8")
-        print(f"table written into {options.readme}")
+        print(f"figures written into {options.readme}")
     for name in failed:
         print(f"benchmark {name} failed: see above", file=sys.stderr)
     return 1 if failed else 0
@@ -96,27 +95,6 @@ def read_taken(paths: Sequence[str]) -> Tuple[Dict[str, Any], Results]:
         machine = content["machine"]
         results += [(figure.pop("benchmark"), Figure(**figure)) for figure in content["figures"]]
     return machine, sorted(results, key=lambda result: NAMES.index(result[0]))
-
-
-def rewrite_section(readme: str, machine: Dict[str, Any], results: Results) -> str:
-    """Return the README's text with the table between its two markers made anew.
-
-    Raises:
-        ValueError: The README lacks the markers.
-    """
-    before, begin, rest = readme.partition(MARKER_BEGIN)
-    _, end, after = rest.partition(MARKER_END)
-    if not (begin and end):
-        raise ValueError(f"the README has no section between '{MARKER_BEGIN}' and '{MARKER_END}'; add these two lines")
-    return f"{before}{begin}\n{_machine_line(machine)}\n\n{table(results)}\n{end}{after}"
-
-
-def _machine_line(machine: Dict[str, Any]) -> str:
-    libraries = ", ".join(f"{name} {machine[name]}" for name in ("numpy", "numba", "cv2", "pybullet") if machine[name])
-    return (
-        f"Measured on {machine['processor']}, {machine['cores']} cores, {machine['memory_gib']} GiB, "
-        f"{machine['system']}, Python {machine['python']}, {libraries}."
-    )
 
 
 def _parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:

@@ -137,15 +137,24 @@ def round_for_people(value: Optional[float]) -> str:
     return f"{value:.{digits}f}"
 
 
-def table(results: Sequence[Tuple[str, Figure]]) -> str:
-    """Return figures, each with the name of its benchmark, as a Markdown table."""
-    rows = [("benchmark", "figure", "median", "p95", "unit", "repeats", "parameters")]
-    for benchmark, figure in results:
+def machine_line(machine: Mapping[str, Any]) -> str:
+    """Return one sentence about the machine `describe_machine` described."""
+    libraries = ", ".join(f"{name} {machine[name]}" for name in ("numpy", "numba", "cv2", "pybullet") if machine[name])
+    return (
+        f"Measured on {machine['processor']}, {machine['cores']} cores, {machine['memory_gib']} GiB, "
+        f"{machine['system']}, Python {machine['python']}, {libraries}."
+    )
+
+
+def table(figures: Sequence[Figure]) -> str:
+    """Return figures as a Markdown table."""
+    rows = [("figure", "median", "p95", "unit", "repeats", "parameters")]
+    for figure in figures:
         parameters = ", ".join(f"{name}={value}" for name, value in figure.parameters.items())
         rows.append(
             (
-                benchmark, figure.name, round_for_people(figure.value), round_for_people(figure.p95),
-                figure.unit or "-", str(figure.repeats), parameters or "-",
+                figure.name, round_for_people(figure.value), round_for_people(figure.p95), figure.unit or "-",
+                str(figure.repeats), parameters or "-",
             )
         )
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from mbf_relay.benchmarks import command, figure
+from mbf_relay.benchmarks import command, figure, readme
 from mbf_relay.benchmarks.figure import Figure
 
 
@@ -39,7 +39,7 @@ def test_numbers_for_people(value, text):
 
 
 def test_table_has_one_row_per_figure_and_equal_widths():
-    lines = figure.table([("planning", Figure("a", 1.5, "ms")), ("control", Figure("longer", 2.0))]).splitlines()
+    lines = figure.table([Figure("a", 1.5, "ms"), Figure("longer", 2.0)]).splitlines()
     assert len(lines) == 4
     assert len({len(line) for line in lines}) == 1
 
@@ -54,13 +54,38 @@ def test_json_carries_every_field():
     ]
 
 
+SECTION = f"top\n{readme.MARKER_BEGIN}\nold\n{readme.MARKER_END}\nbottom\n"
+
+
 def test_readme_section_is_replaced_and_the_rest_kept():
-    readme = f"top\n{command.MARKER_BEGIN}\nold\n{command.MARKER_END}\nbottom\n"
-    made = command.rewrite_section(readme, figure.describe_machine(), [("planning", Figure("new", 1.0))])
-    assert made.startswith("top\n") and made.endswith("\nbottom\n")
-    assert "old" not in made and "new" in made
+    made = readme.rewrite_section(SECTION, figure.describe_machine(), [])
+    assert made.startswith("top\n") and made.endswith("\nbottom\n") and "old" not in made
     with pytest.raises(ValueError, match="no section"):
-        command.rewrite_section("nothing", figure.describe_machine(), [])
+        readme.rewrite_section("nothing", figure.describe_machine(), [])
+
+
+def test_headlines_come_first_and_the_rest_is_folded():
+    relay = [
+        Figure("goal through the relay", 0.7071, "ms"), Figure("cancel through the relay", 0.2, "ms"),
+        Figure("idle relay, share of one core", 0.4, "%"), Figure("something else", 3.0),
+    ]
+    made = readme.rewrite_section(SECTION, figure.describe_machine(), [("relay", each) for each in relay])
+    short, folded = made.split("<details>")
+    assert "| goal handed on by the relay | 0.707 ms |" in short and "something else" not in short
+    assert "something else" in folded and folded.rstrip().endswith("bottom")
+
+
+@pytest.mark.parametrize("figures", [[], ["one cycle of DWA", "one cycle of DWA"]])
+def test_a_headline_without_its_one_figure_is_named(figures):
+    results = [("control", Figure(name, 1.0, "ms", parameters={"sampled": "20 x 40", "turn": 0.0})) for name in figures]
+    with pytest.raises(ValueError, match=f"{len(figures)} figures of control are 'one cycle of DWA'"):
+        readme.headline_table([*results, ("control", Figure("another", 1.0))])
+
+
+def test_a_count_says_out_of_how_many():
+    parameters = {"controller": "DWAPlannerROS", "worlds": 18}
+    figures = [("worlds", Figure(name, 16.0, parameters=parameters)) for name in ("worlds driven to the goal", "contacts")]
+    assert "driven through | 16 of 18 |" in readme.headline_table(figures)
 
 
 def test_unknown_benchmark_names_the_nearest(capsys):
