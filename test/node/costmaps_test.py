@@ -9,6 +9,7 @@ import unittest
 import numpy as np
 import rospy
 import rostest
+from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import Point32, Polygon, PolygonStamped, TransformStamped
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid
@@ -96,8 +97,9 @@ class TestCostmaps(unittest.TestCase):
         whole = len(self.grids["global"].messages)
         update = OccupancyGridUpdate(header("map", rospy.get_rostime()), 100, 50, 2, 3, [100] * 6)
         wait_until(lambda: self.map_updates.get_num_connections() > 0, "the costmap to subscribe to map updates")
+        since = len(self.updates["global"].messages)
         self.map_updates.publish(update)
-        sent = self.updates["global"].wait_for(lambda message: 100 in message.data, "the changed window")
+        sent = self.updates["global"].wait_for(lambda message: 100 in message.data, "the changed window", since=since)
         self.assertTrue(sent.x <= 100 and sent.y <= 50 and sent.width < 60 and sent.height < 60)
         self.assertEqual(len(self.grids["global"].messages), whole)
         wait_until(
@@ -179,6 +181,46 @@ class TestCostmaps(unittest.TestCase):
             self.assertIn("'scan'", text)
         finally:
             self.robot.change_message = real
+
+    def test_a_raised_inflation_radius_shows_in_the_published_costmap(self):
+        client = Client("~global_costmap/inflation", timeout=30.0)
+        self.assertEqual(client.get_configuration()["inflation_radius"], 0.5)
+
+        def inflated():
+            return (assembled(self.grids["global"], self.updates["global"]) > 0).sum()
+
+        wait_until(lambda: self.grids["global"].messages, "the first costmap")
+        before = wait_until(inflated, "inflated cells")
+        self.assertEqual(client.update_configuration({"inflation_radius": 0.8})["inflation_radius"], 0.8)
+        wait_until(lambda: inflated() > 1.3 * before, "costs farther from the walls")
+        client.update_configuration({"inflation_radius": 0.5})
+        wait_until(lambda: inflated() == before, "the costs of before")
+        client.update_configuration({"enabled": False})
+        wait_until(lambda: inflated() == (OCCUPANCY[self.picture("global").costs] == 100).sum(), "lethal cells alone")
+        client.update_configuration({"enabled": True})
+        wait_until(lambda: inflated() == before, "the costs to come back")
+        client.close()
+
+    def test_a_window_takes_another_size_and_refuses_what_cannot_be(self):
+        client = Client("~local_costmap", timeout=30.0)
+        self.assertEqual(client.get_configuration()["footprint"], "[]")
+        client.update_configuration({"width": 4.0, "robot_radius": 0.2})
+        self.grids["local"].wait_for(lambda message: message.info.width == 80, "a window of 4 m")
+        self.assertAlmostEqual(self.picture("local").circumscribed_radius, 0.2, delta=0.02)
+        for wrong in ({"width": 0.01}, {"footprint": "[[0.1, 0.1]]"}, {"resolution": 0.0}):
+            answer = client.update_configuration(wrong)
+            self.assertEqual((answer["width"], answer["footprint"], answer["resolution"]), (4.0, "[]", 0.05))
+        since = len(self.grids["local"].messages)
+        client.update_configuration({"width": 3.0, "robot_radius": 0.1})
+        self.grids["local"].wait_for(lambda message: message.info.width == 60, "a window of 3 m", since=since)
+        client.close()
+
+    def test_a_costmap_keeps_the_size_of_its_map(self):
+        client = Client("~global_costmap", timeout=30.0)
+        before = client.get_configuration()
+        self.assertEqual(client.update_configuration({"width": before["width"] + 1.0})["width"], before["width"])
+        self.assertEqual(self.picture("global").grid.shape, (120, 200))
+        client.close()
 
     def test_resting_costmaps_stand_still(self):
         node = self.nodes["global"]

@@ -25,6 +25,15 @@ from mbf_relay.parameters import ParameterSet, parameter
 HISTORY = 64
 """How many changes back a picture knows what changed since."""
 
+LARGEST_SIDE = 32767
+"""Cells each way that a costmap may have, as planners take no more."""
+
+RECONFIGURABLE = (
+    "transform_tolerance", "update_frequency", "publish_frequency", "width", "height", "resolution", "origin_x",
+    "origin_y", "footprint", "robot_radius", "footprint_padding",
+)
+"""What can be changed at run time, as in costmap_2d."""
+
 _revisions: Iterator[int] = itertools.count(1)
 
 
@@ -53,6 +62,11 @@ class CostmapParameters(ParameterSet):
 
     def check(self) -> None:
         footprints.parse_footprint(self.footprint)
+        for name, side in (("width", self.width), ("height", self.height)):
+            if not 1.0 - 1e-9 <= side / self.resolution <= LARGEST_SIDE:
+                raise ValueError(
+                    f"parameter {name} is {side:g} m; it must be 1 to {LARGEST_SIDE} cells of the resolution, "
+                    f"{self.resolution:g} m")
 
     def outline(self) -> np.ndarray:
         """Return the robot's outline without padding, shape (K, 2) in metres."""
@@ -72,7 +86,7 @@ class Costmap:
 
     Attributes:
         name: For messages, e.g. "local_costmap".
-        parameters: The values it was made with.
+        parameters: The values in force; they change only by `reconfigure`.
         layers: In the order in which they write.
     """
 
@@ -87,6 +101,8 @@ class Costmap:
         self._default = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
         self._last_update: Optional[float] = None
         self._updates = 0
+        self._sized_by_map = False
+        self._size_due = self._redo_due = False  # the next update takes another size; it redoes every cell
         self._copy: Optional[np.ndarray] = None  # of the costs, made when somebody asks
         self._history: Deque[Tuple[int, Window]] = deque(maxlen=HISTORY)
         for layer in self.layers:
@@ -127,6 +143,32 @@ class Costmap:
     def layer(self, name: str) -> Optional[Layer]:
         """Return the layer of that name, or None."""
         return next((layer for layer in self.layers if layer.name == name), None)
+
+    def reconfigure(self, parameters: CostmapParameters) -> None:
+        """Take other values of RECONFIGURABLE; they show from the next update on.
+
+        Raises:
+            ValueError: They ask for another size, place or resolution, and the costmap has those of its map.
+        """
+        with self._lock:
+            old = self.parameters
+            resized = parameters.grid() != old.grid()
+            if resized and self._sized_by_map:
+                raise ValueError(
+                    f"{self.name} has the size, origin and resolution of its map; width, height, resolution, origin_x "
+                    "and origin_y cannot be changed")
+            self.parameters = parameters
+            self._size_due |= resized
+            if not np.array_equal(parameters.outline(), old.outline()):
+                self.set_footprint(parameters.outline())
+            elif parameters.footprint_padding != old.footprint_padding:
+                self.set_footprint(self._outline)  # which may have come since by other ways than a parameter
+
+    def reconfigure_layer(self, name: str, parameters: ParameterSet) -> None:
+        """Give the layer of that name other values; they show from the next update on."""
+        with self._lock:
+            self.layer(name).reconfigure(parameters)
+            self._redo_due = True
 
     def set_footprint(self, outline: np.ndarray) -> None:
         """Take another outline of the robot, without padding, shape (K, 2) in metres.
@@ -183,6 +225,7 @@ class Costmap:
                     raise ValueError(
                         f"{self.name}: the map is turned by {occupancy.origin.theta:.6g} rad; a costmap lies along the axes, "
                         "so the third number of the map's origin must be 0")
+                self._sized_by_map, self._size_due = True, False
                 if grid != self._grid:
                     self._resize(grid)
             for layer in self.layers:
@@ -218,11 +261,15 @@ class Costmap:
         if not robot_pose.is_finite():
             raise ValueError(f"{self.name}: robot pose {tuple(robot_pose)} is not finite")
         with self._lock:
+            if self._size_due:  # not sooner: until its layers are asked again, a new grid is free all over
+                self._size_due = False
+                self._resize(self.parameters.grid())
             if self.parameters.rolling_window:
                 self._follow(robot_pose)
             context = LayerContext(now, robot_pose, self._footprint)
             active = [layer for layer in self.layers if layer.enabled]
-            window = EMPTY
+            window = Window.of(self._grid) if self._redo_due else EMPTY
+            self._redo_due = False
             for layer in active:
                 window = layer.update_bounds(context, window)
             window = window.within(self._grid)

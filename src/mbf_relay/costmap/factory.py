@@ -12,11 +12,13 @@ from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters, SourcePara
 
 STATIC_NAMES = ("map_topic", "unknown_cost_value", "lethal_cost_threshold", "track_unknown_space")
 OBSTACLE_NAMES = ("max_obstacle_height", "raytrace_range", "obstacle_range", "track_unknown_space")
+VOXEL_NAMES = OBSTACLE_NAMES + (
+    "origin_z", "z_resolution", "z_voxels", "unknown_threshold", "mark_threshold", "publish_voxel_map")
 INFLATION_NAMES = ("cost_scaling_factor", "inflation_radius")
 PARENT_NAMES = {
     "costmap_2d::StaticLayer": STATIC_NAMES,
     "costmap_2d::ObstacleLayer": OBSTACLE_NAMES,
-    "costmap_2d::VoxelLayer": OBSTACLE_NAMES,
+    "costmap_2d::VoxelLayer": VOXEL_NAMES,
     "costmap_2d::InflationLayer": INFLATION_NAMES,
 }
 """What costmap_2d takes for a layer from the costmap's own level where the layer's group lacks it."""
@@ -77,9 +79,9 @@ def _old_form(values: Mapping[str, Any]) -> List[Tuple[str, str, Dict[str, Any]]
     if values.get("static_map") is True:
         result.append(("static_layer", "costmap_2d::StaticLayer", group("static_layer", STATIC_NAMES)))
     sources = tuple(str(values.get("observation_sources", "")).split())
-    obstacles = group("obstacle_layer", OBSTACLE_NAMES + ("observation_sources",) + sources)
-    voxels = values.get("map_type") == "voxel"
-    result.append(("obstacle_layer", "costmap_2d::VoxelLayer" if voxels else "costmap_2d::ObstacleLayer", obstacles))
+    obstacle_type = "costmap_2d::VoxelLayer" if values.get("map_type") == "voxel" else "costmap_2d::ObstacleLayer"
+    obstacles = group("obstacle_layer", PARENT_NAMES[obstacle_type] + ("observation_sources",) + sources)
+    result.append(("obstacle_layer", obstacle_type, obstacles))
     result.append(("inflation_layer", "costmap_2d::InflationLayer", group("inflation_layer", INFLATION_NAMES)))
     return result
 

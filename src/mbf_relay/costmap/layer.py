@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import abc
 from dataclasses import dataclass
-from typing import Any, Mapping, Optional
+from typing import Any, ClassVar, Mapping, Optional
 
 import numpy as np
 
@@ -38,9 +38,12 @@ class Layer(Plugin, abc.ABC):
     union of the windows, whose cells were reset before. Layers write over what earlier layers in the list wrote.
 
     Attributes:
+        notice: What users should know of this kind of layer, one line for the log; empty where there is nothing.
         grid: Where the costmap's cells lie at present.
         enabled: A layer that is not is passed over.
     """
+
+    notice: ClassVar[str] = ""
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)

@@ -18,6 +18,9 @@ from mbf_relay.parameters import ParameterSet, parameter
 
 OVERWRITE, MAXIMUM, NOTHING = 0, 1, 99
 
+RECONFIGURABLE = ("enabled", "footprint_clearing_enabled", "max_obstacle_height", "combination_method")
+"""What can be changed at run time, as in costmap_2d."""
+
 
 @dataclass(frozen=True)
 class SourceParameters(ParameterSet):
@@ -127,8 +130,13 @@ class ObstacleLayer(CellLayer):
     def sources(self) -> Mapping[str, SourceParameters]:
         return {name: source.parameters for name, source in self._sources.items()}
 
+    @property
+    def highest_mark(self) -> float:
+        """Height (m) above which points do not become obstacles."""
+        return self.parameters.max_obstacle_height
+
     def observe(self, source: str, observation: Observation, now: float) -> None:
-        self._sources[source].add(observation, now, self.parameters.max_obstacle_height)
+        self._sources[source].add(observation, now, self.highest_mark)
 
     def update_bounds(self, context: LayerContext, window: Window) -> Window:
         clearing = [rays for s in self._sources.values() if s.parameters.clearing for rays in s.kept]

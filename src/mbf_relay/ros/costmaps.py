@@ -15,6 +15,7 @@ from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.complaints import Complaints
 from mbf_relay.ros.costmap_inputs import WARN_PERIOD, MapInput, SensorInput
 from mbf_relay.ros.costmap_publisher import CostmapPublisher
+from mbf_relay.ros.costmap_reconfigure import serve_costmap
 from mbf_relay.ros.diagnostics import ERROR, OK, RateMeter, Report
 from mbf_relay.ros.stepper import Stepper
 from mbf_relay.ros.transforms import Transforms
@@ -37,6 +38,9 @@ class CostmapNode:
         for unknown in factory.unknown_names(group):
             rospy.logwarn("parameter %s is not known here and is ignored", rospy.resolve_name(f"~{name}/{unknown}"))
         self.costmap = factory.build_costmap(name, group, config)
+        for layer in self.costmap.layers:
+            if layer.notice:
+                rospy.loginfo("%s: layer '%s' %s", name, layer.name, layer.notice)
         self._name, self._transforms = name, transforms
         self._stepper = Stepper(self._step)
         self._updates = RateMeter()
@@ -46,10 +50,10 @@ class CostmapNode:
         self._pose_trouble: Optional[str] = None
         self._pose_complaints = Complaints()
         parameters = self.costmap.parameters
-        self._period = 1.0 / parameters.update_frequency if parameters.update_frequency > 0.0 else float("inf")
         self._publisher = CostmapPublisher(name, parameters.published_footprint_topic, parameters.always_send_full_costmap)
         self._maps: List[MapInput] = []
         self._sensors: Dict[str, SensorInput] = {}
+        self._reconfigure: List[Any] = []
 
     def start(self) -> None:
         """Listen, update and publish from now on."""
@@ -63,6 +67,7 @@ class CostmapNode:
         topic = rospy.resolve_name(f"~{self._name}/{self.costmap.parameters.footprint_topic}")
         if topic != self._publisher.footprint_topic:  # costmap_2d's default names both alike, with different types
             self._outline = rospy.Subscriber(topic, Polygon, self._take_footprint, queue_size=1)
+        self._reconfigure = serve_costmap(self.costmap, self._stepper.wake)
         self._stepper.start()
 
     def close(self) -> None:
@@ -111,7 +116,8 @@ class CostmapNode:
                 self._update(now)
         except Exception as error:  # the thread must outlive a mistake; staleness then stops the robot
             rospy.logerr_throttle(WARN_PERIOD, f"{self._name}: update failed: {type(error).__name__}: {error}")
-        return now + self._period
+        frequency = self.costmap.parameters.update_frequency
+        return now + 1.0 / frequency if frequency > 0.0 else float("inf")
 
     def _update(self, now: float) -> None:
         pose = self._robot_pose()

@@ -205,3 +205,90 @@ def test_threads_may_observe_update_and_look_at_once():
     for thread in threads:
         thread.join()
     assert errors == []
+
+
+# --- values changed while it runs
+
+def seen(change=None):
+    """Return a local costmap that saw one obstacle and is up to date."""
+    costmap = factory.build_costmap("local_costmap", {**NEW_FORM, **(change or {})})
+    costmap.observe("scan", Observation((0.0, 0.0), np.array([[0.6, 0.0]]), None, 0.0))
+    costmap.update(0.0, IDENTITY)
+    return costmap
+
+
+@pytest.mark.parametrize("layer, change", [
+    ("inflation", {"inflation_radius": 0.3}),
+    ("inflation", {"cost_scaling_factor": 12.0}),
+    ("inflation", {"enabled": False}),
+    ("obstacles", {"enabled": False}),
+    ("obstacles", {"combination_method": 99}),
+])
+def test_a_layer_changed_while_it_runs_is_as_one_made_so(layer, change):
+    costmap = seen()
+    before = costmap.snapshot()
+    costmap.reconfigure_layer(layer, costmap.layer(layer).parameters.replace(**change))
+    assert (costmap.snapshot().costs == before.costs).all()  # it shows with the next update, not sooner
+    costmap.update(0.1, IDENTITY)
+    made_so = seen({layer: {**NEW_FORM[layer], **change}})
+    assert (costmap.snapshot().costs == made_so.snapshot().costs).all()
+    assert (costmap.snapshot().costs != before.costs).any()
+    costmap.reconfigure_layer(layer, seen().layer(layer).parameters)
+    costmap.update(0.2, IDENTITY)
+    assert (costmap.snapshot().costs == before.costs).all()
+
+
+@pytest.mark.parametrize("change", [
+    {"width": 4.0, "height": 2.0}, {"resolution": 0.1}, {"robot_radius": 0.2}, {"footprint_padding": 0.05},
+    {"footprint": "[[-0.2, -0.1], [-0.2, 0.1], [0.3, 0.1], [0.3, -0.1]]"}, {"origin_x": 7.0},
+])
+def test_a_window_changed_while_it_runs_is_as_one_made_so(change):
+    costmap = seen()
+    before = costmap.snapshot()
+    costmap.reconfigure(costmap.parameters.replace(**change))
+    assert costmap.snapshot().grid == before.grid
+    costmap.update(0.1, IDENTITY)
+    made_so = seen(change).snapshot()
+    picture = costmap.snapshot()
+    assert picture.grid.shape == made_so.grid.shape and picture.grid.resolution == made_so.grid.resolution
+    assert picture.grid.origin_x == pytest.approx(made_so.grid.origin_x, abs=1e-9)
+    assert picture.grid.origin_y == pytest.approx(made_so.grid.origin_y, abs=1e-9)
+    assert (picture.costs == made_so.costs).all()
+    assert (picture.footprint == made_so.footprint).all() and picture.inscribed_radius == made_so.inscribed_radius
+
+
+def test_a_footprint_that_came_by_topic_stays_until_a_parameter_asks_for_another():
+    costmap = seen()
+    square = np.array([[-0.3, -0.3], [-0.3, 0.3], [0.3, 0.3], [0.3, -0.3]])
+    costmap.set_footprint(square)
+    costmap.reconfigure(costmap.parameters.replace(transform_tolerance=1.0))
+    assert (costmap.outline == square).all()
+    costmap.reconfigure(costmap.parameters.replace(footprint_padding=0.1))
+    assert costmap.footprint == pytest.approx(np.sign(square) * 0.4)
+    costmap.reconfigure(costmap.parameters.replace(robot_radius=0.2))
+    assert costmap.outline.shape == (16, 2)
+
+
+def test_what_a_map_gave_the_costmap_cannot_be_changed():
+    costmap = factory.build_costmap("global_costmap", OLD_FORM_GLOBAL)
+    costmap.set_map(room())
+    with pytest.raises(ValueError, match="global_costmap has the size"):
+        costmap.reconfigure(costmap.parameters.replace(width=5.0))
+    costmap.reconfigure(costmap.parameters.replace(update_frequency=2.0))
+    costmap.update(1.0, IDENTITY)
+    assert costmap.snapshot().grid.shape == (80, 80)
+    assert costmap.parameters.width == 10.0 and costmap.parameters.update_frequency == 2.0
+
+
+def test_a_map_that_comes_before_a_wanted_size_is_taken_up_wins():
+    costmap = factory.build_costmap("global_costmap", OLD_FORM_GLOBAL)
+    costmap.reconfigure(costmap.parameters.replace(width=5.0))
+    costmap.set_map(room())
+    costmap.update(1.0, IDENTITY)
+    assert costmap.snapshot().grid.shape == (80, 80)
+
+
+@pytest.mark.parametrize("change", [{"width": 0.04}, {"height": 0.04}, {"resolution": 4.0}, {"width": 2000.0}])
+def test_a_size_without_cells_or_with_too_many_is_refused(change):
+    with pytest.raises(ValueError, match="must be 1 to 32767 cells"):
+        seen().parameters.replace(**change)

@@ -139,6 +139,35 @@ def test_heights_bound_what_a_cloud_says():
     assert [cost_at(costmap, x, 0.0) for x in (0.5, 0.7, 0.9)] == [FREE_SPACE, LETHAL, FREE_SPACE]
 
 
+VOXELS = {"z_voxels": 5, "origin_z": 0.1, "z_resolution": 0.2, "unknown_threshold": 15, "mark_threshold": 0,
+          "publish_voxel_map": True}
+
+
+@pytest.mark.parametrize("form", ["old", "new"])
+def test_a_voxel_layers_parameters_are_known_in_both_forms(form):
+    group = {"observation_sources": "scan", "scan": {"data_type": "LaserScan"}, **VOXELS}
+    values = {**STILL, "map_type": "voxel", **group} if form == "old" else {
+        **STILL, "plugins": [{"name": "obstacle_layer", "type": "costmap_2d::VoxelLayer"}], "obstacle_layer": group}
+    assert factory.unknown_names(values) == []
+    layer = factory.build_costmap("costmap", values).layer("obstacle_layer")
+    assert {name: getattr(layer.parameters, name) for name in VOXELS} == VOXELS
+    assert "one plane" in layer.notice
+    assert factory.unknown_names({**STILL, "z_voxels": 5}) == ["z_voxels"]  # no voxel layer: nothing reads it
+
+
+@pytest.mark.parametrize("change, top", [({}, 1.1), ({"z_voxels": 2}, 0.5), ({"max_obstacle_height": 0.7}, 0.7)])
+def test_points_above_the_highest_voxel_mark_nothing(change, top):
+    source = {"data_type": "PointCloud2", "marking": True, "clearing": False, "max_obstacle_height": 5.0}
+    costmap = factory.build_costmap("costmap", {
+        **STILL, "plugins": [{"name": "voxels", "type": "costmap_2d::VoxelLayer"}],
+        "voxels": {
+            "observation_sources": "scan", "scan": source, "footprint_clearing_enabled": False, **VOXELS, **change}})
+    points = np.array([[0.55, 0.05, top - 0.01], [1.05, 0.05, top + 0.01]])
+    costmap.observe("scan", Observation((0.0, 0.0, 0.3), points, None, 0.0))
+    costmap.update(0.0, IDENTITY)
+    assert (cost_at(costmap, 0.55, 0.05), cost_at(costmap, 1.05, 0.05)) == (LETHAL, FREE_SPACE)
+
+
 def test_observations_count_as_long_as_they_persist():
     for persistence, count in ((0.0, 1), (1.0, 3)):
         costmap = with_obstacles({"clearing": False, "observation_persistence": persistence})
