@@ -6,9 +6,11 @@ import os
 import sys
 import unittest
 
+import dynamic_reconfigure.client
 import rospy
 import rostest
 from actionlib_msgs.msg import GoalStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from mbf_msgs.msg import GetPathResult
 from mbf_msgs.msg import MoveBaseAction as FlexAction
@@ -22,6 +24,7 @@ from running_stack import Witness, run_client, start_test_node  # noqa: E402
 
 from mbf_relay.ros.action_client import ActionClient  # noqa: E402
 from mbf_relay.ros.outcome_codes import name_of  # noqa: E402
+from ros_testing import Listener, wait_until  # noqa: E402
 
 NAN = float("nan")
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
@@ -35,6 +38,12 @@ BAD_GOALS = {
 }
 PATIENCE = 60.0
 """Wall seconds a goal that cannot be reached may take, recovery behaviours included."""
+STATUSES = (
+    "simulator: simulation", "map_server: map", "amcl: Standard deviation", "move_base_flex: navigation",
+    "move_base_flex: local costmap", "move_base_flex: global costmap", "move_base: relay",
+)
+WELL = (DiagnosticStatus.OK, DiagnosticStatus.WARN)
+"""A machine that cannot keep up is warned of, and no fault of the nodes."""
 SHIFT = 0.03
 """Metres the robot may move while it is told to go nowhere: nothing but the noise of standing."""
 
@@ -61,6 +70,23 @@ class TestGoals(unittest.TestCase):
         self.assertLess(self.witness.way_to(0.5, 0.0), 0.15)
         self.assertEqual(self.witness.touched(), [])
         self.assertEqual(self.witness.complaints(), [])
+
+    def test_4_every_node_says_how_it_fares(self):
+        heard = Listener("/diagnostics", DiagnosticArray)
+
+        def level(name):
+            statuses = [status for message in list(heard.messages)[-20:] for status in message.status if status.name == name]
+            return statuses[-1].level if statuses else None
+
+        for name in STATUSES:
+            wait_until(lambda: level(name) in WELL, f"'{name}' to be well", 20.0)
+        faults = dynamic_reconfigure.client.Client("simulator/faults", timeout=10.0)
+        faults.update_configuration({"lidar_silent": True})
+        for name in ("move_base_flex: local costmap", "move_base_flex: global costmap"):
+            wait_until(lambda: level(name) == DiagnosticStatus.ERROR, f"'{name}' to miss the scan", 20.0)
+        faults.update_configuration({"lidar_silent": False})
+        for name in STATUSES:
+            wait_until(lambda: level(name) in WELL, f"'{name}' to be well again", 20.0)
 
     def end(self, client, goal):
         """Send a goal that must not move the robot, and return how it ended."""

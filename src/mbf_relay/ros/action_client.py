@@ -115,6 +115,11 @@ class ActionClient:
         links = (*self._subscribers, self._goal_publisher, self._cancel_publisher)
         return self._watch.is_up and self._watch.is_connected and all(link.get_num_connections() for link in links)
 
+    @property
+    def server_silence(self) -> float:
+        """Wall time (s) since the server's last word, infinite before the first."""
+        return self._watch.silence
+
     def wait_for_server(self, timeout: float) -> bool:
         """Wait up to `timeout` seconds of wall time for a server; tell whether there is one."""
         deadline = time.monotonic() + timeout

@@ -52,6 +52,7 @@ class SensorInput:
         self._trouble: Optional[str] = None
         self._complaints = Complaints()
         self._used_since = math.inf
+        self._used_last: Optional[float] = None
         self._subscriber = rospy.Subscriber(
             parameters.topic, MESSAGE_TYPES[parameters.data_type], self._keep, queue_size=1, buff_size=BUFFER_BYTES,
             tcp_nodelay=True)
@@ -60,6 +61,10 @@ class SensorInput:
     def trouble(self) -> Optional[str]:
         """What kept the last message from being used, None where nothing did."""
         return self._trouble
+
+    def age(self, now: float) -> Optional[float]:
+        """Return the time (s) since the last message that was used came, None before the first."""
+        return None if self._used_last is None else max(0.0, now - self._used_last)
 
     def close(self) -> None:
         """Listen no longer."""
@@ -84,6 +89,7 @@ class SensorInput:
                 self._trouble = None
                 self._complaints.worked()
                 self._used_since = min(self._used_since, arrived)
+                self._used_last = arrived
             except TransformError as error:
                 if now - arrived <= self._patience:
                     continue

@@ -16,7 +16,7 @@ from mbf_relay.ros.complaints import Complaints
 from mbf_relay.ros.costmap_inputs import WARN_PERIOD, MapInput, SensorInput
 from mbf_relay.ros.costmap_publisher import CostmapPublisher
 from mbf_relay.ros.costmap_reconfigure import serve_costmap
-from mbf_relay.ros.diagnostics import ERROR, OK, RateMeter, Report
+from mbf_relay.ros.diagnostics import ERROR, OK, WARN, RateMeter, Report
 from mbf_relay.ros.stepper import Stepper
 from mbf_relay.ros.transforms import Transforms
 
@@ -83,18 +83,28 @@ class CostmapNode:
     def resume(self) -> None:
         """Update again, at once."""
         self._resting = False
+        self._updates = RateMeter()  # it rested, which is no lag
         self._stepper.wake()
 
     def report(self) -> Report:
         """Return the costmap's part of the node's diagnostics."""
         now = rospy.get_time()
         picture = self.costmap.snapshot()
+        asked = self.costmap.parameters.update_frequency
         values = {
+            "update rate asked for [Hz]": f"{asked:g}",
             "update rate [Hz]": f"{self._updates.rate():.1f}",
             "size [cells]": f"{picture.grid.width} x {picture.grid.height}",
             "changes": picture.revision,
         }
+        for name, sensor in self._sensors.items():
+            age = sensor.age(now)
+            values[f"age of {name} [s]"] = "none came" if age is None else f"{age:.2f}"
+        if self._resting:
+            return OK, "resting until the next goal", values
         stale = self.costmap.stale_reason(now)
+        if stale is None and self._updates.lags(asked):
+            return WARN, f"updated at {self._updates.rate():.1f} Hz, asked for {asked:g} Hz: the machine is too slow for it", values
         if stale is None:
             return OK, "up to date", values
         reasons = [self._pose_trouble] + [sensor.trouble for sensor in self._sensors.values()]

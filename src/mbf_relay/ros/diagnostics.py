@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from typing import Callable, Dict, List, Mapping, Optional, Tuple
@@ -73,26 +74,44 @@ class CpuShare:
 
 
 class RateMeter:
-    """Counts events and gives their rate on the clock handed in."""
+    """Counts events and gives their rate on the clock handed in, over the last twenty.
 
-    def __init__(self) -> None:
+    Args:
+        pause: Time (s) without an event after which it counts anew, for what happens only now and then.
+    """
+
+    LATE = 0.8
+    """Share of the rate asked for below which something lags."""
+    ENOUGH = 10
+    """Events before lagging is spoken of."""
+
+    def __init__(self, pause: float = math.inf) -> None:
+        self._pause = pause
         self._lock = threading.Lock()
         self._stamps: List[float] = []
 
     def tick(self, now: float) -> None:
         """Note one event at `now` (s)."""
         with self._lock:
-            if self._stamps and now < self._stamps[-1]:
+            if self._stamps and not 0.0 <= now - self._stamps[-1] <= self._pause:
                 self._stamps.clear()
             self._stamps = self._stamps[-19:] + [now]
 
     def rate(self) -> float:
-        """Return events per second over the last twenty, 0 before the second one."""
+        """Return events per second, 0 before the second one."""
         with self._lock:
-            span = self._stamps[-1] - self._stamps[0] if len(self._stamps) > 1 else 0.0
-            return (len(self._stamps) - 1) / span if span > 0.0 else 0.0
+            return self._rate()
 
     def age(self, now: float) -> Optional[float]:
         """Return the time (s) since the last event, None before the first."""
         with self._lock:
             return now - self._stamps[-1] if self._stamps else None
+
+    def lags(self, asked: float) -> bool:
+        """Tell whether the events come clearly slower than `asked` (1/s), by now for some time."""
+        with self._lock:
+            return len(self._stamps) > self.ENOUGH and self._rate() < self.LATE * asked
+
+    def _rate(self) -> float:
+        span = self._stamps[-1] - self._stamps[0] if len(self._stamps) > 1 else 0.0
+        return (len(self._stamps) - 1) / span if span > 0.0 else 0.0

@@ -19,12 +19,12 @@ from mbf_relay.ros.controller_topics import serve_controllers
 from mbf_relay.ros.costmap_rest import CostmapRest
 from mbf_relay.ros.costmap_services import CostmapServices
 from mbf_relay.ros.costmaps import CostmapNode
-from mbf_relay.ros.diagnostics import ERROR, OK, Diagnostics, RateMeter, Report
+from mbf_relay.ros.diagnostics import ERROR, OK, WARN, Diagnostics, RateMeter, Report
 from mbf_relay.ros.navigation_actions import make_actions
 from mbf_relay.ros.navigation_topics import NavigationTopics
 from mbf_relay.ros.planner_potential import serve_planners
 from mbf_relay.ros.planner_topics import PlannerTopics
-from mbf_relay.ros.robot import RosRobot
+from mbf_relay.ros.robot import COMMANDS_PAUSE, RosRobot
 from mbf_relay.ros.stepper import Stepper
 from mbf_relay.ros.transforms import Transforms
 
@@ -134,9 +134,17 @@ class MoveBaseFlex:
         return rested
 
     def _report(self) -> Report:
-        values: Dict[str, object] = {"steps [Hz]": f"{self._steps.rate():.1f}", "idle": self.navigator.idle}
+        asked, commands = self.navigator.parameters.controller_frequency, self.robot.commands
+        age = commands.age(rospy.get_time())
+        driving = not self.navigator.idle and age is not None and age <= COMMANDS_PAUSE
+        values: Dict[str, object] = {
+            "goal running": not self.navigator.idle, "steps [Hz]": f"{self._steps.rate():.1f}",
+            "velocities asked for [Hz]": f"{asked:g}", "velocities [Hz]": f"{commands.rate():.1f}" if driving else "none",
+        }
         if self._trouble:
             return ERROR, f"last internal error: {self._trouble}", values
+        if driving and commands.lags(asked):
+            return WARN, f"velocities at {commands.rate():.1f} Hz, asked for {asked:g} Hz: the machine is too slow for it", values
         return OK, "waiting for goals" if self.navigator.idle else "navigating", values
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from typing import Any, Optional
@@ -68,7 +69,7 @@ def serve(action: bool = True, topic: bool = True) -> None:
     settings.serve()
     on_shutdown(relay.shut_down)
     diagnostics = Diagnostics()
-    diagnostics.add("relay", lambda: report(relay, client.server_is_up, parameters.server, outlets))
+    diagnostics.add("relay", lambda: report(relay, client, parameters.server, outlets))
     rospy.loginfo("move_base is here, carried out by %s", rospy.resolve_name(parameters.server))
     was_up = False
     while not rospy.is_shutdown():
@@ -81,10 +82,14 @@ def serve(action: bool = True, topic: bool = True) -> None:
         time.sleep(CHECK_PERIOD)
 
 
-def report(relay: Relay, server_is_up: bool, server: str, outlets: "Outlets") -> Report:
+def report(relay: Relay, client: ActionClient, server: str, outlets: "Outlets") -> Report:
     """Say on /diagnostics whether goals can be carried out, and what came of those so far."""
-    values = {"server": server, "server there": server_is_up, "goal running": relay.is_pursuing, **outlets.endings}
-    if server_is_up:
+    is_up, silence = client.server_is_up, client.server_silence
+    values = {
+        "server": server, "server there": is_up, "server's last word [s]": "none" if math.isinf(silence) else f"{silence:.1f}",
+        "goal running": relay.is_pursuing, **outlets.endings,
+    }
+    if is_up:
         return OK, "driving to a goal" if relay.is_pursuing else "ready for goals", values
     level = ERROR if relay.is_pursuing else WARN
     return level, f"the Move Base Flex server {rospy.resolve_name(server)} is not there", values

@@ -13,7 +13,11 @@ from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.outcomes import StaleDataError
 from mbf_relay.ros.conversions import InvalidMessage, twist_from_message, twist_to_message
+from mbf_relay.ros.diagnostics import RateMeter
 from mbf_relay.ros.transforms import Transforms
+
+COMMANDS_PAUSE = 1.0
+"""Seconds without a velocity after which a drive is over, and the next one's rate is measured anew."""
 
 
 class RawOdometry(rospy.AnyMsg):
@@ -36,6 +40,9 @@ class RosRobot(Robot):
         odom_topic: Odometry; where empty, the last command stands in for the velocity.
         pose_timeout: Age (s) beyond which a transform is refused.
         odom_timeout: Age (s) beyond which odometry is refused.
+
+    Attributes:
+        commands: The velocities sent, as events.
     """
 
     def __init__(
@@ -45,6 +52,7 @@ class RosRobot(Robot):
         self._pose_timeout, self._odom_timeout = pose_timeout, odom_timeout
         self._odometry: Optional[RawOdometry] = None
         self._last_command = STOP
+        self.commands = RateMeter(pause=COMMANDS_PAUSE)
         self._publisher = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
         self._closing = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
         self._closed = False
@@ -84,6 +92,7 @@ class RosRobot(Robot):
         with self._closing:
             if not self._closed:
                 self._last_command = velocity
+                self.commands.tick(rospy.get_time())
                 self._publisher.publish(twist_to_message(velocity))
 
     def close(self) -> None:

@@ -8,6 +8,7 @@ stands still, one that refuses is gone, one that does not answer is given `silen
 from __future__ import annotations
 
 import http.client
+import math
 import time
 import xmlrpc.client
 from typing import Any, Callable, Optional
@@ -52,6 +53,11 @@ class ServerWatch:
     def is_connected(self) -> bool:
         """Whether somebody publishes the status."""
         return self._subscriber.get_num_connections() > 0
+
+    @property
+    def silence(self) -> float:
+        """Wall time (s) since the server's last word, infinite before the first."""
+        return time.monotonic() - self._heard_at if self._node else math.inf
 
     def close(self) -> None:
         """Stop listening."""
