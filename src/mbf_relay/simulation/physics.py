@@ -48,8 +48,9 @@ class Physics:
         self.gui = gui
         self.client = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
         pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self.client)
+        # Solved for both directions at once, as a cone, friction lets wheels creep sideways; one after the other it holds.
         pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=1.0 / rate, numSolverIterations=iterations, deterministicOverlappingPairs=1,
+            fixedTimeStep=1.0 / rate, numSolverIterations=iterations, deterministicOverlappingPairs=1, enableConeFriction=0,
             physicsClientId=self.client,
         )
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
