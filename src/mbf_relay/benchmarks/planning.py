@@ -21,6 +21,7 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.outcomes import PlanningError
 from mbf_relay.planning import PLANNERS
+from mbf_relay.planning.passage import narrow_cells
 from mbf_relay.planning.planner import Cancellation, Planner
 
 CASES: Mapping[str, Tuple[str, Dict[str, Any]]] = {
@@ -48,6 +49,7 @@ def figures(quick: bool) -> Iterator[Figure]:
             yield _from_scratch(case, costmap, 5 if quick else 25)
             yield _again(case, costmap, 5 if quick else 25)
             yield _after_change(case, costmap, 3 if quick else 15)
+        yield _second_look(costmap, 5 if quick else 25)
     for case in CASES:
         yield _cancel(case, 3 if quick else 10)
     yield from _lengths(31 if quick else 1)
@@ -105,6 +107,14 @@ def _after_change(case: str, costmap: CostGrid, repeats: int) -> Figure:
         _plan(planner, pictures[calls[0] % 2])
 
     return time_call(f"replan {_size(costmap)}, {case}, local change", replan, repeats)
+
+
+def _second_look(costmap: CostGrid, repeats: int) -> Figure:
+    """Time what looking for passages too narrow for the footprint adds to each plan."""
+    path = _plan(make("navfn"), costmap)
+    room = 0.12  # m, the burger's
+    return time_call(
+        f"narrow passages {_size(costmap)}", lambda: narrow_cells(costmap, path, room), repeats, poses=len(path), room_m=room)
 
 
 def _cancel(case: str, repeats: int) -> Figure:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 
-from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, CostGrid
+from mbf_relay.costmap.cost_grid import INSCRIBED, CostGrid
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import PlanningError, PlanOutcome
+from mbf_relay.planning import passage_kernels
 from mbf_relay.planning.path import Path
 from mbf_relay.planning.planner import Cancellation, Planner
 
@@ -37,7 +37,7 @@ def plan_with_room(
         return first
     picture = costmap
     for _ in range(TRIES):
-        narrow = _narrow_cells(costmap, path, room)
+        narrow = narrow_cells(costmap, path, room)
         if len(narrow) == 0:
             return path
         picture = _closed(picture, narrow)
@@ -57,25 +57,15 @@ def _half_width(costmap: CostGrid) -> float:
     return float(np.abs(costmap.footprint[:, 1]).max()) if len(costmap.footprint) else costmap.inscribed_radius
 
 
-def _narrow_cells(costmap: CostGrid, path: Path, room: float) -> np.ndarray:
-    """Return the cells of a path, (N, 2), that have a lethal cell nearer than `room` (m), its ends left out."""
+def narrow_cells(costmap: CostGrid, path: Path, room: float) -> np.ndarray:
+    """Return the cells of a path, (N, 2) in its order, that have a lethal cell nearer than `room` (m), its ends left out."""
     places = path.poses[:, :2]
     between = (np.hypot(*(places - places[0]).T) > AT_ENDS) & (np.hypot(*(places - places[-1]).T) > AT_ENDS)
-    cells = np.unique(costmap.grid.cells_at(places[between]), axis=0)
-    cells = cells[costmap.grid.contains_cells(cells)]
-    if len(cells) == 0:
-        return cells
-    offsets = _disc(room / costmap.grid.resolution)
-    near = cells[:, None, :] + offsets[None]
-    height, width = costmap.costs.shape
-    columns, rows = np.clip(near[..., 0], 0, width - 1), np.clip(near[..., 1], 0, height - 1)
-    return cells[(costmap.costs[rows, columns] == LETHAL).any(axis=1)]
-
-
-def _disc(radius: float) -> np.ndarray:
-    """Return the offsets, (M, 2), of the cells nearer than `radius` cells."""
-    reach = range(-math.ceil(radius), math.ceil(radius) + 1)
-    return np.array([(x, y) for x in reach for y in reach if math.hypot(x, y) < radius])
+    cells = costmap.grid.cells_at(places[between])
+    cells = np.ascontiguousarray(cells[costmap.grid.contains_cells(cells)], dtype=np.int64)
+    narrow = np.zeros(len(cells), dtype=np.bool_)
+    passage_kernels.mark_narrow(costmap.costs, cells, room / costmap.grid.resolution, narrow)
+    return cells[narrow]
 
 
 def _closed(costmap: CostGrid, cells: np.ndarray) -> CostGrid:
