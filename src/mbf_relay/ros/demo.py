@@ -119,6 +119,7 @@ def watch(graph: Graph, options: argparse.Namespace, logs: str) -> Drive:
     recorder = DriveRecorder([f"move_base_flex/{planner['name']}/plan" for planner in planners])
     terminal = Terminal(sys.stdout, GOALS_PER_LAP * options.laps, os.environ)
     log = os.path.join(logs, "client.log")
+    wait_for_server(graph, START_PATIENCE)
     client = graph.start(["rosrun", "mbf_relay", "mb_relay_client.py", "--laps", str(options.laps)], log)
     started = time.monotonic()
     ended = 0
@@ -138,6 +139,27 @@ def watch(graph: Graph, options: argparse.Namespace, logs: str) -> Drive:
     recorder.close()
     rospy.signal_shutdown("the drive is over")
     return drive
+
+
+def wait_for_server(graph: Graph, timeout: float) -> None:
+    """Return once goals are carried out, so that the first one's time is that of a drive and not of a start.
+
+    Raises:
+        GraphError: That takes more than `timeout` wall seconds, or a node ended.
+    """
+    from mbf_msgs.msg import MoveBaseAction
+
+    from mbf_relay.ros.action_client import ActionClient
+
+    server = ActionClient("move_base_flex/move_base", MoveBaseAction)
+    deadline = time.monotonic() + timeout
+    try:
+        while not server.wait_for_server(PROGRESS_PERIOD):
+            graph.check()
+            if time.monotonic() > deadline:
+                raise GraphError(f"{server.name} did not come up within {timeout:.0f} s")
+    finally:
+        server.close()
 
 
 def show(recorder: Any, terminal: Terminal, ended: int, now: float) -> int:

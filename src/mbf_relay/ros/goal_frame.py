@@ -6,12 +6,13 @@ opened for such a goal alone, and closed again.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from typing import Callable
 
 import rospy
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import Pose, PoseStamped, Quaternion
 
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.conversions import InvalidMessage, pose_from_message, pose_stamped
@@ -34,7 +35,7 @@ class GoalFrame:
         with self._lock:
             self._newest += 1
             if pose.header.frame_id.lstrip("/") in ("", self._frame):
-                self._publish(pose)
+                self._publish(with_unit_quaternion(pose))
             else:
                 threading.Thread(target=self._transform, args=(pose, self._newest), daemon=True).start()
 
@@ -43,6 +44,16 @@ class GoalFrame:
         with self._lock:
             if number == self._newest:
                 self._publish(shown)
+
+
+def with_unit_quaternion(pose: PoseStamped) -> PoseStamped:
+    """Return a pose whose quaternion has length 1, as it has after move_base's transform; RViz warns of any other."""
+    turn = pose.pose.orientation
+    length = math.sqrt(turn.x ** 2 + turn.y ** 2 + turn.z ** 2 + turn.w ** 2)
+    if length == 0.0 or abs(length - 1.0) < 1e-9:
+        return pose
+    unit = Quaternion(turn.x / length, turn.y / length, turn.z / length, turn.w / length)
+    return PoseStamped(pose.header, Pose(pose.pose.position, unit))
 
 
 def transformed(pose: PoseStamped, frame: str, timeout: float = TF_TIMEOUT) -> PoseStamped:
