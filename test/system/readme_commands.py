@@ -31,11 +31,15 @@ FASTER = " real_time_factor:=3"
 """Added to the world's launch file, for the sake of the test's length; everything else is run word for word."""
 
 
+def blocks(language):
+    """Return the README's code blocks of a language."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+
+
 def readme_commands():
     """Return the roslaunch and rosrun lines of the README's shell blocks."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-    lines = [line.split("#")[0].strip() for block in blocks for line in block.splitlines()]
+    lines = [line.split("#")[0].strip() for block in blocks("sh") for line in block.splitlines()]
     return [line for line in lines if line.startswith(("roslaunch ", "rosrun "))]
 
 
@@ -92,9 +96,10 @@ class TestReadme(unittest.TestCase):
         os.killpg(process.pid, signal.SIGINT)
         process.wait(40.0)
 
-    def run_to_end(self, command, timeout=120.0):
+    def run_to_end(self, command, timeout=120.0, environment=None):
         done = subprocess.run(
-            ["bash", "-c", command], cwd=self.folder.name, timeout=timeout, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+            ["bash", "-c", command], cwd=self.folder.name, timeout=timeout, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, env=environment,
         )
         output = done.stdout.decode(errors="replace")
         self.assertEqual(done.returncode, 0, f"'{command}' said:\n{output}")
@@ -146,6 +151,16 @@ class TestReadme(unittest.TestCase):
         self.run_to_end("rosrun mbf_relay batch.py worlds.json")
         self.run_to_end(self.command("batch.py worlds.json"))
         self.run_to_end(self.command("compare.py"))
+
+    def test_6_a_test_of_one_s_own_client_passes(self):
+        package = Path(self.folder.name) / "src" / "my_package"
+        package.mkdir(parents=True)
+        (package / "package.xml").write_text("<package format='2'><name>my_package</name></package>")
+        for name, language, word in (("my_client.test", "xml", "my_client_test.py"), ("my_client_test.py", "python", "TestMyClient")):
+            (package / name).write_text(next(block for block in blocks(language) if word in block))
+        (package / "my_client_test.py").chmod(0o755)
+        environment = dict(os.environ, ROS_PACKAGE_PATH=f"{package.parent}:{os.environ['ROS_PACKAGE_PATH']}")
+        self.assertIn("RESULT: SUCCESS", self.run_to_end("rostest my_package my_client.test", environment=environment))
 
     def first(self, start):
         found = [line for line in self.commands if line.startswith(start)]
