@@ -261,7 +261,7 @@ class ControllerExecution:
     def _no_command(self, now: float, outcome: ControlOutcome, message: str) -> None:
         """Stand because the controller cannot be asked; that is no failed try of its own."""
         if self._patience_exceeded(now):
-            self._run_out_of_patience(message)
+            self._run_out_of_patience(outcome, message)
             return
         self._send(STOP)
         self._report(outcome, message)
@@ -273,7 +273,7 @@ class ControllerExecution:
         if retries == 0 or 0 < retries < self._retries:
             self._end(Ending.ABORTED, outcome, message)
         elif self._patience_exceeded(now):
-            self._run_out_of_patience(message)
+            self._run_out_of_patience(outcome, message)
         else:
             slower = Twist2D(*(0.5 * part for part in self._command))
             self._send(STOP if parameters.force_stop_on_retry or slower.speed() < 1e-2 else slower)
@@ -284,9 +284,9 @@ class ControllerExecution:
         since = self._since_valid if self._since_valid.running else self._since_start
         return patience > 0.0 and since.elapsed(now) > patience
 
-    def _run_out_of_patience(self, message: str) -> None:
-        patience = self._parameters().controller_patience
-        self._end(Ending.ABORTED, ControlOutcome.PAT_EXCEEDED, f"Controller patience of {patience:g} s exceeded: {message}")
+    def _run_out_of_patience(self, cause: ControlOutcome, message: str) -> None:
+        text = f"Controller patience of {self._parameters().controller_patience:g} s exceeded: {message}"
+        self._end(Ending.ABORTED, ControlOutcome.PAT_EXCEEDED, text, cause=cause)
 
     # what goes out
 
@@ -298,11 +298,14 @@ class ControllerExecution:
         pose, distance, angle = self._where()
         self.task.add_feedback(FollowFeedback(outcome, message, pose, self._command, distance, angle))
 
-    def _end(self, ending: Ending, outcome: ControlOutcome, message: str, stop: bool = True) -> None:
+    def _end(
+        self, ending: Ending, outcome: ControlOutcome, message: str, stop: bool = True,
+        cause: Optional[ControlOutcome] = None,
+    ) -> None:
         if stop:
             self._send(STOP)
         pose, distance, angle = self._where()
-        self.task.end(ending, FollowResult(outcome, message, pose, distance, angle))
+        self.task.end(ending, FollowResult(outcome, message, pose, distance, angle, cause))
 
     def _where(self) -> Tuple[Optional[FramedPose], float, float]:
         return (None, math.inf, math.inf) if self._view is None else self._view[1:]

@@ -41,12 +41,16 @@ class PlanGoal:
 
 @dataclass(frozen=True)
 class PlanResult:
-    """A path, or why there is none; `path` is None unless `outcome` is SUCCESS."""
+    """A path, or why there is none; `path` is None unless `outcome` is SUCCESS.
+
+    `cause` is what had failed last where patience was over, None where the planner had not returned.
+    """
 
     outcome: PlanOutcome
     message: str
     path: Optional[Path] = None
     cost: float = 0.0
+    cause: Optional[PlanOutcome] = None
 
 
 @dataclass(frozen=True)
@@ -90,13 +94,17 @@ class FollowFeedback:
 
 @dataclass(frozen=True)
 class FollowResult:
-    """How a drive ended; pose, distance (m) and angle (rad) as the last cycle saw them."""
+    """How a drive ended; pose, distance (m) and angle (rad) as the last cycle saw them.
+
+    `cause` is what had failed last where patience was over, None where the controller had not returned.
+    """
 
     outcome: ControlOutcome
     message: str
     pose: Optional[FramedPose] = None
     distance: float = math.inf
     angle: float = math.inf
+    cause: Optional[ControlOutcome] = None
 
 
 @dataclass(frozen=True)

@@ -17,19 +17,15 @@ from mbf_relay.navigation.goals import (
 from mbf_relay.navigation.planner_execution import PlannerExecution
 from mbf_relay.navigation.progress import OscillationDetector
 from mbf_relay.navigation.recovery_execution import RecoveryExecution
+from mbf_relay.navigation.remedies import Remedy, remedy_for
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.timing import Pacer
+from mbf_relay.navigation.trials import Trials
 from mbf_relay.outcomes import ControlOutcome, PlanOutcome, StaleDataError, TransformError
 from mbf_relay.planning.path import Path
 
 if TYPE_CHECKING:
     from mbf_relay.navigation.navigator import Navigator
-
-FINAL = (
-    ControlOutcome.INVALID_PATH, ControlOutcome.TF_ERROR, ControlOutcome.NOT_INITIALIZED, ControlOutcome.INVALID_PLUGIN,
-    ControlOutcome.INTERNAL_ERROR,
-)
-"""Failures of a drive that no recovery behaviour mends."""
 
 NO_REPLAN_WITHIN = 0.1
 """Metres to the goal below which the path stays as it is."""
@@ -39,21 +35,14 @@ RecoveryWatcher = Callable[[str, int, int, Optional[FramedPose]], None]
 """Told of each recovery that begins: its behaviour, that one's place in the list (from 0), the list's length, the robot."""
 
 
-class Trigger(Enum):
-    """Why recovery behaviours were called upon."""
-
-    PLANNING = "planning failed"
-    DRIVING = "driving failed"
-    OSCILLATION = "the robot oscillates"
-
-
 class MoveBase:
     """One move_base goal; advanced by `update` until its task is done.
 
     Behaviour as mbf_abstract_nav's MoveBaseAction: it plans, drives in slot 0 of exe_path, replans at planner_frequency
-    while driving, and after a failure runs the next recovery behaviour and plans again. The list of behaviours starts
-    over when what triggered them is overcome. While a new goal is planned, the robot goes on along the path of the one
-    it replaced.
+    while driving, and after a failure runs the next recovery behaviour and plans again. It deviates in two things: what
+    no behaviour can change ends the goal at once (`remedies` says what and why), and the list of behaviours starts over
+    where the robot has got elsewhere, not with each path that is found (`Trials`). While a new goal is planned, the
+    robot goes on along the path of the one it replaced.
 
     Args:
         goal: Where to go.
@@ -74,8 +63,7 @@ class MoveBase:
         self._drives_here = False
         self._recovery: Optional[RecoveryExecution] = None
         self._behaviors: Tuple[str, ...] = goal.recovery_behaviors or tuple(navigator.recoveries.names)
-        self._next_behavior = 0
-        self._trigger: Optional[Trigger] = None
+        self._trials = Trials(self._behaviors)
         self._oscillation = OscillationDetector()
         self._replan_pacer = Pacer()
         self._replan_trouble = ""
@@ -140,14 +128,12 @@ class MoveBase:
         self._plan = None
         result = plan.task.result
         if plan.task.ending is Ending.SUCCEEDED:
-            if self._trigger is Trigger.PLANNING:
-                self._recovered()
             self._follow(result.path, same_goal=False)
             period = self._replan_period()
             self._replan_pacer.postpone(now, period if math.isfinite(period) else 0.0)
             return
         self._stop_driving(now)
-        if plan.task.ending is Ending.REJECTED or not self._recover(Trigger.PLANNING):
+        if plan.task.ending is Ending.REJECTED or not self._recover(result.outcome, result.cause):
             self._fail(plan.task.ending, result.outcome, result.message)
 
     # driving
@@ -176,7 +162,7 @@ class MoveBase:
         elif drive.ending is Ending.CANCELED:
             message = f"The path of this goal was taken off the controller: {result.message}"
             self._end(Ending.CANCELED, NavigateOutcome.CANCELED, message)
-        elif drive.ending is Ending.REJECTED or result.outcome in FINAL or not self._recover(Trigger.DRIVING):
+        elif drive.ending is Ending.REJECTED or not self._recover(result.outcome, result.cause):
             self._fail(drive.ending, result.outcome, result.message)
 
     def _pass_on_feedback(self, now: float, watch: bool) -> None:
@@ -196,13 +182,11 @@ class MoveBase:
         if feedback.pose is None or parameters.oscillation_timeout <= 0.0:
             return
         if self._oscillation.progressed(now, feedback.pose.pose, parameters):
-            if self._trigger is Trigger.OSCILLATION:
-                self._recovered()
             return
         stuck = self._oscillation.stuck_for(now, parameters)
         if stuck is not None and self._recovery is None:
             self._stop_driving(now)
-            if not self._recover(Trigger.OSCILLATION):
+            if not self._recover(NavigateOutcome.OSCILLATION):
                 self._end(Ending.ABORTED, NavigateOutcome.OSCILLATION, f"Robot is oscillating for {stuck:.1f} s!")
 
     # replanning
@@ -240,7 +224,7 @@ class MoveBase:
         if self._is_path_blocked():
             self._replan_trouble = ""
             self._stop_driving(now)
-            if not self._recover(Trigger.PLANNING):
+            if not self._recover(result.outcome, result.cause):
                 self._fail(Ending.ABORTED, result.outcome, result.message)
 
     def _is_path_blocked(self) -> bool:
@@ -256,19 +240,26 @@ class MoveBase:
 
     # recovering
 
-    def _recover(self, trigger: Trigger) -> bool:
-        """Begin the next recovery behaviour; tell whether there is one."""
-        if not self._navigator.parameters.recovery_enabled or self._next_behavior >= len(self._behaviors):
+    def _recover(self, outcome: Enum, cause: Optional[Enum] = None) -> bool:
+        """Begin the next recovery behaviour that can change a failure; tell whether there is one."""
+        navigator = self._navigator
+        remedy = remedy_for(outcome, cause)
+        if not navigator.parameters.recovery_enabled or remedy is Remedy.NONE:
             return False
-        self._trigger = trigger
-        name = self._behaviors[self._next_behavior]
-        self._recovery = self._navigator.new_recovery(RecoverGoal(name), self.goal.controller)
-        if self._navigator.recovery_watcher is not None:
-            self._navigator.recovery_watcher(name, self._next_behavior, len(self._behaviors), self._where()[0])
-        return True
 
-    def _recovered(self) -> None:
-        self._next_behavior, self._trigger = 0, None
+        def suits(name: str) -> bool:
+            return remedy is Remedy.MOVE or not navigator.recoveries.plugin(name).leaves_place
+
+        where = self._where()[0]
+        pose = where.pose if where is not None else None
+        index = self._trials.next(pose, navigator.parameters.oscillation_distance, suits)
+        if index is None:
+            return False
+        name = self._behaviors[index]
+        self._recovery = navigator.new_recovery(RecoverGoal(name), self.goal.controller)
+        if navigator.recovery_watcher is not None:
+            navigator.recovery_watcher(name, index, len(self._behaviors), where)
+        return True
 
     def _update_recovery(self, now: float) -> None:
         recovery = self._recovery
@@ -276,7 +267,6 @@ class MoveBase:
         if not recovery.task.done:
             return
         self._recovery = None
-        self._next_behavior += 1
         self._oscillation.restart(now)
         self._plan_again()
         self._update_plan(now)

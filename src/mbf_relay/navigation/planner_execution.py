@@ -62,7 +62,9 @@ class PlannerExecution:
         self._pacer = Pacer()
         self._retries = 0
         self._last_failure = ""
+        self._cause: Optional[PlanOutcome] = None
         self._patience_end = math.inf
+        self._asked, self._pictured = -math.inf, math.inf
 
     @property
     def due(self) -> float:
@@ -77,6 +79,7 @@ class PlannerExecution:
             return
         if not self._since_goal.running:
             self._since_goal.start(now)
+            self._asked = now
         if self.task.cancel_requested:
             self.give_up(Ending.CANCELED, PlanOutcome.CANCELED, "Planning was cancelled")
             return
@@ -87,10 +90,12 @@ class PlannerExecution:
         if not self.task.done and self._job is None and self._pacer.is_due(now):
             self._begin(now)
 
-    def give_up(self, ending: Ending, outcome: PlanOutcome, message: str) -> None:
+    def give_up(
+        self, ending: Ending, outcome: PlanOutcome, message: str, cause: Optional[PlanOutcome] = None
+    ) -> None:
         """End now, whatever the planner does; its answer is dropped."""
         self._cancellation.cancel()
-        self.task.end(ending, PlanResult(outcome, message))
+        self.task.end(ending, PlanResult(outcome, message, cause=cause))
 
     def _begin(self, now: float) -> None:
         if self.seat.busy:
@@ -110,6 +115,7 @@ class PlannerExecution:
             self._wait_for(now, error.outcome, error.message)
             return
         snapshot = self._costmap.snapshot()
+        self._pictured = snapshot.stamp
         self._start_patience(now)
         tolerance, cancelled = self.goal.tolerance, self._cancellation
         self._job = self.seat.call(lambda planner: plan_with_room(planner, snapshot, start, goal, tolerance, cancelled))
@@ -170,9 +176,13 @@ class PlannerExecution:
         return Path(poses, frame, path.cost)
 
     def _fail(self, now: float, error: PlanningError) -> None:
+        if error.outcome is PlanOutcome.OUT_OF_MAP and self._pictured < self._asked:
+            # a rolling map follows the robot, and a growing one what it sees, with their next update
+            self._wait_for(now, error.outcome, error.message)
+            return
         retries = self._parameters().planner_max_retries
         self._retries += 1
-        self._last_failure = error.message
+        self._last_failure, self._cause = error.message, error.outcome
         tried_enough = retries == 0 or (retries > 0 and self._retries > retries)
         if not self._retry or tried_enough or error.outcome in HOPELESS:
             self.give_up(Ending.ABORTED, error.outcome, error.message)
@@ -191,4 +201,4 @@ class PlannerExecution:
     def _run_out_of_patience(self) -> None:
         why = self._last_failure or f"planner '{self.seat.name}' has not returned"
         message = f"Planner patience of {self._parameters().planner_patience:g} s exceeded: {why}"
-        self.give_up(Ending.ABORTED, PlanOutcome.PAT_EXCEEDED, message)
+        self.give_up(Ending.ABORTED, PlanOutcome.PAT_EXCEEDED, message, self._cause)

@@ -33,6 +33,7 @@ class BackUp(Recovery):
     """Drives straight back, as far as it is free behind, on the costmap as it is at each step."""
 
     Parameters = BackUpParameters
+    leaves_place = True
 
     def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
         """Yield the drive.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import abc
-from typing import Any, Iterator, Mapping
+from typing import Any, ClassVar, Iterator, Mapping
 
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.plugins import Plugin
@@ -43,7 +43,13 @@ class RecoveryContext(abc.ABC):
 
 
 class Recovery(Plugin, abc.ABC):
-    """Tries to get the robot going again, step by step, so that it can be cancelled between any two of them."""
+    """Tries to get the robot going again, step by step, so that it can be cancelled between any two of them.
+
+    Attributes:
+        leaves_place: Whether it drives the robot elsewhere; move_base then spares it for what the place can change.
+    """
+
+    leaves_place: ClassVar[bool] = False
 
     @abc.abstractmethod
     def run(self, context: RecoveryContext) -> Iterator[Twist2D]:

@@ -1,5 +1,6 @@
 """Scripted plugins, a robot of paper and a worker whose jobs end when the test says so."""
 
+import math
 from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple
 
 import numpy as np
@@ -70,18 +71,19 @@ class PaperRobot(Robot):
 
 
 class PaperCostmap:
-    """An empty costmap that is as stale as the test says."""
+    """An empty costmap as stale as the test says, its pictures newer than any goal where it says nothing."""
 
     def __init__(self, frame: str) -> None:
         self.frame, self.robot_frame = frame, "base"
         self.stale: Optional[str] = None
         self.trouble: Optional[PlanningError] = None
+        self.stamp = math.inf
         grid = Grid(0.05, -5.0, -5.0, 200, 200)
         self.costs = np.zeros(grid.shape, dtype=np.uint8)
         self._grid = grid
 
     def snapshot(self) -> CostGrid:
-        return CostGrid(self._grid, self.costs, self.frame, np.zeros((0, 2)), 0.1, 0.1)
+        return CostGrid(self._grid, self.costs, self.frame, np.zeros((0, 2)), 0.1, 0.1, stamp=self.stamp)
 
     def stale_reason(self, now: float) -> Optional[str]:
         return self.stale
@@ -137,6 +139,8 @@ class ScriptedController(Controller):
 
 
 class ScriptedRecovery(Recovery):
+    """What the script says; `LeavingRecovery` is the same, and drives the robot elsewhere."""
+
     def run(self, context):
         SCRIPT.calls[self.name] = SCRIPT.calls.get(self.name, 0) + 1
         try:
@@ -144,6 +148,10 @@ class ScriptedRecovery(Recovery):
                 yield velocity
         finally:
             SCRIPT.cleaned_up += 1
+
+
+class LeavingRecovery(ScriptedRecovery):
+    leaves_place = True
 
 
 class HeldWorker(Worker):

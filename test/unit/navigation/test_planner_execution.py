@@ -75,6 +75,29 @@ def test_waiting_does_not_mend_a_goal_outside_the_map(bench):
     assert result.outcome is PlanOutcome.OUT_OF_MAP and bench.script.calls["plan"] == 1
 
 
+def test_outside_the_map_is_believed_of_a_picture_taken_after_the_goal_came(bench):
+    bench.script.plan = PlanningError(PlanOutcome.OUT_OF_MAP, "the start lies outside")
+    bench.costmaps["global"].stamp = bench.now - 0.1
+    task = bench.navigator.get_path(PlanGoal(TARGET))
+    for _ in range(5):
+        bench.step()
+    assert not task.done
+    bench.script.plan = scripted.line  # the map has followed the robot
+    assert bench.finish(task).outcome is PlanOutcome.SUCCESS
+
+
+def test_a_map_that_does_not_follow_is_not_waited_for_for_ever(make_bench):
+    bench = make_bench(tf_timeout=0.5, planner_patience=0.0)
+    bench.script.plan = PlanningError(PlanOutcome.OUT_OF_MAP, "the start lies outside")
+    bench.costmaps["global"].stamp = bench.now - 0.1
+    assert bench.finish(bench.navigator.get_path(PlanGoal(TARGET)), 1.0).outcome is PlanOutcome.OUT_OF_MAP
+
+
+def test_what_failed_last_is_told_where_patience_ends(bench):
+    bench.script.plan = NO_WAY
+    assert bench.finish(bench.navigator.get_path(PlanGoal(TARGET))).cause is PlanOutcome.NO_PATH_FOUND
+
+
 @pytest.mark.parametrize("answer, outcome, text", [
     (RuntimeError("index 7"), PlanOutcome.INTERNAL_ERROR, "RuntimeError: index 7"),
     (None, PlanOutcome.INTERNAL_ERROR, "NoneType"),
