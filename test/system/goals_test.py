@@ -16,7 +16,7 @@ from mbf_msgs.msg import GetPathResult
 from mbf_msgs.msg import MoveBaseAction as FlexAction
 from mbf_msgs.msg import MoveBaseGoal as FlexGoal
 from mbf_msgs.msg import MoveBaseResult as FlexResult
-from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal, RecoveryStatus
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
@@ -29,13 +29,16 @@ from ros_testing import Listener, wait_until  # noqa: E402
 NAN = float("nan")
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 BAD_GOALS = {
-    "a position that is not a number": ((NAN, 0.0), UPRIGHT, "map", "INVALID_GOAL"),
-    "a position without end": ((0.5, math.inf), UPRIGHT, "map", "INVALID_GOAL"),
-    "a quaternion of zeros": ((0.5, 0.0), (0.0, 0.0, 0.0, 0.0), "map", "INVALID_GOAL"),
-    "a quaternion that is not a number": ((0.5, 0.0), (0.0, 0.0, NAN, 1.0), "map", "INVALID_GOAL"),
-    "a frame nobody knows": ((0.5, 0.0), UPRIGHT, "atlantis", "TF_ERROR"),
-    "a place outside the map": ((500.0, 0.0), UPRIGHT, "map", "OUT_OF_MAP"),
+    "a position that is not a number": ((NAN, 0.0), UPRIGHT, "map", "INVALID_GOAL", []),
+    "a position without end": ((0.5, math.inf), UPRIGHT, "map", "INVALID_GOAL", []),
+    "a quaternion of zeros": ((0.5, 0.0), (0.0, 0.0, 0.0, 0.0), "map", "INVALID_GOAL", []),
+    "a quaternion that is not a number": ((0.5, 0.0), (0.0, 0.0, NAN, 1.0), "map", "INVALID_GOAL", []),
+    "a frame nobody knows": ((0.5, 0.0), UPRIGHT, "atlantis", "TF_ERROR", []),
+    "a place outside the map": ((500.0, 0.0), UPRIGHT, "map", "OUT_OF_MAP", []),
+    "a place in a wall of a pillar": (
+        (1.025, 1.1), UPRIGHT, "map", "PAT_EXCEEDED", ["clear_costmap", "rotate_recovery"]),
 }
+"""What is wrong: position, quaternion, frame, outcome, and the recovery behaviours that are tried."""
 PATIENCE = 60.0
 """Wall seconds a goal that cannot be reached may take, recovery behaviours included."""
 STATUSES = (
@@ -60,6 +63,7 @@ class TestGoals(unittest.TestCase):
         cls.witness = Witness()
         cls.move_base = ActionClient("move_base", MoveBaseAction)
         cls.flex = ActionClient("move_base_flex/move_base", FlexAction)
+        cls.recoveries = Listener("move_base_flex/recovery_status", RecoveryStatus, connected=True)
         for client in (cls.move_base, cls.flex):
             assert client.wait_for_server(60.0), f"waited 60 s for {client.name}, in vain"
 
@@ -88,24 +92,25 @@ class TestGoals(unittest.TestCase):
         for name in STATUSES:
             wait_until(lambda: level(name) in WELL, f"'{name}' to be well again", 20.0)
 
-    def end(self, client, goal):
-        """Send a goal that must not move the robot, and return how it ended."""
-        before = self.witness.pose
+    def end(self, client, goal, recoveries):
+        """Send a goal that must not move the robot, check what was tried, and return how it ended."""
+        before, tried = self.witness.pose, len(self.recoveries.messages)
         ending = client.send(goal).wait(PATIENCE)
         self.assertIsNotNone(ending, f"waited {PATIENCE} s for the end of a goal of {client.name}, in vain")
         after = self.witness.pose
         self.assertLess(math.hypot(after.x - before.x, after.y - before.y), SHIFT)
+        self.assertEqual([status.recovery_behavior_name for status in self.recoveries.messages[tried:]], recoveries)
         return ending
 
 
-def add_tests(words, position, quaternion, frame, outcome):
+def add_tests(words, position, quaternion, frame, outcome, recoveries):
     def through_move_base(self):
-        ending = self.end(self.move_base, MoveBaseGoal(pose_of(position, quaternion, frame)))
+        ending = self.end(self.move_base, MoveBaseGoal(pose_of(position, quaternion, frame)), recoveries)
         self.assertIn(ending.status, (GoalStatus.ABORTED, GoalStatus.REJECTED))
         self.assertNotEqual(ending.text, "")
 
     def through_move_base_flex(self):
-        ending = self.end(self.flex, FlexGoal(target_pose=pose_of(position, quaternion, frame)))
+        ending = self.end(self.flex, FlexGoal(target_pose=pose_of(position, quaternion, frame)), recoveries)
         self.assertIn(ending.status, (GoalStatus.ABORTED, GoalStatus.REJECTED))
         code = ending.result.outcome
         self.assertIn(outcome, (name_of(code, FlexResult), name_of(code, GetPathResult)), ending.result.message)
