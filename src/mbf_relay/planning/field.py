@@ -63,6 +63,9 @@ class KeptField(abc.ABC):
         self._picture = 0
         self._slope = np.float32(0.0)
         self._weights = np.zeros(256, dtype=np.float32)
+        self._free = np.zeros(256, dtype=np.bool_)  # costs whose weight is above 0
+        self._cheapest = 0  # the cost of the lowest weight
+        self._lowest_from = self._weights  # the lowest weight of each cost and those above it
         self._field = np.zeros((0, 0), dtype=np.float32)
         self._seen = np.zeros((0, 0), dtype=np.uint8)  # the costs the field was made from, where it looked
         self._sizes = np.zeros(queue_kernels.BUCKETS, dtype=np.int64)
@@ -133,8 +136,8 @@ class KeptField(abc.ABC):
             if self._goal is not None:
                 self._field[self._goal[1], self._goal[0]] = 0.0
         self._goal = goal
-        self._weights = weights.copy()
-        self._table = self.table_of(weights)
+        if not np.array_equal(weights, self._weights):
+            self._take_weights(weights)
         self._sizes.fill(0)
         state = self._state
         state.fill(0)
@@ -143,6 +146,15 @@ class KeptField(abc.ABC):
         self._field[goal[1], goal[0]] = queue_kernels.ROOT_VALUE
         self._apart_cells[0], self._apart_keys[0] = goal[1] * 65536 + goal[0], queue_kernels.ROOT_VALUE
         state[queue_kernels.APART] = 1
+
+    def _take_weights(self, weights: np.ndarray) -> None:
+        """Keep weights and what is looked up of them in every plan."""
+        self._weights = weights.copy()
+        self._table = self.table_of(weights)
+        self._free = weights > 0.0
+        counted = np.where(self._free, weights, np.float32(np.inf))
+        self._cheapest = int(np.argmin(counted))
+        self._lowest_from = np.minimum.accumulate(counted[::-1])[::-1].copy()
 
     def _looked_at(self) -> Tuple[slice, slice]:
         """Return the part of the map the field rests on: the cells expanded and those next to them."""
@@ -232,11 +244,8 @@ class KeptField(abc.ABC):
 
     def _lowest_weight(self, costs: np.ndarray) -> np.float32:
         """Return a weight no cell connected with the goal goes below: the higher, the steeper the heuristic."""
-        weights = self._weights
-        free = np.flatnonzero(weights > 0.0)
-        best = int(free[np.argmin(weights[free])])
-        lowest = queue_kernels.lowest_connected(costs, weights > 0.0, self._goal[0], self._goal[1], best)
-        return weights[free[free >= lowest]].min()
+        lowest = queue_kernels.lowest_connected(costs, self._free, self._goal[0], self._goal[1], self._cheapest)
+        return self._lowest_from[lowest]
 
     def _enlarge(self) -> None:
         self._cells = np.concatenate((self._cells, np.zeros_like(self._cells)), axis=1)

@@ -79,7 +79,8 @@ def pull_taut(costs, weights, points, passes):
     """Straighten a path in place; it never counts more than before. Return how many points are left.
 
     Points that a straight line past them makes cheaper, or no dearer, are dropped; what is left is moved by parts of
-    a cell where that makes its two lines cheaper; until nothing changes.
+    a cell where that makes its two lines cheaper; until nothing changes. What was tried in vain is not tried again
+    before the point or one of its neighbours has changed.
 
     Args:
         costs, weights: As for `line_cost`.
@@ -90,6 +91,8 @@ def pull_taut(costs, weights, points, passes):
     lines = np.empty(count, np.float64)  # of each point to the next
     for n in range(count - 1):
         lines[n] = line_cost(costs, weights, points[n, 0], points[n, 1], points[n + 1, 0], points[n + 1, 1])
+    stays = np.zeros(count, np.bool_)  # dropping it was tried in vain
+    rests = np.zeros(count, np.bool_)  # moving it by `reach` was tried in vain
     reach = _MOVE
     for _ in range(passes):
         changed = False
@@ -99,16 +102,20 @@ def pull_taut(costs, weights, points, passes):
             spared = parity == 1
             for n in range(1, count - 1):
                 dropped = False
-                if not spared:
+                if not spared and not stays[n]:
                     straight = line_cost(
                         costs, weights, points[kept - 1, 0], points[kept - 1, 1], points[n + 1, 0], points[n + 1, 1])
                     if straight <= lines[kept - 1] + lines[n] + 1e-9:
                         lines[kept - 1] = straight
                         dropped = True
                         changed = True
+                        stays[kept - 1] = stays[n + 1] = False
+                        rests[kept - 1] = rests[n + 1] = False
+                    else:
+                        stays[n] = True
                 if not dropped:
                     points[kept, 0], points[kept, 1] = points[n, 0], points[n, 1]
-                    lines[kept] = lines[n]
+                    lines[kept], stays[kept], rests[kept] = lines[n], stays[n], rests[n]
                     kept += 1
                 spared = dropped
             if count > 1:
@@ -116,6 +123,9 @@ def pull_taut(costs, weights, points, passes):
                 count = kept + 1
         moved = False
         for n in range(1, count - 1):
+            if rests[n]:
+                continue
+            rests[n] = True
             x, y = points[n, 0], points[n, 1]
             best = lines[n - 1] + lines[n]
             best_x, best_y = x, y
@@ -135,8 +145,11 @@ def pull_taut(costs, weights, points, passes):
                 lines[n - 1] = line_cost(costs, weights, points[n - 1, 0], points[n - 1, 1], best_x, best_y)
                 lines[n] = line_cost(costs, weights, best_x, best_y, points[n + 1, 0], points[n + 1, 1])
                 moved = True
+                for k in range(n - 1, n + 2):
+                    stays[k] = rests[k] = False
         if not changed and not moved:
             if reach <= 0.25 * _MOVE:
                 break
             reach *= 0.5
+            rests[:] = False
     return count

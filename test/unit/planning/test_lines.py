@@ -80,6 +80,52 @@ def test_a_path_pulled_taut_never_costs_more(seed):
     assert taut[0].tolist() == [2.5, 2.5] and taut[-1].tolist() == [36.5, 37.5]
 
 
+def plainly_taut(costs, points, passes):
+    """Pull a path taut as the kernel says it does, trying everything again in every pass."""
+    def line(one, other):
+        return line_kernels.line_cost(costs, TABLE, *one, *other)
+
+    points, reach = [tuple(point) for point in points], 0.37
+    for _ in range(passes):
+        before = list(points)
+        for parity in range(2):
+            kept, spared = points[:1], parity == 1
+            for here, after in zip(points[1:-1], points[2:]):
+                spared = not spared and line(kept[-1], after) <= line(kept[-1], here) + line(here, after) + 1e-9
+                if not spared:
+                    kept.append(here)
+            points = kept + points[-1:]
+        for n in range(1, len(points) - 1):
+            x, y = points[n]
+            best = line(points[n - 1], points[n]) + line(points[n], points[n + 1])
+            for to in ((x - reach, y), (x + reach, y), (x, y - reach), (x, y + reach)):
+                if 0.0 < to[0] < costs.shape[1] and 0.0 < to[1] < costs.shape[0]:
+                    moved = line(points[n - 1], to) + line(to, points[n + 1])
+                    if moved < best - 1e-6:
+                        best, points[n] = moved, to
+        if points == before:
+            if reach <= 0.25 * 0.37:
+                break
+            reach *= 0.5
+    return np.array(points)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_what_was_tried_in_vain_is_left_out_and_the_taut_path_is_the_same(seed):
+    rng = np.random.default_rng(100 + seed)
+    costs = rng.integers(0, rng.choice([1, 30, 253]), (30, 30)).astype(np.uint8)
+    costs[rng.random(costs.shape) < 0.12] = 254
+    costs[2, 2] = costs[27, 26] = 0
+    field = CostToGo()
+    if not field.reach(costs, WEIGHTS, (2, 2), (26, 27), Cancellation()):
+        pytest.skip("no way on this map")
+    points = field.path(costs, (2, 2)) + 0.5
+    for passes in (2, 3, 5, 60):
+        taut = points.copy()
+        count = line_kernels.pull_taut(costs, TABLE, taut, passes)
+        assert (taut[:count] == plainly_taut(costs, points, passes)).all()
+
+
 def test_over_free_space_a_taut_path_is_one_line():
     costs = np.zeros((50, 50), dtype=np.uint8)
     field = CostToGo()
