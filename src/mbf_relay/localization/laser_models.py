@@ -41,8 +41,17 @@ class LaserModel(abc.ABC):
         return pick_beams(scan, laser_pose, step, values.laser_min_range, values.laser_max_range)
 
     @abc.abstractmethod
-    def log_likelihoods(self, poses: np.ndarray, beams: Beams) -> np.ndarray:
-        """Return the log-likelihood of the beams at each pose: (N, 3) in the map's frame in, (N,) out."""
+    def log_likelihoods(self, poses: np.ndarray, beams: Beams, converged: bool = False) -> np.ndarray:
+        """Return the log-likelihood of the beams at each pose.
+
+        Args:
+            poses: Shape (N, 3), in the map's frame.
+            beams: Of one scan.
+            converged: Whether the particles lay close together when they were last drawn.
+
+        Returns:
+            Shape (N,).
+        """
 
 
 class BeamModel(LaserModel):
@@ -52,7 +61,7 @@ class BeamModel(LaserModel):
     too strongly: p = 1 + sum of pz^3.
     """
 
-    def log_likelihoods(self, poses: np.ndarray, beams: Beams) -> np.ndarray:
+    def log_likelihoods(self, poses: np.ndarray, beams: Beams, converged: bool = False) -> np.ndarray:
         values = self.parameters
         model = np.array([
             values.laser_z_hit, values.laser_z_short, values.laser_z_max, values.laser_z_rand,
@@ -101,7 +110,7 @@ class LikelihoodFieldModel(FieldModel):
     def term(self, likelihood: np.ndarray) -> np.ndarray:
         return likelihood * likelihood * likelihood
 
-    def log_likelihoods(self, poses: np.ndarray, beams: Beams) -> np.ndarray:
+    def log_likelihoods(self, poses: np.ndarray, beams: Beams, converged: bool = False) -> np.ndarray:
         sums = np.empty(len(poses))
         table, outside = self.table(beams.range_max)
         sum_over_endpoints(poses, beams.hits, table, outside, self.field.frame, sums)
@@ -116,10 +125,10 @@ class LikelihoodFieldProbModel(FieldModel):
     def term(self, likelihood: np.ndarray) -> np.ndarray:
         return np.log(np.maximum(likelihood, np.float32(1e-30)))
 
-    def log_likelihoods(self, poses: np.ndarray, beams: Beams) -> np.ndarray:
+    def log_likelihoods(self, poses: np.ndarray, beams: Beams, converged: bool = False) -> np.ndarray:
         hits = beams.hits
         table, outside = self.table(beams.range_max)
-        if self.parameters.do_beamskip and is_converged(poses):
+        if self.parameters.do_beamskip and converged:
             hits = np.ascontiguousarray(hits[self.beams_to_keep(poses, hits)])
         sums = np.empty(len(poses))
         sum_over_endpoints(poses, hits, table, outside, self.field.frame, sums)

@@ -12,7 +12,7 @@ from mbf_relay.localization.beams import Beams, pick_beams
 from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.estimate import Estimate, estimate
 from mbf_relay.localization.gaussians import log_sum_exp
-from mbf_relay.localization.laser_models import make_laser_model
+from mbf_relay.localization.laser_models import is_converged, make_laser_model
 from mbf_relay.localization.motion_models import make_motion_model
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.resampling import AverageLikelihood, particle_limits, resample
@@ -69,13 +69,7 @@ class Localizer:
         Raises:
             ValueError: The pose is not finite or not on the map, or the covariance is not finite. Nothing has changed.
         """
-        covariance = np.asarray(covariance, dtype=float)
-        if not pose.is_finite():
-            raise ValueError(f"initial pose {tuple(pose)} is not finite")
-        if covariance.shape != (3, 3) or not np.isfinite(covariance).all():
-            raise ValueError(f"covariance of the initial pose {covariance.tolist()} is no finite 3 x 3 matrix")
-        if not self.field.occupancy.contains_point(pose.x, pose.y):
-            raise ValueError(f"initial pose ({pose.x:.3f}, {pose.y:.3f}) is not on the map; choose a place on it")
+        check_initial_pose(pose, covariance, self.field.occupancy)
         variances, axes = np.linalg.eigh(0.5 * (covariance + covariance.T))
         noise = self._rng.standard_normal((self.parameters.max_particles, 3)) * np.sqrt(np.maximum(variances, 0.0))
         self._start(noise @ axes.T + np.array(pose))
@@ -93,7 +87,9 @@ class Localizer:
         self._forced = True
 
     def set_map(self, occupancy: OccupancyMap) -> None:
-        """Take another map; the particles stay where they are.
+        """Take another map; the particles stay where they are, and the next scan updates them.
+
+        amcl starts again at the pose of the parameter server, which is seconds old or that of the launch file.
 
         Raises:
             ValueError: The map has no cell. The old one stays.
@@ -101,6 +97,7 @@ class Localizer:
         self.field = DistanceField(occupancy, self.parameters.laser_likelihood_max_dist)
         self._averages.reset()
         self._make_models()
+        self.request_update()
 
     def reconfigure(self, parameters: LocalizerParameters) -> None:
         """Take new parameters at once; the particles stay where they are."""
@@ -146,9 +143,10 @@ class Localizer:
             self._propose(scan, laser_pose_in_base, before.distance_to(odom_pose))
         else:
             self._reweight(beams)
+        # As in amcl the first scan after a start, which counts anyway, leaves a request to the second.
+        self._forced = self._forced and self._odom_pose is None
         self._odom_pose = odom_pose
         self._awaited[scan.frame] = False
-        self._forced = False
         self._updates += 1
         self.last_estimate = estimate(self.poses, self.weights)
         if self._updates % self.parameters.resample_interval == 0:
@@ -187,7 +185,7 @@ class Localizer:
 
     def _reweight(self, beams: Beams) -> None:
         """Weigh each particle by how the scan fits, and normalise (table 8.2, line 5)."""
-        log_weights = self.log_weights + self._laser_model.log_likelihoods(self.poses, beams)
+        log_weights = self.log_weights + self._laser_model.log_likelihoods(self.poses, beams, self._converged)
         log_average = log_sum_exp(log_weights)
         self._averages.update(log_average, self.parameters.recovery_alpha_slow, self.parameters.recovery_alpha_fast)
         self.log_weights = log_weights - log_average
@@ -201,6 +199,7 @@ class Localizer:
         share = self._averages.random_share() if not self.field.blocked.all() else 0.0
         self.poses = resample(self.poses, weights, limits, self._rng, share, self._random_poses)
         self.log_weights = np.full(len(self.poses), -math.log(len(self.poses)))
+        self._converged = is_converged(self.poses)
         if share > 0.0:
             self._averages.reset()
 
@@ -215,7 +214,7 @@ class Localizer:
         self._averages.reset()
         self._odom_pose: Optional[Pose2D] = None
         self._awaited: Dict[str, bool] = {}
-        self._forced = False
+        self._forced = self._converged = False
         self._updates = 0
 
     def _make_models(self) -> None:
@@ -225,6 +224,17 @@ class Localizer:
             ScanLikelihood(self.field, self.parameters.laser_sigma_hit), self._random_poses,
             recovers=self.parameters.recovery_alpha_fast > 0.0,
         )
+
+
+def check_initial_pose(pose: Pose2D, covariance: np.ndarray, occupancy: OccupancyMap) -> None:
+    """Raise ValueError where a robot cannot be started at a pose with a covariance, shape (3, 3), on a map."""
+    covariance = np.asarray(covariance, dtype=float)
+    if not pose.is_finite():
+        raise ValueError(f"initial pose {tuple(pose)} is not finite")
+    if covariance.shape != (3, 3) or not np.isfinite(covariance).all():
+        raise ValueError(f"covariance of the initial pose {covariance.tolist()} is no finite 3 x 3 matrix")
+    if not occupancy.contains_point(pose.x, pose.y):
+        raise ValueError(f"initial pose ({pose.x:.3f}, {pose.y:.3f}) is not on the map; choose a place on it")
 
 
 def replicate(poses: np.ndarray, log_weights: np.ndarray, fewest: int) -> Tuple[np.ndarray, np.ndarray]:

@@ -5,33 +5,32 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from typing import Any, List, Optional
+from typing import Any, Callable, List, Optional, Tuple
 
 import numpy as np
 import rospy
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from nav_msgs.msg import OccupancyGrid
-from nav_msgs.srv import GetMap, SetMap, SetMapRequest, SetMapResponse
+from nav_msgs.srv import SetMap, SetMapRequest, SetMapResponse
 from sensor_msgs.msg import LaserScan as LaserScanMessage
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.estimate import Estimate
-from mbf_relay.localization.localizer import Localizer
+from mbf_relay.localization.localizer import Localizer, check_initial_pose
+from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros import diagnostics, parameters
-from mbf_relay.localization.node_parameters import (
-    INITIAL, NODE_ONLY, AmclParameters, initial_pose_as_parameters, initial_pose_from,
-)
-from mbf_relay.ros.complaints import Complaints
-from mbf_relay.ros.conversions import InvalidMessage, header, map_from_message, pose_from_message, pose_to_message
+from mbf_relay.ros.amcl_health import ScanWatch, deviation_report
+from mbf_relay.ros.conversions import header, map_from_message, pose_to_message
+from mbf_relay.ros.initial_pose import check_frame, initial_pose_from_message, motion_since
+from mbf_relay.ros.map_client import request_map
 from mbf_relay.ros.map_to_odom import MapToOdom
 from mbf_relay.ros.particle_cloud import ParticleCloud
+from mbf_relay.ros.saved_pose import SavedPose
 from mbf_relay.ros.scan_queue import LidarGeometry, ScanQueue
 from mbf_relay.ros.transforms import TransformPublisher, Transforms
-
-NO_SCAN_WARNING = 15.0
 
 
 class AmclNode:
@@ -55,8 +54,8 @@ class AmclNode:
         self._pending_pose: Optional[PoseWithCovarianceStamped] = None
         self._odom_pose: Optional[Pose2D] = None
         self._covariance = np.diag([INITIAL["initial_cov_xx"], INITIAL["initial_cov_yy"], INITIAL["initial_cov_aa"]])
-        self._saved_at = -np.inf
-        self._last_scan_at = time.monotonic()
+        self._saved_pose = SavedPose()
+        self._scan_watch = ScanWatch()
         self._update_seconds = 0.0
         self.transforms = Transforms()
         self._queue = ScanQueue()
@@ -75,7 +74,7 @@ class AmclNode:
                 rospy.Subscriber("map", OccupancyGrid, self._take_map, queue_size=1, buff_size=1 << 24)
             )
         else:
-            self._request_map()
+            self._use_map(request_map())
         self._services = [
             rospy.Service("global_localization", Empty, self._globalize),
             rospy.Service("request_nomotion_update", Empty, self._request_update),
@@ -84,7 +83,7 @@ class AmclNode:
         self._reconfigure_server = self._serve_reconfigure()
         self._diagnostics = diagnostics.Diagnostics()
         self._diagnostics.add("Standard deviation", self._report)
-        rospy.on_shutdown(self._save_pose)
+        rospy.on_shutdown(lambda: self._save_pose(self._saved_pose.save))
 
     def run(self) -> None:
         """Subscribe to scans and work until shutdown."""
@@ -96,7 +95,7 @@ class AmclNode:
         while not rospy.is_shutdown():
             for message in self._queue.take(self.is_ready, timeout=0.1):
                 self.process(message)
-            self._warn_without_scans()
+            self._scan_watch.look(self._queue, self._parameters)
 
     def _serve_reconfigure(self) -> Any:
         from mbf_relay.cfg import AMCLConfig
@@ -122,19 +121,6 @@ class AmclNode:
 
     # --- map ------------------------------------------------------------------------------------------------------
 
-    def _request_map(self) -> None:
-        complaints = Complaints()
-        while not rospy.is_shutdown():
-            try:
-                rospy.wait_for_service("static_map", timeout=5.0)
-                self._use_map(map_from_message(rospy.ServiceProxy("static_map", GetMap)().map))
-                return
-            except rospy.ROSInterruptException:
-                raise
-            except (rospy.ROSException, rospy.ServiceException, ValueError) as error:
-                complaints.say(f"no map from {rospy.resolve_name('static_map')} yet, trying again: {error}")
-                time.sleep(0.5)
-
     def _take_map(self, message: OccupancyGrid) -> None:
         with self._lock:
             if self._localizer is not None and self._parameters.first_map_only:
@@ -152,74 +138,62 @@ class AmclNode:
         with self._lock:
             if self._localizer is not None:
                 self._localizer.set_map(occupancy)
-                return
-            localizer = Localizer(self._parameters, occupancy, self._rng)
-            self._localizer = localizer
-            self._configure_broadcast()
-            pose, covariance, refused = initial_pose_from(parameters.read_namespace("~"))
-            for name in refused:
-                rospy.logwarn("parameter ~%s is no finite number and is ignored; %s is used", name, INITIAL[name])
-            try:
-                localizer.set_initial_pose(pose, covariance)
-                self._covariance = covariance
-            except ValueError as error:
-                rospy.logwarn("%s; starting with particles all over the map", error)
-            if self._pending_pose is not None:
-                self._start_at(self._pending_pose)
-                self._pending_pose = None
+            else:
+                self._start_on(occupancy)
         height, width = occupancy.data.shape
         rospy.loginfo("localizing on a map of %d x %d cells of %.3f m", width, height, occupancy.resolution)
 
-    def _set_map(self, request: SetMapRequest) -> SetMapResponse:
+    def _start_on(self, occupancy: OccupancyMap) -> None:
+        """Make the filter, at the pose of the parameters or at one that came before the map."""
+        self._localizer = Localizer(self._parameters, occupancy, self._rng)
+        self._configure_broadcast()
+        pose, covariance = self._saved_pose.load()
         try:
-            self._use_map(map_from_message(request.map))
+            self._localizer.set_initial_pose(pose, covariance)
+            self._covariance = covariance
         except ValueError as error:
-            rospy.logwarn("set_map: map refused: %s", error)
+            rospy.logwarn("%s; starting with particles all over the map", error)
+        pending, self._pending_pose = self._pending_pose, None
+        if pending is not None:
+            self._take_initial_pose(pending)
+
+    def _set_map(self, request: SetMapRequest) -> SetMapResponse:
+        """Take a map and a pose on it: both, or none of them."""
+        try:
+            occupancy, (pose, covariance) = map_from_message(request.map), self._read_pose(request.initial_pose)
+            check_initial_pose(pose, covariance, occupancy)
+            with self._lock:
+                self._use_map(occupancy)
+                self._start_at(pose, covariance, self._parameters.force_update_after_set_map)
+        except ValueError as error:
+            rospy.logwarn("set_map refused: %s", error)
             return SetMapResponse(False)
-        accepted = self._take_initial_pose(request.initial_pose, forced=self._parameters.force_update_after_set_map)
-        return SetMapResponse(accepted)
+        return SetMapResponse(True)
 
     # --- pose -----------------------------------------------------------------------------------------------------
 
-    def _take_initial_pose(self, message: PoseWithCovarianceStamped, forced: Optional[bool] = None) -> bool:
-        frame = message.header.frame_id.lstrip("/")
-        if not frame:
-            rospy.logwarn("initial pose without a frame, taken in '%s'; always give one", self._parameters.global_frame_id)
-        elif frame != self._parameters.global_frame_id:
-            rospy.logwarn("initial pose in frame '%s' ignored: it must be in '%s'", frame, self._parameters.global_frame_id)
-            return False
-        with self._lock:
-            if self._localizer is None:
-                self._pending_pose = message
-                return True
-            started = self._start_at(message)
-            if started and (self._parameters.force_update_after_initialpose if forced is None else forced):
-                self._localizer.request_update()
-            return started
-
-    def _start_at(self, message: PoseWithCovarianceStamped) -> bool:
-        """Start the filter at a pose, moved by what odometry has seen since its stamp; tell whether it was taken."""
-        covariance = np.array(message.pose.covariance, dtype=float).reshape(6, 6)[np.ix_((0, 1, 5), (0, 1, 5))]
-        covariance[:2, 2] = covariance[2, :2] = 0.0
+    def _take_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         try:
-            pose = pose_from_message(message.pose.pose).compose(self._motion_since(message.header.stamp))
-            self._localizer.set_initial_pose(pose, covariance)
+            with self._lock:
+                if self._localizer is None:
+                    self._pending_pose = message
+                else:
+                    self._start_at(*self._read_pose(message), self._parameters.force_update_after_initialpose)
         except ValueError as error:
             rospy.logwarn("initial pose refused: %s", error)
-            return False
-        rospy.loginfo("starting at x %.3f, y %.3f, yaw %.3f", *pose)
-        return True
 
-    def _motion_since(self, stamp: rospy.Time) -> Pose2D:
-        """Return the base's motion from `stamp` to now; none where odometry does not reach back or is not there."""
+    def _read_pose(self, message: PoseWithCovarianceStamped) -> Tuple[Pose2D, np.ndarray]:
+        """Return where a message says the robot is now, and how surely; ValueError where it cannot be used."""
         values = self._parameters
-        try:
-            now = self.transforms.lookup(values.odom_frame_id, values.base_frame_id)
-            if stamp.is_zero():
-                return Pose2D(0.0, 0.0, 0.0)
-            return now.relative_to(self.transforms.lookup(values.odom_frame_id, values.base_frame_id, stamp.to_sec()))
-        except TransformError:
-            return Pose2D(0.0, 0.0, 0.0)
+        check_frame(message, values.global_frame_id)
+        motion = motion_since(message.header.stamp, self.transforms, values.odom_frame_id, values.base_frame_id)
+        return initial_pose_from_message(message, motion)
+
+    def _start_at(self, pose: Pose2D, covariance: np.ndarray, forced: bool) -> None:
+        self._localizer.set_initial_pose(pose, covariance)
+        if forced:
+            self._localizer.request_update()
+        rospy.loginfo("starting at x %.3f, y %.3f, yaw %.3f", *pose)
 
     def _globalize(self, _request: EmptyRequest) -> EmptyResponse:
         self.globalize()
@@ -261,7 +235,7 @@ class AmclNode:
 
     def process(self, message: LaserScanMessage) -> None:
         """Run the filter on one scan whose transform is there, and publish what comes out."""
-        self._last_scan_at = time.monotonic()
+        self._scan_watch.saw()
         stamp = message.header.stamp
         with self._lock:
             if self._localizer is None:
@@ -282,7 +256,8 @@ class AmclNode:
                 self._covariance = estimate.covariance
         if estimate is not None:
             self._publish(estimate, particles, stamp)
-        self._save_pose_in_time(stamp.to_sec())
+        if self._saved_pose.is_due(stamp.to_sec(), values.save_pose_rate):
+            self._save_pose(self._saved_pose.save_soon)
 
     def _publish(self, estimate: Estimate, particles: np.ndarray, stamp: rospy.Time) -> None:
         message = PoseWithCovarianceStamped(header=header(self._parameters.global_frame_id, stamp))
@@ -293,56 +268,23 @@ class AmclNode:
         self._pose_publisher.publish(message)
         self._cloud_publisher.publish(ParticleCloud(header(self._parameters.global_frame_id, stamp), particles))
 
-    def _warn_without_scans(self) -> None:
-        silence = time.monotonic() - self._last_scan_at
-        if silence < NO_SCAN_WARNING:
-            return
-        waiting = self._queue.oldest()
-        topic = rospy.resolve_name("scan")
-        if waiting is None:
-            rospy.logwarn_throttle(NO_SCAN_WARNING, f"no scan on {topic} for {silence:.0f} s; no pose comes without")
-        else:
-            rospy.logwarn_throttle(
-                NO_SCAN_WARNING,
-                f"scans on {topic} wait for {silence:.0f} s: no transform from '{waiting.header.frame_id}' by "
-                f"'{self._parameters.base_frame_id}' to '{self._parameters.odom_frame_id}' at their time",
-            )
+    # --- what is kept and told ------------------------------------------------------------------------------------
 
-    # --- the pose kept for the next start ---------------------------------------------------------------------------
-
-    def _save_pose_in_time(self, now: float) -> None:
-        rate = self._parameters.save_pose_rate
-        if rate > 0.0 and not 0.0 <= now - self._saved_at < 1.0 / rate:
-            self._saved_at = now
-            self._save_pose()
-
-    def _save_pose(self) -> None:
+    def _save_pose(self, save: Callable[[Pose2D, np.ndarray], None]) -> None:
         with self._lock:
-            pose = self.pose()
-            if pose is None:
-                return
-            values = initial_pose_as_parameters(pose, self._covariance)
-        try:
-            for name, value in values.items():
-                rospy.set_param(f"~{name}", value)
-        except (OSError, rospy.ROSException):
-            rospy.logdebug("the pose could not be saved: the parameter server is gone")
+            pose, covariance = self.pose(), self._covariance
+        if pose is not None:
+            save(pose, covariance)
 
     def _report(self) -> diagnostics.Report:
-        values = self._parameters
         with self._lock:
-            deviations = np.sqrt(np.diag(self._covariance))
-            particles = 0 if self._localizer is None else len(self._localizer.poses)
-        levels = (values.std_warn_level_x, values.std_warn_level_y, values.std_warn_level_yaw)
-        details = {
-            "std_x": deviations[0], "std_y": deviations[1], "std_yaw": deviations[2], "std_warn_level_x": levels[0],
-            "std_warn_level_y": levels[1], "std_warn_level_yaw": levels[2], "particles": particles,
-            "last update [ms]": f"{1e3 * self._update_seconds:.2f}",
-            "map -> odom age [s]": f"{self._map_to_odom.age():.2f}",
-        }
-        if (deviations > levels).any():
-            return diagnostics.WARN, "Too large", details
-        return diagnostics.OK, "OK", details
+            values, covariance = self._parameters, self._covariance
+            details = {
+                "particles": 0 if self._localizer is None else len(self._localizer.poses),
+                "last update [ms]": f"{1e3 * self._update_seconds:.2f}",
+                "map -> odom age [s]": f"{self._map_to_odom.age():.2f}",
+            }
+        return deviation_report(values, covariance, details)
 
 
 def main() -> None:

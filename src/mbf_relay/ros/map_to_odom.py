@@ -35,8 +35,12 @@ class MapToOdom:
         self._stamps: Deque[rospy.Time] = deque(maxlen=REMEMBERED)
         self._updated = self._taken_at = rospy.Time(0)
         self._stop = threading.Event()
-        rospy.on_shutdown(self._stop.set)
+        rospy.on_shutdown(self.close)
         threading.Thread(target=self._keep_alive, name="map_to_odom", daemon=True).start()
+
+    def close(self) -> None:
+        """Keep it alive no longer."""
+        self._stop.set()
 
     def configure(self, parent: str, child: str, tolerance: float, enabled: bool) -> None:
         """Take the names of map and odometry frame, how far to date ahead (s), and whether to send at all."""
@@ -64,11 +68,15 @@ class MapToOdom:
 
     def _keep_alive(self) -> None:
         while not self._stop.wait(KEEP_ALIVE_PERIOD):
-            with self._lock:
-                now, ahead = rospy.get_rostime(), rospy.Duration(self._tolerance)
-                if self._map_from_odom is None or now.is_zero():
-                    continue
-                if now < self._taken_at:
-                    self._taken_at, self._sent = now, rospy.Time(0)  # time was set back
-                if now - self._taken_at > rospy.Duration(PAUSE) and now + ahead * 0.5 > self._sent:
-                    self._send(now + ahead)
+            self.look(rospy.get_rostime())
+
+    def look(self, now: rospy.Time) -> None:
+        """Send the transform on where no scan has for a while and its stamp is about to fall behind `now`."""
+        with self._lock:
+            ahead = rospy.Duration(self._tolerance)
+            if self._map_from_odom is None or now.is_zero():
+                return
+            if now < self._taken_at:
+                self._taken_at, self._sent = now, rospy.Time(0)  # time was set back
+            if now - self._taken_at > rospy.Duration(PAUSE) and now + ahead * 0.5 > self._sent:
+                self._send(now + ahead)

@@ -7,6 +7,7 @@ from typing import Any, Iterable, Mapping, Type, TypeVar
 import rospy
 
 from mbf_relay.parameters import ParameterSet
+from mbf_relay.ros.reconfigure import RESTORE_DEFAULTS
 
 T = TypeVar("T", bound=ParameterSet)
 
@@ -35,7 +36,8 @@ def fill(parameter_set: Type[T], values: Mapping[str, Any], where: str, known_el
         known_elsewhere: Names that somebody else reads.
     """
     for name in parameter_set.unknown_names(values):
-        if name not in known_elsewhere:
+        # dynamic_reconfigure leaves its button on the server, where the next start of the node finds it.
+        if name not in known_elsewhere and name != RESTORE_DEFAULTS:
             nearest = parameter_set.nearest_name(name)
             hint = f"; did you mean '{nearest}'?" if nearest else ""
             rospy.logwarn("parameter %s is not known here and is ignored%s", rospy.resolve_name(join(where, name)), hint)

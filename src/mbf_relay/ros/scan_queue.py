@@ -34,7 +34,7 @@ class ScanQueue:
     def put(self, message: LaserScanMessage) -> None:
         """Add a scan; the oldest goes where there is no room."""
         with self._changed:
-            if self._waiting and message.header.stamp < self._waiting[-1].header.stamp - _ONE_SECOND:
+            if self._waiting and message.header.stamp + _ONE_SECOND < self._waiting[-1].header.stamp:
                 self._waiting.clear()  # time was set back: what waits belongs to a world that is over
             self._waiting.append(message)
             self._changed.notify()
