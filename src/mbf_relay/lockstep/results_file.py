@@ -65,9 +65,9 @@ class ResultsFile:
 
     def append(self, result: EpisodeResult) -> None:
         """Write a result; when this returns, it survives a crash of the machine."""
+        self.results.append(result)  # first: an interrupt during the writing must not leave it out of the summary
         os.write(self._descriptor, (result.to_line() + "\n").encode())
         os.fsync(self._descriptor)
-        self.results.append(result)
 
     def close(self) -> None:
         """Release the folder."""

@@ -4,6 +4,7 @@ import dataclasses
 
 import pytest
 
+from mbf_relay.lockstep import results_file
 from mbf_relay.lockstep.result import EpisodeResult, failed, score
 from mbf_relay.lockstep.results_file import LINES, ResultsFile, read_lines
 from mbf_relay.lockstep.smoothness import Smoothness
@@ -54,6 +55,19 @@ def test_a_line_cut_short_by_a_kill_is_left_out_and_the_next_stands_alone(tmp_pa
     results, warnings = read_lines(tmp_path / LINES)
     assert [result.world for result in results] == ["barn_001", "barn_002"]
     assert len(warnings) == 1
+
+
+def test_an_interrupt_during_the_writing_leaves_no_line_without_its_result(tmp_path, monkeypatch):
+    file = ResultsFile(tmp_path, {})
+
+    def interrupt(_descriptor):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(results_file.os, "fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        file.append(RESULT)
+    file.close()
+    assert file.results == read_lines(tmp_path / LINES)[0] == [RESULT]
 
 
 def test_other_settings_are_refused_by_name(tmp_path):
