@@ -83,7 +83,8 @@ class RelayServerTest(unittest.TestCase):
 
     def test_the_newest_of_many_goals_wins(self):
         target = self.x + 0.3
-        handles = [self.send(self.x + 50.0, 0.0) for _ in range(10)] + [self.send(target, 0.0)]
+        # Fewer than the ten that actionlib's client keeps for sending: an eleventh drops the first on a busy machine.
+        handles = [self.send(self.x + 50.0, 0.0) for _ in range(8)] + [self.send(target, 0.0)]
         self.check_end(handles[-1], GoalStatus.SUCCEEDED, "Goal reached.")
         for handle in handles[:-1]:
             self.check_end(handle, GoalStatus.PREEMPTED,
