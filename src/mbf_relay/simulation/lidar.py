@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Optional, Tuple
+from typing import Optional
 
 import numpy as np
 
@@ -12,15 +12,10 @@ from mbf_relay.simulation import burger
 from mbf_relay.simulation.faults import Faults
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.parameters import SimulationParameters
-from mbf_relay.simulation.physics import Physics
+from mbf_relay.simulation.stage import Stage
 
 DEAD = 0.0
 """What an LDS-01 reads where it measured nothing; below range_min, so that nobody takes it for a distance."""
-
-LOOK_BEYOND = 0.05
-"""How much farther (m) than expected a beam looks at first."""
-NEIGHBOURS = 2
-"""Beams on either side that are asked what to expect."""
 
 
 class Lidar:
@@ -31,15 +26,14 @@ class Lidar:
     before the scan is complete. Rays start at the sensor and never see the robot itself.
     """
 
-    def __init__(self, physics: Physics, parameters: SimulationParameters, rng: np.random.Generator) -> None:
-        self._physics, self._parameters, self._rng = physics, parameters, rng
+    def __init__(self, stage: Stage, parameters: SimulationParameters, rng: np.random.Generator) -> None:
+        self._stage, self._parameters, self._rng = stage, parameters, rng
         self._steps = parameters.steps_between("scan_rate")
         self._increment = 2.0 * math.pi / parameters.scan_beams
         angles = self._increment * np.arange(parameters.scan_beams)
         self._directions = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))))
         self._skewed = np.full(parameters.scan_beams, np.inf)
         self._last: Optional[np.ndarray] = None
-        self._seen: Optional[Tuple[Frame, np.ndarray]] = None
 
     def sweep(self, base: Frame, step: int) -> None:
         """Take the beams that a turning sensor passes in one physics step, with base_link at `base` in the world."""
@@ -56,7 +50,7 @@ class Lidar:
             return None
         parameters = self._parameters
         if not faults.lidar_frozen or self._last is None:
-            distances = self._skewed if parameters.scan_skew else self._all_distances(base)
+            distances = self._skewed if parameters.scan_skew else self._distances(base, self._directions)
             self._last = self._with_errors(distances)
         stamp = now - 0.5 * self._steps / parameters.physics_rate if parameters.scan_skew else now
         return LaserScan(
@@ -67,43 +61,9 @@ class Lidar:
     def _distances(self, base: Frame, directions: np.ndarray) -> np.ndarray:
         """Return the true distances along directions (B, 3), shape (B,) in metres, +inf where nothing is within range."""
         sensor = base.compose(burger.SCAN_IN_BASE)
-        return self._cast(sensor, directions, np.full(len(directions), self._parameters.scan_range_max))
-
-    def _all_distances(self, base: Frame) -> np.ndarray:
-        """Return what `_distances` does for all beams, sooner.
-
-        A ray pays for all it passes, also behind what it hits. So each beam first reaches a little farther than the last
-        scan says is needed, and the few that find nothing there are cast again to the full range.
-        """
-        sensor = base.compose(burger.SCAN_IN_BASE)
-        reaches = self._expected_reaches(sensor)
-        distances = self._cast(sensor, self._directions, reaches)
-        again = np.flatnonzero(np.isinf(distances) & (reaches < self._parameters.scan_range_max))
-        if len(again):
-            full = np.full(len(again), self._parameters.scan_range_max)
-            distances[again] = self._cast(sensor, self._directions[again], full)
-        self._seen = sensor, distances
-        return distances
-
-    def _expected_reaches(self, sensor: Frame) -> np.ndarray:
-        """Return how far (m) to look along each beam, shape (B,), going by the last scan and how the sensor moved since."""
-        count, full = len(self._directions), self._parameters.scan_range_max
-        if self._seen is None or count <= 2 * NEIGHBOURS:
-            return np.full(count, full)
-        last, distances = self._seen
-        turned = round((sensor.flat().theta - last.flat().theta) / self._increment)
-        around = np.take(distances, np.arange(turned - NEIGHBOURS, turned + count + NEIGHBOURS), mode="wrap")
-        widest = around[:count]
-        for shift in range(1, 2 * NEIGHBOURS + 1):
-            widest = np.maximum(widest, around[shift:shift + count])
-        moved = float(np.linalg.norm(sensor.position - last.position))
-        return np.minimum(widest + (moved + LOOK_BEYOND), full)
-
-    def _cast(self, sensor: Frame, directions: np.ndarray, reaches: np.ndarray) -> np.ndarray:
-        """Return the distances (m) to what is hit within `reaches` (B,) along `directions` (B, 3), +inf where nothing is."""
-        ends = sensor.transform_points(reaches[:, None] * directions)
-        shares = self._physics.cast(np.broadcast_to(sensor.position, ends.shape), ends)
-        return np.where(shares < 1.0, shares * reaches, np.inf)
+        reach = self._parameters.scan_range_max
+        shares = self._stage.cast(sensor.position, sensor.transform_points(reach * directions))
+        return np.where(shares < 1.0, shares * reach, np.inf)
 
     def _with_errors(self, distances: np.ndarray) -> np.ndarray:
         """Return readings: noise, steps, limits and dropouts added to true distances, shape (B,) in metres."""

@@ -1,8 +1,7 @@
 """PyBullet behind a few calls: one world of solids, rays through it, contacts in it.
 
-Everything that never moves is one mesh, twice: once for the wheels and the hull to bump into, once, without what a level
-ray can never meet, for the lidar. A step costs the same in an empty world and in a building of ten thousand walls, and
-a scan needs one mesh's tree of boxes instead of hundreds of solids.
+Everything that never moves is one mesh for the hull to bump into, so that a step costs the same in an empty world and in
+a building of ten thousand walls. Rays meet what can move alone; the rest is a `Surface`, which knows that they run level.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from mbf_relay.simulation.bullet import pybullet
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.shapes import Box, Cylinder, Shape, Sphere
 
-GROUND, FIXED, LIDAR, ROBOT, LOOSE, ROLLING = 2, 4, 8, 16, 32, 64
+GROUND, FIXED, ROBOT, LOOSE, ROLLING = 2, 4, 16, 32, 64
 """Collision groups; Bullet gives rays group 1."""
 
 RAYS = 1
@@ -57,7 +56,6 @@ class Physics:
         self.ground = pybullet.createMultiBody(0.0, plane, physicsClientId=self.client)
         self.filter(self.ground, GROUND, ROBOT | LOOSE | ROLLING)
         pybullet.changeDynamics(self.ground, -1, lateralFriction=1.0, physicsClientId=self.client)
-        self.rays_hit: int = LIDAR | LOOSE
 
     def show(self, start: Pose2D, robot: int) -> None:
         """Make the window, if there is one, ready for watching the robot from its start on."""
@@ -93,7 +91,7 @@ class Physics:
             body = pybullet.createMultiBody(0.0, shape, physicsClientId=self.client)
             self.filter(body, group, mask)
             if self.gui:
-                window.paint(self.client, body, window.HIDDEN if group == LIDAR else window.WALLS)
+                window.paint(self.client, body, window.WALLS)
             bodies.append(body)
         return bodies
 
@@ -135,14 +133,15 @@ class Physics:
         rotation = np.array(pybullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
         return Frame(np.array(position), rotation)
 
-    def cast(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Cast rays from `starts` to `ends`, shape (B, 3) in metres each.
+    def cast(self, start: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Cast rays from `start`, shape (3,), to `ends`, shape (B, 3), in metres, at loose bodies alone.
 
         Returns:
             Shape (B,): the share of its way each ray went before it hit something, 1 where it hit nothing.
         """
-        hits = pybullet.rayTestBatch(starts, ends, collisionFilterMask=self.rays_hit, physicsClientId=self.client)
-        return np.fromiter(map(_hit_fraction, hits), dtype=float, count=len(starts))
+        starts = np.broadcast_to(start, ends.shape)
+        hits = pybullet.rayTestBatch(starts, ends, collisionFilterMask=LOOSE, physicsClientId=self.client)
+        return np.fromiter(map(_hit_fraction, hits), dtype=float, count=len(ends))
 
     def contacts(self, body: int) -> Sequence[Tuple[Any, ...]]:
         """Return PyBullet's contact points of a body."""

@@ -57,7 +57,7 @@ class Simulation:
         self.physics.show(world.start, self.base.body)
         self._drivetrain = Drivetrain(self.base, parameters)
         scan, odom, imu = (np.random.Generator(np.random.PCG64(s)) for s in np.random.SeedSequence(seed).spawn(3))
-        self.lidar = Lidar(self.physics, parameters, scan)
+        self.lidar = Lidar(self.stage, parameters, scan)
         self._odometer = Odometer(parameters.odom_noise, parameters.odom_bias, odom)
         self._imu = Imu(parameters, imu)
         self._scan_steps, self._odom_steps, self._imu_steps, self._joint_steps = (

@@ -10,8 +10,9 @@ import numpy as np
 from mbf_relay.geometry import Pose2D
 from mbf_relay.simulation import burger, clearance
 from mbf_relay.simulation.contacts import Contact, Contacts
-from mbf_relay.simulation.physics import FIXED, LIDAR, LOOSE, RAYS, ROBOT, Physics
+from mbf_relay.simulation.physics import FIXED, LOOSE, ROBOT, Physics
 from mbf_relay.simulation.shapes import Body, subdivided
+from mbf_relay.simulation.surface import Surface
 from mbf_relay.simulation.world import Mover, World
 
 MOST_TRIANGLES = 2000000
@@ -40,7 +41,7 @@ class Stage:
         if len(triangles) > MOST_TRIANGLES:
             raise ValueError(f"world '{world.name}' has {len(triangles)} triangles; at most {MOST_TRIANGLES} are possible")
         physics.add_fixed(subdivided(low_enough(triangles), LONGEST_EDGE), FIXED, ROBOT | LOOSE)
-        physics.add_fixed(seen_by_level_rays(triangles), LIDAR, RAYS)
+        self._seen = Surface(seen_by_level_rays(triangles))
         self._triangles, self._owners = triangles, owners
         self._contacts = Contacts(triangles, owners, [body.name for body in world.bodies])
         self._loose = [(physics.add_loose(b.shape, b.frame, b.mass), b) for b in world.bodies if b.mass > 0.0]
@@ -98,6 +99,15 @@ class Stage:
     def contacts_of(self, robot: int) -> Tuple[Contact, ...]:
         """Return what the robot touches at this moment."""
         return self._contacts.find(self._physics, robot, self._names)
+
+    def cast(self, start: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Cast rays from `start`, shape (3,), to `ends`, shape (B, 3), in metres; they never meet robot and ground.
+
+        Returns:
+            Shape (B,): the share of its way each ray went before it hit something, 1 where it hit nothing.
+        """
+        shares = self._seen.cast(start, ends)
+        return np.minimum(shares, self._physics.cast(start, ends)) if self._names else shares
 
     def obstruction_at(self, pose: Pose2D) -> Optional[str]:
         """Return the name of what the robot would stand in at `pose`, None where there is room."""

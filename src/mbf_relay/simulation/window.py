@@ -9,7 +9,7 @@ from typing import Tuple
 from mbf_relay.geometry import Pose2D
 from mbf_relay.simulation.bullet import pybullet
 
-WALLS, HIDDEN, ROBOT = (0.55, 0.68, 0.55, 1.0), (0.0, 0.0, 0.0, 0.0), (0.20, 0.22, 0.30, 1.0)
+WALLS, ROBOT = (0.55, 0.68, 0.55, 1.0), (0.20, 0.22, 0.30, 1.0)
 
 
 def require_display() -> None:
