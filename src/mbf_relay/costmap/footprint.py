@@ -139,14 +139,9 @@ def cells_within(grid: Grid, footprint: np.ndarray, pose: Pose2D) -> np.ndarray:
     Nothing but the robot can be there. A cell that the outline only crosses may hold what stands beside the robot; to
     take it for free, as costmap_2d does, blinds the robot to what it is about to touch.
     """
-    cells = footprint_cells(grid, footprint, pose)
-    if len(footprint) < 3 or len(cells) == 0:
-        return cells
-    outline = pose.transform_points(footprint)
-    edges = np.roll(outline, -1, axis=0) - outline
-    turn = np.sign(np.sum(outline[:, 0] * np.roll(outline[:, 1], -1) - outline[:, 1] * np.roll(outline[:, 0], -1)))
-    low = cells * grid.resolution + (grid.origin_x, grid.origin_y)
-    corners = low[:, None, :] + grid.resolution * np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
-    offsets = corners[:, :, None, :] - outline
-    sides = turn * (edges[:, 0] * offsets[..., 1] - edges[:, 1] * offsets[..., 0])
-    return cells[(sides >= 0.0).all(axis=(1, 2))]
+    if len(footprint) < 3:
+        return footprint_cells(grid, footprint, pose)
+    return footprint_kernels.cells_within(
+        grid.width, grid.height, grid.origin_x, grid.origin_y, grid.resolution,
+        np.ascontiguousarray(footprint, dtype=np.float64), pose.x, pose.y, pose.theta,
+    )

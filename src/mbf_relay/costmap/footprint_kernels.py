@@ -162,6 +162,50 @@ def polygon_cells(width, height, columns, rows, cells):
     return count
 
 
+@kernel("int32[:,::1](int64, int64, float64, float64, float64, float64[:,::1], float64, float64, float64)")
+def cells_within(width, height, origin_x, origin_y, resolution, footprint, x, y, theta):
+    """Return the cells of a grid that lie wholly within a convex footprint, shape (N, 2), columns and rows.
+
+    Args:
+        width, height: Size of the grid.
+        origin_x, origin_y, resolution: Where the cells lie (m).
+        footprint: Corners in the base frame, shape (K, 2) in metres with K > 2, either way round.
+        x, y, theta: The base in the grid's frame.
+    """
+    corners = len(footprint)
+    cos, sin = math.cos(theta), math.sin(theta)
+    outline = np.empty((corners, 2))
+    for i in range(corners):
+        outline[i, 0] = x + cos * footprint[i, 0] - sin * footprint[i, 1]
+        outline[i, 1] = y + sin * footprint[i, 0] + cos * footprint[i, 1]
+    area = 0.0
+    for i in range(corners):
+        area += (outline[i - 1, 0] - x) * (outline[i, 1] - y) - (outline[i - 1, 1] - y) * (outline[i, 0] - x)
+    turn = 1.0 if area > 0.0 else -1.0
+    left = max(0, int(math.floor((outline[:, 0].min() - origin_x) / resolution)))
+    right = min(width - 1, int(math.floor((outline[:, 0].max() - origin_x) / resolution)))
+    low = max(0, int(math.floor((outline[:, 1].min() - origin_y) / resolution)))
+    high = min(height - 1, int(math.floor((outline[:, 1].max() - origin_y) / resolution)))
+    cells = np.empty((max(0, right - left + 1) * max(0, high - low + 1), 2), np.int32)
+    count = 0
+    for row in range(low, high + 1):
+        for column in range(left, right + 1):
+            cell_x, cell_y = column * resolution + origin_x, row * resolution + origin_y
+            inside = True
+            for i in range(corners):
+                edge_x, edge_y = turn * (outline[i, 0] - outline[i - 1, 0]), turn * (outline[i, 1] - outline[i - 1, 1])
+                # The corner of the cell that lies farthest out over this edge.
+                out_x = cell_x + resolution if edge_y > 0.0 else cell_x
+                out_y = cell_y if edge_x > 0.0 else cell_y + resolution
+                if edge_x * (out_y - outline[i - 1, 1]) - edge_y * (out_x - outline[i - 1, 0]) < 0.0:
+                    inside = False
+                    break
+            if inside:
+                cells[count, 0], cells[count, 1] = column, row
+                count += 1
+    return cells[:count].copy()
+
+
 @kernel("void(uint8[:,::1], float64, float64, float64, float64[:,::1], float64[:,::1], int64[:,::1])")
 def covered_costs(costs, origin_x, origin_y, resolution, footprint, poses, result):
     """Count what a filled convex footprint covers at each pose.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Any, Deque, Dict, List, Mapping, Optional
+from typing import Any, Deque, Dict, List, Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -85,12 +85,14 @@ class ObstacleLayerParameters(ParameterSet):
 
 @dataclass(frozen=True)
 class _Rays:
-    """An observation made ready for the kernels: where its rays end and which ends are obstacles."""
+    """An observation made ready for the kernels: where its rays end, which ends are obstacles, how far it reaches."""
 
     x: float
     y: float
     ends: np.ndarray
     marks: np.ndarray
+    low: Tuple[float, float]
+    high: Tuple[float, float]
     reach: float
     stamp: float
 
@@ -144,7 +146,7 @@ class ObstacleLayer(CellLayer):
         covered = np.zeros((0, 2), dtype=np.int32)
         if self.parameters.footprint_clearing_enabled:
             covered = footprint.cells_within(self.grid, context.footprint, context.robot_pose)
-        touched = self._touched(clearing + marking, covered)
+        touched = self._touched([rays for s in self._sources.values() for rays in s.kept], covered)
         before = self.costs[touched.slices].copy()
         grid = (self.grid.origin_x, self.grid.origin_y, self.grid.resolution)
         for rays in clearing:
@@ -161,16 +163,11 @@ class ObstacleLayer(CellLayer):
         """Return a window that holds every cell the observations and the footprint may change."""
         touched = EMPTY
         for rays in observations:
-            column, row = self.grid.cell_at(rays.x, rays.y)
-            touched = touched.union(Window(column, row, column + 1, row + 1).grown(
-                math.ceil(rays.reach / self.grid.resolution) + 1))
-            if len(rays.marks):
-                cells = self.grid.cells_at(rays.marks)
-                low, high = cells.min(axis=0), cells.max(axis=0)
-                touched = touched.union(Window(int(low[0]), int(low[1]), int(high[0]) + 1, int(high[1]) + 1))
+            (left, bottom), (right, top) = self.grid.cell_at(*rays.low), self.grid.cell_at(*rays.high)
+            touched = touched.union(Window(left, bottom, right + 1, top + 1).grown(2))  # a ray may end a cell further
         if len(covered):
-            low, high = covered.min(axis=0), covered.max(axis=0)
-            touched = touched.union(Window(int(low[0]), int(low[1]), int(high[0]) + 1, int(high[1]) + 1))
+            (left, bottom), (right, top) = covered.min(axis=0).tolist(), covered.max(axis=0).tolist()
+            touched = touched.union(Window(left, bottom, right + 1, top + 1))
         return touched.within(self.grid)
 
     def update_costs(self, costs: np.ndarray, window: Window) -> None:
@@ -227,6 +224,8 @@ def prepare(observation: Observation, source: SourceParameters, max_height: floa
         marks = (squared + rise ** 2 < source.obstacle_range ** 2) & (heights <= max_height)
     if observation.hits is not None:
         marks &= observation.hits
-    return _Rays(
-        float(origin[0]), float(origin[1]), np.ascontiguousarray(points[kept, :2]),
-        np.ascontiguousarray(points[kept & marks, :2]), source.raytrace_range, observation.stamp)
+    ends, marked = np.ascontiguousarray(points[kept, :2]), np.ascontiguousarray(points[kept & marks, :2])
+    x, y, reach = float(origin[0]), float(origin[1]), source.raytrace_range
+    low = tuple(min(at - reach, float(marked[:, i].min(initial=at))) for i, at in enumerate((x, y)))
+    high = tuple(max(at + reach, float(marked[:, i].max(initial=at))) for i, at in enumerate((x, y)))
+    return _Rays(x, y, ends, marked, low, high, reach, observation.stamp)

@@ -10,14 +10,15 @@ from mbf_relay.kernels import kernel
 
 
 @kernel("float64(float64, float64, float64, float64, float64, float64)")
-def point_to_segment(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
-    """Return the distance of a point p to the segment from a to b."""
+def squared_to_segment(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
+    """Return the squared distance of a point p to the segment from a to b."""
     dx, dy = bx - ax, by - ay
     squared = dx * dx + dy * dy
     share = 0.0
     if squared > 0.0:
         share = min(1.0, max(0.0, ((px - ax) * dx + (py - ay) * dy) / squared))
-    return math.hypot(px - ax - share * dx, py - ay - share * dy)
+    dx, dy = px - ax - share * dx, py - ay - share * dy
+    return dx * dx + dy * dy
 
 
 @kernel("boolean(float64, float64, float64, float64, float64, float64, float64, float64)")
@@ -53,15 +54,17 @@ def hull_clearances(poses: np.ndarray, hull: np.ndarray, segments: np.ndarray, c
         least = clearances[n]
         for m in range(len(segments)):
             ax, ay, bx, by = segments[m, 0], segments[m, 1], segments[m, 2], segments[m, 3]
-            if point_to_segment(x, y, ax, ay, bx, by) - radius >= least:
+            reach = least + radius
+            if squared_to_segment(x, y, ax, ay, bx, by) >= reach * reach:
                 continue
             last = len(hull) - 1
             for k in range(len(hull)):
                 cx, cy, dx, dy = corners[last, 0], corners[last, 1], corners[k, 0], corners[k, 1]
                 if cross(ax, ay, bx, by, cx, cy, dx, dy):
                     least = 0.0
-                least = min(least, point_to_segment(cx, cy, ax, ay, bx, by))
-                least = min(least, point_to_segment(ax, ay, cx, cy, dx, dy))
-                least = min(least, point_to_segment(bx, by, cx, cy, dx, dy))
+                squared = squared_to_segment(cx, cy, ax, ay, bx, by)
+                squared = min(squared, squared_to_segment(ax, ay, cx, cy, dx, dy))
+                squared = min(squared, squared_to_segment(bx, by, cx, cy, dx, dy))
+                least = min(least, math.sqrt(squared))
                 last = k
         clearances[n] = least

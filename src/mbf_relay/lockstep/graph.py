@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Callable, Deque, List, NamedTuple, Optional, Tuple
+from typing import Callable, Deque, NamedTuple, Optional, Tuple
 
 import numpy as np
 
 from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.costmap.observation import observation_from_scan
-from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D
+from mbf_relay.geometry import Twist2D
 from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.node_parameters import AmclParameters, initial_pose_from
 from mbf_relay.lockstep.rate import Rate

@@ -1,7 +1,7 @@
 """PyBullet behind a few calls: one world of solids, rays through it, contacts in it.
 
-Everything that never moves is one mesh for the hull to bump into, so that a step costs the same in an empty world and in
-a building of ten thousand walls. Rays meet what can move alone; the rest is a `Surface`, which knows that they run level.
+Everything that never moves is one mesh for the hull to bump into, so that a step costs the same in an empty world and
+in a building of ten thousand walls. Rays meet what can move alone; what never moves is seen as a `Surface`.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ class Physics:
         self.gui = gui
         self.client = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
         pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self.client)
-        # Solved for both directions at once, as a cone, friction lets wheels creep sideways; one after the other it holds.
+        # Solved as a cone, for both directions at once, friction lets the wheels creep sideways in every turn.
         pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=1.0 / rate, numSolverIterations=iterations, deterministicOverlappingPairs=1, enableConeFriction=0,
-            physicsClientId=self.client,
+            fixedTimeStep=1.0 / rate, numSolverIterations=iterations, deterministicOverlappingPairs=1,
+            enableConeFriction=0, physicsClientId=self.client,
         )
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
         self.ground = pybullet.createMultiBody(0.0, plane, physicsClientId=self.client)

@@ -38,7 +38,7 @@ class Surface:
         self._sort(low.astype(np.int64), high.astype(np.int64))
 
     def _sort(self, low: np.ndarray, high: np.ndarray) -> None:
-        """Note which triangles reach into each cell, given the (column, row) of their lowest and highest, shape (N, 2) each."""
+        """Note which triangles reach into each cell, given the (column, row) of their corners, shape (N, 2) each."""
         widths, heights = (high - low + 1).T
         owners = np.repeat(np.arange(len(low)), widths * heights)
         before = np.concatenate(([0], np.cumsum(widths * heights)[:-1])) if len(low) else np.zeros(0, dtype=np.int64)

@@ -16,7 +16,7 @@ EDGE = 1e-9
 def share_to_triangle(
     corner_and_edges: np.ndarray, x: float, y: float, z: float, dx: float, dy: float, dz: float
 ) -> float:
-    """Return the share of its way after which a ray from (x, y, z) along (dx, dy, dz) meets a triangle, +inf where it does not.
+    """Return the share of its way after which a ray meets a triangle, +inf where it does not.
 
     Moeller, Trumbore: Fast, minimum storage ray/triangle intersection (1997); both sides count.
 
@@ -44,16 +44,17 @@ def share_to_triangle(
 
 
 @kernel(
-    "void(float64[::1], float64[:,::1], float64[:,::1], int64[::1], int64[::1], float64[::1], int64, int64, float64[::1])"
+    "void(float64[::1], float64[:,::1], float64[:,::1], int64[::1], int64[::1], float64[::1], int64, int64, "
+    "float64[::1])"
 )
 def cast(
-    start: np.ndarray, ends: np.ndarray, triangles: np.ndarray, first: np.ndarray, members: np.ndarray, frame: np.ndarray,
-    columns: int, rows: int, shares: np.ndarray,
+    start: np.ndarray, ends: np.ndarray, triangles: np.ndarray, first: np.ndarray, members: np.ndarray,
+    frame: np.ndarray, columns: int, rows: int, shares: np.ndarray,
 ) -> None:
     """Walk each ray over the cells it passes, seen from above, until a triangle in one of them is met.
 
-    Amanatides, Woo: A fast voxel traversal algorithm for ray tracing (1987), in the plane. A triangle is met where it is
-    met, in whatever cell: a meeting counts as the first once the ray has left no nearer cell unseen.
+    Amanatides, Woo: A fast voxel traversal algorithm for ray tracing (1987), in the plane. A triangle may be met behind
+    the cell it was found in: the nearest meeting is the first once it lies before the next cell.
 
     Args:
         start: Where all rays begin, shape (3,) in metres.

@@ -104,3 +104,30 @@ def test_covered_cells_hold_outline_and_inside():
     corner = fp.footprint_cells(grid, square, Pose2D(-1.0, -1.0, 0.3))
     assert len(corner) and grid.contains_cells(corner).all()
     assert len(fp.footprint_cells(grid, square, Pose2D(9.0, 9.0, 0.0))) == 0
+
+
+POSES = [Pose2D(0.013, 0.021, 0.0), Pose2D(0.0, 0.0, 0.7), Pose2D(-0.03, 0.31, -2.2), Pose2D(0.45, 0.4, 1.0)]
+
+
+def plainly_within(grid, outline, pose):
+    """Return the cells no corner of which lies outside of an edge of a convex outline."""
+    corners = pose.transform_points(outline)
+    turn = 1.0 if np.cross(corners[1] - corners[0], corners[2] - corners[1]) > 0.0 else -1.0
+    within = set()
+    for row in range(grid.height):
+        for column in range(grid.width):
+            cell = np.array([[column + i, row + j] for i in (0, 1) for j in (0, 1)])
+            points = grid.resolution * cell + (grid.origin_x, grid.origin_y)
+            edges = zip(corners, np.roll(corners, -1, axis=0))
+            if all(turn * np.cross(end - start, point - start) >= 0.0 for start, end in edges for point in points):
+                within.add((column, row))
+    return within
+
+
+@pytest.mark.parametrize("pose", POSES)
+@pytest.mark.parametrize("outline", [BURGER, BURGER[::-1], fp.footprint_from_radius(0.2)])
+def test_cells_within_lie_wholly_under_the_robot(pose, outline):
+    grid = Grid(0.025, -0.5, -0.5, 40, 40)
+    cells = [tuple(cell) for cell in fp.cells_within(grid, outline, pose).tolist()]
+    assert len(set(cells)) == len(cells) > 0
+    assert set(cells) == plainly_within(grid, outline, pose)

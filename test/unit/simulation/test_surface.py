@@ -56,10 +56,9 @@ def test_answers_so_in_the_arena():
 @pytest.mark.parametrize("size", [(2.0, 2.0, 1.0), (0.5, 0.25, 0.1), (40.0, 3.0, 1.0)])
 def test_nothing_slips_between_two_triangles(size):
     triangles = Body("room", Box(size), Frame.of(0.0, 0.0)).triangles()
-    half = np.array(size) / 2.0
-    shares = np.linspace(-1.0, 1.0, 41)[:, None]
-    walls = [half * (1.0, 1.0, 0.0) * np.column_stack((np.full(41, side), shares, 0.5 * shares)) for side in (-1.0, 1.0)]
-    walls += [half * (1.0, 1.0, 0.0) * np.column_stack((shares, np.full(41, side), 0.5 * shares)) for side in (-1.0, 1.0)]
+    half, side, height = np.array(size) / 2.0, np.ones(41), np.linspace(-0.5, 0.5, 41)
+    walls = [half * np.column_stack((sign * side, 2.0 * height, height)) for sign in (-1.0, 1.0)]
+    walls += [half * np.column_stack((2.0 * height, sign * side, height)) for sign in (-1.0, 1.0)]
     on_walls = np.concatenate(walls)
     assert Surface(triangles).cast(np.zeros(3), 2.0 * on_walls) == pytest.approx(np.full(164, 0.5))
 
