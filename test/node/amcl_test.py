@@ -196,6 +196,17 @@ class TestAmcl(unittest.TestCase):
         message = diagnostics.wait_for(lambda m: any(s.name == "amcl: Standard deviation" for s in m.status), "diagnostics of amcl")
         self.assertTrue({"std_x", "std_y", "std_yaw"} <= {value.key for value in message.status[0].values})
 
+    def test_diagnostics_tell_how_well_the_scan_fits_the_map(self):
+        diagnostics = Listener("/diagnostics", DiagnosticArray)
+
+        def share(message):
+            values = [v for status in message.status if status.name == "amcl: scans" for v in status.values]
+            told = [v.value for v in values if v.key == "share of the scan on the map's walls [%]"]
+            return float(told[0]) if told and told[0] != "unknown" else None
+
+        self.start_at(self.robot.pose)
+        diagnostics.wait_for(lambda m: (share(m) or 0.0) > 80.0, "a scan that fits")
+
 
 if __name__ == "__main__":
     rospy.init_node("amcl_test")

@@ -42,7 +42,7 @@ BAD_GOALS = {
 PATIENCE = 60.0
 """Wall seconds a goal that cannot be reached may take, recovery behaviours included."""
 STATUSES = (
-    "simulator: simulation", "map_server: map", "amcl: Standard deviation", "move_base_flex: navigation",
+    "simulator: simulation", "map_server: map", "amcl: Standard deviation", "amcl: scans", "move_base_flex: navigation",
     "move_base_flex: local costmap", "move_base_flex: global costmap", "move_base: relay",
 )
 WELL = (DiagnosticStatus.OK, DiagnosticStatus.WARN)
@@ -86,7 +86,7 @@ class TestGoals(unittest.TestCase):
             wait_until(lambda: level(name) in WELL, f"'{name}' to be well", 20.0)
         faults = dynamic_reconfigure.client.Client("simulator/faults", timeout=10.0)
         faults.update_configuration({"lidar_silent": True})
-        for name in ("move_base_flex: local costmap", "move_base_flex: global costmap"):
+        for name in ("move_base_flex: local costmap", "move_base_flex: global costmap", "amcl: scans"):
             wait_until(lambda: level(name) == DiagnosticStatus.ERROR, f"'{name}' to miss the scan", 20.0)
         faults.update_configuration({"lidar_silent": False})
         for name in STATUSES:

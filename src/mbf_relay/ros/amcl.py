@@ -16,8 +16,10 @@ from sensor_msgs.msg import LaserScan as LaserScanMessage
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 
 from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.beams import pick_beams
 from mbf_relay.localization.estimate import Estimate
 from mbf_relay.localization.localizer import Localizer, check_initial_pose
+from mbf_relay.localization.match import share_on_map
 from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.outcomes import TransformError
@@ -31,6 +33,7 @@ from mbf_relay.ros.particle_cloud import ParticleCloud
 from mbf_relay.ros.saved_pose import SavedPose
 from mbf_relay.ros.scan_queue import LidarGeometry, ScanQueue
 from mbf_relay.ros.transforms import TransformPublisher, Transforms
+from mbf_relay.scan import LaserScan
 
 
 class AmclNode:
@@ -56,6 +59,7 @@ class AmclNode:
         self._covariance = np.diag([INITIAL["initial_cov_xx"], INITIAL["initial_cov_yy"], INITIAL["initial_cov_aa"]])
         self._saved_pose = SavedPose()
         self._scan_watch = ScanWatch()
+        self._newest_scan: Optional[Tuple[LaserScan, Pose2D]] = None
         self._update_seconds = 0.0
         self.transforms = Transforms()
         self._queue = ScanQueue()
@@ -83,6 +87,7 @@ class AmclNode:
         self._reconfigure_server = self._serve_reconfigure()
         self._diagnostics = diagnostics.Diagnostics()
         self._diagnostics.add("Standard deviation", self._report)
+        self._diagnostics.add("scans", self._report_scans)
         rospy.on_shutdown(lambda: self._save_pose(self._saved_pose.save))
 
     def run(self) -> None:
@@ -235,8 +240,8 @@ class AmclNode:
 
     def process(self, message: LaserScanMessage) -> None:
         """Run the filter on one scan whose transform is there, and publish what comes out."""
-        self._scan_watch.saw()
         stamp = message.header.stamp
+        self._scan_watch.saw(stamp.to_sec())
         with self._lock:
             if self._localizer is None:
                 return
@@ -244,6 +249,7 @@ class AmclNode:
             try:
                 scan, laser_pose = self._geometry.scan_in_base(message, values.base_frame_id)
                 self._odom_pose = self.transforms.lookup(values.odom_frame_id, values.base_frame_id, stamp.to_sec())
+                self._newest_scan = scan, laser_pose
                 estimate = self._localizer.process(self._odom_pose, scan, laser_pose)
             except (ValueError, TransformError) as error:
                 rospy.logwarn_throttle(5.0, f"scan ignored: {error}")
@@ -285,6 +291,25 @@ class AmclNode:
                 "map -> odom age [s]": f"{self._map_to_odom.age():.2f}",
             }
         return deviation_report(values, covariance, details)
+
+    def _report_scans(self) -> diagnostics.Report:
+        with self._lock:
+            match, has_map = self._match(), self._localizer is not None
+        waiting = self._queue.oldest() is not None
+        return self._scan_watch.report(rospy.get_time(), has_map, match, waiting)
+
+    def _match(self) -> Optional[float]:
+        """Return how well the newest scan fits the map from the estimated pose; None where one is missing."""
+        pose = self.pose()
+        if pose is None or self._newest_scan is None:
+            return None
+        scan, laser_pose = self._newest_scan
+        values = self._parameters
+        try:
+            hits = pick_beams(scan, laser_pose, 1, values.laser_min_range, values.laser_max_range).hits
+        except ValueError:
+            return None
+        return share_on_map(self._localizer.field, pose, hits)
 
 
 def main() -> None:

@@ -1,9 +1,9 @@
-"""What the amcl node says of its health: deviations among the diagnostics, and warnings where no scan comes."""
+"""What the amcl node says of its health: deviations and scans among the diagnostics, and warnings where no scan comes."""
 
 from __future__ import annotations
 
 import time
-from typing import Mapping
+from typing import Mapping, Optional
 
 import numpy as np
 import rospy
@@ -14,6 +14,10 @@ from mbf_relay.ros.scan_queue import ScanQueue
 
 SILENCE = 15.0
 """Wall seconds without a scan that are worth a warning, and from one warning to the next."""
+LATE = 2.0
+"""Seconds without a scan, and three of its periods, after which that is an error."""
+DOUBTFUL = 0.5
+"""Share of a scan on the map's walls below which the pose is doubtful, or much has changed since the map was made."""
 
 
 def deviation_report(
@@ -32,14 +36,42 @@ def deviation_report(
 
 
 class ScanWatch:
-    """Warns where no scan could be used for long, and tells what is missing."""
+    """Knows when scans could be used; warns where none could for long, and tells what is missing."""
 
     def __init__(self) -> None:
         self._last = time.monotonic()
+        self._scans = diagnostics.RateMeter()
 
-    def saw(self) -> None:
-        """Note that a scan came through."""
+    def saw(self, now: float) -> None:
+        """Note that a scan came through at `now` (s, ROS time)."""
         self._last = time.monotonic()
+        self._scans.tick(now)
+
+    def report(self, now: float, has_map: bool, match: Optional[float], waiting: bool) -> diagnostics.Report:
+        """Return the part of the diagnostics about scans.
+
+        Args:
+            now: ROS time (s).
+            has_map: Whether there is a map.
+            match: Share of the newest scan, 0 to 1, that the map explains from the estimated pose; None where unknown.
+            waiting: Whether a scan waits for its transform.
+        """
+        age, rate = self._scans.age(now), self._scans.rate()
+        values = {
+            "scans [Hz]": f"{rate:.1f}", "age of the last scan [s]": "none came" if age is None else f"{age:.2f}",
+            "scan waits for its transform": waiting,
+            "share of the scan on the map's walls [%]": "unknown" if match is None else f"{100.0 * match:.0f}",
+        }
+        patience = max(LATE, 3.0 / rate if rate > 0.0 else 0.0)
+        if not has_map:
+            return diagnostics.ERROR, "no map yet", values
+        if age is None or age > patience:
+            since = "yet" if age is None else f"for {age:.1f} s"
+            why = "the transform at its time is missing" if waiting else "none comes"
+            return diagnostics.ERROR, f"no scan {since}: {why}", values
+        if match is not None and match < DOUBTFUL:
+            return diagnostics.WARN, f"only {100.0 * match:.0f} % of the scan lies on the map's walls; is the pose right?", values
+        return diagnostics.OK, "scans are used", values
 
     def look(self, queue: ScanQueue, values: AmclParameters) -> None:
         """Warn where it is time to; call it often."""
