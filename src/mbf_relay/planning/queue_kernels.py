@@ -33,12 +33,12 @@ STATE_SIZE = 10
 REACHED, EXHAUSTED, CANCELLED, BUCKET_FULL, SPREAD_DUE, STORE_FULL = 0, 1, 2, 3, 4, 5
 
 CANCEL_CHECK = 4096  # expansions between two looks at the flag: a fraction of a millisecond
-SPARE = 8  # entries one expansion may add to a bucket
+SPARE = 64  # entries a kernel may add to a bucket before it looks again whether there is room
 
 _BUCKETS = 64
 _WAITING, _BASE, _TAKEN, _APART, _NEXT_SPREAD = 0, 1, 2, 3, 4
 _OCTILE = np.float32(math.sqrt(2.0) - 1.0)
-_SPARE = 8
+_SPARE = 64
 _NEVER = 1 << 60
 
 

@@ -22,7 +22,8 @@ _WAITING, _BASE, _TAKEN, _APART, _NEXT_SPREAD = 0, 1, 2, 3, 4
 _MIN_COLUMN, _MIN_ROW, _MAX_COLUMN, _MAX_ROW, _EXPANDED = 5, 6, 7, 8, 9
 _REACHED, _EXHAUSTED, _CANCELLED, _BUCKET_FULL, _SPREAD_DUE, _STORE_FULL = 0, 1, 2, 3, 4, 5
 _CANCEL_CHECK = 4096
-_SPARE = 8
+_SPARE = 64
+_BATCH = 64
 _NEVER = 1 << 60
 _STEP = 0.5  # cells between two points of the path, as navfn's
 
@@ -94,11 +95,11 @@ def grow(
     capacity = np.int64(cells.shape[1])
     ring_cells, ring_keys = cells.ravel(), keys.ravel()
     offsets = np.array([-1, 1, -width, width])
-    columns = np.array([-1, 1, 0, 0])
-    rows = np.array([0, 0, -1, 1])
+    packed_offsets = np.array([-1, 1, -65536, 65536], np.int32)
+    batch_cells, batch_keys = np.empty(_BATCH, np.int32), np.empty(_BATCH, np.float32)
     costs_near, old, other = np.empty(4, np.float32), np.empty(4, np.float32), np.empty(4, np.float32)
     through = np.empty(4, np.float32)
-    better = np.empty(5, np.int64)
+    either = np.empty(8, np.float32)  # what the neighbours hold, then what they would hold through this cell
     full = _is_full(sizes, capacity)
     countdown = _CANCEL_CHECK
     verdict = -1
@@ -128,81 +129,92 @@ def grow(
         if apart + _SPARE > apart_cells.shape[0]:
             verdict = _STORE_FULL
             break
-        if countdown == 0:
+        if countdown <= 0:
             countdown = _CANCEL_CHECK
             if cancelled[0] != 0:
                 verdict = _CANCELLED
                 break
-        place = np.uint64(slot * capacity + taken)
-        taken += 1
-        waiting -= 1
-        packed = ring_cells[place]
-        y, x = np.int64(packed >> 16), np.int64(packed & 65535)
-        i = y * width + x
-        own = field[np.uint64(i)]
-        if ring_keys[place] != own:
-            continue  # it was lowered since, and waits elsewhere with its present value
-        countdown -= 1
-        expanded += 1
-        min_column, max_column = min(min_column, x), max(max_column, x)
-        min_row, max_row = min(min_row, y), max(max_row, y)
-        inside = x > 0 and x + 1 < width and y > 0 and y + 1 < height
-        if inside:
-            left, right = field[np.uint64(i - 1)], field[np.uint64(i + 1)]
-            below, above = field[np.uint64(i - width)], field[np.uint64(i + width)]
-            left_below, right_below = field[np.uint64(i - width - 1)], field[np.uint64(i - width + 1)]
-            left_above, right_above = field[np.uint64(i + width - 1)], field[np.uint64(i + width + 1)]
-            costs_near[0] = weights[costs[np.uint64(i - 1)]]
-            costs_near[1] = weights[costs[np.uint64(i + 1)]]
-            costs_near[2] = weights[costs[np.uint64(i - width)]]
-            costs_near[3] = weights[costs[np.uint64(i + width)]]
-        else:
-            has_left, has_right, has_below, has_above = x > 0, x + 1 < width, y > 0, y + 1 < height
-            left = field[i - 1] if has_left else zero
-            right = field[i + 1] if has_right else zero
-            below = field[i - width] if has_below else zero
-            above = field[i + width] if has_above else zero
-            left_below = field[i - width - 1] if has_left and has_below else zero
-            right_below = field[i - width + 1] if has_right and has_below else zero
-            left_above = field[i + width - 1] if has_left and has_above else zero
-            right_above = field[i + width + 1] if has_right and has_above else zero
-            costs_near[0] = weights[costs[i - 1]] if has_left else inf
-            costs_near[1] = weights[costs[i + 1]] if has_right else inf
-            costs_near[2] = weights[costs[i - width]] if has_below else inf
-            costs_near[3] = weights[costs[i + width]] if has_above else inf
-        old[0] = left if left > zero else inf
-        old[1] = right if right > zero else inf
-        old[2] = below if below > zero else inf
-        old[3] = above if above > zero else inf
-        left_below = left_below if left_below > zero else inf
-        right_below = right_below if right_below > zero else inf
-        left_above = left_above if left_above > zero else inf
-        right_above = right_above if right_above > zero else inf
-        # the lower neighbour of each on the axis across the step
-        other[0] = min(left_below, left_above)
-        other[1] = min(right_below, right_above)
-        other[2] = min(left_below, right_below)
-        other[3] = min(left_above, right_above)
-        # which neighbours get better, without a branch for each: such branches cannot be predicted
-        for k in range(4):
-            cost = costs_near[k]
-            gap = abs(own - other[k])
-            one = min(own, other[k]) + cost
-            root = np.float32(math.sqrt(max(np.float32(2.0) * cost * cost - gap * gap, zero)))
-            both = np.float32(0.5) * (own + other[k] + root)
-            through[k] = both if gap < cost else one
-        count = np.int64(0)
-        for k in range(4):
-            better[np.uint64(count)] = k
-            count += np.int64(through[np.uint64(k)] < old[np.uint64(k)])
-        for n in range(count):
-            chosen = np.uint64(better[np.uint64(n)])
-            lowered = through[chosen]
-            field[np.uint64(i + offsets[chosen])] = lowered
-            near_x, near_y = x + columns[chosen], y + rows[chosen]
-            dx, dy = np.float32(near_x - start_x), np.float32(near_y - start_y)
+        # the neighbours that get better are put into the queue in batches: how many there are of one cell is anyone's
+        # guess, and a loop that ends sooner or later for each cell costs a processor that guesses wrong too much
+        batch = np.int64(0)
+        size = sizes[np.uint64(slot)]
+        while taken < size and batch <= _BATCH - 4 and countdown > 0:
+            place = np.uint64(slot * capacity + taken)
+            taken += 1
+            waiting -= 1
+            packed = ring_cells[place]
+            y, x = np.int64(packed >> 16), np.int64(packed & 65535)
+            i = y * width + x
+            own = field[np.uint64(i)]
+            if ring_keys[place] != own:
+                continue  # it was lowered since, and waits elsewhere with its present value
+            countdown -= 1
+            expanded += 1
+            min_column, max_column = min(min_column, x), max(max_column, x)
+            min_row, max_row = min(min_row, y), max(max_row, y)
+            inside = x > 0 and x + 1 < width and y > 0 and y + 1 < height
+            if inside:
+                left, right = field[np.uint64(i - 1)], field[np.uint64(i + 1)]
+                below, above = field[np.uint64(i - width)], field[np.uint64(i + width)]
+                left_below, right_below = field[np.uint64(i - width - 1)], field[np.uint64(i - width + 1)]
+                left_above, right_above = field[np.uint64(i + width - 1)], field[np.uint64(i + width + 1)]
+                costs_near[0] = weights[costs[np.uint64(i - 1)]]
+                costs_near[1] = weights[costs[np.uint64(i + 1)]]
+                costs_near[2] = weights[costs[np.uint64(i - width)]]
+                costs_near[3] = weights[costs[np.uint64(i + width)]]
+            else:
+                has_left, has_right, has_below, has_above = x > 0, x + 1 < width, y > 0, y + 1 < height
+                left = field[i - 1] if has_left else zero
+                right = field[i + 1] if has_right else zero
+                below = field[i - width] if has_below else zero
+                above = field[i + width] if has_above else zero
+                left_below = field[i - width - 1] if has_left and has_below else zero
+                right_below = field[i - width + 1] if has_right and has_below else zero
+                left_above = field[i + width - 1] if has_left and has_above else zero
+                right_above = field[i + width + 1] if has_right and has_above else zero
+                costs_near[0] = weights[costs[i - 1]] if has_left else inf
+                costs_near[1] = weights[costs[i + 1]] if has_right else inf
+                costs_near[2] = weights[costs[i - width]] if has_below else inf
+                costs_near[3] = weights[costs[i + width]] if has_above else inf
+            either[0], either[1], either[2], either[3] = left, right, below, above
+            old[0] = left if left > zero else inf
+            old[1] = right if right > zero else inf
+            old[2] = below if below > zero else inf
+            old[3] = above if above > zero else inf
+            left_below = left_below if left_below > zero else inf
+            right_below = right_below if right_below > zero else inf
+            left_above = left_above if left_above > zero else inf
+            right_above = right_above if right_above > zero else inf
+            # the lower neighbour of each on the axis across the step
+            other[0] = min(left_below, left_above)
+            other[1] = min(right_below, right_above)
+            other[2] = min(left_below, right_below)
+            other[3] = min(left_above, right_above)
+            # which neighbours get better, and what they hold then, without a branch for each
+            for k in range(4):
+                cost = costs_near[k]
+                gap = abs(own - other[k])
+                one = min(own, other[k]) + cost
+                root = np.float32(math.sqrt(max(np.float32(2.0) * cost * cost - gap * gap, zero)))
+                both = np.float32(0.5) * (own + other[k] + root)
+                through[k] = both if gap < cost else one
+            for k in range(4):
+                chosen = np.uint64(k)
+                batch_cells[np.uint64(batch)] = packed + packed_offsets[chosen]
+                batch_keys[np.uint64(batch)] = through[chosen]
+                gain = np.int64(through[chosen] < old[chosen])
+                batch += gain
+                if inside:
+                    either[np.uint64(4 + k)] = through[chosen]
+                    field[np.uint64(i + offsets[chosen])] = either[np.uint64(k + 4 * gain)]
+                elif gain:
+                    field[i + offsets[k]] = through[k]
+        for n in range(batch):
+            lowered = batch_keys[np.uint64(n)]
+            near = batch_cells[np.uint64(n)]
+            dx, dy = np.float32(np.int64(near & 65535) - start_x), np.float32(np.int64(near >> 16) - start_y)
             if lowered + slope * np.float32(math.sqrt(dx * dx + dy * dy)) > limit:
-                apart_cells[apart] = near_y * 65536 + near_x
+                apart_cells[apart] = near
                 apart_keys[apart] = lowered
                 apart += 1
                 continue
@@ -211,7 +223,7 @@ def grow(
             near_slot = np.uint64(bucket & (_BUCKETS - 1))
             size = sizes[near_slot]
             near_place = np.uint64(np.int64(near_slot) * capacity + size)
-            ring_cells[near_place] = near_y * 65536 + near_x
+            ring_cells[near_place] = near
             ring_keys[near_place] = lowered
             sizes[near_slot] = size + 1
             full |= size + 1 + _SPARE > capacity
