@@ -10,13 +10,12 @@ import shutil
 import tempfile
 import threading
 import time
-import xmlrpc.client
-from pathlib import Path
 from typing import Any, Callable, Dict, Iterator, List, Tuple
 
 import numpy as np
 
 from mbf_relay.benchmarks.figure import Figure, NotMeasurable, figure_of
+from mbf_relay.benchmarks.processes import cpu_seconds, node_pid, resident_bytes
 
 GOALS, QUICK_GOALS = 10_000, 500
 WARM_UP = 3_000
@@ -118,10 +117,7 @@ class Ends:
 
     def relay_pid(self) -> int:
         """Return the relay's process."""
-        import rosgraph
-
-        uri = rosgraph.Master(self._rospy.get_name()).lookupNode("/move_base")
-        return int(xmlrpc.client.ServerProxy(uri).getPid(self._rospy.get_name())[2])
+        return node_pid("/move_base", self._rospy.get_name())
 
     def close(self) -> None:
         """Leave ROS."""
@@ -156,14 +152,3 @@ class Ends:
             if time.monotonic() > end:
                 raise RuntimeError(f"waited {WAIT:g} s for {what}, in vain")
             time.sleep(0.02)
-
-
-def cpu_seconds(pid: int) -> float:
-    """Return the processor time (s) a process has used."""
-    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-def resident_bytes(pid: int) -> int:
-    """Return the memory a process holds."""
-    return int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
