@@ -77,6 +77,16 @@ def test_another_frame_drives_the_same_way(name):
         assert turned.is_goal_reached(state(pose, costmap_from_path=transform)) is False
 
 
+def test_a_drive_that_was_called_off_leaves_nothing_to_brake_for(name):
+    fresh, used = make(name), make(name)
+    used.set_path(path_through((0, 0), (0, -0.8)), True)
+    assert used.compute_velocity(state(now=0.0)).theta < 0.0
+    seen = ControlState(0.1, START, STOP, costmap_round(START), IDENTITY, 0.1, commanded=STOP)
+    for controller in (fresh, used):
+        controller.set_path(path_through((0, 0), (0, 0.8)), True)
+    assert used.compute_velocity(seen) == fresh.compute_velocity(seen) != STOP
+
+
 def test_a_wall_across_the_way_is_not_touched_and_told(name):
     ended = drive(make(name), STRAIGHT, START, boxes((0.6, -2, 0.7, 2)), seconds=30.0)
     assert not ended.reached and ended.contacts == 0

@@ -24,6 +24,8 @@ class ControlState:
         costmap: The local costmap.
         costmap_from_path: Takes poses in the path's frame to the costmap's frame.
         period: Time (s) until the next cycle.
+        commanded: The velocity sent to the robot last, where known: not the controller's own last one where that was
+            held back, as at the end of a drive that was called off.
     """
 
     now: float
@@ -32,6 +34,7 @@ class ControlState:
     costmap: CostGrid
     costmap_from_path: Pose2D = IDENTITY
     period: float = 0.1
+    commanded: Optional[Twist2D] = None
 
 
 @dataclass(frozen=True)

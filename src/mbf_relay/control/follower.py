@@ -221,12 +221,13 @@ class PathFollower(Controller, abc.ABC):
         elapsed = math.inf if self._commanded_at is None else state.now - self._commanded_at
         if not 0.0 <= elapsed <= 3.0 * state.period:
             return state.velocity
-        if elapsed < 0.5 * state.period:  # asked again before the command could take effect: begin where it began
+        last = self.command if state.commanded is None else state.commanded
+        if elapsed < 0.5 * state.period and last == self.command:  # asked again before it could take effect
             return self._started_from
         limits = (parameters.acc_lim_x, parameters.acc_lim_y, parameters.acc_lim_theta)
         values = [
             commanded if abs(commanded - measured) <= 2.0 * limit * state.period else measured
-            for commanded, measured, limit in zip(self.command, state.velocity, limits)
+            for commanded, measured, limit in zip(last, state.velocity, limits)
         ]
         return Twist2D(*values)
 

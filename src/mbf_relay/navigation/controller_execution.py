@@ -169,7 +169,8 @@ class ControllerExecution:
         pose_in_path = pose.relative_to(costmap_from_path)
         global_frame = self._parameters().global_frame
         global_pose = pose_in_path if path.frame == global_frame else self._robot.pose_in(global_frame)
-        state = ControlState(now, pose, velocity, self._costmap.snapshot(), costmap_from_path, period)
+        state = ControlState(
+            now, pose, velocity, self._costmap.snapshot(), costmap_from_path, period, self._robot.commanded)
         goal = path.goal
         return View(
             state, FramedPose(global_pose, global_frame), pose_in_path.distance_to(goal),

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import abc
+from typing import Optional
 
 from mbf_relay.geometry import Pose2D, Twist2D
 
 
 class Robot(abc.ABC):
-    """Where the robot is, how it moves, and how to move it."""
+    """Where the robot is, how it moves, and how to move it.
+
+    Attributes:
+        commanded: The velocity sent last; None where that is not known.
+    """
+
+    commanded: Optional[Twist2D] = None
 
     @abc.abstractmethod
     def pose_in(self, frame: str) -> Pose2D:

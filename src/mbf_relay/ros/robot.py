@@ -51,7 +51,6 @@ class RosRobot(Robot):
         self._transforms, self._base_frame = transforms, base_frame
         self._pose_timeout, self._odom_timeout = pose_timeout, odom_timeout
         self._odometry: Optional[RawOdometry] = None
-        self._last_command = STOP
         self.commands = RateMeter(pause=COMMANDS_PAUSE)
         self._publisher = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
         self._closing = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
@@ -72,7 +71,7 @@ class RosRobot(Robot):
     def velocity(self) -> Twist2D:
         """Return the newest velocity, body frame; raise StaleDataError where there is none or it is too old."""
         if not self._topic:
-            return self._last_command
+            return self.commanded or STOP
         if self._odometry is None:
             raise StaleDataError(f"no odometry on {self._topic} yet")
         odometry = self._odometry.read()
@@ -91,7 +90,7 @@ class RosRobot(Robot):
             velocity = STOP
         with self._closing:
             if not self._closed:
-                self._last_command = velocity
+                self.commanded = velocity
                 self.commands.tick(rospy.get_time())
                 self._publisher.publish(twist_to_message(velocity))
 

@@ -61,6 +61,7 @@ class PaperRobot(Robot):
 
     def command(self, velocity: Twist2D) -> None:
         assert velocity.is_finite()
+        self.commanded = velocity
         self.sent.append(velocity)
 
     def move(self, seconds: float) -> None:

@@ -60,6 +60,19 @@ def test_a_velocity_thought_of_before_the_cancel_is_not_sent_after_it(held_bench
     assert bench.robot.sent == sent + [STOP]
 
 
+def test_a_controller_is_told_what_was_sent_last_also_by_the_end_of_another_drive(bench):
+    told = []
+    bench.script.reached = lambda state: told.append(state.commanded)
+    task = bench.navigator.exe_path(FollowGoal(PATH))
+    bench.navigator.update(bench.now)
+    bench.step()
+    task.cancel()
+    bench.step()
+    bench.navigator.exe_path(FollowGoal(PATH))
+    bench.step()
+    assert told == [None, FORWARD, STOP]
+
+
 def test_a_cancel_during_the_very_call_wins(bench):
     task = bench.navigator.exe_path(FollowGoal(PATH))
 
