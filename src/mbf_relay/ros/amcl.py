@@ -29,6 +29,7 @@ from mbf_relay.ros.conversions import header, map_from_message, pose_to_message
 from mbf_relay.ros.initial_pose import check_frame, initial_pose_from_message, motion_since
 from mbf_relay.ros.map_client import request_map
 from mbf_relay.ros.map_to_odom import MapToOdom
+from mbf_relay.ros.node import spare_what_stays
 from mbf_relay.ros.particle_cloud import ParticleCloud
 from mbf_relay.ros.saved_pose import SavedPose
 from mbf_relay.ros.scan_queue import LidarGeometry, ScanQueue
@@ -322,4 +323,5 @@ def main() -> None:
         run_from_bag(node, arguments)
         return
     node.open()
+    spare_what_stays()
     node.run()

@@ -22,6 +22,7 @@ from mbf_relay.ros.costmaps import CostmapNode
 from mbf_relay.ros.diagnostics import ERROR, OK, WARN, Diagnostics, RateMeter, Report
 from mbf_relay.ros.navigation_actions import make_actions
 from mbf_relay.ros.navigation_topics import NavigationTopics
+from mbf_relay.ros.node import spare_what_stays
 from mbf_relay.ros.planner_potential import serve_planners
 from mbf_relay.ros.planner_topics import PlannerTopics
 from mbf_relay.ros.robot import COMMANDS_PAUSE, RosRobot
@@ -174,5 +175,6 @@ def main() -> None:
     nodes = {side: CostmapNode(f"{side}_costmap", config, transforms) for side in ("global", "local")}
     server = MoveBaseFlex(config, {side: node.costmap for side, node in nodes.items()}, transforms, nodes)
     server.start()
+    spare_what_stays()
     rospy.loginfo("move_base_flex is ready")
     rospy.spin()

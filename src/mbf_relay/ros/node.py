@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import time
 from typing import Callable
@@ -47,6 +48,15 @@ def on_shutdown(last_words: Callable[[], None]) -> None:
         time.sleep(FLUSH_TIME)
 
     rospy.on_shutdown(speak)
+
+
+def spare_what_stays() -> None:
+    """Keep what a node has made by now, its libraries above all, out of garbage collection; call when it is ready.
+
+    A collection of all that stops every thread for a tenth of a second, in the middle of a drive.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 def one_line(error: BaseException) -> str:

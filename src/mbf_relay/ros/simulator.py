@@ -23,6 +23,7 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.ros import diagnostics, parameters, reconfigure
 from mbf_relay.ros.command_gate import CommandGate
 from mbf_relay.ros.conversions import InvalidMessage, pose_from_message, twist_from_message
+from mbf_relay.ros.node import spare_what_stays
 from mbf_relay.ros.pacing import FactorMeter, Pacer
 from mbf_relay.ros.simulator_neighbours import ClockFollower, Neighbours
 from mbf_relay.ros.simulator_obstacles import Obstacles
@@ -267,4 +268,5 @@ def main() -> None:
         "simulating world '%s' with seed %d at %s", world.name, settings.seed,
         f"{settings.real_time_factor:g} x real time" if settings.real_time_factor else "full speed",
     )
+    spare_what_stays()
     simulator.run()
