@@ -93,6 +93,24 @@ class ClockTest(unittest.TestCase):
         self.assertEqual(sent.wait(10.0).status, GoalStatus.PREEMPTED)
         wait_until(lambda: not moves(self.velocity.last), "a zero as the last velocity")
 
+    def test_3_without_anybody_who_publishes_the_clock_the_robot_is_stopped_and_the_client_told(self):
+        sent = self.drive()
+        type(self).running = False
+        wait_until(lambda: rospy.get_time() >= self.time - 1e-6, "the last tick")
+        self.clock.unregister()
+        ending = sent.wait(20.0)
+        type(self).clock = rospy.Publisher("/clock", Clock, queue_size=10)
+        type(self).running = True
+        self.assertIsNotNone(ending, "waited 20 s for the end of a goal without a clock, in vain")
+        self.assertEqual(ending.status, GoalStatus.ABORTED)
+        self.assertRegex(ending.result.message, r"/clock has stood at \d+\.\d+ s for \d+\.\d s")
+        wait_until(lambda: not moves(self.velocity.last), "a zero as the last velocity")
+        stood = self.odometry.last.header.stamp
+        wait_until(lambda: self.odometry.last.header.stamp > stood, "the server to hear the new clock")
+        sent = self.drive()
+        sent.cancel()
+        self.assertEqual(sent.wait(10.0).status, GoalStatus.PREEMPTED)
+
 
 if __name__ == "__main__":
     rospy.init_node("navigation_clock_test")

@@ -114,20 +114,28 @@ class MoveBaseFlex:
             self._topics.publish(now)
             for action in self._actions:
                 action.report()
+            self._end_without_clock()
             self._steps.tick(now)
             rest = self._rest.attend(now, self.navigator.idle, self.navigator.parameters)
             return min(self.navigator.due, rest)
         except Exception as error:  # a mistake here must neither let the robot roll on nor end the server
             rospy.logfatal("navigation failed and stopped the robot: %s: %s", type(error).__name__, error, exc_info=True)
             self._trouble = f"{type(error).__name__}: {error}"
-            return self._start_over()
+            self._start_over(f"Internal error: {self._trouble}")
+            return math.inf
 
-    def _start_over(self) -> float:
+    def _end_without_clock(self) -> None:
+        """End all goals where the simulated clock was lost: on it no patience ever ends and no pose ever gets old."""
+        loss = "" if self.navigator.idle else self._stepper.clock_loss
+        if loss:
+            rospy.logerr("stopped the robot and ended its goals: %s", loss)
+            self._start_over(loss)
+
+    def _start_over(self, message: str) -> None:
         self.robot.command(STOP)
         self.navigator.drop_all()
         for action in self._actions:
-            action.abort_all("INTERNAL_ERROR", f"Internal error: {self._trouble}")
-        return math.inf
+            action.abort_all("INTERNAL_ERROR", message)
 
     def _ask_costmaps(self) -> bool:
         rested = self._rest.wake()

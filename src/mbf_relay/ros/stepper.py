@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from typing import Callable, Optional
 
 import rospy
@@ -11,6 +12,8 @@ from rosgraph_msgs.msg import Clock
 
 STILL_CLOCK = 1.0
 """Wall seconds between two steps while /clock stands still, so that nothing depends on its going on."""
+CLOCK_PATIENCE = 2.0
+"""Wall seconds a simulator may take to come back before the clock it published counts as lost."""
 
 
 class Stepper:
@@ -30,6 +33,7 @@ class Stepper:
         self._simulated = rospy.rostime.is_wallclock() is False
         self._thread = threading.Thread(target=self._loop, name="stepper", daemon=True)
         self._clock: Optional[rospy.Subscriber] = None
+        self._ticked_at: Optional[float] = None
 
     def start(self) -> None:
         """Begin stepping."""
@@ -41,6 +45,19 @@ class Stepper:
         """Step now; from any thread."""
         self._wake.set()
 
+    @property
+    def clock_loss(self) -> str:
+        """How the simulated clock was lost, or empty.
+
+        A clock that stands is none: a simulation may be paused. One that ran and that nobody publishes any more is.
+        """
+        if self._ticked_at is None or self._clock.get_num_connections() > 0:
+            return ""
+        silence = time.monotonic() - self._ticked_at
+        if silence < CLOCK_PATIENCE:
+            return ""
+        return f"/clock has stood at {rospy.get_time():.2f} s for {silence:.1f} s and nobody publishes it any more"
+
     def stop(self) -> None:
         """End stepping and wait for the running step."""
         self._stopping = True
@@ -49,6 +66,7 @@ class Stepper:
             self._thread.join(2.0)
 
     def _on_clock(self, message: Clock) -> None:
+        self._ticked_at = time.monotonic()
         now = message.clock.to_sec()
         if now >= self._due or (now < self._last and math.isfinite(self._due)):
             self._wake.set()
