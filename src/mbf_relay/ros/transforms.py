@@ -51,10 +51,11 @@ class Transforms:
         if not target_frame.strip("/") or not source_frame.strip("/"):
             raise TransformError(f"no transform from '{source_frame}' to '{target_frame}': a frame must have a name")
         time = rospy.Time(0) if stamp is None else rospy.Time.from_sec(stamp)
+        frames = target_frame.lstrip("/"), source_frame.lstrip("/")
         try:
-            message = self.buffer.lookup_transform(
-                target_frame.lstrip("/"), source_frame.lstrip("/"), time, rospy.Duration(timeout)
-            )
+            if timeout > 0.0:  # else the look whether it is there would be one more, forty times a second
+                self.buffer.can_transform(*frames, time, rospy.Duration(timeout))
+            message = self.buffer.lookup_transform_core(*frames, time)
         except tf2_ros.TransformException as error:
             raise TransformError(
                 f"no transform from '{source_frame}' to '{target_frame}': {' '.join(str(error).split())}"
