@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 import unittest
 import uuid
 
@@ -18,6 +17,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from running_stack import OF_THE_MACHINE  # noqa: E402
 
 from mbf_relay.ros.demo_graph import descendants  # noqa: E402
+from ros_testing import wait_until  # noqa: E402
 
 MARK = "MBF_RELAY_DEMO_TEST"
 PATIENCE = 240.0
@@ -48,11 +48,12 @@ class Demo:
 
     def wait_for(self, words: str) -> None:
         """Wait until it has printed some words."""
-        deadline = time.monotonic() + PATIENCE
-        while words not in self.output:
-            assert self.process.poll() is None, f"it ended before it said '{words}':\n{self.output}"
-            assert time.monotonic() < deadline, f"waited {PATIENCE} s for '{words}', in vain:\n{self.output}"
-            time.sleep(0.05)
+        def printed() -> bool:
+            ended = self.process.poll() is not None  # looked at first: it may print them and end
+            assert words in self.output or not ended, f"it ended before it said '{words}':\n{self.output}"
+            return words in self.output
+
+        wait_until(printed, f"'{words}' from the demo, which logs to {self.log}", PATIENCE)
 
     def left_behind(self) -> list:
         """Return the processes that carry its mark and still run."""
@@ -93,10 +94,7 @@ class TestDemo(unittest.TestCase):
     def test_3_an_interrupt_ends_it_while_nodes_come_up(self):
         demo = Demo()
         demo.wait_for("starting")
-        deadline = time.monotonic() + PATIENCE
-        while len(descendants(demo.process.pid)) < 6:
-            self.assertLess(time.monotonic(), deadline, "no nodes came up")
-            time.sleep(0.02)
+        wait_until(lambda: len(descendants(demo.process.pid)) >= 6, "nodes to come up", PATIENCE)
         self.interrupt(demo, signal.SIGTERM)
 
     def test_4_two_interrupts_end_it_while_it_drives(self):
