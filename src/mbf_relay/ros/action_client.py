@@ -120,6 +120,12 @@ class ActionClient:
         """Wall time (s) since the server's last word, infinite before the first."""
         return self._watch.silence
 
+    @property
+    def why_down(self) -> str:
+        """Why `server_is_up` is False: how the server was lost, where it was."""
+        lost = "" if self._watch.is_up else self._watch.loss
+        return lost or f"action server {self.name} is not there; is it running?"
+
     def wait_for_server(self, timeout: float) -> bool:
         """Wait up to `timeout` seconds of wall time for a server; tell whether there is one."""
         deadline = time.monotonic() + timeout

@@ -63,7 +63,7 @@ def serve(action: bool = True, topic: bool = True) -> None:
     if topic:
         SimpleGoals(relay, through_action=action)
     MakePlan(parameters, settings)
-    ClearCostmaps(parameters.server)
+    ClearCostmaps(parameters.server, parameters.silence_timeout)
     pass_through(parameters.server, settings.server_name)
     RecoveryTopic(parameters.server, lambda: outlets.robot_pose)
     settings.serve()

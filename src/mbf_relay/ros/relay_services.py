@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from typing import Any
+from typing import Any, Optional
 
 import rospy
 from actionlib_msgs.msg import GoalStatus
@@ -14,6 +14,7 @@ from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 
 from mbf_relay.ros.action_client import ActionClient
 from mbf_relay.ros.outcome_codes import name_of
+from mbf_relay.ros.server_watch import GONE, MUTE, ask_node
 
 PLAN_SLOT = 255
 """The server's concurrency slot for ~make_plan: not the one its move_base plans in, so that both go on."""
@@ -32,7 +33,8 @@ class MakePlan:
             settings: MoveBaseSettings: `plugin_names()`, `values.make_plan_add_unreachable_goal`.
         """
         self._settings = settings
-        self._client = ActionClient(f"{parameters.server}/get_path", GetPathAction, 5.0, parameters.silence_timeout)
+        silence = parameters.silence_timeout  # comes first, because it can tell a server that hangs from one that is slow
+        self._client = ActionClient(f"{parameters.server}/get_path", GetPathAction, 2.0 * silence, silence)
         self._one_at_a_time = threading.Lock()
         self._service = rospy.Service("~make_plan", GetPlan, self._answer)
 
@@ -41,7 +43,7 @@ class MakePlan:
         with self._one_at_a_time:
             self._client.check()
             if not self._client.server_is_up:
-                raise rospy.ServiceException(f"no plan: action server {self._client.name} is not there; is it running?")
+                raise rospy.ServiceException(f"no plan: {self._client.why_down}")
             sent = self._client.send(path_goal(request, self._settings.plugin_names()[0]))
             ending = sent.wait(PLAN_PATIENCE)
         if ending is None:
@@ -95,11 +97,54 @@ def append_goal(plan: Any, goal: PoseStamped) -> None:
 
 
 class ClearCostmaps:
-    """~clear_costmaps by the server's."""
+    """~clear_costmaps by the server's, which is waited for no longer than `patience` wall seconds."""
 
-    def __init__(self, server: str) -> None:
+    def __init__(self, server: str, patience: float) -> None:
+        self._node, self._patience = rospy.resolve_name(server), patience
         self._clear = rospy.ServiceProxy(f"{server}/clear_costmaps", Empty)
+        self._lock = threading.Lock()  # guards `_hanging`
+        self._hanging: Optional[ServiceCall] = None
         self._service = rospy.Service("~clear_costmaps", Empty, self._answer)
 
     def _answer(self, _request: EmptyRequest) -> EmptyResponse:
-        return self._clear()
+        """Have the server clear; what it was asked before and still is to do need not be asked again."""
+        with self._lock:
+            call = self._hanging if self._hanging is not None and self._hanging.is_alive() else ServiceCall(self._clear)
+        call.join(self._patience)
+        if call.is_alive():
+            with self._lock:
+                self._hanging = call
+            raise rospy.ServiceException(no_answer(self._clear.resolved_name, self._node, self._patience))
+        if call.error is not None:
+            raise rospy.ServiceException(f"service {self._clear.resolved_name}: {call.error}")
+        return call.response
+
+
+class ServiceCall(threading.Thread):
+    """A service called on a thread of its own, since rospy's calls wait for ever; `join` it for as long as you like.
+
+    Attributes:
+        response: What came back.
+        error: What was raised instead.
+    """
+
+    def __init__(self, service: rospy.ServiceProxy) -> None:
+        super().__init__(name=f"call of {service.resolved_name}", daemon=True)
+        self._call = service
+        self.response: Any = None
+        self.error: Optional[Exception] = None
+        self.start()
+
+    def run(self) -> None:
+        """Call it."""
+        try:
+            self.response = self._call()
+        except Exception as error:  # whoever joins raises it
+            self.error = error
+
+
+def no_answer(service: str, node: str, patience: float) -> str:
+    """Return what to say of a service that has not answered: the service, and what its node is at."""
+    states = {MUTE: "hangs: it answers nobody", GONE: "does not exist any more"}
+    state = states.get(ask_node(node), "is there, but busy")
+    return f"service {service} did not answer within {patience:g} s; its node {node} {state}"

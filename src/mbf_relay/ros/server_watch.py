@@ -26,7 +26,12 @@ ASK_TIMEOUT = 0.3
 
 
 class ServerWatch:
-    """Watches one action server through its status topic."""
+    """Watches one action server through its status topic.
+
+    Attributes:
+        is_up: Whether it is there.
+        loss: How it was lost last; empty where it never was.
+    """
 
     def __init__(
         self, name: str, takes_goals: Callable[[str], bool], silence_timeout: float,
@@ -41,6 +46,7 @@ class ServerWatch:
             on_status: Called with each status message of the server's.
         """
         self.is_up = False
+        self.loss = ""
         self._name = name
         self._takes_goals, self._on_status = takes_goals, on_status
         self._silence_timeout = silence_timeout
@@ -76,7 +82,8 @@ class ServerWatch:
         if reason is None:
             return None
         self.is_up = False
-        return f"action server {self._name} {reason}"
+        self.loss = f"action server {self._name} {reason}"
+        return self.loss
 
     def _hear(self, message: GoalStatusArray) -> None:
         node = message._connection_header["callerid"]

@@ -1,0 +1,87 @@
+#!/usr/bin/env python3
+"""Programs around the relay: one that is stopped, the one for the goal topic alone, and the tutorials' clients."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir))
+
+import rospy
+import rostest
+from actionlib_msgs.msg import GoalStatus
+from geometry_msgs.msg import PoseStamped
+from mbf_msgs.msg import MoveBaseActionResult
+from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult as Result
+
+from node.relay_case import RelayCase
+from node.scripted_server import SCRIPTS
+from ros_testing import Listener, connected_publisher, wait_until
+
+
+@contextlib.contextmanager
+def started(executable, *arguments):
+    """Run a node of the package as `move_base`; end it in the end."""
+    process = subprocess.Popen(["rosrun", "mbf_relay", executable, *arguments])
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+class RelayProgramsTest(RelayCase):
+    def test_a_relay_that_is_stopped_cancels_and_says_so(self):
+        self.make_sure_of_server()
+        results = Listener("second/move_base/result", Result)
+        with started("move_base_relay", "__ns:=second", "_server:=/move_base_flex") as relay:
+            goals = connected_publisher("second/move_base/goal", MoveBaseActionGoal)
+            wait_until(results._subscriber.get_num_connections, "the second relay")
+            self.send("drive", x=91.0, goals=goals)
+            wait_until(lambda: self.reported("goal drive 91.0"), "the goal at the server")
+            relay.send_signal(signal.SIGINT)
+            end = results.wait_for(lambda m: True, "the end").status
+            self.assertEqual((end.status, end.text),
+                             (GoalStatus.ABORTED, "Aborting on the goal because the node has been killed"))
+            wait_until(lambda: self.reported("cancel drive 91.0"), "the cancel at the server")
+            self.assertEqual(relay.wait(20.0), 0)
+
+    def test_the_goal_topic_alone(self):
+        self.make_sure_of_server()
+        outcomes = Listener("third/move_base/navigation_outcome", MoveBaseActionResult)
+        with started("mb_relay_subscriber.py", "__ns:=third", "_server:=/move_base_flex"):
+            simple = connected_publisher("third/move_base_simple/goal", PoseStamped)
+            wait_until(outcomes._subscriber.get_num_connections, "the third relay")
+            for number, script in enumerate(("drive", "no_plan", "arrive")):
+                if number == 2:
+                    outcomes.wait_for(lambda m: True, "the outcomes of the first two", since=1)
+                pose = PoseStamped()
+                pose.header.frame_id, pose.header.stamp = "map", rospy.Time.from_sec(self.now + number)
+                pose.pose.position.z, pose.pose.orientation.w = SCRIPTS[script], 1.0
+                simple.publish(pose)
+            topics = [name for name, _ in rospy.get_published_topics("/third")]
+            ends = [outcomes.wait_for(lambda m: True, f"outcome {i + 1}", since=i) for i in range(3)]
+            self.assertNotIn("/third/move_base/status", topics)
+        self.assertEqual([end.status.status for end in ends], [GoalStatus.PREEMPTED, GoalStatus.ABORTED, GoalStatus.SUCCEEDED])
+
+    def test_the_tutorials_clients_tell_by_their_exit_status(self):
+        self.make_sure_of_server()
+        self.assertIn("Drove circle with result: True", self.run_client("mb_relay_client.py", 0))
+        self.assertIn("Drove circle with result: True", self.run_client("mb_relay_client.py", 0, "--via", "topic"))
+        self.assertIn("Drove circle with result: True", self.run_client("mbf_goal_client.py", 0))
+        self.run_client("movebase_client.py", 2, "nan")
+        self.kill_server()
+        self.assertIn("within 6 s", self.run_client("movebase_client.py", 1))
+
+    def run_client(self, name, status, *arguments):
+        """Run a client, check its exit status and return what it said."""
+        done = subprocess.run(["rosrun", "mbf_relay", name, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                              timeout=60.0, universal_newlines=True)
+        self.assertEqual(done.returncode, status, done.stdout)
+        return done.stdout
+
+
+if __name__ == "__main__":
+    rostest.rosrun("mbf_relay", "relay_programs", RelayProgramsTest)
