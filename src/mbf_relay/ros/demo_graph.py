@@ -43,7 +43,11 @@ class Graph:
     def __enter__(self) -> Graph:
         adopt_orphans()
         os.makedirs(os.path.dirname(self._log), exist_ok=True)
-        self.start(self._command, self._log)
+        try:
+            self.start(self._command, self._log)
+        except BaseException:  # an interrupt put off until it had started: nobody else would end it
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -42,6 +42,23 @@ def test_a_request_to_end_waits_for_the_block():
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+def test_an_interrupt_while_the_graph_starts_leaves_no_process(tmp_path):
+    from mbf_relay.ros.demo_graph import Graph
+
+    class Interrupted(Graph):
+        """A graph whose process is interrupted the moment it runs."""
+
+        def start(self, command, log):
+            super().start(["sleep", "600"], log)
+            raise KeyboardInterrupt
+
+    graph = Interrupted(["mbf_relay", "demo.launch"], str(tmp_path))
+    with pytest.raises(KeyboardInterrupt):
+        with graph:
+            pytest.fail("it went on after an interrupt")
+    assert [process.poll() is not None for process in graph._processes] == [True]
+
+
 def test_complaints_come_before_the_last_lines(tmp_path):
     from mbf_relay.ros.demo_graph import last_complaints
 
