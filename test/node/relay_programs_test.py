@@ -53,18 +53,24 @@ class RelayProgramsTest(RelayCase):
         outcomes = Listener("third/move_base/navigation_outcome", MoveBaseActionResult)
         with started("mb_relay_subscriber.py", "__ns:=third", "_server:=/move_base_flex"):
             simple = connected_publisher("third/move_base_simple/goal", PoseStamped)
-            wait_until(outcomes._subscriber.get_num_connections, "the third relay")
-            for number, script in enumerate(("drive", "no_plan", "arrive")):
-                if number == 2:
-                    outcomes.wait_for(lambda m: True, "the outcomes of the first two", since=1)
+
+            def send(script, number):
                 pose = PoseStamped()
                 pose.header.frame_id, pose.header.stamp = "map", rospy.Time.from_sec(self.now + number)
                 pose.pose.position.z, pose.pose.orientation.w = SCRIPTS[script], 1.0
                 simple.publish(pose)
-            topics = [name for name, _ in rospy.get_published_topics("/third")]
-            ends = [outcomes.wait_for(lambda m: True, f"outcome {i + 1}", since=i) for i in range(3)]
-            self.assertNotIn("/third/move_base/status", topics)
-        self.assertEqual([end.status.status for end in ends], [GoalStatus.PREEMPTED, GoalStatus.ABORTED, GoalStatus.SUCCEEDED])
+
+            def end_of(number):
+                stamp = rospy.Time.from_sec(self.now + number)
+                return outcomes.wait_for(lambda m: m.status.goal_id.stamp == stamp, f"the outcome of goal {number}").status.status
+
+            wait_until(lambda: (send("arrive", 0), outcomes.last)[1], "the third relay to say how goals end", period=0.2)
+            send("drive", 1)
+            send("no_plan", 2)
+            self.assertEqual([end_of(1), end_of(2)], [GoalStatus.PREEMPTED, GoalStatus.ABORTED])
+            send("arrive", 3)
+            self.assertEqual(end_of(3), GoalStatus.SUCCEEDED)
+            self.assertNotIn("/third/move_base/status", [name for name, _ in rospy.get_published_topics("/third")])
 
     def test_the_tutorials_clients_tell_by_their_exit_status(self):
         self.make_sure_of_server()
