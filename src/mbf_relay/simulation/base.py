@@ -20,12 +20,6 @@ CASTER = 2
 AXLE = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 """Turns a joint's axis from z to y."""
 
-TOUCHING = 2e-5
-"""Gap (m) between a wheel and the ground up to which a contact point bears the robot.
-
-Bullet keeps the points of the last steps, which roll up with the wheel, and would solve eight contacts for the three there are.
-"""
-
 SERVO_GAINS, VELOCITY_GAINS = (0.1, 0.1), (1.0, 1.0)
 """Share of the error in angle and in speed that the motors take away in one step."""
 
@@ -106,8 +100,7 @@ class Base:
         )
         for wheel in WHEELS:
             pybullet.changeDynamics(
-                self.body, wheel, lateralFriction=friction, rollingFriction=0.0, spinningFriction=0.0, jointDamping=0.0,
-                contactProcessingThreshold=TOUCHING, **change,
+                self.body, wheel, lateralFriction=friction, rollingFriction=0.0, spinningFriction=0.0, jointDamping=0.0, **change
             )
         # With friction the caster would push the robot off its course.
         pybullet.changeDynamics(self.body, CASTER, lateralFriction=0.0, **change)
