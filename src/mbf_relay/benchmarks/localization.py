@@ -11,7 +11,9 @@ import yaml
 
 from mbf_relay.benchmarks.arena import arena_map
 from mbf_relay.benchmarks.figure import Figure, figure_of, time_call
-from mbf_relay.benchmarks.made_drives import BUILDINGS, Rough, make_drive, spoil_odometry, wander
+from mbf_relay.benchmarks.held_out import START_COVARIANCE, held_out_drives
+from mbf_relay.benchmarks.made_buildings import FAMILIAR
+from mbf_relay.benchmarks.made_drives import Rough, make_drive, spoil_odometry, wander
 from mbf_relay.geometry import IDENTITY, Pose2D, angle_between
 from mbf_relay.localization.distance_field import DistanceField, distances_to
 from mbf_relay.localization.estimate import estimate
@@ -29,7 +31,6 @@ from mbf_relay.lockstep.tasks import circle
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.scan import LaserScan
 
-START_COVARIANCE = np.diag([0.25, 0.25, (math.pi / 12.0) ** 2])
 FOUND_WITHIN, FOUND_TURN = 0.25, 0.25
 STAYS_FOUND = 5
 """Updates in a row that must be near the truth before the robot counts as found."""
@@ -41,6 +42,7 @@ def figures(quick: bool) -> Iterator[Figure]:
     yield from on_circles(3 if quick else 10)
     yield from searches(8 if quick else 50)
     yield from rough_drives(1 if quick else 6)
+    yield from held_out_drives(1 if quick else 5)
     yield from ten_times_the_noise(2 if quick else 10)
     yield from speed(5 if quick else 30)
 
@@ -135,7 +137,7 @@ def rough_drives(seeds: int) -> Iterator[Figure]:
     for name, robust in (("rough going", True), ("rough going, robust off", False)):
         parameters = AmclParameters(robust=robust)
         off, kept = [], []
-        for building in BUILDINGS:
+        for building in FAMILIAR:
             for seed in range(seeds):
                 made = make_drive(building, 200, Rough(), np.random.default_rng(seed))
                 start = Pose2D(*map(float, made.log.reference[0]))
@@ -143,7 +145,7 @@ def rough_drives(seeds: int) -> Iterator[Figure]:
                 distances = errors(result.poses, made.log.reference)["translation"]
                 off.append(float(np.median(distances)))
                 kept.append(100.0 * float((distances < LOST_FROM).mean()))
-        drives = {"drives": len(off), "buildings": ", ".join(BUILDINGS)}
+        drives = {"drives": len(off), "buildings": ", ".join(FAMILIAR)}
         yield figure_of(f"{name}: median error of a drive", off, "m", **drives)
         yield Figure(f"{name}: scans on track", float(np.mean(kept)), "%", repeats=len(kept), parameters=drives)
 

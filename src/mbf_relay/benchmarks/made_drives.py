@@ -1,4 +1,4 @@
-"""Made buildings, and made drives through them of the kind that loses a robot.
+"""Made drives through made buildings, of the kind that loses a robot.
 
 A scan only every half to whole metre, odometry that is off by a tenth of the motion and more, slips, walls and furniture
 that are not on the map, people around the robot. Every number is drawn from the generator handed in.
@@ -7,19 +7,17 @@ that are not on the map, people around the robot. Every number is drawn from the
 from __future__ import annotations
 
 import math
-from typing import Callable, Dict, List, NamedTuple, Tuple
+from typing import List, NamedTuple, Tuple
 
 import numpy as np
 
+from mbf_relay.benchmarks.made_buildings import BUILDINGS, RESOLUTION, scatter_boxes
 from mbf_relay.geometry import IDENTITY, Pose2D, normalize_angle
 from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.laser_kernels import cast_scan
 from mbf_relay.localization.logs import RecordedLog
 from mbf_relay.maps import OccupancyMap
 
-RESOLUTION = 0.05
-BEAMS = 181
-RANGE_MAX = 20.0
 CLEARANCE = 0.35
 
 
@@ -32,6 +30,10 @@ class Rough(NamedTuple):
         slips: Share of steps at which the wheels slip by up to half of the step.
         unmapped: Share of the walls that the map does not have.
         people: People within 4 m, at each scan.
+        furniture: Boxes in the building that the map does not have.
+        beams: Beams of the lidar.
+        range_max: Its reach (m).
+        view: Its field of view (rad), ahead.
     """
 
     step: float = 0.75
@@ -39,6 +41,10 @@ class Rough(NamedTuple):
     slips: float = 0.03
     unmapped: float = 0.15
     people: int = 3
+    furniture: int = 0
+    beams: int = 181
+    range_max: float = 20.0
+    view: float = math.pi
 
 
 class MadeDrive(NamedTuple):
@@ -46,47 +52,6 @@ class MadeDrive(NamedTuple):
 
     log: RecordedLog
     occupancy: OccupancyMap
-
-
-def office(rng: np.random.Generator) -> np.ndarray:
-    """Return a floor with a corridor, rooms on both sides and furniture in them: bool, shape (400, 640)."""
-    walls = _shell(400, 640)
-    walls[178:181], walls[219:222] = True, True
-    for left in np.arange(0, 600, 80):
-        walls[:180, left:left + 3] = walls[220:, left:left + 3] = True
-        for low, high in ((178, 181), (219, 222)):
-            door = left + rng.integers(10, 50)
-            walls[low:high, door:door + 20] = False
-    _scatter_boxes(walls, 60, 6, 24, rng)
-    walls[184:216, 4:-4] = False
-    return walls
-
-
-def corridors(rng: np.random.Generator) -> np.ndarray:
-    """Return bare corridors around a block, with a niche here and there: bool, shape (500, 800)."""
-    walls = np.ones((500, 800), dtype=bool)
-    for band in ((slice(20, 64), slice(20, 780)), (slice(436, 480), slice(20, 780)), (slice(230, 272), slice(20, 780))):
-        walls[band] = False
-    for band in ((slice(20, 480), slice(20, 66)), (slice(20, 480), slice(734, 780)), (slice(20, 480), slice(380, 424))):
-        walls[band] = False
-    for _ in range(40):
-        column, row = rng.integers(60, 720), (20, 64, 230, 272, 436, 480)[rng.integers(6)]
-        depth = rng.integers(3, 12)
-        walls[row - depth:row + depth, column:column + rng.integers(16, 40)] = False
-    return walls
-
-
-def hall(rng: np.random.Generator) -> np.ndarray:
-    """Return a cluttered hall with pillars: bool, shape (480, 560)."""
-    walls = _shell(480, 560)
-    for row in range(90, 440, 90):
-        for column in range(90, 520, 110):
-            walls[row:row + 10, column:column + 10] = True
-    _scatter_boxes(walls, 50, 6, 40, rng)
-    return walls
-
-
-BUILDINGS: Dict[str, Callable[[np.random.Generator], np.ndarray]] = {"office": office, "corridors": corridors, "hall": hall}
 
 
 def make_drive(building: str, scans: int, rough: Rough, rng: np.random.Generator) -> MadeDrive:
@@ -99,13 +64,16 @@ def make_drive(building: str, scans: int, rough: Rough, rng: np.random.Generator
         rng: Where chance comes from.
     """
     walls = BUILDINGS[building](rng)
-    field = DistanceField(_as_map(walls), 5.0)
+    world = walls.copy()
+    scatter_boxes(world, rough.furniture, 6, 24, rng)
+    field = DistanceField(_as_map(world), 5.0)
     way = wander(field, scans, rough.step, rng)
-    bearings = np.linspace(-math.pi / 2.0, math.pi / 2.0, BEAMS)
-    ranges = np.array([_measure(field, pose, bearings, rough.people, rng) for pose in way])
+    around = rough.view >= 2.0 * math.pi
+    bearings = np.linspace(-rough.view / 2.0, rough.view / 2.0, rough.beams, endpoint=not around)
+    ranges = np.array([_measure(field, pose, bearings, rough, rng) for pose in way])
     log = RecordedLog(
         np.arange(float(scans)), spoil_odometry(np.array(way), rough, rng), ranges, float(bearings[0]),
-        float(bearings[1] - bearings[0]), RANGE_MAX, np.array(way), IDENTITY,
+        float(bearings[1] - bearings[0]), rough.range_max, np.array(way), IDENTITY,
     )
     return MadeDrive(log, _as_map(_forget(walls, rough.unmapped, rng)))
 
@@ -122,19 +90,6 @@ def spoil_odometry(way: np.ndarray, rough: Rough, rng: np.random.Generator) -> n
         pose = pose.compose(Pose2D(motion.x * along, motion.y * along + 0.3 * noise[1] * driven, turned))
         poses.append(pose)
     return np.array(poses)
-
-
-def _shell(height: int, width: int) -> np.ndarray:
-    walls = np.zeros((height, width), dtype=bool)
-    walls[:4] = walls[-4:] = True
-    walls[:, :4] = walls[:, -4:] = True
-    return walls
-
-
-def _scatter_boxes(walls: np.ndarray, count: int, smallest: int, largest: int, rng: np.random.Generator) -> None:
-    for _ in range(count):
-        row, column = rng.integers(8, walls.shape[0] - 40), rng.integers(8, walls.shape[1] - 40)
-        walls[row:row + rng.integers(smallest, largest), column:column + rng.integers(smallest, largest)] = True
 
 
 def _as_map(walls: np.ndarray) -> OccupancyMap:
@@ -175,11 +130,11 @@ def _clear(field: DistanceField, x: float, y: float) -> float:
     return float(field.distances[row, column]) if field.occupancy.local_grid.contains_cell(column, row) else 0.0
 
 
-def _measure(field: DistanceField, pose: Pose2D, bearings: np.ndarray, people: int, rng: np.random.Generator) -> np.ndarray:
+def _measure(field: DistanceField, pose: Pose2D, bearings: np.ndarray, rough: Rough, rng: np.random.Generator) -> np.ndarray:
     ranges = np.empty(len(bearings))
-    cast_scan(np.array([pose]), field.blocked, field.frame, RANGE_MAX, bearings, ranges)
-    ranges = np.where(ranges < RANGE_MAX, ranges + rng.normal(0.0, 0.02, len(ranges)), np.inf)
-    for _ in range(people):
+    cast_scan(np.array([pose]), field.blocked, field.frame, rough.range_max, bearings, ranges)
+    ranges = np.where(ranges < rough.range_max, ranges + rng.normal(0.0, 0.02, len(ranges)), np.inf)
+    for _ in range(rough.people):
         distance, direction = rng.uniform(0.5, 4.0), rng.uniform(-math.pi / 2.0, math.pi / 2.0)
         seen = np.abs(bearings - direction) < math.atan2(0.25, distance)
         ranges[seen] = np.minimum(ranges[seen], distance)
