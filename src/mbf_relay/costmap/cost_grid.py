@@ -43,6 +43,11 @@ class CostGrid:
     stamp: float = 0.0
     history: Tuple[Tuple[int, Window], ...] = ()
 
+    @property
+    def half_width(self) -> float:
+        """How far (m) the footprint reaches to the sides of a robot that drives ahead; a round robot has none drawn."""
+        return float(np.abs(self.footprint[:, 1]).max()) if len(self.footprint) else self.inscribed_radius
+
     def changed_since(self, revision: int) -> Optional[Window]:
         """Return a window that holds all that changed since an earlier picture, or None where that is not known."""
         changed = EMPTY

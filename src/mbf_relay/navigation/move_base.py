@@ -21,6 +21,7 @@ from mbf_relay.navigation.remedies import Remedy, remedy_for
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.timing import Pacer
 from mbf_relay.navigation.trials import Trials
+from mbf_relay.navigation.way_keeper import WayKeeper
 from mbf_relay.outcomes import ControlOutcome, PlanOutcome, StaleDataError, TransformError
 from mbf_relay.planning.path import Path
 
@@ -63,7 +64,7 @@ class MoveBase:
         self._drives_here = False
         self._recovery: Optional[RecoveryExecution] = None
         self._behaviors: Tuple[str, ...] = goal.recovery_behaviors or tuple(navigator.recoveries.names)
-        self._trials = Trials(self._behaviors)
+        self._trials, self._ways = Trials(self._behaviors), WayKeeper()
         self._oscillation = OscillationDetector()
         self._replan_pacer = Pacer()
         self._replan_trouble = ""
@@ -128,6 +129,7 @@ class MoveBase:
         self._plan = None
         result = plan.task.result
         if plan.task.ending is Ending.SUCCEEDED:
+            self._ways.restart()
             self._follow(result.path, same_goal=False)
             period = self._replan_period()
             self._replan_pacer.postpone(now, period if math.isfinite(period) else 0.0)
@@ -218,7 +220,8 @@ class MoveBase:
         result = replan.task.result
         if replan.task.ending is Ending.SUCCEEDED:
             self._replan_trouble = ""
-            self._follow(result.path, same_goal=True)
+            if self._is_worth_following(now, result.path):
+                self._follow(result.path, same_goal=True)
             return
         self._replan_trouble = f"replanning failed, going on along the last path: {result.outcome.name}: {result.message}"
         if self._is_path_blocked():
@@ -226,6 +229,14 @@ class MoveBase:
             self._stop_driving(now)
             if not self._recover(result.outcome, result.cause):
                 self._fail(Ending.ABORTED, result.outcome, result.message)
+
+    def _is_worth_following(self, now: float, path: Path) -> bool:
+        """Tell whether to go over to a path found while driving along another one."""
+        if self._last.pose is None or self._last.pose.frame != path.frame or self._path.frame != path.frame:
+            return True
+        width = 2.0 * self._navigator.costmaps["global"].snapshot().half_width
+        wanted = self._ways.wants(now, self._path.poses, path.poses, self._last.pose.pose, width)
+        return wanted or self._is_path_blocked()
 
     def _is_path_blocked(self) -> bool:
         """Tell whether an obstacle lies on what is left of the last path."""

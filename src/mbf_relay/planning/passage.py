@@ -32,7 +32,7 @@ def plan_with_room(
     Arguments and errors as for Planner.plan.
     """
     first = path = planner.plan(costmap, start, goal, tolerance, cancelled)
-    room = _half_width(costmap) + (0.5 - SIDES) * costmap.grid.resolution
+    room = costmap.half_width + (0.5 - SIDES) * costmap.grid.resolution
     if room <= costmap.inscribed_radius + costmap.grid.resolution:
         return first
     picture = costmap
@@ -50,11 +50,6 @@ def plan_with_room(
         if path.length > DETOUR_FACTOR * first.length + DETOUR_LENGTH:
             return first
     return first
-
-
-def _half_width(costmap: CostGrid) -> float:
-    """Return how far (m) the footprint reaches to the sides of a robot that drives ahead."""
-    return float(np.abs(costmap.footprint[:, 1]).max()) if len(costmap.footprint) else costmap.inscribed_radius
 
 
 def narrow_cells(costmap: CostGrid, path: Path, room: float) -> np.ndarray:
