@@ -87,14 +87,14 @@ class ObstacleView:
         return int(self.first_contacts(batch, np.array([len(poses)]), np.ones(1), allowed).steps[0])
 
     def room_along(self, points: np.ndarray) -> float:
-        """Return the least distance (m) between obstacles and the footprint's sides, were it to pass along points (N, 2)."""
-        grid = self.costmap.grid
-        cells = grid.cells_at(points)
-        cells = cells[grid.contains_cells(cells)]
-        if len(cells) == 0:
-            return math.inf
+        """Return the least distance (m) between obstacles and the footprint's sides, were it to pass along points (N, 2).
+
+        An obstacle fills its cell. Distances are interpolated between cells, or a path a hair aside could be judged a whole
+        cell narrower. What lies outside the outermost cells' centres does not count; infinite where nothing else is left.
+        """
         half_width = float(np.abs(self.costmap.footprint[:, 1]).max()) if len(self.costmap.footprint) else 0.0
-        return float(self._distances[cells[:, 1], cells[:, 0]].min()) * grid.resolution - half_width
+        least = trajectory_kernels.least_distance(self._distances, *self._place, np.ascontiguousarray(points))
+        return (least - 0.5) * self.costmap.grid.resolution - half_width
 
     def in_sight(self, pose: Pose2D, points: np.ndarray) -> np.ndarray:
         """Tell for each point, (N, 2) in metres, whether the straight line to it from the robot is free of obstacles."""

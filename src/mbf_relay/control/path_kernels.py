@@ -8,6 +8,8 @@ import numpy as np
 
 from mbf_relay.kernels import kernel
 
+_STRETCH = 8  # pieces of a path that are passed over together
+
 
 @kernel("void(float64[:,::1], float64, uint8[::1])")
 def thin(points, spacing, keep):
@@ -33,12 +35,31 @@ def thin(points, spacing, keep):
     keep[last] = 1
 
 
+@kernel("float64[:,::1](float64[:,::1])")
+def round_stretches(line):
+    """Return a circle round each _STRETCH pieces of a polyline: centre and radius (m), a hair more than needed."""
+    count = line.shape[0] - 1
+    circles = np.empty(((count + _STRETCH - 1) // _STRETCH, 3))
+    for stretch in range(circles.shape[0]):
+        first, last = stretch * _STRETCH, min(count, (stretch + 1) * _STRETCH)
+        x = 0.5 * (line[first, 0] + line[last, 0])
+        y = 0.5 * (line[first, 1] + line[last, 1])
+        radius = 0.0
+        for corner in range(first, last + 1):
+            radius = max(radius, math.hypot(line[corner, 0] - x, line[corner, 1] - y))
+        circles[stretch, 0], circles[stretch, 1], circles[stretch, 2] = x, y, radius + 1e-6
+    return circles
+
+
 @kernel("void(float64[:,::1], float64[:,::1], float64[::1], float64[:,::1])")
 def project(points, line, arcs, result):
     """Find the nearest point of a polyline for each point.
 
+    Stretches of the line that cannot hold it, for they lie in a circle farther away than what is known to be near,
+    are passed over.
+
     Args:
-        points: Shape (M, 2) in metres.
+        points: Shape (M, 2) in metres; those that follow each other best lie near each other.
         line: Shape (K, 2) in metres, K >= 2.
         arcs: Shape (K,): arc length (m) at each corner of the line.
         result: Shape (M, 2): filled with the distance (m) and the arc length (m) of the nearest point; of several, the
@@ -52,19 +73,29 @@ def project(points, line, arcs, result):
         length = dx * dx + dy * dy
         ways[corner, 0], ways[corner, 1] = dx, dy
         ways[corner, 2] = 1.0 / length if length > 0.0 else 0.0
+    circles = round_stretches(line)
+    nearest_corner = 0
     for index in range(points.shape[0]):
         x, y = points[index, 0], points[index, 1]
-        nearest, nearest_corner, nearest_along = 1e300, 0, 0.0
-        for corner in range(count):
-            dx, dy = ways[corner, 0], ways[corner, 1]
-            px = x - line[corner, 0]
-            py = y - line[corner, 1]
-            along = (px * dx + py * dy) * ways[corner, 2]
-            along = 0.0 if along < 0.0 else (1.0 if along > 1.0 else along)
-            px -= along * dx
-            py -= along * dy
-            distance = px * px + py * py
-            if distance < nearest:
-                nearest, nearest_corner, nearest_along = distance, corner, along
+        guess = math.hypot(x - line[nearest_corner, 0], y - line[nearest_corner, 1])
+        nearest, nearest_along = 1e300, 0.0
+        for stretch in range(circles.shape[0]):
+            px = x - circles[stretch, 0]
+            py = y - circles[stretch, 1]
+            reach = guess + circles[stretch, 2]
+            if px * px + py * py > reach * reach:
+                continue
+            for corner in range(stretch * _STRETCH, min(count, (stretch + 1) * _STRETCH)):
+                dx, dy = ways[corner, 0], ways[corner, 1]
+                px = x - line[corner, 0]
+                py = y - line[corner, 1]
+                along = (px * dx + py * dy) * ways[corner, 2]
+                along = 0.0 if along < 0.0 else (1.0 if along > 1.0 else along)
+                px -= along * dx
+                py -= along * dy
+                distance = px * px + py * py
+                if distance < nearest:
+                    nearest, nearest_corner, nearest_along = distance, corner, along
+            guess = min(guess, math.sqrt(nearest))
         result[index, 0] = math.sqrt(nearest)
         result[index, 1] = arcs[nearest_corner] + nearest_along * (arcs[nearest_corner + 1] - arcs[nearest_corner])

@@ -64,18 +64,13 @@ def sample(parameters: DwaParameters, window: VelocityWindow, speed: float) -> n
     Left out are standing still and more than `speed` in all.
     """
     p = parameters
-    axes = [
-        _axis(low, high, count)
-        for low, high, count in zip(window.low, window.high, (p.vx_samples, p.vy_samples, p.vth_samples))
-    ]
-    grids = np.meshgrid(*axes, indexing="ij")
-    velocities = np.column_stack([grid.ravel() for grid in grids])
-    speeds = np.hypot(velocities[:, 0], velocities[:, 1])
-    standing = (speeds < 1e-6) & (np.abs(velocities[:, 2]) < 1e-6)
+    counts = tuple(max(2, count) for count in (p.vx_samples, p.vy_samples, p.vth_samples))
     slowest = math.hypot(*(min(abs(low), abs(high)) if low * high > 0.0 else 0.0
                            for low, high in zip(window.low[:2], window.high[:2])))
-    too_fast = speeds > max(speed, slowest) + 1e-4
-    return np.ascontiguousarray(velocities[~(standing | too_fast)])
+    velocities = np.empty(((counts[0] + 1) * (counts[1] + 1) * (counts[2] + 1), 3))  # each has room for zero besides
+    found = trajectory_kernels.sample(
+        np.array(window.low), np.array(window.high), np.array(counts), max(speed, slowest) + 1e-4, velocities)
+    return velocities[:found]
 
 
 def too_slow(parameters: DwaParameters, window: VelocityWindow, velocities: np.ndarray) -> np.ndarray:
@@ -88,15 +83,6 @@ def too_slow(parameters: DwaParameters, window: VelocityWindow, velocities: np.n
     speeds, turns = np.hypot(velocities[:, 0], velocities[:, 1]), np.abs(velocities[:, 2])
     slow = (speeds > STANDING) & (speeds < min(parameters.min_vel_trans, fastest) - 1e-4)
     return slow & (turns < parameters.min_vel_theta - 1e-4)
-
-
-def _axis(low: float, high: float, count: int) -> np.ndarray:
-    if high - low < 1e-9:
-        return np.array([high])
-    values = np.linspace(low, high, max(2, count))
-    if low < 0.0 < high and not (np.abs(values) < 1e-12).any():
-        values = np.sort(np.append(values, 0.0))
-    return values
 
 
 @dataclass(frozen=True)
@@ -147,17 +133,15 @@ def roll_out(
         distance_left: Metres to the goal.
         sim_time: How far ahead (s) trajectories reach, where stopping does not take longer.
     """
-    p = parameters
-    speeds, turns = np.hypot(velocities[:, 0], velocities[:, 1]), np.abs(velocities[:, 2])
+    p, number = parameters, len(velocities)
     accelerations = np.maximum(1e-9, [p.acc_lim_x, p.acc_lim_y, p.acc_lim_theta])
-    braking = np.max(np.abs(velocities) / (2.0 * accelerations), axis=1)
-    stopping = period + p.stop_time_buffer + braking
-    durations = np.full(len(velocities), max(sim_time, float(stopping.max()) if len(stopping) else 0.0))
-    moving = speeds > 1e-3
-    durations[moving] = np.minimum(durations[moving], np.maximum(distance_left / speeds[moving], stopping[moving]))
-    most = int(math.ceil(_longest(durations, speeds, turns, p))) + 1
-    poses = np.empty((len(velocities), most, 3))
-    counts, steps = np.empty(len(velocities), np.int64), np.empty(len(velocities))
+    speeds, stopping, durations = np.empty(number), np.empty(number), np.empty(number)
+    longest = trajectory_kernels.time_spans(
+        velocities, accelerations, period + p.stop_time_buffer, sim_time, distance_left, p.sim_granularity,
+        p.angular_sim_granularity, speeds, stopping, durations,
+    )
+    poses = np.empty((number, math.ceil(longest) + 1, 3))
+    counts, steps = np.empty(number, np.int64), np.empty(number)
     start = np.array(velocity, dtype=float) if not p.use_dwa else np.full(3, np.nan)
     trajectory_kernels.simulate(
         np.array(pose, dtype=float), start, accelerations, velocities, durations, p.sim_granularity,
@@ -165,21 +149,15 @@ def roll_out(
     )
     allowed = view.contacts_at(pose)
     way = view.first_contacts(poses, counts, _scales(p, speeds), allowed)
-    free = way.steps
-    ends = poses[np.arange(len(poses)), np.maximum(free, 1) - 1]
-    ends[free == 0] = pose
-    needed = np.minimum(counts, np.ceil(stopping / steps - 1e-9).astype(np.int64))
-    spare = np.where(free == counts, np.maximum(0.0, sim_time - durations) * speeds, 0.0)
+    ends, needed, spare = np.empty((number, 3)), np.empty(number, np.int64), np.empty(number)
+    trajectory_kernels.outlook(
+        np.array(pose, dtype=float), poses, counts, way.steps, steps, stopping, durations, speeds, sim_time, ends, needed,
+        spare,
+    )
     change = accelerations * period
     commands = velocities if p.use_dwa else np.clip(velocities, np.array(velocity) - change, np.array(velocity) + change)
-    return Trajectories(velocities, commands, poses, counts, free, needed, ends, spare,
+    return Trajectories(velocities, commands, poses, counts, way.steps, needed, ends, spare,
                         way.highest_costs, way.summed_costs)
-
-
-def _longest(durations: np.ndarray, speeds: np.ndarray, turns: np.ndarray, p: DwaParameters) -> float:
-    if len(durations) == 0:
-        return 1.0
-    return float(np.maximum(durations * speeds / p.sim_granularity, durations * turns / p.angular_sim_granularity).max())
 
 
 def _scales(p: DwaParameters, speeds: np.ndarray) -> np.ndarray:

@@ -1,12 +1,133 @@
-"""Compiled loops over batches of trajectories: forward simulation and the first contact of a footprint on the way."""
+"""Compiled loops over batches of trajectories: sampling, forward simulation, and the first contact of a footprint."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from mbf_relay.kernels import kernel
 
 _LETHAL = 254
+
+
+@kernel("int64(float64, float64, int64, float64[::1])")
+def axis(low, high, count, values):
+    """Fill `values` with `count` values from low to high and with zero where that lies between; return how many."""
+    if high - low < 1e-9:
+        values[0] = high
+        return 1
+    step = (high - low) / (count - 1)
+    filled, has_zero = 0, not low < 0.0 < high
+    for i in range(count):
+        value = high if i == count - 1 else i * step + low
+        if abs(value) < 1e-12:
+            has_zero = True
+        elif value > 0.0 and not has_zero:
+            values[filled] = 0.0
+            filled += 1
+            has_zero = True
+        values[filled] = value
+        filled += 1
+    return filled
+
+
+@kernel("int64(float64[::1], float64[::1], int64[::1], float64, float64[:,::1])")
+def sample(low, high, counts, fastest, velocities):
+    """Fill `velocities` with every combination of evenly spaced components; return how many.
+
+    Args:
+        low, high: Shape (3,): the ends of each component.
+        counts: Shape (3,), each 2 or above: values along each component; zero comes besides where it lies between.
+        fastest: Speed (m/s) beyond which a combination is left out; standing still is left out as well.
+        velocities: Shape (M, 3) with room for all, filled from the front; the last component runs fastest.
+    """
+    axes = np.empty((3, counts.max() + 1))
+    lengths = np.empty(3, np.int64)
+    for component in range(3):
+        lengths[component] = axis(low[component], high[component], counts[component], axes[component])
+    found = 0
+    for i in range(lengths[0]):
+        for j in range(lengths[1]):
+            speed = math.hypot(axes[0, i], axes[1, j])
+            if speed > fastest:
+                continue
+            for k in range(lengths[2]):
+                if speed < 1e-6 and abs(axes[2, k]) < 1e-6:
+                    continue
+                velocities[found, 0] = axes[0, i]
+                velocities[found, 1] = axes[1, j]
+                velocities[found, 2] = axes[2, k]
+                found += 1
+    return found
+
+
+@kernel(
+    "float64(float64[:,::1], float64[::1], float64, float64, float64, float64, float64, float64[::1], float64[::1], "
+    "float64[::1])"
+)
+def time_spans(
+    velocities, accelerations, delay, sim_time, distance_left, granularity, angular_granularity, speeds, stopping, durations
+):
+    """Find how long each trajectory is followed; return the most steps any of them takes.
+
+    It is followed for `sim_time`, or for as long as the slowest to stop needs for that; but no farther than
+    `distance_left`, where the robot can have stopped by then.
+
+    Args:
+        velocities: Shape (N, 3), body frame.
+        accelerations: Shape (3,), all above 0.
+        delay: Seconds before braking begins.
+        sim_time: Seconds.
+        distance_left: Metres to the goal.
+        granularity: Most metres per step.
+        angular_granularity: Most radians per step.
+        speeds: Shape (N,): filled with the translational speed (m/s).
+        stopping: Shape (N,): filled with the time (s) until the robot could have stopped, braking over half of it.
+        durations: Shape (N,): filled with seconds.
+    """
+    longest_stop = 0.0
+    for n in range(velocities.shape[0]):
+        speeds[n] = math.hypot(velocities[n, 0], velocities[n, 1])
+        braking = 0.0
+        for component in range(3):
+            braking = max(braking, abs(velocities[n, component]) / (2.0 * accelerations[component]))
+        stopping[n] = delay + braking
+        longest_stop = max(longest_stop, stopping[n])
+    steps = 1.0 if velocities.shape[0] == 0 else 0.0
+    for n in range(velocities.shape[0]):
+        durations[n] = max(sim_time, longest_stop)
+        if speeds[n] > 1e-3:
+            durations[n] = min(durations[n], max(distance_left / speeds[n], stopping[n]))
+        steps = max(steps, durations[n] * speeds[n] / granularity)
+        steps = max(steps, durations[n] * abs(velocities[n, 2]) / angular_granularity)
+    return steps
+
+
+@kernel(
+    "void(float64[::1], float64[:,:,::1], int64[::1], int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], "
+    "float64, float64[:,::1], int64[::1], float64[::1])"
+)
+def outlook(pose, poses, counts, free, steps, stopping, durations, speeds, sim_time, ends, needed, spare):
+    """Tell of each trajectory where it ends, how much of it must be free, and how much farther it would lead.
+
+    Args:
+        pose: Shape (3,): the robot now.
+        poses: Shape (N, S, 3).
+        counts, free: Shape (N,): poses of each trajectory, and those before its first contact.
+        steps: Shape (N,): the length of a step (s).
+        stopping, durations: Shape (N,): seconds, from `time_spans`.
+        speeds: Shape (N,): m/s.
+        sim_time: Seconds.
+        ends: Shape (N, 3): filled with the last free pose, the robot's own where none is free.
+        needed: Shape (N,): filled with the poses that must be free for the robot to be able to stop.
+        spare: Shape (N,): filled with the metres it would drive on within sim_time, where it is free throughout.
+    """
+    for n in range(poses.shape[0]):
+        for component in range(3):
+            ends[n, component] = poses[n, free[n] - 1, component] if free[n] > 0 else pose[component]
+        needed[n] = min(counts[n], int(math.ceil(stopping[n] / steps[n] - 1e-9)))
+        spare[n] = max(0.0, sim_time - durations[n]) * speeds[n] if free[n] == counts[n] else 0.0
 
 
 @kernel(
@@ -187,3 +308,28 @@ def in_sight(costs, origin_x, origin_y, resolution, x, y, points, seen):
             if costs[row, column] >= _LETHAL:
                 seen[n] = 0
                 break
+
+
+@kernel("float64(float32[:,::1], float64, float64, float64, float64[:,::1])")
+def least_distance(distances, origin_x, origin_y, resolution, points):
+    """Return the least of a grid's values at points, interpolated between the centres of cells; infinite for none.
+
+    Args:
+        distances: Shape (H, W), a value at each cell's centre.
+        origin_x, origin_y, resolution: Where the cells lie.
+        points: Shape (N, 2) in metres; those outside the outermost centres are left out.
+    """
+    height, width = distances.shape
+    least = math.inf
+    for n in range(points.shape[0]):
+        across = (points[n, 0] - origin_x) / resolution - 0.5
+        up = (points[n, 1] - origin_y) / resolution - 0.5
+        if not (across >= 0.0 and up >= 0.0 and across < width - 1 and up < height - 1):
+            continue
+        column, row = int(across), int(up)
+        across -= column
+        up -= row
+        lower = (1.0 - across) * distances[row, column] + across * distances[row, column + 1]
+        upper = (1.0 - across) * distances[row + 1, column] + across * distances[row + 1, column + 1]
+        least = min(least, (1.0 - up) * lower + up * upper)
+    return least

@@ -53,6 +53,19 @@ def test_the_nose_is_not_held_to_the_path_near_the_goal():
     assert critic("alignment", cheat_factor=0.5).score(batch, near).any()
 
 
+def test_the_nose_falls_silent_little_by_little():
+    batch, scene = random_scene(np.random.default_rng(1))
+
+    def scores(distance):
+        pose = Pose2D(scene.path.goal.x + distance, scene.path.goal.y, 0.0)
+        return critic("alignment").score(batch, scene.__class__(**{**vars(scene), "pose": pose}))
+
+    full = scores(2.0)
+    assert scores(0.66) == pytest.approx(full)
+    assert scores(0.325 * 1.5) == pytest.approx(0.5 * full)
+    assert scores(0.326).max() < 0.01 * full.max()
+
+
 @pytest.mark.parametrize("name", ["alignment", "goal_front"])
 def test_without_a_nose_its_critics_are_silent(name):
     batch, scene = random_scene(np.random.default_rng(1))

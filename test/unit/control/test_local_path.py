@@ -108,3 +108,33 @@ def test_projection_finds_the_nearest_point_of_the_line():
         assert distance == pytest.approx(gaps.min(), abs=1e-4)
         at = [np.interp(arc, arcs, corners[:, axis]) for axis in (0, 1)]
         assert np.hypot(at[0] - x, at[1] - y) == pytest.approx(distance, abs=1e-9)
+
+
+def nearest_reference(points, line, arcs):
+    """Look at every piece of the line; the first of equals counts."""
+    ways = np.diff(line, axis=0)
+    lengths = (ways ** 2).sum(axis=1)
+    inverse = np.divide(1.0, lengths, out=np.zeros_like(lengths), where=lengths > 0.0)
+    result = []
+    for x, y in points:
+        px, py = x - line[:-1, 0], y - line[:-1, 1]
+        along = np.clip((px * ways[:, 0] + py * ways[:, 1]) * inverse, 0.0, 1.0)
+        gaps = (px - along * ways[:, 0]) ** 2 + (py - along * ways[:, 1]) ** 2
+        best = int(np.argmin(gaps))
+        result.append((math.sqrt(gaps[best]), arcs[best] + along[best] * (arcs[best + 1] - arcs[best])))
+    return np.array(result)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_projection_passes_over_would_not_have_been_nearest(seed):
+    """Also on lines that come back on themselves, repeat their points, or end in one long piece."""
+    rng = np.random.default_rng(seed)
+    headings = np.cumsum(rng.normal(0.0, rng.choice((0.1, 1.0)), int(rng.integers(2, 120))))
+    corners = np.cumsum(np.column_stack((np.cos(headings), np.sin(headings))) * 0.02, axis=0)
+    corners = (corners, np.vstack((corners, corners[::-1])), np.repeat(corners, 2, axis=0),
+               np.vstack((corners, corners[-1] + (5.0, 0.0))))[seed % 4]
+    arcs = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))))
+    points = np.vstack((rng.normal(0.0, 1.0, (40, 2)), corners[rng.integers(0, len(corners), 20)]))
+    result = np.empty((60, 2))
+    path_kernels.project(points, corners, arcs, result)
+    assert np.array_equal(result, nearest_reference(points, corners, arcs))

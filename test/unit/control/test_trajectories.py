@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import scipy.ndimage
 from paper import BURGER, burger, random_costmap, random_scene
 
 from mbf_relay.control import trajectory_kernels
@@ -58,6 +59,38 @@ def test_creeping_is_told_from_starting_and_from_turning():
     assert not too_slow(parameters, starting, np.array([[starting.high.x, 0.0, 0.0]])).any()
 
 
+def axis_reference(low, high, count):
+    if high - low < 1e-9:
+        return np.array([high])
+    values = np.linspace(low, high, max(2, count))
+    if low < 0.0 < high and not (np.abs(values) < 1e-12).any():
+        values = np.sort(np.append(values, 0.0))
+    return values
+
+
+def sample_reference(parameters, window, speed):
+    """Every combination of evenly spaced values, without those that stand or are too fast."""
+    counts = (parameters.vx_samples, parameters.vy_samples, parameters.vth_samples)
+    axes = [axis_reference(*limits) for limits in zip(window.low, window.high, counts)]
+    velocities = np.column_stack([grid.ravel() for grid in np.meshgrid(*axes, indexing="ij")])
+    speeds = np.hypot(velocities[:, 0], velocities[:, 1])
+    slowest = np.hypot(*(min(abs(low), abs(high)) if low * high > 0.0 else 0.0
+                         for low, high in zip(window.low[:2], window.high[:2])))
+    stands = (speeds < 1e-6) & (np.abs(velocities[:, 2]) < 1e-6)
+    return velocities[~stands & (speeds <= max(speed, slowest) + 1e-4)]
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_samples_are_what_plain_numpy_makes_of_the_window(seed):
+    rng = np.random.default_rng(seed)
+    counts = dict(zip(("vx_samples", "vy_samples", "vth_samples"), map(int, rng.integers(0, (21, 5, 41)))))
+    sideways = dict(min_vel_y=-0.1, max_vel_y=0.1, acc_lim_y=1.0) if seed % 2 else {}
+    parameters = burger(**counts, **sideways)
+    now = Twist2D(*rng.uniform((-0.22, -0.1, -2.7), (0.22, 0.1, 2.7)))
+    window = window_of(parameters, now, 0.1, float(rng.choice((0.1, 0.22))), 2.75)
+    assert np.array_equal(sample(parameters, window, 0.15), sample_reference(parameters, window, 0.15))
+
+
 def integrated(pose, start, target, accelerations, duration, count, substeps=400):
     """Euler in very small steps, velocity constant within each of `count` steps."""
     step, velocity, poses = duration / count, np.array(start, float), []
@@ -88,6 +121,28 @@ def test_simulation_drives_exact_arcs(accelerates):
         first = now if accelerates else target
         expected = integrated(pose, first, target, accelerations, 1.5, expected_count)
         assert np.allclose(poses[0, : counts[0]], expected, atol=2e-3)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_trajectories_last_and_end_as_plain_numpy_says(seed):
+    rng = np.random.default_rng(seed)
+    parameters = burger()
+    batch, scene = random_scene(rng, parameters)
+    acceleration, left = np.array([2.5, 1e-9, 3.2]), float(rng.choice((0.05, 0.2, 2.0)))
+    batch = roll_out(parameters, scene.view, scene.pose, scene.velocity, batch.velocities, 0.1, left, 0.9)
+    speeds = np.hypot(*batch.velocities[:, :2].T)
+    stopping = 0.1 + 0.2 + np.max(np.abs(batch.velocities) / (2.0 * acceleration), axis=1)
+    durations = np.full(len(batch), max(0.9, stopping.max()))
+    moving = speeds > 1e-3
+    durations[moving] = np.minimum(durations[moving], np.maximum(left / speeds[moving], stopping[moving]))
+    turns = np.abs(batch.velocities[:, 2])
+    counts = np.ceil(np.maximum(speeds * durations / 0.025, turns * durations / 0.1) - 1e-9)
+    assert np.array_equal(batch.counts, np.maximum(1, counts))
+    assert np.array_equal(batch.needed, np.minimum(batch.counts, np.ceil(stopping / (durations / batch.counts) - 1e-9)))
+    assert batch.spare == pytest.approx(np.where(batch.free == batch.counts, np.maximum(0.0, 0.9 - durations) * speeds, 0.0))
+    last = batch.poses[np.arange(len(batch)), np.maximum(batch.free, 1) - 1]
+    last[batch.free == 0] = scene.pose
+    assert np.array_equal(batch.ends, last)
 
 
 def grazes(costs, column, row, in_x, in_y, overlap):
@@ -249,3 +304,25 @@ def test_a_point_robot_has_an_outline_of_one_point():
     view = ObstacleView(costmap, 0.0)
     assert view.contacts_at(Pose2D(0.52, 0.02, 1.0)) == 1 and view.contacts_at(Pose2D(0.48, 0.02, 1.0)) == 0
     assert BURGER.shape == (4, 2)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_room_is_interpolated_between_cells(seed):
+    rng = np.random.default_rng(seed)
+    costmap = random_costmap(rng)
+    view, distances = ObstacleView(costmap), distances_to_obstacles(costmap.costs)
+    points = rng.uniform(-1.7, 1.7, (30, 2))
+    places = (points + 1.5) / 0.05 - 0.5
+    inside = ((places >= 0.0) & (places < 59.0)).all(axis=1)
+    expected = scipy.ndimage.map_coordinates(distances.astype(float), places[inside].T[::-1], order=1)
+    for point, room in zip(points[inside], expected):
+        assert view.room_along(point[None]) == pytest.approx(0.05 * (room - 0.5) - 0.105, abs=1e-6)
+    assert view.room_along(points) == pytest.approx(0.05 * (expected.min() - 0.5) - 0.105, abs=1e-6)
+    assert view.room_along(points[~inside][:1]) == math.inf
+
+
+def test_room_does_not_jump_where_a_path_lies_a_hair_aside():
+    view = ObstacleView(random_costmap(np.random.default_rng(2)))
+    line = np.column_stack((np.linspace(-0.4, 0.4, 30), np.zeros(30)))
+    rooms = [view.room_along(line + (0.0, aside)) for aside in np.arange(-0.2, 0.2, 0.001)]
+    assert np.ptp(rooms) > 0.03 and np.abs(np.diff(rooms)).max() < 0.0015

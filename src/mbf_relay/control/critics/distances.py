@@ -78,18 +78,22 @@ class GoalDistance(_OnPath):
 class Alignment(PathDistance):
     """Charges the distance (m) from the nose at a trajectory's end to the path, so that the robot faces along it.
 
-    Near the goal it falls silent, as in DWAPlanner: the nose would have to be beyond the path's end.
+    Near the goal it falls silent, as in DWAPlanner: the nose would have to be beyond the path's end. It does so over as
+    much path again, on which the noses of full trajectories are beyond the goal already, so that the turning does not
+    jump where the robot comes that near.
     """
 
     def _shift(self, scene: Scene) -> float:
         return self.parameters.forward_point_distance * scene.focus
 
     def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
-        """Return metres, 0 near the goal."""
+        """Return metres, less near the goal and in the end 0."""
         shift = self._shift(scene)
-        if shift == 0.0 or _distance_to_goal(scene) <= abs(shift) * math.sqrt(self.parameters.cheat_factor):
+        silent = abs(shift) * math.sqrt(self.parameters.cheat_factor)
+        beyond = _distance_to_goal(scene) - silent
+        if shift == 0.0 or beyond <= 0.0:
             return np.zeros(len(trajectories))
-        return super().score(trajectories, scene)
+        return super().score(trajectories, scene) * (min(1.0, beyond / silent) if silent > 0.0 else 1.0)
 
 
 class GoalFront(GoalDistance):
