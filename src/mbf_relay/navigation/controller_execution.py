@@ -96,15 +96,21 @@ class ControllerExecution:
         return math.inf if self.task.done else self._pacer.next
 
     def follow(self, goal: FollowGoal, task: "Task[FollowResult]") -> None:
-        """Drive along another path from the next cycle on, without a stop; the running task ends as replaced."""
+        """Drive along another path from the next cycle on, without a stop; the running task ends as replaced.
+
+        The first path to a goal is begun at once; a newer one to the same goal waits for its turn, or a robot that plans
+        at 5 Hz would control at 15 instead of 10.
+        """
         if self._goal is not None:
             self._end(Ending.CANCELED, ControlOutcome.CANCELED, "Goal preempted by a new plan", stop=False)
         same = goal.same_goal
         if same is None:
             same = self._goal is not None and _same_end(self._goal.path, goal.path)
-        self._goal_is_new = self._goal is None or not same or self._goal_is_new
+        is_new = self._goal is None or not same
+        self._goal_is_new = is_new or self._goal_is_new
         self._goal, self._path_is_new, self.task = goal, True, task
-        self._pacer.hasten()
+        if is_new:
+            self._pacer.hasten()
 
     def replaced(self) -> None:
         """End because another goal takes over at once; the robot is stopped only where the user wants that."""

@@ -227,12 +227,15 @@ def test_a_new_path_for_the_running_controller_takes_over_without_a_stop(bench):
     assert [new for _path, new in bench.script.paths] == [True, True]
 
 
-def test_a_new_path_to_the_same_goal_is_no_new_goal(bench):
+def test_a_new_path_to_the_same_goal_is_no_new_goal_and_brings_no_cycle_of_its_own(bench):
     bench.navigator.exe_path(FollowGoal(PATH))
     bench.step()
     bench.navigator.exe_path(FollowGoal(scripted.straight_path(1.0)))
     bench.step(0.0)
-    assert [new for _path, new in bench.script.paths] == [True, False]
+    assert len(bench.robot.sent) == 1
+    bench.step()
+    bench.step(0.0)
+    assert [new for _path, new in bench.script.paths] == [True, False] and len(bench.robot.sent) == 2
 
 
 def test_what_a_controller_thought_of_the_old_path_does_not_end_the_new_one(held_bench):
