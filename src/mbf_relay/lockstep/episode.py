@@ -59,7 +59,8 @@ class Episode:
             self._note_now()
             assert self._record is not None
             top_speed = self._graph.simulation.parameters.max_speed
-            return self._record.result(outcome, message, contacts, top_speed, self._reached, self._machine())
+            tolerance = self._graph.goal_tolerance if self.task.goal_radius is None else None
+            return self._record.result(outcome, message, contacts, top_speed, self._reached, tolerance, self._machine())
         finally:
             self._graph.close()
 

@@ -8,6 +8,7 @@ from typing import Callable, Deque, NamedTuple, Optional, Tuple
 
 import numpy as np
 
+from mbf_relay.control.controller import GoalTolerance
 from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.costmap.observation import observation_from_scan
@@ -120,6 +121,13 @@ class Graph:
         planner.plan = stages.timed("planning", planner.plan)
         controller = navigator.controllers.seat(navigator.controllers.choose(setup.controller), 0).plugin
         controller.compute_velocity = stages.timed("control", controller.compute_velocity)
+        self._controller = controller
+
+    @property
+    def goal_tolerance(self) -> Optional[GoalTolerance]:
+        """How near is there for the controller that drives; None for one whose parameters do not say."""
+        values = [getattr(self._controller.parameters, name, None) for name in ("xy_goal_tolerance", "yaw_goal_tolerance")]
+        return None if None in values else GoalTolerance(*values)
 
     @property
     def time_step(self) -> float:

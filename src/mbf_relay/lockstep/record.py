@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from typing import Any, Dict, List
+from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
+from mbf_relay.control.controller import GoalTolerance
 from mbf_relay.geometry import Pose2D, Twist2D, normalize_angles
 from mbf_relay.lockstep import result as outcomes
 from mbf_relay.lockstep.clearance import smallest_clearance
@@ -50,7 +51,8 @@ class Record:
         self._hash.update(struct.pack("<4d", now, *velocity))
 
     def result(
-        self, outcome: str, message: str, contacts: int, top_speed: float, reached: List[float], machine: Dict[str, Any]
+        self, outcome: str, message: str, contacts: int, top_speed: float, reached: List[float],
+        tolerance: Optional[GoalTolerance], machine: Dict[str, Any],
     ) -> EpisodeResult:
         """Return what the drive came to.
 
@@ -60,6 +62,7 @@ class Record:
             contacts: How often the robot touched something.
             top_speed: Of the robot (m/s), for the score.
             reached: Times (s) at which goals were reached.
+            tolerance: Of the controller; None where it does not decide what is reached, or does not say.
             machine: See EpisodeResult.
         """
         task, success = self._task, outcome == outcomes.SUCCEEDED
@@ -81,6 +84,7 @@ class Record:
             final_error=float(np.hypot(*(truth[-1, :2] - np.array(task.goals[-1][:2])))),
             smoothness=smoothness(times, linear, angular, length),
             goal_times=tuple(time - self._times[0] for time in reached),
+            goal_waits=() if tolerance is None else waits(times, believed, task.goals, reached, tolerance),
             trajectory=np.round(np.column_stack((driven, truth, linear, angular)), 4).tolist(),
             believed=np.round(believed, 4).tolist(), digest=self._hash.hexdigest(), machine=machine,
         )
@@ -99,3 +103,26 @@ def velocities(times: np.ndarray, poses: np.ndarray) -> "tuple[np.ndarray, np.nd
     forward = (steps[:, 0] * np.cos(middle) + steps[:, 1] * np.sin(middle)) / periods
     angular = normalize_angles(np.diff(poses[:, 2])) / periods
     return np.concatenate(([0.0], forward)), np.concatenate(([0.0], angular))
+
+
+def waits(
+    times: np.ndarray, poses: np.ndarray, goals: Sequence[Pose2D], reached: Sequence[float], tolerance: GoalTolerance
+) -> Tuple[float, ...]:
+    """Return for how long (s) the robot had been within tolerance of each goal, without a break, when it was reached.
+
+    Args:
+        times: Shape (N,), seconds, rising.
+        poses: Shape (N, 3) as x, y, theta in metres and radians, where the robot believed to be.
+        goals: In the order they were reached; those never reached may follow.
+        reached: When (s).
+        tolerance: How near is there.
+    """
+    found = []
+    for goal, end in zip(goals, reached):
+        before = poses[times <= end]
+        near = np.hypot(before[:, 0] - goal.x, before[:, 1] - goal.y) <= tolerance.distance
+        near &= np.abs(normalize_angles(before[:, 2] - goal.theta)) <= tolerance.angle
+        outside = np.flatnonzero(~near)
+        first = int(outside[-1]) + 1 if len(outside) else 0
+        found.append(float(end - times[first]) if first < len(before) else 0.0)
+    return tuple(found)

@@ -38,6 +38,8 @@ class EpisodeResult:
         final_error: Metres between the true final position and the last goal.
         smoothness: See Smoothness.
         goal_times: Seconds at which each goal was reached.
+        goal_waits: Seconds for which it had believed itself within the controller's tolerance of each by then; empty where
+            the task's radius decides.
         trajectory: Rows (time, x, y, theta, forward velocity, angular velocity) of the truth, rounded for the file.
         believed: Rows (x, y, theta) of what the robot believed at the same times.
         digest: Hash over the unrounded trajectory and every velocity commanded: equal digests are equal drives.
@@ -63,6 +65,7 @@ class EpisodeResult:
     final_error: float = 0.0
     smoothness: Smoothness = Smoothness()
     goal_times: Tuple[float, ...] = ()
+    goal_waits: Tuple[float, ...] = ()
     trajectory: List[List[float]] = dataclasses.field(default_factory=list)
     believed: List[List[float]] = dataclasses.field(default_factory=list)
     digest: str = ""
@@ -94,7 +97,8 @@ class EpisodeResult:
         values = {name: value for name, value in values.items() if name in known}
         try:
             values["smoothness"] = Smoothness(**values.get("smoothness", {}))
-            values["goal_times"] = tuple(values.get("goal_times", ()))
+            for name in ("goal_times", "goal_waits"):
+                values[name] = tuple(values.get(name, ()))
             return cls(**values)
         except TypeError as error:
             raise ValueError(str(error)) from error

@@ -38,6 +38,10 @@ def _if_successful(value: Callable[[EpisodeResult], Optional[float]]) -> Callabl
     return lambda episode: value(episode) if episode.success else None
 
 
+def _wait(episode: EpisodeResult) -> Optional[float]:
+    return sum(episode.goal_waits) / len(episode.goal_waits) if episode.goal_waits else None
+
+
 def _share(outcome: str) -> Callable[[EpisodeResult], float]:
     return lambda episode: float(episode.outcome == outcome)
 
@@ -58,6 +62,7 @@ MEASURES: Sequence[Measure] = (
     Measure("changes of turning side", "/m", _if_driven(lambda episode: episode.smoothness.turn_changes_per_metre)),
     Measure("acceleration, mean", "m/s2", _if_driven(lambda episode: episode.smoothness.mean_acceleration)),
     Measure("jerk, mean", "m/s3", _if_driven(lambda episode: episode.smoothness.mean_jerk)),
+    Measure("within tolerance before reached", "s", _wait),
     Measure("standing still", "", _if_driven(lambda episode: episode.smoothness.standing_share)),
 )
 

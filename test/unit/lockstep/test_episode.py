@@ -39,6 +39,7 @@ def test_the_circle_is_driven_by_amcl():
     assert result.smallest_clearance > 0.05
     assert 0.0 < result.localization_error_mean < 0.1
     assert list(result.goal_times) == sorted(result.goal_times) and result.goal_times[-1] == result.time
+    assert len(result.goal_waits) == 8 and 0.0 < sum(result.goal_waits) / 8 < 0.6, "it does not dawdle where it has arrived"
 
 
 def test_a_world_without_a_map_is_crossed_on_odometry(tmp_path):

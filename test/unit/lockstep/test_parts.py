@@ -2,10 +2,13 @@
 
 import math
 
+import numpy as np
 import pytest
 
+from mbf_relay.control.controller import GoalTolerance
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.lockstep.rate import Rate
+from mbf_relay.lockstep.record import waits
 from mbf_relay.lockstep.robot import LockstepRobot
 from mbf_relay.lockstep.stages import Stages
 from mbf_relay.outcomes import StaleDataError, TransformError
@@ -88,3 +91,13 @@ def test_without_a_clock_nothing_is_measured():
     with stages.stage("any"):
         pass
     assert stages.seconds == {}
+
+
+def test_a_wait_at_a_goal_begins_when_the_robot_came_within_tolerance_for_good():
+    times = np.arange(8.0)
+    poses = np.zeros((8, 3))
+    poses[:, 0] = (1.0, 0.04, 0.06, 0.04, 0.03, 0.03, 1.0, 2.0)
+    poses[:, 2] = (0.0, 0.0, 0.0, 0.3, 2.0 * math.pi, 0.1, 0.0, 0.0)
+    goals = (Pose2D(0.0, 0.0, 0.0), Pose2D(2.0, 0.0, 0.0), Pose2D(9.0, 0.0, 0.0))
+    assert waits(times, poses, goals, (5.5, 7.0), GoalTolerance(0.05, 0.17)) == pytest.approx((1.5, 0.0))
+    assert waits(times, poses, goals, (2.0,), GoalTolerance(0.05, 0.17)) == (0.0,), "it had left again"
