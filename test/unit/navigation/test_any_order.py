@@ -21,11 +21,12 @@ LIMIT = 60.0
 
 planning = st.sampled_from([
     "path", "path", "path", PlanningError(PlanOutcome.NO_PATH_FOUND, "no way"), RuntimeError("broken"),
+    PlanningError(PlanOutcome.BLOCKED_GOAL, "a chair"), PlanningError(PlanOutcome.MAP_ERROR, "no map"),
     Path(np.zeros((0, 3)), "map"), Path(np.array([[math.nan, 0.0, 0.0]]), "map"), None,
 ])
 driving = st.sampled_from([
     scripted.FORWARD, scripted.FORWARD, scripted.FORWARD, ControlError(ControlOutcome.NO_VALID_CMD, "blocked"),
-    ControlError(ControlOutcome.TF_ERROR, "lost"), ValueError("broken"), Twist2D(math.nan, 0.0, 0.0), "fast",
+    ControlError(ControlOutcome.TF_ERROR, "lost"), ControlError(ControlOutcome.BLOCKED_PATH, "a chair"), ValueError("broken"), Twist2D(math.nan, 0.0, 0.0), "fast",
 ])
 recovering = st.sampled_from([
     (0, None), (3, None), (2, RecoveryError(RecoveryOutcome.IMPASSABLE, "no room")), (1, KeyError("broken")), (10 ** 6, None),
