@@ -126,10 +126,10 @@ class MoveBaseFlexTest(unittest.TestCase):
         self.assertIn(words, ending.result.message)
 
     def drive(self):
-        """Start a drive along x and wait until it moves."""
+        """Start a drive along x, from wherever random goals have left the robot, and wait until it moves."""
         feedback = []
-        here = self.wheels.pose.x
-        goal = path_of(*[here + (0.1 if here < 0.0 else -0.1) * step for step in range(20)])
+        here, goal = self.wheels.pose, path_of()
+        goal.path.poses = [pose_at(here.x + (0.1 if here.x < 0.0 else -0.1) * step, here.y) for step in range(20)]
         sent = self.clients["exe_path"].send(goal, on_feedback=feedback.append)
         count = len(self.velocity.messages)
         wait_until(lambda: not all(map(is_zero, self.velocity.messages[count:])), "a velocity")
