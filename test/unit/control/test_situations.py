@@ -9,7 +9,7 @@ import pytest
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "contract"))
 from controllers import NAMES, make  # noqa: E402
 from kinematics import (  # noqa: E402
-    PaperRobot, boxes, costmap_round, drive, nowhere, path_through, sign_changes,
+    PaperRobot, boxes, costmap_round, discs, drive, nowhere, path_through, sign_changes, touches,
 )
 
 from mbf_relay.control.controller import ControlState  # noqa: E402
@@ -115,3 +115,57 @@ def test_what_is_hidden_behind_a_corner_bounds_the_speed(name):
     assert speeds[1] < 0.8 * speeds[0]
     visible = 0.6 + 0.25  # m of path before it disappears behind the block's corner, more or less
     assert speeds[1] == pytest.approx(math.sqrt(2 * 0.01 * visible), rel=0.25)
+
+
+@pytest.mark.parametrize("x, y", [(0.02, 0.0), (-0.08, 0.0), (0.0, 0.08), (0.03, -0.07)])
+@pytest.mark.parametrize("heading", [0.0, 1.5, 3.1])
+def test_a_goal_within_a_hands_breadth_is_reached_without_hunting(name, x, y, heading):
+    ended = drive(make(name), path_through((0, 0), (x, y), end_heading=heading), START, seconds=15.0)
+    turned = sum(abs(command.theta) * 0.1 for command in ended.commands)
+    assert ended.reached and ended.seconds < 6.0
+    assert turned < 2.0 * math.pi + 0.5 and sign_changes(c.theta for c in ended.commands) <= 2
+    end = ended.poses[-1] if ended.poses else START
+    assert end.distance_to(Pose2D(x, y, 0.0)) <= 0.05 and abs(angle_between(end.theta, heading)) <= 0.17
+
+
+def test_a_path_folded_back_beside_itself_is_driven_to_its_end(name):
+    ended = drive(make(name), path_through((0, 0), (1, 0), (1, 0.06), (0.2, 0.06)), START)
+    assert ended.reached and max(pose.x for pose in ended.poses) > 0.7, "the bend may be cut, the way not"
+    assert ended.seconds < 20.0 and sign_changes(c.theta for c in ended.commands) <= 4
+
+
+def test_a_pillar_that_pops_up_two_hands_ahead_is_stopped_for_and_named(name):
+    robot, pillar = PaperRobot(START), boxes((0.66, -0.1, 0.8, 0.1))
+
+    def costmap(pose, occupied, now):
+        return costmap_round(pose, pillar if now >= 1.9 else nowhere, now=now)
+
+    ended = drive(
+        make(name), path_through((0, 0), (1.5, 0)), START, robot=robot, costmap=costmap, patience=3.0, seconds=30.0)
+    assert 0.66 - 0.2 - 0.041 < ended.poses[18].x + 0.05 and max(pose.x for pose in ended.poses) + 0.041 < 0.66
+    assert not ended.reached and ended.error.outcome is ControlOutcome.BLOCKED_PATH
+    assert sign_changes(c.theta for c in ended.commands) == 0 and robot.velocity.speed() < 1e-6
+
+
+@pytest.mark.parametrize("speed, ahead", [(0.5, 0.7), (0.6, 0.6), (1.0, 0.6), (1.0, 0.9)])
+def test_somebody_crossing_ahead_is_let_through_and_never_driven_into(name, speed, ahead):
+    """Who walks into the robot's side is another matter: it does not foresee where others go."""
+    robot = PaperRobot(START)
+    driven_into = []
+
+    def costmap(pose, occupied, now):
+        person = discs((ahead, speed * now - 1.2, 0.15))
+        if touches(pose, person) and robot.velocity.x > 0.01:
+            driven_into.append(now)
+        return costmap_round(pose, person, now=now)
+
+    ended = drive(
+        make(name), path_through((0, 0), (1.5, 0)), START, robot=robot, costmap=costmap, patience=8.0, seconds=40.0)
+    assert ended.reached and not driven_into and ended.seconds < 14.0
+
+
+def test_a_goal_on_which_a_wall_leaves_no_room_to_turn_is_named_not_spun_at(name):
+    wall = boxes((0.0, 0.14, 2.0, 0.24))
+    ended = drive(make(name), path_through((0, 0), (1, 0), end_heading=math.pi / 2), START, wall, patience=3.0)
+    assert not ended.reached and ended.error.outcome is ControlOutcome.BLOCKED_GOAL and ended.contacts == 0
+    assert sum(abs(command.theta) * 0.1 for command in ended.commands) < 0.5
