@@ -48,6 +48,8 @@ HEADLINES = (
     Headline("robot carried off: found again", "localization", "kidnapping: found"),
     Headline("obstacle fields of the BARN challenge driven through", "worlds", "worlds driven to the goal", DWA, of="worlds"),
     Headline("contacts there", "worlds", "contacts", DWA),
+    Headline("first velocity of the server after a goal", "server", "goal to first velocity"),
+    Headline("idle server, share of a core", "server", "idle server, share of one core"),
     Headline("goal handed on by the relay", "relay", "goal through the relay"),
     Headline("cancel handed on by the relay", "relay", "cancel through the relay"),
     Headline("idle relay, share of a core", "relay", "idle relay, share of one core"),

@@ -17,6 +17,7 @@ from mbf_relay.planning.path import Path
 
 SPACING = 0.02  # m between the points kept of a path; planners put them closer than a controller can use
 SMOOTHING = 0.12  # m over which a path is averaged
+LONGEST = 1e5  # m of path, and of a coordinate, beyond which nothing is followed: points at SPACING would fill the memory
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ class PathTracker:
         """Follow another path; the robot's place on it is found anew.
 
         Raises:
-            ControlError: INVALID_PATH; the path is empty, has a pose that is not finite, or no frame.
+            ControlError: INVALID_PATH; the path is empty, has a pose that is not finite, or is longer than LONGEST.
         """
         poses = np.asarray(path.poses, dtype=float)
         if poses.ndim != 2 or len(poses) == 0:
@@ -100,6 +101,11 @@ class PathTracker:
             raise ControlError(
                 ControlOutcome.INVALID_PATH,
                 f"pose {broken[0]} of the path is {tuple(poses[broken[0]])}; every number must be finite",
+            )
+        size = float(np.abs(poses[:, :2]).max())
+        if size > LONGEST or np.hypot(*np.diff(poses[:, :2], axis=0).T).sum() > LONGEST:
+            raise ControlError(
+                ControlOutcome.INVALID_PATH, f"the path is too long or too far away to be followed: beyond {LONGEST / 1e3:g} km"
             )
         self.path = path
         self._points, self._arcs = _thin(poses)
