@@ -33,13 +33,13 @@ def test_a_process_whose_parent_died_is_found_and_ended():
 def test_a_request_to_end_waits_for_the_block():
     from mbf_relay.ros.demo_graph import uninterrupted
 
-    steps = []
+    steps, before = [], signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
         with uninterrupted():
             signal.raise_signal(signal.SIGINT)
             steps.append("finished")
     assert steps == ["finished"]
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_an_interrupt_while_the_graph_starts_leaves_no_process(tmp_path):
