@@ -42,7 +42,9 @@ def driving(results: List[EpisodeResult]) -> Iterator[Figure]:
     yield figure_of("jerk, mean", [r.smoothness.mean_jerk for r in done], "m/s3", **seeds)
     yield figure_of("smallest clearance", [r.smallest_clearance or 0.0 for r in done], "m", **seeds)
     yield figure_of("final error", [r.final_error for r in done], "m", **seeds)
-    yield figure_of("within tolerance before reached", [sum(r.goal_waits) / len(r.goal_waits) for r in done], "s", **seeds)
+    waits = [wait for r in done for wait in r.goal_waits]
+    if waits:
+        yield figure_of("within a goal's tolerance before reached", waits, "s", **seeds)
     yield figure_of("localization error, mean", [r.localization_error_mean for r in done], "m", **seeds)
     yield figure_of("localization error, max", [r.localization_error_max for r in done], "m", **seeds)
 

@@ -25,10 +25,18 @@ def test_every_benchmark_yields_figures_when_asked(name):
 
 
 def test_failures_count_and_do_not_enter_the_times():
-    figures = {figure.name: figure for figure in circle.driving([driven(1), driven(2, success=False), driven(3)])}
+    results = [driven(1, goal_waits=(0.1, 0.3)), driven(2, success=False, goal_waits=(9.0,)), driven(3, goal_waits=(0.2,))]
+    figures = {figure.name: figure for figure in circle.driving(results)}
     assert figures["circles with all goals reached and no contact"].value == 2
     assert figures["contacts"].value == 1
     assert figures["time"].value == 62.0 and figures["time"].repeats == 2
+    waits = figures["within a goal's tolerance before reached"]
+    assert waits.value == pytest.approx(0.2) and waits.repeats == 3
+
+
+def test_of_drives_that_reached_no_goal_no_waiting_is_told():
+    names = [figure.name for figure in circle.driving([driven(1, success=False)])]
+    assert "time" in names and "within a goal's tolerance before reached" not in names
 
 
 def test_shares_of_time_add_up(monkeypatch):
