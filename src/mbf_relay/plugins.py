@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 from typing import Any, ClassVar, Mapping, Type, TypeVar
 
 from mbf_relay.parameters import ParameterSet
@@ -46,7 +47,7 @@ def find_class(type_name: str, base: Type[P], known: Mapping[str, str]) -> Type[
         known: Upstream and short names to "package.module.Class".
 
     Raises:
-        PluginError: Nothing of that name, or not of that kind.
+        PluginError: Nothing of that name, not of that kind, or a method of that kind is missing.
     """
     path = known.get(type_name, type_name)
     module_name, _, class_name = path.rpartition(".")
@@ -58,12 +59,15 @@ def find_class(type_name: str, base: Type[P], known: Mapping[str, str]) -> Type[
         )
     try:
         found = getattr(importlib.import_module(module_name), class_name)
-    except (ImportError, AttributeError) as error:
+    except (ImportError, AttributeError, SyntaxError) as error:
         raise PluginError(
             f"{base.__name__.lower()} type '{type_name}' cannot be loaded ({error}); available: {available}"
         ) from error
     if not (isinstance(found, type) and issubclass(found, base)):
         raise PluginError(f"'{type_name}' is no {base.__name__.lower()}: it must derive from {base.__module__}.{base.__name__}")
+    if inspect.isabstract(found):
+        missing = ", ".join(sorted(found.__abstractmethods__))
+        raise PluginError(f"{base.__name__.lower()} type '{type_name}' does not define {missing}")
     return found
 
 
@@ -71,11 +75,15 @@ def create(name: str, type_name: str, values: Mapping[str, Any], base: Type[P], 
     """Make a plugin from its name, its type and its parameters.
 
     Raises:
-        PluginError: The type is unknown or a parameter is wrong; the text names plugin and parameter.
+        PluginError: The type is unknown, a parameter is wrong, or the constructor raised a ValueError or OSError; the text
+            names plugin and parameter.
     """
     found = find_class(type_name, base, known)
     try:
         parameters = found.Parameters.from_mapping(values)
     except ValueError as error:
         raise PluginError(f"plugin '{name}' ({type_name}): {error}") from error
-    return found(name, parameters)
+    try:
+        return found(name, parameters)
+    except (ValueError, OSError) as error:
+        raise PluginError(f"plugin '{name}' ({type_name}) cannot be made: {error}") from error

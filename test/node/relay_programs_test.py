@@ -48,6 +48,17 @@ class RelayProgramsTest(RelayCase):
             wait_until(lambda: self.reported("cancel drive 91.0"), "the cancel at the server")
             self.assertEqual(relay.wait(20.0), 0)
 
+    def test_a_relay_that_ends_leaves_wishes_and_takes_what_it_showed(self):
+        self.make_sure_of_server()
+        shown, wish = "/fourth/move_base/controller_frequency", "/fourth/move_base/oscillation_timeout"
+        arguments = ("__ns:=fourth", "_server:=/move_base_flex", "_oscillation_timeout:=7.0")
+        with started("move_base_relay", *arguments) as relay:
+            wait_until(lambda: rospy.get_param(shown, None) == 10.0, "the server's frequency to be shown")
+            relay.send_signal(signal.SIGINT)
+            self.assertEqual(relay.wait(20.0), 0)
+        self.assertFalse(rospy.has_param(shown), "the next relay would forward it as a user's wish")
+        self.assertEqual(rospy.get_param(wish), 7.0)
+
     def test_the_goal_topic_alone(self):
         self.make_sure_of_server()
         outcomes = Listener("third/move_base/navigation_outcome", MoveBaseActionResult)

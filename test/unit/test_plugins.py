@@ -1,6 +1,8 @@
 """Plugins found by upstream name, by path, or refused with what there is."""
 
+import abc
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
@@ -16,6 +18,18 @@ class Hammer(Tool):
     @dataclass(frozen=True)
     class Parameters(ParameterSet):
         weight: float = parameter(1.0, "how heavy", unit="kg", above=0.0)
+
+
+class Screw(Tool):
+    def __init__(self, name, parameters):
+        super().__init__(name, parameters)
+        Path("/no/such/thread.bin").read_bytes()
+
+
+class Handle(Tool, abc.ABC):
+    @abc.abstractmethod
+    def hold(self):
+        """Left to subclasses."""
 
 
 class Apple(Plugin):
@@ -39,6 +53,8 @@ def test_a_known_name_and_a_path_lead_to_the_same_class():
         (f"{__name__}.Saw", {}, ["Saw", "tools/Hammer"]),
         ("no_such_package.Saw", {}, ["no_such_package", "tools/Hammer"]),
         (f"{__name__}.Apple", {}, ["Apple", "must derive from", "Tool"]),
+        (f"{__name__}.Screw", {}, ["mine", "Screw", "/no/such/thread.bin"]),
+        (f"{__name__}.Handle", {}, ["Handle", "does not define hold"]),
         ("tools/Hammer", {"weight": 0}, ["mine", "tools/Hammer", "weight", "above 0.0 kg"]),
     ],
 )
@@ -47,3 +63,10 @@ def test_a_refusal_names_the_plugin_and_what_there_is(type_name, values, words):
         create("mine", type_name, values, Tool, KNOWN)
     for word in words:
         assert word in str(refusal.value)
+
+
+def test_a_file_that_is_no_python_is_named_with_the_line(tmp_path, monkeypatch):
+    (tmp_path / "half_written_tools.py").write_text("x = 1\ndef f(:\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(PluginError, match=r"half_written_tools\.Saw.*half_written_tools\.py, line 2"):
+        create("mine", "half_written_tools.Saw", {}, Tool, KNOWN)

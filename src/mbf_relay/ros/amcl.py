@@ -23,6 +23,7 @@ from mbf_relay.localization.match import share_on_map
 from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.outcomes import TransformError
+from mbf_relay.parameters import convert
 from mbf_relay.ros import diagnostics, parameters
 from mbf_relay.ros.amcl_health import ScanWatch, deviation_report
 from mbf_relay.ros.conversions import header, map_from_message, pose_to_message
@@ -50,7 +51,9 @@ class AmclNode:
         self._parameters: AmclParameters = parameters.fill(
             AmclParameters, values, "~", tuple(INITIAL) + NODE_ONLY
         ).without_slashes()
-        seed = int(values.get("seed", time.time_ns() % 2 ** 31))
+        seed = convert("seed", values.get("seed", time.time_ns() % 2 ** 31), int)
+        if seed < 0:
+            raise ValueError(f"parameter seed is {seed}; it must be at least 0")
         rospy.loginfo("localizing with seed %d", seed)
         self._rng = np.random.default_rng(seed)
         self._lock = threading.RLock()

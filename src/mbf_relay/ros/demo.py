@@ -10,12 +10,13 @@ import importlib
 import math
 import os
 import platform
+import re
 import signal
 import subprocess
 import sys
 import time
 import xml.etree.ElementTree as ElementTree
-from typing import Any, Dict, Optional, Sequence
+from typing import Any, Dict, List, Optional, Sequence
 
 from mbf_relay.report.drive import Drive
 from mbf_relay.report.terminal import Terminal
@@ -130,7 +131,7 @@ def watch(graph: Graph, options: argparse.Namespace, logs: str) -> Drive:
     wall_time = time.monotonic() - started
     settle(recorder, client, wall_time)
     show(recorder, terminal, ended, rospy.get_time())
-    say_last_word(terminal, client, log)
+    say_last_word(terminal, client, log, os.path.join(logs, "roslaunch.log"))
     drive = recorder.drive()
     drive.wall_time, drive.seed, drive.goals_asked = wall_time, options.seed, GOALS_PER_LAP * options.laps
     drive.parameters = {node: rospy.get_param(f"/{node}", {}) for node in NODES}
@@ -184,14 +185,22 @@ def settle(recorder: Any, client: subprocess.Popen, patience: float) -> None:
         time.sleep(0.02)
 
 
-def say_last_word(terminal: Terminal, client: subprocess.Popen, log: str) -> None:
-    """Pass on the client's verdict, or why it has none."""
+def say_last_word(terminal: Terminal, client: subprocess.Popen, log: str, nodes_log: str) -> None:
+    """Pass on the client's verdict, and where it is no good one, why: its own complaints and the relay's reasons."""
     with open(log, encoding="utf-8", errors="replace") as stream:
         verdicts = [line.strip() for line in stream if line.startswith("Drove circle")]
     for line in verdicts:
         terminal.line(line)
     if client.returncode != 0:
         terminal.line(f"the client ended with status {client.returncode}:\n{last_complaints(log)}")
+        for reason in reasons_of_aborts(nodes_log):
+            terminal.line(f"the reason: {reason}")
+
+
+def reasons_of_aborts(log: str) -> List[str]:
+    """Return what the relay said, in a log of the nodes, of goals it aborted; move_base's status texts leave that out."""
+    with open(log, encoding="utf-8", errors="replace") as stream:
+        return re.findall(r"\bgoal \S+ aborted: ([^\x1b\n]+)", stream.read())
 
 
 def versions() -> Dict[str, str]:

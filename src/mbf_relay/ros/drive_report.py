@@ -1,4 +1,4 @@
-"""The command that makes a report of any bag with tf, a scan and the navigation actions."""
+"""The command that makes a report of any bag of a drive."""
 
 from __future__ import annotations
 

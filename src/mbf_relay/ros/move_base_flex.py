@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import threading
-from typing import Any, Dict, Mapping
+from typing import Any, Dict, List, Mapping
 
 import rospy
 
@@ -35,6 +36,9 @@ READ_ELSEWHERE = (
 )
 """Parameters of the node that are no NavigatorParameters; the locks are upstream's, whose need is gone here."""
 
+COSTMAPS = ("global_costmap", "local_costmap")
+"""Groups of parameters beside the plugins' own."""
+
 FLUSH_TIME = 0.1
 """Wall seconds given to rospy's sending threads before the node goes down."""
 
@@ -61,8 +65,10 @@ class MoveBaseFlex:
         self._stepper = Stepper(self._step)
         worker = ThreadWorker(self._stepper.wake)
         self.navigator = Navigator(config, self.robot, costmaps, worker)
-        for registry in (self.navigator.planners, self.navigator.controllers, self.navigator.recoveries):
-            _log_plugins(registry)
+        registries = (self.navigator.planners, self.navigator.controllers, self.navigator.recoveries)
+        for registry in registries:
+            _log_plugins(registry, config)
+        _warn_of_stray_groups(config, [name for registry in registries for name in registry.names])
         self._topics = NavigationTopics(self.navigator)
         planner_topics = PlannerTopics(self.navigator.planners.names)
         self.navigator.plan_watcher = lambda name, path: worker.start(lambda: planner_topics.publish(name, path))
@@ -157,13 +163,24 @@ class MoveBaseFlex:
         return OK, "waiting for goals" if self.navigator.idle else "navigating", values
 
 
-def _log_plugins(registry: "Registry[Any]") -> None:
+def _log_plugins(registry: "Registry[Any]", config: Mapping[str, Any]) -> None:
     for name in registry.names:
         made = registry.class_of(name)
         rospy.loginfo("%s: loaded '%s' of type %s (%s.%s)", registry.kind, name, registry.type_of(name),
                       made.__module__, made.__name__)
+        ros_parameters.warn_of_unknown(made.Parameters, config.get(name) or {}, f"~{name}")
     if not registry.names:
         rospy.logwarn("%s: none are configured; goals that need one will be rejected", registry.kind)
+
+
+def _warn_of_stray_groups(config: Mapping[str, Any], plugins: List[str]) -> None:
+    """Warn about groups of parameters under a name that no plugin has: a misspelt name would leave all at defaults."""
+    for name, values in config.items():
+        if isinstance(values, Mapping) and name not in plugins and name not in COSTMAPS:
+            nearest = difflib.get_close_matches(name, [*plugins, *COSTMAPS], n=1)
+            hint = f"; did you mean '{nearest[0]}'?" if nearest else ""
+            rospy.logwarn("parameters under %s belong to no plugin that is loaded and are ignored%s",
+                          rospy.resolve_name(f"~{name}"), hint)
 
 
 def _serve_reconfigure(navigator: Navigator, stepper: Stepper) -> Any:

@@ -16,7 +16,7 @@ from mbf_relay.ros.conversions import pose_stamped
 class NavigationTopics:
     """Publishes `~planner_goal` and `~controller_goal`, and both also as `~current_goal`, which mbf_msgs 0.4.0 has.
 
-    `~recovery_status` tells of each recovery that move_base begins, as the node move_base does.
+    `~recovery_status` tells of each recovery that move_base begins, as the node move_base does, and so does the log.
 
     Args:
         navigator: Whose work it tells of.
@@ -40,4 +40,5 @@ class NavigationTopics:
 
     def _tell_recovery(self, name: str, number: int, total: int, robot: Optional[FramedPose]) -> None:
         pose = PoseStamped() if robot is None else pose_stamped(robot.pose, robot.frame, rospy.get_rostime())
+        rospy.logwarn("recovering by '%s' (%d of %d)", name, number + 1, total)
         self._recovery_status.publish(RecoveryStatus(pose, number, total, name))

@@ -22,18 +22,23 @@ USER_ERRORS = (ValueError, OSError, TransformError, StaleDataError)
 def run_node(name: str, main: Callable[[], None]) -> None:
     """Register a node, run `main` until it returns, and exit.
 
-    The exit status is 0 after `main` returned or ROS was shut down and 1 after an error a user can mend, which is
-    logged as one line. A programming error keeps its traceback. `--help` prints what the module of `main` says of itself
-    (its USAGE where it has one, else its docstring) and needs no ROS master.
+    The exit status is 0 after `main` returned or ROS was shut down, be it by Ctrl-C while the node waits for a master,
+    and 1 after an error a user can mend, which is logged as one line. A programming error keeps its traceback. `--help`
+    prints what the module of `main` says of itself (its USAGE where it has one, else its docstring) and needs no ROS
+    master.
     """
     if {"-h", "--help"} & set(rospy.myargv(sys.argv)[1:]):
         module = sys.modules[main.__module__]
         print(str(getattr(module, "USAGE", module.__doc__)).strip())
         sys.exit(0)
-    rospy.init_node(name)
     try:
+        rospy.init_node(name)
         main()
     except rospy.ROSInterruptException:
+        sys.exit(0)
+    except rospy.ROSInitException:
+        if not rospy.is_shutdown():
+            raise
         sys.exit(0)
     except USER_ERRORS as error:
         rospy.logfatal("%s", one_line(error))

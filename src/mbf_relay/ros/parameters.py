@@ -35,6 +35,17 @@ def fill(parameter_set: Type[T], values: Mapping[str, Any], where: str, known_el
         where: Named in warnings and errors.
         known_elsewhere: Names that somebody else reads.
     """
+    warn_of_unknown(parameter_set, values, where, known_elsewhere)
+    try:
+        return parameter_set.from_mapping(values)
+    except ValueError as error:
+        raise ValueError(f"{error} (in {rospy.resolve_name(where)})") from error
+
+
+def warn_of_unknown(
+    parameter_set: Type[ParameterSet], values: Mapping[str, Any], where: str, known_elsewhere: Iterable[str] = ()
+) -> None:
+    """Warn about each name in `values` that is unknown or out of date; arguments as for `fill`."""
     for name in parameter_set.unknown_names(values):
         # dynamic_reconfigure leaves its button on the server, where the next start of the node finds it.
         if name not in known_elsewhere and name != RESTORE_DEFAULTS:
@@ -43,10 +54,6 @@ def fill(parameter_set: Type[T], values: Mapping[str, Any], where: str, known_el
             rospy.logwarn("parameter %s is not known here and is ignored%s", rospy.resolve_name(join(where, name)), hint)
     for old, new in parameter_set.deprecated_names(values).items():
         rospy.logwarn("parameter %s has an old name; use '%s'", rospy.resolve_name(join(where, old)), new)
-    try:
-        return parameter_set.from_mapping(values)
-    except ValueError as error:
-        raise ValueError(f"{error} (in {rospy.resolve_name(where)})") from error
 
 
 def read_namespace(namespace: str) -> Mapping[str, Any]:

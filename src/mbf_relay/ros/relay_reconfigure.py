@@ -119,6 +119,7 @@ class MoveBaseSettings:
         self._front = reconfigure.serve(MoveBaseConfig, self.values, self._change, defaults=lambda: self._started_with)
         rospy.Subscriber(f"{self._server}/parameter_updates", Config, self._mirror)
         threading.Thread(target=self._forward, name="forward to server", daemon=True).start()
+        rospy.on_shutdown(self._forget_shown)
 
     def server_came(self) -> None:
         """Send the server, which starts with its own configuration, what was wished for."""
@@ -196,6 +197,18 @@ class MoveBaseSettings:
             changed, self.values = values != self.values, values
         if changed:
             self._front.update_configuration(shown)
+
+    def _forget_shown(self) -> None:
+        """Take what only shows the server's values off the parameter server, where dynamic_reconfigure put it.
+
+        The next relay of this master would take it for wishes, and undo what was changed in the server's own file.
+        """
+        for name, server_name in SERVER_NAMES.items():
+            if server_name not in self._wanted:
+                try:
+                    rospy.delete_param(f"~{name}")
+                except (KeyError, OSError, rospy.ROSException):
+                    pass  # it was never put there, or the master has ended first
 
     def _forward(self) -> None:
         """Send wishes as they come; where the server is not there, keep them."""

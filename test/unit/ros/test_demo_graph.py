@@ -67,3 +67,15 @@ def test_complaints_come_before_the_last_lines(tmp_path):
     assert last_complaints(str(log)) == "[FATAL] the map is missing"
     log.write_text("one\ntwo\n")
     assert last_complaints(str(log)) == "one\ntwo"
+
+
+def test_the_relay_s_reasons_are_found_in_the_log_of_the_nodes(tmp_path):
+    from mbf_relay.ros.demo import reasons_of_aborts
+
+    log = tmp_path / "roslaunch.log"
+    log.write_text(
+        "[INFO] [1.0, 2.0]: goal /client-1 ended: SUCCESS: fine\n"
+        "\x1b[33m[WARN] [1.5, 3.0]: goal /client-2 aborted: ExePath TF_ERROR: the transform is 2.07 s old\x1b[0m\n"
+        "\x1b[33m[WARN] [1.5, 3.0]: move_base aborted: the transform is 2.07 s old\x1b[0m\n"
+    )
+    assert reasons_of_aborts(str(log)) == ["ExePath TF_ERROR: the transform is 2.07 s old"]
