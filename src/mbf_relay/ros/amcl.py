@@ -37,6 +37,10 @@ from mbf_relay.ros.scan_queue import LidarGeometry, ScanQueue
 from mbf_relay.ros.transforms import TransformPublisher, Transforms
 from mbf_relay.scan import LaserScan
 
+USAGE = """usage: amcl [--run-from-bag BAG [--global-localization]]
+
+The particle filter under amcl's topics, services and parameters; with a bag, on its scans and /tf instead of live ones."""
+
 
 class AmclNode:
     """Feeds the filter and tells what it finds.

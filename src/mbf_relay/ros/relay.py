@@ -134,6 +134,7 @@ class Relay:
             self._pass_on()
             pursuit, now = self._current, self._clock()
             if pursuit is None:
+                self._press_cancel(now)
                 return
             if pursuit.sent is None and now - pursuit.taken_at > self._parameters.server_timeout:
                 self._cancel_at_server()
@@ -192,6 +193,15 @@ class Relay:
             if pursuit.cancelled_at is None:
                 pursuit.cancelled_at = pursuit.cancel_sent_at
             pursuit.sent.cancel()
+
+    def _press_cancel(self, now: float) -> None:
+        """Repeat the cancel of a goal whose client has its answer already: nobody else would stop the robot."""
+        last = self._last_sent
+        if last is None or last.cancelled_at is None or last.ended:
+            return
+        is_due = now - last.cancel_sent_at > CANCEL_REPEATED_AFTER
+        if is_due and now - last.cancelled_at <= self._parameters.cancel_timeout:
+            self._cancel_at_server()
 
     def _answer(self, pursuit: "_Pursuit", answer: Answer, result: Optional[Any] = None) -> None:
         """Give a goal its one terminal state."""

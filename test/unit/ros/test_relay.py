@@ -141,6 +141,25 @@ def test_a_goal_turned_nowhere_is_aborted_and_what_ran_is_stopped(setup, quatern
     assert running.state == PREEMPTED and setup.server.sent[0].cancels == 1 and len(setup.server.sent) == 1
 
 
+def test_its_cancel_is_repeated_until_the_server_answers(setup):
+    setup.goal()
+    setup.goal(quaternion=(0.0, 0.0, 0.0, 0.0))
+    setup.wait(1.5)
+    sent = setup.server.sent[0]
+    assert sent.cancels == 2
+    sent.end(PREEMPTED, MoveBaseResult.CANCELED)
+    setup.wait(10.0)  # a cancel after the end would be refused by the stand-in
+
+
+def test_a_cancel_that_was_given_up_is_not_repeated_for_ever(setup):
+    setup.goal()
+    setup.goal(quaternion=(0.0, 0.0, 0.0, 0.0))
+    setup.wait(25.0)
+    given_up = setup.server.sent[0].cancels
+    setup.wait(25.0)
+    assert setup.server.sent[0].cancels == given_up
+
+
 def test_a_rounded_quaternion_will_do(setup):
     assert setup.goal(quaternion=(0.0, 0.0, -0.112, 0.999)).state == ACTIVE
 
