@@ -117,6 +117,8 @@ class MoveBaseFlex:
             for action in self._actions:
                 action.take_up()
             self.navigator.update(now)
+            if not self.navigator.idle:
+                self._trouble = ""  # goals are carried out again
             self._topics.publish(now)
             for action in self._actions:
                 action.report()
