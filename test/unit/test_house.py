@@ -79,3 +79,9 @@ def test_no_vector_function_takes_a_strided_view():
             for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
                 found = vector.search(line)
                 assert not found or " - " in found.group(), f"{path.name}:{number} {line.strip()}"
+
+
+def test_no_two_test_modules_have_one_name():
+    # pytest imports them by their bare names, so one run over two folders would refuse the second.
+    names = [path.name for folder in ("unit", "contract") for path in (SOURCE.parents[1] / "test" / folder).rglob("*.py")]
+    assert sorted({name for name in names if names.count(name) > 1} - {"conftest.py"}) == []
