@@ -9,14 +9,18 @@ from mbf_relay.control.controller import Controller, ControlState
 from mbf_relay.costmap.cost_grid import CostGrid
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.grid import Grid
+from mbf_relay.navigation.goals import FramedPose, NavigateGoal
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.worker import Job, Worker
-from mbf_relay.outcomes import PlanningError, StaleDataError, TransformError
+from mbf_relay.outcomes import ControlError, ControlOutcome, PlanningError, PlanOutcome, StaleDataError, TransformError
 from mbf_relay.planning.path import Path
 from mbf_relay.planning.planner import Planner
 from mbf_relay.recovery.recovery import Recovery
 
 FORWARD = Twist2D(0.2, 0.0, 0.0)
+GOAL = NavigateGoal(FramedPose(Pose2D(1.0, 0.0, 0.0), "map"))
+NO_WAY = PlanningError(PlanOutcome.NO_PATH_FOUND, "walls all around")
+STUCK = ControlError(ControlOutcome.NO_VALID_CMD, "all trajectories hit something")
 
 
 def straight_path(length: float = 1.0, frame: str = "map", end_y: float = 0.0) -> Path:
@@ -198,3 +202,27 @@ def config(**parameters: Any) -> Dict[str, Any]:
         "robot_frame": "base", "controller_frequency": 10.0, "controller_patience": 1.0, "planner_patience": 1.0,
         "recovery_patience": 2.0, **parameters,
     }
+
+
+def arrive(bench: Any, x: float = 0.95) -> None:
+    """Let the controller say it has arrived once the robot is at `x` (m)."""
+    bench.script.reached = lambda state: bench.robot.pose.x >= x
+
+
+def bowed_path(height: float, length: float = 1.0) -> Path:
+    """A path along x with a bow to one side."""
+    xs = np.linspace(0.0, length, 11)
+    return Path(np.column_stack((xs, height * np.sin(np.pi * xs / length), np.zeros(11))), "map")
+
+
+def failing(error: Exception, times: int, otherwise: Any) -> Callable:
+    """A script's entry that raises `times` times."""
+    left = [times]
+
+    def run(*arguments: Any) -> Any:
+        if left[0] > 0:
+            left[0] -= 1
+            raise error
+        return otherwise(*arguments) if callable(otherwise) else otherwise
+
+    return run

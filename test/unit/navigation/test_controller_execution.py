@@ -4,7 +4,7 @@ import math
 
 import pytest
 import scripted
-from scripted import FORWARD
+from scripted import FORWARD, STUCK, arrive
 
 from mbf_relay.control.controller import GoalTolerance
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
@@ -13,15 +13,10 @@ from mbf_relay.navigation.task import Ending
 from mbf_relay.outcomes import ControlError, ControlOutcome
 
 PATH = scripted.straight_path()
-STUCK = ControlError(ControlOutcome.NO_VALID_CMD, "all trajectories hit something")
-
-
-def arrive_at(bench, x):
-    bench.script.reached = lambda state: bench.robot.pose.x >= x
 
 
 def test_a_drive_ends_at_the_goal_with_a_zero(bench):
-    arrive_at(bench, 0.95)
+    arrive(bench, 0.95)
     result = bench.finish(bench.navigator.exe_path(FollowGoal(PATH)))
     assert result.outcome is ControlOutcome.SUCCESS and result.distance == pytest.approx(0.04, abs=0.02)
     assert bench.robot.sent[:-1] == [FORWARD] * (len(bench.robot.sent) - 1) and bench.robot.sent[-1] == STOP
@@ -122,7 +117,7 @@ def test_patience_counts_from_the_last_velocity(bench):
         return answer
 
     bench.script.velocity = sometimes
-    arrive_at(bench, 0.9)
+    arrive(bench, 0.9)
     assert bench.finish(bench.navigator.exe_path(FollowGoal(PATH))).outcome is ControlOutcome.SUCCESS
 
 
@@ -161,7 +156,7 @@ def test_a_controller_that_misbehaves_ends_its_goal_and_no_more(bench, answer, o
     assert result.outcome is outcome and text in result.message
     assert set(bench.robot.sent) == {STOP}
     bench.script.velocity = FORWARD
-    arrive_at(bench, 0.9)
+    arrive(bench, 0.9)
     assert bench.finish(bench.navigator.exe_path(FollowGoal(PATH))).outcome is ControlOutcome.SUCCESS
 
 

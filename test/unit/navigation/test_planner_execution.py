@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import scripted
+from scripted import NO_WAY
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.navigation.goals import FramedPose, PlanGoal
@@ -13,7 +14,6 @@ from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.planning.path import Path
 
 TARGET = FramedPose(Pose2D(1.0, 0.5, 0.3), "map")
-NO_WAY = PlanningError(PlanOutcome.NO_PATH_FOUND, "walls all around")
 
 
 def test_a_path_leads_from_the_robot_to_the_target(bench):

@@ -1,0 +1,205 @@
+"""What move_base recovers from, with which behaviours, and when it starts them over."""
+
+import itertools
+
+import pytest
+import scripted
+from scripted import FORWARD, GOAL, NO_WAY, STUCK, arrive, failing
+
+from mbf_relay.geometry import STOP, Pose2D, Twist2D
+from mbf_relay.navigation.goals import FramedPose, NavigateGoal, NavigateOutcome
+from mbf_relay.navigation.remedies import VERDICTS
+from mbf_relay.navigation.task import Ending
+from mbf_relay.navigation.trials import Trials
+from mbf_relay.outcomes import ControlError, ControlOutcome, PlanningError, PlanOutcome
+
+
+def test_planning_that_fails_is_recovered_from(make_bench):
+    bench = make_bench(planner_max_retries=0)
+    arrive(bench)
+    bench.script.plan = failing(NO_WAY, 1, scripted.line)
+    assert bench.finish(bench.navigator.move_base(GOAL)).outcome is NavigateOutcome.SUCCESS
+    assert bench.script.calls["R1"] == 1 and "R2" not in bench.script.calls
+
+
+def test_when_nothing_is_left_to_try_the_planner_s_outcome_is_passed_on(make_bench):
+    bench = make_bench(planner_max_retries=0)
+    bench.script.plan = NO_WAY
+    task = bench.navigator.move_base(GOAL)
+    result = bench.finish(task)
+    assert result.outcome is PlanOutcome.NO_PATH_FOUND and task.ending is Ending.ABORTED
+    assert bench.script.calls == {**bench.script.calls, "plan": 3, "R1": 1, "R2": 1}
+
+
+def test_the_goal_s_own_recoveries_are_tried_in_its_order(make_bench):
+    bench = make_bench(planner_max_retries=0)
+    bench.script.plan = NO_WAY
+    order = []
+    bench.script.recovery = lambda context: order.append(len(order)) or iter(())
+    bench.finish(bench.navigator.move_base(NavigateGoal(GOAL.target, recovery_behaviors=("R2", "R1", "R2"))))
+    assert bench.script.calls["R1"] == 1 and bench.script.calls["R2"] == 2
+
+
+def test_recovery_can_be_switched_off(make_bench):
+    bench = make_bench(planner_max_retries=0, recovery_enabled=False)
+    bench.script.plan = NO_WAY
+    assert bench.finish(bench.navigator.move_base(GOAL)).outcome is PlanOutcome.NO_PATH_FOUND
+    assert "R1" not in bench.script.calls
+
+
+def test_a_drive_that_fails_is_recovered_from_and_everything_tried_again(make_bench):
+    bench = make_bench(controller_max_retries=0)
+    arrive(bench)
+    bench.script.velocity = failing(STUCK, 2, FORWARD)
+    assert bench.finish(bench.navigator.move_base(GOAL)).outcome is NavigateOutcome.SUCCESS
+    assert bench.script.calls["plan"] == 3 and bench.script.calls["R1"] == bench.script.calls["R2"] == 1
+
+
+def test_recoveries_that_fail_lead_to_the_next_ones(make_bench):
+    bench = make_bench(controller_max_retries=0)
+    bench.script.velocity = STUCK
+
+    def breaks(context):
+        raise RuntimeError("motor gone")
+
+    bench.script.recovery = breaks
+    assert bench.finish(bench.navigator.move_base(GOAL)).outcome is ControlOutcome.NO_VALID_CMD
+    assert bench.script.calls["R1"] == bench.script.calls["R2"] == 1
+
+
+def test_a_path_alone_does_not_start_the_recoveries_over(make_bench):
+    bench = make_bench(planner_max_retries=0, controller_max_retries=0)
+    failures = itertools.cycle([NO_WAY, None])
+
+    def plan(start, goal):
+        failure = next(failures)
+        if failure:
+            raise failure
+        return scripted.line(start, goal)
+
+    bench.script.plan, bench.script.velocity = plan, STUCK
+    result = bench.finish(bench.navigator.move_base(GOAL))
+    assert result.outcome is PlanOutcome.NO_PATH_FOUND
+    assert bench.script.calls["R1"] == bench.script.calls["R2"] == 1
+
+
+@pytest.mark.parametrize("trouble", ["planning", "driving", "oscillation"])
+def test_recoveries_start_over_once_the_robot_has_got_elsewhere(make_bench, trouble):
+    bench = make_bench(
+        planner_max_retries=0, controller_max_retries=0, planner_frequency=10.0, oscillation_distance=0.3,
+        oscillation_timeout=3.0)
+    told = []
+    bench.navigator.recovery_watcher = lambda name, index, total, where: told.append((round(where.pose.x, 1), name))
+    arrive(bench)
+
+    def hinder(state=None):  # at 0.2 m, once more there, and at 0.7 m
+        due = bench.robot.pose.x > (0.15 if len(told) < 2 else 0.65) and len(told) < 3
+        if due and trouble == "driving":
+            raise STUCK
+        return STOP if due and trouble == "oscillation" else FORWARD
+
+    def plan(start, goal):
+        if start.x > (0.15 if len(told) < 2 else 0.65) and len(told) < 3 and trouble == "planning":
+            bench.costmaps["global"].costs[100, 115:] = 254  # or it would go on along the last path
+            raise NO_WAY
+        bench.costmaps["global"].costs[:] = 0
+        return scripted.line(start, goal)
+
+    bench.script.velocity, bench.script.plan = hinder, plan
+    assert bench.finish(bench.navigator.move_base(GOAL)).outcome is NavigateOutcome.SUCCESS
+    assert told == [(0.2, "R1"), (0.2, "R2"), (0.7, "R1")]
+
+
+def test_back_at_a_place_recoveries_go_on_where_they_were():
+    trials = Trials(["a", "b"])
+    here, there = Pose2D(0.0, 0.0, 0.0), Pose2D(0.5, 0.0, 1.0)
+    assert [trials.next(pose, 0.3, bool) for pose in (here, there, None, here, there, here, None)] == [
+        0, 0, 1, 1, None, None, None]
+
+
+def test_what_does_not_suit_is_kept_for_later():
+    trials = Trials(["a", "b", "c"])
+    assert [trials.next(None, 0.0, "ac".__contains__), trials.next(None, 0.0, bool)] == [0, 1]
+
+
+OUTCOMES = [outcome for kind in (PlanOutcome, ControlOutcome) for outcome in kind if outcome.name != "SUCCESS"]
+FINAL = {
+    *(PlanOutcome[name] for name in (
+        "CANCELED", "INVALID_START", "INVALID_GOAL", "TF_ERROR", "NOT_INITIALIZED", "INVALID_PLUGIN", "INTERNAL_ERROR",
+        "OUT_OF_MAP", "MAP_ERROR", "STOPPED")),
+    *(ControlOutcome[name] for name in (
+        "CANCELED", "INVALID_PATH", "TF_ERROR", "NOT_INITIALIZED", "INVALID_PLUGIN", "INTERNAL_ERROR", "MAP_ERROR",
+        "STOPPED")),
+}
+STAYING = {PlanOutcome.BLOCKED_GOAL, PlanOutcome.PAT_EXCEEDED}
+PLACES = [{"name": "R1", "type": "scripted.ScriptedRecovery"}, {"name": "R2", "type": "scripted.LeavingRecovery"}]
+
+
+def test_every_outcome_is_judged_and_has_a_reason():
+    assert set(VERDICTS) == {*OUTCOMES, NavigateOutcome.OSCILLATION}
+    assert all(len(verdict.reason) > 10 for verdict in VERDICTS.values())
+
+
+@pytest.mark.parametrize("patience", [0.0, 0.5], ids=["no retries", "until patience ends"])
+@pytest.mark.parametrize("outcome", OUTCOMES, ids=lambda outcome: f"{type(outcome).__name__}.{outcome.name}")
+def test_only_what_a_recovery_can_change_is_recovered_from(make_bench, outcome, patience):
+    retries = -1 if patience else 0
+    bench = make_bench(
+        planner_max_retries=retries, controller_max_retries=retries, planner_patience=patience,
+        controller_patience=patience, recovery_behaviors=PLACES)
+    if isinstance(outcome, PlanOutcome):
+        bench.script.plan = PlanningError(outcome, "for a reason")
+    else:
+        bench.script.velocity = ControlError(outcome, "for a reason")
+    task = bench.navigator.move_base(GOAL)
+    result = bench.finish(task)
+    ran = [name for name in ("R1", "R2") if name in bench.script.calls]
+    assert ran == ([] if outcome in FINAL else ["R1"] if outcome in STAYING else ["R1", "R2"])
+    assert task.ending is Ending.ABORTED and "for a reason" in result.message
+    assert result.outcome is outcome or (patience and result.outcome is type(outcome).PAT_EXCEEDED)
+    if outcome in FINAL and not patience:
+        assert result.message == "for a reason" and bench.robot.pose == Pose2D(0.0, 0.0, 0.0)
+
+
+def test_a_goal_in_an_unknown_frame_ends_without_a_move(make_bench):
+    bench = make_bench(tf_timeout=0.5, recovery_behaviors=PLACES)
+    bench.script.recovery = lambda context: iter([Twist2D(-0.1, 0.0, 0.0)] * 5)
+    task = bench.navigator.move_base(NavigateGoal(FramedPose(Pose2D(1.0, 0.0, 0.0), "atlantis")))
+    result = bench.finish(task)
+    assert result.outcome is PlanOutcome.TF_ERROR and "atlantis" in result.message
+    assert not {"R1", "R2"} & set(bench.script.calls) and bench.robot.pose == Pose2D(0.0, 0.0, 0.0)
+
+
+def test_a_transform_that_comes_late_is_no_failure(make_bench):
+    bench = make_bench(tf_timeout=0.5)
+    arrive(bench)
+    bench.robot.lost = "map and odom are not related yet"
+    task = bench.navigator.move_base(GOAL)
+    for _ in range(3):
+        bench.step()
+    bench.robot.lost = None
+    assert bench.finish(task).outcome is NavigateOutcome.SUCCESS and "R1" not in bench.script.calls
+
+
+def test_oscillation_is_recovered_from_and_named_at_last(make_bench):
+    bench = make_bench(oscillation_timeout=1.0, oscillation_distance=0.3, controller_patience=0.0)
+    bench.script.velocity = Twist2D(0.01, 0.0, 0.0)
+    task = bench.navigator.move_base(GOAL)
+    result = bench.finish(task)
+    assert result.outcome is NavigateOutcome.OSCILLATION and "oscillating" in result.message
+    assert bench.script.calls["R1"] == bench.script.calls["R2"] == 1
+
+
+def test_progress_after_oscillation_gives_the_recoveries_back(make_bench):
+    bench = make_bench(oscillation_timeout=1.0, oscillation_distance=0.1)
+    arrive(bench)
+    bench.script.velocity = Twist2D(0.01, 0.0, 0.0)
+    task = bench.navigator.move_base(GOAL)
+    for _ in range(2):
+        ran = bench.script.calls.get("R1", 0)
+        bench.run(lambda: bench.script.calls.get("R1", 0) > ran)
+        bench.script.velocity = FORWARD
+        x = bench.robot.pose.x
+        bench.run(lambda: bench.robot.pose.x > x + 0.15)
+        bench.script.velocity = Twist2D(0.01, 0.0, 0.0)
+    assert "R2" not in bench.script.calls and not task.done
