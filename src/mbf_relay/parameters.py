@@ -14,7 +14,7 @@ import dataclasses
 import difflib
 import math
 import typing
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Type, TypeVar
+from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Type, TypeVar
 
 T = TypeVar("T", bound="ParameterSet")
 
@@ -47,6 +47,17 @@ def parameter(
     if isinstance(default, (list, dict)):
         return dataclasses.field(default_factory=lambda: type(default)(default), metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
+
+
+def nearest_of(name: str, known: Iterable[str]) -> Optional[str]:
+    """Return the known name that looks most like `name`, None where none does."""
+    matches = difflib.get_close_matches(name, list(known), n=1)
+    return matches[0] if matches else None
+
+
+def did_you_mean(nearest: Optional[str]) -> str:
+    """Return the end of a message about an unknown name, given the nearest known one; empty where there is none."""
+    return f"; did you mean '{nearest}'?" if nearest else ""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,8 +121,7 @@ class ParameterSet:
     @classmethod
     def nearest_name(cls, name: str) -> Optional[str]:
         """Return the parameter whose name looks most like `name`, for error messages."""
-        matches = difflib.get_close_matches(name, cls.names(), n=1)
-        return matches[0] if matches else None
+        return nearest_of(name, cls.names())
 
     def replace(self: T, **changes: Any) -> T:
         """Return a copy with some parameters changed, validated anew."""

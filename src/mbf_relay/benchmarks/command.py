@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import importlib
 import importlib.util
 import json
@@ -16,6 +15,7 @@ from mbf_relay.benchmarks import NAMES
 from mbf_relay.benchmarks.figure import Figure, NotMeasurable, describe_machine, machine_line, table
 from mbf_relay.benchmarks.readme import rewrite_section
 from mbf_relay.lockstep.command import without_remappings
+from mbf_relay.parameters import did_you_mean, nearest_of
 
 Results = List[Tuple[str, Figure]]
 
@@ -111,7 +111,6 @@ def _parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:
     options = parser.parse_args(without_remappings(sys.argv[1:] if arguments is None else arguments))
     for name in options.names:
         if name not in NAMES:
-            nearest = difflib.get_close_matches(name, NAMES, n=1)
-            hint = f"; did you mean '{nearest[0]}'?" if nearest else ""
+            hint = did_you_mean(nearest_of(name, NAMES))
             parser.error(f"there is no benchmark '{name}' (available: {', '.join(NAMES)}){hint}")
     return options

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import copy
-import difflib
 from pathlib import Path
-from typing import Any, Dict, Iterable, Mapping, Sequence, Tuple
+from typing import Any, Dict, Iterable, Mapping, Optional, Sequence, Tuple
 
 import yaml
+
+from mbf_relay.parameters import did_you_mean, nearest_of
 
 FILES = ("simulator", "amcl", "move_base_flex")
 """The nodes that a lockstep episode stands in for; each has its file config/NAME.yaml."""
@@ -92,16 +93,15 @@ def full_name(name: str, known: Sequence[str]) -> str:
         return matches[0]
     if matches:
         raise ValueError(f"parameter '{name}' may mean {' or '.join(sorted(matches)[:5])}; write more of its name")
-    nearest = _nearest(name, known)
-    raise ValueError(f"there is no parameter '{name}'" + (f"; did you mean '{nearest}'?" if nearest else ""))
+    raise ValueError(f"there is no parameter '{name}'{did_you_mean(_nearest(name, known))}")
 
 
-def _nearest(name: str, known: Sequence[str]) -> str:
+def _nearest(name: str, known: Sequence[str]) -> Optional[str]:
     """Return the known name that looks most like `name` in as many of its last parts as `name` has."""
     parts = name.count(".") + 1
     tails = {".".join(candidate.split(".")[-parts:]): candidate for candidate in known}
-    matches = difflib.get_close_matches(name, list(tails), n=1)
-    return tails[matches[0]] if matches else ""
+    nearest = nearest_of(name, tails)
+    return tails[nearest] if nearest else None
 
 
 def change(settings: Settings, changes: Iterable[str], known: Sequence[str]) -> Settings:

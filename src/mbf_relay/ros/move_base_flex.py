@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import threading
 from typing import Any, Dict, List, Mapping
@@ -14,6 +13,7 @@ from mbf_relay.navigation.navigator import Navigator
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.registry import Registry
 from mbf_relay.navigation.worker import ThreadWorker
+from mbf_relay.parameters import did_you_mean, nearest_of
 from mbf_relay.ros import parameters as ros_parameters
 from mbf_relay.ros import reconfigure
 from mbf_relay.ros.controller_topics import serve_controllers
@@ -179,8 +179,7 @@ def _warn_of_stray_groups(config: Mapping[str, Any], plugins: List[str]) -> None
     """Warn about groups of parameters under a name that no plugin has: a misspelt name would leave all at defaults."""
     for name, values in config.items():
         if isinstance(values, Mapping) and name not in plugins and name not in COSTMAPS:
-            nearest = difflib.get_close_matches(name, [*plugins, *COSTMAPS], n=1)
-            hint = f"; did you mean '{nearest[0]}'?" if nearest else ""
+            hint = did_you_mean(nearest_of(name, [*plugins, *COSTMAPS]))
             rospy.logwarn("parameters under %s belong to no plugin that is loaded and are ignored%s",
                           rospy.resolve_name(f"~{name}"), hint)
 

@@ -6,7 +6,7 @@ from typing import Any, Iterable, Mapping, Type, TypeVar
 
 import rospy
 
-from mbf_relay.parameters import ParameterSet
+from mbf_relay.parameters import ParameterSet, did_you_mean
 from mbf_relay.ros.reconfigure import RESTORE_DEFAULTS
 
 T = TypeVar("T", bound=ParameterSet)
@@ -49,8 +49,7 @@ def warn_of_unknown(
     for name in parameter_set.unknown_names(values):
         # dynamic_reconfigure leaves its button on the server, where the next start of the node finds it.
         if name not in known_elsewhere and name != RESTORE_DEFAULTS:
-            nearest = parameter_set.nearest_name(name)
-            hint = f"; did you mean '{nearest}'?" if nearest else ""
+            hint = did_you_mean(parameter_set.nearest_name(name))
             rospy.logwarn("parameter %s is not known here and is ignored%s", rospy.resolve_name(join(where, name)), hint)
     for old, new in parameter_set.deprecated_names(values).items():
         rospy.logwarn("parameter %s has an old name; use '%s'", rospy.resolve_name(join(where, old)), new)
