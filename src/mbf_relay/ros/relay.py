@@ -141,8 +141,8 @@ class Relay:
                 self._answer(pursuit, relay_answers.server_absent(self._parameters))
             elif pursuit.cancelled_at is not None and now - pursuit.cancelled_at > self._parameters.cancel_timeout:
                 self._answer(pursuit, relay_answers.preempted(reason="the server did not answer the cancel"))
-            elif pursuit.cancelled_at is not None and now - pursuit.cancel_sent_at > CANCEL_REPEATED_AFTER:
-                self._cancel_at_server()
+            elif pursuit.cancelled_at is not None:
+                self._press_cancel(now)
 
     def shut_down(self) -> None:
         """Cancel at the server and abort, because this node ends."""
@@ -195,7 +195,7 @@ class Relay:
             pursuit.sent.cancel()
 
     def _press_cancel(self, now: float) -> None:
-        """Repeat the cancel of a goal whose client has its answer already: nobody else would stop the robot."""
+        """Repeat a cancel without an answer, also of a goal whose client has its own: nobody else would stop the robot."""
         last = self._last_sent
         if last is None or last.cancelled_at is None or last.ended:
             return
