@@ -20,12 +20,12 @@ from std_srvs.srv import Empty
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 
-from made_room import RoomRobot, made_room  # noqa: E402
+from made_room import RoomRobot, initial_pose_message, made_room  # noqa: E402
 from ros_testing import Listener, connected_publisher, wait_until  # noqa: E402
 
 from mbf_relay.geometry import Pose2D  # noqa: E402
 from mbf_relay.maps import OccupancyMap  # noqa: E402
-from mbf_relay.ros.conversions import header, map_to_message, pose_from_message, pose_to_message  # noqa: E402
+from mbf_relay.ros.conversions import map_to_message, pose_from_message  # noqa: E402
 
 START = Pose2D(0.0, 1.0, 0.4)
 LIDARS = (
@@ -87,15 +87,6 @@ def moved(room, x):
 
 def message_of(room):
     return map_to_message(room, "map", rospy.get_rostime())
-
-
-def initial_pose(pose, stamp=None, variance=0.01, frame="map"):
-    message = PoseWithCovarianceStamped(header=header(frame, rospy.get_rostime() if stamp is None else stamp))
-    message.pose.pose = pose_to_message(pose)
-    covariance = np.zeros(36)
-    covariance[[0, 7, 35]] = variance
-    message.pose.covariance = covariance.tolist()
-    return message
 
 
 class TestLife(unittest.TestCase):
@@ -170,7 +161,7 @@ class TestLife(unittest.TestCase):
         self.assertLess(estimate.distance_to(self.robot.pose), 0.1)
         # The service is another door; what it brings is wanted.
         set_map = node.service("set_map", SetMap)
-        self.assertTrue(set_map(message_of(moved(self.room, 0.3)), initial_pose(self.here)).success)
+        self.assertTrue(set_map(message_of(moved(self.room, 0.3)), initial_pose_message(self.here)).success)
         self.assert_at(node, 0.3)
 
     def test_a_map_by_service_is_taken_with_its_pose_or_not_at_all(self):
@@ -178,14 +169,14 @@ class TestLife(unittest.TestCase):
         self.assert_at(node)
         set_map, other = node.service("set_map", SetMap), message_of(moved(self.room, 0.3))
         for bad in (
-            initial_pose(Pose2D(200.0, 0.0, 0.0)), initial_pose(self.here, frame="odom"),
-            initial_pose(self.here, variance=math.nan),
+            initial_pose_message(Pose2D(200.0, 0.0, 0.0)), initial_pose_message(self.here, frame="odom"),
+            initial_pose_message(self.here, variance=math.nan),
         ):
             self.assertFalse(set_map(other, bad).success)
         for _ in range(4):
             estimate = node.estimate()
         self.assertLess(estimate.distance_to(self.robot.pose), 0.1)
-        self.assertTrue(set_map(message_of(turned(self.room)), initial_pose(self.here)).success)
+        self.assertTrue(set_map(message_of(turned(self.room)), initial_pose_message(self.here)).success)
         self.assert_at(node)
 
     def test_a_restarted_node_goes_on_where_it_was(self):
@@ -209,7 +200,7 @@ class TestLife(unittest.TestCase):
         stamp, then = rospy.get_rostime(), self.robot.pose
         self.drive(1.0)
         count = len(node.poses.messages)
-        publisher.publish(initial_pose(then, stamp, variance=1e-4))
+        publisher.publish(initial_pose_message(then, stamp, variance=1e-4))
         found = node.poses.wait_for(lambda _: True, "an estimate after the initial pose", since=count)
         self.assertLess(pose_from_message(found.pose.pose).distance_to(self.robot.pose), 0.15)
 

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """The amcl node on topics: what comes out, what the services do, and what bad input leaves unharmed."""
 
+import functools
 import math
 import os
 import sys
@@ -19,24 +20,16 @@ from tf2_msgs.msg import TFMessage
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 
-from made_room import RoomRobot, made_room  # noqa: E402
+from made_room import RoomRobot, initial_pose_message, made_room  # noqa: E402
 from ros_testing import Listener, wait_until  # noqa: E402
 
 from mbf_relay.geometry import Pose2D, angle_between  # noqa: E402
 from mbf_relay.outcomes import TransformError  # noqa: E402
-from mbf_relay.ros.conversions import header, map_to_message, pose_from_message, pose_to_message  # noqa: E402
+from mbf_relay.ros.conversions import map_to_message, pose_from_message  # noqa: E402
 from mbf_relay.ros.transforms import Transforms  # noqa: E402
 
 START = Pose2D(0.0, 1.0, 0.4)
-
-
-def initial_pose(pose, frame="map", variance=0.02):
-    message = PoseWithCovarianceStamped(header=header(frame, rospy.get_rostime()))
-    message.pose.pose = pose_to_message(pose)
-    covariance = np.zeros(36)
-    covariance[[0, 7, 35]] = variance
-    message.pose.covariance = covariance.tolist()
-    return message
+initial_pose = functools.partial(initial_pose_message, variance=0.02)
 
 
 class TestAmcl(unittest.TestCase):

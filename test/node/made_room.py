@@ -6,14 +6,14 @@ import threading
 import numpy as np
 import rospy
 import tf2_ros
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from sensor_msgs.msg import LaserScan
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.laser_kernels import cast_scan
 from mbf_relay.maps import OccupancyMap
-from mbf_relay.ros.conversions import header, transform_to_message
+from mbf_relay.ros.conversions import header, pose_to_message, transform_to_message
 from mbf_relay.ros.transforms import TransformPublisher
 
 BEAMS = 120
@@ -28,6 +28,16 @@ def made_room():
     data[90:118, 120:124] = 100
     data[20:30, 150:170] = 100
     return OccupancyMap(data, 0.05, Pose2D(-2.0, -1.0, 0.0))
+
+
+def initial_pose_message(pose, stamp=None, variance=0.01, frame="map"):
+    """Return what RViz says on 2D Pose Estimate; `variance` in m^2 and rad^2, stamped now where `stamp` is None."""
+    message = PoseWithCovarianceStamped(header=header(frame, rospy.get_rostime() if stamp is None else stamp))
+    message.pose.pose = pose_to_message(pose)
+    covariance = np.zeros(36)
+    covariance[[0, 7, 35]] = variance
+    message.pose.covariance = covariance.tolist()
+    return message
 
 
 class RoomRobot:
