@@ -10,7 +10,6 @@ import threading
 
 import actionlib
 import rospy
-from actionlib_msgs.msg import GoalStatus
 from dynamic_reconfigure.encoding import decode_config, encode_config
 from dynamic_reconfigure.msg import Config
 from dynamic_reconfigure.srv import Reconfigure, ReconfigureResponse

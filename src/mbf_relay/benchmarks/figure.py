@@ -8,7 +8,7 @@ import math
 import os
 import platform
 import time
-from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Mapping, Optional, Sequence
 
 import numpy as np
 

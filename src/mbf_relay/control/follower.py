@@ -10,7 +10,7 @@ from typing import Any, Callable, ClassVar, Optional, Type
 import numpy as np
 
 from mbf_relay.control.back_out import BackOut
-from mbf_relay.control.controller import Controller, ControlState, GoalTolerance, SpeedLimit
+from mbf_relay.control.controller import Controller, ControlState, GoalTolerance
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.goal_keeper import GoalKeeper
 from mbf_relay.control.guards import GoalGuard, StuckGuard
@@ -79,7 +79,6 @@ class PathFollower(Controller, abc.ABC):
         self._commanded_at: Optional[float] = None
         self._started_from = STOP
         self._turn_left: Optional[float] = None
-        self._turned_from = 0.0
 
     @abc.abstractmethod
     def drive(self, around: Surroundings) -> Twist2D:

@@ -9,7 +9,6 @@ from typing import Any, Tuple
 import numpy as np
 
 from mbf_relay.costmap import footprint_kernels
-from mbf_relay.costmap.cost_grid import CostGrid
 from mbf_relay.costmap.footprint_kernels import IN_COLLISION, ON_UNKNOWN, OUTSIDE
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
@@ -108,11 +107,6 @@ def footprint_costs(grid: Grid, costs: np.ndarray, footprint: np.ndarray, poses:
         np.ascontiguousarray(poses, dtype=np.float64), result,
     )
     return result
-
-
-def pose_cost(costmap: CostGrid, pose: Pose2D) -> float:
-    """Return the `footprint_cost` of a costmap's own footprint at a pose in its frame."""
-    return footprint_cost(costmap.grid, costmap.costs, costmap.footprint, pose)
 
 
 def footprint_cells(grid: Grid, footprint: np.ndarray, pose: Pose2D) -> np.ndarray:

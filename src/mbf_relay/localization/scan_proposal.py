@@ -13,7 +13,7 @@ Where the map explains clearly less of a scan than it used to, scouts look farth
 from __future__ import annotations
 
 import math
-from typing import Optional, Tuple
+from typing import Tuple
 
 import numpy as np
 

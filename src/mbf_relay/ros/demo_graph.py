@@ -30,7 +30,6 @@ class Graph:
     """
 
     def __init__(self, launch: List[str], folder: str) -> None:
-        self._launch = launch
         self._log = os.path.join(folder, "roslaunch.log")
         self._processes: List[subprocess.Popen] = []
         port = free_port()
