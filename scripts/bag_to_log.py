@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 import sys
 
-from mbf_relay.ros.bag_to_log import main
+from mbf_relay.ros.tools.bag_to_log import main
 
 sys.exit(main())

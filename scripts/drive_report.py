@@ -1,4 +1,4 @@
 #!/usr/bin/env python3
-from mbf_relay.ros.drive_report import main
+from mbf_relay.ros.tools.drive_report import main
 
 main()

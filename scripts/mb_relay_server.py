@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 """A move_base carried out by Move Base Flex: the action server alone."""
-from mbf_relay.ros.node import run_node
+from mbf_relay.ros.common.node import run_node
 
 if __name__ == "__main__":
-    from mbf_relay.ros.relay_node import serve
-    run_node("move_base", lambda: serve(action=True, topic=False))
+    run_node("move_base", "mbf_relay.ros.relay.node.serve", action=True, topic=False)

@@ -1,6 +1,5 @@
 #!/usr/bin/env python3
-"""See mbf_relay.ros.clients; --help tells the options."""
-from mbf_relay.ros.clients import movebase_client
+"""See mbf_relay.ros.tools.clients; --help tells the options."""
+from mbf_relay.ros.common.node import run_program
 
-if __name__ == "__main__":
-    movebase_client()
+run_program("mbf_relay.ros.tools.clients.movebase_client")

@@ -1,4 +1,4 @@
 #!/usr/bin/env python3
-from mbf_relay.ros.parameter_tables import main
+from mbf_relay.ros.tools.parameter_tables import main
 
 main()

@@ -13,8 +13,8 @@ from sensor_msgs.msg import LaserScan
 from virtual_screen import RViz, VirtualScreen
 
 from mbf_relay.geometry import Pose2D, angle_between
-from mbf_relay.ros.conversions import pose_from_message
-from mbf_relay.ros.transforms import Transforms
+from mbf_relay.ros.common.conversions import pose_from_message
+from mbf_relay.ros.common.transforms import Transforms
 
 RESULTS = os.environ.get("MBF_RELAY_TEST_RESULTS", ".")
 SUCCEEDED = 3
@@ -74,6 +74,7 @@ class ClickingTest(unittest.TestCase):
             self.assertLess(abs(angle_between(clicked.theta, pose.theta)), 0.1)
             return clicked
         self.fail(f"RViz published nothing on {listener.topic} after three clicks")
+        return None
 
     def assert_reaches(self, goal: Pose2D) -> None:
         """Wait until the clicked goal's result is there and the robot really stands at the pose."""

@@ -6,11 +6,12 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Callable, Iterable, List, Optional, Sequence, Tuple
 
-import cv2
 import numpy as np
 
-from mbf_relay.control.controller import Controller, ControlState
+from mbf_relay.control.controller import Controller
+from mbf_relay.control.state import ControlState
 from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, CostGrid
+from mbf_relay.distances import distances_to_zeros
 from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D
 from mbf_relay.grid import Grid
 from mbf_relay.outcomes import ControlError
@@ -76,7 +77,7 @@ def costmap_round(
     inscribed = _inscribed_radius(footprint)
     costs = np.zeros(grid.shape, dtype=np.uint8)
     if lethal.any():
-        distance = cv2.distanceTransform((~lethal).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * resolution
+        distance = distances_to_zeros(~lethal) * resolution
         costs = np.where(distance <= inflation, 252.0 * np.exp(-decay * (distance - inscribed)), 0.0)
         costs = np.where(distance <= inscribed, INSCRIBED, np.minimum(costs, INSCRIBED - 1)).astype(np.uint8)
         costs[lethal] = LETHAL
@@ -149,7 +150,7 @@ def _toward(value: float, target: float, change: float) -> float:
 
 
 def touches(pose: Pose2D, occupied: Occupied, footprint: np.ndarray = BURGER, shrink: float = 0.0) -> bool:
-    """Tell whether the footprint, outline and inside, covers an obstacle."""
+    """Return whether the footprint, outline and inside, covers an obstacle."""
     low, high = footprint.min(axis=0) + shrink, footprint.max(axis=0) - shrink
     x, y = np.meshgrid(np.linspace(low[0], high[0], 16), np.linspace(low[1], high[1], 16))
     places = pose.transform_points(np.column_stack((x.ravel(), y.ravel())))
@@ -159,7 +160,7 @@ def touches(pose: Pose2D, occupied: Occupied, footprint: np.ndarray = BURGER, sh
 def drive(
     controller: Controller, path: Path, start: Pose2D, occupied: Occupied = nowhere, seconds: float = 60.0,
     period: float = 0.1, robot: Optional[PaperRobot] = None, patience: float = 1.0, costmap: Any = costmap_round,
-    each_cycle: Optional[Callable[[float, Pose2D], Optional[Path]]] = None,
+    each_cycle: Optional[Callable[[float, Pose2D], Optional[Path]]] = None, footprint: np.ndarray = BURGER,
 ) -> Drive:
     """Drive a path until the goal is reached, the controller has failed for `patience` seconds, or time is up.
 
@@ -174,6 +175,7 @@ def drive(
         patience: Seconds of errors in a row that end the drive.
         costmap: Makes the costmap: called with pose, obstacles and now=.
         each_cycle: Called with time and pose; may return a new path to the same goal.
+        footprint: What touches obstacles; `costmap` has one of its own.
     """
     robot = robot or PaperRobot(start)
     controller.set_path(path, True)
@@ -199,7 +201,7 @@ def drive(
         result.poses.append(robot.pose)
         result.commands.append(command)
         result.failed.append(result.error is not None)
-        result.contacts += touches(robot.pose, occupied)
+        result.contacts += touches(robot.pose, occupied, footprint)
     return result
 
 

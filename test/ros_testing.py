@@ -37,7 +37,9 @@ class Listener:
 
         self.topic = topic
         self.messages: List[Any] = []
-        self._subscriber = rospy.Subscriber(topic, message_type, self.messages.append, queue_size=1000, tcp_nodelay=True)
+        self._subscriber = rospy.Subscriber(
+            topic, message_type, self.messages.append, queue_size=1000, tcp_nodelay=True
+        )
         if connected:
             wait_until(lambda: self._subscriber.get_num_connections() > 0, f"a publisher of {topic}")
 

@@ -1,10 +1,12 @@
-"""Run every test of the package: pytest folder by folder, then every rostest on a ROS master of its own.
+"""Run the linters and every test: pytest folder by folder, each rostest on a ROS master of its own.
 
 The last line is "N passed, N failed"; the exit status is 0 only where none failed. Everything the tests and their nodes
 wrote stays in the results folder.
 """
 
 import argparse
+import contextlib
+import enum
 import glob
 import os
 import queue
@@ -22,20 +24,28 @@ TEST_FOLDER = os.path.dirname(os.path.abspath(__file__))
 CHECKOUT = os.path.dirname(TEST_FOLDER)
 SUMMARY = r"SUMMARY\s+\S* \* RESULT: .*?TESTS: (\d+)\s+\S* \* ERRORS: (\d+).*?FAILURES: (\d+)"
 """The end of rostest's output, coloured or not."""
-TIME_LIMIT = 420.0
+TIME_LIMIT = 1250.0
 """Wall seconds after which one job is ended and counts as failed; --long triples it."""
 
 
-SLOW = ("unit/lockstep", "unit/ros", "contract")
-"""Folders that start first, since the others are done sooner than these alone."""
+SLOW = ("contract", "unit/lockstep", "node/relay.test", "unit/control", "unit/ros", "unit/ros/common", "unit/costmap")
+"""Jobs that start first, since the others are done sooner than these alone."""
+
+
+class Kind(enum.Enum):
+    """What a job runs, and so how its outcome is read."""
+
+    LINTER = "a linter, by its status"
+    PYTEST = "a folder of pytest files, by its report"
+    ROSTEST = "a rostest, by its summary"
 
 
 class Job(NamedTuple):
-    """One process that runs tests: its name, its command, and whether it is a rostest."""
+    """One process that checks something."""
 
     name: str
     command: List[str]
-    is_rostest: bool
+    kind: Kind
 
 
 class Outcome(NamedTuple):
@@ -54,7 +64,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help="run only jobs with one of these in their name")
     parser.add_argument("--long", action="store_true", help="also what takes many minutes (sets MBF_RELAY_LONG=1)")
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="rostests at a time (default: 1)")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="system tests at a time (default: 1)")
     parser.add_argument("--results", metavar="DIR", help="folder for logs and reports, emptied first")
     parser.add_argument("--list", action="store_true", help="name the jobs and run none")
     options = parser.parse_args()
@@ -68,13 +78,16 @@ def main() -> int:
         return 2
     for folder in glob.glob(os.path.join(results, "*")):
         shutil.rmtree(folder, ignore_errors=True)
-    # A shell starts what it puts in the background deaf to Ctrl-C, and nodes would inherit that; tests end them with it.
+    # A shell starts what it puts in the background deaf to Ctrl-C, and nodes would inherit that; tests end them with
+    # it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     runner = Runner(results, long=options.long)
     start = time.monotonic()
     try:
-        runner.run([job for job in jobs if not job.is_rostest], workers=os.cpu_count() or 1)
-        runner.run([job for job in jobs if job.is_rostest], workers=options.jobs)
+        # Robots that drive in real time want the machine for themselves; a single node can share it.
+        drives = [job for job in jobs if job.name.startswith("system/")]
+        runner.run([job for job in jobs if job not in drives], workers=os.cpu_count() or 1)
+        runner.run(drives, workers=options.jobs)
     except KeyboardInterrupt:
         runner.stop()
         print("interrupted", file=sys.stderr)
@@ -92,13 +105,29 @@ def find_jobs(results: str) -> List[Job]:
                 name = os.path.relpath(folder, TEST_FOLDER)
                 report_file = os.path.join(results, name, "pytest.xml")
                 command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--junit-xml={report_file}"]
-                jobs.append(Job(name, command + paths, False))
-    jobs.sort(key=lambda job: job.name not in SLOW)
+                jobs.append(Job(name, command + paths, Kind.PYTEST))
     for top in ("node", "system"):
         for path in sorted(glob.glob(os.path.join(TEST_FOLDER, top, "*.test"))):
             name = os.path.relpath(path, TEST_FOLDER)
-            jobs.append(Job(name, ["rostest", path], True))
-    return jobs
+            jobs.append(Job(name, ["rostest", path], Kind.ROSTEST))
+    return find_linters() + sorted(jobs, key=lambda job: SLOW.index(job.name) if job.name in SLOW else len(SLOW))
+
+
+def find_linters() -> List[Job]:
+    """Return a job for each linter; none where scripts/run has not installed them."""
+    folder = os.environ.get("MBF_RELAY_LINTERS")
+    if not folder:
+        return []
+    commands = {
+        "ruff": ["check", "--no-cache", CHECKOUT, "--config", os.path.join(CHECKOUT, ".ruff.toml")],
+        "mypy": ["--config-file", os.path.join(CHECKOUT, ".mypy.ini"), "--cache-dir", os.devnull,
+                 "--python-executable", sys.executable],
+        "bandit": ["-q", "-c", os.path.join(CHECKOUT, ".bandit.yaml"), "-r", os.path.join(CHECKOUT, "src")],
+    }
+    return [
+        Job(f"lint/{name}", [os.path.join(folder, name), *arguments], Kind.LINTER)
+        for name, arguments in commands.items()
+    ]
 
 
 class Runner:
@@ -114,7 +143,7 @@ class Runner:
 
     def run(self, jobs: List[Job], workers: int) -> None:
         """Run the jobs, `workers` at a time, and return when all have ended."""
-        waiting: "queue.SimpleQueue[Job]" = queue.SimpleQueue()
+        waiting: queue.SimpleQueue[Job] = queue.SimpleQueue()
         for job in jobs:
             waiting.put(job)
         threads = [threading.Thread(target=self._work, args=(waiting,), daemon=True) for _ in range(workers)]
@@ -156,7 +185,11 @@ class Runner:
                 if self._stopped:
                     return None
                 process = subprocess.Popen(
-                    job.command, cwd=folder, env=self._environment(folder), stdout=stream, stderr=subprocess.STDOUT,
+                    job.command,
+                    cwd=CHECKOUT if job.kind is Kind.LINTER else folder,
+                    env=self._environment(folder),
+                    stdout=stream,
+                    stderr=subprocess.STDOUT,
                     start_new_session=True,
                 )
                 self._running.append(process)
@@ -168,7 +201,10 @@ class Runner:
         with self._lock:
             self._running.remove(process)
         report_file = os.path.join(folder, "pytest.xml")
-        passed, failed, skipped = read_rostest(log) if job.is_rostest else read_pytest(report_file)
+        if job.kind is Kind.LINTER:
+            passed, failed, skipped = int(process.returncode == 0), int(process.returncode != 0), 0
+        else:
+            passed, failed, skipped = read_rostest(log) if job.kind is Kind.ROSTEST else read_pytest(report_file)
         if process.returncode != 0 and failed == 0:
             failed = 1
         return Outcome(job, passed, failed, skipped, time.monotonic() - start, log)
@@ -191,10 +227,8 @@ def end_group(process: subprocess.Popen) -> None:
         if process.poll() is not None:
             break
         os.killpg(process.pid, number)
-        try:
+        with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(patience)
-        except subprocess.TimeoutExpired:
-            pass
 
 
 def read_pytest(path: str) -> "tuple[int, int, int]":

@@ -75,10 +75,12 @@ class RViz:
         self.scale = scale
         self._name = os.path.basename(config)
         self._view: Tuple[int, int, int, int] = (0, 0, 0, 0)
-        for attempt in range(4):
+        for _attempt in range(4):
             # On a screen without a graphics card RViz itself now and then aborts while it starts.
             self.process = screen.start(["rviz", "-d", config, "__name:=rviz"], log)
-            ended = wait_until(lambda: self._has_settled() or self.process.poll() is not None, "RViz's 3D view", 60.0, 1.0)
+            ended = wait_until(
+                lambda: self._has_settled() or self.process.poll() is not None, "RViz's 3D view", 60.0, 1.0
+            )
             if self.process.poll() is None and ended:
                 return
         raise AssertionError(f"rviz ended with status {self.process.returncode} each time before it showed anything")
@@ -86,12 +88,20 @@ class RViz:
     def drag(self, key: str, x: float, y: float, heading: float) -> None:
         """Take the tool with a shortcut key, press at a map position (m), drag towards `heading` (rad), release."""
         column, row = self.pixel(x, y)
-        # As slowly as a hand: a renderer without a graphics card draws a few frames a second, and a tool that is not yet
-        # taken, or a drag between two frames, counts for nothing.
+        # As slowly as a hand: a renderer without a graphics card draws a few frames a second, and a tool that is not
+        # yet taken, or a drag between two frames, counts for nothing.
         pause = ("sleep", 0.15)
-        moves = [("mousemove", round(column + reach * math.cos(heading)), round(row - reach * math.sin(heading)), *pause)
-                 for reach in (20, 40, 60, 80)]
-        steps = [("mousemove", column, row, *pause), ("key", key, *pause), ("mousedown", 1, *pause), *moves, ("mouseup", 1)]
+        moves = [
+            ("mousemove", round(column + reach * math.cos(heading)), round(row - reach * math.sin(heading)), *pause)
+            for reach in (20, 40, 60, 80)
+        ]
+        steps = [
+            ("mousemove", column, row, *pause),
+            ("key", key, *pause),
+            ("mousedown", 1, *pause),
+            *moves,
+            ("mouseup", 1),
+        ]
         self.screen.xdotool(*(word for step in steps for word in step))
 
     def pixel(self, x: float, y: float) -> Tuple[float, float]:

@@ -56,14 +56,15 @@ class Pose2D(NamedTuple):
         return math.hypot(other.x - self.x, other.y - self.y)
 
     def is_finite(self) -> bool:
-        """Tell whether no coordinate is NaN or infinite."""
+        """Return whether no coordinate is NaN or infinite."""
         return math.isfinite(self.x) and math.isfinite(self.y) and math.isfinite(self.theta)
 
     def transform_points(self, points: np.ndarray) -> np.ndarray:
         """Take points of this pose's frame, shape (N, 2) in metres, to the frame this pose is given in."""
         cos, sin = math.cos(self.theta), math.sin(self.theta)
         rotation = np.array([[cos, -sin], [sin, cos]])
-        return np.asarray(points, dtype=float)[:, :2] @ rotation.T + (self.x, self.y)
+        moved: np.ndarray = np.asarray(points, dtype=float)[:, :2] @ rotation.T + (self.x, self.y)
+        return moved
 
     def transform_poses(self, poses: np.ndarray) -> np.ndarray:
         """Take poses of this pose's frame, shape (N, 3) as x, y, theta, to the frame this pose is given in."""
@@ -82,7 +83,7 @@ class Twist2D(NamedTuple):
     theta: float
 
     def is_finite(self) -> bool:
-        """Tell whether no component is NaN or infinite."""
+        """Return whether no component is NaN or infinite."""
         return math.isfinite(self.x) and math.isfinite(self.y) and math.isfinite(self.theta)
 
     def speed(self) -> float:

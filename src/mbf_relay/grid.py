@@ -53,17 +53,18 @@ class Grid:
         )
 
     def contains_cell(self, column: int, row: int) -> bool:
-        """Tell whether the cell is part of the grid."""
+        """Return whether the cell is part of the grid."""
         return 0 <= column < self.width and 0 <= row < self.height
 
     def contains_point(self, x: float, y: float) -> bool:
-        """Tell whether the point (m) lies within the grid."""
+        """Return whether the point (m) lies within the grid."""
         return math.isfinite(x) and math.isfinite(y) and self.contains_cell(*self.cell_at(x, y))
 
     def cells_at(self, points: np.ndarray) -> np.ndarray:
         """Return the (column, row) of each point: (N, 2) metres in, (N, 2) int64 out, unchecked against the bounds."""
         offsets = (np.asarray(points, dtype=float)[:, :2] - (self.origin_x, self.origin_y)) / self.resolution
-        return np.floor(offsets).astype(np.int64)
+        cells: np.ndarray = np.floor(offsets).astype(np.int64)
+        return cells
 
     def centers_of(self, cells: np.ndarray) -> np.ndarray:
         """Return the world positions (m) of cell centres: (N, 2) columns and rows in, (N, 2) metres out."""

@@ -1,55 +1,117 @@
-"""Compiled loops: one decorator for every numba kernel of the package, and the command that compiles them ahead.
+"""Compiled loops: one decorator for every kernel of the package.
 
-Kernels live in modules named `*_kernels.py` and state their signature, so they are compiled when their module is
-imported and never at a first goal. `python -m mbf_relay.kernels` imports them all, which fills numba's cache on disk;
-after that an import only loads. Every kernel that another one calls stays in the same file, because numba's cache
-notices changes of the file alone.
+Kernels are plain functions in modules named `*_kernels.py`, and state their signature. When the package is built,
+`mbf_relay.kernel_build` has numba compile them all and links the machine code into one extension module, `_kernels`,
+so that no running node needs numba and LLVM, which fill 100 MiB of a process and take a second to import. The code is
+made for any processor of the kind, and gives the same bits as numba in the process, since it is numba's: Cython and
+pythran would read the same source otherwise, and numba's own pycc, which is on its way out, cannot release the
+interpreter lock.
+
+A kernel that is not in there, such as one of a plugin of a user's own, or one whose source has changed since, is
+compiled by numba when its module is imported, and never at a first goal. Every kernel that another one calls stays in
+the same file, because numba's cache notices changes of the file alone.
 """
 
 from __future__ import annotations
 
+import hashlib
 import importlib
+import os
 import pkgutil
-from typing import Any, Callable, List, Union
+from functools import lru_cache
+from typing import Any, Callable, Dict, List, Optional, Union
 
-import numba
+SWITCH = "MBF_RELAY_KERNELS"
+"""Environment variable: IN_PROCESS has numba compile all, as if nothing were built; TO_BUILD the same, uncached."""
+IN_PROCESS, TO_BUILD = "in process", "to build"
+_reasons: List[str] = []
 
 
 def kernel(signature: Union[str, List[str]], **options: Any) -> Callable:
-    """Compile a function for `signature` without the interpreter lock, cached on disk where a folder can be written.
+    """Compile a function for `signature` without the interpreter lock, or find it compiled.
 
     Args:
         signature: numba signature(s), e.g. "void(float32[:,::1], int64)"; arrays are C-contiguous and writable.
-        options: Further options of numba.njit, e.g. fastmath=True.
+        options: Further options of numba.njit.
 
     Returns:
         A decorator.
     """
 
-    def compile_kernel(function: Callable) -> Callable:
-        try:
-            return numba.njit(signature, nogil=True, cache=True, **options)(function)
-        except RuntimeError as error:
-            if "cannot cache" not in str(error):
-                raise
-            return numba.njit(signature, nogil=True, **options)(function)
+    def find_or_compile(function: Callable) -> Callable:
+        found = _built(function.__module__, function.__code__.co_filename).get(function.__name__)
+        return _compile(function, signature, options) if found is None else found
 
-    return compile_kernel
+    return find_or_compile
+
+
+def reason_in_process() -> Optional[str]:
+    """Return why kernels of the package are compiled in this process, in one sentence; None where they are not."""
+    return _reasons[0] if _reasons else None
+
+
+def module_names() -> List[str]:
+    """Return the names of the package's kernel modules."""
+    import mbf_relay
+
+    modules = pkgutil.walk_packages(mbf_relay.__path__, "mbf_relay.")
+    return sorted({module.name for module in modules if module.name.endswith("_kernels") and "._" not in module.name})
 
 
 def compile_all() -> List[str]:
-    """Import every kernel module of the package and return their names."""
-    import mbf_relay
-
-    names = [
-        module.name
-        for module in pkgutil.walk_packages(mbf_relay.__path__, "mbf_relay.")
-        if module.name.endswith("_kernels")
-    ]
+    """Import every kernel module of the package, which fills numba's cache on disk, and return their names."""
+    names = module_names()
     for name in names:
         importlib.import_module(name)
     return names
 
 
-if __name__ == "__main__":
-    print(f"compiled {len(compile_all())} kernel modules")
+def digest(path: str) -> str:
+    """Return what tells a state of a source file from others; nothing of a file that cannot be read."""
+    try:
+        with open(path, "rb") as stream:
+            return hashlib.sha256(stream.read()).hexdigest()
+    except OSError:
+        return ""
+
+
+@lru_cache(maxsize=None)
+def _built(module: str, path: str) -> Dict[str, Callable]:
+    """Return the kernels of a module that were built from its source as it is now."""
+    if not module.startswith("mbf_relay."):
+        return {}
+    extension = _extension()
+    if extension is None:
+        return {}
+    if extension.SOURCES.get(module) != digest(path):
+        _reasons.append(f"{module} has changed since the kernels were built: build the package again")
+        return {}
+    found: Dict[str, Callable] = extension.KERNELS[module]
+    return found
+
+
+@lru_cache(maxsize=None)
+def _extension() -> Any:
+    if os.environ.get(SWITCH) in (IN_PROCESS, TO_BUILD):
+        return None
+    try:
+        return importlib.import_module("mbf_relay._kernels")
+    except ModuleNotFoundError:
+        _reasons.append("no kernels were built for this Python and processor")
+    except (ImportError, RuntimeError) as error:  # made for another NumPy
+        _reasons.append(f"the kernels that were built cannot be used: {error}")
+    return None
+
+
+def _compile(function: Callable, signature: Union[str, List[str]], options: Dict[str, Any]) -> Callable:
+    """Have numba compile a function now, cached on disk where a folder can be written."""
+    import numba
+
+    cache = os.environ.get(SWITCH) != TO_BUILD  # what is loaded from a cache cannot be linked
+    try:
+        compiled: Callable = numba.njit(signature, nogil=True, cache=cache, **options)(function)
+    except RuntimeError as error:
+        if "cannot cache" not in str(error):
+            raise
+        compiled = numba.njit(signature, nogil=True, **options)(function)
+    return compiled

@@ -2,17 +2,37 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import struct
+import threading
+import warnings
 from dataclasses import dataclass
-from typing import Any, Tuple
+from typing import TYPE_CHECKING, Any, BinaryIO, Iterator, Tuple
 
 import numpy as np
 import yaml
-from PIL import Image
 
+from mbf_relay import files
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.parameters import ParameterSet, parameter
+
+if TYPE_CHECKING:
+    from PIL import Image  # else where it is used: every node knows maps, one reads images
+
+FINEST, COARSEST = 0.001, 50.0
+"""Metres a cell may measure; in a finer one every radius would be a loop over millions of cells."""
+LARGEST_SIDE = 32767
+"""Cells each way that a map may have, as planners take no more."""
+MOST_CELLS = 1 << 28
+"""Cells of a map: 800 m x 800 m at 5 cm; a costmap and a plan over them take ten bytes each."""
+
+LARGEST_MAP_FILE = 1 << 20
+"""Bytes of a map's YAML file."""
+BAND = 1 << 22
+"""Pixels of an image that are turned into cells at a time."""
+_PILLOW = threading.Lock()
 
 FREE = 0
 OCCUPIED = 100
@@ -48,7 +68,7 @@ class OccupancyMap:
         return Grid(self.resolution, 0.0, 0.0, width, height)
 
     def contains_point(self, x: float, y: float) -> bool:
-        """Tell whether a point of the map's frame (m) lies on the map."""
+        """Return whether a point of the map's frame (m) lies on the map."""
         local = Pose2D(x, y, 0.0).relative_to(self.origin)
         return self.local_grid.contains_point(local.x, local.y)
 
@@ -58,7 +78,7 @@ class MapFileParameters(ParameterSet):
     """What a map's YAML file holds (map_server's format)."""
 
     image: str = parameter("", "file of the image, relative to the YAML file or absolute")
-    resolution: float = parameter(0.05, "side of a cell", unit="m", above=0.0)
+    resolution: float = parameter(0.05, "side of a cell", unit="m", minimum=FINEST, maximum=COARSEST, clamped=False)
     origin: Tuple[float, float, float] = parameter((0.0, 0.0, 0.0), "pose of the lower left corner: x, y, yaw")
     negate: bool = parameter(False, "white is occupied instead of black")
     occupied_thresh: float = parameter(0.65, "cells darker than this share are occupied", minimum=0.0, maximum=1.0)
@@ -72,7 +92,8 @@ class MapFileParameters(ParameterSet):
             raise ValueError("parameter image is empty; it must name the map's image file")
         if self.free_thresh > self.occupied_thresh:
             raise ValueError(
-                f"parameter free_thresh is {self.free_thresh}; it must not be above occupied_thresh {self.occupied_thresh}"
+                f"parameter free_thresh is {self.free_thresh}; it must not be above occupied_thresh "
+                f"{self.occupied_thresh}"
             )
         if not Pose2D(*self.origin).is_finite():
             raise ValueError(f"parameter origin is {self.origin}; it must be finite")
@@ -93,11 +114,10 @@ def load_map(yaml_path: str) -> OccupancyMap:
 
 def read_map_file(yaml_path: str) -> MapFileParameters:
     """Read and check a map's YAML file; errors as for `load_map`."""
-    with open(yaml_path, encoding="utf-8") as file:
-        try:
-            values = yaml.safe_load(file)
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise MapFileError(f"map file {yaml_path} is no YAML: {' '.join(str(error).split())}") from error
+    try:
+        values = files.parse_yaml(files.read_text(yaml_path, LARGEST_MAP_FILE))
+    except ValueError as error:
+        raise MapFileError(f"map file {yaml_path} is no YAML: {error}") from error
     if not isinstance(values, dict):
         raise MapFileError(f"map file {yaml_path} holds no keys; it must have {', '.join(MapFileParameters.REQUIRED)}")
     missing = [name for name in MapFileParameters.REQUIRED if name not in values]
@@ -130,12 +150,61 @@ def load_map_image(image_path: str, parameters: MapFileParameters) -> OccupancyM
         OSError: The file cannot be opened.
         MapImageError: It is no image, or has no pixel.
     """
-    with open(image_path, "rb") as file:
+    from PIL import Image
+
+    try:
+        file = files.open_regular(image_path, MOST_CELLS * 8)
+    except ValueError as error:
+        raise MapImageError(f"map image {error}") from error
+    with file:
         try:
-            channels = _channels(Image.open(file))
-        except (OSError, ValueError, SyntaxError) as error:
+            return OccupancyMap(
+                _read_image(file, parameters), parameters.resolution, Pose2D(*parameters.origin))
+        except (OSError, ValueError, SyntaxError, struct.error, EOFError, Image.DecompressionBombError) as error:
             raise MapImageError(f"map image {image_path} cannot be read: {error}") from error
-    return OccupancyMap(_occupancy(channels, parameters), parameters.resolution, Pose2D(*parameters.origin))
+
+
+def _read_image(file: BinaryIO, parameters: MapFileParameters) -> np.ndarray:
+    """Return the occupancy an image shows, row 0 the lowest y.
+
+    A band of rows at a time, for a large one takes gigabytes.
+    """
+    from PIL import Image
+
+    with warnings.catch_warnings():
+        # Pillow's own limit, 178.9 megapixels, is below the largest map; ours is looked at before anything is unpacked.
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+        with _any_size():
+            image = Image.open(file)
+            width, height = image.size
+            if not 0 < width * height <= MOST_CELLS or max(width, height) > LARGEST_SIDE:
+                raise ValueError(
+                    f"it has {width} x {height} pixels; a map has at most {LARGEST_SIDE} each way and {MOST_CELLS} in "
+                    "all"
+                )
+            image.load()
+    deep = image.mode.startswith("I") or image.mode == "F"  # told by its highest value, which one band may not have
+    rows = height if deep else max(1, BAND // width)
+    data = np.empty((height, width), dtype=np.int8)
+    for top in range(0, height, rows):
+        bottom = min(top + rows, height)
+        band = image if rows >= height else image.crop((0, top, width, bottom))
+        band.info = image.info
+        data[height - bottom:height - top] = _occupancy(_channels(band), parameters)
+    return data
+
+
+@contextlib.contextmanager
+def _any_size() -> Iterator[None]:
+    """Switch off Pillow's limit, which is the module's, for as long as an image is opened."""
+    from PIL import Image
+
+    with _PILLOW:
+        limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
+        try:
+            yield
+        finally:
+            Image.MAX_IMAGE_PIXELS = limit
 
 
 def _channels(image: Image.Image) -> np.ndarray:

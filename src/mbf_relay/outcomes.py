@@ -89,15 +89,21 @@ class NavigationError(Exception):
 
 
 class PlanningError(NavigationError):
-    """No path; `outcome` is a PlanOutcome."""
+    """No path."""
+
+    outcome: PlanOutcome
 
 
 class ControlError(NavigationError):
-    """No velocity; `outcome` is a ControlOutcome."""
+    """No velocity."""
+
+    outcome: ControlOutcome
 
 
 class RecoveryError(NavigationError):
-    """A recovery behaviour gave up; `outcome` is a RecoveryOutcome."""
+    """A recovery behaviour gave up."""
+
+    outcome: RecoveryOutcome
 
 
 class TransformError(Exception):

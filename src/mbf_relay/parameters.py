@@ -5,7 +5,8 @@
         sim_time: float = parameter(1.5, "how far trajectories reach", unit="s", above=0.0)
         max_vel_x: float = parameter(0.22, "top forward speed", unit="m/s", aliases=("max_trans_vel_x",))
 
-Decorate with `@dataclass(frozen=True)`. `from_mapping` fills such a class from a node's YAML or from the parameter server.
+Decorate with `@dataclass(frozen=True)`. `from_mapping` fills such a class from a node's YAML or from the parameter
+server.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import dataclasses
 import difflib
 import math
 import typing
-from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Type, TypeVar
+from typing import Any, ClassVar, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Type, TypeVar
 
 T = TypeVar("T", bound="ParameterSet")
 
@@ -28,6 +29,7 @@ def parameter(
     above: Optional[float] = None,
     choices: Optional[Sequence[Any]] = None,
     aliases: Sequence[str] = (),
+    clamped: bool = True,
 ) -> Any:
     """Declare a parameter as a dataclass field.
 
@@ -39,20 +41,36 @@ def parameter(
         above: Lower bound that is itself not allowed.
         choices: The allowed values.
         aliases: Older names still read, with one warning.
+        clamped: False where a user's value out of range is refused, not taken to it: where a guess could hurt.
     """
     metadata = dict(
         description=description, unit=unit, minimum=minimum, maximum=maximum, above=above, choices=choices,
-        aliases=tuple(aliases),
+        aliases=tuple(aliases), clamped=clamped,
     )
     if isinstance(default, (list, dict)):
         return dataclasses.field(default_factory=lambda: type(default)(default), metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
 
 
+WORDS_ALIKE = 0.6
+"""Share of letters (difflib's ratio) two words must have in common to be one word misspelt."""
+
+
 def nearest_of(name: str, known: Iterable[str]) -> Optional[str]:
-    """Return the known name that looks most like `name`, None where none does."""
-    matches = difflib.get_close_matches(name, list(known), n=1)
-    return matches[0] if matches else None
+    """Return the known name that `name` is most likely a slip for, None where none is.
+
+    Names are words joined by underscores; where as many stand in both, each must look like its counterpart, or
+    max_vel_rot would be taken for max_vel_y.
+    """
+    for match in difflib.get_close_matches(name, list(known), n=5):
+        words, others = name.split("_"), match.split("_")
+        if len(words) != len(others) or all(map(_is_alike, words, others)):
+            return match
+    return None
+
+
+def _is_alike(word: str, other: str) -> bool:
+    return difflib.SequenceMatcher(None, word, other).ratio() >= WORDS_ALIKE
 
 
 def did_you_mean(nearest: Optional[str]) -> str:
@@ -64,9 +82,14 @@ def did_you_mean(nearest: Optional[str]) -> str:
 class ParameterSet:
     """Base of all parameter dataclasses: validates every field when made.
 
+    Attributes:
+        ORDERED: Pairs of numbers of which the first must not be above the second.
+
     Raises:
         ValueError: Naming the parameter, its value and what is allowed.
     """
+
+    ORDERED: ClassVar[Tuple[Tuple[str, str], ...]] = ()
 
     def __post_init__(self) -> None:
         hints = typing.get_type_hints(type(self))
@@ -74,6 +97,12 @@ class ParameterSet:
             value = convert(field.name, getattr(self, field.name), hints[field.name])
             _check_range(field.name, value, field.metadata)
             object.__setattr__(self, field.name, value)
+        for low, high in self.ORDERED:
+            if getattr(self, low) > getattr(self, high):
+                raise ValueError(
+                    f"parameter {low} is {getattr(self, low)}; it must be at most {high}, which is "
+                    f"{getattr(self, high)}"
+                )
         self.check()
 
     def check(self) -> None:
@@ -83,6 +112,19 @@ class ParameterSet:
     def from_mapping(cls: Type[T], values: Mapping[str, Any]) -> T:
         """Make one from names and values; names it does not know are left alone (see `unknown_names`)."""
         return cls(**cls.known(values))
+
+    @classmethod
+    def read(cls: Type[T], values: Mapping[str, Any]) -> Tuple[T, List[str]]:
+        """Make one of a user's values, as upstream takes them, and tell what was made of those it could not keep.
+
+        dynamic_reconfigure takes a number that is out of range to the nearer end of the range; so does this, and to the
+        default where the range has no such end. Of a pair in the wrong order the lower one gives way, where that
+        narrows the range.
+
+        Raises:
+            ValueError: A value is of the wrong type, or contradicts others.
+        """
+        return _read(cls, cls.known(values))
 
     @classmethod
     def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
@@ -130,6 +172,59 @@ class ParameterSet:
     def as_dict(self) -> Dict[str, Any]:
         """Return names and values."""
         return dataclasses.asdict(self)
+
+
+def _read(cls: Type[T], known: Dict[str, Any]) -> Tuple[T, List[str]]:
+    """Return what ParameterSet.read does, from values by present names."""
+    hints = typing.get_type_hints(cls)
+    fields = {field.name: field for field in dataclasses.fields(cls)}
+    notes: List[str] = []
+    for name, given in known.items():
+        value, note = _spelt_number(name, given, hints[name])
+        notes += [note] if note else []
+        value = known[name] = convert(name, value, hints[name])
+        try:
+            _check_range(name, value, fields[name].metadata)
+        except ValueError as error:
+            nearest = _nearest_allowed(value, fields[name])
+            if nearest is None:
+                raise
+            known[name] = nearest
+            notes.append(f"{error}: {nearest} is used")
+    defaults = {name: field.default for name, field in fields.items()}
+    for low, high in cls.ORDERED:
+        lower, higher = (known.get(name, defaults[name]) for name in (low, high))
+        if lower > higher >= 0.0:  # below that, giving way would widen the range
+            if low in known:
+                notes.append(f"parameter {low} is {lower}; it must be at most {high}: {higher} is used")
+            known[low] = higher
+    return cls(**known), notes
+
+
+def _nearest_allowed(value: Any, field: Any) -> Any:
+    """Return the number in range nearest to `value`, else the default, None where none will do."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not field.metadata.get("clamped", True):
+        return None
+    minimum, maximum, above = (field.metadata.get(key) for key in ("minimum", "maximum", "above"))
+    if maximum is not None and value > maximum:
+        return type(value)(maximum)
+    if minimum is not None and value < minimum and above is None:
+        return type(value)(minimum)
+    return field.default
+
+
+def _spelt_number(name: str, value: Any, hint: Any) -> Tuple[Any, str]:
+    """Return a number for a text that spells one where a number is wanted, and a note; else the value as it is.
+
+    YAML 1.1 takes 1e-3 for a text, as it wants a point in it.
+    """
+    if not isinstance(value, str) or hint not in (float, int, Optional[float], Optional[int]):
+        return value, ""
+    try:
+        number = float(value)
+    except ValueError:
+        return value, ""
+    return number, f"parameter {name} is the text {value!r}: the number {number:g} is used"
 
 
 def convert(name: str, value: Any, hint: Any) -> Any:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import importlib
 import inspect
-from typing import Any, ClassVar, Mapping, Type, TypeVar
+import warnings
+from typing import Any, ClassVar, Mapping, Tuple, Type, TypeVar
 
 from mbf_relay.parameters import ParameterSet
 
@@ -17,10 +18,18 @@ class Plugin:
 
     Attributes:
         name: The name the user gave it; its parameters stand under that name.
-        parameters: The values in force; they change only by `reconfigure`.
+        parameters: The values in force; they change only by `reconfigure`. Nobody else reads them.
+        dynamic_config: The module made from a .cfg file whose parameters may be changed at run time by
+            dynamic_reconfigure, such as "mbf_relay.cfg.DwaConfig"; empty where none may.
+        stands_in: What a class that takes the place of another's plugin keeps of it, one sentence; empty for the thing
+            itself.
+        notes: What was made of the user's type and values, one line each, where they could not be taken as they are.
     """
 
     Parameters: ClassVar[Type[ParameterSet]] = ParameterSet
+    dynamic_config: ClassVar[str] = ""
+    stands_in: ClassVar[str] = ""
+    notes: Tuple[str, ...] = ()
 
     def __init__(self, name: str, parameters: Any) -> None:
         self.name = name
@@ -42,14 +51,21 @@ def find_class(type_name: str, base: Type[P], known: Mapping[str, str]) -> Type[
     """Return the class a type name stands for.
 
     Args:
-        type_name: A key of `known` (the names upstream uses, e.g. "navfn/NavfnROS") or "package.module.Class".
+        type_name: A key of `known` (the names upstream uses, e.g. "navfn/NavfnROS"), its last part alone, as files from
+            before ROS Hydro have it, or "package.module.Class".
         base: The abstract class it must derive from.
-        known: Upstream and short names to "package.module.Class".
+        known: Upstream and short names to "package.module.Class"; a former name to the present one, with which it
+            warns.
 
     Raises:
         PluginError: Nothing of that name, not of that kind, or a method of that kind is missing.
     """
-    path = known.get(type_name, type_name)
+    path = known.get(_full_name(type_name, known), type_name)
+    if path in known:
+        warnings.warn(
+            f"{base.__name__.lower()} type '{type_name}' is called '{path}' now; write that instead", FutureWarning, 2
+        )
+        path = known[path]
     module_name, _, class_name = path.rpartition(".")
     available = ", ".join(sorted(known))
     if not module_name:
@@ -59,31 +75,50 @@ def find_class(type_name: str, base: Type[P], known: Mapping[str, str]) -> Type[
         )
     try:
         found = getattr(importlib.import_module(module_name), class_name)
-    except (ImportError, AttributeError, SyntaxError) as error:
+    except Exception as error:  # whatever a user's module does when it is run
+        reason = (
+            error
+            if isinstance(error, (ImportError, AttributeError, SyntaxError))
+            else f"{type(error).__name__}: {error}"
+        )
         raise PluginError(
-            f"{base.__name__.lower()} type '{type_name}' cannot be loaded ({error}); available: {available}"
+            f"{base.__name__.lower()} type '{type_name}' cannot be loaded ({reason}); available: {available}"
         ) from error
     if not (isinstance(found, type) and issubclass(found, base)):
-        raise PluginError(f"'{type_name}' is no {base.__name__.lower()}: it must derive from {base.__module__}.{base.__name__}")
+        raise PluginError(
+            f"'{type_name}' is no {base.__name__.lower()}: it must derive from {base.__module__}.{base.__name__}"
+        )
     if inspect.isabstract(found):
-        missing = ", ".join(sorted(found.__abstractmethods__))
+        missing = ", ".join(sorted(vars(found)["__abstractmethods__"]))
         raise PluginError(f"{base.__name__.lower()} type '{type_name}' does not define {missing}")
     return found
 
 
+def _full_name(type_name: str, known: Mapping[str, str]) -> str:
+    """Return the known name that `type_name` is, or is the last part of; itself where there is none or several."""
+    if type_name in known or "." in type_name or "/" in type_name:
+        return type_name
+    matches = [name for name in known if name.rpartition("/")[2] == type_name]
+    return matches[0] if len(matches) == 1 else type_name
+
+
 def create(name: str, type_name: str, values: Mapping[str, Any], base: Type[P], known: Mapping[str, str]) -> P:
-    """Make a plugin from its name, its type and its parameters.
+    """Make a plugin from its name, its type and its parameters; what could not be taken as it is stands in its notes.
 
     Raises:
-        PluginError: The type is unknown, a parameter is wrong, or the constructor raised a ValueError or OSError; the text
-            names plugin and parameter.
+        PluginError: The type is unknown, a parameter is wrong, or the constructor failed; the text names plugin and
+            parameter.
     """
     found = find_class(type_name, base, known)
     try:
-        parameters = found.Parameters.from_mapping(values)
+        parameters, notes = found.Parameters.read(values)
     except ValueError as error:
         raise PluginError(f"plugin '{name}' ({type_name}): {error}") from error
     try:
-        return found(name, parameters)
-    except (ValueError, OSError) as error:
-        raise PluginError(f"plugin '{name}' ({type_name}) cannot be made: {error}") from error
+        plugin = found(name, parameters)
+    except Exception as error:  # whatever a user's constructor raises
+        kind = "" if isinstance(error, (ValueError, OSError)) else f"{type(error).__name__}: "
+        raise PluginError(f"plugin '{name}' ({type_name}) cannot be made: {kind}{error}") from error
+    stand_in = [f"{type_name} is not available here; {found.stands_in}"] if found.stands_in else []
+    plugin.notes = (*stand_in, *notes)
+    return plugin

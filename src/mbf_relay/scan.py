@@ -12,7 +12,8 @@ class LaserScan:
     """One sweep of a planar lidar, in the sensor's frame.
 
     Attributes:
-        ranges: Shape (B,) in metres; +inf where nothing came back, NaN or below `range_min` where the reading is invalid.
+        ranges: Shape (B,) in metres; +inf where nothing came back, NaN or below `range_min` where the reading is
+            invalid.
         angle_min: Direction (rad) of the first beam, counter-clockwise from the sensor's x axis.
         angle_increment: Angle (rad) from one beam to the next.
         range_min, range_max: Readings (m) outside of these are no measurements.

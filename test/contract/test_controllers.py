@@ -11,7 +11,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from controllers import NAMES, make  # noqa: E402
 from kinematics import PaperRobot, boxes, costmap_round, discs, drive, nowhere, path_through  # noqa: E402
 
-from mbf_relay.control.controller import ControlState, GoalTolerance, SpeedLimit  # noqa: E402
+from mbf_relay.control.state import ControlState, GoalTolerance, SpeedLimit  # noqa: E402
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D, angle_between  # noqa: E402
 from mbf_relay.outcomes import ControlError, ControlOutcome  # noqa: E402
 from mbf_relay.planning.path import Path  # noqa: E402
@@ -94,6 +94,17 @@ def test_a_wall_across_the_way_is_not_touched_and_told(name):
     assert len(str(ended.error)) > 20
 
 
+@pytest.mark.parametrize("cells", [0.5, 1.0, 2.0, 3.0])
+def test_a_gap_hardly_wider_than_the_robot_is_passed_or_told_and_never_touched(name, cells):
+    half = 0.5 * (0.21 + cells * 0.05)
+    wall = boxes((0.8, half, 0.9, 3.0), (0.8, -3.0, 0.9, -half))
+    ended = drive(make(name), path_through((0, 0), (1.8, 0)), Pose2D(0.0, 0.0, 0.0), wall, seconds=40.0)
+    assert ended.contacts == 0
+    if not ended.reached:
+        assert cells < 2.0 and ended.error is not None, f"{ended.error} after {ended.seconds:.1f} s"
+        assert ended.error.outcome in (ControlOutcome.NO_VALID_CMD, ControlOutcome.BLOCKED_PATH)
+
+
 def test_an_obstacle_that_appears_close_ahead_is_not_touched(name):
     controller, robot, wall = make(name), PaperRobot(START, acceleration=2.5), boxes((0.9, -2, 1.0, 2))
     controller.set_path(STRAIGHT, True)
@@ -101,7 +112,9 @@ def test_an_obstacle_that_appears_close_ahead_is_not_touched(name):
         seen = wall if robot.pose.x > 0.9 - 0.041 - 0.1 else nowhere
         now = cycle * 0.1
         try:
-            command = controller.compute_velocity(ControlState(now, robot.pose, robot.velocity, costmap_round(robot.pose, seen), IDENTITY, 0.1))
+            command = controller.compute_velocity(
+                ControlState(now, robot.pose, robot.velocity, costmap_round(robot.pose, seen), IDENTITY, 0.1)
+            )
         except ControlError:
             command = STOP
         robot.move(command, 0.1)
@@ -136,7 +149,9 @@ def test_wheels_that_do_not_turn_are_stuck(name):
 
 
 def test_turning_on_the_spot_is_no_being_stuck(name):
-    assert drive(make(name, max_vel_theta=0.4, min_vel_theta=0.0), Path(np.array([[0.0, 0.0, 3.0]]), "odom"), START).reached
+    assert drive(
+        make(name, max_vel_theta=0.4, min_vel_theta=0.0), Path(np.array([[0.0, 0.0, 3.0]]), "odom"), START
+    ).reached
 
 
 @pytest.mark.parametrize("poses, outcome", [
@@ -160,17 +175,27 @@ def test_a_pose_that_is_no_number_moves_nothing(name):
     controller = make(name)
     controller.set_path(STRAIGHT, True)
     with pytest.raises(ControlError):
-        controller.compute_velocity(ControlState(0.0, Pose2D(math.nan, 0.0, 0.0), STOP, costmap_round(START), IDENTITY, 0.1))
+        controller.compute_velocity(
+            ControlState(0.0, Pose2D(math.nan, 0.0, 0.0), STOP, costmap_round(START), IDENTITY, 0.1)
+        )
 
 
 @pytest.mark.parametrize("changes, word", [
-    ({"max_vel_x": -0.5}, "min_vel_x"), ({"min_vel_trans": 0.5}, "min_vel_trans"), ({"acc_lim_theta": 0.0}, "acc_lim_theta"),
-    ({"acc_lim_x": 0.0}, "acc_lim_x"), ({"acc_lim_x": -1.0}, "acc_lim_x"), ({"xy_goal_tolerance": 0.0}, "xy_goal_tolerance"),
-    ({"max_vel_theta": float("nan")}, "max_vel_theta"), ({"min_vel_theta": 3.0}, "min_vel_theta"),
+    ({"acc_lim_theta": 0.0}, "acc_lim_theta"), ({"acc_lim_x": 0.0}, "acc_lim_x"), ({"acc_lim_x": -1.0}, "acc_lim_x"),
+    ({"max_vel_theta": float("nan")}, "max_vel_theta"), ({"max_vel_x": "fast"}, "max_vel_x"),
 ])
-def test_limits_that_contradict_each_other_are_named(name, changes, word):
+def test_limits_no_robot_could_have_are_named(name, changes, word):
     with pytest.raises(PluginError, match=word):
         make(name, **changes)
+
+
+@pytest.mark.parametrize(
+    "changes, word", [({"xy_goal_tolerance": 0.0}, "xy_goal_tolerance"), ({"acc_lim_x": 25.0}, "acc_lim_x")]
+)
+def test_a_limit_upstream_takes_to_its_range_is_taken_there_and_told(name, changes, word):
+    assert not make(name).notes
+    notes = make(name, **changes).notes
+    assert len(notes) == 1 and word in notes[0]
 
 
 def test_the_tolerance_of_the_action_holds(name):
@@ -201,7 +226,9 @@ def test_a_speed_limit_holds_for_its_distance(name):
     controller.limit_speed(SpeedLimit(0.05, 0.3, 0.3))
     ended = drive(controller, path_through((0, 0), (1.5, 0)), START)
     slow = [c.x for p, c in zip(ended.poses, ended.commands) if p.x <= 0.3]
-    assert ended.reached and max(slow) <= 0.05 + 1e-9 and max(c.x for c in ended.commands) == pytest.approx(0.22, abs=0.01)
+    assert (
+        ended.reached and max(slow) <= 0.05 + 1e-9 and max(c.x for c in ended.commands) == pytest.approx(0.22, abs=0.01)
+    )
     assert max(abs(c.theta) for p, c in zip(ended.poses, ended.commands) if p.x <= 0.3) <= 0.3 + 1e-9
 
 
@@ -210,5 +237,20 @@ def test_new_parameters_hold_from_the_next_cycle_on(name):
     controller.set_path(STRAIGHT, True)
     for cycle in range(5):
         controller.compute_velocity(state(Pose2D(0.02 * cycle, 0.0, 0.0), Twist2D(0.2, 0.0, 0.0), cycle * 0.1))
-    controller.reconfigure(controller.parameters.replace(max_vel_trans=0.12))
+    slower = "max_vel_trans" if "max_vel_trans" in controller.parameters.names() else "max_vel_x"
+    controller.reconfigure(controller.parameters.replace(**{slower: 0.12}))
     assert controller.compute_velocity(state(Pose2D(0.12, 0.0, 0.0), Twist2D(0.2, 0.0, 0.0), 0.5)).x <= 0.12 + 1e-9
+
+
+def test_a_robot_slow_to_accelerate_gets_going_where_cycles_are_shorter_than_odometry_s(name):
+    controller, robot = make(name, acc_lim_x=0.2), PaperRobot(START, acceleration=0.2)
+    controller.set_path(STRAIGHT, True)
+    readings = [STOP]
+    for cycle in range(150):
+        if cycle % 2 == 0:
+            readings.append(robot.velocity)
+        seen = ControlState(
+            cycle * 0.02, robot.pose, readings[-2], costmap_round(robot.pose), IDENTITY, 0.02
+        )
+        robot.move(controller.compute_velocity(seen), 0.02)
+    assert robot.velocity.x > 0.18

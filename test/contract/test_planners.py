@@ -13,14 +13,14 @@ from mbf_relay.geometry import Pose2D, angle_between
 from mbf_relay.grid import Grid
 from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.planning import PLANNERS
-from mbf_relay.planning.grid_planner import PotentialWatcher
-from mbf_relay.planning.planner import Cancellation, Planner
+from mbf_relay.planning.carrot import CarrotPlanner
+from mbf_relay.planning.planner import Cancellation, Planner, PotentialWatcher
 
 CASES = {
     "navfn": ("navfn/NavfnROS", {}),
     "global_planner": ("global_planner/GlobalPlanner", {}),
     "global_planner by the grid": ("global_planner/GlobalPlanner", {"use_grid_path": True, "use_quadratic": False}),
-    "any angle": ("theta_star", {}),
+    "any angle": ("any_angle", {}),
 }
 
 RESOLUTION = 0.1
@@ -42,20 +42,30 @@ def planner(case):
 
 
 def test_every_known_planner_is_tested():
-    assert {type_name for type_name, _ in CASES.values()} == set(PLANNERS)
+    tested = {plugins.find_class(type_name, Planner, PLANNERS) for type_name, _ in CASES.values()}
+    known = {plugins.find_class(type_name, Planner, PLANNERS) for type_name in set(PLANNERS) - {"theta_star"}}
+    assert {kind for kind in known if not kind.stands_in} - tested == {CarrotPlanner}, (
+        "which goes straight, see its own tests"
+    )
 
 
-def picture(costs, frame="map"):
+def test_a_former_name_still_makes_the_planner_and_says_the_present_one():
+    with pytest.warns(FutureWarning, match="'theta_star' is called 'any_angle'"):
+        former = plugins.create("planner", "theta_star", {}, Planner, PLANNERS)
+    assert type(former) is type(made("any angle"))
+
+
+def snapshot(costs, frame="map"):
     costs = np.ascontiguousarray(costs, dtype=np.uint8)
     grid = Grid(RESOLUTION, -1.0, 2.0, costs.shape[1], costs.shape[0])
     return CostGrid(grid, costs, frame, np.zeros((0, 2)), 0.1, 0.15)
 
 
 def drawn(text):
-    """Return a picture from rows of '.', '#' (lethal), '?' (unknown), the top row first."""
+    """Return a snapshot from rows of '.', '#' (lethal), '?' (unknown), the top row first."""
     rows = [line.strip() for line in text.strip().splitlines()][::-1]
     values = {".": 0, "#": LETHAL, "?": NO_INFORMATION}
-    return picture([[values[letter] for letter in row] for row in rows])
+    return snapshot([[values[letter] for letter in row] for row in rows])
 
 
 def at(costmap, column, row, theta=0.0):
@@ -127,7 +137,7 @@ def test_every_free_cell_is_reached_from_every_other(planner, text):
 
 
 def test_paths_begin_at_the_start_and_end_at_the_goal_exactly(planner):
-    costmap = picture(np.zeros((30, 30)))
+    costmap = snapshot(np.zeros((30, 30)))
     start, goal = Pose2D(-0.513, 2.221, 0.3), Pose2D(1.287, 4.471, -2.0)
     path = plan(planner, costmap, start, goal)
     assert tuple(path.poses[0, :2]) == start[:2]
@@ -152,7 +162,7 @@ def test_random_maps_hold_no_path_through_an_obstacle(planner):
         costs = rng.integers(0, 200, (25, 25))
         costs[rng.random((25, 25)) < 0.25] = LETHAL
         costs[0, 0] = costs[24, 24] = 0
-        costmap = picture(costs)
+        costmap = snapshot(costs)
         try:
             path = plan(planner, costmap, at(costmap, 0, 0), at(costmap, 24, 24))
         except PlanningError as error:
@@ -171,7 +181,7 @@ def test_cost_is_symmetric_on_uniform_grids(planner):
         for _ in range(8):
             x, y = rng.integers(2, 24, 2)
             costs[y:y + rng.integers(1, 5), x:x + rng.integers(1, 5)] = LETHAL
-        costmap = picture(costs)
+        costmap = snapshot(costs)
         here, there = at(costmap, 0, int(rng.integers(30))), at(costmap, 29, int(rng.integers(30)))
         forth, back = plan(planner, costmap, here, there), plan(planner, costmap, there, here)
         assert forth.cost == pytest.approx(back.cost, rel=0.02)
@@ -181,7 +191,7 @@ def test_cost_is_symmetric_on_uniform_grids(planner):
 def test_planning_avoids_what_costs_more(planner):
     costs = np.zeros((21, 41))
     costs[8:13, 10:31] = 200
-    costmap = picture(costs)
+    costmap = snapshot(costs)
     path = plan(planner, costmap, at(costmap, 2, 10), at(costmap, 38, 10))
     cells = costmap.grid.cells_at(path.poses)
     assert (costmap.costs[cells[:, 1], cells[:, 0]] == 0).all()
@@ -218,7 +228,7 @@ def test_bad_ends_are_told_apart(planner):
 
 
 def test_start_equal_to_goal_is_a_path(planner):
-    costmap = picture(np.zeros((5, 5)))
+    costmap = snapshot(np.zeros((5, 5)))
     path = plan(planner, costmap, at(costmap, 2, 2, 0.5), at(costmap, 2, 2, 1.5))
     assert len(path) == 1 and tuple(path.poses[-1]) == pytest.approx(at(costmap, 2, 2, 1.5))
     assert path.cost == 0.0
@@ -242,15 +252,20 @@ def test_tolerance_finds_the_reachable_point_nearest_to_the_goal(planner):
     assert_safe(costmap, path)
     assert outcome_of(planner, costmap, at(costmap, 0, 0), goal, tolerance=0.15) is PlanOutcome.NO_PATH_FOUND
     wall = at(costmap, 5, 2)
-    assert plan(planner, costmap, at(costmap, 0, 0), wall, tolerance=0.15).goal.distance_to(wall) == pytest.approx(RESOLUTION)
+    assert plan(planner, costmap, at(costmap, 0, 0), wall, tolerance=0.15).goal.distance_to(wall) == pytest.approx(
+        RESOLUTION
+    )
     outside = Pose2D(at(costmap, 0, 2).x - RESOLUTION, at(costmap, 0, 2).y, 0.0)
-    assert plan(planner, costmap, at(costmap, 9, 0), outside, tolerance=0.15).goal[:2] == pytest.approx(at(costmap, 0, 2)[:2])
+    assert plan(planner, costmap, at(costmap, 9, 0), outside, tolerance=0.15).goal[:2] == pytest.approx(
+        at(costmap, 0, 2)[:2]
+    )
 
 
 def test_the_planner_has_a_tolerance_of_its_own(case):
     costmap = drawn("....#")
-    assert plan(made(case, default_tolerance=0.15), costmap, at(costmap, 0, 0), at(costmap, 4, 0)).goal[0] == pytest.approx(
-        at(costmap, 3, 0).x)
+    assert plan(made(case, default_tolerance=0.15), costmap, at(costmap, 0, 0), at(costmap, 4, 0)).goal[
+        0
+    ] == pytest.approx(at(costmap, 3, 0).x)
 
 
 def test_tolerance_agrees_with_a_search_of_all_cells(planner):
@@ -258,7 +273,7 @@ def test_tolerance_agrees_with_a_search_of_all_cells(planner):
     for _ in range(40):
         costs = np.where(rng.random((20, 20)) < 0.45, LETHAL, 0)
         costs[0, 0] = 0
-        costmap = picture(costs)
+        costmap = snapshot(costs)
         goal = Pose2D(*rng.uniform((-1.0, 2.0), (1.0, 4.0)), 0.0)
         reachable = {(0, 0)}
         waiting = [(0, 0)]
@@ -283,7 +298,7 @@ def test_a_robot_too_near_an_obstacle_may_leave(planner):
     costs = np.zeros((9, 9))
     costs[4, 3:6] = costs[3:6, 4] = 253
     costs[4, 4] = LETHAL
-    costmap = picture(costs)
+    costmap = snapshot(costs)
     path = plan(planner, costmap, at(costmap, 4, 3), at(costmap, 0, 0))
     assert tuple(path.poses[0, :2]) == pytest.approx(at(costmap, 4, 3)[:2])
     assert outcome_of(planner, costmap, at(costmap, 4, 4), at(costmap, 0, 0)) is PlanOutcome.BLOCKED_START
@@ -309,14 +324,14 @@ def test_replans_cost_what_plans_from_scratch_cost(case):
     planner = made(case)
     costs = rng.integers(0, 150, (50, 50)).astype(np.uint8)
     costs[rng.random((50, 50)) < 0.15] = LETHAL
-    # pulling taut starts from the path the search happened to find, of several that cost the same
+    # string pulling starts from the path the search happened to find, of several that cost the same
     tolerance = 5e-3 if case == "any angle" else 1e-5
     planned = 0
     for step in range(40):
         x, y = rng.integers(0, 44, 2)
         costs[y:y + 3, x:x + 3] = rng.choice([LETHAL, 20])
         costs[45, 45] = costs[step, 3] = 0
-        costmap = picture(costs.copy())
+        costmap = snapshot(costs.copy())
         start, goal = at(costmap, 3, step), at(costmap, 45, 45)
         try:
             expected = plan(made(case), costmap, start, goal).cost
@@ -332,7 +347,7 @@ def test_a_running_plan_can_be_cancelled_by_another_thread(planner):
     costs = np.zeros((2000, 2000), dtype=np.uint8)
     costs[1::4, :-1] = LETHAL
     costs[3::4, 1:] = LETHAL
-    costmap = picture(costs)
+    costmap = snapshot(costs)
     cancelled = Cancellation()
     timer = threading.Timer(0.005, cancelled.cancel)
     timer.start()

@@ -10,9 +10,9 @@ import pytest
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 from kinematics import TURTLEBOT3, PaperRobot, boxes, costmap_round, discs, nowhere, touches  # noqa: E402
 
-from mbf_relay.control.controller import SpeedLimit  # noqa: E402
 from mbf_relay.control.dwa import DwaController  # noqa: E402
 from mbf_relay.control.dwa_parameters import DwaParameters  # noqa: E402
+from mbf_relay.control.state import SpeedLimit  # noqa: E402
 from mbf_relay.geometry import STOP, Pose2D, Twist2D, normalize_angle  # noqa: E402
 from mbf_relay.outcomes import RecoveryError, RecoveryOutcome, StaleDataError, TransformError  # noqa: E402
 from mbf_relay.plugins import create  # noqa: E402
@@ -30,7 +30,7 @@ class PaperLayer:
 
 
 class PaperCostmap:
-    """A costmap as behaviours use it: a picture made from obstacles, and a note of what was cleared."""
+    """A costmap as behaviours use it: a snapshot made from obstacles, and a note of what was cleared."""
 
     def __init__(self, world, frame, layers=("static_layer", "obstacle_layer")):
         self.world, self.frame = world, frame
@@ -183,7 +183,7 @@ def test_back_up_notices_wheels_that_do_not_turn():
 
 def test_clear_clears_the_layers_named_and_waits_for_what_is_seen_now():
     world = PaperWorld()
-    world.updated = 100.0  # already in the picture before clearing
+    world.updated = 100.0  # already in the snapshot before clearing
     world.run(make(CLEAR, reset_distance=1.84))
     for costmap in world.costmaps.values():
         assert costmap.cleared == [(("obstacles", "obstacle_layer"), (0.0, 0.0, 0.0), 1.84, False)]
@@ -191,7 +191,9 @@ def test_clear_clears_the_layers_named_and_waits_for_what_is_seen_now():
     assert world.costmaps["local"].snapshot().stamp > 100.0
 
 
-@pytest.mark.parametrize("values, cleared", [({"affected_maps": "local"}, ["local"]), ({"affected_maps": "global"}, ["global"])])
+@pytest.mark.parametrize(
+    "values, cleared", [({"affected_maps": "local"}, ["local"]), ({"affected_maps": "global"}, ["global"])]
+)
 def test_clear_clears_only_the_map_asked_for(values, cleared):
     world = PaperWorld().run(make(CLEAR, force_updating=True, invert_area_to_clear=True, **values))
     assert [name for name, costmap in world.costmaps.items() if costmap.cleared] == cleared

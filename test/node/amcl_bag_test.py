@@ -18,14 +18,14 @@ from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
-from made_room import lidar_message, made_room, mounting  # noqa: E402
+from synthetic_room import lidar_message, mounting, synthetic_room  # noqa: E402
 
 from mbf_relay.geometry import Pose2D  # noqa: E402
 from mbf_relay.localization.distance_field import DistanceField  # noqa: E402
 from mbf_relay.localization.logs import load_log  # noqa: E402
 from mbf_relay.localization.parameters import LocalizerParameters  # noqa: E402
 from mbf_relay.localization.replay import errors, replay  # noqa: E402
-from mbf_relay.ros.conversions import header, map_to_message, transform_to_message  # noqa: E402
+from mbf_relay.ros.common.conversions import header, map_to_message, transform_to_message  # noqa: E402
 
 START = Pose2D(0.0, 1.0, 0.4)
 FRONT = ("front", Pose2D(0.1, 0.0, 0.0), False)
@@ -34,14 +34,16 @@ REAR = ("/rear", Pose2D(-0.1, 0.0, 3.0), True)
 
 def record(path, lidars):
     """Write a bag of a drive through the room; return its true poses."""
-    room, rng = DistanceField(made_room(), 2.0), np.random.default_rng(1)
+    room, rng = DistanceField(synthetic_room(), 2.0), np.random.default_rng(1)
     odom_in_map, truth, way = START.compose(Pose2D(0.3, -0.2, 0.5)), START, []
     with rosbag.Bag(path, "w") as bag:
         for index in range(60):
             stamp = rospy.Time.from_sec(100.0 + 0.2 * index)
             truth = truth.compose(Pose2D(0.05, 0.0, 0.12))
             way.append(truth)
-            odom = TransformStamped(header("odom", stamp), "base_link", transform_to_message(truth.relative_to(odom_in_map)))
+            odom = TransformStamped(
+                header("odom", stamp), "base_link", transform_to_message(truth.relative_to(odom_in_map))
+            )
             bag.write("/tf", TFMessage([odom] + [mounting(f, p, d, "base_link", stamp) for f, p, d in lidars]), stamp)
             for frame, pose, upside_down in lidars:
                 bag.write("scan", lidar_message(room, truth, frame, pose, upside_down, stamp, rng), stamp)
@@ -50,7 +52,7 @@ def record(path, lidars):
 
 def run(*command):
     return subprocess.run(
-        ["rosrun", "mbf_relay"] + list(command), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
+        ["rosrun", "mbf_relay"] + list(command), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         timeout=60,
     )
 
@@ -63,7 +65,7 @@ class TestBags(unittest.TestCase):
     def test_run_from_bag_ends_where_the_robot_did(self):
         way = record(self.bag, (FRONT, REAR))
         service = rospy.Service(
-            "static_map", GetMap, lambda _: GetMapResponse(map_to_message(made_room(), "map", rospy.get_rostime()))
+            "static_map", GetMap, lambda _: GetMapResponse(map_to_message(synthetic_room(), "map", rospy.get_rostime()))
         )
         done = run(
             "amcl", "--run-from-bag", self.bag, f"_initial_pose_x:={START.x}", f"_initial_pose_y:={START.y}",
@@ -85,14 +87,19 @@ class TestBags(unittest.TestCase):
             log = load_log(path)
             self.assertEqual(len(log), 60)
             result = replay(
-                log, made_room(), LocalizerParameters(), np.random.default_rng(1), START, np.diag([0.02, 0.02, 0.01])
+                log, synthetic_room(), LocalizerParameters(), np.random.default_rng(1), START,
+                np.diag([0.02, 0.02, 0.01]),
             )
             self.assertLess(np.median(errors(result.poses, way)["translation"]), 0.05)
 
     def test_what_is_no_bag_is_named(self):
         with open(self.bag, "w") as file:
             file.write("no bag")
-        for command in (("amcl", "--run-from-bag", self.bag), ("bag_to_log.py", self.bag, "out.npz"), ("bag_to_log.py", "none.bag", "out.npz")):
+        for command in (
+            ("amcl", "--run-from-bag", self.bag),
+            ("bag_to_log.py", self.bag, "out.npz"),
+            ("bag_to_log.py", "none.bag", "out.npz"),
+        ):
             done = run(*command)
             self.assertEqual(done.returncode, 1, done.stdout)
             self.assertIn(".bag", done.stdout)

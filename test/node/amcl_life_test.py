@@ -20,12 +20,12 @@ from std_srvs.srv import Empty
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 
-from made_room import RoomRobot, initial_pose_message, made_room  # noqa: E402
 from ros_testing import Listener, connected_publisher, wait_until  # noqa: E402
+from synthetic_room import RoomRobot, initial_pose_message, synthetic_room  # noqa: E402
 
 from mbf_relay.geometry import Pose2D  # noqa: E402
 from mbf_relay.maps import OccupancyMap  # noqa: E402
-from mbf_relay.ros.conversions import map_to_message, pose_from_message  # noqa: E402
+from mbf_relay.ros.common.conversions import map_to_message, pose_from_message  # noqa: E402
 
 START = Pose2D(0.0, 1.0, 0.4)
 LIDARS = (
@@ -50,10 +50,10 @@ class Amcl:
         )
         self.poses = Listener(f"/{namespace}/amcl_pose", PoseWithCovarianceStamped, connected=True)
 
-    def end(self):
-        """Interrupt the node as roslaunch does, and wait for its end."""
+    def end(self, number=signal.SIGINT):
+        """Interrupt the node as roslaunch does, or send it another signal, and wait for its end."""
         if self._process.poll() is None:
-            os.killpg(self._process.pid, signal.SIGINT)
+            os.killpg(self._process.pid, number)
         self._process.wait(timeout=20)
         self.poses.close()
 
@@ -92,7 +92,7 @@ def message_of(room):
 class TestLife(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.room = made_room()
+        cls.room = synthetic_room()
         cls.robot = RoomRobot(cls.room, START, LIDARS)
 
     @classmethod
@@ -191,6 +191,19 @@ class TestLife(unittest.TestCase):
         self.nodes.append(again)
         first = again.poses.wait_for(lambda _: True, "the first estimate after a restart")
         self.assertLess(pose_from_message(first.pose.pose).distance_to(self.robot.pose), 0.15)
+
+    def test_a_node_killed_in_a_drive_goes_on_where_the_robot_has_got_meanwhile(self):
+        # The plain filter, which finds no robot that is not where it is told to start.
+        settings = {"robust": "false", "save_pose_rate": 0.01}
+        node = self.amcl("killed", self.room, **settings)
+        self.assert_at(node, within=0.2)
+        wait_until(lambda: rospy.has_param("/killed/amcl/saved_odom"), "the pose to be saved")
+        self.drive(0.8)
+        node.end(signal.SIGKILL)
+        again = Amcl("killed", initial_pose_x=None, initial_pose_y=None, initial_pose_a=None, **settings)
+        self.nodes.append(again)
+        first = again.poses.wait_for(lambda _: True, "the first estimate after the kill")
+        self.assertLess(pose_from_message(first.pose.pose).distance_to(self.robot.pose), 0.2)
 
     def test_a_pose_of_the_past_is_moved_by_odometry(self):
         # The plain filter with particles in one place: what it says is where it was told to start.

@@ -20,13 +20,13 @@ from tf2_msgs.msg import TFMessage
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 
-from made_room import RoomRobot, initial_pose_message, made_room  # noqa: E402
 from ros_testing import Listener, wait_until  # noqa: E402
+from synthetic_room import RoomRobot, initial_pose_message, synthetic_room  # noqa: E402
 
 from mbf_relay.geometry import Pose2D, angle_between  # noqa: E402
 from mbf_relay.outcomes import TransformError  # noqa: E402
-from mbf_relay.ros.conversions import map_to_message, pose_from_message  # noqa: E402
-from mbf_relay.ros.transforms import Transforms  # noqa: E402
+from mbf_relay.ros.common.conversions import map_to_message, pose_from_message  # noqa: E402
+from mbf_relay.ros.common.transforms import Transforms  # noqa: E402
 
 START = Pose2D(0.0, 1.0, 0.4)
 initial_pose = functools.partial(initial_pose_message, variance=0.02)
@@ -35,7 +35,7 @@ initial_pose = functools.partial(initial_pose_message, variance=0.02)
 class TestAmcl(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.room = made_room()
+        cls.room = synthetic_room()
         cls.map_service = rospy.Service(
             "static_map", GetMap, lambda _: GetMapResponse(map_to_message(cls.room, "map", rospy.get_rostime()))
         )
@@ -93,7 +93,10 @@ class TestAmcl(unittest.TestCase):
         self.assertEqual(self.cloud.last.header.frame_id, "map")
         self.assertGreaterEqual(len(self.cloud.last.poses), 100)
         particles = np.array([pose_from_message(pose) for pose in self.cloud.last.poses])
-        self.assertLess(np.hypot(*(particles[:, :2].mean(axis=0) - (estimate.pose.pose.position.x, estimate.pose.pose.position.y))), 0.5)
+        self.assertLess(
+            np.hypot(*(particles[:, :2].mean(axis=0) - (estimate.pose.pose.position.x, estimate.pose.pose.position.y))),
+            0.5,
+        )
 
     def test_the_transform_is_dated_ahead_at_every_scan_and_goes_on_without(self):
         self.start_at(self.robot.pose)
@@ -102,7 +105,9 @@ class TestAmcl(unittest.TestCase):
         self.assertEqual(self.map_to_odom()[-1].header.frame_id, "map")
         self.robot.scanning = False
         silent = rospy.get_rostime() + rospy.Duration(1.0)
-        wait_until(lambda: self.map_to_odom()[-1].header.stamp > silent + rospy.Duration(0.3), "map -> odom without scans")
+        wait_until(
+            lambda: self.map_to_odom()[-1].header.stamp > silent + rospy.Duration(0.3), "map -> odom without scans"
+        )
 
     def test_global_localization_finds_the_robot_from_a_wrong_belief(self):
         self.start_at(Pose2D(6.0, 3.0, 2.0))
@@ -143,7 +148,10 @@ class TestAmcl(unittest.TestCase):
         ):
             self.robot.change_ranges = change
             count = len(self.map_to_odom())
-            wait_until(lambda: len(self.map_to_odom()) > count + 1 or change(np.ones(3)).size == 0, "map -> odom with bad scans")
+            wait_until(
+                lambda: len(self.map_to_odom()) > count + 1 or change(np.ones(3)).size == 0,
+                "map -> odom with bad scans",
+            )
         self.robot.change_ranges = lambda ranges: ranges
         poses = len(self.pose.messages)
         self.drive_until(lambda: len(self.pose.messages) > poses + 4, "updates after bad scans")
@@ -174,19 +182,26 @@ class TestAmcl(unittest.TestCase):
             self.assertLess(refused["min_particles"], 100000)
         finally:
             client.update_configuration({"restore_defaults": True})
-        wait_until(lambda: client.get_configuration()["laser_model_type"] == "likelihood_field", "the defaults to be told")
+        wait_until(
+            lambda: client.get_configuration()["laser_model_type"] == "likelihood_field", "the defaults to be told"
+        )
 
     def test_the_pose_is_kept_on_the_parameter_server(self):
         self.start_at(self.robot.pose)
         wait_until(
-            lambda: abs(rospy.get_param("/amcl/initial_pose_x", 99.0) - self.robot.pose.x) < 0.4
-            and abs(rospy.get_param("/amcl/initial_pose_y", 99.0) - self.robot.pose.y) < 0.4, "the pose among the parameters",
+            lambda: (
+                abs(rospy.get_param("/amcl/initial_pose_x", 99.0) - self.robot.pose.x) < 0.4
+                and abs(rospy.get_param("/amcl/initial_pose_y", 99.0) - self.robot.pose.y) < 0.4
+            ),
+            "the pose among the parameters",
         )
         self.assertGreater(rospy.get_param("/amcl/initial_cov_xx"), 0.0)
 
     def test_diagnostics_tell_the_deviations(self):
         diagnostics = Listener("/diagnostics", DiagnosticArray)
-        message = diagnostics.wait_for(lambda m: any(s.name == "amcl: Standard deviation" for s in m.status), "diagnostics of amcl")
+        message = diagnostics.wait_for(
+            lambda m: any(s.name == "amcl: Standard deviation" for s in m.status), "diagnostics of amcl"
+        )
         self.assertTrue({"std_x", "std_y", "std_yaw"} <= {value.key for value in message.status[0].values})
 
     def test_diagnostics_tell_how_well_the_scan_fits_the_map(self):

@@ -35,13 +35,17 @@ class ControllerTopics(unittest.TestCase):
             plan = self.listen(topic, Path).wait_for(lambda message: len(message.poses) > 3, "a plan of several poses")
             self.assertEqual(plan.header.frame_id, "odom")
             self.assertEqual({pose.header.frame_id for pose in plan.poses}, {"odom"})
-            self.assertTrue(all(abs(pose.pose.orientation.w) + abs(pose.pose.orientation.z) > 0.5 for pose in plan.poses))
+            self.assertTrue(
+                all(abs(pose.pose.orientation.w) + abs(pose.pose.orientation.z) > 0.5 for pose in plan.poses)
+            )
 
     def test_the_clouds_come_when_asked_for_with_upstreams_fields(self):
         costs, trajectories = self.listen("cost_cloud", PointCloud2), self.listen("trajectory_cloud", PointCloud2)
         self.client.update_configuration({"publish_traj_pc": True, "publish_cost_grid_pc": True})
         cloud = costs.wait_for(lambda message: message.width > 0, "a cost cloud")
-        self.assertEqual([f.name for f in cloud.fields], ["x", "y", "z", "path_cost", "goal_cost", "occ_cost", "total_cost"])
+        self.assertEqual(
+            [f.name for f in cloud.fields], ["x", "y", "z", "path_cost", "goal_cost", "occ_cost", "total_cost"]
+        )
         self.assertEqual(len(cloud.data), cloud.width * cloud.point_step)
         cloud = trajectories.wait_for(lambda message: message.width > 100, "a trajectory cloud")
         self.assertEqual([f.name for f in cloud.fields], ["x", "y", "z", "theta", "cost"])

@@ -18,15 +18,15 @@ from sensor_msgs.msg import PointCloud2, PointField
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 
-from made_room import RoomRobot, made_room, mounting  # noqa: E402
 from ros_testing import Listener, wait_until  # noqa: E402
+from synthetic_room import RoomRobot, mounting, synthetic_room  # noqa: E402
 
 from mbf_relay.geometry import Pose2D  # noqa: E402
-from mbf_relay.ros.conversions import header, map_to_message, transform_to_message  # noqa: E402
-from mbf_relay.ros.costmap_publisher import OCCUPANCY  # noqa: E402
-from mbf_relay.ros.costmaps import CostmapNode  # noqa: E402
-from mbf_relay.ros.parameters import read_namespace  # noqa: E402
-from mbf_relay.ros.transforms import Transforms  # noqa: E402
+from mbf_relay.ros.common.conversions import header, map_to_message, transform_to_message  # noqa: E402
+from mbf_relay.ros.common.parameters import read_namespace  # noqa: E402
+from mbf_relay.ros.common.transforms import Transforms  # noqa: E402
+from mbf_relay.ros.costmap.node import CostmapNode  # noqa: E402
+from mbf_relay.ros.costmap.publisher import OCCUPANCY  # noqa: E402
 
 START = Pose2D(0.0, 1.0, 0.4)
 
@@ -54,7 +54,7 @@ def assembled(grids, updates):
 class TestCostmaps(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.room = made_room()
+        cls.room = synthetic_room()
         cls.map_publisher = rospy.Publisher("map", OccupancyGrid, queue_size=1, latch=True)
         cls.map_publisher.publish(map_to_message(cls.room, "map", rospy.get_rostime()))
         cls.map_updates = rospy.Publisher("map_updates", OccupancyGridUpdate, queue_size=1)
@@ -84,7 +84,9 @@ class TestCostmaps(unittest.TestCase):
         self.robot.velocity = (0.0, 0.0)
         self.robot.scanning = True
         for side, node in self.nodes.items():
-            wait_until(lambda: node.costmap.stale_reason(rospy.get_time()) is None, f"the {side} costmap to be up to date")
+            wait_until(
+                lambda: node.costmap.stale_reason(rospy.get_time()) is None, f"the {side} costmap to be up to date"
+            )
 
     def picture(self, side):
         return self.nodes[side].costmap.snapshot()
@@ -103,15 +105,18 @@ class TestCostmaps(unittest.TestCase):
         self.assertTrue(sent.x <= 100 and sent.y <= 50 and sent.width < 60 and sent.height < 60)
         self.assertEqual(len(self.grids["global"].messages), whole)
         wait_until(
-            lambda: (assembled(self.grids["global"], self.updates["global"]) == OCCUPANCY[self.picture("global").costs]).all(),
-            "the grid put together from updates to equal the costmap")
+            lambda: (
+                assembled(self.grids["global"], self.updates["global"]) == OCCUPANCY[self.picture("global").costs]
+            ).all(),
+            "the grid put together from updates to equal the costmap",
+        )
 
     def test_whoever_comes_late_gets_the_whole_costmap(self):
         wait_until(lambda: self.grids["global"].messages, "the first costmap")
         # another process: here a second listener would share the first one's connection
         told = subprocess.run(
             [sys.executable, "-c", LATE, rospy.resolve_name("~global_costmap/costmap")], stdout=subprocess.PIPE,
-            universal_newlines=True, timeout=60.0)
+            text=True, timeout=60.0)
         self.assertEqual(told.stdout.split(), ["200", "120"])
 
     def test_the_local_costmap_shows_what_the_lidar_sees_and_follows_the_robot(self):
@@ -151,20 +156,27 @@ class TestCostmaps(unittest.TestCase):
         self.outlines.publish(Polygon([Point32(-0.1, -0.1, 0.0), Point32(-0.1, 0.1, 0.0), Point32(0.2, 0.0, 0.0)]))
         outlines.wait_for(lambda message: len(message.polygon.points) == 3, "the new footprint")
         self.outlines.publish(Polygon([Point32(0.0, 0.0, 0.0)]))  # refused; the last one stays
-        outlines.wait_for(lambda message: len(message.polygon.points) == 3, "the footprint to stay", since=len(outlines.messages))
+        outlines.wait_for(
+            lambda message: len(message.polygon.points) == 3, "the footprint to stay", since=len(outlines.messages)
+        )
         outlines.close()
 
     def test_a_silent_source_is_named_until_it_speaks_again(self):
         self.robot.scanning = False
         reason = wait_until(
-            lambda: self.nodes["local"].costmap.stale_reason(rospy.get_time()), "the costmap to become stale", timeout=15.0)
+            lambda: self.nodes["local"].costmap.stale_reason(rospy.get_time()),
+            "the costmap to become stale",
+            timeout=15.0,
+        )
         self.assertIn("source 'scan'", reason)
         level, text, _ = self.nodes["local"].report()
         self.assertEqual(level, 2)
         self.assertIn("scan", text)
         self.assertIsNone(self.nodes["global"].costmap.stale_reason(rospy.get_time()))
         self.robot.scanning = True
-        wait_until(lambda: self.nodes["local"].costmap.stale_reason(rospy.get_time()) is None, "the costmap to be fresh")
+        wait_until(
+            lambda: self.nodes["local"].costmap.stale_reason(rospy.get_time()) is None, "the costmap to be fresh"
+        )
 
     def test_a_source_without_a_transform_is_named(self):
         real = self.robot.change_message

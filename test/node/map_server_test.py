@@ -20,7 +20,7 @@ from ros_testing import Listener  # noqa: E402
 
 from mbf_relay.geometry import Pose2D  # noqa: E402
 from mbf_relay.maps import OccupancyMap, load_map, save_map  # noqa: E402
-from mbf_relay.ros.conversions import map_from_message  # noqa: E402
+from mbf_relay.ros.common.conversions import map_from_message  # noqa: E402
 
 ARENA = os.path.join(rospkg.RosPack().get_path("mbf_relay"), "config", "maps", "turtlebot3_world.yaml")
 
@@ -78,7 +78,10 @@ class TestMapServer(unittest.TestCase):
         self.change(path)
         stem = os.path.join(self.folder, "saved")
         done = subprocess.run(
-            ["rosrun", "mbf_relay", "map_saver", "-f", stem], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=30
+            ["rosrun", "mbf_relay", "map_saver", "-f", stem],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            timeout=30,
         )
         self.assertEqual(done.returncode, 0, done.stdout)
         self.assertTrue(np.array_equal(load_map(stem + ".yaml").data, small.data))

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""The server with its own plugins and costmaps, in a bare room that this test makes up: services, bad input, blindness."""
+"""The server with its own plugins and costmaps, in a bare room that this test makes up: services, bad input, blindness.
+"""
 
 import itertools
 import math
@@ -16,17 +17,20 @@ import rospy
 import rostest
 from actionlib_msgs.msg import GoalStatus
 from dynamic_reconfigure.client import Client as ReconfigureClient
-from geometry_msgs.msg import Point, PointStamped, Pose, PoseStamped, Quaternion, Twist
+from geometry_msgs.msg import PointStamped, PoseStamped
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mbf_msgs.msg import (
-    ExePathAction, ExePathGoal, ExePathResult, GetPathAction, GetPathGoal, GetPathResult, MoveBaseAction, MoveBaseGoal,
-    MoveBaseResult, RecoveryAction, RecoveryGoal, RecoveryResult,
-)
 from mbf_msgs import srv
+from mbf_msgs.msg import (
+    ExePathGoal,
+    GetPathGoal,
+    MoveBaseGoal,
+    RecoveryGoal,
+)
 from mbf_msgs.srv import CheckPath, CheckPathRequest, CheckPoint, CheckPose, CheckPoseRequest
 from nav_msgs.msg import OccupancyGrid
-from sensor_msgs.msg import LaserScan
+from node.move_base_flex_case import BURGER, PADDING, STATES, MoveBaseFlexCase, is_zero, path_of, pose_at
+from ros_testing import Listener, wait_until
 from std_srvs.srv import Empty
 
 from mbf_relay.costmap import inspection
@@ -34,107 +38,13 @@ from mbf_relay.costmap.cost_grid import CostGrid
 from mbf_relay.costmap.footprint import padded
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
-from mbf_relay.maps import OccupancyMap
-from mbf_relay.ros.action_client import ActionClient
-from mbf_relay.ros.conversions import header, map_to_message, pose_from_message, pose_to_message
-from mbf_relay.ros.outcome_codes import name_of
-from mbf_relay.ros.transforms import TransformPublisher
-from node.paper_wheels import PaperWheels
-from ros_testing import Listener, wait_until
+from mbf_relay.ros.common.conversions import header, pose_from_message, pose_to_message
 
 LONG = os.environ.get("MBF_RELAY_LONG") == "1"
 NAN, INF = float("nan"), float("inf")
-ACTIONS = {
-    "get_path": (GetPathAction, GetPathResult), "exe_path": (ExePathAction, ExePathResult),
-    "recovery": (RecoveryAction, RecoveryResult), "move_base": (MoveBaseAction, MoveBaseResult),
-}
-OLDER = {"BLOCKED_START": "INVALID_START", "BLOCKED_GOAL": "INVALID_GOAL"}
-"""What release 0.4.0 of mbf_msgs has for names that came later."""
-STATES = {value: name for name, value in vars(GoalStatus).items() if name.isupper()}
-BURGER = np.array([[-0.105, -0.105], [-0.105, 0.105], [0.041, 0.105], [0.041, -0.105]])
-PADDING = 0.01
-SIDE, CELL = 6.0, 0.05
-"""The room: a square, its walls two cells thick, the robot in its middle."""
 
 
-def room():
-    cells = int(SIDE / CELL)
-    data = np.zeros((cells, cells), dtype=np.int8)
-    data[:2, :] = data[-2:, :] = data[:, :2] = data[:, -2:] = 100
-    data[80:84, 80:100] = 100
-    return OccupancyMap(data, CELL, Pose2D(-SIDE / 2.0, -SIDE / 2.0, 0.0))
-
-
-def pose_at(x, y=0.0, frame="map", quaternion=(0.0, 0.0, 0.0, 1.0)):
-    pose = PoseStamped(pose=Pose(Point(x, y, 0.0), Quaternion(*quaternion)))
-    pose.header.frame_id = frame
-    return pose
-
-
-def path_of(*xs, frame="map"):
-    goal = ExePathGoal()
-    goal.path.header.frame_id = frame
-    goal.path.poses = [pose_at(x, frame=frame) for x in xs]
-    return goal
-
-
-def is_zero(twist):
-    return twist.linear.x == twist.linear.y == twist.angular.z == 0.0
-
-
-class MoveBaseFlexTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.map = rospy.Publisher("map", OccupancyGrid, queue_size=1, latch=True)
-        cls.map.publish(map_to_message(room(), "map", 0.0))
-        cls.wheels = PaperWheels("base_footprint")
-        cls.scans = rospy.Publisher("scan", LaserScan, queue_size=1)
-        cls.tf = TransformPublisher()
-        cls.scanning, cls.over = threading.Event(), threading.Event()
-        cls.scanning.set()
-        threading.Thread(target=cls.scan, daemon=True).start()
-        cls.velocity = Listener("cmd_vel", Twist)
-        cls.clients = {name: ActionClient(f"move_base_flex/{name}", types[0]) for name, types in ACTIONS.items()}
-        for name, client in cls.clients.items():
-            assert client.wait_for_server(60.0), f"waited 60 s for the action {name}, in vain"
-        ending = cls.clients["get_path"].send(GetPathGoal(target_pose=pose_at(1.0))).wait(30.0)
-        assert ending.status == GoalStatus.SUCCEEDED, ending.text
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.over.set()
-
-    @classmethod
-    def scan(cls):
-        """See nothing within range, ten times a second, unless told not to."""
-        while not cls.over.wait(0.1) and not rospy.is_shutdown():
-            if cls.scanning.is_set():
-                top = header("base_footprint", rospy.get_rostime() - rospy.Duration(0.03))
-                cls.scans.publish(LaserScan(top, -math.pi, math.pi, math.pi / 90, 0.0, 0.1, 0.12, 3.5, [INF] * 180, []))
-
-    def end_of(self, action, goal, timeout=30.0):
-        ending = self.clients[action].send(goal).wait(timeout)
-        self.assertIsNotNone(ending, f"waited {timeout} s for the end of {action}, in vain")
-        return ending
-
-    def assert_outcome(self, action, goal, outcome, state="ABORTED", words=""):
-        ending = self.end_of(action, goal)
-        types = {"get_path": GetPathResult, "exe_path": ExePathResult, "recovery": RecoveryResult, "move_base": GetPathResult}
-        got = name_of(ending.result.outcome, types[action])
-        expected = outcome if hasattr(types[action], outcome) else OLDER[outcome]
-        self.assertEqual((STATES[ending.status], got), (state, expected), f"{action}: {ending.text}")
-        self.assertIn(words, ending.result.message)
-
-    def drive(self):
-        """Start a drive along x, from wherever random goals have left the robot, and wait until it moves."""
-        feedback = []
-        here, goal = self.wheels.pose, path_of()
-        goal.path.poses = [pose_at(here.x + (0.1 if here.x < 0.0 else -0.1) * step, here.y) for step in range(20)]
-        sent = self.clients["exe_path"].send(goal, on_feedback=feedback.append)
-        count = len(self.velocity.messages)
-        wait_until(lambda: not all(map(is_zero, self.velocity.messages[count:])), "a velocity")
-        return sent, feedback
-
+class MoveBaseFlexTest(MoveBaseFlexCase):
     # bad input
 
     def test_1_nonsense_ends_in_its_outcome(self):
@@ -151,12 +61,13 @@ class MoveBaseFlexTest(unittest.TestCase):
             path = path_of(0.0, 0.1, 0.2)
             path.path.poses[1] = pose
             self.assert_outcome("exe_path", path, "INVALID_PATH", words="pose 1 of the path")
-        self.assert_outcome("get_path", GetPathGoal(target_pose=pose_at(1e300)), "OUT_OF_MAP")
-        self.assert_outcome("exe_path", path_of(1e300, 1e308, frame="atlantis"), "TF_ERROR")
-        self.end_of("exe_path", path_of(1e300, 1e308))  # no float32 holds how far that is
+        self.assert_outcome("get_path", GetPathGoal(target_pose=pose_at(1e300)), "INVALID_GOAL", words="1e+300")
+        self.assert_outcome("exe_path", path_of(1e300, 1e308), "INVALID_PATH", words="1e+300")
         for frame in ("atlantis", ""):
             self.assert_outcome("get_path", GetPathGoal(target_pose=pose_at(1.0, frame=frame)), "TF_ERROR", words=frame)
-            self.assert_outcome("move_base", MoveBaseGoal(target_pose=pose_at(1.0, frame=frame)), "TF_ERROR", words=frame)
+            self.assert_outcome(
+                "move_base", MoveBaseGoal(target_pose=pose_at(1.0, frame=frame)), "TF_ERROR", words=frame
+            )
             self.assert_outcome("exe_path", path_of(0.0, 1.0, frame=frame), "TF_ERROR", words=frame)
         self.assert_outcome("exe_path", ExePathGoal(), "INVALID_PATH", words="empty")
         for tolerance in (-1.0, NAN, INF):
@@ -166,7 +77,8 @@ class MoveBaseFlexTest(unittest.TestCase):
             self.assert_outcome("exe_path", goal, "FAILURE", words="dist_tolerance")
         unknown = {
             "get_path": GetPathGoal(target_pose=pose_at(1.0), planner="navfn/NavfnROS"),
-            "exe_path": ExePathGoal(path=path_of(0.0, 1.0).path, controller="teb"), "recovery": RecoveryGoal(behavior="dance"),
+            "exe_path": ExePathGoal(path=path_of(0.0, 1.0).path, controller="teb"),
+            "recovery": RecoveryGoal(behavior="dance"),
             "move_base": MoveBaseGoal(target_pose=pose_at(1.0), planner="A*"),
         }
         for action, goal in unknown.items():
@@ -202,16 +114,31 @@ class MoveBaseFlexTest(unittest.TestCase):
         )
         tolerances = st.one_of(st.just(0.0), st.floats(0.0, 2.0), numbers)
         goals = st.one_of(
-            st.tuples(st.just("get_path"), st.builds(
-                GetPathGoal, st.booleans(), poses, poses, tolerances, names, slots)),
-            st.tuples(st.just("exe_path"), st.builds(
-                ExePathGoal, paths, names, slots, st.booleans(), tolerances.map(np.float32), tolerances.map(np.float32))),
-            st.tuples(st.just("recovery"), st.builds(RecoveryGoal, st.sampled_from(["clear_costmap", "nobody", ""]), slots)),
+            st.tuples(
+                st.just("get_path"), st.builds(GetPathGoal, st.booleans(), poses, poses, tolerances, names, slots)
+            ),
+            st.tuples(
+                st.just("exe_path"),
+                st.builds(
+                    ExePathGoal,
+                    paths,
+                    names,
+                    slots,
+                    st.booleans(),
+                    tolerances.map(np.float32),
+                    tolerances.map(np.float32),
+                ),
+            ),
+            st.tuples(
+                st.just("recovery"), st.builds(RecoveryGoal, st.sampled_from(["clear_costmap", "nobody", ""]), slots)
+            ),
             st.tuples(st.just("move_base"), st.builds(MoveBaseGoal, poses, names, names, st.lists(names, max_size=2))),
         )
 
         @given(goals, st.booleans())
-        @settings(max_examples=1000 if LONG else 60, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+        @settings(
+            max_examples=1000 if LONG else 60, derandomize=not LONG, deadline=None, database=None,
+            suppress_health_check=list(HealthCheck))
         def every_goal_ends(goal, cancel):
             action, message = goal
             sent = self.clients[action].send(message)
@@ -236,7 +163,10 @@ class MoveBaseFlexTest(unittest.TestCase):
             "scan": (lambda: self.scanning.clear(), self.scanning.set),
             "odometry": (lambda: self.wheels.silent.add("odom"), lambda: self.wheels.silent.discard("odom")),
             "base_footprint": (lambda: self.wheels.silent.add("tf"), lambda: self.wheels.silent.discard("tf")),
-            "'map'": (lambda: self.wheels.silent.add("localization"), lambda: self.wheels.silent.discard("localization")),
+            "'map'": (
+                lambda: self.wheels.silent.add("localization"),
+                lambda: self.wheels.silent.discard("localization"),
+            ),
         }
         for words, (blind, see) in causes.items():
             sent, feedback = self.drive()
@@ -265,8 +195,14 @@ class MoveBaseFlexTest(unittest.TestCase):
         info = message.info
         data = np.array(message.data, dtype=np.int16).reshape(info.height, info.width)
         costs = np.select([data == 100, data == 99, data == -1], [254, 253, 255], 1 * (data > 0)).astype(np.uint8)
-        return CostGrid(Grid(round(info.resolution, 6), info.origin.position.x, info.origin.position.y, info.width, info.height),
-                        np.ascontiguousarray(costs), "map", BURGER, 0.04, 0.15)
+        return CostGrid(
+            Grid(round(info.resolution, 6), info.origin.position.x, info.origin.position.y, info.width, info.height),
+            np.ascontiguousarray(costs),
+            "map",
+            BURGER,
+            0.04,
+            0.15,
+        )
 
     def test_5_services_agree_with_the_published_costmap(self):
         services = {name: rospy.ServiceProxy(f"move_base_flex/{name}", kind) for name, kind in (
@@ -285,7 +221,9 @@ class MoveBaseFlexTest(unittest.TestCase):
                 if padding:
                     request.use_padded_fp = True
                 answer = services["check_pose_cost"](request)
-                self.assertEqual(answer.state, int(inspection.check_poses(costmap, np.array([(x, y, theta)]), outline)[0].state))
+                self.assertEqual(
+                    answer.state, int(inspection.check_poses(costmap, np.array([(x, y, theta)]), outline)[0].state)
+                )
         path = path_of(*np.arange(-2.0, 3.5, 0.05)).path
         poses = np.array([pose_from_message(stamped.pose) for stamped in path.poses])
         for return_on, skip, cells_only in ((0, 0, False), (2, 0, False), (2, 3, True), (4, 0, True)):
@@ -347,15 +285,17 @@ class MoveBaseFlexTest(unittest.TestCase):
         navfn = {"name": "N", "type": "navfn/NavfnROS"}
         wrong = {
             "'N' twice": {"planners": [navfn, navfn]},
-            "teb_local_planner/TebLocalPlannerROS": {"controllers": [{"name": "T", "type": "teb_local_planner/TebLocalPlannerROS"}]},
             "controller_frequency": {"controller_frequency": "fast"},
         }
         for words, parameters in wrong.items():
             name = f"wrong_{abs(hash(words))}"
             rospy.set_param(name, {**rospy.get_param("move_base_flex"), **parameters})
             node = subprocess.Popen(
-                ["rosrun", "mbf_relay", "move_base_flex", f"__name:={name}"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                universal_newlines=True)
+                ["rosrun", "mbf_relay", "move_base_flex", f"__name:={name}"],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                universal_newlines=True,
+            )
             try:
                 output = node.communicate(timeout=60.0)[0]
             finally:

@@ -15,10 +15,10 @@ from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import PoseStamped, Twist
 from mbf_msgs.msg import GetPathAction, GetPathGoal, MoveBaseAction, MoveBaseGoal
 from nav_msgs.msg import Odometry
+from ros_testing import Listener, wait_until
 from rosgraph_msgs.msg import Clock
 
-from mbf_relay.ros.action_client import ActionClient
-from ros_testing import Listener, wait_until
+from mbf_relay.ros.common.action_client import ActionClient
 
 SERVER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "paper_server.py")
 
@@ -76,7 +76,9 @@ class ClockTest(unittest.TestCase):
             sent.cancel()
             self.assertEqual(sent.wait(10.0).status, GoalStatus.PREEMPTED)
             wait_until(lambda: not moves(self.velocity.last), "a zero as the last velocity")
-            self.assertEqual(self.get_path.send(GetPathGoal(target_pose=pose_at(1.0))).wait(10.0).status, GoalStatus.SUCCEEDED)
+            self.assertEqual(
+                self.get_path.send(GetPathGoal(target_pose=pose_at(1.0))).wait(10.0).status, GoalStatus.SUCCEEDED
+            )
         finally:
             type(self).running = True
 
@@ -86,7 +88,9 @@ class ClockTest(unittest.TestCase):
         type(self).time -= 500.0
         wait_until(lambda: rospy.get_time() < 900.0, "the earlier time")
         feedback.clear()
-        wait_until(lambda: len([entry for entry in feedback if moves(entry.last_cmd_vel.twist)]) > 5, "cycles after the jump")
+        wait_until(
+            lambda: len([entry for entry in feedback if moves(entry.last_cmd_vel.twist)]) > 5, "cycles after the jump"
+        )
         self.assertLess(feedback[-1].last_cmd_vel.header.stamp.to_sec(), 900.0)
         self.assertIsNone(sent.ending)
         sent.cancel()

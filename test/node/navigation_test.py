@@ -21,14 +21,24 @@ from actionlib_msgs.msg import GoalID, GoalStatus
 from dynamic_reconfigure.client import Client as ReconfigureClient
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Twist
 from mbf_msgs.msg import (
-    ExePathAction, ExePathGoal, ExePathResult, GetPathAction, GetPathGoal, GetPathResult, MoveBaseAction, MoveBaseGoal,
-    MoveBaseResult, RecoveryAction, RecoveryGoal, RecoveryResult,
+    ExePathAction,
+    ExePathGoal,
+    ExePathResult,
+    GetPathAction,
+    GetPathGoal,
+    GetPathResult,
+    MoveBaseAction,
+    MoveBaseGoal,
+    MoveBaseResult,
+    RecoveryAction,
+    RecoveryGoal,
+    RecoveryResult,
 )
 from nav_msgs.msg import Odometry
-
-from mbf_relay.ros.action_client import ActionClient
-from mbf_relay.ros.outcome_codes import name_of
 from ros_testing import Listener, connected_publisher, wait_until
+
+from mbf_relay.ros.common.action_client import ActionClient
+from mbf_relay.ros.common.outcome_codes import name_of
 
 SERVER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "paper_server.py")
 LONG = os.environ.get("MBF_RELAY_LONG") == "1"
@@ -82,7 +92,7 @@ class NavigationTest(unittest.TestCase):
             cls.server.wait(20.0)
         except subprocess.TimeoutExpired:
             cls.server.kill()
-            raise AssertionError("waited 20 s for the server to end, in vain")
+            raise AssertionError("waited 20 s for the server to end, in vain") from None
 
     # helpers
 
@@ -119,7 +129,9 @@ class NavigationTest(unittest.TestCase):
 
     def await_standing(self):
         """Wait until the last velocity is zero; returns how many there were."""
-        wait_until(lambda: self.velocity.last is None or is_zero(self.velocity.last), "a zero as the last velocity", 5.0)
+        wait_until(
+            lambda: self.velocity.last is None or is_zero(self.velocity.last), "a zero as the last velocity", 5.0
+        )
         return len(self.velocity.messages)
 
     def succeed(self, action):
@@ -140,8 +152,8 @@ class NavigationTest(unittest.TestCase):
                 pause.wait(delay)
             sent.cancel()
             ending = self.end_of(sent)
-            # a plan may be done before it is called off
-            allowed = CANCELLED + ((GoalStatus.SUCCEEDED,) if action == "get_path" and delay > 0.02 else ())
+            # a plan may be done before it is called off, on a busy machine after any delay
+            allowed = CANCELLED + ((GoalStatus.SUCCEEDED,) if action == "get_path" else ())
             self.assertIn(ending.status, allowed, f"{what} ended {STATES[ending.status]}: {ending.text}")
             if ending.status in CANCELLED:
                 self.assertEqual(name_of(ending.result.outcome, ACTIONS[action][1]), "CANCELED", what)
@@ -184,14 +196,19 @@ class NavigationTest(unittest.TestCase):
             second = self.clients[action].send(self.long_goal(action))
             self.assertIn(self.end_of(first).status, CANCELLED)
             wait_until(lambda: len(self.velocity.messages) > count + 5, "more velocities")
-            self.assertFalse(any(map(is_zero, self.velocity.messages[count:])), f"{action}: the robot stopped in between")
+            self.assertFalse(
+                any(map(is_zero, self.velocity.messages[count:])), f"{action}: the robot stopped in between"
+            )
             second.cancel()
             self.assertEqual(self.end_of(second).status, GoalStatus.PREEMPTED)
             self.await_standing()
 
     def test_4_slots_and_actions_go_on_beside_each_other(self):
         rospy.set_param("move_base_flex/script/plan_time", 0.5)
-        plans = [self.clients["get_path"].send(GetPathGoal(target_pose=pose_at(2.0), concurrency_slot=s)) for s in (0, 1, 255)]
+        plans = [
+            self.clients["get_path"].send(GetPathGoal(target_pose=pose_at(2.0), concurrency_slot=s))
+            for s in (0, 1, 255)
+        ]
         drive = self.clients["exe_path"].send(self.long_goal("exe_path"))
         self.assertEqual([self.end_of(plan).status for plan in plans], [GoalStatus.SUCCEEDED] * 3)
         self.assertIsNone(drive.ending)

@@ -10,13 +10,14 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."
 from kinematics import PaperRobot, costmap_round, discs, path_through  # noqa: E402
 
 from mbf_relay.control import CONTROLLERS  # noqa: E402
-from mbf_relay.control.controller import Controller, ControlState  # noqa: E402
+from mbf_relay.control.controller import Controller  # noqa: E402
+from mbf_relay.control.state import ControlState  # noqa: E402
 from mbf_relay.geometry import IDENTITY, Pose2D  # noqa: E402
 from mbf_relay.navigation.registry import Registry  # noqa: E402
 from mbf_relay.navigation.worker import InlineWorker  # noqa: E402
 from mbf_relay.outcomes import ControlError  # noqa: E402
-from mbf_relay.ros.controller_topics import serve_controllers  # noqa: E402
-from mbf_relay.ros.parameters import read_namespace  # noqa: E402
+from mbf_relay.ros.common.parameters import read_namespace  # noqa: E402
+from mbf_relay.ros.server.controller_topics import serve_controllers  # noqa: E402
 
 PERIOD = 0.1
 POSTS = discs((1.0, 0.4, 0.05), (1.0, -0.4, 0.05))

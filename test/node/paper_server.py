@@ -17,9 +17,9 @@ from node.paper_wheels import PaperWheels  # noqa: E402
 
 from mbf_relay.geometry import Pose2D  # noqa: E402
 from mbf_relay.planning.path import Path  # noqa: E402
-from mbf_relay.ros.move_base_flex import MoveBaseFlex  # noqa: E402
-from mbf_relay.ros.parameters import read_namespace  # noqa: E402
-from mbf_relay.ros.transforms import Transforms  # noqa: E402
+from mbf_relay.ros.common.parameters import read_namespace  # noqa: E402
+from mbf_relay.ros.common.transforms import Transforms  # noqa: E402
+from mbf_relay.ros.server.node import MoveBaseFlex  # noqa: E402
 
 
 def plan(start: Pose2D, goal: Pose2D) -> Path:

@@ -7,8 +7,8 @@ from geometry_msgs.msg import TransformStamped, Twist
 from nav_msgs.msg import Odometry
 
 from mbf_relay.geometry import IDENTITY, Pose2D
-from mbf_relay.ros.conversions import header, pose_to_message, transform_to_message, twist_from_message
-from mbf_relay.ros.transforms import TransformPublisher
+from mbf_relay.ros.common.conversions import header, pose_to_message, transform_to_message, twist_from_message
+from mbf_relay.ros.common.transforms import TransformPublisher
 
 PERIOD = 0.03
 
@@ -47,7 +47,9 @@ class PaperWheels:
         if "localization" not in self.silent:
             transforms.append(TransformStamped(header("map", stamp), "odom", transform_to_message(IDENTITY)))
         if "tf" not in self.silent:
-            transforms.append(TransformStamped(header("odom", stamp), self._base_frame, transform_to_message(self.pose)))
+            transforms.append(
+                TransformStamped(header("odom", stamp), self._base_frame, transform_to_message(self.pose))
+            )
         try:
             self._transforms.send_messages(transforms)
             if "odom" not in self.silent:

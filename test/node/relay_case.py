@@ -9,19 +9,21 @@ import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from geometry_msgs.msg import PoseStamped, Twist
 from mbf_msgs.msg import MoveBaseActionResult
-from move_base_msgs.msg import MoveBaseActionFeedback, MoveBaseActionGoal, MoveBaseActionResult as Result
-from rosgraph_msgs.msg import Clock
-from std_msgs.msg import String
-
+from move_base_msgs.msg import MoveBaseActionFeedback, MoveBaseActionGoal
+from move_base_msgs.msg import MoveBaseActionResult as Result
 from node.scripted_server import SCRIPTS
 from ros_testing import Listener, connected_publisher, wait_until
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
 
 SERVER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "scripted_server.py")
 REPLACED = "This goal was canceled because another goal was recieved by the simple action server"
 
 
 class RelayCase(unittest.TestCase):
-    """A test in front of the relay, with a scripted server behind it; all of a file in one process, as connecting takes long.
+    """A test in front of the relay, with a scripted server behind it.
+
+    All of a file in one process, as connecting takes long.
 
     The clock is the test's own, and mostly stands: what the relay does must not depend on it.
     """
@@ -99,7 +101,9 @@ class RelayCase(unittest.TestCase):
 
     def end_of(self, goal_id, timeout=10.0):
         """Wait for a goal's result and return its status."""
-        return self.results.wait_for(lambda m: m.status.goal_id.id == goal_id, f"the result of {goal_id}", timeout).status
+        return self.results.wait_for(
+            lambda m: m.status.goal_id.id == goal_id, f"the result of {goal_id}", timeout
+        ).status
 
     def wait_for_status(self, goal_id, status):
         self.status.wait_for(

@@ -16,11 +16,10 @@ from geometry_msgs.msg import PoseStamped, TransformStamped
 from move_base_msgs.msg import MoveBaseActionGoal, RecoveryStatus
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetPlan, GetPlanRequest
-from std_srvs.srv import Empty
-
 from node.relay_case import RelayCase
 from node.scripted_server import SCRIPTS
 from ros_testing import Listener, connected_publisher, wait_until
+from std_srvs.srv import Empty
 
 
 class RelayFaceTest(RelayCase):
@@ -85,7 +84,9 @@ class RelayFaceTest(RelayCase):
         transform.transform.translation.x, transform.transform.rotation.w = 5.0, 1.0
         broadcaster.sendTransform(transform)
         self.check_end(self.send("arrive", x=2.0, frame="base_link"), GoalStatus.SUCCEEDED, "Goal reached.")
-        self.current_goal.wait_for(lambda m: (m.header.frame_id, m.pose.position.x) == ("map", 7.0), "the goal in the map")
+        self.current_goal.wait_for(
+            lambda m: (m.header.frame_id, m.pose.position.x) == ("map", 7.0), "the goal in the map"
+        )
 
     def test_topics_are_passed_on_while_somebody_listens(self):
         self.make_sure_of_server()
@@ -110,8 +111,10 @@ class RelayFaceTest(RelayCase):
         wait_until(self.relays_to("move_base_flex/recovery/goal"), "the relay to listen to recoveries")
         wait_until(lambda: (self.send("recover"), told.last)[1], "recovery_status", period=0.2)
         message = told.last
-        self.assertEqual((message.recovery_behavior_name, message.current_recovery_number, message.total_number_of_recoveries),
-                         ("rotate", 1, 2))
+        self.assertEqual(
+            (message.recovery_behavior_name, message.current_recovery_number, message.total_number_of_recoveries),
+            ("rotate", 1, 2),
+        )
         told.close()
 
 

@@ -13,20 +13,19 @@ import rostest
 from actionlib_msgs.msg import GoalID, GoalStatus
 from geometry_msgs.msg import Twist
 from nav_msgs.srv import GetPlan, GetPlanRequest
-from std_srvs.srv import Empty
-
 from node.relay_case import REPLACED, RelayCase
 from ros_testing import wait_until
+from std_srvs.srv import Empty
 
 
 class RelayLostServerTest(RelayCase):
     def test_a_goal_waits_for_the_server_but_not_for_ever(self):
         self.kill_server()
         wait_until(lambda: not self.report._subscriber.get_num_connections(), "the server's end")
-        end = self.end_of(self.send("arrive"))
+        end = self.end_of(self.send("arrive"), 25.0)
         if "died" in end.text:  # the relay had not noticed yet when the goal came
-            end = self.end_of(self.send("arrive"))
-        self.assertIn("'move_base_flex' within 6 s", end.text)
+            end = self.end_of(self.send("arrive"), 25.0)
+        self.assertIn("'move_base_flex' within 15 s", end.text)
         waiting = self.send("arrive")
         self.wait_for_status(waiting, GoalStatus.ACTIVE)
         self.start_server()
@@ -78,8 +77,11 @@ class RelayLostServerTest(RelayCase):
         request = GetPlanRequest()
         request.goal.header.frame_id = "map"
         wait_until(lambda: answered(lambda: make_plan(request)), "a plan")
+        before = len(self.reported("clear"))
         clear()
-        cleared = len(self.reported("clear"))
+        cleared = wait_until(
+            lambda: len(self.reported("clear")) > before and len(self.reported("clear")), "word of the clearing"
+        )
         self.server.send_signal(signal.SIGSTOP)
         try:
             for call in (lambda: make_plan(request), lambda: make_plan(request), clear, clear):
@@ -97,7 +99,9 @@ class RelayLostServerTest(RelayCase):
         self.kill_server()
         wait_until(lambda: not self.report._subscriber.get_num_connections(), "the server's end")
         for name, kind in (("make_plan", GetPlan), ("clear_costmaps", Empty)):
-            with self.assertRaisesRegex(rospy.ServiceException, "/move_base_flex/.*(not there|died|unavailable|refused)"):
+            with self.assertRaisesRegex(
+                rospy.ServiceException, "/move_base_flex/.*(not there|died|unavailable|refused)"
+            ):
                 rospy.ServiceProxy(f"move_base/{name}", kind)()
 
     def test_a_clock_that_stands_or_is_set_back_loses_nothing(self):
@@ -117,7 +121,7 @@ class RelayLostServerTest(RelayCase):
 
 
 def answered(call):
-    """Tell whether a service answers."""
+    """Return whether a service answers."""
     try:
         return call() is not None
     except rospy.ServiceException:

@@ -23,7 +23,6 @@ from mbf_msgs.msg import MoveBaseActionResult
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal, RecoveryStatus
 from nav_msgs.msg import Odometry
 from nav_msgs.srv import GetPlan, GetPlanRequest
-
 from ros_testing import Listener, wait_until
 
 NO_PLAN = "Failed to find a valid plan. Even after executing recovery behaviors."
@@ -104,12 +103,14 @@ class RelayServerTest(unittest.TestCase):
         self.check_end(handle, GoalStatus.PREEMPTED, "")
 
     def test_as_typed_in_a_shell(self):
-        plan = shell("rosservice", "call", "/move_base/make_plan", "{goal: {header: {frame_id: map}, pose: {position: {x: 2}}}}")
+        plan = shell(
+            "rosservice", "call", "/move_base/make_plan", "{goal: {header: {frame_id: map}, pose: {position: {x: 2}}}}"
+        )
         self.assertIn("frame_id: \"map\"", plan)
         self.assertIn("poses:", shell("rosservice", "call", "/move_base/make_plan", "{}"))
         count, target = len(self.outcomes.messages), self.x + 0.2
         shell("rostopic", "pub", "-1", "/move_base_simple/goal", "geometry_msgs/PoseStamped",
-              "{header: {frame_id: map}, pose: {position: {x: %f}, orientation: {w: 1}}}" % target)
+              f"{{header: {{frame_id: map}}, pose: {{position: {{x: {target}}}, orientation: {{w: 1}}}}}}")
         outcome = self.outcomes.wait_for(lambda m: True, "the outcome", since=count)
         self.assertEqual(outcome.status.text, "Goal reached.")
 
@@ -150,7 +151,9 @@ class RelayServerTest(unittest.TestCase):
         changed = {name for name in after if name != "groups" and after[name] != before[name]}
         self.assertEqual(changed, {"oscillation_timeout", "planner_max_retries"})
         mine.update_configuration({"oscillation_timeout": before["oscillation_timeout"], "max_planning_retries": -1})
-        wait_until(lambda: servers.get_configuration()["oscillation_timeout"] == before["oscillation_timeout"], "it back")
+        wait_until(
+            lambda: servers.get_configuration()["oscillation_timeout"] == before["oscillation_timeout"], "it back"
+        )
         mine.close()
         servers.close()
 
@@ -172,11 +175,11 @@ class RelayServerTest(unittest.TestCase):
 
 def shell(*command):
     """Run a command and return what it says."""
-    return subprocess.run(command, stdout=subprocess.PIPE, check=True, timeout=30.0, universal_newlines=True).stdout
+    return subprocess.run(command, stdout=subprocess.PIPE, check=True, timeout=30.0, text=True).stdout
 
 
 def told_by_server(topic):
-    """Tell whether the relay listens to a topic of the server's."""
+    """Return whether the relay listens to a topic of the server's."""
     return any(name == topic and "/move_base" in nodes
                for name, nodes in rosgraph.Master(rospy.get_name()).getSystemState()[1])
 

@@ -14,8 +14,16 @@ from dynamic_reconfigure.encoding import decode_config, encode_config
 from dynamic_reconfigure.msg import Config
 from dynamic_reconfigure.srv import Reconfigure, ReconfigureResponse
 from geometry_msgs.msg import PoseStamped
-from mbf_msgs.msg import (ExePathResult, GetPathAction, GetPathResult, MoveBaseAction, MoveBaseFeedback, MoveBaseResult,
-                          RecoveryActionGoal, RecoveryGoal)
+from mbf_msgs.msg import (
+    ExePathResult,
+    GetPathAction,
+    GetPathResult,
+    MoveBaseAction,
+    MoveBaseFeedback,
+    MoveBaseResult,
+    RecoveryActionGoal,
+    RecoveryGoal,
+)
 from nav_msgs.msg import OccupancyGrid
 from std_msgs.msg import String
 from std_srvs.srv import Empty, EmptyResponse
@@ -95,7 +103,9 @@ class ScriptedServer:
         script = NAMES[goal.target_pose.pose.position.z]
         self.say("goal", script, goal.target_pose.pose.position.x, goal.planner, goal.controller)
         if script == "reject":
-            handle.set_rejected(MoveBaseResult(outcome=GetPathResult.INVALID_PLUGIN, message="no such planner"), "rejected")
+            handle.set_rejected(
+                MoveBaseResult(outcome=GetPathResult.INVALID_PLUGIN, message="no such planner"), "rejected"
+            )
             return
         with self.lock:
             replaced, self.running = self.running, handle

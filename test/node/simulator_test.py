@@ -24,11 +24,19 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."
 from ros_testing import Listener, connected_publisher, wait_until  # noqa: E402
 
 from mbf_relay.geometry import Pose2D  # noqa: E402
-from mbf_relay.ros.conversions import header, pose_from_message, pose_to_message  # noqa: E402
+from mbf_relay.ros.common.conversions import header, pose_from_message, pose_to_message  # noqa: E402
 
 START = Pose2D(-2.0, -0.5, 0.0)
 NO_FAULTS = {
-    "lidar_silent": False, "lidar_frozen": False, "dead_beams": 0.0, "dead_beams_start": 0.0, "odom_silent": False, "slip": 0.0,
+    "lidar_silent": False,
+    "lidar_frozen": False,
+    "dead_beams": 0.0,
+    "dead_beams_start": 0.0,
+    "odom_silent": False,
+    "odom_frozen": False,
+    "odom_delay": 0.0,
+    "odom_jump": 0.0,
+    "slip": 0.0,
     "command_delay": 0.0,
 }
 
@@ -39,12 +47,20 @@ def twist(x, theta=0.0):
     return message
 
 
-def marker(number, kind=Marker.CYLINDER, x=-1.5, y=-0.5, size=(0.2, 0.2, 0.5), action=Marker.ADD, frame="map", lifetime=0.0):
+def marker(
+    number, kind=Marker.CYLINDER, x=-1.5, y=-0.5, size=(0.2, 0.2, 0.5), action=Marker.ADD, frame="map", lifetime=0.0
+):
     message = Marker(header=header(frame, 0.0), ns="test", id=number, type=kind, action=action)
     message.pose = pose_to_message(Pose2D(x, y, 0.0))
     message.pose.position.z = size[2] / 2.0
     message.scale.x, message.scale.y, message.scale.z = size
     message.lifetime = rospy.Duration(lifetime)
+    return message
+
+
+def turned(message):
+    """Return a marker whose orientation is none."""
+    message.pose.orientation.z = math.nan
     return message
 
 
@@ -143,13 +159,17 @@ class TestSimulator(unittest.TestCase):
         before = self.fresh(self.clocks).clock
         self.assertEqual(self.fresh(self.clocks).clock, before)
         self.assertTrue(self.step().success)
-        stepped = self.clocks.wait_for(lambda m: m.clock > before, "a later time", since=len(self.clocks.messages) - 1).clock
+        stepped = self.clocks.wait_for(
+            lambda m: m.clock > before, "a later time", since=len(self.clocks.messages) - 1
+        ).clock
         self.assertAlmostEqual((stepped - before).to_sec(), 1.0 / 60.0, places=6)
         self.unpause()
         wait_until(lambda: (self.clocks.last.clock - before).to_sec() > 0.5, "time to go on")
 
     def test_reset_brings_the_robot_and_its_odometry_back(self):
-        self.drive_until(lambda: self.truths.last.pose.pose.position.x > START.x + 0.3, "the robot to drive 0.3 m", theta=0.3)
+        self.drive_until(
+            lambda: self.truths.last.pose.pose.position.x > START.x + 0.3, "the robot to drive 0.3 m", theta=0.3
+        )
         now = self.clocks.last.clock
         self.reset()
         self.fresh(self.truths)
@@ -163,13 +183,16 @@ class TestSimulator(unittest.TestCase):
     def test_set_down_elsewhere_odometry_does_not_notice(self):
         message = PoseStamped(header("map", 0.0), pose_to_message(Pose2D(0.5, 0.6, 1.0)))
         self.set_pose.publish(message)
-        wait_until(lambda: self.true_pose().distance_to(Pose2D(0.5, 0.6, 1.0)) < 1e-3, "the robot to be set down elsewhere")
+        wait_until(
+            lambda: self.true_pose().distance_to(Pose2D(0.5, 0.6, 1.0)) < 1e-3, "the robot to be set down elsewhere"
+        )
         self.assertAlmostEqual(self.true_pose().theta, 1.0, places=3)
         self.assertAlmostEqual(self.fresh(self.odoms).pose.pose.position.x, 0.0, places=3)
         in_pillar = PoseStamped(header("map", 0.0), pose_to_message(Pose2D(0.0, 0.0, 0.0)))
         in_odom = PoseStamped(header("odom", 0.0), pose_to_message(Pose2D(0.3, 0.6, 0.0)))
         nowhere = PoseStamped(header("map", 0.0), pose_to_message(Pose2D(math.nan, 0.0, 0.0)))
-        for refused in (in_pillar, in_odom, nowhere):
+        far = PoseStamped(header("map", 0.0), pose_to_message(Pose2D(1e6, 0.0, 0.0)))
+        for refused in (in_pillar, in_odom, nowhere, far):
             self.set_pose.publish(refused)
         self.fresh(self.truths, 8)
         self.assertLess(self.true_pose().distance_to(Pose2D(0.5, 0.6, 1.0)), 1e-3)
@@ -196,10 +219,24 @@ class TestSimulator(unittest.TestCase):
         wait_until(lambda: len(self.standing.last.markers) == 1, "every obstacle to be gone")
 
     def test_obstacles_without_meaning_are_refused_one_by_one(self):
-        self.set_obstacles.publish(MarkerArray([
-            marker(1, size=(0.0, 0.2, 0.5)), marker(2, x=math.nan), marker(3, kind=Marker.ARROW), marker(4, frame="odom"),
-            marker(5, size=(0.2, 0.3, 0.5)), marker(6, action=7), marker(7, x=START.x, y=START.y), marker(8),
-        ]))
+        self.set_obstacles.publish(
+            MarkerArray(
+                [
+                    marker(1, size=(0.0, 0.2, 0.5)),
+                    marker(2, x=math.nan),
+                    marker(3, kind=Marker.ARROW),
+                    marker(4, frame="odom"),
+                    marker(5, size=(0.2, 0.3, 0.5)),
+                    marker(6, action=7),
+                    marker(7, x=START.x, y=START.y),
+                    marker(8),
+                    marker(9, x=1e10),
+                    marker(10, size=(1e10, 1e10, 1.0)),
+                    marker(11, size=(1e-9, 1e-9, 1e-9)),
+                    turned(marker(12)),
+                ]
+            )
+        )
         wait_until(lambda: [m.id for m in self.standing.last.markers[1:]] == [8], "only the sound one to stand")
 
     def test_touching_is_told_with_place_and_name(self):
@@ -255,7 +292,11 @@ class TestSimulator(unittest.TestCase):
         self.fresh(self.clocks)
         sent = self.clocks.last.clock
         moved = self.drive_until(
-            lambda: [m for m in self.truths.messages[-50:] if m.header.stamp > sent and m.pose.pose.position.x > START.x + 0.002],
+            lambda: [
+                m
+                for m in self.truths.messages[-50:]
+                if m.header.stamp > sent and m.pose.pose.position.x > START.x + 0.002
+            ],
             "the delayed command to show",
         )
         self.assertGreater((moved[0].header.stamp - sent).to_sec(), 1.0)

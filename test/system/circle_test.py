@@ -12,7 +12,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 from running_stack import Witness, run_client, start_test_node  # noqa: E402
 
-from mbf_relay.ros.clients import CIRCLE  # noqa: E402
+from mbf_relay.ros.tools.clients import CIRCLE  # noqa: E402
 
 NEAR = 0.15
 """Metres: the goal tolerance of the parameter file, 0.05, and what localization may be off."""
@@ -28,7 +28,7 @@ class TestCircle(unittest.TestCase):
             for x, y, _, _ in CIRCLE:
                 self.assertLess(witness.way_to(x, y), NEAR, f"goal ({x}, {y}) of {client}")
             self.assertEqual(witness.touched(), [])
-            self.assertEqual(witness.complaints(), [])
+            self.assertEqual(witness.warnings(), [])
             witness.forget()
 
 

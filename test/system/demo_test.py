@@ -10,17 +10,21 @@ import tempfile
 import unittest
 import uuid
 
+import psutil
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
+from ros_testing import wait_until  # noqa: E402
 from running_stack import OF_THE_MACHINE  # noqa: E402
 
-from mbf_relay.ros.demo_graph import descendants  # noqa: E402
-from ros_testing import wait_until  # noqa: E402
+from mbf_relay.ros.tools.demo_graph import descendants  # noqa: E402
 
 MARK = "MBF_RELAY_DEMO_TEST"
 PATIENCE = 240.0
+OF_ROS_CPP = ("rosout", "robot_state_publisher")
+"""ROS's own nodes in C++ take requests on every interface, whatever they are told; topics they send on loopback alone.
+"""
 FIGURES = (
     "success", "goals_reached", "contacts", "sim_time", "wall_time", "path_length", "localization_error_mean",
     "localization_error_max", "versions", "seed", "parameters",
@@ -32,7 +36,8 @@ class Demo:
 
     def __init__(self, *options: str) -> None:
         self.mark = uuid.uuid4().hex
-        self.folder = tempfile.mkdtemp(prefix="demo test ")
+        # among the results of the tests, which the next run empties
+        self.folder = tempfile.mkdtemp(prefix="demo test ", dir=os.environ.get("MBF_RELAY_TEST_RESULTS"))
         self.log = os.path.join(self.folder, "demo.log")
         with open(self.log, "wb") as stream:
             self.process = subprocess.Popen(
@@ -70,7 +75,7 @@ class Demo:
 
 class TestDemo(unittest.TestCase):
     def test_1_a_drive_leaves_a_report_and_nothing_else(self):
-        demo = Demo("--speed", "4", "--seed", "5", "--relay", "server")
+        demo = Demo("--speed", "2", "--seed", "5", "--relay", "server")
         self.assertEqual(demo.process.wait(PATIENCE), 0, demo.output)
         self.assertIn("Drove circle with result: True", demo.output)
         self.assertEqual(demo.left_behind(), [])
@@ -84,7 +89,7 @@ class TestDemo(unittest.TestCase):
         self.assertLess(figures["localization_error_max"], 0.3)
         with open(os.path.join(demo.folder, "report.png"), "rb") as stream:
             self.assertEqual(stream.read(8), b"\x89PNG\r\n\x1a\n")
-        self.assertEqual(complaints(os.path.join(demo.folder, "log", "roslaunch.log")), [])
+        self.assertEqual(warnings(os.path.join(demo.folder, "log", "roslaunch.log")), [])
 
     def test_2_an_interrupt_ends_it_while_it_starts(self):
         demo = Demo()
@@ -102,6 +107,24 @@ class TestDemo(unittest.TestCase):
         demo.wait_for("goal 1 of 8")
         demo.process.send_signal(signal.SIGINT)
         self.interrupt(demo, signal.SIGINT)
+
+    def test_4_a_demo_that_is_killed_leaves_nothing_behind(self):
+        demo = Demo("--speed", "4")
+        demo.wait_for("goal 1 of 8")
+        demo.process.kill()
+        demo.process.wait()
+        wait_until(lambda: demo.left_behind() == [], "everything the demo had started to end", 120.0)
+
+    def test_4_it_listens_on_the_loopback_interface_alone(self):
+        demo = Demo("--speed", "4")
+        demo.wait_for("goal 1 of 8")
+        processes = [psutil.Process(pid) for pid in demo.left_behind()]
+        listening = {
+            c.laddr.ip for process in processes if process.name() not in OF_ROS_CPP
+            for c in process.connections() if c.status == psutil.CONN_LISTEN
+        }
+        self.interrupt(demo, signal.SIGINT)
+        self.assertEqual(listening, {"127.0.0.1"})
 
     def interrupt(self, demo, number):
         demo.process.send_signal(number)
@@ -122,8 +145,18 @@ class TestDemo(unittest.TestCase):
         self.assertIn("/proc/report", demo.output)
         self.assertNotIn("Traceback", demo.output)
 
+    def test_6_a_file_where_the_logs_go_is_named_before_anything_starts(self):
+        folder = tempfile.mkdtemp(dir=os.environ.get("MBF_RELAY_TEST_RESULTS"))
+        path = os.path.join(folder, "log")
+        open(path, "w").close()
+        demo = Demo("--report", folder)
+        self.assertEqual(demo.process.wait(60.0), 1, demo.output)
+        self.assertIn(path, demo.output)
+        self.assertNotIn("starting", demo.output)
+        self.assertNotIn("Traceback", demo.output)
 
-def complaints(log):
+
+def warnings(log):
     """Return the lines of a log with a warning, an error or a traceback."""
     with open(log, encoding="utf-8", errors="replace") as stream:
         lines = [line for line in stream if any(word in line for word in ("[WARN]", "[ERROR]", "[FATAL]", "Traceback"))]

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The commands of the README, read out of it and run: the tutorial's circle, one's own map, world and parameters."""
+"""The commands of the READMEs, read out of it and run: the tutorial's circle, one's own map, world and parameters."""
 
 import json
 import os
@@ -19,9 +19,11 @@ import rostest
 TEST = Path(os.path.abspath(__file__)).parents[1]
 sys.path.insert(0, str(TEST))
 
-from mbf_relay.maps import OCCUPIED, load_map  # noqa: E402
+from readmes import block_with, blocks, texts  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 from virtual_screen import VirtualScreen  # noqa: E402
+
+from mbf_relay.maps import OCCUPIED, load_map  # noqa: E402
 
 ROOT = TEST.parent
 HALL = """<sdf version="1.6"><world name="hall"><model name="block"><static>true</static><pose>2 0 0.5 0 0 0</pose>
@@ -31,16 +33,10 @@ FASTER = " real_time_factor:=3"
 """Added to the world's launch file, for the sake of the test's length; everything else is run word for word."""
 
 
-def blocks(language):
-    """Return the README's code blocks of a language."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-
-
 def readme_commands():
-    """Return the roslaunch and rosrun lines of the README's shell blocks."""
+    """Return the roslaunch and rosrun lines of the READMEs' shell blocks, each once."""
     lines = [line.split("#")[0].strip() for block in blocks("sh") for line in block.splitlines()]
-    return [line for line in lines if line.startswith(("roslaunch ", "rosrun "))]
+    return list(dict.fromkeys(line for line in lines if line.startswith(("roslaunch ", "rosrun "))))
 
 
 class TestReadme(unittest.TestCase):
@@ -107,11 +103,15 @@ class TestReadme(unittest.TestCase):
 
     def test_1_the_tutorial_s_commands_drive_the_circle_and_save_a_map(self):
         self.launch(self.first("roslaunch mbf_relay turtlebot3_world.launch") + FASTER, "/simulator")
-        self.launch(self.first("roslaunch mbf_relay amcl_demo_relay_server.launch"), "/amcl", "/move_base_flex", "/move_base")
+        self.launch(
+            self.first("roslaunch mbf_relay amcl_demo_relay_server.launch"), "/amcl", "/move_base_flex", "/move_base"
+        )
         self.launch(self.command("record.launch"), "/record")
         with VirtualScreen() as screen:
             self.launch(self.first("roslaunch mbf_relay rviz.launch"), "/rviz", environment=screen.environment)
-            self.assertIn("Drove circle with result: True", self.run_to_end(self.first("rosrun mbf_relay mb_relay_client.py")))
+            self.assertIn(
+                "Drove circle with result: True", self.run_to_end(self.first("rosrun mbf_relay mb_relay_client.py"))
+            )
             self.end_last()
         self.end_last()
         self.run_to_end(self.command("drive_report.py"))
@@ -119,7 +119,7 @@ class TestReadme(unittest.TestCase):
         self.assertTrue(report["success"], report)
         self.assertEqual(report["goals_reached"], 8, report)
         self.assertLess(report["localization_error_mean"], 0.05, report)
-        self.run_to_end(re.search(r"`(rosrun mbf_relay map_saver[^`]*)`", (ROOT / "README.md").read_text()).group(1))
+        self.run_to_end(re.search(r"`(rosrun mbf_relay map_saver[^`]*)`", "\n".join(texts().values())).group(1))
         self.assertTrue((Path(self.folder.name) / "my_map.yaml").is_file())
 
     def test_2_the_recorded_drive_is_localized_again_without_ros(self):
@@ -141,7 +141,9 @@ class TestReadme(unittest.TestCase):
         (Path(self.folder.name) / "my_hall.world").write_text(HALL)
         self.run_to_end(self.command("world_to_map.py"))
         drawn = load_map(os.path.join(self.folder.name, "my_hall.yaml"))
-        self.assertAlmostEqual((drawn.data == OCCUPIED).sum() * drawn.resolution, 4.0, delta=0.5, msg="the block's sides (m)")
+        self.assertAlmostEqual(
+            (drawn.data == OCCUPIED).sum() * drawn.resolution, 4.0, delta=0.5, msg="the block's sides (m)"
+        )
 
     def test_5_drives_without_ros_are_compared(self):
         worlds = json.loads((ROOT / "config" / "worlds" / "sample.json").read_text())
@@ -156,8 +158,11 @@ class TestReadme(unittest.TestCase):
         package = Path(self.folder.name) / "src" / "my_package"
         package.mkdir(parents=True)
         (package / "package.xml").write_text("<package format='2'><name>my_package</name></package>")
-        for name, language, word in (("my_client.test", "xml", "my_client_test.py"), ("my_client_test.py", "python", "TestMyClient")):
-            (package / name).write_text(next(block for block in blocks(language) if word in block))
+        for name, language, word in (
+            ("my_client.test", "xml", "my_client_test.py"),
+            ("my_client_test.py", "python", "TestMyClient"),
+        ):
+            (package / name).write_text(block_with(language, word))
         (package / "my_client_test.py").chmod(0o755)
         environment = dict(os.environ, ROS_PACKAGE_PATH=f"{package.parent}:{os.environ['ROS_PACKAGE_PATH']}")
         self.assertIn("RESULT: SUCCESS", self.run_to_end("rostest my_package my_client.test", environment=environment))

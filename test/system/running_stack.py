@@ -10,16 +10,17 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."
 import numpy as np  # noqa: E402
 import rospy  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
+from ros_testing import Listener, wait_until  # noqa: E402
 from rosgraph_msgs.msg import Log  # noqa: E402
 from visualization_msgs.msg import MarkerArray  # noqa: E402
 
 from mbf_relay.geometry import Pose2D  # noqa: E402
-from mbf_relay.ros.conversions import pose_from_message  # noqa: E402
-from ros_testing import Listener, wait_until  # noqa: E402
+from mbf_relay.ros.common.conversions import pose_from_message  # noqa: E402
 
-
-OF_THE_MACHINE = ("the machine is too slow for it", "no velocity command answered the last scan")
-"""What the simulator says where the machine cannot keep up with the speed asked for."""
+OF_THE_MACHINE = (
+    "the machine is too slow for it", "no velocity command answered the last scan", "Inbound TCP/IP connection failed",
+)
+"""What the simulator says where the machine cannot keep up, and rospy of a client that ended while it connected."""
 
 
 class Run(NamedTuple):
@@ -39,7 +40,9 @@ def run_client(name: str, *arguments: str, timeout: float = 240.0) -> Run:
         output = process.communicate(timeout=timeout)[0]
     except subprocess.TimeoutExpired:
         process.terminate()
-        raise AssertionError(f"waited {timeout:.0f} s for {name} to end, in vain:\n{process.communicate()[0]}")
+        raise AssertionError(
+            f"waited {timeout:.0f} s for {name} to end, in vain:\n{process.communicate()[0]}"
+        ) from None
     return Run(process.returncode, output)
 
 
@@ -81,7 +84,7 @@ class Witness:
         markers = [marker for message in list(self._contacts.messages) for marker in message.markers]
         return [marker.ns for marker in markers if marker.action == marker.ADD]
 
-    def complaints(self) -> List[str]:
+    def warnings(self) -> List[str]:
         """Return every warning and error the nodes have logged, but for those that say how slow this machine is."""
         lines = [f"{message.name}: {message.msg}" for message in list(self._log.messages) if message.level >= Log.WARN]
         return [line for line in lines if not any(words in line for words in OF_THE_MACHINE)]

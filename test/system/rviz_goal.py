@@ -18,7 +18,7 @@ EXPECTED = (
     # Debian's RViz asks for a package that Debian does not have.
     r"\[rospack\] Error: no such package media_export\s*\[librospack\]: error while executing command",
     # RViz draws maps with two kinds of texture in one shader, which software renderers remark upon and then draw.
-    r"\[ERROR\][^\n]*indexed_8bit_image\.vert\n[^\n]*\n\s*GLSL link result :\s*active samplers with a different type[^\n]*",
+    r"\[ERROR\][^\n]*indexed_8bit_image\.vert\n[^\n]*\n\s*GLSL link result :\s*active samplers with a different type[^\n]*",  # noqa: E501
 )
 
 

@@ -19,7 +19,9 @@ class TestWrongStart(ClickingTest):
     def test_a_wrong_pose_is_put_right_by_clicking(self):
         self.assertGreater(self.believed_pose.distance_to(self.true_pose), 2.0, "the start was to be wrong")
         self.click_pose(self.true_pose)
-        wait_until(lambda: self.believed_pose.distance_to(self.true_pose) < 0.5, "localization to take the clicked pose")
+        wait_until(
+            lambda: self.believed_pose.distance_to(self.true_pose) < 0.5, "localization to take the clicked pose"
+        )
         self.assert_reaches(self.click_goal(Pose2D(-1.75, 0.74, math.radians(65))))
 
 

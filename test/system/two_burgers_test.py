@@ -13,13 +13,12 @@ from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import Twist
 from mbf_msgs.msg import MoveBaseAction, MoveBaseGoal
 from nav_msgs.msg import Odometry
+from ros_testing import Listener, wait_until
+from running_stack import start_test_node
 from visualization_msgs.msg import MarkerArray
 
-from running_stack import start_test_node
-
-from mbf_relay.ros.action_client import ActionClient
-from mbf_relay.ros.conversions import pose_from_message
-from ros_testing import Listener, wait_until
+from mbf_relay.ros.common.action_client import ActionClient
+from mbf_relay.ros.common.conversions import pose_from_message
 
 GOALS = {"burger1": (-0.45, -0.55, 1.0), "burger2": (0.45, -0.55, 0.0)}
 """x, y (m) and the w of the heading, towards each other: they meet in the middle and stop apart."""

@@ -8,9 +8,11 @@ import pytest
 
 SOURCE = Path(__file__).resolve().parents[2] / "src" / "mbf_relay"
 MODULES = sorted(SOURCE.rglob("*.py"))
-ROS = re.compile(r"^(rospy|roslib|rosgraph|roslaunch|rosbag|rospkg|tf|tf2_\w+|actionlib|dynamic_reconfigure|\w+_msgs|\w+_srvs)$")
+ROS = re.compile(
+    r"^(rospy|roslib|rosgraph|roslaunch|rosbag|rospkg|tf|tf2_\w+|actionlib|dynamic_reconfigure|\w+_msgs|\w+_srvs)$"
+)
 CLOCKS = {"time.time", "time.monotonic", "time.perf_counter", "time.sleep", "datetime.now", "datetime.utcnow"}
-TIMING_ROOMS = {"ros", "benchmarks"}
+TIMING_ROOMS = {"ros"}
 
 
 def imports(tree):
@@ -40,7 +42,7 @@ def dotted(node):
 def test_a_module_imports_only_what_its_room_may(path):
     for name in imports(parsed(path)):
         top = name.split(".")[0]
-        if room(path) not in ("ros", "benchmarks"):
+        if room(path) != "ros":
             assert not ROS.match(top), f"{path.name} imports {name}: only ros/ knows ROS"
             assert not name.startswith("mbf_relay.ros"), f"{path.name} imports {name}: nothing leans on ros/"
         if room(path) != "simulation":
@@ -67,7 +69,9 @@ def test_modules_are_short_and_documented(path):
 def test_kernels_share_one_decorator():
     for path in MODULES:
         if path.name != "kernels.py":
-            assert "njit" not in path.read_text(encoding="utf-8"), f"{path} compiles on its own: use mbf_relay.kernels.kernel"
+            assert "njit" not in path.read_text(encoding="utf-8"), (
+                f"{path} compiles on its own: use mbf_relay.kernels.kernel"
+            )
 
 
 def test_no_vector_function_takes_a_strided_view():
@@ -83,5 +87,74 @@ def test_no_vector_function_takes_a_strided_view():
 
 def test_no_two_test_modules_have_one_name():
     # pytest imports them by their bare names, so one run over two folders would refuse the second.
-    names = [path.name for folder in ("unit", "contract") for path in (SOURCE.parents[1] / "test" / folder).rglob("*.py")]
+    names = [
+        path.name for folder in ("unit", "contract") for path in (SOURCE.parents[1] / "test" / folder).rglob("*.py")
+    ]
     assert sorted({name for name in names if names.count(name) > 1} - {"conftest.py"}) == []
+
+
+def house_imports():
+    """Return what each module of the package imports of the package, wherever in the file it does so."""
+    names = {
+        ".".join(("mbf_relay", *path.relative_to(SOURCE).with_suffix("").parts)).replace(".__init__", ""): path
+        for path in MODULES
+    }
+    found = {}
+    for name, path in names.items():
+        found[name] = set()
+        for node in ast.walk(parsed(path)):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "mbf_relay":
+                for alias in node.names:
+                    full = f"{node.module}.{alias.name}"
+                    found[name].add(full if full in names else node.module)
+            elif isinstance(node, ast.Import):
+                found[name] |= {alias.name for alias in node.names if alias.name in names}
+    return found
+
+
+def test_no_circle_of_imports():
+    left = house_imports()
+    while True:
+        leaves = {name for name, wanted in left.items() if not wanted & set(left)}
+        if not leaves:
+            break
+        left = {name: wanted for name, wanted in left.items() if name not in leaves}
+    assert not left, f"these import each other in a circle, or are imported by ones that do: {sorted(left)}"
+
+
+def test_a_node_imports_no_other_node():
+    shared = {("server", "costmap"), ("move_base", "relay"), ("move_base", "server"), ("move_base", "costmap")}
+    for name, wanted in house_imports().items():
+        parts = name.split(".")
+        if len(parts) > 3 and parts[1] == "ros":
+            for other in wanted:
+                there = other.split(".")
+                if len(there) > 3 and there[1] == "ros" and there[2] not in (parts[2], "common"):
+                    assert (parts[2], there[2]) in shared, (
+                        f"{name} imports {other}: what both need belongs to ros/common/"
+                    )
+
+
+def test_executables_of_nodes_import_nothing_before_they_can_be_ended():
+    for path in sorted((SOURCE.parents[1] / "scripts").iterdir()):
+        text = path.read_text(encoding="utf-8")
+        if "run_node(" in text:
+            assert list(imports(ast.parse(text))) == ["mbf_relay.ros.common.node"], (
+                f"{path.name}: run_node imports the rest"
+            )
+
+
+def test_one_name_is_one_class():
+    found = {}
+    for path in MODULES:
+        for node in ast.walk(parsed(path)):
+            if isinstance(node, ast.ClassDef) and node.name != "Parameters":
+                found.setdefault(node.name, []).append(str(path.relative_to(SOURCE)))
+    assert {name: paths for name, paths in found.items() if len(paths) > 1} == {}
+
+
+def test_what_answers_yes_or_no_returns_whether():
+    for path in MODULES:
+        for node in ast.walk(parsed(path)):
+            if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+                assert not (ast.get_docstring(node) or "").startswith("Tell whether"), f"{path.name}: {node.name}"

@@ -20,7 +20,7 @@ MASTER_SUMS = {
 
 
 def built_here() -> bool:
-    """Tell whether the mbf_msgs in force is that of action/ and not the system's."""
+    """Return whether the mbf_msgs in force is that of action/ and not the system's."""
     try:
         return os.path.realpath(rospkg.RosPack().get_path("mbf_msgs")) == ACTION_FOLDER
     except rospkg.ResourceNotFound:

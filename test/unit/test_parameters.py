@@ -5,7 +5,7 @@ from typing import Optional, Tuple
 
 import pytest
 
-from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.parameters import ParameterSet, nearest_of, parameter
 
 
 @dataclass(frozen=True)
@@ -17,6 +17,9 @@ class Example(ParameterSet):
     active: bool = parameter(True, "whether it is on")
     outline: Tuple[Tuple[float, float], ...] = parameter(((0.0, 0.0), (1.0, 0.0)), "corner points", unit="m")
     limit: Optional[float] = parameter(None, "none for no limit", unit="m", minimum=0.0)
+    least: float = parameter(0.0, "lowest speed", unit="m/s")
+
+    ORDERED = (("least", "speed"),)
 
     def check(self):
         if self.speed * self.period > 0.5:
@@ -47,6 +50,7 @@ def test_numbers_are_taken_as_the_declared_type():
         ({"outline": [[0, 0, 0]]}, ["outline", "3 entries", "2"]),
         ({"limit": -1}, ["limit", "-1.0", "at least 0.0 m"]),
         ({"speed": 1.0, "period": 1.0}, ["above 0.5 m"]),
+        ({"speed": 0.3, "least": 0.4}, ["least", "0.4", "at most speed", "0.3"]),
     ],
 )
 def test_a_refusal_names_parameter_value_and_what_is_allowed(values, words):
@@ -54,6 +58,42 @@ def test_a_refusal_names_parameter_value_and_what_is_allowed(values, words):
         Example.from_mapping(values)
     for word in words:
         assert word in str(refusal.value)
+
+
+@pytest.mark.parametrize("values, name, taken, words", [
+    ({"speed": -0.3}, "speed", 0.0, ["speed", "-0.3", "at least 0.0 m/s", "0.0 is used"]),
+    ({"speed": 55}, "speed", 1.0, ["speed", "55.0", "at most 1.0 m/s", "1.0 is used"]),
+    ({"period": 0}, "period", 0.1, ["period", "above 0.0 s", "0.1 is used"]),
+    ({"samples": 0}, "samples", 1, ["samples", "at least 1", "1 is used"]),
+    ({"speed": 0.3, "least": 0.4}, "least", 0.3, ["least", "0.4", "at most speed", "0.3 is used"]),
+    ({"speed": "1e-2"}, "speed", 0.01, ["speed", "'1e-2'", "0.01 is used"]),
+    ({"max_speed": 2.0}, "speed", 1.0, ["speed", "2.0", "1.0 is used"]),
+])
+def test_a_value_upstream_takes_is_taken_to_the_range_and_told_of(values, name, taken, words):
+    example, notes = Example.read(values)
+    assert getattr(example, name) == taken
+    assert len(notes) == 1
+    for word in words:
+        assert word in notes[0]
+
+
+def test_values_in_order_are_read_without_a_word():
+    assert Example.read({"speed": 0.3, "least": 0.1, "elsewhere": 3}) == (Example(speed=0.3, least=0.1), [])
+
+
+@pytest.mark.parametrize("values", [{"speed": "fast"}, {"model": "car"}, {"speed": float("nan")}, {"outline": 3}])
+def test_what_nobody_can_make_sense_of_is_refused_all_the_same(values):
+    with pytest.raises(ValueError, match=next(iter(values))):
+        Example.read(values)
+
+
+@pytest.mark.parametrize("name, nearest", [
+    ("max_vel_rot", None), ("max_vel_xx", "max_vel_x"), ("inflation_radus", "inflation_radius"),
+    ("goal_tolerance", "xy_goal_tolerance"), ("alow_unknown", "allow_unknown"),
+])
+def test_a_slip_of_the_pen_is_known_from_another_name(name, nearest):
+    known = ["max_vel_x", "max_vel_y", "inflation_radius", "xy_goal_tolerance", "allow_unknown"]
+    assert nearest_of(name, known) == nearest
 
 
 def test_an_old_name_is_read_and_reported_and_the_present_one_wins():

@@ -26,6 +26,16 @@ class Screw(Tool):
         Path("/no/such/thread.bin").read_bytes()
 
 
+class Anvil(Tool):
+    def __init__(self, name, parameters):
+        super().__init__(name, parameters)
+        {}["heat"]
+
+
+class Mallet(Hammer):
+    stands_in = "the mallet strikes with its weight"
+
+
 class Handle(Tool, abc.ABC):
     @abc.abstractmethod
     def hold(self):
@@ -36,13 +46,27 @@ class Apple(Plugin):
     """Another kind."""
 
 
-KNOWN = {"tools/Hammer": f"{__name__}.Hammer"}
+KNOWN = {"tools/Hammer": f"{__name__}.Hammer", "heavy_tools/SledgeHammer": f"{__name__}.Mallet"}
 
 
 def test_a_known_name_and_a_path_lead_to_the_same_class():
     for type_name in ("tools/Hammer", f"{__name__}.Hammer"):
         plugin = create("mine", type_name, {"weight": 2}, Tool, KNOWN)
         assert isinstance(plugin, Hammer) and plugin.name == "mine" and plugin.parameters.weight == 2.0
+
+
+def test_the_last_part_of_a_known_name_will_do_as_in_files_of_long_ago():
+    assert isinstance(create("mine", "Hammer", {}, Tool, KNOWN), Hammer)
+
+
+def test_what_could_not_be_taken_as_it_is_stands_in_the_notes():
+    plugin = create("mine", "heavy_tools/SledgeHammer", {"weight": 0}, Tool, KNOWN)
+    assert plugin.parameters.weight == 1.0
+    stand_in, clamped = plugin.notes
+    assert "heavy_tools/SledgeHammer is not available here" in stand_in and "strikes with its weight" in stand_in
+    for word in ("weight", "0.0", "above 0.0 kg", "1.0 is used"):
+        assert word in clamped
+    assert create("mine", "tools/Hammer", {"weight": 2.0}, Tool, KNOWN).notes == ()
 
 
 @pytest.mark.parametrize(
@@ -55,7 +79,8 @@ def test_a_known_name_and_a_path_lead_to_the_same_class():
         (f"{__name__}.Apple", {}, ["Apple", "must derive from", "Tool"]),
         (f"{__name__}.Screw", {}, ["mine", "Screw", "/no/such/thread.bin"]),
         (f"{__name__}.Handle", {}, ["Handle", "does not define hold"]),
-        ("tools/Hammer", {"weight": 0}, ["mine", "tools/Hammer", "weight", "above 0.0 kg"]),
+        ("tools/Hammer", {"weight": "much"}, ["mine", "tools/Hammer", "weight", "'much'"]),
+        (f"{__name__}.Anvil", {}, ["mine", "Anvil", "KeyError", "heat"]),
     ],
 )
 def test_a_refusal_names_the_plugin_and_what_there_is(type_name, values, words):

@@ -1,27 +1,23 @@
-"""The README tells the truth: its links lead somewhere, its commands exist, its examples run."""
+"""The READMEs tell the truth: their links lead somewhere, their commands exist, their examples run."""
 
+import os
 import re
 import shlex
+import shutil
+import subprocess
 import sys
 import types
-from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from readmes import ROOT, block_with, blocks, texts
 
 from mbf_relay.costmap.cost_grid import CostGrid
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.planning.planner import Cancellation
-
-ROOT = Path(__file__).resolve().parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-
-
-def blocks(language):
-    return re.findall(rf"^```{language}\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
 
 
 def commands():
@@ -35,9 +31,10 @@ def commands():
 
 
 def named():
-    """Every `roslaunch`, `rosrun` and script of the README, in code blocks and in running text."""
+    """Every `roslaunch`, `rosrun` and script of the READMEs, in code blocks and in running text."""
     found = [command for command in commands() if command]
-    found += [shlex.split(text) for text in re.findall(r"`((?:roslaunch|rosrun|scripts/)[^`]*)`", README)]
+    for text in texts().values():
+        found += [shlex.split(text) for text in re.findall(r"`((?:roslaunch|rosrun|scripts/\w)[^`]*)`", text)]
     return sorted({" ".join(words) for words in found})
 
 
@@ -50,7 +47,7 @@ def test_a_command_names_what_there_is(command):
         assert (ROOT / words[0]).is_file()
     if words[0] in ("roslaunch", "rosrun"):
         words = [word for word in words if not word.startswith("-")]
-        if words[1] == "mbf_relay" and words[2:] and words[2].isupper() is False and words[2] != "FILE.launch":
+        if words[1] == "mbf_relay" and words[2:] and not words[2].isupper() and words[2] != "FILE.launch":
             folder = "launch" if words[0] == "roslaunch" else "scripts"
             assert (ROOT / folder / words[2]).is_file(), f"{words[2]} is not in {folder}/"
             if words[0] == "roslaunch":
@@ -59,26 +56,99 @@ def test_a_command_names_what_there_is(command):
                     assert f'name="{argument.split(":=")[0]}"' in launch, f"{words[2]} has no argument {argument}"
 
 
-@pytest.mark.parametrize("target", sorted(set(re.findall(r"\]\(([^)#]+)\)", README))))
-def test_a_link_leads_to_a_file_of_the_repository(target):
-    assert target.startswith("http") or (ROOT / target).exists()
+RUN_ELSEWHERE = ("roslaunch", "rosrun", "rostest", "scripts/run", "scripts/demo", "scripts/test", "scripts/benchmark")
+"""By system/readme_commands, system/demo and CI."""
+
+
+@pytest.mark.parametrize("command", sorted({" ".join(words) for words in commands() if words}))
+def test_a_command_is_of_a_kind_that_some_test_runs(command):
+    if not command.startswith(RUN_ELSEWHERE):
+        assert command in workspace_block() or command in block_with("sh", "scripts/demo        #"), command
+
+
+def workspace_block():
+    """Return the shell block that brings the package into a catkin workspace."""
+    return block_with("sh", "catkin_make")
+
+
+@pytest.fixture
+def in_new_home(tmp_path):
+    """Return what runs a line of shell in an empty home with a workspace; the repository's URL becomes this checkout.
+
+    What the machine has no program for is left out.
+    """
+    (tmp_path / "catkin_ws" / "src").mkdir(parents=True)
+    environment = dict(
+        os.environ, HOME=str(tmp_path), GIT_CONFIG_COUNT="1", GIT_CONFIG_KEY_0="safe.directory", GIT_CONFIG_VALUE_0="*"
+    )
+    environment["PATH"] = os.pathsep.join(("/usr/bin", environment["PATH"]))  # catkin needs the system's python3
+    for made_by_a_build in ("CMAKE_PREFIX_PATH", "ROS_PACKAGE_PATH"):
+        environment.pop(made_by_a_build, None)
+
+    def run(line, folder):
+        line = line.replace("REPOSITORY_URL", shlex.quote(str(ROOT)))
+        parts = [part for part in line.split(" && ") if shlex.split(part)[0] in ("cd", ".") or shutil.which(
+            shlex.split(part)[0])]
+        done = subprocess.run(
+            ["bash", "-ec", " && ".join([*parts, "pwd"])], cwd=str(folder), env=environment, timeout=900,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        )
+        assert done.returncode == 0, f"'{line}' said:\n{done.stdout}"
+        return done.stdout.splitlines()[-1]
+
+    return run
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists() or not shutil.which("git"), reason="this is no checkout of git")
+def test_the_package_is_cloned_as_the_first_readme_says(in_new_home, tmp_path):
+    place = in_new_home(block_with("sh", "scripts/demo        #").splitlines()[0], tmp_path)
+    assert os.access(os.path.join(place, "scripts", "demo"), os.X_OK)
+    in_new_home(workspace_block().splitlines()[0], tmp_path)
+    assert (tmp_path / "catkin_ws" / "src" / "mbf_relay" / "package.xml").is_file()
+
+
+@pytest.mark.skipif(os.environ.get("MBF_RELAY_LONG") != "1", reason="builds the package once more")
+def test_the_package_is_built_in_a_workspace_as_the_first_readme_says(in_new_home, tmp_path):
+    clone, build = workspace_block().splitlines()[:2]
+    in_new_home(build, in_new_home(clone, tmp_path))
+    assert (tmp_path / "catkin_ws" / "devel" / "setup.bash").is_file()
+
+
+LINKS = [(path, target) for path, text in texts().items() for target in sorted(set(re.findall(r"\]\(([^)]+)\)", text)))]
+
+
+@pytest.mark.parametrize("path, target", LINKS, ids=lambda part: str(part).replace(str(ROOT), ""))
+def test_a_link_leads_to_a_file_and_a_heading_of_the_repository(path, target):
+    if target.startswith("http"):
+        return
+    place, _, heading = target.partition("#")
+    there = (path.parent / place).resolve() if place else path
+    assert there.exists(), f"{path.name} links to {target}"
+    if heading:
+        guide = there / "README.md" if there.is_dir() else there
+        headings = re.findall(r"^#+ (.*)$", guide.read_text(encoding="utf-8"), re.MULTILINE)
+        assert heading in {re.sub(r"[^\w -]", "", words.lower()).replace(" ", "-") for words in headings}
+
+
+def test_the_first_readme_is_read_in_ten_minutes():
+    assert len(texts()[ROOT / "README.md"].splitlines()) <= 250
 
 
 @pytest.fixture
 def example(monkeypatch):
-    """Runs the README's python examples as modules and gives what they define."""
+    """Run the python example that defines a name as a module, and give what it defines."""
 
-    def load(index):
-        module = types.ModuleType(f"readme_example_{index}")
+    def load(name):
+        module = types.ModuleType(f"readme_example_{name}")
         monkeypatch.setitem(sys.modules, module.__name__, module)
-        exec(compile(blocks("python")[index], "README.md", "exec"), module.__dict__)
-        return module
+        exec(compile(block_with("python", f"class {name}("), "README.md", "exec"), module.__dict__)
+        return getattr(module, name)
 
     return load
 
 
 def test_the_example_planner_plans(example):
-    kind = example(0).StraightLine
+    kind = example("StraightLine")
     planner = kind("straight", kind.Parameters())
     grid = Grid(0.05, 0.0, 0.0, 100, 100)
     costs = np.zeros(grid.shape, dtype=np.uint8)
@@ -93,7 +163,7 @@ def test_the_example_planner_plans(example):
 
 
 def test_the_example_recovery_runs_and_ends(example):
-    kind = example(1).Shuffle
+    kind = example("Shuffle")
     shuffle = kind("shuffle", kind.Parameters(duration=1.0))
 
     class Context:

@@ -1,7 +1,17 @@
 """Local control: which velocity follows the path and stays clear of what the robot sees."""
 
 CONTROLLERS = {
+    "base_local_planner/TrajectoryPlannerROS": "mbf_relay.control.trajectory_planner.TrajectoryPlanner",
     "dwa_local_planner/DWAPlannerROS": "mbf_relay.control.dwa.DwaController",
+    "dwb_local_planner/DWBLocalPlanner": "mbf_relay.control.stand_ins.DwbStandIn",
+    "eband_local_planner/EBandPlannerROS": "mbf_relay.control.stand_ins.EBandStandIn",
+    "mppi": "mbf_relay.control.mppi.controller.MppiController",
+    "nav2_mppi_controller/MPPIController": "mbf_relay.control.mppi.controller.MppiController",
+    "neo_local_planner/NeoLocalPlanner": "mbf_relay.control.stand_ins.NeoStandIn",
+    "pose_follower/PoseFollower": "mbf_relay.control.stand_ins.EBandStandIn",
+    "regulated_pure_pursuit_controller/RegulatedPurePursuitController":
+        "mbf_relay.control.pure_pursuit.RegulatedPurePursuit",
     "regulated_pure_pursuit": "mbf_relay.control.pure_pursuit.RegulatedPurePursuit",
+    "teb_local_planner/TebLocalPlannerROS": "mbf_relay.control.stand_ins.TebStandIn",
 }
 """Type names in parameter files and the classes that do that job here."""

@@ -3,73 +3,26 @@
 from __future__ import annotations
 
 import abc
-import math
-from dataclasses import dataclass
-from typing import Any, Optional
+from typing import Any, Callable, Optional
 
-from mbf_relay.costmap.cost_grid import CostGrid
-from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D
+from mbf_relay.control.report import CycleReport
+from mbf_relay.control.state import ControlState, GoalTolerance, SpeedLimit
+from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.planning.path import Path
 from mbf_relay.plugins import Plugin
 
 
-@dataclass(frozen=True)
-class ControlState:
-    """What a controller knows in one cycle.
-
-    Attributes:
-        now: Time (s).
-        pose: The robot in the costmap's frame.
-        velocity: The robot's velocity from odometry, body frame.
-        costmap: The local costmap.
-        costmap_from_path: Takes poses in the path's frame to the costmap's frame.
-        period: Time (s) until the next cycle.
-        commanded: The velocity sent to the robot last, where known: not the controller's own last one where that was
-            held back, as at the end of a drive that was called off.
-    """
-
-    now: float
-    pose: Pose2D
-    velocity: Twist2D
-    costmap: CostGrid
-    costmap_from_path: Pose2D = IDENTITY
-    period: float = 0.1
-    commanded: Optional[Twist2D] = None
-
-
-@dataclass(frozen=True)
-class GoalTolerance:
-    """How near is there.
-
-    Attributes:
-        distance: Metres.
-        angle: Radians.
-    """
-
-    distance: float
-    angle: float
-
-
-@dataclass(frozen=True)
-class SpeedLimit:
-    """Lower top speeds for a while.
-
-    Attributes:
-        translation: Metres per second.
-        rotation: Radians per second.
-        distance: Metres from where it was set, beyond which it no longer holds.
-    """
-
-    translation: float = math.inf
-    rotation: float = math.inf
-    distance: float = math.inf
-
-
 class Controller(Plugin, abc.ABC):
-    """Turns a path and what the robot sees into a velocity, once per cycle. It is never called by two threads at once."""
+    """Turns a path and what the robot sees into a velocity, once per cycle. It is never called by two threads at once.
+
+    Attributes:
+        watcher: Called with a CycleReport after each cycle, in the controller's thread, by controllers that give any;
+            None for nobody.
+    """
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
+        self.watcher: Optional[Callable[[CycleReport], None]] = None
         self._speed_limit = SpeedLimit()
         self._limited_from: Optional[Pose2D] = None
 
@@ -84,6 +37,11 @@ class Controller(Plugin, abc.ABC):
         if pose.distance_to(self._limited_from) > self._speed_limit.distance:
             self._speed_limit = SpeedLimit()
         return self._speed_limit
+
+    @property
+    def goal_tolerance(self) -> Optional[GoalTolerance]:
+        """How near is there where the action does not say; None for a controller that has no such measure."""
+        return None
 
     @abc.abstractmethod
     def set_path(self, path: Path, is_new_goal: bool) -> None:
@@ -108,7 +66,7 @@ class Controller(Plugin, abc.ABC):
 
     @abc.abstractmethod
     def is_goal_reached(self, state: ControlState, tolerance: Optional[GoalTolerance] = None) -> bool:
-        """Tell whether the robot stands at the end of the path.
+        """Return whether the robot stands at the end of the path.
 
         Args:
             state: As for `compute_velocity`.

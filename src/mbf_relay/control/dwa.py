@@ -8,21 +8,17 @@ from typing import List, Optional
 import numpy as np
 
 from mbf_relay.control.critics import CRITICS
-from mbf_relay.control.critics.critic import Critic, Scene
+from mbf_relay.control.critics.critic import Critic, CriticData
 from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.explanation import Explanation
-from mbf_relay.control.follower import PathFollower, Surroundings
+from mbf_relay.control.follower import ControlCycle, PathFollower
 from mbf_relay.control.report import CycleReport
 from mbf_relay.control.trajectories import STANDING, Trajectories, roll_out, sample, window_of
 from mbf_relay.geometry import STOP, Twist2D
-from mbf_relay.plugins import find_class
 from mbf_relay.planning.path import Path
+from mbf_relay.plugins import find_class
 
-PLACE = ("path", "goal", "alignment", "goal_front")
-NOSES = ("alignment", "goal_front")
-"""Not asked where they hold the robot: at a bend its nose may be as near to the path as it gets where it stands."""
-
-LEAST_GAIN = 0.002  # m off the path by which a trajectory's end must be better than standing
+LEAST_GAIN = 0.01  # robot's widths off the path by which a trajectory's end must be better than standing
 
 
 class DwaController(PathFollower):
@@ -38,6 +34,8 @@ class DwaController(PathFollower):
     """
 
     Parameters = DwaParameters
+    parameters: DwaParameters
+    dynamic_config = "mbf_relay.cfg.DwaConfig"
 
     def __init__(self, name: str, parameters: DwaParameters) -> None:
         super().__init__(name, parameters)
@@ -55,8 +53,13 @@ class DwaController(PathFollower):
 
     @property
     def lookahead(self) -> float:
-        """forward_point_distance, and 0.2 m where that is less."""
-        return max(0.2, self.parameters.forward_point_distance)
+        """forward_point_distance."""
+        return self.parameters.forward_point_distance
+
+    @property
+    def horizon(self) -> float:
+        """sim_time."""
+        return self.parameters.sim_time
 
     @property
     def turn_to_path_angle(self) -> float:
@@ -70,38 +73,50 @@ class DwaController(PathFollower):
             for critic in self.critics:
                 critic.reset()
 
-    def drive(self, around: Surroundings) -> Twist2D:
+    def drive(self, cycle: ControlCycle) -> Twist2D:
         """Return the command of the cheapest trajectory."""
-        parameters, state = self.parameters, around.state
-        window = around.window
+        parameters, state = self.parameters, cycle.state
+        window = cycle.window
         if not parameters.use_dwa:
-            window = window_of(parameters, around.velocity, parameters.sim_time, around.speed, around.turn)
-        velocities = np.vstack((sample(parameters, window, around.speed), np.zeros((1, 3))))
+            window = window_of(parameters, cycle.velocity, parameters.sim_time, cycle.speed, cycle.turn)
+        velocities = np.vstack((sample(parameters, window, cycle.speed), np.zeros((1, 3))))
         self.trajectories = roll_out(
-            parameters, around.view, state.pose, around.velocity, velocities, state.period, around.path.remaining,
-            parameters.sim_time * around.focus,
+            parameters, cycle.checker, state.pose, cycle.velocity, velocities, state.period, cycle.path.remaining,
+            parameters.sim_time * cycle.horizon_scale,
         )
-        scene = Scene(state.now, state.pose, around.velocity, around.path, around.view, window, around.focus)
-        self.explanation = self._score(self.trajectories, scene)
+        data = CriticData(state.now, state.pose, cycle.velocity, cycle.path, cycle.checker, window, cycle.horizon_scale)
+        self.explanation = self._score(self.trajectories, data)
         winner = self.explanation.winner
-        stands = around.window.contains(STOP)
-        if winner is not None and np.hypot(*velocities[winner, :2]) < STANDING:
-            turn = self.turn_to_path(around, 0.0)
+        stands, width = cycle.window.contains(STOP), state.costmap.width
+        turns_only = False
+        if winner is not None and np.hypot(*velocities[winner, :2]) < STANDING * parameters.max_vel_trans:
+            turn = self.turn_to_path(cycle, 0.0)
             if turn is not None:
                 return turn
-        if stands and not self._is_worthwhile(self.explanation):
-            self.explanation = self.explanation.without(NOSES)
-            winner = self.explanation.winner if self._is_worthwhile(self.explanation) else None
+            if not stands:  # it faces the path and turns too fast to go on from there: else it would swing to and fro
+                return cycle.window.clip(STOP)
+            turns_only = True
+        worthwhile = self._is_worthwhile(self.explanation, width)
+        if stands and (turns_only or not worthwhile):
+            getting_on = self.explanation.where_held()
+            if self._is_worthwhile(getting_on, width) or not worthwhile:
+                worthwhile, self.explanation = self._is_worthwhile(getting_on, width), getting_on
+            winner = self.explanation.winner if worthwhile else None
+        if winner is None and self._is_worthwhile(self.explanation.once_passed(), width):
+            return cycle.window.clip(STOP)
         if winner is None:
-            raise self.nothing_left(around, str(self.explanation))
+            raise self.nothing_left(cycle, str(self.explanation))
         command = Twist2D(*map(float, self.trajectories.commands[winner]))
-        for critic in self.critics:
-            critic.driven(command, scene)
+        if self.explanation.once_passed().winner == winner:  # to step aside for somebody is no change of mind
+            for critic in self.critics:
+                critic.driven(command, data)
         return command
 
-    def report(self, around: Surroundings, drove: bool) -> CycleReport:
+    def report(self, cycle: ControlCycle, drove: bool) -> CycleReport:
         """Return the batch of trajectories, their costs and why the winner won."""
-        plain = super().report(around, drove)
+        p = self.parameters
+        weights = (p.path_distance_bias, p.goal_distance_bias, p.occdist_scale) if p.publish_cost_grid_pc else None
+        plain = dataclasses.replace(super().report(cycle, drove), cost_weights=weights)
         if not drove or self.trajectories is None or self.explanation is None:
             return plain
         winner, trajectory = self.explanation.winner, plain.trajectory
@@ -109,27 +124,31 @@ class DwaController(PathFollower):
             trajectory = self.trajectories.poses[winner, : self.trajectories.free[winner]]
         return dataclasses.replace(
             plain, trajectory=trajectory, trajectories=self.trajectories, totals=self.explanation.totals,
-            explanation=str(self.explanation),
+            explanation=str(self.explanation), shows_trajectories=p.publish_traj_pc,
         )
 
-    def _is_worthwhile(self, explanation: Explanation) -> bool:
-        """Tell whether the winner leads anywhere: whether its end is a better place than here, by what critics of place say.
+    def _is_worthwhile(self, explanation: Explanation, width: float) -> bool:
+        """Return whether the winner leads anywhere.
 
-        A robot that creeps to and fro before an obstacle is not on its way; whoever sent it should hear of that.
+        Whether its end is a better place than here, by critics that judge that.
+
+        A robot that creeps to and fro before an obstacle is not on its way; whoever sent it should hear of that. Where
+        no critic judges places, every winner counts.
         """
         if explanation.winner is None:
             return False
-        place = np.array([name in PLACE for name in explanation.critics])
-        costs = explanation.scores[place]
+        costs = explanation.scores[explanation.judges_place]
+        if len(costs) == 0:
+            return True
         gain = costs[:, -1].sum() - costs[:, explanation.winner].sum()
-        return bool(gain > LEAST_GAIN * self.parameters.path_distance_bias)
+        return bool(gain > LEAST_GAIN * width * self.parameters.path_distance_bias)
 
-    def _score(self, trajectories: Trajectories, scene: Scene) -> Explanation:
+    def _score(self, trajectories: Trajectories, data: CriticData) -> Explanation:
         asked = [critic for critic in self.critics if critic.scale > 0.0]
         scores = np.zeros((len(asked), len(trajectories)))
         for row, critic in zip(scores, asked):
-            row[:] = critic.scale * critic.score(trajectories, scene)
-        return Explanation.of([critic.name for critic in asked], scores, trajectories.velocities)
+            row[:] = critic.scale * critic.score(trajectories, data)
+        return Explanation.of(asked, scores, trajectories.velocities)
 
 
 def _make_critics(parameters: DwaParameters) -> List[Critic]:

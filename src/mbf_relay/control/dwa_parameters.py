@@ -34,12 +34,24 @@ class DwaParameters(FollowerParameters):
         0.01, "what a change of the turn by 1 rad/s costs, as metres off the path", "m", minimum=0.0
     )
     slow_scale: float = parameter(
-        0.1, "what a velocity below both min_vel_trans and min_vel_theta costs, as metres off the path", "m", minimum=0.0
+        0.1,
+        "what a velocity below both min_vel_trans and min_vel_theta costs, as metres off the path",
+        "m",
+        minimum=0.0,
+    )
+    foresight_scale: float = parameter(
+        2.0,
+        "what meeting something that moves costs, as metres off the path: all of it now, nothing at foresight_horizon",
+        "m",
+        minimum=0.0,
     )
     sum_scores: bool = parameter(False, "sum the costs along a trajectory instead of taking the highest")
-    forward_point_distance: float = parameter(0.325, "how far ahead of the robot its scored nose lies", "m")
+    forward_point_distance: float = parameter(
+        0.325, "how far ahead of the robot its forward point lies, which is scored, too", "m"
+    )
     cheat_factor: float = parameter(
-        1.0, "the nose is no longer held to the path nearer to the goal than forward_point_distance times its root",
+        1.0,
+        "the forward point is no longer held to the path nearer to the goal than forward_point_distance times its root",
         minimum=0.0,
     )
     scaling_speed: float = parameter(0.25, "speed above which the footprint grows", "m/s", minimum=0.0)
@@ -47,12 +59,28 @@ class DwaParameters(FollowerParameters):
     oscillation_reset_dist: float = parameter(0.05, "distance that lifts the ban on turning back", "m", minimum=0.0)
     oscillation_reset_angle: float = parameter(0.2, "turn that lifts the ban on turning back", "rad", minimum=0.0)
 
+    heading_scale: float = parameter(
+        0.0, "what a radian off the farthest point of the path in sight costs, where `heading` is among the critics",
+        "1/rad", minimum=0.0,
+    )
+    heading_time: float = parameter(0.8, "how far along a trajectory its heading is scored", "s", minimum=0.0)
     turn_to_path_angle: float = parameter(
         1.0, "heading error beyond which the robot turns on the spot before it drives; above pi never", "rad", above=0.0
     )
     critics: Tuple[str, ...] = parameter(
-        ("oscillation", "obstacle", "goal_front", "alignment", "path", "goal", "twirling", "prefer_forward", "slow",
-         "steady"),
+        (
+            "oscillation",
+            "obstacle",
+            "foresight",
+            "goal_front",
+            "alignment",
+            "path",
+            "goal",
+            "twirling",
+            "prefer_forward",
+            "slow",
+            "steady",
+        ),
         "critics in the order they are asked; package.module.Class for one of your own",
     )
     publish_traj_pc: bool = parameter(False, "publish trajectory_cloud")

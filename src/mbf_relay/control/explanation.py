@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Dict, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Dict, Iterable, Optional, Sequence, Tuple
 
 import numpy as np
 
 from mbf_relay.geometry import Twist2D
+
+if TYPE_CHECKING:
+    from mbf_relay.control.critics.critic import Critic
 
 
 @dataclass(frozen=True)
@@ -15,38 +18,56 @@ class Explanation:
     """One cycle of scoring.
 
     Attributes:
-        critics: Names in the order asked.
+        critics: In the order asked.
         scores: Shape (C, N): weighted cost by critic and trajectory; inf where ruled out.
         velocities: Shape (N, 3): the velocities sampled; the last one is standing still, which never wins.
         winner: Index of the trajectory chosen; None where all were ruled out.
     """
 
-    critics: Tuple[str, ...]
+    critics: Tuple[Critic, ...]
     scores: np.ndarray
     velocities: np.ndarray
     winner: Optional[int]
 
     @staticmethod
-    def of(critics: Sequence[str], scores: np.ndarray, velocities: np.ndarray) -> Explanation:
+    def of(critics: Sequence[Critic], scores: np.ndarray, velocities: np.ndarray) -> Explanation:
         """Return the explanation of scores, the cheapest trajectory the winner."""
         totals = scores.sum(axis=0)[:-1]
         winner = int(np.argmin(totals)) if len(totals) and np.isfinite(totals).any() else None
         return Explanation(tuple(critics), scores, velocities, winner)
 
-    def without(self, critics: Sequence[str]) -> Explanation:
-        """Return what it would be had these critics not been asked."""
-        kept = [index for index, name in enumerate(self.critics) if name not in critics]
+    @property
+    def names(self) -> Tuple[str, ...]:
+        """The critics' names."""
+        return tuple(critic.name for critic in self.critics)
+
+    @property
+    def judges_place(self) -> np.ndarray:
+        """Which critics judge the place a trajectory ends at, shape (C,)."""
+        return np.array([critic.judges_place for critic in self.critics], dtype=bool)
+
+    def where_held(self) -> Explanation:
+        """Return what it would be without the critics that yield where they hold the robot."""
+        return self._without(critic.yields_where_held for critic in self.critics)
+
+    def once_passed(self) -> Explanation:
+        """Return what it would be without the critics whose objections pass by themselves."""
+        return self._without(critic.passes_by_itself for critic in self.critics)
+
+    def _without(self, left_out: Iterable[bool]) -> Explanation:
+        kept = [index for index, out in enumerate(left_out) if not out]
         return Explanation.of([self.critics[index] for index in kept], self.scores[kept], self.velocities)
 
     @property
     def totals(self) -> np.ndarray:
         """Total cost of each trajectory, shape (N,)."""
-        return self.scores.sum(axis=0)
+        totals: np.ndarray = self.scores.sum(axis=0)
+        return totals
 
     @property
     def ruled_out(self) -> Dict[str, int]:
         """How many trajectories each critic ruled out; one that several did counts with each."""
-        return {name: int(np.isinf(row[:-1]).sum()) for name, row in zip(self.critics, self.scores)}
+        return {critic.name: int(np.isinf(row[:-1]).sum()) for critic, row in zip(self.critics, self.scores)}
 
     def runner_up(self) -> Optional[int]:
         """Return the best of the trajectories that go another way: other by a tenth of the window in some component."""
@@ -72,7 +93,7 @@ class Explanation:
         decisive = int(np.argmax(lead))
         return (
             f"{text}, ahead of {_velocity(self.velocities[other])} at {self.totals[other]:.2f} "
-            f"mostly by {self.critics[decisive]} ({lead[decisive]:+.2f})"
+            f"mostly by {self.critics[decisive].name} ({lead[decisive]:+.2f})"
         )
 
 

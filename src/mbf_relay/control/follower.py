@@ -1,58 +1,77 @@
-"""What every controller that follows a path does the same way: keep its place, turn, brake for the goal, and give up."""
+"""What every controller that follows a path does the same way: keep its place, turn, brake for the goal, and give up.
+"""
 
 from __future__ import annotations
 
 import abc
 import math
 from dataclasses import dataclass
-from typing import Any, Callable, ClassVar, Optional, Type
+from typing import Any, ClassVar, Optional, Type
 
 import numpy as np
 
 from mbf_relay.control.back_out import BackOut
-from mbf_relay.control.controller import Controller, ControlState, GoalTolerance
+from mbf_relay.control.braking import arc, stopping_time
+from mbf_relay.control.checkers import BlockedGoalChecker, GoalChecker, StuckChecker
+from mbf_relay.control.controller import Controller
 from mbf_relay.control.follower_parameters import FollowerParameters
-from mbf_relay.control.goal_keeper import GoalKeeper
-from mbf_relay.control.guards import GoalGuard, StuckGuard
+from mbf_relay.control.foresight import Foresight
 from mbf_relay.control.local_path import LocalPath, PathTracker
-from mbf_relay.control.obstacle_view import ObstacleView
 from mbf_relay.control.report import CycleReport
+from mbf_relay.control.state import ControlState, GoalTolerance
 from mbf_relay.control.trajectories import VelocityWindow, speed_to_stop_within, window_of
 from mbf_relay.control.turning import free_turn, free_way_round, turn_rate
+from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import STOP, Pose2D, Twist2D, angle_between
 from mbf_relay.outcomes import ControlError, ControlOutcome
 from mbf_relay.parameters import ParameterSet
 from mbf_relay.planning.path import Path
 
 TURNED = 0.15  # rad: a turn towards the path ends here
-NARROW, WIDE = 0.02, 0.15  # m between the sides of the footprint and obstacles: where focus is least, and where it is 1
-NARROWEST_FOCUS = 0.4
-BEHIND = 0.7  # m of path kept behind the robot
+LEAST_HORIZON_SCALE = 0.4
+
+# in robot's widths
+# between the sides of the footprint and obstacles: where the horizon scale is least, and where 1
+NARROW, WIDE = 0.1, 0.65
+BEHIND = 3.0  # path kept behind the robot
+BEYOND = 4.5  # path kept beyond what is looked ahead
+EXTENSION = 2.0  # how far the path goes on beyond the goal, besides what is looked ahead
+MISSED = 2.0  # so far from the path it can be rejoined in any case
+HERE = 0.1  # a point so near has no direction
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class ControlCycle:
     """What one cycle works on.
 
     Attributes:
         state: As handed in.
         path: The path round the robot.
-        view: The obstacles.
+        checker: The obstacles.
         velocity: The velocity the robot is at: the last command where it followed that, else as measured.
         window: The velocities in reach, within the top speeds for now.
         speed: Top translational speed (m/s) for now.
         turn: Top rotational speed (rad/s) for now.
-        focus: 1 in the open, less where the path ahead is narrow: by how much to shorten what the robot looks ahead.
+        lookahead: Distance (m) ahead on the path whose direction the robot faces before it drives; its width at least.
+        horizon_scale: 1 in the open, less where the path ahead is narrow: by how much to shorten what the robot looks
+            ahead.
     """
 
     state: ControlState
     path: LocalPath
-    view: ObstacleView
+    checker: FootprintChecker
     velocity: Twist2D
     window: VelocityWindow
     speed: float
     turn: float
-    focus: float = 1.0
+    lookahead: float
+    horizon_scale: float = 1.0
+
+ODOMETRY_LAG = 0.1
+"""Time (s) by which wheels may lag behind a command, and odometry behind the wheels: three readings of 30 Hz.
+
+Where cycles are shorter than that, a robot slow to accelerate would never get going by two of them.
+"""
 
 
 class PathFollower(Controller, abc.ABC):
@@ -60,29 +79,28 @@ class PathFollower(Controller, abc.ABC):
 
     Attributes:
         command: The velocity of the last cycle.
-        watcher: Called with a CycleReport after each cycle, in the controller's thread; None for nobody.
     """
 
     Parameters: ClassVar[Type[ParameterSet]] = FollowerParameters
+    parameters: FollowerParameters
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
         self._tracker = PathTracker()
-        self._goal_keeper = GoalKeeper()
-        self._stuck_guard = StuckGuard()
-        self._goal_guard = GoalGuard()
+        self._goal_checker = GoalChecker()
+        self._stuck_checker = StuckChecker()
+        self._blocked_goal_checker = BlockedGoalChecker()
         self._back_out = BackOut()
         self.command = STOP
-        self.watcher: Optional[Callable[[CycleReport], None]] = None
-        self._around: Optional[Surroundings] = None
+        self._cycle: Optional[ControlCycle] = None
         self._drove = False
         self._commanded_at: Optional[float] = None
         self._started_from = STOP
         self._turn_left: Optional[float] = None
 
     @abc.abstractmethod
-    def drive(self, around: Surroundings) -> Twist2D:
-        """Return the velocity that follows the path, within `around.window`.
+    def drive(self, cycle: ControlCycle) -> Twist2D:
+        """Return the velocity that follows the path, within `cycle.window`.
 
         Raises:
             ControlError: Nothing is left to drive.
@@ -91,50 +109,81 @@ class PathFollower(Controller, abc.ABC):
     @property
     @abc.abstractmethod
     def lookahead(self) -> float:
-        """Distance (m) ahead on the path whose direction the robot faces before it drives."""
+        """Distance (m) ahead on the path whose direction the robot faces before it drives.
+
+        Less than its width counts as that.
+        """
 
     @property
     @abc.abstractmethod
     def turn_to_path_angle(self) -> float:
         """Heading error (rad) beyond which the robot turns on the spot before it drives."""
 
+    @property
+    def horizon(self) -> float:
+        """Time (s) ahead for which it predicts at most; the path is cut as long as that takes it."""
+        return 1.5
+
+    @property
+    def goal_tolerance(self) -> GoalTolerance:
+        """xy_goal_tolerance and yaw_goal_tolerance."""
+        return GoalTolerance(self.parameters.xy_goal_tolerance, self.parameters.yaw_goal_tolerance)
+
     def set_path(self, path: Path, is_new_goal: bool) -> None:
         """Follow `path`; see Controller."""
         self._tracker.set_path(path)
         if is_new_goal:
-            self._goal_keeper.reset()
-            self._goal_guard.reset()
-            self._stuck_guard.reset()
+            self._goal_checker.reset()
+            self._blocked_goal_checker.reset()
+            self._stuck_checker.reset()
             self._back_out.reset()
             self._turn_left = None
 
     def is_goal_reached(self, state: ControlState, tolerance: Optional[GoalTolerance] = None) -> bool:
-        """Tell whether the robot stands at the goal; see Controller."""
+        """Return whether the robot stands at the goal; see Controller."""
         if self._tracker.path is None:
             return False
-        self._goal_keeper.tolerance = tolerance
+        self._goal_checker.tolerance = tolerance
         goal = state.costmap_from_path.compose(self._tracker.path.goal)
-        return self._goal_keeper.is_reached(state, goal, self.parameters)
+        return self._goal_checker.is_reached(state, goal, self.parameters)
 
     def compute_velocity(self, state: ControlState) -> Twist2D:
         """Return the velocity to command; see Controller."""
-        self._around, self._drove = None, False
+        self._cycle, self._drove = None, False
         try:
-            command = self._decide(state)
+            command = self._foreseen(self._decide(state))
         except ControlError:
             self._remember(state, STOP)
-            self._stuck_guard.reset()
+            self._stuck_checker.reset()
             raise
         else:
             self._remember(state, command)
             return command
         finally:
-            if self.watcher is not None and self._around is not None:
-                self.watcher(self.report(self._around, self._drove))
+            if self.watcher is not None and self._cycle is not None:
+                self.watcher(self.report(self._cycle, self._drove))
 
-    def report(self, around: Surroundings, drove: bool) -> CycleReport:
+    def report(self, cycle: ControlCycle, drove: bool) -> CycleReport:
         """Return what to show of a cycle; `drove` tells whether `drive` was asked in it."""
-        return CycleReport(around.state.now, around.state.costmap, around.path, np.zeros((0, 3)))
+        return CycleReport(cycle.state.now, cycle.state.costmap, cycle.path, np.zeros((0, 3)))
+
+    def _foreseen(self, command: Twist2D) -> Twist2D:
+        """Return the command, or as good a stop as there is where the robot could not brake before it meets what moves.
+
+        A robot that would be met no later where it stands goes on.
+        """
+        cycle = self._cycle
+        assert cycle is not None
+        if command == STOP or not self.parameters.foresight:
+            return command
+        foresight = Foresight(cycle.state.costmap, cycle.state.now, self.parameters)
+        if foresight.is_blind:
+            return command
+        duration = stopping_time(self.parameters, command, cycle.state.period)
+        poses = arc(cycle.checker, cycle.state, command, duration)
+        meeting = foresight.meetings(poses[None], np.array([len(poses)]), np.array([duration / len(poses)]))
+        cost = foresight.costs(meeting, np.array([duration]), cycle.state.pose)[0]
+        return command if math.isfinite(cost) else cycle.window.clip(STOP)
 
     def _decide(self, state: ControlState) -> Twist2D:
         parameters = self.parameters
@@ -142,72 +191,85 @@ class PathFollower(Controller, abc.ABC):
             raise ControlError(ControlOutcome.NOT_INITIALIZED, "there is no path to follow; set one first")
         if not (state.pose.is_finite() and state.velocity.is_finite()):
             raise ControlError(
-                ControlOutcome.INTERNAL_ERROR, f"pose {tuple(state.pose)} or velocity {tuple(state.velocity)} is not finite"
+                ControlOutcome.INTERNAL_ERROR,
+                f"pose {tuple(state.pose)} or velocity {tuple(state.velocity)} is not finite",
             )
-        around = self._around = self.look_around(state)
-        self._stuck_guard.check(state, self.command, parameters.stuck_timeout)
-        self._goal_guard.check(state, around.path, around.view, parameters)
-        if self._goal_keeper.is_turning(state.pose, around.path.goal, parameters):
+        cycle = self._cycle = self.look_around(state)
+        self._stuck_checker.check(state, self.command, parameters.stuck_timeout)
+        self._blocked_goal_checker.check(state, cycle.path, cycle.checker, parameters)
+        if self._goal_checker.is_turning(state.pose, cycle.path.goal, parameters):
             self._turn_left = None
-            return self._turn_at_goal(around)
-        if around.path.robot_distance > parameters.missed_path_distance:
+            return self._turn_at_goal(cycle)
+        farthest = max(parameters.missed_path_distance, MISSED * state.costmap.width)
+        if cycle.path.robot_distance > farthest:
             raise ControlError(
                 ControlOutcome.MISSED_PATH,
-                f"the robot is {around.path.robot_distance:.2f} m from the path; at most "
-                f"{parameters.missed_path_distance:.2f} m (missed_path_distance) can be rejoined",
+                f"the robot is {cycle.path.robot_distance:.2f} m from the path; at most {farthest:.2f} m "
+                "(missed_path_distance) can be rejoined",
             )
-        turn = None if self._back_out.is_active else self.turn_to_path(around, self.turn_to_path_angle)
+        turn = None if self._back_out.is_active else self.turn_to_path(cycle, self.turn_to_path_angle)
         if turn is not None:
             return turn
         self._drove = True
-        return self._drive_or_back_out(around)
+        return self._drive_or_back_out(cycle)
 
-    def _drive_or_back_out(self, around: Surroundings) -> Twist2D:
-        state, parameters = around.state, self.parameters
+    def _drive_or_back_out(self, cycle: ControlCycle) -> Twist2D:
+        state, parameters = cycle.state, self.parameters
         back_out = self._back_out
         if not back_out.is_active:
             try:
-                command = self.drive(around)
+                command = self.drive(cycle)
             except ControlError:
-                back_out.failed(state.now, state.pose, around.path, around.view, parameters)
+                back_out.failed(state.now, state.pose, cycle.path, cycle.checker, parameters)
                 if not back_out.is_active:
                     raise
             else:
-                back_out.drove(around.path)
+                back_out.drove(cycle.path, state.costmap.width)
                 return command
-        backward = back_out.command(state.pose, around.velocity, around.view, parameters, state.period)
-        return self.drive(around) if backward is None else backward
+        backward = back_out.command(state.pose, cycle.velocity, cycle.checker, parameters, state.period)
+        return self.drive(cycle) if backward is None else backward
 
-    def look_around(self, state: ControlState) -> Surroundings:
+    def look_around(self, state: ControlState) -> ControlCycle:
         """Return what this cycle works on: path, obstacles, and the velocities in reach and in order here."""
         parameters = self.parameters
         limit = self.speed_limit_at(state.pose)
-        reach = max(parameters.max_vel_trans * getattr(parameters, "sim_time", 1.5), self.lookahead) + 1.0
-        path = self._tracker.cut(state, BEHIND, reach, self.lookahead + 0.5)
-        view = ObstacleView(state.costmap, parameters.obstacle_overlap)
+        width = state.costmap.width
+        lookahead = max(self.lookahead, width)
+        reach = max(parameters.max_vel_trans * self.horizon, lookahead) + BEYOND * width
+        path = self._tracker.cut(state, BEHIND * width, reach, lookahead + EXTENSION * width)
+        checker = FootprintChecker(state.costmap)
         velocity = self._velocity_now(state, parameters)
         speed = min(parameters.max_vel_trans, limit.translation)
         delay = state.period + parameters.stop_time_buffer
         left = max(path.remaining, state.pose.distance_to(path.goal))
         speed = min(speed, speed_to_stop_within(left, 0.5 * parameters.acc_lim_x, state.period))
-        speed = min(speed, self._speed_in_sight(path, view, state.pose, parameters.acc_lim_x, delay))
+        speed = min(speed, self._speed_in_sight(path, checker, state.pose, parameters.acc_lim_x, delay))
         turn = min(parameters.max_vel_theta, limit.rotation)
         window = window_of(parameters, velocity, state.period, speed, turn)
-        focus = self._focus(path, view)
-        return Surroundings(state, path, view, velocity, window, speed, turn, focus)
-
-    def _focus(self, path: LocalPath, view: ObstacleView) -> float:
-        """Return how narrow the path is from here to the end of what is looked ahead: 1 wide, NARROWEST_FOCUS narrow."""
-        ahead = (path.arcs >= path.robot_arc - 0.1) & (path.arcs <= min(path.robot_arc + self.lookahead, path.goal_arc))
-        room = view.room_along(path.points[ahead][::2])
-        return min(1.0, max(NARROWEST_FOCUS, (room - NARROW) / (WIDE - NARROW)))
+        horizon_scale = self._horizon_scale(path, checker, lookahead)
+        return ControlCycle(state, path, checker, velocity, window, speed, turn, lookahead, horizon_scale)
 
     @staticmethod
-    def _speed_in_sight(path: LocalPath, view: ObstacleView, pose: Pose2D, acceleration: float, delay: float) -> float:
+    def _horizon_scale(path: LocalPath, checker: FootprintChecker, lookahead: float) -> float:
+        """Return how narrow the path is from here to the end of what is looked ahead.
+
+        1 wide, LEAST_HORIZON_SCALE narrow.
+        """
+        width = checker.costmap.width
+        ahead = (path.arcs >= path.robot_arc - 0.5 * width) & (
+            path.arcs <= min(path.robot_arc + lookahead, path.goal_arc)
+        )
+        clearance = checker.clearance_along(path.points[ahead][::2]) / width
+        return min(1.0, max(LEAST_HORIZON_SCALE, (clearance - NARROW) / (WIDE - NARROW)))
+
+    @staticmethod
+    def _speed_in_sight(
+        path: LocalPath, checker: FootprintChecker, pose: Pose2D, acceleration: float, delay: float
+    ) -> float:
         """Return the speed from which the robot stops within the part of the path it sees from where it is."""
         ahead = path.arcs >= path.robot_arc
         points, arcs = path.points[ahead][::3], path.arcs[ahead][::3]
-        hidden = np.flatnonzero(~view.in_sight(pose, points))
+        hidden = np.flatnonzero(~checker.in_sight(pose, points))
         if len(hidden) == 0:
             return math.inf
         return speed_to_stop_within(float(arcs[hidden[0]] - path.robot_arc), acceleration, delay)
@@ -215,86 +277,96 @@ class PathFollower(Controller, abc.ABC):
     def _velocity_now(self, state: ControlState, parameters: FollowerParameters) -> Twist2D:
         """Return the last command where the robot is on its way to it, component by component, else what was measured.
 
-        Odometry lags; a window built on it alone makes every acceleration come late and every stop overshoot.
+        Odometry lags; a window built on it alone makes every acceleration come late and every stop overshoot. What it
+        says of a motion that cannot be commanded, as of a wheeled robot that slips sideways, is nothing to brake.
         """
+        measured_now = state.velocity
+        if parameters.min_vel_y == parameters.max_vel_y == 0.0:
+            measured_now = Twist2D(measured_now.x, 0.0, measured_now.theta)
         elapsed = math.inf if self._commanded_at is None else state.now - self._commanded_at
         if not 0.0 <= elapsed <= 3.0 * state.period:
-            return state.velocity
+            return measured_now
         last = self.command if state.commanded is None else state.commanded
         if elapsed < 0.5 * state.period and last == self.command:  # asked again before it could take effect
             return self._started_from
         limits = (parameters.acc_lim_x, parameters.acc_lim_y, parameters.acc_lim_theta)
+        late = max(2.0 * state.period, ODOMETRY_LAG)
         values = [
-            commanded if abs(commanded - measured) <= 2.0 * limit * state.period else measured
-            for commanded, measured, limit in zip(last, state.velocity, limits)
+            commanded if abs(commanded - measured) <= limit * late else measured
+            for commanded, measured, limit in zip(last, measured_now, limits)
         ]
         return Twist2D(*values)
 
     def _remember(self, state: ControlState, command: Twist2D) -> None:
-        self._started_from = self._around.velocity if self._around is not None else state.velocity
+        self._started_from = self._cycle.velocity if self._cycle is not None else state.velocity
         self.command, self._commanded_at = command, state.now
 
-    def _turn_at_goal(self, around: Surroundings) -> Twist2D:
+    def _turn_at_goal(self, cycle: ControlCycle) -> Twist2D:
         """Brake, and turn to the goal's heading the way that is free."""
-        state, p = around.state, self.parameters
-        error = angle_between(state.pose.theta, around.path.goal.theta)
-        still = around.window.clip(STOP)
-        if abs(error) <= 0.5 * self._goal_keeper.tolerance_of(p).angle:
+        state, p = cycle.state, self.parameters
+        error = angle_between(state.pose.theta, cycle.path.goal.theta)
+        still = cycle.window.clip(STOP)
+        if abs(error) <= 0.5 * self._goal_checker.tolerance_of(p).angle:
             return still
-        way = free_way_round(around.view, state.pose, error)
+        way = free_way_round(cycle.checker, state.pose, error)
         if way is None:
-            if abs(error) <= self._goal_keeper.tolerance_of(p).angle:
+            if abs(error) <= self._goal_checker.tolerance_of(p).angle:
                 return still
             raise ControlError(
                 ControlOutcome.BLOCKED_GOAL,
-                f"the robot is at the goal's position and cannot turn by {math.degrees(error):.0f} degrees to its heading: "
-                "an obstacle is in the way on both sides",
+                f"the robot is at the goal's position and cannot turn by {math.degrees(error):.0f} degrees to its "
+                "heading: an obstacle is in the way on both sides",
             )
-        rate = turn_rate(way, around.velocity.theta, p, state.period, around.turn)
+        rate = turn_rate(way, cycle.velocity.theta, p, state.period, cycle.turn)
         return Twist2D(still.x, still.y, rate)
 
-    def turn_to_path(self, around: Surroundings, least: float) -> Optional[Twist2D]:
-        """Return a turn on the spot towards the path, None where there is no need or no room for one.
+    def turn_to_path(self, cycle: ControlCycle, least: float) -> Optional[Twist2D]:
+        """Return a turn on the spot towards the path, None where there is no need or no space for one.
 
         A turn once begun goes on, in its direction, until the robot faces the path.
 
         Args:
-            around: The cycle.
+            cycle: The cycle.
             least: Heading error (rad) that begins a turn.
         """
-        state = around.state
-        ahead = around.path.robot_arc + around.focus * self.lookahead
-        target = around.path.point_at(min(ahead, around.path.goal_arc))
+        state = cycle.state
+        ahead = cycle.path.robot_arc + cycle.horizon_scale * cycle.lookahead
+        target = cycle.path.point_at(min(ahead, cycle.path.goal_arc))
         dx, dy = target[0] - state.pose.x, target[1] - state.pose.y
-        error = angle_between(state.pose.theta, math.atan2(dy, dx)) if math.hypot(dx, dy) >= 0.02 else 0.0
+        error = (
+            angle_between(state.pose.theta, math.atan2(dy, dx))
+            if math.hypot(dx, dy) >= HERE * state.costmap.width
+            else 0.0
+        )
         begun, self._turn_left = self._turn_left, None
         if abs(error) < (TURNED if begun is not None else max(least, TURNED)):
             return None
         if begun is not None and abs(error) > math.pi / 2.0 and error * begun < 0.0:
             error -= math.copysign(2.0 * math.pi, error)
         way: Optional[float] = error
-        if free_turn(around.view, state.pose, error) < abs(error) - 1e-9:
-            way = free_way_round(around.view, state.pose, angle_between(0.0, error))
+        if free_turn(cycle.checker, state.pose, error) < abs(error) - 1e-9:
+            way = free_way_round(cycle.checker, state.pose, angle_between(0.0, error))
         if way is None:
             return None
         self._turn_left = way
-        still = around.window.clip(STOP)
+        still = cycle.window.clip(STOP)
         return Twist2D(
-            still.x, still.y, turn_rate(way, around.velocity.theta, self.parameters, state.period, around.turn))
+            still.x, still.y, turn_rate(way, cycle.velocity.theta, self.parameters, state.period, cycle.turn))
 
     @staticmethod
-    def nothing_left(around: Surroundings, reason: str) -> ControlError:
+    def nothing_left(cycle: ControlCycle, reason: str) -> ControlError:
         """Return the error for a cycle in which nothing can be driven: COLLISION, BLOCKED_PATH or NO_VALID_CMD."""
-        pose: Pose2D = around.state.pose
-        if around.view.contacts_at(pose):
+        pose: Pose2D = cycle.state.pose
+        if cycle.checker.contacts_at(pose):
             return ControlError(
                 ControlOutcome.COLLISION,
-                f"the footprint at ({pose.x:.2f}, {pose.y:.2f}) lies on an obstacle and no velocity leads away from it: {reason}",
+                f"the footprint at ({pose.x:.2f}, {pose.y:.2f}) lies on an obstacle and no velocity leads away from "
+                f"it: {reason}",
             )
-        arc = around.path.first_blocked(around.view)
+        arc = cycle.path.first_blocked(cycle.checker)
         if arc is not None:
             return ControlError(
                 ControlOutcome.BLOCKED_PATH,
-                f"an obstacle stands on the path {arc - around.path.robot_arc:.2f} m ahead: {reason}",
+                f"an obstacle stands on the path {arc - cycle.path.robot_arc:.2f} m ahead: {reason}",
             )
         return ControlError(ControlOutcome.NO_VALID_CMD, f"no velocity is left to drive: {reason}")

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, ClassVar, List, Mapping, Tuple, Type, TypeVar
 
 from mbf_relay.parameters import ParameterSet, parameter
+
+F = TypeVar("F", bound="FollowerParameters")
 
 
 @dataclass(frozen=True)
 class FollowerParameters(ParameterSet):
-    """Limits and tolerances by the names and with the defaults of base_local_planner's LocalPlannerLimits (ROS Noetic)."""
+    """Limits and tolerances by the names and with the defaults of base_local_planner's LocalPlannerLimits (ROS Noetic).
+    """
 
     max_vel_trans: float = parameter(0.55, "top translational speed", "m/s", minimum=0.0, aliases=("max_trans_vel",))
     min_vel_trans: float = parameter(
@@ -33,7 +37,9 @@ class FollowerParameters(ParameterSet):
     acc_lim_trans: float = parameter(
         0.1, "read, and without effect, as in dwa_local_planner", "m/s^2", minimum=0.0, aliases=("acc_limit_trans",)
     )
-    prune_plan: bool = parameter(False, "read, and without effect: the path is always followed from the nearest point on")
+    prune_plan: bool = parameter(
+        False, "read, and without effect: the path is always followed from the nearest point on"
+    )
     xy_goal_tolerance: float = parameter(0.1, "distance to the goal that counts as there", "m", above=0.0)
     yaw_goal_tolerance: float = parameter(0.1, "angle to the goal's heading that counts as there", "rad", above=0.0)
     trans_stopped_vel: float = parameter(0.1, "translation below this is standing", "m/s", minimum=0.0)
@@ -41,31 +47,47 @@ class FollowerParameters(ParameterSet):
         0.1, "rotation below this is standing", "rad/s", minimum=0.0, aliases=("rot_stopped_vel",)
     )
     latch_xy_goal_tolerance: bool = parameter(False, "once at the goal's position only turn, until the goal changes")
-    stop_time_buffer: float = parameter(0.2, "time before braking in which a collision rules a velocity out", "s", minimum=0.0)
-
-    obstacle_overlap: float = parameter(
-        0.25, "share of a cell by which the footprint may reach into an obstacle's cell, which is filled by half on the mean",
-        minimum=0.0, maximum=0.5,
+    stop_time_buffer: float = parameter(
+        0.2, "time before braking in which a collision rules a velocity out", "s", minimum=0.0
     )
-    missed_path_distance: float = parameter(0.5, "distance to the path beyond which it is missed", "m", above=0.0)
-    stuck_timeout: float = parameter(2.0, "time without any of the motion commanded that means stuck; 0 never", "s", minimum=0.0)
+
+    foresight: bool = parameter(
+        False, "meet nothing that moves where it will be when the robot gets there; upstream's controllers see what is")
+    foresight_horizon: float = parameter(2.0, "how far ahead in time it looks", "s", above=0.0)
+    missed_path_distance: float = parameter(
+        0.5, "distance to the path beyond which it is missed; twice the robot's width at least", "m", above=0.0
+    )
+    stuck_timeout: float = parameter(
+        2.0, "time without any of the motion commanded that means stuck; 0 never", "s", minimum=0.0
+    )
     blocked_timeout: float = parameter(0.5, "time the goal must be occupied to be given up", "s", minimum=0.0)
 
+    ORDERED: ClassVar[Tuple[Tuple[str, str], ...]] = (
+        ("min_vel_x", "max_vel_x"), ("min_vel_y", "max_vel_y"), ("min_vel_trans", "max_vel_trans"),
+        ("min_vel_theta", "max_vel_theta"),
+    )
+
+    @classmethod
+    def read(cls: Type[F], values: Mapping[str, Any]) -> Tuple[F, List[str]]:
+        """Make one as ParameterSet.read does; a robot given no acceleration sideways does not move sideways, as in C++.
+        """
+        if cls.known(values).get("acc_lim_y") == 0.0:
+            values = {**values, "min_vel_y": 0.0, "max_vel_y": 0.0}
+        return super().read(values)
+
+    @classmethod
+    def unknown_names(cls, values: Mapping[str, Any]) -> List[str]:
+        """Return the names in `values` that mean nothing here; a rate beside them is that of the server's cycles."""
+        return [name for name in super().unknown_names(values) if name not in ("controller_frequency", "sim_period")]
+
     def check(self) -> None:
-        """Refuse limits that contradict each other, and a motion that has a speed and no acceleration."""
-        for low, high in (
-            ("min_vel_x", "max_vel_x"), ("min_vel_y", "max_vel_y"), ("min_vel_trans", "max_vel_trans"),
-            ("min_vel_theta", "max_vel_theta"),
-        ):
-            if getattr(self, low) > getattr(self, high):
-                raise ValueError(
-                    f"parameter {low} is {getattr(self, low)}; it must be at most {high}, which is {getattr(self, high)}"
-                )
+        """Refuse a motion that has a speed and no acceleration."""
         for acceleration, fastest in (
             ("acc_lim_x", max(self.max_vel_x, -self.min_vel_x)), ("acc_lim_y", max(self.max_vel_y, -self.min_vel_y)),
             ("acc_lim_theta", self.max_vel_theta),
         ):
             if getattr(self, acceleration) == 0.0 and fastest > 0.0:
                 raise ValueError(
-                    f"parameter {acceleration} is 0, so the robot could never reach or leave {fastest}; it must be above 0"
+                    f"parameter {acceleration} is 0, so the robot could never reach or leave {fastest}; it must be "
+                    "above 0"
                 )

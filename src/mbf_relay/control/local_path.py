@@ -9,15 +9,21 @@ from typing import Optional
 import numpy as np
 
 from mbf_relay.control import path_kernels
-from mbf_relay.control.controller import ControlState
-from mbf_relay.control.obstacle_view import ObstacleView
+from mbf_relay.control.state import ControlState
+from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import ControlError, ControlOutcome
 from mbf_relay.planning.path import Path
 
-SPACING = 0.02  # m between the points kept of a path; planners put them closer than a controller can use
-SMOOTHING = 0.12  # m over which a path is averaged
-LONGEST = 1e5  # m of path, and of a coordinate, beyond which nothing is followed: points at SPACING would fill the memory
+SPACING = 0.4  # cells between the points kept of a path; planners put them closer than a controller can use
+SMOOTHING = 2.4  # cells over which a path is averaged, which takes the steps from cell to cell out of it
+LONGEST = 1e5  # m of path, and of a coordinate, beyond which nothing is followed
+MOST_POINTS = 5_000_000  # kept of a path, however long it is and fine the grid
+
+# in robot's widths
+NEARBY = 1.0  # the robot's place on the path is looked for near the last one while it is no farther away
+FORWARD = 4.5  # how far along the path it is looked for
+ARRIVAL = 0.65  # the end of the path whose direction it goes on in beyond the goal
 
 
 @dataclass(frozen=True)
@@ -69,11 +75,11 @@ class LocalPath:
         )
         return result
 
-    def first_blocked(self, view: ObstacleView) -> Optional[float]:
+    def first_blocked(self, checker: FootprintChecker) -> Optional[float]:
         """Return the arc length ahead at which the robot's centre could not be, None where the stretch is free."""
         ahead = np.flatnonzero((self.arcs >= self.robot_arc) & (self.arcs <= self.goal_arc))
         for index in ahead:
-            if view.clearance_at(*self.points[index]) < view.costmap.inscribed_radius:
+            if checker.clearance_at(*self.points[index]) < checker.costmap.inscribed_radius:
                 return float(self.arcs[index])
         return None
 
@@ -86,6 +92,7 @@ class PathTracker:
         self._points = np.zeros((0, 2))
         self._arcs = np.zeros(0)
         self._robot_arc: Optional[float] = None
+        self._spacing = 0.0  # m between the points; 0 where they are still to be made
 
     def set_path(self, path: Path) -> None:
         """Follow another path; the robot's place on it is found anew.
@@ -105,10 +112,11 @@ class PathTracker:
         size = float(np.abs(poses[:, :2]).max())
         if size > LONGEST or np.hypot(*np.diff(poses[:, :2], axis=0).T).sum() > LONGEST:
             raise ControlError(
-                ControlOutcome.INVALID_PATH, f"the path is too long or too far away to be followed: beyond {LONGEST / 1e3:g} km"
+                ControlOutcome.INVALID_PATH,
+                f"the path is too long or too far away to be followed: beyond {LONGEST / 1e3:g} km",
             )
         self.path = path
-        self._points, self._arcs = _thin(poses)
+        self._spacing = 0.0
         self._robot_arc = None
 
     def cut(self, state: ControlState, behind: float, ahead: float, extension: float) -> LocalPath:
@@ -119,29 +127,41 @@ class PathTracker:
             behind, ahead: How far (m) it reaches from the robot's place on the path.
             extension: How far (m) it goes on beyond the goal, straight.
         """
-        robot = state.pose.relative_to(state.costmap_from_path)
-        distance, arc = self._locate(robot)
+        self._prepare(SPACING * state.costmap.grid.resolution)
+        robot, width = state.pose.relative_to(state.costmap_from_path), state.costmap.width
+        distance, arc = self._locate(robot, width)
         self._robot_arc = arc
         first = max(0, int(np.searchsorted(self._arcs, arc - behind)) - 1)
         last = min(len(self._arcs), int(np.searchsorted(self._arcs, arc + ahead)) + 1)
         points, arcs = self._points[first:last], self._arcs[first:last]
+        assert self.path is not None
         if last == len(self._arcs):
-            points, arcs = self._extended(points, arcs, robot, extension)
+            points, arcs = self._extended(points, arcs, robot, extension, width)
         return LocalPath(
             np.ascontiguousarray(state.costmap_from_path.transform_points(points)), np.ascontiguousarray(arcs), arc,
             distance, float(self._arcs[-1]), state.costmap_from_path.compose(self.path.goal),
         )
 
-    def _locate(self, robot: Pose2D) -> "tuple[float, float]":
+    def _prepare(self, spacing: float) -> None:
+        """Thin and smooth a new path for a grid; `spacing` is in metres."""
+        if self._spacing == spacing:
+            return
+        self._spacing = spacing
+        assert self.path is not None
+        poses = np.asarray(self.path.poses, dtype=float)
+        length = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
+        self._points, self._arcs = _thin(poses, max(spacing, length / MOST_POINTS))
+
+    def _locate(self, robot: Pose2D, width: float) -> tuple[float, float]:
         """Return distance to and arc length of the robot's place: near the last one, or wherever that is far off."""
         place = np.array([[robot.x, robot.y]])
         if self._robot_arc is not None:
-            distance, arc = self._nearest(place, self._robot_arc - 0.2, self._robot_arc + 1.0)
-            if distance < 0.2:
+            distance, arc = self._nearest(place, self._robot_arc - NEARBY * width, self._robot_arc + FORWARD * width)
+            if distance < NEARBY * width:
                 return distance, arc
         return self._nearest(place, 0.0, math.inf)
 
-    def _nearest(self, place: np.ndarray, start: float, end: float) -> "tuple[float, float]":
+    def _nearest(self, place: np.ndarray, start: float, end: float) -> tuple[float, float]:
         if len(self._points) == 1:
             return float(np.hypot(*(place[0] - self._points[0]))), 0.0
         first = max(0, int(np.searchsorted(self._arcs, start)) - 1)
@@ -151,42 +171,44 @@ class PathTracker:
         return float(result[0, 0]), float(result[0, 1])
 
     def _extended(
-        self, points: np.ndarray, arcs: np.ndarray, robot: Pose2D, extension: float
-    ) -> "tuple[np.ndarray, np.ndarray]":
-        """Lengthen a stretch beyond the goal the way the path arrives there, or from the robot where it is too short."""
-        start = self._points[max(0, int(np.searchsorted(self._arcs, self._arcs[-1] - 0.15)))]
+        self, points: np.ndarray, arcs: np.ndarray, robot: Pose2D, extension: float, width: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Lengthen a stretch beyond the goal the way the path arrives there, or from the robot where it is too short.
+        """
+        start = self._points[max(0, int(np.searchsorted(self._arcs, self._arcs[-1] - ARRIVAL * width)))]
         direction = self._points[-1] - start
-        if np.hypot(*direction) < 0.1:
+        if np.hypot(*direction) < 0.7 * ARRIVAL * width:
             direction = self._points[-1] - (robot.x, robot.y)
         length = float(np.hypot(*direction))
         if length < 1e-6:
             direction, length = np.array([math.cos(robot.theta), math.sin(robot.theta)]), 1.0
-        beyond = self._points[-1] + direction * (max(extension, SPACING) / length)
-        return np.vstack((points, beyond)), np.append(arcs, self._arcs[-1] + max(extension, SPACING))
+        extension = max(extension, self._spacing)
+        beyond = self._points[-1] + direction * (extension / length)
+        return np.vstack((points, beyond)), np.append(arcs, self._arcs[-1] + extension)
 
 
-def _thin(poses: np.ndarray) -> "tuple[np.ndarray, np.ndarray]":
-    """Return positions at least SPACING apart, the last one kept, and their arc lengths."""
+def _thin(poses: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions at least `spacing` (m) apart, the last one kept, and their arc lengths."""
     points = poses[:, :2]
     keep = np.zeros(len(points), dtype=np.uint8)
-    path_kernels.thin(np.ascontiguousarray(points), SPACING, keep)
-    points = _smoothed(points[keep.astype(bool)])
+    path_kernels.thin(np.ascontiguousarray(points), spacing, keep)
+    points = _smoothed(points[keep.astype(bool)], spacing)
     steps = np.hypot(*np.diff(points, axis=0).T) if len(points) > 1 else np.zeros(0)
     return points, np.concatenate(([0.0], np.cumsum(steps)))
 
 
-def _smoothed(points: np.ndarray) -> np.ndarray:
-    """Return a path resampled at SPACING and averaged over SMOOTHING, which takes the steps out of a grid's path.
+def _smoothed(points: np.ndarray, spacing: float) -> np.ndarray:
+    """Return a path resampled at `spacing` (m) and averaged over SMOOTHING.
 
     Its ends stay; at a right angle it passes the corner within a third of SMOOTHING.
     """
     arcs = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T)))) if len(points) > 1 else np.zeros(1)
-    count = int(arcs[-1] / SPACING)
+    count = int(arcs[-1] / spacing)
     if count < 4:
         return np.ascontiguousarray(points)
     places = np.linspace(0.0, arcs[-1], count + 1)
     line = np.column_stack([np.interp(places, arcs, points[:, axis]) for axis in (0, 1)])
-    reach = max(1, int(0.5 * SMOOTHING / SPACING))
+    reach = max(1, round(0.5 * SMOOTHING / SPACING))
     before = 2.0 * line[0] - line[reach:0:-1]  # mirrored at the ends, which thereby stay where they are
     after = 2.0 * line[-1] - line[-2 : -2 - reach : -1]
     sums = np.cumsum(np.vstack((np.zeros((1, 2)), before, line, after)), axis=0)

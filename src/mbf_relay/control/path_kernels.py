@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
 """Compiled loops over paths: thinning, and the nearest point of a polyline for many points at once."""
 
 from __future__ import annotations
@@ -35,11 +36,10 @@ def thin(points, spacing, keep):
     keep[last] = 1
 
 
-@kernel("float64[:,::1](float64[:,::1])")
-def round_stretches(line):
-    """Return a circle round each _STRETCH pieces of a polyline: centre and radius (m), a hair more than needed."""
+@kernel("void(float64[:,::1], float64[:,::1])")
+def round_stretches(line, circles):
+    """Write a circle round each _STRETCH pieces of a polyline: centre and radius (m), a hair more than needed."""
     count = line.shape[0] - 1
-    circles = np.empty(((count + _STRETCH - 1) // _STRETCH, 3))
     for stretch in range(circles.shape[0]):
         first, last = stretch * _STRETCH, min(count, (stretch + 1) * _STRETCH)
         x = 0.5 * (line[first, 0] + line[last, 0])
@@ -48,7 +48,6 @@ def round_stretches(line):
         for corner in range(first, last + 1):
             radius = max(radius, math.hypot(line[corner, 0] - x, line[corner, 1] - y))
         circles[stretch, 0], circles[stretch, 1], circles[stretch, 2] = x, y, radius + 1e-6
-    return circles
 
 
 @kernel("void(float64[:,::1], float64[:,::1], float64[::1], float64[:,::1])")
@@ -66,14 +65,16 @@ def project(points, line, arcs, result):
             first along the line.
     """
     count = line.shape[0] - 1
-    ways = np.empty((count, 3))  # from each corner to the next, and one over the squared length: no division in the loop
+    # from each corner to the next, and one over the squared length: no division in the loop
+    ways = np.empty((count, 3))
     for corner in range(count):
         dx = line[corner + 1, 0] - line[corner, 0]
         dy = line[corner + 1, 1] - line[corner, 1]
         length = dx * dx + dy * dy
         ways[corner, 0], ways[corner, 1] = dx, dy
         ways[corner, 2] = 1.0 / length if length > 0.0 else 0.0
-    circles = round_stretches(line)
+    circles = np.empty(((count + _STRETCH - 1) // _STRETCH, 3))
+    round_stretches(line, circles)
     nearest_corner = 0
     for index in range(points.shape[0]):
         x, y = points[index, 0], points[index, 1]

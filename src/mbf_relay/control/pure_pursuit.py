@@ -9,8 +9,8 @@ from typing import Optional
 
 import numpy as np
 
-from mbf_relay.control import trajectory_kernels
-from mbf_relay.control.follower import PathFollower, Surroundings
+from mbf_relay.control.braking import arc, stopping_time
+from mbf_relay.control.follower import ControlCycle, PathFollower
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.report import CycleReport
 from mbf_relay.geometry import Pose2D, Twist2D
@@ -18,13 +18,13 @@ from mbf_relay.parameters import parameter
 
 NEARER = (1.0, 0.75, 0.5, 0.35)  # shares of the lookahead distance tried, the farthest carrot first
 SLOWER = (1.0, 0.6, 0.3)  # shares of the regulated speed tried
-CHECKED = 0.02  # m between checked poses
-CHECKED_TURN = 0.05  # rad between checked poses
+TIGHTEST = 0.1  # robot's widths: the least radius of an arc steered along
 
 
 @dataclass(frozen=True)
 class PurePursuitParameters(FollowerParameters):
-    """Parameters of RegulatedPurePursuit, by the names of Nav2's controller of that name; lengths suit a small robot."""
+    """Parameters of RegulatedPurePursuit, by the names of Nav2's controller of that name; lengths suit a small robot.
+    """
 
     desired_linear_vel: float = parameter(0.5, "speed on a straight and open path", "m/s", above=0.0)
     lookahead_dist: float = parameter(0.3, "distance to the point steered for", "m", above=0.0)
@@ -34,13 +34,19 @@ class PurePursuitParameters(FollowerParameters):
     max_lookahead_dist: float = parameter(0.9, "largest such distance", "m", above=0.0)
     use_regulated_linear_velocity_scaling: bool = parameter(True, "slow down in curves")
     regulated_linear_scaling_min_radius: float = parameter(0.3, "radius below which a curve slows", "m", above=0.0)
-    regulated_linear_scaling_min_speed: float = parameter(0.1, "speed that curves and obstacles leave", "m/s", minimum=0.0)
+    regulated_linear_scaling_min_speed: float = parameter(
+        0.1, "speed that curves and obstacles leave", "m/s", minimum=0.0
+    )
     use_cost_regulated_linear_velocity_scaling: bool = parameter(True, "slow down beside obstacles")
     cost_scaling_dist: float = parameter(0.15, "distance to an obstacle below which it slows", "m", above=0.0)
     cost_scaling_gain: float = parameter(1.0, "factor on that slowing; 1 is proportional", above=0.0, maximum=1.0)
-    approach_velocity_scaling_dist: float = parameter(0.1, "distance to the goal below which it slows", "m", minimum=0.0)
+    approach_velocity_scaling_dist: float = parameter(
+        0.1, "distance to the goal below which it slows", "m", minimum=0.0
+    )
     min_approach_linear_velocity: float = parameter(0.05, "speed that the approach leaves", "m/s", above=0.0)
-    max_allowed_time_to_collision_up_to_carrot: float = parameter(1.0, "time for which the arc must be free", "s", minimum=0.0)
+    max_allowed_time_to_collision_up_to_carrot: float = parameter(
+        1.0, "time for which the arc must be free", "s", minimum=0.0
+    )
     use_rotate_to_heading: bool = parameter(True, "turn on the spot where the path begins far off the heading")
     rotate_to_heading_min_angle: float = parameter(0.785, "heading error beyond which it does", "rad", above=0.0)
 
@@ -66,6 +72,7 @@ class RegulatedPurePursuit(PathFollower):
     """
 
     Parameters = PurePursuitParameters
+    parameters: PurePursuitParameters
 
     def __init__(self, name: str, parameters: PurePursuitParameters) -> None:
         super().__init__(name, parameters)
@@ -86,85 +93,74 @@ class RegulatedPurePursuit(PathFollower):
         p = self.parameters
         return p.rotate_to_heading_min_angle if p.use_rotate_to_heading else math.inf
 
-    def drive(self, around: Surroundings) -> Twist2D:
+    def drive(self, cycle: ControlCycle) -> Twist2D:
         """Return the fastest arc to the farthest carrot that is free, or a turn towards the path where none is."""
         for share in NEARER:
-            carrot = self._carrot(around, share * around.focus * self.lookahead)
-            curvature = _curvature_to(around.state.pose, carrot)
-            speed = self._regulated_speed(around, curvature)
+            carrot = self._carrot(cycle, share * cycle.horizon_scale * self.lookahead)
+            curvature = _curvature_to(cycle.state.pose, carrot, TIGHTEST * cycle.state.costmap.width)
+            speed = self._regulated_speed(cycle, curvature)
             for slower in SLOWER:
-                command = self._command_for(around, slower * speed, curvature)
-                if self._is_free(around, command):
+                command = self._command_for(cycle, slower * speed, curvature)
+                if self._is_free(cycle, command):
                     self.carrot = carrot
                     return command
-        turn = self.turn_to_path(around, 0.0)
+        turn = self.turn_to_path(cycle, 0.0)
         if turn is not None:
             return turn
-        raise self.nothing_left(around, "no arc to the path ahead is free")
+        raise self.nothing_left(cycle, "no arc to the path ahead is free")
 
-    def report(self, around: Surroundings, drove: bool) -> CycleReport:
+    def report(self, cycle: ControlCycle, drove: bool) -> CycleReport:
         """Return the arc driven, up to the carrot."""
-        plain = super().report(around, drove)
+        plain = super().report(cycle, drove)
         if not drove or not self.command.speed():
             return plain
         return dataclasses.replace(plain, trajectory=self._arc)
 
-    def _carrot(self, around: Surroundings, distance: float) -> np.ndarray:
-        """Return the first point on the path at least `distance` from the robot, its extension beyond the goal included."""
-        path, pose = around.path, around.state.pose
+    def _carrot(self, cycle: ControlCycle, distance: float) -> np.ndarray:
+        """Return the first point on the path, or beyond the goal, at least `distance` from the robot."""
+        path, pose = cycle.path, cycle.state.pose
         ahead = path.arcs >= path.robot_arc
         points = path.points[ahead]
         far = np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y) >= distance
-        if not far.any():
-            return path.points[-1]
-        return points[int(np.argmax(far))]
+        carrot: np.ndarray = points[int(np.argmax(far))] if far.any() else path.points[-1]
+        return carrot
 
-    def _regulated_speed(self, around: Surroundings, curvature: float) -> float:
+    def _regulated_speed(self, cycle: ControlCycle, curvature: float) -> float:
         p = self.parameters
         speed = p.desired_linear_vel
         if p.use_regulated_linear_velocity_scaling and abs(curvature) * p.regulated_linear_scaling_min_radius > 1.0:
             speed /= abs(curvature) * p.regulated_linear_scaling_min_radius
         if p.use_cost_regulated_linear_velocity_scaling:
-            pose = around.state.pose
-            clearance = around.view.clearance_at(pose.x, pose.y) - around.state.costmap.inscribed_radius
+            pose = cycle.state.pose
+            clearance = cycle.checker.clearance_at(pose.x, pose.y) - cycle.state.costmap.inscribed_radius
             if clearance < p.cost_scaling_dist:
                 speed *= p.cost_scaling_gain * max(0.0, clearance) / p.cost_scaling_dist
         speed = min(p.desired_linear_vel, max(speed, p.regulated_linear_scaling_min_speed))
-        remaining = around.path.remaining
+        remaining = cycle.path.remaining
         if remaining < p.approach_velocity_scaling_dist:
             speed = min(speed, max(
                 p.min_approach_linear_velocity, p.desired_linear_vel * remaining / p.approach_velocity_scaling_dist))
-        return min(speed, around.speed)
+        return min(speed, cycle.speed)
 
     @staticmethod
-    def _command_for(around: Surroundings, speed: float, curvature: float) -> Twist2D:
+    def _command_for(cycle: ControlCycle, speed: float, curvature: float) -> Twist2D:
         """Return the velocity in reach for an arc; where it cannot turn as fast as that, it drives slower."""
         turn = speed * curvature
-        if abs(turn) > around.turn:
-            speed, turn = speed * around.turn / abs(turn), math.copysign(around.turn, turn)
-        return around.window.clip(Twist2D(speed, 0.0, turn))
+        if abs(turn) > cycle.turn:
+            speed, turn = speed * cycle.turn / abs(turn), math.copysign(cycle.turn, turn)
+        return cycle.window.clip(Twist2D(speed, 0.0, turn))
 
-    def _is_free(self, around: Surroundings, command: Twist2D) -> bool:
-        """Tell whether a velocity can be held for as long as asked, and braked from in any case."""
-        p, state = self.parameters, around.state
-        limits = np.maximum(1e-9, [p.acc_lim_x, p.acc_lim_y, p.acc_lim_theta])
-        braking = float(np.max(np.abs(command) / (2.0 * limits)))
-        stopping = state.period + p.stop_time_buffer + braking
-        to_carrot = around.path.remaining / max(command.speed(), 1e-3)
-        duration = max(stopping, min(p.max_allowed_time_to_collision_up_to_carrot, to_carrot))
-        most = int(math.ceil(max(command.speed() * duration / CHECKED, abs(command.theta) * duration / CHECKED_TURN))) + 1
-        poses, counts, steps = np.empty((1, most, 3)), np.empty(1, np.int64), np.empty(1)
-        trajectory_kernels.simulate(
-            np.array(state.pose, dtype=float), np.full(3, np.nan), limits, np.array([command], dtype=float),
-            np.array([duration]), CHECKED, CHECKED_TURN, poses, counts, steps,
-        )
-        self._arc = poses[0, : counts[0]]
-        allowed = around.view.contacts_at(state.pose)
-        return around.view.free_steps(poses[0, : counts[0]], allowed) == counts[0]
+    def _is_free(self, cycle: ControlCycle, command: Twist2D) -> bool:
+        """Return whether a velocity can be held for as long as asked, and braked from in any case."""
+        p, state = self.parameters, cycle.state
+        to_carrot = cycle.path.remaining / max(command.speed(), 1e-3)
+        held = min(p.max_allowed_time_to_collision_up_to_carrot, to_carrot)
+        self._arc = arc(cycle.checker, state, command, max(stopping_time(p, command, state.period), held))
+        return cycle.checker.free_steps(self._arc, cycle.checker.contacts_at(state.pose)) == len(self._arc)
 
 
-def _curvature_to(pose: Pose2D, point: np.ndarray) -> float:
-    """Return the curvature (1/m) of the arc from a pose, along its heading, through a point; at most 1 / 0.02 m."""
+def _curvature_to(pose: Pose2D, point: np.ndarray, tightest: float) -> float:
+    """Return the curvature (1/m) of the arc from a pose through a point (2,), with a least radius (m)."""
     ahead = Pose2D(float(point[0]), float(point[1]), 0.0).relative_to(pose)
-    squared = max(ahead.x * ahead.x + ahead.y * ahead.y, 1e-4)
-    return min(50.0, max(-50.0, 2.0 * ahead.y / squared))
+    squared = max(ahead.x * ahead.x + ahead.y * ahead.y, 0.25 * tightest * tightest)
+    return min(1.0 / tightest, max(-1.0 / tightest, 2.0 * ahead.y / squared))

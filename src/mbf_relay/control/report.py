@@ -25,6 +25,8 @@ class CycleReport:
         trajectories: The batch it was chosen from, where there was one.
         totals: Shape (N,): their costs; inf for those ruled out.
         explanation: Why, for a person; empty where there is nothing to say.
+        shows_trajectories: Whether the user wants the batch published.
+        cost_weights: What the three `cell_costs` weigh, where the user wants them published; None where not.
     """
 
     now: float
@@ -34,6 +36,8 @@ class CycleReport:
     trajectories: Optional[Trajectories] = None
     totals: Optional[np.ndarray] = None
     explanation: str = ""
+    shows_trajectories: bool = False
+    cost_weights: Optional[Tuple[float, float, float]] = None
 
     def path_ahead(self) -> np.ndarray:
         """Return the path from the robot on, within the costmap: (K, 3) poses."""

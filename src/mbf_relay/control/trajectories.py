@@ -10,10 +10,11 @@ import numpy as np
 
 from mbf_relay.control import trajectory_kernels
 from mbf_relay.control.dwa_parameters import DwaParameters
-from mbf_relay.control.obstacle_view import ObstacleView
+from mbf_relay.control.follower_parameters import FollowerParameters
+from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D, Twist2D
 
-STANDING = 0.01  # m/s: slower than this a robot turns on the spot
+STANDING = 0.05  # of the top speed: slower than this a robot turns on the spot
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class VelocityWindow:
     high: Twist2D
 
     def contains(self, velocity: Twist2D, slack: float = 1e-9) -> bool:
-        """Tell whether a velocity is in reach."""
+        """Return whether a velocity is in reach."""
         return all(low - slack <= value <= high + slack for low, value, high in zip(self.low, velocity, self.high))
 
     def clip(self, velocity: Twist2D) -> Twist2D:
@@ -32,7 +33,9 @@ class VelocityWindow:
         return Twist2D(*(min(high, max(low, value)) for low, value, high in zip(self.low, velocity, self.high)))
 
 
-def window_of(parameters: DwaParameters, velocity: Twist2D, horizon: float, speed: float, turn: float) -> VelocityWindow:
+def window_of(
+    parameters: FollowerParameters, velocity: Twist2D, horizon: float, speed: float, turn: float
+) -> VelocityWindow:
     """Return what can be reached from `velocity` within `horizon` seconds.
 
     Where the present velocity is beyond a limit, the window is the least that braking leaves.
@@ -74,15 +77,18 @@ def sample(parameters: DwaParameters, window: VelocityWindow, speed: float) -> n
 
 
 def too_slow(parameters: DwaParameters, window: VelocityWindow, velocities: np.ndarray) -> np.ndarray:
-    """Tell of each velocity, (N, 3), whether it creeps: translates slower than min_vel_trans, turning less than min_vel_theta.
+    """Tell of each velocity, (N, 3), whether it creeps.
+
+    Translates slower than min_vel_trans, turning less than min_vel_theta.
 
     What is as fast as the window allows does not: the robot starts, or must be slow here. A turn on the spot is no
     creeping; how fast it is, is not decided by sampling.
     """
     fastest = max(abs(window.low.x), abs(window.high.x), abs(window.low.y), abs(window.high.y))
     speeds, turns = np.hypot(velocities[:, 0], velocities[:, 1]), np.abs(velocities[:, 2])
-    slow = (speeds > STANDING) & (speeds < min(parameters.min_vel_trans, fastest) - 1e-4)
-    return slow & (turns < parameters.min_vel_theta - 1e-4)
+    slow = (speeds > STANDING * parameters.max_vel_trans) & (speeds < min(parameters.min_vel_trans, fastest) - 1e-4)
+    creeping: np.ndarray = slow & (turns < parameters.min_vel_theta - 1e-4)
+    return creeping
 
 
 @dataclass(frozen=True)
@@ -94,6 +100,7 @@ class Trajectories:
         commands: Shape (N, 3): the velocity to command for it now; within accelerations.
         poses: Shape (N, S, 3): poses after each step.
         counts: Shape (N,): poses simulated; the trajectory stops at the goal.
+        steps: Shape (N,): seconds from pose to pose.
         free: Shape (N,): poses before the first contact.
         needed: Shape (N,): poses that must be free for the robot to be able to stop.
         ends: Shape (N, 3): the last free pose, the robot's own where none is free.
@@ -105,6 +112,7 @@ class Trajectories:
     commands: np.ndarray
     poses: np.ndarray
     counts: np.ndarray
+    steps: np.ndarray
     free: np.ndarray
     needed: np.ndarray
     ends: np.ndarray
@@ -115,9 +123,15 @@ class Trajectories:
     def __len__(self) -> int:
         return len(self.velocities)
 
+    @property
+    def driven(self) -> np.ndarray:
+        """How far (m) each drives to its end, shape (N,), were it as fast as its velocity from the start."""
+        metres: np.ndarray = np.hypot(self.velocities[:, 0], self.velocities[:, 1]) * self.steps * self.free
+        return metres
+
 
 def roll_out(
-    parameters: DwaParameters, view: ObstacleView, pose: Pose2D, velocity: Twist2D, velocities: np.ndarray,
+    parameters: DwaParameters, checker: FootprintChecker, pose: Pose2D, velocity: Twist2D, velocities: np.ndarray,
     period: float, distance_left: float, sim_time: float,
 ) -> Trajectories:
     """Simulate a batch of velocities and lay the footprint along it.
@@ -126,7 +140,7 @@ def roll_out(
 
     Args:
         parameters: Limits, granularities, stop_time_buffer and footprint scaling.
-        view: The obstacles.
+        checker: The obstacles.
         pose, velocity: The robot now.
         velocities: Shape (N, 3).
         period: Seconds until the next command.
@@ -147,16 +161,28 @@ def roll_out(
         np.array(pose, dtype=float), start, accelerations, velocities, durations, p.sim_granularity,
         p.angular_sim_granularity, poses, counts, steps,
     )
-    allowed = view.contacts_at(pose)
-    way = view.first_contacts(poses, counts, _scales(p, speeds), allowed)
+    allowed = checker.contacts_at(pose)
+    way = checker.first_contacts(poses, counts, _scales(p, speeds), allowed)
     ends, needed, spare = np.empty((number, 3)), np.empty(number, np.int64), np.empty(number)
     trajectory_kernels.outlook(
-        np.array(pose, dtype=float), poses, counts, way.steps, steps, stopping, durations, speeds, sim_time, ends, needed,
+        np.array(pose, dtype=float),
+        poses,
+        counts,
+        way.steps,
+        steps,
+        stopping,
+        durations,
+        speeds,
+        sim_time,
+        ends,
+        needed,
         spare,
     )
     change = accelerations * period
-    commands = velocities if p.use_dwa else np.clip(velocities, np.array(velocity) - change, np.array(velocity) + change)
-    return Trajectories(velocities, commands, poses, counts, way.steps, needed, ends, spare,
+    commands = (
+        velocities if p.use_dwa else np.clip(velocities, np.array(velocity) - change, np.array(velocity) + change)
+    )
+    return Trajectories(velocities, commands, poses, counts, steps, way.steps, needed, ends, spare,
                         way.highest_costs, way.summed_costs)
 
 

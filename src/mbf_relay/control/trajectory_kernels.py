@@ -1,4 +1,5 @@
-"""Compiled loops over batches of trajectories: sampling, forward simulation, and the first contact of a footprint."""
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""Compiled loops over batches of trajectories: sampling, forward simulation, and what a trajectory leads to."""
 
 from __future__ import annotations
 
@@ -7,8 +8,6 @@ import math
 import numpy as np
 
 from mbf_relay.kernels import kernel
-
-_LETHAL = 254
 
 
 @kernel("int64(float64, float64, int64, float64[::1])")
@@ -67,7 +66,16 @@ def sample(low, high, counts, fastest, velocities):
     "float64[::1])"
 )
 def time_spans(
-    velocities, accelerations, delay, sim_time, distance_left, granularity, angular_granularity, speeds, stopping, durations
+    velocities,
+    accelerations,
+    delay,
+    sim_time,
+    distance_left,
+    granularity,
+    angular_granularity,
+    speeds,
+    stopping,
+    durations,
 ):
     """Find how long each trajectory is followed; return the most steps any of them takes.
 
@@ -105,8 +113,8 @@ def time_spans(
 
 
 @kernel(
-    "void(float64[::1], float64[:,:,::1], int64[::1], int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], "
-    "float64, float64[:,::1], int64[::1], float64[::1])"
+    "void(float64[::1], float64[:,:,::1], int64[::1], int64[::1], float64[::1], float64[::1], float64[::1], "
+    "float64[::1], float64, float64[:,::1], int64[::1], float64[::1])"
 )
 def outlook(pose, poses, counts, free, steps, stopping, durations, speeds, sim_time, ends, needed, spare):
     """Tell of each trajectory where it ends, how much of it must be free, and how much farther it would lead.
@@ -190,146 +198,3 @@ def simulate(pose, velocity, accelerations, targets, durations, granularity, ang
             poses[n, i, 0] = x
             poses[n, i, 1] = y
             poses[n, i, 2] = theta
-
-
-@kernel(
-    "int64(uint8[:,::1], float32[:,::1], float64, float64, float64, float32[:,:,::1], float64, float64, float64, "
-    "float64, float64, float64)"
-)
-def contacts(costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, overlap, x, y, theta, scale):
-    """Return how many points of a footprint's outline lie on a lethal or unknown cell, or outside the grid.
-
-    Args:
-        costs: Shape (H, W), uint8.
-        distances: Shape (H, W): distance in cells from each cell's centre to that of the nearest lethal or unknown one.
-        origin_x, origin_y, resolution: Where the cells lie.
-        outlines: Shape (A, P, 2): points (m) round the outline, turned by each of A headings of a full circle.
-        circumscribed: Radius (m) of the outline at scale 1.
-        overlap: Share of a cell by which the outline may reach into an obstacle's cell from a free one beside it.
-        x, y, theta: Pose of the base.
-        scale: Factor on the outline.
-    """
-    height, width = costs.shape
-    across = (x - origin_x) / resolution
-    up = (y - origin_y) / resolution
-    reach = circumscribed * scale / resolution
-    inside = across - reach >= 0.0 and up - reach >= 0.0 and across + reach < width and up + reach < height
-    if inside and distances[int(up), int(across)] > reach + 1.4143:
-        return 0
-    headings = outlines.shape[0]
-    heading = int(math.floor(theta * headings / (2.0 * math.pi) + 0.5)) % headings
-    factor = scale / resolution
-    found = 0
-    for point in range(outlines.shape[1]):
-        in_x = across + factor * outlines[heading, point, 0]
-        in_y = up + factor * outlines[heading, point, 1]
-        column, row = int(math.floor(in_x)), int(math.floor(in_y))
-        if column < 0 or row < 0 or column >= width or row >= height:
-            found += 1
-        elif costs[row, column] >= _LETHAL:
-            in_x -= column
-            in_y -= row
-            grazes = (
-                (in_x < overlap and column > 0 and costs[row, column - 1] < _LETHAL)
-                or (in_x > 1.0 - overlap and column + 1 < width and costs[row, column + 1] < _LETHAL)
-                or (in_y < overlap and row > 0 and costs[row - 1, column] < _LETHAL)
-                or (in_y > 1.0 - overlap and row + 1 < height and costs[row + 1, column] < _LETHAL)
-            )
-            if not grazes:
-                found += 1
-    return found
-
-
-@kernel(
-    "void(uint8[:,::1], float32[:,::1], float64, float64, float64, float32[:,:,::1], float64, float64, "
-    "float64[:,:,::1], int64[::1], float64[::1], int64, int64[::1], float64[::1], float64[::1])"
-)
-def first_contacts(
-    costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, overlap, poses, counts, scales, allowed,
-    free, highest, summed,
-):
-    """Find how far along each trajectory the footprint stays free, and what cost its centre passes.
-
-    Args:
-        costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, overlap: As for `contacts`.
-        poses: Shape (N, S, 3).
-        counts: Shape (N,): number of poses of each trajectory.
-        scales: Shape (N,): factor on the footprint.
-        allowed: Number of outline points in contact that is tolerated; it falls to what is left on the way.
-        free: Shape (N,): filled with the number of poses before the first contact.
-        highest, summed: Shape (N,): filled with the highest and the summed cost under the centre of these poses.
-    """
-    height, width = costs.shape
-    for n in range(poses.shape[0]):
-        tolerated = allowed
-        free[n] = counts[n]
-        highest[n] = 0.0
-        summed[n] = 0.0
-        for i in range(counts[n]):
-            x, y = poses[n, i, 0], poses[n, i, 1]
-            found = contacts(
-                costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, overlap, x, y,
-                poses[n, i, 2], scales[n])
-            if found > tolerated:
-                free[n] = i
-                break
-            tolerated = min(tolerated, found)
-            column = int(math.floor((x - origin_x) / resolution))
-            row = int(math.floor((y - origin_y) / resolution))
-            if column < 0 or row < 0 or column >= width or row >= height:
-                free[n] = i
-                break
-            cost = float(costs[row, column])
-            highest[n] = max(highest[n], cost)
-            summed[n] += cost
-
-
-@kernel("void(uint8[:,::1], float64, float64, float64, float64, float64, float64[:,::1], uint8[::1])")
-def in_sight(costs, origin_x, origin_y, resolution, x, y, points, seen):
-    """Mark the points whose straight line from (x, y) crosses no lethal or unknown cell; what is outside is not judged.
-
-    Args:
-        costs: Shape (H, W), uint8.
-        origin_x, origin_y, resolution: Where the cells lie.
-        x, y: Where from (m).
-        points: Shape (N, 2) in metres.
-        seen: Shape (N,): filled with 1 or 0.
-    """
-    height, width = costs.shape
-    for n in range(points.shape[0]):
-        dx, dy = points[n, 0] - x, points[n, 1] - y
-        count = int(math.hypot(dx, dy) / (0.5 * resolution)) + 1
-        seen[n] = 1
-        for i in range(1, count + 1):
-            column = int(math.floor((x + dx * i / count - origin_x) / resolution))
-            row = int(math.floor((y + dy * i / count - origin_y) / resolution))
-            if column < 0 or row < 0 or column >= width or row >= height:
-                break
-            if costs[row, column] >= _LETHAL:
-                seen[n] = 0
-                break
-
-
-@kernel("float64(float32[:,::1], float64, float64, float64, float64[:,::1])")
-def least_distance(distances, origin_x, origin_y, resolution, points):
-    """Return the least of a grid's values at points, interpolated between the centres of cells; infinite for none.
-
-    Args:
-        distances: Shape (H, W), a value at each cell's centre.
-        origin_x, origin_y, resolution: Where the cells lie.
-        points: Shape (N, 2) in metres; those outside the outermost centres are left out.
-    """
-    height, width = distances.shape
-    least = math.inf
-    for n in range(points.shape[0]):
-        across = (points[n, 0] - origin_x) / resolution - 0.5
-        up = (points[n, 1] - origin_y) / resolution - 0.5
-        if not (across >= 0.0 and up >= 0.0 and across < width - 1 and up < height - 1):
-            continue
-        column, row = int(across), int(up)
-        across -= column
-        up -= row
-        lower = (1.0 - across) * distances[row, column] + across * distances[row, column + 1]
-        upper = (1.0 - across) * distances[row + 1, column] + across * distances[row + 1, column + 1]
-        least = min(least, (1.0 - up) * lower + up * upper)
-    return least

@@ -8,11 +8,9 @@ from typing import Optional
 import numpy as np
 
 from mbf_relay.control.follower_parameters import FollowerParameters
-from mbf_relay.control.obstacle_view import ObstacleView
 from mbf_relay.control.trajectories import speed_to_stop_within
+from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D
-
-STEP = 0.05  # rad between checked headings
 
 
 def turn_rate(error: float, rate: float, parameters: FollowerParameters, period: float, top: float) -> float:
@@ -37,19 +35,22 @@ def turn_rate(error: float, rate: float, parameters: FollowerParameters, period:
     return min(rate + change, max(rate - change, math.copysign(wanted, error)))
 
 
-def free_turn(view: ObstacleView, pose: Pose2D, angle: float) -> float:
+def free_turn(checker: FootprintChecker, pose: Pose2D, angle: float) -> float:
     """Return how much of a turn on the spot by `angle` (rad) is free, as an angle of 0 or above."""
-    count = max(1, math.ceil(abs(angle) / STEP))
+    count = max(1, math.ceil(abs(angle) / checker.turn_step))
     headings = pose.theta + np.linspace(angle / count, angle, count)
     poses = np.column_stack((np.full(count, pose.x), np.full(count, pose.y), headings))
-    return abs(angle) / count * view.free_steps(poses, view.contacts_at(pose))
+    return abs(angle) / count * checker.free_steps(poses, checker.contacts_at(pose))
 
 
-def free_way_round(view: ObstacleView, pose: Pose2D, error: float) -> Optional[float]:
-    """Return the turn (rad) that leads to a heading `error` away without touching: the short way, the long one, or None."""
-    if free_turn(view, pose, error) >= abs(error) - 1e-9:
+def free_way_round(checker: FootprintChecker, pose: Pose2D, error: float) -> Optional[float]:
+    """Return the turn (rad) that leads to a heading `error` away without touching.
+
+    The short way, the long one, or None.
+    """
+    if free_turn(checker, pose, error) >= abs(error) - 1e-9:
         return error
     other = error - math.copysign(2.0 * math.pi, error)
-    if free_turn(view, pose, other) >= abs(other) - 1e-9:
+    if free_turn(checker, pose, other) >= abs(other) - 1e-9:
         return other
     return None

@@ -3,7 +3,8 @@
 LAYERS = {
     "costmap_2d::StaticLayer": "mbf_relay.costmap.static_layer.StaticLayer",
     "costmap_2d::ObstacleLayer": "mbf_relay.costmap.obstacle_layer.ObstacleLayer",
-    "costmap_2d::VoxelLayer": "mbf_relay.costmap.voxel_layer.VoxelLayer",
+    "costmap_2d::VoxelLayer": "mbf_relay.costmap.obstacle_layer.VoxelLayer",
+    "mbf_relay::TrackLayer": "mbf_relay.costmap.track_layer.TrackLayer",
     "costmap_2d::InflationLayer": "mbf_relay.costmap.inflation_layer.InflationLayer",
 }
 """Type names in parameter files and the classes that do that job here."""

@@ -1,19 +1,70 @@
-"""What planners and controllers see of a costmap: one consistent picture of it."""
+"""What planners and controllers see of a costmap: one consistent snapshot of it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Optional, Tuple
+from functools import cached_property
+from typing import NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from mbf_relay.costmap.window import EMPTY, Window
 from mbf_relay.grid import Grid
+from mbf_relay.tracking.track import Track
 
 FREE_SPACE = 0
 INSCRIBED = 253  # the robot's centre here means its inscribed circle touches an obstacle
 LETHAL = 254
 NO_INFORMATION = 255
+# of a cell: at 0.05 m as far as the footprint is padded by default, so that no margin is negative
+OBSTACLE_OVERLAP = 0.2
+
+
+class Window(NamedTuple):
+    """Columns x0 to x1 and rows y0 to y1 of a grid, the ends not included; empty where an end is not above its start.
+    """
+
+    x0: int
+    y0: int
+    x1: int
+    y1: int
+
+    @classmethod
+    def of(cls, grid: Grid) -> Window:
+        """Return the window that holds a whole grid."""
+        return cls(0, 0, grid.width, grid.height)
+
+    @property
+    def is_empty(self) -> bool:
+        """Return whether no cell is in it."""
+        return self.x1 <= self.x0 or self.y1 <= self.y0
+
+    @property
+    def slices(self) -> Tuple[slice, slice]:
+        """Index of the window in an array over the grid."""
+        return slice(self.y0, self.y1), slice(self.x0, self.x1)
+
+    def union(self, other: Window) -> Window:
+        """Return the smallest window that holds both."""
+        if self.is_empty:
+            return other
+        if other.is_empty:
+            return self
+        return Window(min(self.x0, other.x0), min(self.y0, other.y0), max(self.x1, other.x1), max(self.y1, other.y1))
+
+    def grown(self, cells: int) -> Window:
+        """Return the window widened on all sides; an empty one stays empty."""
+        return self if self.is_empty else Window(self.x0 - cells, self.y0 - cells, self.x1 + cells, self.y1 + cells)
+
+    def within(self, grid: Grid) -> Window:
+        """Return the part that lies in a grid."""
+        return Window(max(self.x0, 0), max(self.y0, 0), min(self.x1, grid.width), min(self.y1, grid.height))
+
+    def shifted(self, columns: int, rows: int) -> Window:
+        """Return the window moved by whole cells."""
+        return Window(self.x0 + columns, self.y0 + rows, self.x1 + columns, self.y1 + rows)
+
+
+EMPTY = Window(0, 0, 0, 0)
 
 
 @dataclass(frozen=True)
@@ -27,10 +78,12 @@ class CostGrid:
         footprint: Outline of the robot around its base frame, shape (K, 2) in metres, padding included.
         inscribed_radius: Largest circle (m) around the base within the footprint.
         circumscribed_radius: Smallest circle (m) around the base that holds the footprint.
-        revision: Grows with every change of `costs` and is never used twice, so that equal revisions are equal pictures;
-            0 for a picture that no costmap made.
+        revision: Grows with every change of `costs` and is never used twice, so that equal revisions are equal
+            snapshots; 0 for a snapshot that no costmap made.
         stamp: Time (s) of the update it shows.
         history: The latest changes, oldest first: the revision each led to, and the cells it touched.
+        obstacle_overlap: Share of a cell by which the footprint's outline may reach into an obstacle's cell.
+        tracks: What moves, in `frame`.
     """
 
     grid: Grid
@@ -42,14 +95,21 @@ class CostGrid:
     revision: int = 0
     stamp: float = 0.0
     history: Tuple[Tuple[int, Window], ...] = ()
+    obstacle_overlap: float = OBSTACLE_OVERLAP
+    tracks: Tuple[Track, ...] = ()
 
-    @property
+    @cached_property
     def half_width(self) -> float:
         """How far (m) the footprint reaches to the sides of a robot that drives ahead; a round robot has none drawn."""
         return float(np.abs(self.footprint[:, 1]).max()) if len(self.footprint) else self.inscribed_radius
 
+    @cached_property
+    def width(self) -> float:
+        """The robot's width (m), a cell at least: what lengths that suit a robot are multiples of."""
+        return max(2.0 * self.half_width, self.grid.resolution)
+
     def changed_since(self, revision: int) -> Optional[Window]:
-        """Return a window that holds all that changed since an earlier picture, or None where that is not known."""
+        """Return a window that holds all that changed since an earlier snapshot, or None where that is not known."""
         changed = EMPTY
         for later, window in reversed(self.history):
             if later == revision:

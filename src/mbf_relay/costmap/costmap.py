@@ -6,95 +6,49 @@ import itertools
 import math
 import threading
 from collections import deque
-from dataclasses import dataclass
-from typing import Any, Collection, Deque, Dict, Iterator, List, Optional, Sequence, Tuple
+from typing import Any, Collection, Deque, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
 from mbf_relay.costmap import footprint as footprints
-from mbf_relay.costmap.cost_grid import FREE_SPACE, NO_INFORMATION, CostGrid
-from mbf_relay.costmap.layer import Layer, LayerContext, changed_window, shifted
+from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, NO_INFORMATION, CostGrid, Window
+from mbf_relay.costmap.layer import Layer, LayerContext, changed_window, shifted, tracks_of
 from mbf_relay.costmap.observation import Observation
-from mbf_relay.costmap.window import EMPTY, Window
+from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.outcomes import PlanningError, PlanOutcome
-from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.parameters import ParameterSet
 
 HISTORY = 64
-"""How many changes back a picture knows what changed since."""
-
-LARGEST_SIDE = 32767
-"""Cells each way that a costmap may have, as planners take no more."""
-
-RECONFIGURABLE = (
-    "transform_tolerance", "update_frequency", "publish_frequency", "width", "height", "resolution", "origin_x",
-    "origin_y", "footprint", "robot_radius", "footprint_padding",
-)
-"""What can be changed at run time, as in costmap_2d."""
+"""How many changes back a snapshot knows what changed since."""
 
 _revisions: Iterator[int] = itertools.count(1)
-
-
-@dataclass(frozen=True)
-class CostmapParameters(ParameterSet):
-    """Parameters of a costmap, by costmap_2d's names; its layers' stand in groups beside them."""
-
-    global_frame: str = parameter("map", "frame of the costmap")
-    robot_base_frame: str = parameter("base_link", "frame of the robot's base")
-    update_frequency: float = parameter(5.0, "updates per second", unit="Hz", minimum=0.0, maximum=100.0)
-    publish_frequency: float = parameter(0.0, "publications per second; 0 for none", unit="Hz", minimum=0.0, maximum=100.0)
-    transform_tolerance: float = parameter(0.3, "oldest robot pose to update with", unit="s", minimum=0.0, maximum=10.0)
-    rolling_window: bool = parameter(False, "the costmap is a window that moves with the robot")
-    track_unknown_space: bool = parameter(False, "cells no layer knows of are unknown; otherwise they are free")
-    always_send_full_costmap: bool = parameter(False, "publish the whole costmap each time instead of what changed")
-    width: float = parameter(10.0, "width of the costmap", unit="m", above=0.0)
-    height: float = parameter(10.0, "height of the costmap", unit="m", above=0.0)
-    resolution: float = parameter(0.05, "side of a cell", unit="m", above=0.0, maximum=50.0)
-    origin_x: float = parameter(0.0, "x of the lower left corner", unit="m")
-    origin_y: float = parameter(0.0, "y of the lower left corner", unit="m")
-    footprint: Any = parameter((), "outline of the robot in its base frame, [[x, y], ...]", unit="m")
-    robot_radius: float = parameter(0.46, "radius of a round robot, where no footprint is given", unit="m", minimum=0.0, maximum=10.0)
-    footprint_padding: float = parameter(0.01, "how much the footprint is widened", unit="m")
-    footprint_topic: str = parameter("footprint", "topic on which another footprint may come")
-    published_footprint_topic: str = parameter("footprint", "topic of the footprint at the robot's pose", aliases=("published_footprint",))
-
-    def check(self) -> None:
-        footprints.parse_footprint(self.footprint)
-        for name, side in (("width", self.width), ("height", self.height)):
-            if not 1.0 - 1e-9 <= side / self.resolution <= LARGEST_SIDE:
-                raise ValueError(
-                    f"parameter {name} is {side:g} m; it must be 1 to {LARGEST_SIDE} cells of the resolution, "
-                    f"{self.resolution:g} m")
-
-    def outline(self) -> np.ndarray:
-        """Return the robot's outline without padding, shape (K, 2) in metres."""
-        corners = footprints.parse_footprint(self.footprint)
-        return corners if len(corners) else footprints.footprint_from_radius(self.robot_radius)
-
-    def grid(self) -> Grid:
-        """Return the grid these parameters ask for."""
-        columns, rows = int(self.width / self.resolution + 1e-9), int(self.height / self.resolution + 1e-9)
-        return Grid(self.resolution, self.origin_x, self.origin_y, columns, rows)
 
 
 class Costmap:
     """A grid of costs fed by its layers. Every method may be called from any thread.
 
-    `update` does the work; `snapshot` gives the picture it made. Observations and maps wait in the layers until then.
+    `update` does the work; `snapshot` gives the snapshot it made. Observations and maps wait in the layers until then.
 
     Attributes:
         name: For messages, e.g. "local_costmap".
         parameters: The values in force; they change only by `reconfigure`.
         layers: In the order in which they write.
+        notes: What was made of the user's values, one line each, where they could not be taken as they are.
+        failed: Why a layer the user listed is not there, by its name.
     """
 
-    def __init__(self, name: str, parameters: CostmapParameters, layers: Sequence[Layer]) -> None:
+    def __init__(
+        self, name: str, parameters: CostmapParameters, layers: Sequence[Layer], notes: Sequence[str] = (),
+        failed: Optional[Mapping[str, str]] = None,
+    ) -> None:
         self.name = name
+        self.notes, self.failed = tuple(notes), dict(failed or {})
         self.parameters = parameters
         self.layers: List[Layer] = list(layers)
-        # the only lock: held for an update, for a copy of the picture, and while input is handed to the layers
+        # the only lock: held for an update, for a copy of the snapshot, and while input is handed to the layers
         self._lock = threading.RLock()
         self._grid = parameters.grid()
         self._costs = np.zeros((0, 0), dtype=np.uint8)
@@ -167,7 +121,7 @@ class Costmap:
     def reconfigure_layer(self, name: str, parameters: ParameterSet) -> None:
         """Give the layer of that name other values; they show from the next update on."""
         with self._lock:
-            self.layer(name).reconfigure(parameters)
+            next(layer for layer in self.layers if layer.name == name).reconfigure(parameters)
             self._redo_due = True
 
     def set_footprint(self, outline: np.ndarray) -> None:
@@ -190,7 +144,7 @@ class Costmap:
         Args:
             source: One of `sources`.
             observation: In the costmap's frame.
-            now: Time (s) of arrival, from which its age counts; the observation's stamp where None.
+            now: Time (s) at which it is handed over; the observation's stamp where None.
 
         Raises:
             ValueError: There is no such source.
@@ -202,6 +156,16 @@ class Costmap:
         with self._lock:
             for layer in takers:
                 layer.observe(source, observation, observation.stamp if now is None else now)
+
+    def refuse(self, source: str, reason: str) -> None:
+        """Take note that a sensor, one of `sources`, sent what must not be believed.
+
+        The costmap is stale till it does better.
+        """
+        with self._lock:
+            for layer in self.layers:
+                if source in layer.sources:
+                    layer.refuse(source, reason)
 
     def set_map(self, occupancy: OccupancyMap) -> Optional[str]:
         """Take a map of the floor; a costmap that is no rolling window takes its size and resolution.
@@ -223,8 +187,9 @@ class Costmap:
             if not self.parameters.rolling_window:
                 if abs(occupancy.origin.theta) > 1e-6:
                     raise ValueError(
-                        f"{self.name}: the map is turned by {occupancy.origin.theta:.6g} rad; a costmap lies along the axes, "
-                        "so the third number of the map's origin must be 0")
+                        f"{self.name}: the map is turned by {occupancy.origin.theta:.6g} rad; a costmap lies along "
+                        "the axes, so the third number of the map's origin must be 0"
+                    )
                 self._sized_by_map, self._size_due = True, False
                 if grid != self._grid:
                     self._resize(grid)
@@ -249,7 +214,7 @@ class Costmap:
                 layer.set_map_from_costmap(transform)
 
     def update(self, now: float, robot_pose: Pose2D) -> None:
-        """Bring the picture up to date.
+        """Bring the snapshot up to date.
 
         Args:
             now: Time (s).
@@ -316,13 +281,14 @@ class Costmap:
         self._copy = None
 
     def snapshot(self) -> CostGrid:
-        """Return the present picture; it does not change when the costmap does."""
+        """Return the present snapshot; it does not change when the costmap does."""
         with self._lock:
             if self._copy is None:
                 self._copy = self._costs.copy()
             return CostGrid(
                 self._grid, self._copy, self.frame, self._footprint, self._inscribed_radius, self._circumscribed_radius,
-                self._history[-1][0], self._last_update or 0.0, tuple(self._history))
+                self._history[-1][0], self._last_update or 0.0, tuple(self._history), self.parameters.obstacle_overlap,
+                tracks_of(self.layers))
 
     def oriented_footprint(self, pose: Pose2D) -> np.ndarray:
         """Return the padded outline at a pose, shape (K, 2) in metres."""
@@ -351,7 +317,7 @@ class Costmap:
                     layer.clear(window, inside)
 
     def stale_reason(self, now: float) -> Optional[str]:
-        """Return why the picture must not be driven on, or None."""
+        """Return why the snapshot must not be driven on, or None."""
         with self._lock:
             if self._last_update is None:
                 return f"{self.name} was not updated yet"
@@ -362,7 +328,8 @@ class Costmap:
             return self._age_reason(now)
 
     def planning_trouble(self, now: float) -> Optional[PlanningError]:
-        """Return why the picture must not be planned on, or None: sensors may be silent, but there must be a picture."""
+        """Return why the snapshot must not be planned on, or None: sensors may be silent, but there must be a snapshot.
+        """
         with self._lock:
             for layer in self.layers:
                 reason = layer.missing_input() if layer.enabled else None
@@ -374,6 +341,9 @@ class Costmap:
             return PlanningError(PlanOutcome.MAP_ERROR, reason) if reason is not None else None
 
     def _age_reason(self, now: float) -> Optional[str]:
+        assert self._last_update is not None
         age = now - self._last_update
         limit = max(1.0, 5.0 / self.parameters.update_frequency) if self.parameters.update_frequency > 0.0 else math.inf
-        return f"{self.name} was last updated {age:.2f} s ago; at most {limit:.2f} s is allowed" if age > limit else None
+        return (
+            f"{self.name} was last updated {age:.2f} s ago; at most {limit:.2f} s is allowed" if age > limit else None
+        )

@@ -1,4 +1,5 @@
-"""Costmaps made from parameter files, in both of costmap_2d's forms: with a list of plugins, or without as before it."""
+"""Costmaps made from parameter files, in both of costmap_2d's forms: with a list of plugins, or without as before it.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +7,12 @@ from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 from mbf_relay import plugins
 from mbf_relay.costmap import LAYERS
-from mbf_relay.costmap.costmap import Costmap, CostmapParameters
+from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.layer import Layer
 from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters, SourceParameters
+from mbf_relay.costmap.outline import parse_footprint
+from mbf_relay.costmap.outline_checks import footprint_trouble
+from mbf_relay.costmap.parameters import CostmapParameters
 
 STATIC_NAMES = ("map_topic", "unknown_cost_value", "lethal_cost_threshold", "track_unknown_space")
 OBSTACLE_NAMES = ("max_obstacle_height", "raytrace_range", "obstacle_range", "track_unknown_space")
@@ -24,8 +28,11 @@ PARENT_NAMES = {
 """What costmap_2d takes for a layer from the costmap's own level where the layer's group lacks it."""
 
 OLD_FORM_NAMES = ("static_map", "map_type")
-SEARCHED_NAMES = ("footprint", "robot_radius", "footprint_topic", "published_footprint_topic", "obstacle_range", "raytrace_range")
-"""What costmap_2d looks for in the namespaces above as well."""
+SEARCHED_NAMES = (
+    "footprint", "robot_radius", "footprint_topic", "published_footprint_topic", "obstacle_range", "raytrace_range",
+    "obstacle_overlap",
+)
+"""What costmap_2d looks for in the namespaces above as well, and what both costmaps are to agree on."""
 
 
 def build_costmap(name: str, values: Mapping[str, Any], above: Optional[Mapping[str, Any]] = None) -> Costmap:
@@ -36,16 +43,48 @@ def build_costmap(name: str, values: Mapping[str, Any], above: Optional[Mapping[
         values: Names and values as costmap_2d reads them, groups as mappings.
         above: The namespace the costmap's own stands in, where it looks for a footprint and for ranges too.
 
+    A layer of unknown type is left out, and named in the costmap's `failed`: the others do their work without it.
+
     Raises:
-        ValueError: A value is wrong or a layer unknown; the text names costmap, parameter, value and what is allowed.
+        ValueError: A value is wrong; the text names costmap, parameter, value and what is allowed.
     """
     values = {**{key: (above or {})[key] for key in SEARCHED_NAMES if key in (above or {})}, **values}
     try:
-        parameters = CostmapParameters.from_mapping(values)
-        layers = [_layer(layer_name, type_name, group) for layer_name, type_name, group in layer_groups(values)]
-        return Costmap(name, parameters, layers)
+        parameters, notes = CostmapParameters.read(values)
+        _require_sound(values.get("footprint"))
+        layers: List[Layer] = []
+        failed: Dict[str, str] = {}
+        for layer_name, type_name, group in layer_groups(values):
+            try:
+                layers.append(_layer(layer_name, type_name, group))
+            except _UnknownLayer as error:
+                failed[layer_name] = str(error)
+        notes += _groups_in_vain(values)
+        notes += [f"layer '{layer.name}': {note}" for layer in layers for note in layer.notes]
+        return Costmap(name, parameters, layers, notes, failed)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from error
+
+
+def _require_sound(footprint: Any) -> None:
+    """Raise ValueError for a footprint whose inner radius would be taken wrongly: the robot would drive into things."""
+    corners = parse_footprint([] if footprint is None else footprint)
+    trouble = footprint_trouble(corners) if len(corners) else ""
+    if trouble:
+        raise ValueError(f"parameter footprint is {footprint!r}: it {trouble}")
+
+
+def _groups_in_vain(values: Mapping[str, Any]) -> List[str]:
+    """Return a note on each value that stands where a layer's group is looked for, such as `static_map: true`."""
+    return [
+        f"parameter {name} is {values[name]!r} and no group; layer '{name}' takes its defaults, as costmap_2d's does"
+        for name, _type_name, _group in (layer_groups(values) if values.get("plugins") is not None else [])
+        if not isinstance(values.get(name, {}), Mapping)
+    ]
+
+
+class _UnknownLayer(ValueError):
+    """There is no layer of that type, nor one that could stand in for it."""
 
 
 def layer_groups(values: Mapping[str, Any]) -> List[Tuple[str, str, Dict[str, Any]]]:
@@ -62,8 +101,7 @@ def layer_groups(values: Mapping[str, Any]) -> List[Tuple[str, str, Dict[str, An
         if not (isinstance(entry, Mapping) and {"name", "type"} <= set(entry)):
             raise ValueError(f"parameter plugins holds {entry!r}; each entry must be {{name: NAME, type: TYPE}}")
         own = values.get(entry["name"], {})
-        if not isinstance(own, Mapping):
-            raise ValueError(f"parameter {entry['name']} is {own!r}; it must be the group of that layer's parameters")
+        own = own if isinstance(own, Mapping) else {}  # Fetch's static_map: true, which costmap_2d passes over as well
         parent = {key: values[key] for key in PARENT_NAMES.get(entry["type"], ()) if key in values}
         result.append((entry["name"], entry["type"], {**parent, **own}))
     return result
@@ -82,6 +120,14 @@ def _old_form(values: Mapping[str, Any]) -> List[Tuple[str, str, Dict[str, Any]]
     obstacle_type = "costmap_2d::VoxelLayer" if values.get("map_type") == "voxel" else "costmap_2d::ObstacleLayer"
     obstacles = group("obstacle_layer", PARENT_NAMES[obstacle_type] + ("observation_sources",) + sources)
     result.append(("obstacle_layer", obstacle_type, obstacles))
+    if isinstance(values.get("track_layer"), Mapping):  # costmap_2d has none: only for who asks
+        result.append(
+            (
+                "track_layer",
+                "mbf_relay::TrackLayer",
+                group("track_layer", OBSTACLE_NAMES + ("observation_sources",) + sources),
+            )
+        )
     result.append(("inflation_layer", "costmap_2d::InflationLayer", group("inflation_layer", INFLATION_NAMES)))
     return result
 
@@ -89,7 +135,32 @@ def _old_form(values: Mapping[str, Any]) -> List[Tuple[str, str, Dict[str, Any]]
 def _layer(name: str, type_name: str, group: Mapping[str, Any]) -> Layer:
     if not isinstance(type_name, str):
         raise ValueError(f"layer '{name}' has type {type_name!r}; it must be a text")
-    return plugins.create(name, type_name, group, Layer, LAYERS)
+    try:
+        found = _class_of(type_name, group)
+    except plugins.PluginError as error:
+        raise _UnknownLayer(str(error)) from error
+    layer = plugins.create(name, found, group, Layer, LAYERS)
+    if found != type_name:
+        layer.notes = (
+            f"{type_name} is not available here; {found} marks what its observation_sources see", *layer.notes)
+    return layer
+
+
+def _class_of(type_name: str, group: Mapping[str, Any]) -> str:
+    """Return the type to make a layer of.
+
+    Its own, or for an unknown one that lists sensors, the nearest that marks those.
+
+    Raises:
+        PluginError: It is unknown, and lists no sensors.
+    """
+    try:
+        plugins.find_class(type_name, Layer, LAYERS)
+    except plugins.PluginError:
+        if not group.get("observation_sources"):
+            raise
+        return "costmap_2d::VoxelLayer" if "z_voxels" in group else "costmap_2d::ObstacleLayer"
+    return type_name
 
 
 def unknown_names(values: Mapping[str, Any]) -> List[str]:
@@ -102,13 +173,20 @@ def unknown_names(values: Mapping[str, Any]) -> List[str]:
     result = [name for name in CostmapParameters.unknown_names(values) if name not in read]
     sources: Dict[str, Any] = {}
     for layer_name, type_name, group in groups:
-        layer_class = plugins.find_class(type_name, Layer, LAYERS)
+        try:
+            layer_class = plugins.find_class(_class_of(type_name, group), Layer, LAYERS)
+        except plugins.PluginError:
+            continue  # nothing is known of its parameters
         prefix = "" if old_form else f"{layer_name}/"
         ranges = ("obstacle_range", "raytrace_range")
-        result += [f"{prefix}{name}" for name in layer_class.Parameters.unknown_names(group) if name not in ranges + tuple(read)]
+        result += [
+            f"{prefix}{name}"
+            for name in layer_class.Parameters.unknown_names(group)
+            if name not in ranges + tuple(read)
+        ]
         if issubclass(layer_class.Parameters, ObstacleLayerParameters):
             for source in str(group.get("observation_sources", "")).split():
                 sources[f"{prefix}{source}"] = group.get(source, {})
-    for prefix, source in sources.items():
-        result += [f"{prefix}/{name}" for name in SourceParameters.unknown_names(source)]
+    for prefix, values in sources.items():
+        result += [f"{prefix}/{name}" for name in SourceParameters.unknown_names(values)]
     return result

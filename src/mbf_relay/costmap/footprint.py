@@ -1,15 +1,12 @@
-"""The robot's outline: read, padded, measured, and laid on a grid of costs."""
+"""The robot's outline laid on a grid of costs."""
 
 from __future__ import annotations
-
-import ast
-import math
-from typing import Any, Tuple
 
 import numpy as np
 
 from mbf_relay.costmap import footprint_kernels
 from mbf_relay.costmap.footprint_kernels import IN_COLLISION, ON_UNKNOWN, OUTSIDE
+from mbf_relay.costmap.outline import footprint_from_radius, padded, parse_footprint, radii
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 
@@ -17,68 +14,6 @@ __all__ = [
     "IN_COLLISION", "ON_UNKNOWN", "OUTSIDE", "cells_within", "footprint_cells", "footprint_cost", "footprint_costs",
     "footprint_from_radius", "padded", "parse_footprint", "radii",
 ]
-
-CIRCLE_CORNERS = 16
-"""Corners of the polygon that stands for a round robot, as in costmap_2d."""
-
-
-def parse_footprint(value: Any) -> np.ndarray:
-    """Return a footprint parameter as corners, shape (K, 2) in metres; K is 0 for an empty list.
-
-    Args:
-        value: A list of [x, y] pairs, or a text that holds one, as costmap_2d takes both.
-
-    Raises:
-        ValueError: It is no such list, has one or two points, or a number that is not finite.
-    """
-    points = value
-    if isinstance(value, str):
-        try:
-            points = ast.literal_eval(value.strip() or "[]")
-        except (ValueError, SyntaxError) as error:
-            raise ValueError(f"footprint is {value!r}; it must be a list of points [[x, y], ...]") from error
-    if not isinstance(points, (list, tuple, np.ndarray)):
-        raise ValueError(f"footprint is {value!r}; it must be a list of points [[x, y], ...]")
-    if len(points) == 0:
-        return np.zeros((0, 2))
-    try:
-        corners = np.array([(float(x), float(y)) for x, y in points])
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"footprint is {value!r}; each point must be a pair of numbers [x, y]") from error
-    if len(corners) < 3:
-        raise ValueError(f"footprint is {value!r}; it has {len(corners)} points and must have at least 3")
-    if not np.isfinite(corners).all():
-        raise ValueError(f"footprint is {value!r}; every number must be finite")
-    return corners
-
-
-def footprint_from_radius(radius: float) -> np.ndarray:
-    """Return the polygon of 16 corners that stands for a round robot, shape (16, 2) in metres."""
-    if not (math.isfinite(radius) and radius >= 0.0):
-        raise ValueError(f"robot_radius is {radius} m; it must be 0 or more")
-    angles = np.arange(CIRCLE_CORNERS) * (2.0 * math.pi / CIRCLE_CORNERS)
-    return radius * np.column_stack((np.cos(angles), np.sin(angles)))
-
-
-def padded(footprint: np.ndarray, padding: float) -> np.ndarray:
-    """Return a footprint whose corners lie `padding` metres further out along each axis, as costmap_2d pads."""
-    return footprint + np.sign(footprint) * padding
-
-
-def radii(footprint: np.ndarray) -> Tuple[float, float]:
-    """Return the inscribed and the circumscribed radius (m) round the base frame's origin.
-
-    The inscribed radius is the distance to the nearest edge, the circumscribed one that to the farthest corner.
-    """
-    if len(footprint) < 3:
-        return 0.0, 0.0
-    starts, ends = footprint, np.roll(footprint, -1, axis=0)
-    edges = ends - starts
-    squared_lengths = np.maximum(np.einsum("ij,ij->i", edges, edges), 1e-18)
-    along = np.clip(-np.einsum("ij,ij->i", starts, edges) / squared_lengths, 0.0, 1.0)
-    nearest = starts + along[:, None] * edges
-    return float(np.hypot(nearest[:, 0], nearest[:, 1]).min()), float(np.hypot(starts[:, 0], starts[:, 1]).max())
-
 
 def footprint_cost(grid: Grid, costs: np.ndarray, footprint: np.ndarray, pose: Pose2D) -> float:
     """Return the highest cost under a footprint's outline, as costmap_2d's CostmapModel sees it.
@@ -93,10 +28,11 @@ def footprint_cost(grid: Grid, costs: np.ndarray, footprint: np.ndarray, pose: P
     Returns:
         0 to 253, or IN_COLLISION, ON_UNKNOWN or OUTSIDE (all below 0).
     """
-    return footprint_kernels.outline_cost(
+    cost: float = footprint_kernels.outline_cost(
         costs, grid.origin_x, grid.origin_y, grid.resolution, np.ascontiguousarray(footprint, dtype=np.float64),
         pose.x, pose.y, pose.theta,
     )
+    return cost
 
 
 def footprint_costs(grid: Grid, costs: np.ndarray, footprint: np.ndarray, poses: np.ndarray) -> np.ndarray:
@@ -135,7 +71,10 @@ def cells_within(grid: Grid, footprint: np.ndarray, pose: Pose2D) -> np.ndarray:
     """
     if len(footprint) < 3:
         return footprint_cells(grid, footprint, pose)
-    return footprint_kernels.cells_within(
+    side = int(2.0 * float(np.hypot(footprint[:, 0], footprint[:, 1]).max()) / grid.resolution) + 2
+    cells = np.empty((min(side, grid.width) * min(side, grid.height), 2), dtype=np.int32)
+    count: int = footprint_kernels.cells_within(
         grid.width, grid.height, grid.origin_x, grid.origin_y, grid.resolution,
-        np.ascontiguousarray(footprint, dtype=np.float64), pose.x, pose.y, pose.theta,
+        np.ascontiguousarray(footprint, dtype=np.float64), pose.x, pose.y, pose.theta, cells,
     )
+    return cells[:count]

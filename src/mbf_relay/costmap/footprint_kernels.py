@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
 """Compiled loops over the outline of a footprint laid on a grid of costs.
 
 Lines are drawn as costmap_2d draws them (Bresenham, error term started at half the longer side), so that the cells
@@ -162,15 +163,19 @@ def polygon_cells(width, height, columns, rows, cells):
     return count
 
 
-@kernel("int32[:,::1](int64, int64, float64, float64, float64, float64[:,::1], float64, float64, float64)")
-def cells_within(width, height, origin_x, origin_y, resolution, footprint, x, y, theta):
-    """Return the cells of a grid that lie wholly within a convex footprint, shape (N, 2), columns and rows.
+@kernel("int64(int64, int64, float64, float64, float64, float64[:,::1], float64, float64, float64, int32[:,::1])")
+def cells_within(width, height, origin_x, origin_y, resolution, footprint, x, y, theta, cells):
+    """Collect the cells of a grid that lie wholly within a convex footprint.
 
     Args:
         width, height: Size of the grid.
         origin_x, origin_y, resolution: Where the cells lie (m).
         footprint: Corners in the base frame, shape (K, 2) in metres with K > 2, either way round.
         x, y, theta: The base in the grid's frame.
+        cells: Shape (M, 2); filled with columns and rows. M must hold the square round the footprint.
+
+    Returns:
+        How many cells there are.
     """
     corners = len(footprint)
     cos, sin = math.cos(theta), math.sin(theta)
@@ -186,7 +191,6 @@ def cells_within(width, height, origin_x, origin_y, resolution, footprint, x, y,
     right = min(width - 1, int(math.floor((outline[:, 0].max() - origin_x) / resolution)))
     low = max(0, int(math.floor((outline[:, 1].min() - origin_y) / resolution)))
     high = min(height - 1, int(math.floor((outline[:, 1].max() - origin_y) / resolution)))
-    cells = np.empty((max(0, right - left + 1) * max(0, high - low + 1), 2), np.int32)
     count = 0
     for row in range(low, high + 1):
         for column in range(left, right + 1):
@@ -203,7 +207,7 @@ def cells_within(width, height, origin_x, origin_y, resolution, footprint, x, y,
             if inside:
                 cells[count, 0], cells[count, 1] = column, row
                 count += 1
-    return cells[:count].copy()
+    return count
 
 
 @kernel("void(uint8[:,::1], float64, float64, float64, float64[:,::1], float64[:,::1], int64[:,::1])")
@@ -215,8 +219,8 @@ def covered_costs(costs, origin_x, origin_y, resolution, footprint, poses, resul
         origin_x, origin_y, resolution: Where the cells lie (m).
         footprint: Corners in the base frame, shape (K, 2); fewer than three stand for the base's own cell.
         poses: Shape (N, 3), x, y, theta in the grid's frame.
-        result: Shape (N, 5), filled with: 1 where a corner lies outside the grid (the rest is 0 then), and the number of
-            lethal, of inscribed and of unknown cells, and the sum of all other cells' costs.
+        result: Shape (N, 5), filled with: 1 where a corner lies outside the grid (the rest is 0 then), and the number
+            of lethal, of inscribed and of unknown cells, and the sum of all other cells' costs.
     """
     height, width = costs.shape
     corners = max(footprint.shape[0], 1)

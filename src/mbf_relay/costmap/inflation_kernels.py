@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
 """Compiled inflation: the exact Euclidean distance to the nearest lethal cell, turned into costs by a table.
 
 The distance transform is the two-pass one (columns, then rows; Felzenszwalb and Huttenlocher, "Distance transforms of

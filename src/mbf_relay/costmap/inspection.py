@@ -23,7 +23,7 @@ BATCH = 64
 """Cells looked at together in a search."""
 
 
-class State(IntEnum):
+class PoseState(IntEnum):
     """What lies under a robot, the worse the higher; numbers as in mbf_msgs' services, the same in all its versions."""
 
     FREE = 0
@@ -42,53 +42,53 @@ class Multipliers:
     unknown: float = 1.0
 
 
-class Verdict(NamedTuple):
+class CheckResult(NamedTuple):
     """The worst that lies under a pose or along a path, and the sum of the cells' costs."""
 
-    state: State
+    state: PoseState
     cost: float
 
 
-class Found(NamedTuple):
+class ValidPose(NamedTuple):
     """The pose a search came to; its own start where the state is LETHAL."""
 
     pose: Pose2D
-    verdict: Verdict
+    verdict: CheckResult
 
 
-def check_point(costmap: CostGrid, x: float, y: float) -> Verdict:
+def check_point(costmap: CostGrid, x: float, y: float) -> CheckResult:
     """Tell what lies under a point (m, costmap's frame); nothing outside has a cost."""
     return check_poses(costmap, np.array([[x, y, 0.0]]), POINT)[0]
 
 
 def check_poses(
     costmap: CostGrid, poses: np.ndarray, outline: np.ndarray, multipliers: Multipliers = Multipliers()
-) -> List[Verdict]:
+) -> List[CheckResult]:
     """Tell what a robot covers at each pose.
 
     Args:
-        costmap: The picture to look at.
+        costmap: The snapshot to look at.
         poses: Shape (N, 3), in the costmap's frame.
         outline: Corners of the robot, convex, shape (K, 2) in its base frame; fewer than three for its cell alone.
         multipliers: What cells of a kind count for.
     """
     counts = _counts(costmap, poses, outline)
     states, costs = _states(counts), _costs(counts, multipliers)
-    return [Verdict(State(int(state)), float(cost)) for state, cost in zip(states, costs)]
+    return [CheckResult(PoseState(int(state)), float(cost)) for state, cost in zip(states, costs)]
 
 
 def check_path(
     costmap: CostGrid, poses: np.ndarray, outline: np.ndarray, multipliers: Multipliers = Multipliers(),
     return_on: int = 0, skip_poses: int = 0,
-) -> Tuple[Verdict, int]:
+) -> Tuple[CheckResult, int]:
     """Tell the worst along a path and what all of it costs.
 
     Args:
-        costmap: The picture to look at.
+        costmap: The snapshot to look at.
         poses: Shape (N, 3), in the costmap's frame.
         outline: As for `check_poses`.
         multipliers: What cells of a kind count for.
-        return_on: State from which on to look no further; 0 for none.
+        return_on: PoseState from which on to look no further; 0 for none.
         skip_poses: Poses left out after each one looked at.
 
     Returns:
@@ -100,20 +100,20 @@ def check_path(
     bad = np.flatnonzero(states >= return_on) if return_on else np.zeros(0, dtype=int)
     end = int(bad[0]) + 1 if len(bad) else len(indices)
     if end == 0:
-        return Verdict(State.FREE, 0.0), 0
-    return Verdict(State(int(states[:end].max())), float(costs[:end].sum())), int(indices[end - 1])
+        return CheckResult(PoseState.FREE, 0.0), 0
+    return CheckResult(PoseState(int(states[:end].max())), float(costs[:end].sum())), int(indices[end - 1])
 
 
 def find_valid_pose(
     costmap: CostGrid, start: Pose2D, outline: np.ndarray, distance: float, angle: float
-) -> Found:
+) -> ValidPose:
     """Find the nearest pose where the robot fits.
 
     The start itself comes first, then the cells' centres by distance; at each place the heading wanted, then those ever
     further to both sides. Places whose own cell is inscribed, lethal or unknown are no answer.
 
     Args:
-        costmap: The picture to look at.
+        costmap: The snapshot to look at.
         start: Where to search from, in the costmap's frame.
         outline: As for `check_poses`.
         distance: How far (m) the answer may lie from the start.
@@ -123,23 +123,23 @@ def find_valid_pose(
         A FREE or INSCRIBED pose; else the nearest UNKNOWN one; else the nearest OUTSIDE one; else the start, LETHAL.
     """
     headings = _headings(start.theta, angle)
-    second_best: Dict[State, Found] = {}
+    second_best: Dict[PoseState, ValidPose] = {}
     for places in _places(costmap, start, distance):
         poses = np.column_stack((np.repeat(places, len(headings), axis=0), np.tile(headings, len(places))))
         counts = _counts(costmap, poses, outline)
         # here inscribed cells are no worse than free ones, and nothing outweighs an obstacle
-        states = np.where(counts[:, 1] > 0, int(State.LETHAL), _states(counts))
-        fits = np.flatnonzero(states <= State.INSCRIBED)
+        states = np.where(counts[:, 1] > 0, int(PoseState.LETHAL), _states(counts))
+        fits = np.flatnonzero(states <= PoseState.INSCRIBED)
         if len(fits):
             return _found(poses, counts, states, int(fits[0]))
-        for state in (State.UNKNOWN, State.OUTSIDE):
+        for state in (PoseState.UNKNOWN, PoseState.OUTSIDE):
             hits = np.flatnonzero(states == state)
             if len(hits) and state not in second_best:
                 second_best[state] = _found(poses, counts, states, int(hits[0]))
-    for state in (State.UNKNOWN, State.OUTSIDE):
+    for state in (PoseState.UNKNOWN, PoseState.OUTSIDE):
         if state in second_best:
             return second_best[state]
-    return Found(start, Verdict(State.LETHAL, float(LETHAL)))
+    return ValidPose(start, CheckResult(PoseState.LETHAL, float(LETHAL)))
 
 
 def _headings(wanted: float, tolerance: float) -> np.ndarray:
@@ -191,20 +191,22 @@ def _states(counts: np.ndarray) -> np.ndarray:
     """Return the worst state of each row of `_counts`, shape (N,)."""
     return np.select(
         [counts[:, 0] > 0, counts[:, 3] > 0, counts[:, 1] > 0, counts[:, 2] > 0],
-        [int(State.OUTSIDE), int(State.UNKNOWN), int(State.LETHAL), int(State.INSCRIBED)], int(State.FREE),
+        [int(PoseState.OUTSIDE), int(PoseState.UNKNOWN), int(PoseState.LETHAL), int(PoseState.INSCRIBED)],
+        int(PoseState.FREE),
     )
 
 
 def _costs(counts: np.ndarray, multipliers: Multipliers) -> np.ndarray:
     """Return the summed costs of each row of `_counts`, shape (N,)."""
-    return (
+    sums: np.ndarray = (
         counts[:, 1] * (LETHAL * (multipliers.lethal or 1.0))
         + counts[:, 2] * (INSCRIBED * (multipliers.inscribed or 1.0))
         + counts[:, 3] * (NO_INFORMATION * (multipliers.unknown or 1.0)) + counts[:, 4]
     )
+    return sums
 
 
-def _found(poses: np.ndarray, counts: np.ndarray, states: np.ndarray, index: int) -> Found:
+def _found(poses: np.ndarray, counts: np.ndarray, states: np.ndarray, index: int) -> ValidPose:
     cost = float(_costs(counts[index:index + 1], Multipliers())[0])
-    return Found(Pose2D(*map(float, poses[index])), Verdict(State(int(states[index])), cost))
+    return ValidPose(Pose2D(*map(float, poses[index])), CheckResult(PoseState(int(states[index])), cost))
 

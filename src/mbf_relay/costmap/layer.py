@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import abc
 from dataclasses import dataclass
-from typing import Any, ClassVar, Mapping, Optional
+from typing import Any, ClassVar, Iterable, Mapping, Optional, Tuple
 
 import numpy as np
 
+from mbf_relay.costmap.cost_grid import EMPTY, Window
 from mbf_relay.costmap.observation import Observation
-from mbf_relay.costmap.window import EMPTY, Window
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.plugins import Plugin
+from mbf_relay.tracking.track import Track
 
 
 @dataclass(frozen=True)
@@ -32,10 +33,11 @@ class LayerContext:
 
 
 class Layer(Plugin, abc.ABC):
-    """Writes what it knows into the costmap's grid. The costmap calls it, under its lock, in this order per update:
+    """Writes what it knows into the costmap's grid.
 
-    `shift` where a rolling window moved, `update_bounds` of every layer, then `update_costs` of every layer over the
-    union of the windows, whose cells were reset before. Layers write over what earlier layers in the list wrote.
+    The costmap calls it, under its lock, in this order per update: `shift` where a rolling window moved,
+    `update_bounds` of every layer, then `update_costs` of every layer over the union of the windows, whose cells were
+    reset before. Layers write over what earlier layers in the list wrote.
 
     Attributes:
         notice: What users should know of this kind of layer, one line for the log; empty where there is nothing.
@@ -44,6 +46,7 @@ class Layer(Plugin, abc.ABC):
     """
 
     notice: ClassVar[str] = ""
+    dynamic_config = "mbf_relay.cfg.CostmapLayerConfig"
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
@@ -60,6 +63,21 @@ class Layer(Plugin, abc.ABC):
     def sources(self) -> Mapping[str, Any]:
         """The layer's sensors by name, with their parameters (SourceParameters)."""
         return {}
+
+    @property
+    def sensor_patience(self) -> float:
+        """How long (s) what its sensors saw may wait for a transform, where that is longer than the costmap's own."""
+        return 0.0
+
+    @property
+    def map_source(self) -> Optional[Any]:
+        """Where the layer's map comes from (StaticLayerParameters); None for a layer without one."""
+        return None
+
+    @property
+    def tracks(self) -> Tuple[Track, ...]:
+        """What it knows that moves, in the costmap's frame."""
+        return ()
 
     def attach(self, rolling: bool, tracks_unknown: bool) -> None:
         """Learn what the costmap is like; called once, before anything else."""
@@ -78,7 +96,10 @@ class Layer(Plugin, abc.ABC):
         """Take a new inscribed radius (m)."""
 
     def observe(self, source: str, observation: Observation, now: float) -> None:
-        """Take what one of `sources` saw."""
+        """Take what one of `sources` saw, at `now` (s); its age counts from its stamp, from `now` where that is 0."""
+
+    def refuse(self, source: str, reason: str) -> None:
+        """Take note that one of `sources` sent what must not be believed; it is stale until it is observed again."""
 
     def set_map(self, occupancy: OccupancyMap) -> None:
         """Take a map of the floor."""
@@ -103,6 +124,10 @@ class Layer(Plugin, abc.ABC):
     def reset(self) -> None:
         """Forget everything observed."""
         self.clear(Window.of(self.grid), inside=True)
+
+    def max_age(self, source: str) -> float:
+        """Return the age (s) from which what one of `sources` measured says nothing any more; 0 for never."""
+        return 0.0
 
     def stale_reason(self, now: float) -> Optional[str]:
         """Return what the layer waits for, or None where it may be relied on."""
@@ -159,7 +184,7 @@ def shifted(costs: np.ndarray, columns: int, rows: int, fill: int) -> np.ndarray
 
 
 def changed_window(before: np.ndarray, after: np.ndarray, window: Window) -> Window:
-    """Return the smallest window that holds the cells in which two pictures of `window` differ."""
+    """Return the smallest window that holds the cells in which two snapshots of `window` differ."""
     differs = before != after
     rows = np.flatnonzero(differs.any(axis=1))
     if len(rows) == 0:
@@ -169,3 +194,8 @@ def changed_window(before: np.ndarray, after: np.ndarray, window: Window) -> Win
         window.x0 + int(columns[0]), window.y0 + int(rows[0]), window.x0 + int(columns[-1]) + 1,
         window.y0 + int(rows[-1]) + 1,
     )
+
+
+def tracks_of(layers: Iterable[Layer]) -> Tuple[Track, ...]:
+    """Return what moves, as all layers that take part know it."""
+    return tuple(track for layer in layers if layer.enabled for track in layer.tracks)

@@ -1,9 +1,9 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
 """Compiled loops of the layers: rays drawn over cells, and layers merged into the costmap."""
 
 from __future__ import annotations
 
 import math
-
 
 from mbf_relay.kernels import kernel
 

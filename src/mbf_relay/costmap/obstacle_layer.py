@@ -1,22 +1,25 @@
-"""The obstacle layer: what scanners and depth cameras see, marked and cleared (costmap_2d's ObstacleLayer)."""
+"""What scanners and depth cameras see, marked and cleared (costmap_2d's ObstacleLayer and VoxelLayer)."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Any, Deque, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Deque, Dict, List, Mapping, Optional, Tuple, Type, TypeVar
 
 import numpy as np
 
 from mbf_relay.costmap import footprint, layer_kernels
-from mbf_relay.costmap.cost_grid import FREE_SPACE, NO_INFORMATION
+from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, NO_INFORMATION, Window
 from mbf_relay.costmap.layer import CellLayer, LayerContext, changed_window
 from mbf_relay.costmap.observation import Observation
-from mbf_relay.costmap.window import EMPTY, Window
+from mbf_relay.costmap.usual_age import UsualAge
 from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.scan_monitor import LARGEST_GAP
 
 OVERWRITE, MAXIMUM, NOTHING = 0, 1, 99
+
+S = TypeVar("S", bound="ObstacleLayerParameters")
 
 RECONFIGURABLE = ("enabled", "footprint_clearing_enabled", "max_obstacle_height", "combination_method")
 """What can be changed at run time, as in costmap_2d."""
@@ -29,16 +32,28 @@ class SourceParameters(ParameterSet):
     topic: str = parameter("", "topic; the source's name where empty")
     sensor_frame: str = parameter("", "frame the rays start from; the message's own where empty")
     data_type: str = parameter("PointCloud", "type of message", choices=("LaserScan", "PointCloud", "PointCloud2"))
-    observation_persistence: float = parameter(0.0, "how long observations count; 0 for the newest alone", unit="s", minimum=0.0)
+    observation_persistence: float = parameter(
+        0.0, "how long observations count; 0 for the newest alone", unit="s", minimum=0.0
+    )
     expected_update_rate: float = parameter(
-        0.0, "longest time between two messages before the costmap is stale; 0 for the layer's source_timeout (scans)",
+        0.0, "longest time between two messages before the costmap is stale; 0 for more than one of its scans",
         unit="s", minimum=0.0)
     min_obstacle_height: float = parameter(0.0, "points below are left out", unit="m")
     max_obstacle_height: float = parameter(2.0, "points above are left out", unit="m")
     inf_is_valid: bool = parameter(True, "beams without a return free the cells they pass, up to range_max")
+    largest_gap: float = parameter(
+        LARGEST_GAP,
+        "widest angle ahead in which a LaserScan may measure nothing (NaN, or below range_min) and still count; "
+        "0 where that means nothing is there",
+        unit="rad",
+        minimum=0.0,
+        maximum=2.0 * math.pi,
+    )
     marking: bool = parameter(True, "points become obstacles")
     clearing: bool = parameter(False, "rays free the cells they pass")
-    obstacle_range: float = parameter(2.5, "points farther from the sensor do not become obstacles", unit="m", minimum=0.0)
+    obstacle_range: float = parameter(
+        2.5, "points farther from the sensor do not become obstacles", unit="m", minimum=0.0
+    )
     raytrace_range: float = parameter(3.0, "rays free cells no farther than this", unit="m", minimum=0.0)
 
     def check(self) -> None:
@@ -55,32 +70,51 @@ class ObstacleLayerParameters(ParameterSet):
     enabled: bool = parameter(True, "take part in the costmap")
     observation_sources: str = parameter("", "names of the sensors, separated by blanks")
     footprint_clearing_enabled: bool = parameter(True, "free the cells the robot stands on")
-    max_obstacle_height: float = parameter(2.0, "points above do not become obstacles", unit="m", minimum=0.0, maximum=50.0)
+    max_obstacle_height: float = parameter(
+        2.0, "points above do not become obstacles", unit="m", minimum=0.0, maximum=50.0
+    )
     combination_method: int = parameter(1, "0 overwrites earlier layers, 1 takes the higher cost, 99 does nothing",
                                         choices=(OVERWRITE, MAXIMUM, NOTHING))
     track_unknown_space: bool = parameter(False, "cells no ray has passed are unknown; otherwise they are free")
-    transform_tolerance: float = parameter(0.2, "how long an observation waits for its transform", unit="s", minimum=0.0)
+    transform_tolerance: float = parameter(
+        0.2, "how long an observation waits for its transform", unit="s", minimum=0.0, maximum=10.0
+    )
     source_timeout: float = parameter(
-        1.0, "a LaserScan source without expected_update_rate is stale after this; 0 for never", unit="s", minimum=0.0)
-    source_parameters: Any = parameter({}, "sources by name; filled from the groups beside")
+        1.0, "a LaserScan source without expected_update_rate is stale where it misses more than one of its scans, "
+        "and after this at the latest; 0 for never", unit="s", minimum=0.0)
+    source_parameters: Mapping[str, SourceParameters] = parameter({}, "sources by name; filled from the groups beside")
 
     @classmethod
     def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
         """Return the layer's own values, and its sources' parameters out of their groups."""
-        result = super().known(values)
-        sources: Dict[str, SourceParameters] = {}
-        for name in str(result.get("observation_sources", "")).split():
+        sources = {name: source for name, (source, _notes) in cls._sources_in(values).items()}
+        return {**super().known(values), "source_parameters": sources}
+
+    @classmethod
+    def read(cls: Type[S], values: Mapping[str, Any]) -> Tuple[S, List[str]]:
+        """Make one as ParameterSet.read does; the notes on a source's values name it."""
+        parameters, notes = super().read(values)
+        for name, (_source, of_source) in cls._sources_in(values).items():
+            notes += [f"observation source '{name}': {note}" for note in of_source]
+        return parameters, notes
+
+    @classmethod
+    def _sources_in(cls, values: Mapping[str, Any]) -> Dict[str, Tuple[SourceParameters, List[str]]]:
+        """Return each source's parameters, out of its group, and the notes on them."""
+        inherited = {key: values[key] for key in ("obstacle_range", "raytrace_range") if key in values}
+        sources = {}
+        for name in str(values.get("observation_sources", "")).split():
             group = values.get(name, {})
             if not isinstance(group, Mapping):
-                raise ValueError(f"parameter {name} is {group!r}; it must be the group of the observation source's parameters")
-            inherited = {key: values[key] for key in ("obstacle_range", "raytrace_range") if key in values}
+                raise ValueError(
+                    f"parameter {name} is {group!r}; it must be the group of the observation source's parameters"
+                )
             try:
-                source = SourceParameters.from_mapping({**inherited, **group})
+                source, notes = SourceParameters.read({**inherited, **group})
             except ValueError as error:
                 raise ValueError(f"observation source '{name}': {error}") from error
-            sources[name] = source.replace(topic=source.topic or name)
-        result["source_parameters"] = sources
-        return result
+            sources[name] = source.replace(topic=source.topic or name), notes
+        return sources
 
 
 @dataclass(frozen=True)
@@ -98,17 +132,23 @@ class _Rays:
 
 
 class _Source:
-    """One sensor: its parameters, the observations still counted and when the newest came."""
+    """One sensor: its parameters, the observations still counted and when the newest was measured."""
 
     def __init__(self, parameters: SourceParameters) -> None:
         self.parameters = parameters
         self.kept: Deque[_Rays] = deque()
         self.last_update: Optional[float] = None
+        self.trouble: Optional[str] = None
+        self.usual_age = UsualAge()
 
     def add(self, observation: Observation, now: float, max_height: float) -> None:
         """Keep an observation, newest first, and drop those too old to count."""
         self.kept.appendleft(prepare(observation, self.parameters, max_height))
-        self.last_update = now
+        measured = min(observation.stamp, now) if observation.stamp > 0.0 else now
+        if self.last_update is not None:
+            self.usual_age.renewed(now - self.last_update, measured - self.last_update)
+        self.last_update = measured
+        self.trouble = None
         keep_time = self.parameters.observation_persistence
         if keep_time == 0.0:
             while len(self.kept) > 1:
@@ -122,6 +162,8 @@ class ObstacleLayer(CellLayer):
     """Keeps what was seen: rays free the cells they pass, what they hit becomes lethal, until a ray passes there."""
 
     Parameters = ObstacleLayerParameters
+    parameters: ObstacleLayerParameters
+    dynamic_config = "mbf_relay.cfg.ObstacleLayerConfig"
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
@@ -133,12 +175,19 @@ class ObstacleLayer(CellLayer):
         return {name: source.parameters for name, source in self._sources.items()}
 
     @property
+    def sensor_patience(self) -> float:
+        return self.parameters.transform_tolerance
+
+    @property
     def highest_mark(self) -> float:
         """Height (m) above which points do not become obstacles."""
         return self.parameters.max_obstacle_height
 
     def observe(self, source: str, observation: Observation, now: float) -> None:
         self._sources[source].add(observation, now, self.highest_mark)
+
+    def refuse(self, source: str, reason: str) -> None:
+        self._sources[source].trouble = reason
 
     def update_bounds(self, context: LayerContext, window: Window) -> Window:
         clearing = [rays for s in self._sources.values() if s.parameters.clearing for rays in s.kept]
@@ -188,18 +237,26 @@ class ObstacleLayer(CellLayer):
         self.costs[window.slices] = kept
         self.touch(Window.of(self.grid))
 
+    def max_age(self, source: str) -> float:
+        parameters = self._sources[source].parameters
+        limit = parameters.expected_update_rate
+        return self.parameters.source_timeout if limit == 0.0 and parameters.data_type == "LaserScan" else limit
+
     def stale_reason(self, now: float) -> Optional[str]:
         for name, source in self._sources.items():
-            limit = source.parameters.expected_update_rate
-            if limit == 0.0 and source.parameters.data_type == "LaserScan":
-                limit = self.parameters.source_timeout
+            limit, is_lidar = self.max_age(name), source.parameters.data_type == "LaserScan"
+            if is_lidar and source.parameters.expected_update_rate == 0.0:
+                limit = source.usual_age.limit(limit)
+            kind = "lidar" if is_lidar else "sensor"
+            whose = f"source '{name}' on topic '{source.parameters.topic}'"
+            if source.trouble is not None:
+                return f"{kind} {whose} cannot be relied on: {source.trouble}"
             if limit == 0.0:
                 continue
-            topic = source.parameters.topic
             if source.last_update is None:
-                return f"no data has come from source '{name}' on topic '{topic}'"
+                return f"no data has come from {kind} {whose}"
             if now - source.last_update > limit:
-                return (f"source '{name}' on topic '{topic}' sent nothing for {now - source.last_update:.2f} s; "
+                return (f"{kind} {whose} sent nothing for {now - source.last_update:.2f} s; "
                         f"at most {limit:.2f} s is allowed")
         return None
 
@@ -226,6 +283,42 @@ def prepare(observation: Observation, source: SourceParameters, max_height: floa
         marks &= observation.hits
     ends, marked = np.ascontiguousarray(points[kept, :2]), np.ascontiguousarray(points[kept & marks, :2])
     x, y, reach = float(origin[0]), float(origin[1]), source.raytrace_range
-    low = tuple(min(at - reach, float(marked[:, i].min(initial=at))) for i, at in enumerate((x, y)))
-    high = tuple(max(at + reach, float(marked[:, i].max(initial=at))) for i, at in enumerate((x, y)))
+    low = (min(x - reach, float(marked[:, 0].min(initial=x))), min(y - reach, float(marked[:, 1].min(initial=y))))
+    high = (max(x + reach, float(marked[:, 0].max(initial=x))), max(y + reach, float(marked[:, 1].max(initial=y))))
     return _Rays(x, y, ends, marked, low, high, reach, observation.stamp)
+
+
+VOXEL_RECONFIGURABLE = RECONFIGURABLE + (
+    "origin_z", "z_resolution", "z_voxels", "unknown_threshold", "mark_threshold")
+"""What can be changed at run time, as in costmap_2d."""
+
+
+@dataclass(frozen=True)
+class VoxelLayerParameters(ObstacleLayerParameters):
+    """Parameters of the obstacle layer and, from `origin_z` on, the voxel layer; each source has its own group."""
+
+    origin_z: float = parameter(0.0, "height of the lowest voxel's floor", unit="m")
+    z_resolution: float = parameter(0.2, "height of a voxel", unit="m", above=0.0, maximum=50.0)
+    z_voxels: int = parameter(10, "how many voxels; points above the highest do not become obstacles", minimum=0)
+    unknown_threshold: int = parameter(
+        15, "read for costmap_2d's sake; cells here are known or not, whatever the height", minimum=0)
+    mark_threshold: int = parameter(
+        0, "read for costmap_2d's sake; here one point makes an obstacle, as with 0 there", minimum=0)
+    publish_voxel_map: bool = parameter(False, "read for costmap_2d's sake; there are no voxels to publish")
+
+
+class VoxelLayer(ObstacleLayer):
+    """Marks what lies within the voxels' heights; a ray frees the cells it passes, however high above them it does."""
+
+    Parameters = VoxelLayerParameters
+    parameters: VoxelLayerParameters
+    dynamic_config = "mbf_relay.cfg.VoxelLayerConfig"
+
+    notice = (
+        "keeps one plane instead of voxels: points from min_obstacle_height to the highest voxel's top mark a cell, "
+        "and rays of any height free it")
+
+    @property
+    def highest_mark(self) -> float:
+        parameters = self.parameters
+        return min(parameters.max_obstacle_height, parameters.origin_z + parameters.z_voxels * parameters.z_resolution)

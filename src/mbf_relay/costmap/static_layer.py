@@ -8,9 +8,8 @@ from typing import Any, Optional
 import numpy as np
 
 from mbf_relay.costmap import layer_kernels
-from mbf_relay.costmap.cost_grid import FREE_SPACE, LETHAL, NO_INFORMATION
+from mbf_relay.costmap.cost_grid import FREE_SPACE, LETHAL, NO_INFORMATION, Window
 from mbf_relay.costmap.layer import CellLayer, LayerContext
-from mbf_relay.costmap.window import Window
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.maps import OccupancyMap
@@ -37,6 +36,7 @@ class StaticLayer(CellLayer):
     """Turns a map's values into costs. A costmap that is not a rolling window takes the map's size and resolution."""
 
     Parameters = StaticLayerParameters
+    parameters: StaticLayerParameters
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
@@ -44,6 +44,10 @@ class StaticLayer(CellLayer):
         self._map_costs = np.zeros((0, 0), dtype=np.uint8)
         self._map_from_costmap = IDENTITY
         self._table = cost_table(parameters)
+
+    @property
+    def map_source(self) -> StaticLayerParameters:
+        return self.parameters
 
     def reconfigure(self, parameters: Any) -> None:
         super().reconfigure(parameters)
@@ -73,7 +77,8 @@ class StaticLayer(CellLayer):
             return
         if x < 0 or y < 0 or x + columns > width or y + rows > height:
             raise ValueError(
-                f"map update of {columns} x {rows} cells at ({x}, {y}) does not fit the map of {width} x {height} cells")
+                f"map update of {columns} x {rows} cells at ({x}, {y}) does not fit the map of {width} x {height} cells"
+            )
         part = np.ascontiguousarray(data, dtype=np.int8)
         self._map.data[y:y + rows, x:x + columns] = part
         self._map_costs[y:y + rows, x:x + columns] = self._table[part.view(np.uint8)]

@@ -5,7 +5,11 @@
     laser_models.py    reweight         (beam_range_finder_model, likelihood_field_range_finder_model)
     resampling.py      resample         (KLD-adaptive, with random poses where the fit has dropped)
     estimate.py        estimate         (clusters, mean and covariance)
-    scan_proposal.py   the proposal that looks at the scan, for sparse scans and poor odometry; scouts.py, where it fails
+    tracker.py         the robust form: predict, correct, doubt, decide
+      scan_proposal.py   particles drawn with the scan in view, for sparse scans and poor odometry
+      hypotheses.py      rival places with the evidence of all scans since they came up; evidence.py weighs them
+      scan_search.py     one-scan global localization: all places on the map where a scan fits
+      reliability.py     the probability that the pose is right
     replay.py          recorded logs through the filter (command.py: localize_log.py)
 
 With ``robust`` off the filter does as amcl (navigation, noetic-devel), but for these (see test_amcl_fidelity.py):

@@ -11,8 +11,8 @@ import time
 from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 import numpy as np
-import yaml
 
+from mbf_relay import files
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.logs import RecordedLog, load_log
 from mbf_relay.localization.node_parameters import AmclParameters, initial_pose_from
@@ -23,8 +23,10 @@ from mbf_relay.maps import OccupancyMap, load_map
 def parse_arguments(arguments: Optional[List[str]] = None) -> argparse.Namespace:
     """Return the options of the command line."""
     parser = argparse.ArgumentParser(
-        prog="localize_log.py", description=__doc__,
-        epilog="LOG.npz holds t (N), odom (N, 3: x, y, yaw), ranges (N, B), angle_min, angle_increment, and where known "
+        prog="localize_log.py",
+        description=__doc__,
+        epilog="LOG.npz holds t (N), odom (N, 3: x, y, yaw), ranges (N, B), angle_min, angle_increment, and where "
+        "known "
         "ref (N, 3), laser_pose (3) and range_max. bag_to_log.py makes one from a bag.",
     )
     parser.add_argument("log", metavar="LOG.npz")
@@ -50,11 +52,10 @@ def read_parameters(path: Optional[str]) -> Tuple[AmclParameters, Mapping[str, A
     """
     if path is None:
         return AmclParameters(), {}
-    with open(path, encoding="utf-8") as file:
-        try:
-            values = yaml.safe_load(file) or {}
-        except yaml.YAMLError as error:
-            raise ValueError(f"parameter file {path} is no YAML: {' '.join(str(error).split())}") from error
+    try:
+        values = files.parse_yaml(files.read_text(path)) or {}
+    except ValueError as error:
+        raise ValueError(f"parameter file {path} is no YAML: {error}") from error
     if not isinstance(values, dict):
         raise ValueError(f"parameter file {path} holds {type(values).__name__}; it must hold names and values")
     values = values.get("amcl", values.get("/amcl", values))
@@ -64,7 +65,9 @@ def read_parameters(path: Optional[str]) -> Tuple[AmclParameters, Mapping[str, A
         raise ValueError(f"parameter file {path}: {error}") from error
 
 
-def choose_start(options: argparse.Namespace, values: Mapping[str, Any], log: RecordedLog) -> Tuple[Optional[Pose2D], np.ndarray]:
+def choose_start(
+    options: argparse.Namespace, values: Mapping[str, Any], log: RecordedLog
+) -> Tuple[Optional[Pose2D], np.ndarray]:
     """Return the pose to start at, None for anywhere, and its covariance, shape (3, 3)."""
     pose, covariance, _ = initial_pose_from(values)
     if options.global_localization:
@@ -76,9 +79,11 @@ def choose_start(options: argparse.Namespace, values: Mapping[str, Any], log: Re
     return pose, covariance
 
 
-def write_results(folder: str, log: RecordedLog, occupancy: OccupancyMap, result: Replay, figures: Dict[str, Any]) -> None:
+def write_results(
+    folder: str, log: RecordedLog, occupancy: OccupancyMap, result: Replay, figures: Dict[str, Any]
+) -> None:
     """Write trajectory.csv, result.json and result.png into a folder; OSError where that fails."""
-    from mbf_relay.localization.picture import draw_replay
+    from mbf_relay.localization.replay_plot import draw_replay
 
     os.makedirs(folder, exist_ok=True)
     with open(os.path.join(folder, "trajectory.csv"), "w", encoding="utf-8", newline="") as file:

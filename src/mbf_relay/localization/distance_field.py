@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-import cv2
+from typing import Optional
+
 import numpy as np
 
+from mbf_relay.distances import around, distances_to_zeros
 from mbf_relay.geometry import Pose2D
 from mbf_relay.maps import OccupancyMap
 
 OCCUPIED_FROM = 65
 FREE_TO = 25
+ON_A_WALL = 0.1  # m from the nearest occupied cell's centre within which a reading's end fits the map
+DOUBTFUL = 0.5
+"""Share of a scan on the map's walls below which the pose is doubtful, or much has changed since the map was made."""
 
 
 class DistanceField:
@@ -44,15 +49,33 @@ class DistanceField:
         A beam ends on a face. To the plain field a beam that ends deep in a wall fits as well as one that ends on it.
         """
         occupied = self.occupancy.data >= OCCUPIED_FROM
-        inside = cv2.erode(occupied.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_REPLICATE)
+        inside = ~around(~occupied, outside=True)
         if not inside.any():
             return self.distances
-        return distances_to(occupied & (inside == 0), self.resolution, self.max_distance)
+        return distances_to(occupied & ~inside, self.resolution, self.max_distance)
 
     @property
     def frame(self) -> np.ndarray:
         """Origin x, y, theta and resolution as the kernels take them, shape (4,)."""
         return np.array([self.origin.x, self.origin.y, self.origin.theta, self.resolution])
+
+    def share_on_map(self, pose: Pose2D, endpoints: np.ndarray) -> Optional[float]:
+        """Return which share of a scan's ends the map explains, 0 to 1; None where the scan has no end.
+
+        For people and for starts; the filter itself does not use it.
+
+        Args:
+            pose: Of the base, in the map's frame.
+            endpoints: Shape (H, 2) in metres, in the base's frame.
+        """
+        if len(endpoints) == 0:
+            return None
+        points = pose.relative_to(self.origin).transform_points(endpoints)
+        columns, rows = np.floor(points / self.resolution).astype(np.int64).T
+        height, width = self.distances.shape
+        on_map = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+        near = self.distances[rows[on_map], columns[on_map]] <= max(ON_A_WALL, self.resolution)
+        return float(np.count_nonzero(near)) / len(endpoints)
 
     def random_free_poses(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """Draw poses evenly over the free space and all directions, shape (count, 3).
@@ -90,6 +113,7 @@ def distances_to(occupied: np.ndarray, resolution: float, max_distance: float) -
     """Return each cell's distance (m) to the nearest occupied one, at most `max_distance`, as float32."""
     if not occupied.any():
         return np.full(occupied.shape, max_distance, dtype=np.float32)
-    cells = cv2.distanceTransform((~occupied).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    cells: np.ndarray = distances_to_zeros(~occupied)
     cells *= np.float32(resolution)
-    return np.minimum(cells, np.float32(max_distance), out=cells)
+    np.minimum(cells, np.float32(max_distance), out=cells)
+    return cells

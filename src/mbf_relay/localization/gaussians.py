@@ -8,7 +8,7 @@ from typing import Tuple
 
 import numpy as np
 
-from mbf_relay.geometry import normalize_angles
+from mbf_relay.geometry import Pose2D, normalize_angles
 
 FLOOR = np.array([0.02, 0.02, 0.01])
 """Least deviations (m, m, rad) that a distribution fitted to particles is given, so that it can be inverted."""
@@ -24,7 +24,7 @@ class PoseGaussian:
     covariance: np.ndarray
 
     @staticmethod
-    def fitted(poses: np.ndarray, weights: np.ndarray) -> "PoseGaussian":
+    def fitted(poses: np.ndarray, weights: np.ndarray) -> PoseGaussian:
         """Return the distribution with the moments of weighted poses, shape (N, 3), never narrower than FLOOR."""
         share = weights / weights.sum()
         headings = poses[:, 2].copy()
@@ -40,15 +40,25 @@ class PoseGaussian:
         """Inverse of the covariance, shape (3, 3)."""
         return np.linalg.inv(self.covariance)
 
-    def widened(self, deviations: np.ndarray) -> "PoseGaussian":
+    def widened(self, deviations: np.ndarray) -> PoseGaussian:
         """Return a wider one: `deviations` (m, m, rad) are added as independent noise."""
         return PoseGaussian(self.mean, self.covariance + np.diag(np.square(deviations)))
+
+    def moved(self, step: Pose2D, noise: np.ndarray) -> PoseGaussian:
+        """Return it after a step in its own frame with noise of a covariance, shape (3, 3), in that frame."""
+        cos, sin = math.cos(self.mean[2]), math.sin(self.mean[2])
+        to_map = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        after = np.array(Pose2D(*map(float, self.mean)).compose(step))
+        along = np.array([[1.0, 0.0, self.mean[1] - after[1]], [0.0, 1.0, after[0] - self.mean[0]], [0.0, 0.0, 1.0]])
+        return PoseGaussian(after, along @ self.covariance @ along.T + to_map @ noise @ to_map.T)
 
     def log_density(self, poses: np.ndarray) -> np.ndarray:
         """Return the log-density at poses, (N, 3) in, (N,) out."""
         root = np.linalg.cholesky(self.covariance)
         whitened = np.linalg.solve(root, differences(poses, self.mean).T)
-        return LOG_NORMALIZER - np.log(np.diag(root).copy()).sum() - 0.5 * np.square(whitened).sum(axis=0)
+        normalizer = LOG_NORMALIZER - np.log(np.diag(root).copy()).sum()
+        logs: np.ndarray = normalizer - 0.5 * np.square(whitened).sum(axis=0)
+        return logs
 
     def sample(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """Draw poses, shape (count, 3)."""
@@ -65,21 +75,22 @@ class PoseMixture:
     def log_density(self, poses: np.ndarray) -> np.ndarray:
         """Return the log-density at poses, (N, 3) in, (N,) out."""
         logs = [math.log(share) + part.log_density(poses) for part, share in zip(self.parts, self.shares)]
-        return np.logaddexp.reduce(logs, axis=0)
+        log_density: np.ndarray = np.logaddexp.reduce(logs, axis=0)
+        return log_density
 
     def sample(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """Draw poses, shape (count, 3)."""
         chosen = rng.choice(len(self.parts), count, p=self.shares)
         means = np.array([part.mean for part in self.parts])
         roots = np.array([np.linalg.cholesky(part.covariance) for part in self.parts])
-        poses = means[chosen] + np.einsum("nij,nj->ni", roots[chosen], rng.standard_normal((count, 3)))
+        poses: np.ndarray = means[chosen] + np.einsum("nij,nj->ni", roots[chosen], rng.standard_normal((count, 3)))
         poses[:, 2] = normalize_angles(poses[:, 2])
         return poses
 
 
 def differences(poses: np.ndarray, mean: np.ndarray) -> np.ndarray:
     """Return poses minus a pose, shape (N, 3), with headings wrapped to [-pi, pi)."""
-    offsets = poses - mean
+    offsets: np.ndarray = poses - mean
     offsets[:, 2] = normalize_angles(offsets[:, 2])
     return offsets
 

@@ -6,7 +6,7 @@ Each gives the logarithm of a likelihood up to a constant, so that no product of
 from __future__ import annotations
 
 import abc
-from typing import Optional, Tuple
+from typing import Callable, Dict, Optional, Tuple
 
 import numpy as np
 
@@ -70,7 +70,15 @@ class BeamModel(LaserModel):
         sums = np.empty(len(poses))
         laser = np.array([beams.laser_pose.x, beams.laser_pose.y])
         sum_over_rays(
-            poses, beams.ranges, beams.bearings, laser, self.field.blocked, self.field.frame, beams.range_max, model, sums
+            poses,
+            beams.ranges,
+            beams.bearings,
+            laser,
+            self.field.blocked,
+            self.field.frame,
+            beams.range_max,
+            model,
+            sums,
         )
         return np.log1p(sums)
 
@@ -88,7 +96,9 @@ class FieldModel(LaserModel):
         """Return the term of a beam for each cell it may end in (float32), and for ending off the map."""
         if self._table is None or self._table_key != (range_max,):
             self._table = np.ascontiguousarray(self.term(self.hit_likelihood(self.field.distances, range_max)))
-            self._outside = float(self.term(self.hit_likelihood(np.float32(self.field.max_distance), range_max)))
+            self._outside = float(
+                self.term(self.hit_likelihood(np.array(self.field.max_distance, np.float32), range_max))
+            )
             self._table_key = (range_max,)
         return self._table, self._outside
 
@@ -96,8 +106,9 @@ class FieldModel(LaserModel):
         """Return z_hit exp(-d^2 / 2 sigma^2) + z_rand / range_max for distances (m), float32 (table 6.3)."""
         values = self.parameters
         scale = np.float32(-0.5 / values.laser_sigma_hit ** 2)
-        likelihood = np.exp(np.square(distances) * scale) * np.float32(values.laser_z_hit)
-        return likelihood + np.float32(values.laser_z_rand / range_max)
+        hits = np.exp(np.square(distances) * scale) * np.float32(values.laser_z_hit)
+        likelihood: np.ndarray = hits + np.float32(values.laser_z_rand / range_max)
+        return likelihood
 
     @abc.abstractmethod
     def term(self, likelihood: np.ndarray) -> np.ndarray:
@@ -108,7 +119,8 @@ class LikelihoodFieldModel(FieldModel):
     """Endpoints on the distance field (table 6.3), cubed and added as in amcl: p = 1 + sum of pz^3."""
 
     def term(self, likelihood: np.ndarray) -> np.ndarray:
-        return likelihood * likelihood * likelihood
+        cubes: np.ndarray = likelihood * likelihood * likelihood
+        return cubes
 
     def log_likelihoods(self, poses: np.ndarray, beams: Beams, converged: bool = False) -> np.ndarray:
         sums = np.empty(len(poses))
@@ -123,7 +135,8 @@ class LikelihoodFieldProbModel(FieldModel):
     rounds_step_up = True
 
     def term(self, likelihood: np.ndarray) -> np.ndarray:
-        return np.log(np.maximum(likelihood, np.float32(1e-30)))
+        logs: np.ndarray = np.log(np.maximum(likelihood, np.float32(1e-30)))
+        return logs
 
     def log_likelihoods(self, poses: np.ndarray, beams: Beams, converged: bool = False) -> np.ndarray:
         hits = beams.hits
@@ -143,19 +156,19 @@ class LikelihoodFieldProbModel(FieldModel):
         values = self.parameters
         distances = np.empty((len(poses), len(hits)), dtype=np.float32)
         look_up_endpoints(poses, hits, self.field.distances, np.inf, self.field.frame, distances)
-        explained = (distances < values.beam_skip_distance).mean(axis=0) > values.beam_skip_threshold
+        explained: np.ndarray = (distances < values.beam_skip_distance).mean(axis=0) > values.beam_skip_threshold
         if np.count_nonzero(~explained) >= values.beam_skip_error_threshold * len(hits):
             return np.ones(len(hits), dtype=bool)
         return explained
 
 
 def is_converged(poses: np.ndarray) -> bool:
-    """Tell whether all particles lie within half a metre of their mean in x and in y."""
+    """Return whether all particles lie within half a metre of their mean in x and in y."""
     offsets = np.abs(poses[:, :2] - poses[:, :2].mean(axis=0))
     return bool(offsets.max() <= CONVERGED_WITHIN)
 
 
-MODELS = {
+MODELS: Dict[str, Callable[[DistanceField, LocalizerParameters], LaserModel]] = {
     "beam": BeamModel,
     "likelihood_field": LikelihoodFieldModel,
     "likelihood_field_prob": LikelihoodFieldProbModel,

@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 import math
-from typing import Dict, Optional, Tuple
+from typing import Dict, List, Optional, Tuple
 
 import numpy as np
 
 from mbf_relay.geometry import Pose2D, angle_between, normalize_angles
 from mbf_relay.localization.beams import Beams, pick_beams
 from mbf_relay.localization.distance_field import DistanceField
-from mbf_relay.localization.estimate import Estimate, estimate
+from mbf_relay.localization.estimate import Estimate, estimate, mean_and_covariance
 from mbf_relay.localization.gaussians import log_sum_exp
 from mbf_relay.localization.laser_models import is_converged, make_laser_model
 from mbf_relay.localization.motion_models import make_motion_model
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.resampling import AverageLikelihood, particle_limits, resample
-from mbf_relay.localization.scan_likelihood import ScanLikelihood
-from mbf_relay.localization.scan_proposal import ScanProposal
+from mbf_relay.localization.scan_search import Places
+from mbf_relay.localization.tracker import HypothesisTracker
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.scan import LaserScan
 
-
 FEWEST_PREDICTED = 1500
-"""Particles that odometry moves at least, in the robust form: kept in few, the belief would still leave in few places."""
+"""Particles that odometry moves at least, in the robust form: kept in few, the belief would still leave in few places.
+"""
 
 
 class Localizer:
@@ -50,6 +50,12 @@ class Localizer:
         self.parameters = parameters
         self.map_from_odom: Optional[Pose2D] = None
         self.last_estimate: Optional[Estimate] = None
+        self.poses: np.ndarray
+        self.log_weights: np.ndarray
+        self._odom_pose: Optional[Pose2D] = None
+        self._awaited: Dict[str, bool] = {}
+        self._updates = 0
+        self._converged = False
         self.field = DistanceField(occupancy, parameters.laser_likelihood_max_dist)
         self._averages = AverageLikelihood()
         self._make_models()
@@ -81,6 +87,7 @@ class Localizer:
             ValueError: The map has no free cell. Nothing has changed.
         """
         self._start(self.field.random_free_poses(self.parameters.max_particles, self._rng))
+        self._tracker.start(anywhere=True)
 
     def request_update(self) -> None:
         """Let the next scan update the filter even where the robot has not moved."""
@@ -109,8 +116,44 @@ class Localizer:
     @property
     def weights(self) -> np.ndarray:
         """Weights of the particles, shape (N,), sum one."""
-        weights = np.exp(self.log_weights)
-        return weights / weights.sum()
+        weights: np.ndarray = np.exp(self.log_weights)
+        weights /= weights.sum()
+        return weights
+
+    def hypotheses(self) -> List[Tuple[Pose2D, float]]:
+        """Return where the robot may be: places with their shares of the belief, heaviest first."""
+        if self.last_estimate is None:
+            return []
+        found = [(self.last_estimate.pose, self._tracker.hypotheses.share_held)]
+        for rival in self._tracker.hypotheses.rivals:
+            found.append((Pose2D(*map(float, rival.belief.mean)), math.exp(rival.log_weight)))
+        return sorted(found, key=lambda one: -one[1])
+
+    def reliability(self) -> Optional[float]:
+        """Return the probability that the newest estimate is right within 0.5 m and 10 degrees.
+
+        None before the first estimate, and with `robust` off, where nothing measures it.
+        """
+        if self.last_estimate is None or not self.parameters.robust:
+            return None
+        _, covariance = mean_and_covariance(self.poses, self.weights)
+        deviation = math.sqrt(0.5 * float(covariance[0, 0] + covariance[1, 1]))
+        return self._tracker.fit.value(self._tracker.hypotheses.share_held, deviation)
+
+    def find(self, scan: LaserScan, laser_pose_in_base: Pose2D) -> Places:
+        """Return all places on the map where one scan fits nearly as well as anywhere; changes nothing.
+
+        Args:
+            scan: The scan.
+            laser_pose_in_base: Pose of the scan's frame in the base's frame.
+
+        Raises:
+            ValueError: The scan's limits leave nothing.
+        """
+        values = self.parameters
+        return self._tracker.find(
+            pick_beams(scan, laser_pose_in_base, 1, values.laser_min_range, values.laser_max_range).hits
+        )
 
     # --- the filter -----------------------------------------------------------------------------------------------
 
@@ -140,7 +183,7 @@ class Localizer:
         if self._odom_pose is not None:
             self._propagate(before, odom_pose)
         if self.parameters.robust:
-            self._propose(scan, laser_pose_in_base, before.distance_to(odom_pose))
+            self._correct(scan, laser_pose_in_base)
         else:
             self._reweight(beams)
         # As in amcl the first scan after a start, which counts anyway, leaves a request to the second.
@@ -148,7 +191,7 @@ class Localizer:
         self._odom_pose = odom_pose
         self._awaited[scan.frame] = False
         self._updates += 1
-        self.last_estimate = estimate(self.poses, self.weights)
+        self.last_estimate = self._estimate()
         if self._updates % self.parameters.resample_interval == 0:
             self._resample()
         self.map_from_odom = self.last_estimate.pose.compose(odom_pose.inverse())
@@ -175,12 +218,13 @@ class Localizer:
             fewest = min(self.parameters.max_particles, max(self.parameters.min_particles, FEWEST_PREDICTED))
             if len(self.poses) <= fewest // 2:
                 self.poses, self.log_weights = replicate(self.poses, self.log_weights, fewest)
+            self._tracker.predict(after.relative_to(before), self._motion_model.covariance(before, after))
         self.poses = self._motion_model.propagate(self.poses, before, after, self._rng)
 
-    def _propose(self, scan: LaserScan, laser_pose: Pose2D, driven: float) -> None:
+    def _correct(self, scan: LaserScan, laser_pose: Pose2D) -> None:
         """Redraw particles with the whole scan in view, weigh them, and normalise."""
         beams = pick_beams(scan, laser_pose, 1, self.parameters.laser_min_range, self.parameters.laser_max_range)
-        self.poses, log_weights = self._proposal.propose(self.poses, self.log_weights, beams.hits, driven, self._rng)
+        self.poses, log_weights = self._tracker.correct(self.poses, self.log_weights, beams, self._rng)
         self.log_weights = log_weights - log_sum_exp(log_weights)
 
     def _reweight(self, beams: Beams) -> None:
@@ -190,12 +234,28 @@ class Localizer:
         self._averages.update(log_average, self.parameters.recovery_alpha_slow, self.parameters.recovery_alpha_fast)
         self.log_weights = log_weights - log_average
 
+    def _estimate(self) -> Estimate:
+        """Return where the robot is by the hypothesis the particles hold, as surely as its rivals leave it."""
+        own = estimate(self.poses, self.weights)
+        rivals = self._tracker.hypotheses.rivals
+        if not self.parameters.robust or not rivals:
+            return own
+        shares = np.exp([rival.log_weight for rival in rivals])
+        everything = np.vstack((self.poses, [rival.belief.mean for rival in rivals]))
+        weights = np.concatenate((self.weights * self._tracker.hypotheses.share_held, shares))
+        _, covariance = mean_and_covariance(everything, weights)
+        return Estimate(
+            own.pose, covariance, own.weight * self._tracker.hypotheses.share_held, own.clusters + len(rivals)
+        )
+
     def _resample(self) -> None:
         """Draw a new set by weight (table 8.3, lines 11 to 17), unless that can wait."""
         values, weights = self.parameters, self.weights
         if values.selective_resampling and 1.0 / np.square(weights).sum() > 0.5 * len(weights):
             return
-        limits = particle_limits(values.max_particles, values.min_particles, values.kld_err, values.kld_z, values.robust)
+        limits = particle_limits(
+            values.max_particles, values.min_particles, values.kld_err, values.kld_z, values.robust
+        )
         share = self._averages.random_share() if not self.field.blocked.all() else 0.0
         self.poses = resample(self.poses, weights, limits, self._rng, share, self._random_poses)
         self.log_weights = np.full(len(self.poses), -math.log(len(self.poses)))
@@ -212,17 +272,17 @@ class Localizer:
         self.poses = poses
         self.log_weights = np.full(len(poses), -math.log(len(poses)))
         self._averages.reset()
-        self._odom_pose: Optional[Pose2D] = None
-        self._awaited: Dict[str, bool] = {}
+        self._odom_pose = None
+        self._awaited = {}
         self._forced = self._converged = False
         self._updates = 0
+        self._tracker.start()
 
     def _make_models(self) -> None:
         self._laser_model = make_laser_model(self.field, self.parameters)
         self._motion_model = make_motion_model(self.parameters)
-        self._proposal = ScanProposal(
-            ScanLikelihood(self.field, self.parameters.laser_sigma_hit), self._random_poses,
-            recovers=self.parameters.recovery_alpha_fast > 0.0,
+        self._tracker = HypothesisTracker(
+            self.field, self.parameters.laser_sigma_hit, recovers=self.parameters.recovery_alpha_fast > 0.0
         )
 
 

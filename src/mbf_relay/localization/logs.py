@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import struct
+import tokenize
 import zipfile
+import zlib
 from dataclasses import dataclass
-from typing import Optional
+from typing import Any, BinaryIO, Dict, Optional
 
 import numpy as np
 
+from mbf_relay import files
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.scan import LaserScan
 
+LARGEST_LOG = 4 << 30
+"""Bytes of a log, unpacked: a day of 1000 beams at 5 Hz."""
 CROWDED = 0.002
 """Share of all readings at one and the same value beyond which it is the sensor's word for "nothing came back"."""
 
@@ -48,7 +54,13 @@ class RecordedLog:
     def scan(self, index: int) -> LaserScan:
         """Return a scan of the log."""
         return LaserScan(
-            self.ranges[index], self.angle_min, self.angle_increment, 0.0, self.range_max, float(self.times[index]), "laser"
+            self.ranges[index],
+            self.angle_min,
+            self.angle_increment,
+            0.0,
+            self.range_max,
+            float(self.times[index]),
+            "laser",
         )
 
     def odom_pose(self, index: int) -> Pose2D:
@@ -57,7 +69,9 @@ class RecordedLog:
 
 
 def load_log(path: str) -> RecordedLog:
-    """Read a log: arrays t (N), odom (N, 3), ranges (N, B), angle_min, angle_increment; ref (N, 3), laser_pose (3) and
+    """Read a log.
+
+    Its arrays are t (N), odom (N, 3), ranges (N, B), angle_min, angle_increment; ref (N, 3), laser_pose (3) and
     range_max where it has them.
 
     Raises:
@@ -65,20 +79,27 @@ def load_log(path: str) -> RecordedLog:
         LogError: It is no .npz file, or an array is missing or of a wrong shape.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: np.asarray(file[name], dtype=float) for name in file.files if name in _KNOWN}
-    except (ValueError, zipfile.BadZipFile, AttributeError, EOFError) as error:
+        with files.open_regular(path, LARGEST_LOG) as stream:
+            _require_size(path, stream)
+            with np.load(stream, allow_pickle=False) as file:
+                arrays = {name: np.asarray(file[name], dtype=float) for name in file.files if name in _KNOWN}
+    except (ValueError, zipfile.BadZipFile, zlib.error, AttributeError, EOFError, SyntaxError, NotImplementedError,
+            RuntimeError, MemoryError, LookupError, TypeError, struct.error, tokenize.TokenError) as error:
         raise LogError(f"log {path} is no .npz file of numbers: {error}") from error
     for name in ("t", "odom", "ranges", "angle_min", "angle_increment"):
         if name not in arrays:
-            raise LogError(f"log {path} has no array '{name}'; it must have t, odom, ranges, angle_min, angle_increment")
+            raise LogError(
+                f"log {path} has no array '{name}'; it must have t, odom, ranges, angle_min, angle_increment"
+            )
     count = arrays["t"].size
     shapes = {"t": (count,), "odom": (count, 3), "ref": (count, 3)}
     for name, shape in shapes.items():
         if name in arrays and arrays[name].shape != shape:
             raise LogError(f"array '{name}' of log {path} has shape {arrays[name].shape}; it must have {shape}")
     if arrays["ranges"].ndim != 2 or len(arrays["ranges"]) != count or arrays["ranges"].size == 0:
-        raise LogError(f"array 'ranges' of log {path} has shape {arrays['ranges'].shape}; it must have ({count}, beams)")
+        raise LogError(
+            f"array 'ranges' of log {path} has shape {arrays['ranges'].shape}; it must have ({count}, beams)"
+        )
     laser = arrays.get("laser_pose", np.zeros(3)).ravel()
     if laser.shape != (3,) or not np.isfinite(laser).all():
         raise LogError(f"array 'laser_pose' of log {path} is {laser.tolist()}; it must be x, y, yaw")
@@ -89,12 +110,21 @@ def load_log(path: str) -> RecordedLog:
     )
 
 
+def _require_size(path: str, stream: BinaryIO) -> None:
+    """Raise ValueError where a log unpacks to more than anybody drives in a day."""
+    with zipfile.ZipFile(stream) as archive:
+        size = sum(entry.file_size for entry in archive.infolist())
+    if size > LARGEST_LOG:
+        raise ValueError(f"it unpacks to {size} bytes; at most {LARGEST_LOG} are read")
+    stream.seek(0)
+
+
 _KNOWN = ("t", "odom", "ranges", "angle_min", "angle_increment", "ref", "laser_pose", "range_max")
 
 
 def save_log(path: str, log: RecordedLog) -> None:
     """Write a log in the form `load_log` reads; OSError where it cannot be written."""
-    arrays = dict(
+    arrays: Dict[str, Any] = dict(
         t=log.times, odom=log.odom, ranges=log.ranges, angle_min=log.angle_min, angle_increment=log.angle_increment,
         range_max=log.range_max, laser_pose=np.array(log.laser_pose),
     )

@@ -13,21 +13,24 @@ from mbf_relay.localization.parameters import LocalizerParameters
 
 SHORT_MOTION = 0.01
 """Translations (m) below this have no direction worth trusting: a turn on the spot."""
+USUAL_STEP = 0.2
+"""Motion (m, rad) from one update to the next that amcl's default asks for, and for which people's alphas are tuned."""
 
 
 class MotionModel(abc.ABC):
     """Moves particles by an odometry step with its noise.
 
     amcl's plain models use what is a variance in the book as a standard deviation; its "corrected" ones take the
-    root. Both are offered, because the plain ones are the default and people's alphas are tuned to them.
+    root. Both are offered, because the plain ones are the default and people's alphas are tuned to them. Either way
+    the noise of one drive depends on how many steps it is cut into: cut finer, odometry is thought ever better.
 
-    The plain ones think ever better of odometry the shorter its steps are, and a step of 3 m leaves them without any
-    idea of the heading. In the robust form they read an alpha as a share of the motion, which is the same for steps of
-    1 m, and hold odometry to be off by some share at least.
+    In the robust form the errors of a way add up whatever the steps are: the variance grows with the motion, as that
+    of a sum of independent errors does, at the rate at which amcl's form grows at amcl's own steps, USUAL_STEP, and
+    no slower than `robust_odom_error` says. Slips, which are no such sum, are left to the rival hypotheses.
 
     Attributes:
         corrected: Take the root.
-        least_share: Share of its motion odometry is off at least; None for amcl's form.
+        least_rate: Least deviation (m) after one metre; None for amcl's form.
     """
 
     def __init__(self, parameters: LocalizerParameters, corrected: bool) -> None:
@@ -36,22 +39,30 @@ class MotionModel(abc.ABC):
             parameters.odom_alpha5,
         )
         self.corrected = corrected
-        self.least_share: Optional[float] = parameters.robust_odom_error if parameters.robust else None
+        self.least_rate: Optional[float] = parameters.robust_odom_error if parameters.robust else None
 
     def deviation(self, *terms: Tuple[float, float], floor: float = 0.0) -> float:
         """Return the standard deviation that pairs of an alpha and a motion stand for.
 
         Args:
             terms: Alphas with the motions (m or rad) they belong to.
-            floor: The motion of which the least share counts in the robust form.
+            floor: The motion (m) to which the least deviation belongs in the robust form.
         """
-        if self.corrected:
-            deviation = math.sqrt(sum(alpha * motion * motion for alpha, motion in terms))
-        elif self.least_share is None:
-            return sum(alpha * motion * motion for alpha, motion in terms)
-        else:
-            deviation = math.sqrt(sum((alpha * motion) ** 2 for alpha, motion in terms))
-        return deviation if self.least_share is None else max(deviation, self.least_share * floor)
+        if self.least_rate is not None:
+            return math.sqrt(
+                max(sum(self._rate(alpha) * motion for alpha, motion in terms), self.least_rate**2 * floor)
+            )
+        squares = sum(alpha * motion * motion for alpha, motion in terms)
+        return math.sqrt(squares) if self.corrected else squares
+
+    def _rate(self, alpha: float) -> float:
+        """Return the variance that amcl's form gives to an alpha over one metre (or radian) of steps of USUAL_STEP."""
+        deviation = math.sqrt(alpha) * USUAL_STEP if self.corrected else alpha * USUAL_STEP ** 2
+        return deviation ** 2 / USUAL_STEP
+
+    @abc.abstractmethod
+    def covariance(self, before: Pose2D, after: Pose2D) -> np.ndarray:
+        """Return the covariance, shape (3, 3), of an odometry step's noise, in the base's frame before the step."""
 
     @abc.abstractmethod
     def propagate(self, poses: np.ndarray, before: Pose2D, after: Pose2D, rng: np.random.Generator) -> np.ndarray:
@@ -61,7 +72,8 @@ class MotionModel(abc.ABC):
 class DifferentialModel(MotionModel):
     """Turn, drive, turn (sample_motion_model_odometry, table 5.6)."""
 
-    def propagate(self, poses: np.ndarray, before: Pose2D, after: Pose2D, rng: np.random.Generator) -> np.ndarray:
+    def _decompose(self, before: Pose2D, after: Pose2D) -> Tuple[float, float, float, Tuple[float, float, float]]:
+        """Return the first turn (rad), the translation (m), the second turn, and the deviations of the three."""
         translation = before.distance_to(after)
         bearing = math.atan2(after.y - before.y, after.x - before.x)
         first = 0.0 if translation < SHORT_MOTION else angle_between(before.theta, bearing)
@@ -71,10 +83,25 @@ class DifferentialModel(MotionModel):
         second_noise = min(abs(second), abs(angle_between(math.pi, second)))
         _, a1, a2, a3, a4, _ = self.alphas
         deviations = (
-            self.deviation((a1, first_noise), (a2, translation), floor=first_noise + 0.5 * translation),
+            self.deviation((a1, first_noise), (a2, translation), floor=first_noise + 0.25 * translation),
             self.deviation((a3, translation), (a4, first_noise), (a4, second_noise), floor=translation),
-            self.deviation((a1, second_noise), (a2, translation), floor=second_noise + 0.5 * translation),
+            self.deviation((a1, second_noise), (a2, translation), floor=second_noise + 0.25 * translation),
         )
+        return first, translation, second, deviations
+
+    def covariance(self, before: Pose2D, after: Pose2D) -> np.ndarray:
+        first, translation, _, (turn, along, last_turn) = self._decompose(before, after)
+        ahead, aside = (
+            np.array([math.cos(first), math.sin(first), 0.0]),
+            np.array([-math.sin(first), math.cos(first), 0.0]),
+        )
+        swing = translation * aside + (0.0, 0.0, 1.0)
+        spread = along ** 2 * np.outer(ahead, ahead) + turn ** 2 * np.outer(swing, swing)
+        spread[2, 2] += last_turn ** 2
+        return spread
+
+    def propagate(self, poses: np.ndarray, before: Pose2D, after: Pose2D, rng: np.random.Generator) -> np.ndarray:
+        first, translation, second, deviations = self._decompose(before, after)
         noise = rng.standard_normal((3, len(poses))) * np.array(deviations)[:, None]
         heading = poses[:, 2] + (first + noise[0])
         distance = translation + noise[1]
@@ -88,10 +115,22 @@ class DifferentialModel(MotionModel):
 class OmnidirectionalModel(MotionModel):
     """Drive in any direction while turning; noise along, across and in heading (amcl's omni models)."""
 
+    def covariance(self, before: Pose2D, after: Pose2D) -> np.ndarray:
+        step = after.relative_to(before)
+        along, heading, across = self._deviations(math.hypot(step.x, step.y), step.theta)
+        bearing = math.atan2(step.y, step.x)
+        turn = np.array(
+            [[math.cos(bearing), -math.sin(bearing), 0.0], [math.sin(bearing), math.cos(bearing), 0.0], [0.0, 0.0, 1.0]]
+        )
+        covariance: np.ndarray = turn @ np.diag(np.square([along, across, heading])) @ turn.T
+        return covariance
+
     def propagate(self, poses: np.ndarray, before: Pose2D, after: Pose2D, rng: np.random.Generator) -> np.ndarray:
         translation = before.distance_to(after)
         rotation = angle_between(before.theta, after.theta)
-        bearing = angle_between(before.theta, math.atan2(after.y - before.y, after.x - before.x)) if translation else 0.0
+        bearing = (
+            angle_between(before.theta, math.atan2(after.y - before.y, after.x - before.x)) if translation else 0.0
+        )
         noise = rng.standard_normal((3, len(poses))) * np.array(self._deviations(translation, rotation))[:, None]
         direction = poses[:, 2] + bearing
         cos, sin = np.cos(direction), np.sin(direction)
@@ -109,8 +148,8 @@ class OmnidirectionalModel(MotionModel):
         a1, a4 = (a1, a4) if self.corrected else (a4, a1)
         return (
             self.deviation((a3, driven), (a4, turned), floor=driven),
-            self.deviation((a1, turned), (a2, driven), floor=turned + 0.5 * driven),
-            self.deviation((a4, turned), (a5, driven), floor=0.5 * driven),
+            self.deviation((a1, turned), (a2, driven), floor=turned + 0.25 * driven),
+            self.deviation((a4, turned), (a5, driven), floor=0.25 * driven),
         )
 
 

@@ -9,6 +9,7 @@ from typing import Any, Dict, Mapping, Optional, Tuple
 import numpy as np
 
 from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.kept_pose import SAVED_ODOM
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.parameters import parameter
 
@@ -17,9 +18,13 @@ from mbf_relay.parameters import parameter
 class AmclParameters(LocalizerParameters):
     """Everything that can be changed while the node runs, by amcl's names and with its defaults."""
 
-    transform_tolerance: float = parameter(0.1, "how far map -> odom is dated ahead", unit="s", minimum=0.0)
+    transform_tolerance: float = parameter(
+        0.1, "how far map -> odom is dated ahead", unit="s", minimum=0.0, maximum=2.0
+    )
     gui_publish_rate: float = parameter(-1.0, "kept for amcl's files; nothing depends on it", unit="Hz")
-    save_pose_rate: float = parameter(0.5, "how often the pose is kept on the parameter server; -1 for never", unit="Hz")
+    save_pose_rate: float = parameter(
+        0.5, "how often the pose is kept on the parameter server; -1 for never", unit="Hz"
+    )
     tf_broadcast: bool = parameter(True, "send map -> odom")
     use_map_topic: bool = parameter(False, "take the map from the topic 'map' instead of the service")
     first_map_only: bool = parameter(False, "take only the first map from the topic")
@@ -32,13 +37,13 @@ class AmclParameters(LocalizerParameters):
     std_warn_level_y: float = parameter(0.2, "deviation in y from which diagnostics warn", unit="m", minimum=0.0)
     std_warn_level_yaw: float = parameter(0.1, "deviation in yaw from which diagnostics warn", unit="rad", minimum=0.0)
 
-    def without_slashes(self) -> "AmclParameters":
+    def without_slashes(self) -> AmclParameters:
         """Return these with frame names as tf2 wants them."""
         frames = ("odom_frame_id", "base_frame_id", "global_frame_id")
         return self.replace(**{name: getattr(self, name).lstrip("/") for name in frames})
 
 
-NODE_ONLY = ("seed", "bag_scan_period")
+NODE_ONLY = ("seed", "bag_scan_period", "start_anywhere", SAVED_ODOM)
 """Read once at start, beside AmclParameters and the initial pose."""
 
 INITIAL: Dict[str, float] = {
@@ -54,9 +59,13 @@ def initial_pose_from(values: Mapping[str, Any]) -> Tuple[Pose2D, np.ndarray, Tu
         value: Optional[Any] = values.get(name)
         if value is None:
             continue
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            refused.append(name)
-        elif name.startswith("initial_cov") and value < 0.0:
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, (int, float))
+            or not math.isfinite(value)
+            or name.startswith("initial_cov")
+            and value < 0.0
+        ):
             refused.append(name)
         else:
             taken[name] = float(value)

@@ -23,10 +23,16 @@ class LocalizerParameters(ParameterSet):
     resample_interval: int = parameter(2, "updates from one resampling to the next", minimum=1)
     selective_resampling: bool = parameter(False, "resample only when less than half of the particles are effective")
     recovery_alpha_slow: float = parameter(
-        0.0, "decay rate of the slow average weight, 0 for no random poses; 0.001 is a good value", minimum=0.0, maximum=1.0
+        0.0,
+        "decay rate of the slow average weight, 0 for no random poses; 0.001 is a good value",
+        minimum=0.0,
+        maximum=1.0,
     )
     recovery_alpha_fast: float = parameter(
-        0.0, "decay rate of the fast average weight, 0 for no random poses; 0.1 is a good value", minimum=0.0, maximum=1.0
+        0.0,
+        "decay rate of the fast average weight, 0 for no random poses; 0.1 is a good value",
+        minimum=0.0,
+        maximum=1.0,
     )
 
     laser_min_range: float = parameter(-1.0, "shorter readings are left out; -1: as the scan says", unit="m")
@@ -38,12 +44,16 @@ class LocalizerParameters(ParameterSet):
     laser_z_rand: float = parameter(0.05, "share of readings without a reason", minimum=0.0)
     laser_sigma_hit: float = parameter(0.2, "standard deviation of a hit", unit="m", above=0.0)
     laser_lambda_short: float = parameter(0.1, "decay of short readings (beam model)", unit="1/m", minimum=0.0)
-    laser_likelihood_max_dist: float = parameter(2.0, "distance to the nearest obstacle counts up to here", unit="m", above=0.0)
+    laser_likelihood_max_dist: float = parameter(
+        2.0, "distance to the nearest obstacle counts up to here", unit="m", above=0.0
+    )
     laser_model_type: str = parameter(
         "likelihood_field", "how a scan is weighed", choices=("beam", "likelihood_field", "likelihood_field_prob")
     )
     do_beamskip: bool = parameter(False, "leave out beams that few particles explain (likelihood_field_prob)")
-    beam_skip_distance: float = parameter(0.5, "a beam that ends nearer to an obstacle is explained", unit="m", minimum=0.0)
+    beam_skip_distance: float = parameter(
+        0.5, "a beam that ends nearer to an obstacle is explained", unit="m", minimum=0.0
+    )
     beam_skip_threshold: float = parameter(0.3, "share of particles that must explain a beam", minimum=0.0, maximum=1.0)
     beam_skip_error_threshold: float = parameter(
         0.9, "where this share of beams would be left out, all are used", minimum=0.0, maximum=1.0,
@@ -52,11 +62,13 @@ class LocalizerParameters(ParameterSet):
 
     robust: bool = parameter(
         True,
-        "look at the scan before drawing particles, weighing it by a tempered likelihood field over all beams; false for "
+        "look at the scan before drawing particles, weighing it by a tempered likelihood field over all beams; false "
+        "for "
         "amcl's behaviour, with laser_model_type, laser_max_beams, the laser_z_* and beam skipping",
     )
     robust_odom_error: float = parameter(
-        0.15, "least share of its motion that odometry is taken to be off (robust)", minimum=0.0, maximum=1.0
+        0.07, "least deviation of odometry after one metre; it grows with the root of the way (robust)", unit="m",
+        minimum=0.0, maximum=1.0,
     )
     odom_model_type: str = parameter(
         "diff", "how odometry errs", choices=("diff", "omni", "diff-corrected", "omni-corrected")
@@ -70,5 +82,6 @@ class LocalizerParameters(ParameterSet):
     def check(self) -> None:
         if self.min_particles > self.max_particles:
             raise ValueError(
-                f"parameter min_particles is {self.min_particles}; it must not be above max_particles {self.max_particles}"
+                f"parameter min_particles is {self.min_particles}; it must not be above max_particles "
+                f"{self.max_particles}"
             )

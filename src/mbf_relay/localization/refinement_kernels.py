@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
 """Compiled loops that pull poses to where their scan fits the distance field."""
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ LARGEST_TURN = 0.1
 
 @kernel("boolean(float64[:,::1], float64[:,::1])")
 def invert(matrix, inverse):
-    """Invert a symmetric 3 x 3 matrix; tell whether it has an inverse."""
+    """Invert a symmetric 3 x 3 matrix; return whether it has an inverse."""
     a, b, c = matrix[0, 0], matrix[0, 1], matrix[0, 2]
     d, e, f = matrix[1, 1], matrix[1, 2], matrix[2, 2]
     inverse[0, 0], inverse[0, 1], inverse[0, 2] = d * f - e * e, c * e - b * f, b * e - c * d
@@ -30,7 +31,8 @@ def invert(matrix, inverse):
 
 
 @kernel(
-    "float64(float64[::1], float64[:,::1], float32[:,::1], float64[::1], float64, float64, float64[:,::1], float64[::1])"
+    "float64(float64[::1], float64[:,::1], float32[:,::1], float64[::1], float64, float64, float64[:,::1], "
+    "float64[::1])"
 )
 def linearize(pose, endpoints, distances, frame, sigma, outlier, information, gradient):
     """Build the normal equations of a scan against the distance field at one pose.

@@ -30,7 +30,7 @@ def particle_limits(
     bins = np.arange(max_particles + 1, dtype=float)
     b = 2.0 / (9.0 * np.maximum(bins - 1.0, 1.0))
     needed = np.ceil((bins - 1.0) / (2.0 * kld_err) * (1.0 - b + np.sqrt(b) * kld_z) ** 3)
-    limits = np.clip(needed, min_particles, max_particles).astype(np.int64)
+    limits: np.ndarray = np.clip(needed, min_particles, max_particles).astype(np.int64)
     limits[:2] = min_particles if narrow_is_few else max_particles
     return limits
 
@@ -97,7 +97,9 @@ class AverageLikelihood:
             return log_new
         if alpha <= 0.0:
             return log_old
-        return float(np.logaddexp(log_old + math.log1p(-alpha) if alpha < 1.0 else -math.inf, log_new + math.log(alpha)))
+        return float(
+            np.logaddexp(log_old + math.log1p(-alpha) if alpha < 1.0 else -math.inf, log_new + math.log(alpha))
+        )
 
     def random_share(self) -> float:
         """Return the share of particles to draw at random: max(0, 1 - fast / slow)."""

@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
 """Compiled loops over the histogram of poses: drawing until it is well filled, and its connected clusters."""
 
 from __future__ import annotations

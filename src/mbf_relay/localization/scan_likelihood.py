@@ -45,7 +45,7 @@ class Modes:
     log_masses: np.ndarray
     explained: np.ndarray
 
-    def only(self, chosen: np.ndarray) -> "Modes":
+    def only(self, chosen: np.ndarray) -> Modes:
         """Return those a mask, shape (K,), says."""
         return Modes(self.poses[chosen], self.covariances[chosen], self.log_masses[chosen], self.explained[chosen])
 
@@ -68,7 +68,8 @@ class ScanLikelihood:
         return sums * temper(len(endpoints))
 
     def modes(self, starts: np.ndarray, prior: PoseGaussian, endpoints: np.ndarray) -> Modes:
-        """Climb from each start, shape (K, 3), to the nearest maximum of prior times likelihood; one of each is kept."""
+        """Climb from each start, shape (K, 3), to the nearest maximum of prior times likelihood; one of each is kept.
+        """
         poses = np.array(starts, dtype=float, order="C")
         covariances, explained = np.empty((len(poses), 3, 3)), np.empty(len(poses))
         sigmas = np.array([max(WIDE_SIGMA, self._sigma), self._sigma])

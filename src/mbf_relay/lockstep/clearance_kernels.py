@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
 """Distances between the robot's hull and what stands around it."""
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ def squared_to_segment(px: float, py: float, ax: float, ay: float, bx: float, by
 
 @kernel("boolean(float64, float64, float64, float64, float64, float64, float64, float64)")
 def cross(ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float) -> bool:
-    """Tell whether the segments a-b and c-d cross in their inside."""
+    """Return whether the segments a-b and c-d cross in their inside."""
     one = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     two = (bx - ax) * (dy - ay) - (by - ay) * (dx - ax)
     three = (dx - cx) * (ay - cy) - (dy - cy) * (ax - cx)

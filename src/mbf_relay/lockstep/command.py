@@ -31,7 +31,8 @@ class Progress:
         share = done / self._total if self._total else 1.0
         left = elapsed * (1.0 - share) / share if share > 0.0 else math.nan
         rest = f", {_minutes(left)} left" if math.isfinite(left) and done < self._total else ""
-        text = f"{done}/{self._total} in {_minutes(elapsed)}{rest}: {note}"
+        rate = f", {60.0 * done / elapsed:.0f} a minute" if elapsed > 0.0 else ""
+        text = f"{done}/{self._total} in {_minutes(elapsed)}{rate}{rest}: {note}"
         if self._is_terminal:
             bar = "#" * int(24 * share)
             self._stream.write(f"\r\x1b[K[{bar:<24}] {text}")

@@ -1,4 +1,4 @@
-"""The compare command: two batches side by side, world by world."""
+"""The compare command: batches side by side, world by world."""
 
 from __future__ import annotations
 
@@ -9,40 +9,70 @@ import sys
 from pathlib import Path
 from typing import List, Optional, Sequence
 
+from mbf_relay.lockstep import compare_many
 from mbf_relay.lockstep.command import finite, without_remappings
 from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.results_file import LINES, SETTINGS, read_lines
-from mbf_relay.lockstep.statistics import Estimate
+from mbf_relay.lockstep.statistics import IntervalEstimate
 from mbf_relay.lockstep.summary import MEASURES, Comparison, compare
+from mbf_relay.simulation.worlds_file import load_difficulties
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Run the command; return its exit status: 0, or 1 where there is nothing to compare."""
-    parser = argparse.ArgumentParser(prog="compare.py", description="Set the results of two batches side by side.")
+    parser = argparse.ArgumentParser(prog="compare.py", description="Set the results of batches side by side.")
     parser.add_argument("first", metavar="A", type=Path, help="folder (or episodes.jsonl) of a batch")
-    parser.add_argument("second", metavar="B", type=Path, help="folder (or episodes.jsonl) of another one")
-    parser.add_argument("--json", metavar="FILE", type=Path, help="write the comparison there, too")
+    parser.add_argument(
+        "others", metavar="B", type=Path, nargs="+", help="the same of others; several are each set against A"
+    )
+    parser.add_argument("--json", metavar="FILE", type=Path, help="write the comparison of A and B there, too")
+    parser.add_argument("--plot", metavar="FILE", type=Path, help="draw success against difficulty; needs --worlds")
+    parser.add_argument("--worlds", metavar="FILE", type=Path, help="worlds file that states difficulties")
+    parser.add_argument("--by", metavar="MEASURE", default="path_length_ratio", help="of difficulty, for --plot")
     options = parser.parse_args(without_remappings(sys.argv[1:] if arguments is None else arguments))
     try:
-        first, second = _read(options.first), _read(options.second)
-        comparison = compare(first, second)
-        if not comparison.pairs:
-            raise ValueError(f"{options.first} and {options.second} share no world and seed; drive the same worlds twice")
-    except ValueError as error:
+        paths = [options.first, *options.others]
+        batches = [_read(path) for path in paths]
+        if len(batches) > 2:
+            print(compare_many.as_table([str(path) for path in paths], batches))
+        if len(batches) == 2 or options.json:
+            _two(paths, batches, options.json)
+        if options.plot:
+            _plot(options, paths, batches)
+    except (OSError, ValueError) as error:
         print(f"compare.py: {error}", file=sys.stderr)
         return 1
-    print(_settings_that_differ(options.first, options.second))
-    print(as_text(comparison))
-    if options.json:
-        options.json.write_text(as_json(comparison), encoding="utf-8")
     return 0
+
+
+def _two(paths: Sequence[Path], batches: Sequence[List[EpisodeResult]], json_file: Optional[Path]) -> None:
+    """Tell how the second batch differs from the first."""
+    comparison = compare(batches[0], batches[1])
+    if not comparison.pairs:
+        raise ValueError(f"{paths[0]} and {paths[1]} share no world and seed; drive the same worlds twice")
+    if len(batches) == 2:
+        print(_settings_that_differ(paths[0], paths[1]))
+        print(as_text(comparison))
+    if json_file:
+        json_file.write_text(as_json(comparison), encoding="utf-8")
+
+
+def _plot(options: argparse.Namespace, paths: Sequence[Path], batches: Sequence[List[EpisodeResult]]) -> None:
+    if options.worlds is None:
+        raise ValueError("--plot needs --worlds FILE, the worlds file that states how hard its worlds are")
+    known = load_difficulties(options.worlds)
+    compare_many.plot(options.plot, [str(path) for path in paths], batches, known, options.by)
 
 
 def as_text(comparison: Comparison) -> str:
     """Return the comparison as a table and the worlds that changed sides."""
-    lines = [f"{comparison.pairs} pairs of episodes (same world, same seed); differences are B less A with 95 % intervals"]
+    lines = [
+        f"{comparison.pairs} pairs of episodes (same world, same seed); differences are B less A with 95 % intervals"
+    ]
     if comparison.only_first or comparison.only_second:
-        lines.append(f"left out: {comparison.only_first} episodes that only A has, {comparison.only_second} that only B has")
+        lines.append(
+            f"left out: {comparison.only_first} episodes that only A has, {comparison.only_second} that only B has"
+        )
     lines += ["", f"{'':34}{'A':>9} {'B':>9}   {'B - A':>9}  interval"]
     for measure in MEASURES:
         difference = comparison.differences[measure.name]
@@ -51,7 +81,7 @@ def as_text(comparison: Comparison) -> str:
         title = measure.name + (f" [{measure.unit}]" if measure.unit else "")
         lines.append(
             f"{title:34}{comparison.first[measure.name].value:9.3f} {comparison.second[measure.name].value:9.3f}   "
-            f"{difference.value:+9.3f}  [{difference.low:+.3f}, {difference.high:+.3f}]{_mark(difference)}"
+            f"{difference.value:+9.3f}  {difference.interval()}{_mark(difference)}"
         )
     lines += ["", "* the interval leaves out zero"]
     lines.append(f"brought to success by B alone: {_names(comparison.gained)}")
@@ -99,7 +129,7 @@ def _settings_that_differ(first: Path, second: Path) -> str:
     return "\n".join([f"{name}: A {a.get(name)!r}, B {b.get(name)!r}" for name in names] or ["settings: the same"])
 
 
-def _mark(difference: Estimate) -> str:
+def _mark(difference: IntervalEstimate) -> str:
     return " *" if difference.low > 0.0 or difference.high < 0.0 else ""
 
 

@@ -5,19 +5,16 @@ from __future__ import annotations
 import resource
 from typing import Any, Callable, Dict, List, Optional, Tuple
 
-import cv2
-
 from mbf_relay.lockstep import result as outcomes
 from mbf_relay.lockstep.graph import Graph
-from mbf_relay.lockstep.record import SAMPLING, Record
 from mbf_relay.lockstep.rate import Rate
+from mbf_relay.lockstep.record import SAMPLING, Record
 from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.setup import Setup
 from mbf_relay.lockstep.stages import Stages
-from mbf_relay.lockstep.tasks import Task
+from mbf_relay.lockstep.tasks import EpisodeTask
 from mbf_relay.navigation.goals import FramedPose, NavigateGoal, NavigateResult
-from mbf_relay.navigation.task import Ending
-from mbf_relay.navigation.task import Task as NavigationTask
+from mbf_relay.navigation.task import Ending, Task
 
 WARM_UP = 5.0
 """Seconds of the simulation within which scans, pose and costmaps must be there."""
@@ -26,7 +23,7 @@ WARM_UP = 5.0
 class Episode:
     """One robot driving one task with one seed. `run` drives it; equal arguments give equal drives to the last bit."""
 
-    def __init__(self, task: Task, setup: Setup, seed: int, clock: Optional[Callable[[], float]] = None) -> None:
+    def __init__(self, task: EpisodeTask, setup: Setup, seed: int, clock: Optional[Callable[[], float]] = None) -> None:
         """Build everything.
 
         Args:
@@ -38,7 +35,6 @@ class Episode:
         Raises:
             ValueError: The robot cannot stand at the start, or a parameter is wrong.
         """
-        cv2.setNumThreads(1)  # several threads would add up in another order on another machine
         self.task, self.setup, self.seed = task, setup, seed
         self._stages = Stages(clock)
         self._clock = clock
@@ -46,7 +42,7 @@ class Episode:
         self._graph = Graph(task, setup, seed, self._stages, self._note_command)
         self._record: Optional[Record] = None
         self._sampling = Rate(SAMPLING, self._graph.time_step)
-        self._goal: "Optional[NavigationTask[NavigateResult]]" = None
+        self._goal: Optional[Task[NavigateResult]] = None
         self._reached: List[float] = []
         self._deadline = 0.0
 
@@ -54,7 +50,7 @@ class Episode:
         """Drive until all goals are reached, navigation gives up, something is touched, or time is up."""
         try:
             if not self._warm_up():
-                return outcomes.failed(self.task.name, self.seed, f"not ready after {WARM_UP:g} s: {self._graph.waits_for()}")
+                return self.task.failed(self.seed, f"not ready after {WARM_UP:g} s: {self._graph.waits_for()}")
             outcome, message, contacts = self._drive()
             self._note_now()
             assert self._record is not None
@@ -75,8 +71,11 @@ class Episode:
     def _drive(self) -> Tuple[str, str, int]:
         """Return outcome, message and number of contacts."""
         graph, task = self._graph, self.task
-        self._record = Record(task, self.seed, graph.simulation.parameters.start_time)
+        self._record = Record(
+            task, self.seed, graph.simulation.parameters.start_time, graph.simulation.robot
+        )
         self._deadline = graph.now + task.time_limit
+        graph.navigator.recovery_watcher = self._note_recovery
         self._note_now()
         self._send_goal()
         while True:
@@ -99,7 +98,8 @@ class Episode:
                 return outcomes.SUCCEEDED, ""
             self._send_goal()
         elif assigned.done:
-            return assigned.result.outcome.name, assigned.result.message
+            result = assigned.ended_with()
+            return result.outcome.name, result.message
         if graph.now > self._deadline:
             return outcomes.TIMEOUT, f"goal {len(self._reached) + 1} of {len(self.task.goals)} not reached in time"
         return None
@@ -121,6 +121,10 @@ class Episode:
     def _note_command(self, now: float, velocity: Any) -> None:
         if self._record is not None:
             self._record.note_command(now, velocity)
+
+    def _note_recovery(self, *_: Any) -> None:
+        assert self._record is not None
+        self._record.recoveries += 1
 
     def _machine(self) -> Dict[str, Any]:
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0

@@ -8,7 +8,7 @@ from typing import Callable, Deque, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from mbf_relay.control.controller import GoalTolerance
+from mbf_relay.control.state import GoalTolerance
 from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.costmap.observation import observation_from_scan
@@ -18,19 +18,19 @@ from mbf_relay.localization.node_parameters import AmclParameters, initial_pose_
 from mbf_relay.lockstep.rate import Rate
 from mbf_relay.lockstep.robot import LockstepRobot
 from mbf_relay.lockstep.setup import AMCL, KNOWN, ODOMETRY, SERVER, TRUTH, Setup, without_map
-from mbf_relay.lockstep.stages import Stages
-from mbf_relay.lockstep.tasks import Task
+from mbf_relay.lockstep.stages import Stages, TimedWorker
+from mbf_relay.lockstep.tasks import EpisodeTask
+from mbf_relay.maps import OccupancyMap
 from mbf_relay.navigation.goals import NavigateGoal, NavigateResult
-from mbf_relay.navigation.navigator import OWN_SEAT, Navigator
-from mbf_relay.navigation.task import Task as NavigationTask
+from mbf_relay.navigation.navigator import Navigator
+from mbf_relay.navigation.task import Task
 from mbf_relay.outcomes import TransformError
 from mbf_relay.scan import LaserScan
-from mbf_relay.simulation import Simulation, burger
+from mbf_relay.scan_monitor import ScanMonitor
+from mbf_relay.simulation import Simulation
 from mbf_relay.simulation.contacts import Contact
 from mbf_relay.simulation.parameters import SimulationParameters
-
-LASER_IN_BASE = burger.SCAN_IN_BASE.flat()
-LASER_HEIGHT = burger.BASE_HEIGHT + float(burger.SCAN_IN_BASE.position[2])
+from mbf_relay.simulation.robot import FOOTPRINT_FRAME
 
 
 class _Updated(NamedTuple):
@@ -54,12 +54,13 @@ class Graph:
         navigator: Planners, controllers, recoveries and move_base.
         costmaps: "global" and "local".
         map_frame: Frame of goals.
+        laser_in_base: Where the lidar is in base_footprint.
         steps: Steps of the simulation so far.
         time_step: Seconds of one.
     """
 
     def __init__(
-        self, task: Task, setup: Setup, seed: int, stages: Stages, on_command: Callable[[float, Twist2D], None]
+        self, task: EpisodeTask, setup: Setup, seed: int, stages: Stages, on_command: Callable[[float, Twist2D], None]
     ) -> None:
         """Build the parts.
 
@@ -76,58 +77,63 @@ class Graph:
         self._stages = stages
         server = setup.settings[SERVER] if setup.map == KNOWN else without_map(setup.settings[SERVER], task)
         amcl = AmclParameters.from_mapping(setup.settings["amcl"])
+        needs_map = setup.map == KNOWN or setup.localization == AMCL
         self.map_frame = amcl.global_frame_id
-        self.simulation = Simulation(task.world, _simulation_parameters(setup), seed)
+        self.simulation = Simulation(task.world, _simulation_parameters(setup), seed, robot=setup.robot)
+        self.laser_in_base = self.simulation.robot.scan_in_base.flat()
+        self._scan_height = self.simulation.robot.scan_height
+        known = task.occupancy(setup.map_resolution, self._scan_height) if needs_map else None
         try:
             self._on_command = on_command
-            self.robot = LockstepRobot(self._command, self.map_frame, amcl.odom_frame_id, burger.FOOTPRINT_FRAME)
+            self.robot = LockstepRobot(self._command, self.map_frame, amcl.odom_frame_id, FOOTPRINT_FRAME)
             self._localizer: Optional[Localizer] = None
-            self._locate(task, setup, amcl, seed)
-            self._build_costmaps(task, setup, server)
-            self.navigator = Navigator(server, self.robot, self.costmaps)
-            self._time_plugins(setup)
+            self._locate(task, setup, amcl, known, seed)
+            self._build_costmaps(known if setup.map == KNOWN else None, server)
+            self.navigator = Navigator(server, self.robot, self.costmaps, TimedWorker(stages))
+            limits = self.navigator.parameters
+            self.robot.limit_ages(lambda: self.now, limits.pose_timeout, limits.odom_timeout)
+            self._controller = self.navigator.controllers.plugin(self.navigator.controllers.choose(setup.controller))
+            self.navigator.planners.choose(setup.planner)  # one that is not there is told now, not at the goal
         except BaseException:
             self.close()
             raise
         self.steps = 0
         self._scans: Deque[LaserScan] = deque()
-        self._next_update = -math.inf
+        self._next_update = self._updated_at = -math.inf
 
-    def _locate(self, task: Task, setup: Setup, amcl: AmclParameters, seed: int) -> None:
+    def _locate(
+        self, task: EpisodeTask, setup: Setup, amcl: AmclParameters, known: Optional[OccupancyMap], seed: int
+    ) -> None:
         """Set up where the pose comes from."""
         self._follows_truth = setup.localization == TRUTH
         if setup.localization == ODOMETRY:
             self.robot.map_from_odom = task.world.start  # odometry begins at zero
-        elif setup.localization == AMCL:
-            self._localizer = Localizer(amcl, task.occupancy(), np.random.default_rng(seed))
+        elif known is not None and setup.localization == AMCL:
+            self._localizer = Localizer(amcl, known, np.random.default_rng(seed))
             pose, covariance, _ = initial_pose_from(setup.settings["amcl"])
             self._localizer.set_initial_pose(task.initial_pose or pose, covariance)
 
-    def _build_costmaps(self, task: Task, setup: Setup, server: dict) -> None:
+    def _build_costmaps(self, known: Optional[OccupancyMap], server: dict) -> None:
         self.costmaps = {
-            name: build_costmap(f"{name}_costmap", server.get(f"{name}_costmap", {}), server) for name in ("global", "local")
+            name: build_costmap(f"{name}_costmap", server.get(f"{name}_costmap", {}), server)
+            for name in ("global", "local")
         }
-        if setup.map == KNOWN:
+        if known is not None:
             for costmap in self.costmaps.values():
-                costmap.set_map(task.occupancy())
+                costmap.set_map(known)
+        self._monitors = {
+            (costmap.name, name): ScanMonitor(source.largest_gap)
+            for costmap in self.costmaps.values() for name, source in costmap.sources.items()
+        }
         self._updated = [
             _Updated(costmap, Rate(costmap.parameters.update_frequency, self.time_step))
             for costmap in self.costmaps.values()
         ]
 
-    def _time_plugins(self, setup: Setup) -> None:
-        navigator, stages = self.navigator, self._stages
-        planner = navigator.planners.seat(navigator.planners.choose(setup.planner), OWN_SEAT).plugin
-        planner.plan = stages.timed("planning", planner.plan)
-        controller = navigator.controllers.seat(navigator.controllers.choose(setup.controller), 0).plugin
-        controller.compute_velocity = stages.timed("control", controller.compute_velocity)
-        self._controller = controller
-
     @property
     def goal_tolerance(self) -> Optional[GoalTolerance]:
-        """How near is there for the controller that drives; None for one whose parameters do not say."""
-        values = [getattr(self._controller.parameters, name, None) for name in ("xy_goal_tolerance", "yaw_goal_tolerance")]
-        return None if None in values else GoalTolerance(*values)
+        """How near is there for the controller that drives; None for one that does not say."""
+        return self._controller.goal_tolerance
 
     @property
     def time_step(self) -> float:
@@ -156,7 +162,7 @@ class Graph:
                 return reason
         return None
 
-    def navigate(self, goal: NavigateGoal) -> "NavigationTask[NavigateResult]":
+    def navigate(self, goal: NavigateGoal) -> Task[NavigateResult]:
         """Send the robot somewhere; a running goal ends."""
         self._next_update = -math.inf
         return self.navigator.move_base(goal)
@@ -184,8 +190,9 @@ class Graph:
     def _navigate(self) -> bool:
         """Advance navigation where it is due; plugins run inline, so what is due changes by its own updates alone."""
         now = self.now
-        if now < self._next_update - 1e-9:
+        if self._updated_at <= now < self._next_update - 1e-9:  # time may be set back
             return False
+        self._updated_at = now
         with self._stages.stage("navigation"):
             self.navigator.update(now)
         self._next_update = self.navigator.due
@@ -197,10 +204,13 @@ class Graph:
 
     def _take_scan(self, scan: LaserScan) -> None:
         """Localize by a scan, then show it to the costmaps, each from where the robot was when it was taken."""
-        odom_pose = self.robot.odometry_at(scan.stamp)
+        try:
+            odom_pose = self.robot.odometry_at(scan.stamp)
+        except TransformError:
+            return  # taken while there was no odometry
         if self._localizer is not None:
             with self._stages.stage("localization"):
-                self._localizer.process(odom_pose, scan, LASER_IN_BASE)
+                self._localizer.process(odom_pose, scan, self.laser_in_base)
                 self.robot.map_from_odom = self._localizer.map_from_odom
         with self._stages.stage("costmaps"):
             for costmap in self.costmaps.values():
@@ -208,10 +218,16 @@ class Graph:
                     odom_in_costmap = self.robot.transform(costmap.frame, "odom")
                 except TransformError:
                     continue
-                laser = odom_in_costmap.compose(odom_pose).compose(LASER_IN_BASE)
+                laser = odom_in_costmap.compose(odom_pose).compose(self.laser_in_base)
                 for name, source in costmap.sources.items():
-                    if source.data_type == "LaserScan":
-                        costmap.observe(name, observation_from_scan(scan, laser, source.inf_is_valid, LASER_HEIGHT), self.now)
+                    if source.data_type != "LaserScan":
+                        continue
+                    trouble = self._monitors[costmap.name, name].trouble(scan, -self.laser_in_base.theta, laser)
+                    if trouble is not None:
+                        costmap.refuse(name, trouble)
+                    else:
+                        seen = observation_from_scan(scan, laser, source.inf_is_valid, self._scan_height)
+                        costmap.observe(name, seen, self.now)
 
     def _update(self, costmap: Costmap) -> None:
         try:

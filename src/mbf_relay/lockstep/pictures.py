@@ -3,58 +3,74 @@
 from __future__ import annotations
 
 import math
+import tempfile
 from pathlib import Path
-from typing import List, Sequence, Tuple
+from typing import Iterable, List, Sequence, Tuple
 
 import cv2
 import numpy as np
 
 from mbf_relay.geometry import Pose2D
-from mbf_relay.lockstep.clearance import HEIGHT, HULL
 from mbf_relay.lockstep.result import CONTACT, EpisodeResult
-from mbf_relay.lockstep.tasks import Task
-from mbf_relay.report.drive import SUCCEEDED, Contact, Drive, GoalRecord
+from mbf_relay.lockstep.tasks import EpisodeTask
+from mbf_relay.report.drive import SUCCEEDED, ContactRecord, Drive, GoalRecord
 
 TILE, CAPTION, GAP = 220, 34, 6
 """Pixels: side of a tile's picture, height of the text under it, space between tiles."""
 
-WALL, TRACK, START, GOAL, BAD, INK = (60, 60, 60), (200, 110, 30), (200, 110, 30), (62, 138, 43), (42, 42, 201), (40, 40, 40)
-Shown = Tuple[Task, EpisodeResult]
+WALL, TRACK, START, GOAL, BAD, INK = (
+    (60, 60, 60),
+    (200, 110, 30),
+    (200, 110, 30),
+    (62, 138, 43),
+    (42, 42, 201),
+    (40, 40, 40),
+)
+HEIGHT = 0.1
+"""Height (m) above the ground at which the world is shown."""
+
+Shown = Tuple[EpisodeTask, EpisodeResult]
 
 
-def contact_sheet(shown: Sequence[Shown], path: Path, columns: int = 0) -> None:
-    """Write one picture with a tile per episode, framed red where it failed.
+def contact_sheet(drawn: Sequence[np.ndarray], path: Path, columns: int = 0) -> None:
+    """Write one picture of all tiles.
 
     Args:
-        shown: Tasks and results.
+        drawn: Tiles, see `tile`.
         path: File to write (PNG).
         columns: Tiles side by side; chosen for a landscape sheet where 0.
     """
-    if not shown:
+    if not drawn:
         return
-    columns = columns or max(1, math.ceil(math.sqrt(1.6 * len(shown))))
-    rows = math.ceil(len(shown) / columns)
+    columns = columns or max(1, math.ceil(math.sqrt(1.6 * len(drawn))))
+    rows = math.ceil(len(drawn) / columns)
     width, height = TILE + GAP, TILE + CAPTION + GAP
     sheet = np.full((rows * height + GAP, columns * width + GAP, 3), 255, dtype=np.uint8)
-    for index, (task, result) in enumerate(shown):
+    for index, picture in enumerate(drawn):
         row, column = divmod(index, columns)
         top, left = GAP + row * height, GAP + column * width
-        sheet[top:top + TILE + CAPTION, left:left + TILE] = tile(task, result)
-    _write(sheet, path)
+        sheet[top:top + TILE + CAPTION, left:left + TILE] = picture
+    path.write_bytes(_encoded(sheet))
 
 
-def tile(task: Task, result: EpisodeResult) -> np.ndarray:
-    """Return the picture of one episode, shape (TILE + CAPTION, TILE, 3), uint8, blue first."""
+def tiles(shown: Sequence[Shown]) -> List[np.ndarray]:
+    """Return the picture of each of some episodes."""
+    return [tile(task, result) for task, result in shown]
+
+
+def tile(task: EpisodeTask, result: EpisodeResult) -> np.ndarray:
+    """Return the picture of one episode, framed red where it failed, shape (TILE + CAPTION, TILE, 3), blue first."""
     image = np.full((TILE + CAPTION, TILE, 3), 255, dtype=np.uint8)
     view = _View(task, result)
     cv2.polylines(image, view.pixels(task.world.outline(HEIGHT)), False, WALL, 1, cv2.LINE_AA, _View.SHIFT)
     for mover in task.world.movers:
-        cv2.polylines(image, view.pixels([mover.poses[:, :2]]), mover.loop, (170, 170, 220), 1, cv2.LINE_AA, _View.SHIFT)
+        cv2.polylines(
+            image, view.pixels([mover.poses[:, :2]]), mover.loop, (170, 170, 220), 1, cv2.LINE_AA, _View.SHIFT
+        )
     track = np.array(result.trajectory)
     if len(track):
         cv2.polylines(image, view.pixels([track[:, 1:3]]), False, TRACK, 2, cv2.LINE_AA, _View.SHIFT)
-        last = Pose2D(*track[-1, 1:4])
-        cv2.polylines(image, view.pixels([last.transform_points(HULL)]), True, _colour(result), 2, cv2.LINE_AA, _View.SHIFT)
+        _dot(image, view, Pose2D(*track[-1, 1:4]), _colour(result))
     _dot(image, view, task.world.start, START)
     for index, goal in enumerate(task.goals):
         _dot(image, view, goal, GOAL if index < result.goals_reached else BAD)
@@ -66,14 +82,18 @@ def tile(task: Task, result: EpisodeResult) -> np.ndarray:
     return image
 
 
-def failure(task: Task, result: EpisodeResult, path: Path) -> None:
-    """Write the report's picture of one episode: map, way, belief, speeds and errors over time."""
+def failure(shown: Sequence[Shown]) -> bytes:
+    """Return the report's picture (PNG) of one episode: map, way, belief, speeds and errors over time."""
     from mbf_relay.report.picture import draw  # needs matplotlib, which drives do not
 
-    draw(drive_of(task, result), str(path))
+    ((task, result),) = shown
+    with tempfile.TemporaryDirectory(prefix="mbf_relay-") as folder:
+        path = Path(folder) / "failure.png"
+        draw(drive_of(task, result), str(path))
+        return path.read_bytes()
 
 
-def drive_of(task: Task, result: EpisodeResult) -> Drive:
+def drive_of(task: EpisodeTask, result: EpisodeResult) -> Drive:
     """Return an episode as the report's record of a drive."""
     rows = np.array(result.trajectory).reshape(-1, 6)
     believed = np.array(result.believed).reshape(-1, 3)
@@ -84,7 +104,7 @@ def drive_of(task: Task, result: EpisodeResult) -> Drive:
     ]
     contacts = []
     if result.outcome == CONTACT and len(rows):
-        contacts.append(Contact(result.time, float(rows[-1, 1]), float(rows[-1, 2]), result.message))
+        contacts.append(ContactRecord(result.time, float(rows[-1, 1]), float(rows[-1, 2]), result.message))
     return Drive(
         truth=rows[:, :4], estimate=np.column_stack((rows[:, 0], believed)), measured=rows[:, (0, 4, 5)], goals=goals,
         contacts=contacts, map=task.occupancy(), seed=result.seed, goals_asked=len(task.goals),
@@ -98,19 +118,20 @@ class _View:
     SHIFT = 4
     MARGIN = 0.6
 
-    def __init__(self, task: Task, result: EpisodeResult) -> None:
+    def __init__(self, task: EpisodeTask, result: EpisodeResult) -> None:
         points = [task.world.start[:2]] + [goal[:2] for goal in task.goals] + [row[1:3] for row in result.trajectory]
         low, high = np.min(points, axis=0) - self.MARGIN, np.max(points, axis=0) + self.MARGIN
         self._scale = TILE / max(high - low)
         self._left, self._top = (low + high) / 2.0 + np.array([-1.0, 1.0]) * TILE / 2.0 / self._scale
 
-    def pixels(self, lines: Sequence[np.ndarray]) -> List[np.ndarray]:
+    def pixels(self, lines: Iterable[np.ndarray]) -> List[np.ndarray]:
         """Return polylines (m) as OpenCV takes them, with SHIFT bits of fraction."""
         return [self._pixel(np.asarray(line)) for line in lines]
 
     def _pixel(self, points: np.ndarray) -> np.ndarray:
         flipped = (points - (self._left, self._top)) * (self._scale, -self._scale)
-        return np.round(flipped * (1 << self.SHIFT)).astype(np.int32)
+        fixed_point: np.ndarray = np.round(flipped * (1 << self.SHIFT)).astype(np.int32)
+        return fixed_point
 
 
 def _dot(image: np.ndarray, view: _View, pose: Pose2D, colour: Tuple[int, int, int]) -> None:
@@ -126,8 +147,8 @@ def _colour(result: EpisodeResult) -> Tuple[int, int, int]:
     return GOAL if result.success else BAD
 
 
-def _write(image: np.ndarray, path: Path) -> None:
+def _encoded(image: np.ndarray) -> bytes:
     encoded, data = cv2.imencode(".png", image)
     if not encoded:
-        raise ValueError(f"picture {path} could not be encoded")
-    path.write_bytes(data.tobytes())
+        raise ValueError(f"a picture of shape {image.shape} could not be encoded")
+    return bytes(data)

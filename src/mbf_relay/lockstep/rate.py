@@ -20,11 +20,13 @@ class Rate:
             raise ValueError(f"a rate is {frequency:g} Hz; it must be above 0")
         self._steps = 1.0 / (frequency * time_step)
         if self._steps < 1.0 - 1e-9:
-            raise ValueError(f"a rate is {frequency:g} Hz; the simulation's step of {time_step:g} s allows {1.0 / time_step:g} Hz")
+            raise ValueError(
+                f"a rate is {frequency:g} Hz; the simulation's step of {time_step:g} s allows {1.0 / time_step:g} Hz"
+            )
         self._count = 0
 
     def is_due(self, step: int) -> bool:
-        """Tell whether something is due at step number `step`; asked once per step, with rising numbers."""
+        """Return whether something is due at step number `step`; asked once per step, with rising numbers."""
         if step < self._count * self._steps - 1e-6:
             return False
         self._count = int((step + 1e-6) / self._steps) + 1

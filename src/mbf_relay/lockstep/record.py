@@ -8,34 +8,41 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
-from mbf_relay.control.controller import GoalTolerance
+from mbf_relay.control.state import GoalTolerance
 from mbf_relay.geometry import Pose2D, Twist2D, normalize_angles
 from mbf_relay.lockstep import result as outcomes
-from mbf_relay.lockstep.clearance import smallest_clearance
+from mbf_relay.lockstep.clearance import clearances, smallest
 from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.smoothness import path_length, smoothness
-from mbf_relay.lockstep.tasks import Task
+from mbf_relay.lockstep.tasks import EpisodeTask
+from mbf_relay.simulation.robot import RobotModel
 
 SAMPLING = 10.0
 """Hz at which the drive is noted."""
 
 
 class Record:
-    """Truth, belief and commands of one drive, in the world's frame."""
+    """Truth, belief and commands of one drive, in the world's frame.
 
-    def __init__(self, task: Task, seed: int, start_time: float) -> None:
+    Attributes:
+        recoveries: How many recovery behaviours were begun.
+    """
+
+    def __init__(self, task: EpisodeTask, seed: int, start_time: float, robot: RobotModel) -> None:
         """Begin the record of a drive.
 
         Args:
             task: What is driven.
             seed: Seed of the episode.
             start_time: When (s) the simulation's movers began to move.
+            robot: What drives.
         """
-        self._task, self._seed, self._start_time = task, seed, start_time
+        self._task, self._seed, self._start_time, self._robot = task, seed, start_time, robot
         self._times: List[float] = []
         self._truth: List[Pose2D] = []
         self._believed: List[Pose2D] = []
         self._hash = hashlib.sha256()
+        self.recoveries = 0
 
     def note(self, now: float, truth: Pose2D, believed: Pose2D) -> None:
         """Note where the robot is and where it believes to be, once per time."""
@@ -73,11 +80,19 @@ class Record:
         length = path_length(truth)
         errors = np.hypot(*(believed - truth)[:, :2].T)
         reference = task.reference_path_length
+        near = clearances(task.world, times - self._start_time, truth, self._robot)
+        period = driven[-1] / max(1, len(times) - 1)
+        around = near.to_any[np.isfinite(near.to_any)]
         return EpisodeResult(
             world=task.name, seed=self._seed, success=success, outcome=outcome, message=message,
             goals_reached=len(reached), goals=len(task.goals), contacts=contacts, time=float(driven[-1]),
             time_limit=task.time_limit, path_length=length,
-            smallest_clearance=smallest_clearance(task.world, times - self._start_time, truth),
+            smallest_clearance=smallest(near.to_any),
+            mean_clearance=float(around.mean()) if len(around) else None,
+            close_time=float(period * np.count_nonzero(near.to_any < outcomes.CLOSE)),
+            closest_approach=smallest(near.to_movers),
+            personal_space_time=float(period * np.count_nonzero(near.to_movers < outcomes.PERSONAL_SPACE)),
+            recoveries=self.recoveries, reference_path_length=reference,
             score=None if reference is None else outcomes.score(success, float(driven[-1]), reference, top_speed),
             localization_error_mean=float(errors.mean()), localization_error_max=float(errors.max()),
             heading_error_mean=float(np.abs(normalize_angles(believed[:, 2] - truth[:, 2])).mean()),
@@ -90,7 +105,7 @@ class Record:
         )
 
 
-def velocities(times: np.ndarray, poses: np.ndarray) -> "tuple[np.ndarray, np.ndarray]":
+def velocities(times: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return forward (m/s) and angular (rad/s) velocities between poses, each of shape (N,), the first ones zero.
 
     Args:

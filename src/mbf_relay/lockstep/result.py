@@ -13,6 +13,12 @@ CONTACT = "CONTACT"
 TIMEOUT = "TIMEOUT"
 ERROR = "ERROR"
 
+CLOSE = 0.1
+"""Metres between hull and obstacle below which a drive counts as close: half a burger's width."""
+PERSONAL_SPACE = 1.2
+"""Metres to a person within which a stranger is felt to be too near: Hall's personal distance (The Hidden Dimension,
+1966)."""
+
 
 @dataclasses.dataclass(frozen=True)
 class EpisodeResult:
@@ -24,22 +30,31 @@ class EpisodeResult:
         world: Name of the world.
         seed: Seed of everything random.
         success: All goals reached, in time, without a contact.
-        outcome: SUCCEEDED, CONTACT, TIMEOUT, ERROR (the episode could not be driven), or the outcome navigation ended with.
+        outcome: SUCCEEDED, CONTACT, TIMEOUT, ERROR (the episode could not be driven), or the outcome navigation ended
+            with.
         message: Why, for people.
         goals_reached, goals: How many of how many.
         contacts: How often the robot came to touch something that is not the ground.
         time: Seconds driven, on the simulation's clock.
         time_limit: Seconds allowed.
         path_length: Metres driven.
-        smallest_clearance: Least distance (m) between the robot's hull and anything standing; None where nothing stands.
+        smallest_clearance: Least distance (m) between the robot's hull and anything standing; None where nothing
+            stands.
+        mean_clearance: The same distance over the whole drive, mean (m).
+        close_time: Seconds within CLOSE of anything.
+        closest_approach: Least distance (m) between the robot's hull and anything that moves by itself; None where
+            nothing does.
+        personal_space_time: Seconds within PERSONAL_SPACE of anything that moves by itself.
+        recoveries: How many recovery behaviours were begun.
+        reference_path_length: Length (m) of a good way, where the world states one.
         score: Success weighed with the time taken (BARN's); None where the world states no reference path.
         localization_error_mean, localization_error_max: Metres between the true and the believed position.
         heading_error_mean: Radians between the true and the believed heading.
         final_error: Metres between the true final position and the last goal.
         smoothness: See Smoothness.
         goal_times: Seconds at which each goal was reached.
-        goal_waits: Seconds for which it had believed itself within the controller's tolerance of each by then; empty where
-            the task's radius decides.
+        goal_waits: Seconds for which it had believed itself within the controller's tolerance of each by then; empty
+            where the task's radius decides.
         trajectory: Rows (time, x, y, theta, forward velocity, angular velocity) of the truth, rounded for the file.
         believed: Rows (x, y, theta) of what the robot believed at the same times.
         digest: Hash over the unrounded trajectory and every velocity commanded: equal digests are equal drives.
@@ -58,6 +73,12 @@ class EpisodeResult:
     time_limit: float = 0.0
     path_length: float = 0.0
     smallest_clearance: Optional[float] = None
+    mean_clearance: Optional[float] = None
+    close_time: float = 0.0
+    closest_approach: Optional[float] = None
+    personal_space_time: float = 0.0
+    recoveries: int = 0
+    reference_path_length: Optional[float] = None
     score: Optional[float] = None
     localization_error_mean: float = 0.0
     localization_error_max: float = 0.0
@@ -104,12 +125,21 @@ class EpisodeResult:
             raise ValueError(str(error)) from error
 
 
-def failed(world: str, seed: int, message: str) -> EpisodeResult:
-    """Return the result of an episode that could not be driven."""
-    return EpisodeResult(world, seed, False, ERROR, message)
+def failed(world: str, seed: int, message: str, scored: bool = False) -> EpisodeResult:
+    """Return the result of an episode that could not be driven.
+
+    Args:
+        world, seed: Which.
+        message: Why.
+        scored: Whether its world has scores; this one is 0 then, and counts as such.
+    """
+    return EpisodeResult(world, seed, False, ERROR, message, score=0.0 if scored else None)
 
 
 def score(success: bool, time: float, reference_path_length: float, top_speed: float) -> float:
-    """Return BARN's score of one run: success x OT / clip(T, 2 OT, 8 OT), OT the time of the reference path at top speed."""
+    """Return BARN's score of one run.
+
+    Success x OT / clip(T, 2 OT, 8 OT), OT the time of the reference path at top speed.
+    """
     optimal = reference_path_length / top_speed
     return optimal / min(max(time, 2.0 * optimal), 8.0 * optimal) if success else 0.0

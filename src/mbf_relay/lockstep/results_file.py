@@ -8,10 +8,13 @@ import os
 from pathlib import Path
 from typing import Any, Dict, List, Mapping, Set, Tuple
 
-from mbf_relay.lockstep.result import EpisodeResult
+from mbf_relay.lockstep.result import ERROR, EpisodeResult
 
 LINES = "episodes.jsonl"
 SETTINGS = "settings.json"
+
+CODE = ("version", "sources", "plugins")
+"""Settings that tell what code has driven."""
 
 Key = Tuple[str, int]
 """World and seed: what tells the episodes of one batch apart."""
@@ -21,7 +24,6 @@ class ResultsFile:
     """The results of one batch, open for appending by one process at a time.
 
     Attributes:
-        results: What was found and appended, one per episode.
         warnings: One per line that could not be read.
     """
 
@@ -41,7 +43,8 @@ class ResultsFile:
             self._lock(folder)
             _check_settings(folder, settings)
             self._end_last_line()
-            self.results, self.warnings = read_lines(folder / LINES)
+            found, self.warnings = read_lines(folder / LINES)
+            self._results = {(result.world, result.seed): result for result in found}
         except BaseException:
             os.close(self._descriptor)
             raise
@@ -59,13 +62,24 @@ class ResultsFile:
             os.write(self._descriptor, b"\n")
 
     @property
+    def results(self) -> List[EpisodeResult]:
+        """What was found and appended, the newest of each episode."""
+        return list(self._results.values())
+
+    @property
     def done(self) -> Set[Key]:
         """World and seed of every episode that has a result."""
-        return {(result.world, result.seed) for result in self.results}
+        return set(self._results)
+
+    @property
+    def failed(self) -> Set[Key]:
+        """World and seed of every episode that crashed, hung or could not be driven."""
+        return {key for key, result in self._results.items() if result.outcome == ERROR}
 
     def append(self, result: EpisodeResult) -> None:
         """Write a result; when this returns, it survives a crash of the machine."""
-        self.results.append(result)  # first: an interrupt during the writing must not leave it out of the summary
+        # First: an interrupt during the writing must not leave it out of the summary.
+        self._results[result.world, result.seed] = result
         os.write(self._descriptor, (result.to_line() + "\n").encode())
         os.fsync(self._descriptor)
 
@@ -110,6 +124,13 @@ def _check_settings(folder: Path, settings: Mapping[str, Any]) -> None:
         raise ValueError(f"{path} cannot be read ({error}); choose another --out") from error
     now = json.loads(text)
     changed = sorted(name for name in set(before) | set(now) if before.get(name) != now.get(name))
+    code = sorted(set(changed) & set(CODE))
+    if code:
+        name = code[0]
+        raise ValueError(
+            f"{folder} holds results of other code ({name} was {_short(before.get(name))}, now "
+            f"{_short(now.get(name))}); choose another --out, or go back to that code"
+        )
     if changed:
         name = changed[0]
         raise ValueError(

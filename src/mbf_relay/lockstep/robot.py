@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import Callable, Deque, Optional, Tuple
 
 from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D, angle_between
+from mbf_relay.navigation.odometry_monitor import OdometryMonitor
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.outcomes import StaleDataError, TransformError
 
@@ -27,8 +29,21 @@ class LockstepRobot(Robot):
         self._frames = map_frame, odom_frame, base_frame
         self._odometry: Deque[Tuple[float, Pose2D]] = deque()
         self._velocity: Optional[Twist2D] = None
+        self._clock: Callable[[], float] = lambda: self.odometry_stamp
+        self._monitor = OdometryMonitor()
+        self._pose_timeout = self._odom_timeout = math.inf
         self.map_from_odom: Optional[Pose2D] = None
         """Where odometry began, in the map; None before localization said so."""
+
+    def limit_ages(self, clock: Callable[[], float], pose_timeout: float, odom_timeout: float) -> None:
+        """Refuse what is too old from now on, as the server does.
+
+        Args:
+            clock: Gives the time (s).
+            pose_timeout: Age (s) beyond which a pose is refused.
+            odom_timeout: Age (s) beyond which a velocity is refused.
+        """
+        self._clock, self._pose_timeout, self._odom_timeout = clock, pose_timeout, odom_timeout
 
     def add_odometry(self, stamp: float, base_in_odom: Pose2D, velocity: Twist2D) -> None:
         """Take what odometry says at `stamp` (s)."""
@@ -47,10 +62,16 @@ class LockstepRobot(Robot):
         """The newest pose in odometry's frame.
 
         Raises:
-            TransformError: There is no odometry yet.
+            TransformError: There is no odometry yet, or it is too old.
         """
         if not self._odometry:
             raise TransformError("no odometry has arrived yet")
+        age = self._clock() - self.odometry_stamp
+        if age > self._pose_timeout:
+            _, odom_frame, base_frame = self._frames
+            raise TransformError(
+                f"the transform from '{base_frame}' to '{odom_frame}' is {age:.2f} s old; at most "
+                f"{self._pose_timeout:.2f} s allowed")
         return self._odometry[-1][1]
 
     @property
@@ -68,7 +89,7 @@ class LockstepRobot(Robot):
         Raises:
             TransformError: `stamp` lies outside the poses kept.
         """
-        later = None
+        later: Optional[Tuple[float, Pose2D]] = None
         for time, pose in reversed(self._odometry):
             if time <= stamp:
                 return pose if later is None or time == stamp else _between((time, pose), later, stamp)
@@ -89,6 +110,12 @@ class LockstepRobot(Robot):
         """Return the newest velocity from odometry, body frame."""
         if self._velocity is None:
             raise StaleDataError("no odometry has arrived yet")
+        age = self._clock() - self.odometry_stamp
+        if age > self._odom_timeout:
+            raise StaleDataError(f"odometry is {age:.2f} s old; at most {self._odom_timeout:.2f} s allowed")
+        trouble = self._monitor.trouble(*self._odometry[-1], self._velocity)
+        if trouble is not None:
+            raise StaleDataError(trouble)
         return self._velocity
 
     def command(self, velocity: Twist2D) -> None:

@@ -8,6 +8,8 @@ from typing import Any, Dict, Iterable, Mapping, Optional, Sequence, Tuple
 
 import yaml
 
+from mbf_relay import files
+from mbf_relay.files import config_folder as config_folder  # where users of this room look for it
 from mbf_relay.parameters import did_you_mean, nearest_of
 
 FILES = ("simulator", "amcl", "move_base_flex")
@@ -17,41 +19,62 @@ Settings = Dict[str, Dict[str, Any]]
 """Parameters by node, nested as in the files."""
 
 
-def config_folder() -> Path:
-    """Return the package's config folder: of the source tree, or of the install space this module lies in.
-
-    Raises:
-        ValueError: There is none; the package is not installed as a whole.
-    """
-    here = Path(__file__).resolve()
-    candidates = [here.parents[3] / "config"]
-    if len(here.parents) > 5:
-        candidates.append(here.parents[5] / "share" / "mbf_relay" / "config")
-    for folder in candidates:
-        if (folder / "move_base_flex.yaml").is_file():
-            return folder
-    raise ValueError(f"the package's config folder was not found; looked for {' and '.join(map(str, candidates))}")
-
-
 def load_settings(folder: Path) -> Settings:
     """Return what the nodes' files in `folder` say.
 
     Raises:
         ValueError: A file is missing or malformed.
     """
-    settings = {}
-    for name in FILES:
-        path = folder / f"{name}.yaml"
-        try:
-            values = yaml.safe_load(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise ValueError(f"parameter file {path} cannot be read: {error.strerror}") from error
-        except yaml.YAMLError as error:
-            raise ValueError(f"parameter file {path} is no YAML: {' '.join(str(error).split())}") from error
-        if not isinstance(values, dict):
-            raise ValueError(f"parameter file {path} holds no parameters")
-        settings[name] = values
-    return settings
+    return {name: _read(folder / f"{name}.yaml") for name in FILES}
+
+
+def load_own(path: Path) -> Settings:
+    """Return a user's own parameters by node.
+
+    Args:
+        path: A node's own file (its name tells the node, as `move_base_flex.yaml` does), a folder of such files, or a
+            file with the nodes' names as its first level.
+
+    Raises:
+        ValueError: It cannot be read, is no YAML, or no node of lockstep's is meant; the text names it.
+    """
+    if path.is_dir():
+        found = {name: _read(path / f"{name}.yaml") for name in FILES if (path / f"{name}.yaml").is_file()}
+        if not found:
+            raise ValueError(f"folder {path} holds none of {', '.join(f'{name}.yaml' for name in FILES)}")
+        return found
+    values = _read(path)
+    if path.stem in FILES:
+        return {path.stem: values}
+    strange = sorted(set(values) - set(FILES))
+    if strange or not all(isinstance(group, dict) for group in values.values()):
+        raise ValueError(
+            f"parameter file {path} has '{strange[0] if strange else next(iter(values))}' at its first level; it must "
+            f"be named after a node ({', '.join(FILES)}), or hold their names with parameters under them"
+        )
+    return values
+
+
+def merged(settings: Mapping[str, Any], own: Mapping[str, Any]) -> Dict[str, Any]:
+    """Return settings with others laid over them, group by group; a list is taken as a whole."""
+    result = copy.deepcopy(dict(settings))
+    for name, value in own.items():
+        before = result.get(name)
+        nested = isinstance(value, Mapping) and isinstance(before, Mapping)
+        result[name] = merged(before, value) if nested else copy.deepcopy(value)  # type: ignore[arg-type]
+    return result
+
+
+def _read(path: Path) -> Dict[str, Any]:
+    try:
+        values = files.parse_yaml(files.read_text(str(path)))
+    except OSError as error:
+        raise ValueError(f"parameter file {path} cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise ValueError(f"parameter file {path} is no YAML: {error}") from error
+    if not isinstance(values, dict):
+        raise ValueError(f"parameter file {path} holds no parameters")
+    return values
 
 
 def flatten(values: Mapping[str, Any], prefix: str = "") -> Dict[str, Any]:

@@ -10,13 +10,15 @@ from typing import Any, Dict, Iterable, List, Optional, Tuple
 from mbf_relay.control import CONTROLLERS
 from mbf_relay.control.controller import Controller
 from mbf_relay.costmap import LAYERS
-from mbf_relay.costmap.costmap import CostmapParameters
 from mbf_relay.costmap.factory import build_costmap, layer_groups
 from mbf_relay.costmap.layer import Layer
+from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.node_parameters import AmclParameters
-from mbf_relay.lockstep.settings import Settings, change, flatten, load_settings
-from mbf_relay.lockstep.tasks import Task
+from mbf_relay.lockstep.fitting import fitted
+from mbf_relay.lockstep.settings import Settings, change, flatten, load_own, load_settings, merged
+from mbf_relay.lockstep.tasks import MAP_RESOLUTION, EpisodeTask
+from mbf_relay.maps import COARSEST, FINEST
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.planning import PLANNERS
 from mbf_relay.planning.planner import Planner
@@ -24,13 +26,17 @@ from mbf_relay.plugins import create, find_class
 from mbf_relay.recovery import RECOVERIES
 from mbf_relay.recovery.recovery import Recovery
 from mbf_relay.simulation.parameters import SimulationParameters
+from mbf_relay.simulation.robot import RobotModel
+from mbf_relay.simulation.robot_file import load_robot
 
 AMCL, ODOMETRY, TRUTH = LOCALIZATIONS = ("amcl", "odometry", "truth")
 KNOWN, NONE = MAPS = ("known", "none")
 
 SERVER = "move_base_flex"
 PLUGIN_LISTS = (
-    ("planners", Planner, PLANNERS), ("controllers", Controller, CONTROLLERS), ("recovery_behaviors", Recovery, RECOVERIES),
+    ("planners", Planner, PLANNERS),
+    ("controllers", Controller, CONTROLLERS),
+    ("recovery_behaviors", Recovery, RECOVERIES),
 )
 MARGIN = 3.0
 """Metres around start and goals that the global costmap covers where there is no map."""
@@ -45,6 +51,8 @@ class Setup:
         localization: AMCL, ODOMETRY (which is taken for the truth from the start on) or TRUTH.
         map: KNOWN or NONE.
         controller, planner: Names in the server's lists; its first ones where empty.
+        map_resolution: Metres per cell of maps drawn from a world.
+        robot: What drives; the one the simulator's parameters name where None.
     """
 
     settings: Settings
@@ -52,11 +60,14 @@ class Setup:
     map: str = KNOWN
     controller: str = ""
     planner: str = ""
+    map_resolution: float = MAP_RESOLUTION
+    robot: Optional[RobotModel] = None
 
 
 def make_setup(
     folder: Path, localization: Optional[str] = None, prior_map: Optional[str] = None, controller: str = "",
-    planner: str = "", changes: Iterable[str] = (), has_map: bool = True,
+    planner: str = "", changes: Iterable[str] = (), has_map: bool = True, config: Optional[Path] = None,
+    map_resolution: float = MAP_RESOLUTION, robot: str = "",
 ) -> Setup:
     """Return the setup a user asks for.
 
@@ -67,6 +78,9 @@ def make_setup(
         controller, planner: Names in the server's lists; its first ones where empty.
         changes: Changes "a.b=c" to parameters.
         has_map: Whether robots usually have a map of these worlds.
+        config: A user's own parameters, file or folder, over those in `folder`.
+        map_resolution: Metres per cell of maps drawn from a world.
+        robot: Drives in place of the one in the simulator's file, with all parameters fitted to it; see `load_robot`.
 
     Raises:
         ValueError: A file, a name or a change is wrong, or the choices contradict each other.
@@ -75,14 +89,20 @@ def make_setup(
     localization = localization or (AMCL if prior_map == KNOWN else ODOMETRY)
     if prior_map == NONE and localization == AMCL:
         raise ValueError("amcl needs a map: choose --map known, or --localization odometry or truth")
+    if not FINEST <= map_resolution <= COARSEST:
+        raise ValueError(f"--map-resolution is {map_resolution:g} m; it must be {FINEST:g} to {COARSEST:g} m")
     settings = load_settings(folder)
-    changes = list(changes)
-    if changes:
-        settings = change(settings, changes, known_names(settings))
+    if robot:
+        settings = fitted(settings, load_robot(robot))
+        settings["simulator"]["robot"] = robot
+    if config is not None:
+        settings = merged(settings, load_own(config))
+    for text in changes:  # one by one, for a plugin that one of them brings has parameters of its own
+        settings = change(settings, [text], known_names(settings))
     for kind, name in (("controllers", controller), ("planners", planner)):
         _check_listed(settings[SERVER].get(kind, []), kind, name)
     _check_values(settings)
-    return Setup(settings, localization, prior_map, controller, planner)
+    return Setup(settings, localization, prior_map, controller, planner, map_resolution)
 
 
 def _check_values(settings: Settings) -> None:
@@ -118,7 +138,7 @@ def known_names(settings: Settings) -> List[str]:
     return sorted(names)
 
 
-def without_map(server: Dict[str, Any], task: Task) -> Dict[str, Any]:
+def without_map(server: Dict[str, Any], task: EpisodeTask) -> Dict[str, Any]:
     """Return the server's parameters for a robot that has no map: a global costmap of what it sees alone.
 
     The costmap lies still and covers start and goals; what was never seen counts as free, or nothing could be planned.

@@ -20,6 +20,7 @@ class Smoothness:
         mean_jerk: Mean absolute change of it (m/s^3).
         mean_angular_acceleration: Mean absolute angular acceleration (rad/s^2).
         standing_share: Share of the time in which it neither drove (0.005 m/s) nor turned (TURNING).
+        mean_angular_jerk: Mean absolute change of the angular acceleration (rad/s^3).
     """
 
     turn_changes_per_metre: float = 0.0
@@ -27,6 +28,7 @@ class Smoothness:
     mean_jerk: float = 0.0
     mean_angular_acceleration: float = 0.0
     standing_share: float = 0.0
+    mean_angular_jerk: float = 0.0
 
 
 def path_length(positions: np.ndarray) -> float:
@@ -59,11 +61,13 @@ def smoothness(times: np.ndarray, linear: np.ndarray, angular: np.ndarray, lengt
     periods = np.diff(times)
     acceleration = np.diff(linear) / periods
     jerk = np.diff(acceleration) / periods[1:]
+    angular_acceleration = np.diff(angular) / periods
     standing = (np.abs(linear) < 0.005) & (np.abs(angular) < TURNING)
     return Smoothness(
         turn_changes_per_metre=turn_changes(angular) / length if length > 0.0 else 0.0,
         mean_acceleration=float(np.abs(acceleration).mean()),
         mean_jerk=float(np.abs(jerk).mean()),
-        mean_angular_acceleration=float(np.abs(np.diff(angular) / periods).mean()),
+        mean_angular_acceleration=float(np.abs(angular_acceleration).mean()),
         standing_share=float(standing.mean()),
+        mean_angular_jerk=float(np.abs(np.diff(angular_acceleration) / periods[1:]).mean()),
     )

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from typing import Any, Callable, Dict, List, Optional
 
+from mbf_relay.navigation.worker import InlineWorker, Job
+
+PLUGINS = {"planners": "planning", "controllers": "control", "recovery_behaviors": "recovery"}
+"""The stage that calls of each kind of plugin count for."""
+
 
 class Stages:
     """Sums up seconds per stage; a stage within a stage counts for the inner one alone."""
@@ -19,7 +24,7 @@ class Stages:
         self._since = 0.0
         self.seconds: Dict[str, float] = {}
 
-    def stage(self, name: str) -> "_Stage":
+    def stage(self, name: str) -> _Stage:
         """Return a context: what is done inside counts for `name`."""
         return _Stage(self, name)
 
@@ -34,17 +39,6 @@ class Stages:
         if self._clock is not None:
             self._switch()
             self._open.pop()
-
-    def timed(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
-        """Return `call` with its time counted for `name`."""
-        if self._clock is None:
-            return call
-
-        def counted(*arguments: Any, **keywords: Any) -> Any:
-            with self.stage(name):
-                return call(*arguments, **keywords)
-
-        return counted
 
     def _switch(self) -> None:
         assert self._clock is not None
@@ -65,3 +59,15 @@ class _Stage:
 
     def __exit__(self, *_: Any) -> None:
         self._stages.leave()
+
+
+class TimedWorker(InlineWorker):
+    """Runs plugins inline and counts the time of each call for its stage."""
+
+    def __init__(self, stages: Stages) -> None:
+        self._stages = stages
+
+    def start(self, task: Callable[[], Any], kind: str = "") -> Job:
+        """Run `task` to its end."""
+        with self._stages.stage(PLUGINS[kind]):
+            return super().start(task, kind)

@@ -4,28 +4,42 @@ from __future__ import annotations
 
 import math
 from statistics import NormalDist
-from typing import Mapping, NamedTuple, Sequence
+from typing import List, Mapping, NamedTuple, Sequence
 
 import numpy as np
 
 RESAMPLINGS = 10_000
+MOST_TRIED = 12
+"""Groups whose signs are all tried; beyond, 2 to their number is more than are drawn."""
 
 
-class Estimate(NamedTuple):
-    """A value and the interval that holds it with 95 % confidence; NaN where nothing was measured."""
+class IntervalEstimate(NamedTuple):
+    """A value and the interval that holds it with 95 % confidence; NaN where nothing was measured.
+
+    One sample alone has a value and no interval: its bounds are NaN.
+    """
 
     value: float
     low: float
     high: float
 
+    @property
+    def has_interval(self) -> bool:
+        """Return whether there is more than a single sample."""
+        return not math.isnan(self.low)
+
+    def interval(self) -> str:
+        """Return the interval for people."""
+        return f"[{self.low:.3f}, {self.high:.3f}]" if self.has_interval else "(one sample, no interval)"
+
     def __str__(self) -> str:
-        return f"{self.value:.3f} [{self.low:.3f}, {self.high:.3f}]"
+        return f"{self.value:.3f} {self.interval()}"
 
 
-NOTHING = Estimate(math.nan, math.nan, math.nan)
+NOTHING = IntervalEstimate(math.nan, math.nan, math.nan)
 
 
-def share(successes: float, trials: float, confidence: float = 0.95) -> Estimate:
+def share(successes: float, trials: float, confidence: float = 0.95) -> IntervalEstimate:
     """Return a share with its score interval (Wilson 1927), which stays honest near 0 and 1.
 
     Args:
@@ -40,10 +54,10 @@ def share(successes: float, trials: float, confidence: float = 0.95) -> Estimate
     spread = z * math.sqrt(p * (1.0 - p) / trials + z * z / (4.0 * trials * trials))
     middle = p + z * z / (2.0 * trials)
     scale = 1.0 + z * z / trials
-    return Estimate(p, max(0.0, (middle - spread) / scale), min(1.0, (middle + spread) / scale))
+    return IntervalEstimate(p, max(0.0, (middle - spread) / scale), min(1.0, (middle + spread) / scale))
 
 
-def grouped_share(groups: Mapping[str, Sequence[float]], confidence: float = 0.95) -> Estimate:
+def grouped_share(groups: Mapping[str, Sequence[float]], confidence: float = 0.95) -> IntervalEstimate:
     """Return the share of ones among samples of 0 and 1, with a score interval that knows that groups are alike within.
 
     As many trials are counted as would have that much spread if they were independent (Kish's design effect), but no
@@ -69,7 +83,7 @@ def grouped_share(groups: Mapping[str, Sequence[float]], confidence: float = 0.9
     return share(p * counted, counted, confidence)
 
 
-def mean(groups: Mapping[str, Sequence[float]], seed: int = 0, confidence: float = 0.95) -> Estimate:
+def mean(groups: Mapping[str, Sequence[float]], seed: int = 0, confidence: float = 0.95) -> IntervalEstimate:
     """Return the mean over all samples with its bootstrap interval, groups drawn as a whole.
 
     Episodes of one world resemble each other, so worlds are drawn, not episodes (a cluster bootstrap; Davison and
@@ -88,31 +102,61 @@ def mean(groups: Mapping[str, Sequence[float]], seed: int = 0, confidence: float
     value = float(sums.sum() / sizes.sum())
     if len(filled) == 1:
         if len(filled[0]) == 1:
-            return Estimate(value, math.nan, math.nan)
+            return IntervalEstimate(value, math.nan, math.nan)
         sums, sizes = filled[0], np.ones(len(filled[0]))
     drawn = np.random.default_rng(seed).integers(0, len(sums), (RESAMPLINGS, len(sums)))
     means = sums[drawn].sum(axis=1) / sizes[drawn].sum(axis=1)
     tail = 50.0 * (1.0 - confidence)
     low, high = (float(bound) for bound in np.percentile(means, [tail, 100.0 - tail]))
-    return Estimate(value, low, high)
+    return IntervalEstimate(value, low, high)
 
 
-def sign_test(gained: int, lost: int) -> float:
-    """Return the chance of a split at least this uneven if both sides were equally likely (exact, two-sided).
+def sign_test(groups: Mapping[str, Sequence[int]]) -> float:
+    """Return the chance of a sum at least this far from zero if each group's sign were a coin's (exact, two-sided).
+
+    Pairs of one world stand or fall together, so the sign of the world's sum is drawn, not each pair's. With one pair
+    a world it is McNemar's exact test.
 
     Args:
-        gained: Pairs in which the second succeeded and the first failed.
-        lost: Pairs the other way round; pairs that agree say nothing and are left out (McNemar's exact test).
+        groups: For each group, e.g. world, +1 for each pair in which the second alone succeeded, -1 where the first
+            alone did, 0 where they agree.
     """
-    pairs = gained + lost
-    if pairs == 0:
+    sums = [abs(sum(samples)) for samples in groups.values() if sum(samples)]
+    observed = abs(sum(sum(samples) for samples in groups.values()))
+    reach = sum(sums)
+    chances = np.zeros(2 * reach + 1)  # of each sum of signed group sums, from -reach on
+    chances[reach] = 1.0
+    for size in sums:
+        chances = 0.5 * (np.roll(chances, size) + np.roll(chances, -size))
+    far = np.abs(np.arange(-reach, reach + 1)) >= observed
+    return min(1.0, float(chances[far].sum()))
+
+
+def permutation_test(groups: Mapping[str, Sequence[float]], seed: int = 0) -> float:
+    """Return the chance of a mean at least this far from zero if each group's sign were a coin's (two-sided).
+
+    All signs are tried where there are few groups, 10 000 draws of them else.
+
+    Args:
+        groups: Differences of pairs, of each group, e.g. of each world.
+        seed: Seed of the draws.
+    """
+    sums = np.array([float(np.sum(samples)) for _, samples in sorted(groups.items()) if len(samples)])
+    sums = sums[sums != 0.0]
+    if not len(sums):
         return 1.0
-    tail = sum(_binomial(pairs, k) for k in range(min(gained, lost) + 1)) / 2.0**pairs
-    return min(1.0, 2.0 * tail)
+    observed = abs(sums.sum()) * (1.0 - 1e-12)
+    if len(sums) <= MOST_TRIED:
+        signs = 1.0 - 2.0 * ((np.arange(2 ** len(sums))[:, None] >> np.arange(len(sums))) & 1)
+        return float((np.abs(signs @ sums) >= observed).mean())
+    signs = 1.0 - 2.0 * np.random.default_rng(seed).integers(0, 2, (RESAMPLINGS, len(sums)))
+    return (1.0 + float((np.abs(signs @ sums) >= observed).sum())) / (RESAMPLINGS + 1.0)
 
 
-def _binomial(n: int, k: int) -> int:
-    result = 1
-    for i in range(min(k, n - k)):
-        result = result * (n - i) // (i + 1)
-    return result
+def holm(chances: Sequence[float]) -> List[float]:
+    """Return chances raised for how many there are (Holm 1979), so that one below 5 % is rare if all are chance."""
+    raised, least = [0.0] * len(chances), 0.0
+    for rank, index in enumerate(sorted(range(len(chances)), key=lambda i: chances[i])):
+        least = max(least, min(1.0, (len(chances) - rank) * chances[index]))
+        raised[index] = least
+    return raised

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
+from typing import Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, TypeVar
 
 from mbf_relay.lockstep import result as outcomes
 from mbf_relay.lockstep import statistics
 from mbf_relay.lockstep.result import EpisodeResult
-from mbf_relay.lockstep.statistics import Estimate
+from mbf_relay.lockstep.statistics import IntervalEstimate
 
 Key = Tuple[str, int]
+Number = TypeVar("Number", int, float)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,13 +68,13 @@ MEASURES: Sequence[Measure] = (
 )
 
 
-def summarize(results: Iterable[EpisodeResult]) -> Dict[str, Estimate]:
+def summarize(results: Iterable[EpisodeResult]) -> Dict[str, IntervalEstimate]:
     """Return each measure's mean and 95 % interval over the episodes that have it."""
     results = list(results)
     return {measure.name: _estimate(measure, results) for measure in MEASURES}
 
 
-def _estimate(measure: Measure, results: Sequence[EpisodeResult]) -> Estimate:
+def _estimate(measure: Measure, results: Sequence[EpisodeResult]) -> IntervalEstimate:
     groups = _by_world((episode.world, measure.of(episode)) for episode in results)
     return statistics.grouped_share(groups) if measure.is_share else statistics.mean(groups)
 
@@ -88,15 +89,15 @@ class Comparison:
         first, second: Each measure over the pairs; where it is of successes, over the pairs in which both succeeded.
         differences: Second less first, from the pairs.
         gained, lost: Episodes that only the second, or only the first, brought to success.
-        chance: How likely a split at least as uneven is if both were equally good (exact sign test).
+        chance: How likely a split at least as uneven is if both were equally good (exact sign test over worlds).
     """
 
     pairs: int
     only_first: int
     only_second: int
-    first: Mapping[str, Estimate]
-    second: Mapping[str, Estimate]
-    differences: Mapping[str, Estimate]
+    first: Mapping[str, IntervalEstimate]
+    second: Mapping[str, IntervalEstimate]
+    differences: Mapping[str, IntervalEstimate]
     gained: List[Key]
     lost: List[Key]
     chance: float
@@ -109,21 +110,37 @@ def compare(first: Iterable[EpisodeResult], second: Iterable[EpisodeResult]) -> 
     keys = sorted(set(a) & set(b))
     of_first, of_second, differences = {}, {}, {}
     for measure in MEASURES:
-        pairs = [(world, measure.of(a[world, seed]), measure.of(b[world, seed])) for world, seed in keys]
-        both = [(world, one, two) for world, one, two in pairs if one is not None and two is not None]
-        of_first[measure.name] = statistics.mean(_by_world((world, one) for world, one, _ in both))
-        of_second[measure.name] = statistics.mean(_by_world((world, two) for world, _, two in both))
-        differences[measure.name] = statistics.mean(_by_world((world, two - one) for world, one, two in both))
+        ones, _ = paired(measure, b.values(), a.values())
+        twos, steps = paired(measure, a.values(), b.values())
+        of_first[measure.name], of_second[measure.name] = statistics.mean(ones), statistics.mean(twos)
+        differences[measure.name] = statistics.mean(steps)
     gained = [key for key in keys if b[key].success and not a[key].success]
     lost = [key for key in keys if a[key].success and not b[key].success]
-    chance = statistics.sign_test(len(gained), len(lost))
+    chance = statistics.sign_test(_by_world((key[0], int(b[key].success) - int(a[key].success)) for key in keys))
     return Comparison(
         len(keys), len(a) - len(keys), len(b) - len(keys), of_first, of_second, differences, gained, lost, chance
     )
 
 
-def _by_world(samples: Iterable[Tuple[str, Optional[float]]]) -> Dict[str, List[float]]:
-    groups: Dict[str, List[float]] = {}
+def paired(
+    measure: Measure, first: Iterable[EpisodeResult], second: Iterable[EpisodeResult]
+) -> Tuple[Dict[str, List[float]], Dict[str, List[float]]]:
+    """Return a measure of the second's episodes, and its differences from the first's, by world.
+
+    Args:
+        measure: Counted are the episodes (world and seed) in which both have it.
+        first, second: Results.
+    """
+    a = {(episode.world, episode.seed): measure.of(episode) for episode in first}
+    b = {(episode.world, episode.seed): measure.of(episode) for episode in second}
+    both = [(key[0], a[key], b[key]) for key in sorted(set(a) & set(b))]
+    known = [(world, one, two) for world, one, two in both if one is not None and two is not None]
+    values = _by_world((world, two) for world, _, two in known)
+    return values, _by_world((world, two - one) for world, one, two in known)
+
+
+def _by_world(samples: Iterable[Tuple[str, Optional[Number]]]) -> Dict[str, List[Number]]:
+    groups: Dict[str, List[Number]] = {}
     for world, sample in samples:
         if sample is not None:
             groups.setdefault(world, []).append(sample)

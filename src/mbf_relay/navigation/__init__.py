@@ -1,1 +1,4 @@
-"""Navigation: executions of planners, controllers and recoveries, and the move_base logic over them; stepped, no threads."""
+"""Navigation: executions of planners, controllers and recoveries, and the move_base logic over them.
+
+Stepped, no threads.
+"""

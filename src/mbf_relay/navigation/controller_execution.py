@@ -7,12 +7,13 @@ from typing import Any, Callable, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from mbf_relay.control.controller import Controller, ControlState, GoalTolerance
+from mbf_relay.control.controller import Controller
+from mbf_relay.control.state import ControlState, GoalTolerance
 from mbf_relay.geometry import STOP, Twist2D, angle_between
 from mbf_relay.navigation.goals import FollowFeedback, FollowGoal, FollowResult, FramedPose
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.progress import IgnoredCommands, OscillationDetector
-from mbf_relay.navigation.registry import Seat
+from mbf_relay.navigation.registry import PluginInstance
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.timing import Pacer, Stopwatch
@@ -34,14 +35,14 @@ FINAL = frozenset((
 """What another try with the same path cannot change; controllers say it after a patience of their own."""
 
 
-class Answer(NamedTuple):
+class ControlAnswer(NamedTuple):
     """What a controller said in one cycle: that it has arrived, or else a velocity."""
 
     arrived: bool
     velocity: Twist2D = STOP
 
 
-class View(NamedTuple):
+class ControlView(NamedTuple):
     """What one cycle saw: the controller's state and the robot's pose and the goal in the reported frame."""
 
     state: ControlState
@@ -58,7 +59,7 @@ class ControllerExecution:
     request, and whatever ends a drive sends a zero velocity before the task ends.
 
     Args:
-        seat: The controller.
+        instance: The controller.
         robot: Where it is and how to move it.
         costmap: What the robot sees around it; asked for `stale_reason(now)` and `snapshot()`.
         parameters: Called for the values in force.
@@ -66,18 +67,22 @@ class ControllerExecution:
     """
 
     def __init__(
-        self, seat: Seat[Controller], robot: Robot, costmap: Any, parameters: Callable[[], NavigatorParameters],
+        self,
+        instance: PluginInstance[Controller],
+        robot: Robot,
+        costmap: Any,
+        parameters: Callable[[], NavigatorParameters],
         watch_oscillation: bool = True,
     ) -> None:
-        self.seat = seat
-        self.task: "Task[FollowResult]" = Task()
+        self.instance = instance
+        self.task: Task[FollowResult] = Task()
         self.watch_oscillation = watch_oscillation
         self._robot, self._costmap, self._parameters = robot, costmap, parameters
         self._goal: Optional[FollowGoal] = None
         self._path_is_new, self._goal_is_new = False, False
         self._job: Optional[Job] = None
         self._job_task = self.task
-        self._view: Optional[View] = None
+        self._view: Optional[ControlView] = None
         self._command = STOP
         self._pacer = Pacer()
         self._since_start, self._since_valid, self._since_call = Stopwatch(), Stopwatch(), Stopwatch()
@@ -95,11 +100,11 @@ class ControllerExecution:
         """Time (s) at which the next update is needed, beside the end of a job."""
         return math.inf if self.task.done else self._pacer.next
 
-    def follow(self, goal: FollowGoal, task: "Task[FollowResult]") -> None:
+    def follow(self, goal: FollowGoal, task: Task[FollowResult]) -> None:
         """Drive along another path from the next cycle on, without a stop; the running task ends as replaced.
 
-        The first path to a goal is begun at once; a newer one to the same goal waits for its turn, or a robot that plans
-        at 5 Hz would control at 15 instead of 10.
+        The first path to a goal is begun at once; a newer one to the same goal waits for its turn, or a robot that
+        plans at 5 Hz would control at 15 instead of 10.
         """
         if self._goal is not None:
             self._end(Ending.CANCELED, ControlOutcome.CANCELED, "Goal preempted by a new plan", stop=False)
@@ -129,7 +134,7 @@ class ControllerExecution:
             self._end(Ending.CANCELED, ControlOutcome.CANCELED, "Controller canceled")
             return
         if self._job is not None:
-            self._watch(now)
+            self._watch(now, self._job)
         if not self.task.done and self._job is None and self._pacer.is_due(now):
             self._begin(now)
 
@@ -139,8 +144,8 @@ class ControllerExecution:
         assert self._goal is not None
         period = 1.0 / self._parameters().controller_frequency
         self._pacer.passed(now, period)
-        if self.seat.busy:
-            message = f"controller '{self.seat.name}' is still busy with an earlier call that was given up"
+        if self.instance.busy:
+            message = f"controller '{self.instance.name}' is still busy with an earlier call that was given up"
             self._no_command(now, ControlOutcome.PAT_EXCEEDED, message)
             self._pacer.postpone(now, BUSY_DELAY)
             return
@@ -159,17 +164,18 @@ class ControllerExecution:
         tolerance = self._goal.tolerance
         self._since_call.start(now)
         self._job_task = self.task
-        self._job = self.seat.call(lambda controller: _cycle(controller, view.state, path, goal_is_new, tolerance))
+        self._job = self.instance.call(lambda controller: _cycle(controller, view.state, path, goal_is_new, tolerance))
         if self._job.done:
             self._collect(now)
 
-    def _look(self, now: float, period: float) -> View:
+    def _look(self, now: float, period: float) -> ControlView:
         frame = self._costmap.frame
         pose = self._robot.pose_in(frame)
         velocity = self._robot.velocity()
         stale = self._costmap.stale_reason(now)
         if stale:
             raise StaleDataError(stale)
+        assert self._goal is not None
         path = self._goal.path
         costmap_from_path = self._robot.transform(frame, path.frame)
         pose_in_path = pose.relative_to(costmap_from_path)
@@ -178,21 +184,22 @@ class ControllerExecution:
         state = ControlState(
             now, pose, velocity, self._costmap.snapshot(), costmap_from_path, period, self._robot.commanded)
         goal = path.goal
-        return View(
+        return ControlView(
             state, FramedPose(global_pose, global_frame), pose_in_path.distance_to(goal),
             abs(angle_between(pose_in_path.theta, goal.theta)),
         )
 
-    def _watch(self, now: float) -> None:
+    def _watch(self, now: float, job: Job) -> None:
         """Collect the running cycle, or see to it that the robot does not drive on while its controller hangs."""
-        if self._job.done:
+        if job.done:
             self._collect(now)
             return
         parameters = self._parameters()
         elapsed = self._since_call.elapsed(now)
         patience = parameters.controller_patience
         if patience > 0.0 and elapsed > patience:
-            message = f"Controller '{self.seat.name}' has not returned for {elapsed:.1f} s; its patience is {patience:g} s"
+            name = self.instance.name
+            message = f"Controller '{name}' has not returned for {elapsed:.1f} s; its patience is {patience:g} s"
             self._end(Ending.ABORTED, ControlOutcome.PAT_EXCEEDED, message)
         elif elapsed > OVERRUN_PERIODS / parameters.controller_frequency and self._command != STOP:
             self._send(STOP)
@@ -201,6 +208,7 @@ class ControllerExecution:
 
     def _collect(self, now: float) -> None:
         job, self._job = self._job, None
+        assert job is not None
         if self._job_task is not self.task:  # the path was replaced meanwhile; the new one is due at once
             self._pacer.hasten()
             return
@@ -213,13 +221,13 @@ class ControllerExecution:
             else:
                 self._fail(now, error.outcome, error.message)
         except Exception as error:  # a plugin may raise anything, and the server lives on
-            message = f"controller '{self.seat.name}' failed with {type(error).__name__}: {error}"
+            message = f"controller '{self.instance.name}' failed with {type(error).__name__}: {error}"
             self._end(Ending.ABORTED, ControlOutcome.INTERNAL_ERROR, message)
         else:
             if answer.arrived or self._arrived():
                 self._end(Ending.SUCCEEDED, ControlOutcome.SUCCESS, "Controller succeeded; arrived at goal!")
             elif not velocity.is_finite():
-                message = f"controller '{self.seat.name}' returned velocity {tuple(velocity)}, which is not finite"
+                message = f"controller '{self.instance.name}' returned velocity {tuple(velocity)}, which is not finite"
                 self._fail(now, ControlOutcome.NO_VALID_CMD, message)
             else:
                 self._drive(now, velocity)
@@ -229,6 +237,7 @@ class ControllerExecution:
         parameters = self._parameters()
         if not parameters.mbf_tolerance_check:
             return False
+        assert self._goal is not None and self._view is not None
         tolerance = self._goal.tolerance or GoalTolerance(parameters.dist_tolerance, parameters.angle_tolerance)
         return self._view.distance < tolerance.distance and self._view.angle < tolerance.angle
 
@@ -237,6 +246,7 @@ class ControllerExecution:
         if self.task.cancel_requested:  # it may have come while the controller was thinking
             self._end(Ending.CANCELED, ControlOutcome.CANCELED, "Controller canceled")
             return
+        assert self._view is not None
         self._send(velocity)
         self._since_valid.start(now)
         self._retries = 0
@@ -321,15 +331,15 @@ class ControllerExecution:
 def _cycle(
     controller: Controller, state: ControlState, path: Optional[Path], is_new_goal: bool,
     tolerance: Optional[GoalTolerance],
-) -> Answer:
+) -> ControlAnswer:
     """Run one cycle of a controller; on the worker."""
     if path is not None:
         controller.set_path(path, is_new_goal)
     if controller.is_goal_reached(state, tolerance):
-        return Answer(True)
-    return Answer(False, controller.compute_velocity(state))
+        return ControlAnswer(True)
+    return ControlAnswer(False, controller.compute_velocity(state))
 
 
 def _same_end(old: Path, new: Path) -> bool:
-    """Tell whether two paths lead to one goal."""
+    """Return whether two paths lead to one goal."""
     return old.frame == new.frame and bool(np.allclose(old.poses[-1], new.poses[-1], atol=1e-3))

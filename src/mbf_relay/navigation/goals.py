@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple, Optional, Tuple
 
-from mbf_relay.control.controller import GoalTolerance
+from mbf_relay.control.state import GoalTolerance
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.outcomes import ControlOutcome, PlanOutcome, RecoveryOutcome
 from mbf_relay.planning.path import Path

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from enum import Enum
-from typing import Any, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Deque, Dict, List, Mapping, Optional, Tuple
 
 from mbf_relay.control import CONTROLLERS
 from mbf_relay.control.controller import Controller
 from mbf_relay.navigation.controller_execution import ControllerExecution
 from mbf_relay.navigation.goals import (
-    FollowGoal, FollowResult, FramedPose, NavigateGoal, NavigateResult, PlanGoal, PlanResult, RecoverGoal, RecoverResult,
+    FollowGoal,
+    FollowResult,
+    FramedPose,
+    NavigateGoal,
+    NavigateResult,
+    PlanGoal,
+    PlanResult,
+    RecoverGoal,
+    RecoverResult,
 )
 from mbf_relay.navigation.move_base import MoveBase, RecoveryWatcher
 from mbf_relay.navigation.parameters import NavigatorParameters
@@ -27,8 +36,8 @@ from mbf_relay.plugins import PluginError
 from mbf_relay.recovery import RECOVERIES
 from mbf_relay.recovery.recovery import Recovery
 
-OWN_SEAT = "move_base"
-"""The seat of planners and recoveries that move_base uses, so that goals of the slots do not disturb it."""
+OWN_INSTANCE = "move_base"
+"""The instance of planners and recoveries that move_base uses, so that goals of the slots do not disturb it."""
 
 
 class Navigator:
@@ -55,24 +64,28 @@ class Navigator:
         worker = worker or InlineWorker()
         values = dict(config)
         values.setdefault("global_frame", config.get("map_frame", "map"))
-        self.parameters = NavigatorParameters.from_mapping(values)
+        self.parameters, _notes = NavigatorParameters.read(values)  # told of where they are read for users
         self.robot, self.costmaps = robot, costmaps
         self.planners: Registry[Planner] = Registry("planners", config, Planner, PLANNERS, worker, "global")
-        self.controllers: Registry[Controller] = Registry("controllers", config, Controller, CONTROLLERS, worker, "local")
-        self.recoveries: Registry[Recovery] = Registry("recovery_behaviors", config, Recovery, RECOVERIES, worker, "global")
+        self.controllers: Registry[Controller] = Registry(
+            "controllers", config, Controller, CONTROLLERS, worker, "local"
+        )
+        self.recoveries: Registry[Recovery] = Registry(
+            "recovery_behaviors", config, Recovery, RECOVERIES, worker, "global"
+        )
         self._plans: Dict[int, PlannerExecution] = {}
         self._drives: Dict[int, ControllerExecution] = {}
         self._recovery_runs: Dict[int, RecoveryExecution] = {}
         self._move_base: Optional[MoveBase] = None
-        self._announced: List[Tuple[str, FramedPose]] = []
+        self._announced: Deque[Tuple[str, FramedPose]] = deque(maxlen=100)  # in lockstep nobody takes them
         self.plan_watcher: Optional[PlanWatcher] = None
         self.recovery_watcher: Optional[RecoveryWatcher] = None
 
     # the actions
 
-    def get_path(self, goal: PlanGoal) -> "Task[PlanResult]":
+    def get_path(self, goal: PlanGoal) -> Task[PlanResult]:
         """Find a path."""
-        execution = self.new_plan(goal, seat=goal.slot)
+        execution = self.new_plan(goal, instance=goal.slot)
         running = self._plans.get(goal.slot)
         if execution.task.done:
             return execution.task
@@ -81,9 +94,9 @@ class Navigator:
         self._plans[goal.slot] = execution
         return execution.task
 
-    def exe_path(self, goal: FollowGoal, watch_oscillation: bool = True) -> "Task[FollowResult]":
+    def exe_path(self, goal: FollowGoal, watch_oscillation: bool = True) -> Task[FollowResult]:
         """Drive along a path; the same controller in the same slot goes over to it without a stop."""
-        task: "Task[FollowResult]" = Task()
+        task: Task[FollowResult] = Task()
         try:
             name = self.controllers.choose(goal.controller)
             if len(goal.path) == 0:
@@ -95,20 +108,22 @@ class Navigator:
             task.end(Ending.ABORTED, FollowResult(ControlOutcome.INVALID_PATH, str(error)))
             return task
         running = self._drives.get(goal.slot)
-        if running is not None and not running.task.done and running.seat.name != name:
+        if running is not None and not running.task.done and running.instance.name != name:
             running.replaced()
         if running is None or running.task.done:
-            seat = self.controllers.seat(name, goal.slot)
-            running = ControllerExecution(seat, self.robot, self.costmaps[seat.costmap], lambda: self.parameters)
+            instance = self.controllers.instance(name, goal.slot)
+            running = ControllerExecution(
+                instance, self.robot, self.costmaps[instance.costmap], lambda: self.parameters
+            )
             self._drives[goal.slot] = running
         running.watch_oscillation = watch_oscillation
         running.follow(goal, task)
         self._announced.append(("controller", FramedPose(goal.path.goal, goal.path.frame)))
         return task
 
-    def recovery(self, goal: RecoverGoal) -> "Task[RecoverResult]":
+    def recovery(self, goal: RecoverGoal) -> Task[RecoverResult]:
         """Run a recovery behaviour."""
-        execution = self.new_recovery(goal, seat=goal.slot)
+        execution = self.new_recovery(goal, instance=goal.slot)
         if execution.task.done:
             return execution.task
         running = self._recovery_runs.get(goal.slot)
@@ -117,9 +132,9 @@ class Navigator:
         self._recovery_runs[goal.slot] = execution
         return execution.task
 
-    def move_base(self, goal: NavigateGoal) -> "Task[NavigateResult]":
+    def move_base(self, goal: NavigateGoal) -> Task[NavigateResult]:
         """Go somewhere; a running goal ends as replaced, its drive goes on until there is a path to the new one."""
-        task: "Task[NavigateResult]" = Task()
+        task: Task[NavigateResult] = Task()
         unknown = self._unknown_plugin(goal)
         if unknown is not None:
             task.end(Ending.REJECTED, unknown)
@@ -172,16 +187,16 @@ class Navigator:
 
     @property
     def idle(self) -> bool:
-        """Tell whether no goal runs."""
+        """Return whether no goal runs."""
         return not (self._plans or self._drives or self._recovery_runs or self._move_base)
 
     def cancel_all(self, now: float) -> None:
         """Call everything off and see it end; the robot is left standing."""
-        tasks = [part.task for part in (*self._plans.values(), *self._drives.values(), *self._recovery_runs.values())]
+        parts: List[Any] = [*self._plans.values(), *self._drives.values(), *self._recovery_runs.values()]
         if self._move_base is not None:
-            tasks.append(self._move_base.task)
-        for task in tasks:
-            task.cancel()
+            parts.append(self._move_base)
+        for part in parts:
+            part.task.cancel()
         self.update(now)
 
     def drop_all(self) -> None:
@@ -190,7 +205,8 @@ class Navigator:
 
     def take_announced(self) -> List[Tuple[str, FramedPose]]:
         """Return the goals given to planners ("planner") and controllers ("controller") since the last call."""
-        announced, self._announced = self._announced, []
+        announced = list(self._announced)
+        self._announced.clear()
         return announced
 
     def _drop_finished(self) -> None:
@@ -208,28 +224,48 @@ class Navigator:
 
     # parts that have no slot
 
-    def new_plan(self, goal: PlanGoal, retry: bool = True, seat: Any = OWN_SEAT) -> PlannerExecution:
-        """Return an execution of `goal`; its task is done already where no planner has that name."""
-        task: "Task[PlanResult]" = Task()
+    def new_plan(
+        self, goal: PlanGoal, retry: bool = True, instance: Any = OWN_INSTANCE, announced: bool = True
+    ) -> PlannerExecution:
+        """Return an execution of `goal`; its task is done already where no planner has that name.
+
+        Args:
+            goal: What to plan.
+            retry: Try again until patience ends.
+            instance: Whose plugin plans.
+            announced: Tell of the goal and of the path that is found; what is only asked is nobody's goal.
+        """
+        task: Task[PlanResult] = Task()
         try:
             name = self.planners.choose(goal.planner)
         except PluginError as error:
             task.end(Ending.REJECTED, PlanResult(PlanOutcome.INVALID_PLUGIN, str(error)))
             name = ""
-        planner = self.planners.seat(name, seat) if name else None
+        planner = self.planners.instance(name, instance) if name else None
         costmap = self.costmaps[planner.costmap] if planner is not None else None
-        self._announced.append(("planner", goal.target))
+        if announced:
+            self._announced.append(("planner", goal.target))
         return PlannerExecution(
-            goal, planner, self.robot, costmap, lambda: self.parameters, task, retry, self.plan_watcher
+            goal,
+            planner,
+            self.robot,
+            costmap,
+            lambda: self.parameters,
+            task,
+            retry,
+            self.plan_watcher if announced else None,
         )
 
-    def new_recovery(self, goal: RecoverGoal, controller: str = "", seat: Any = OWN_SEAT) -> RecoveryExecution:
+    def new_recovery(self, goal: RecoverGoal, controller: str = "", instance: Any = OWN_INSTANCE) -> RecoveryExecution:
         """Return an execution of `goal`; its task is done already where no behaviour has that name."""
-        task: "Task[RecoverResult]" = Task()
+        task: Task[RecoverResult] = Task()
         behavior = None
         try:
-            behavior = self.recoveries.seat(self.recoveries.choose(goal.behavior), seat)
+            behavior = self.recoveries.instance(self.recoveries.choose(goal.behavior), instance)
         except PluginError as error:
             task.end(Ending.REJECTED, RecoverResult(RecoveryOutcome.INVALID_PLUGIN, str(error), goal.behavior))
-        failed = self.controllers.plugin(self.controllers.choose(controller)) if self.controllers.names else None
+        try:
+            failed = self.controllers.plugin(self.controllers.choose(controller))
+        except PluginError:
+            failed = None
         return RecoveryExecution(goal, behavior, self.robot, self.costmaps, failed, lambda: self.parameters, task)

@@ -17,11 +17,17 @@ class NavigatorParameters(ParameterSet):
     planner_patience: float = parameter(5.0, "Time to wait for a path before giving up; 0 for ever", "s", 0.0, 100.0)
     planner_max_retries: int = parameter(-1, "Times a failed plan is tried again; -1 until patience ends", "", -1, 1000)
     controller_frequency: float = parameter(20.0, "Rate of the control loop", "Hz", 0.1, 100.0)
-    controller_patience: float = parameter(5.0, "Time to wait for a velocity before giving up; 0 for ever", "s", 0.0, 100.0)
-    controller_max_retries: int = parameter(-1, "Times a failed cycle is tried again; -1 until patience ends", "", -1, 1000)
+    controller_patience: float = parameter(
+        5.0, "Time to wait for a velocity before giving up; 0 for ever", "s", 0.0, 100.0
+    )
+    controller_max_retries: int = parameter(
+        -1, "Times a failed cycle is tried again; -1 until patience ends", "", -1, 1000
+    )
     recovery_enabled: bool = parameter(True, "Whether move_base runs recovery behaviours")
     recovery_patience: float = parameter(15.0, "Time a recovery behaviour may take; 0 for ever", "s", 0.0, 100.0)
-    oscillation_timeout: float = parameter(0.0, "Time without progress that counts as oscillating; 0 for none", "s", 0.0, 60.0)
+    oscillation_timeout: float = parameter(
+        0.0, "Time without progress that counts as oscillating; 0 for none", "s", 0.0, 60.0
+    )
     oscillation_distance: float = parameter(0.5, "Distance that counts as progress", "m", 0.0, 10.0)
     oscillation_angle: float = parameter(3.14, "Turn that counts as progress", "rad", 0.0, 6.28)
     shutdown_costmaps: bool = parameter(False, "Whether costmaps rest while nothing is asked of them")
@@ -38,12 +44,20 @@ class NavigatorParameters(ParameterSet):
     odom_timeout: float = parameter(1.0, "Age beyond which odometry is not driven on", "s", above=0.0)
     force_stop_at_goal: bool = parameter(False, "Kept for its name: driving always ends with a zero velocity")
     force_stop_on_retry: bool = parameter(True, "Stop while a failed cycle is tried again; else slow down")
-    force_stop_on_cancel: bool = parameter(False, "Stop also where another goal takes over at once; a cancel always stops")
+    force_stop_on_cancel: bool = parameter(
+        False, "Stop also where another goal takes over at once; a cancel always stops"
+    )
     mbf_tolerance_check: bool = parameter(False, "Whether the server, besides the controller, judges arrival")
     dist_tolerance: float = parameter(0.1, "Distance to the goal that is arrival for the server", "m", 0.0)
     angle_tolerance: float = parameter(math.pi / 18.0, "Angle to the goal that is arrival for the server", "rad", 0.0)
     cmd_vel_ignored_tolerance: float = parameter(
         5.0, "Time a robot may stand still against commands before it counts as stuck; 0 or less for ever", "s"
+    )
+    client_timeout: float = parameter(
+        0.0,
+        "Time after which goals of a client that disconnected end; 0 for never; a relay's end within 1 s in any case",
+        "s",
+        0.0,
     )
     clear_on_shutdown: bool = parameter(False, "Whether resting costmaps forget obstacles")
 

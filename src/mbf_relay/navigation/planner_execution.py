@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any, Callable, Optional, Tuple
 
@@ -10,13 +11,12 @@ import numpy as np
 from mbf_relay.geometry import Pose2D
 from mbf_relay.navigation.goals import FramedPose, PlanGoal, PlanResult
 from mbf_relay.navigation.parameters import NavigatorParameters
-from mbf_relay.navigation.registry import Seat
+from mbf_relay.navigation.registry import PluginInstance
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.timing import Pacer, Stopwatch
 from mbf_relay.navigation.worker import Job
 from mbf_relay.outcomes import PlanningError, PlanOutcome, TransformError
-from mbf_relay.planning.passage import plan_with_room
 from mbf_relay.planning.path import Path
 from mbf_relay.planning.planner import Cancellation, Planner
 
@@ -37,10 +37,11 @@ class PlannerExecution:
     after its patience. A planner still in a call that was given up is waited for.
 
     Args:
-        goal: What to plan, valid in itself.
-        seat: The planner.
+        goal: What to plan, valid in itself; a target in another frame than the costmap's is fixed there by the first
+            look.
+        instance: The planner; None only where the task is done already.
         robot: Tells frames and the robot's pose.
-        costmap: Gives the picture to plan on: `planning_trouble(now)` and `snapshot()`.
+        costmap: Gives the snapshot to plan on: `planning_trouble(now)` and `snapshot()`.
         parameters: Called for the values in force.
         task: Ends with the result.
         retry: Whether to try again at all; replans while driving do not.
@@ -48,11 +49,12 @@ class PlannerExecution:
     """
 
     def __init__(
-        self, goal: PlanGoal, seat: Seat[Planner], robot: Robot, costmap: Any,
-        parameters: Callable[[], NavigatorParameters], task: "Task[PlanResult]", retry: bool = True,
+        self, goal: PlanGoal, instance: Optional[PluginInstance[Planner]], robot: Robot, costmap: Any,
+        parameters: Callable[[], NavigatorParameters], task: Task[PlanResult], retry: bool = True,
         watcher: Optional[PlanWatcher] = None,
     ) -> None:
-        self.goal, self.task, self.seat = goal, task, seat
+        self.goal, self.task = goal, task
+        self._instance = instance
         self._watcher = watcher
         self._robot, self._costmap, self._parameters = robot, costmap, parameters
         self._retry = retry
@@ -64,7 +66,13 @@ class PlannerExecution:
         self._last_failure = ""
         self._cause: Optional[PlanOutcome] = None
         self._patience_end = math.inf
-        self._asked, self._pictured = -math.inf, math.inf
+        self._asked, self._seen_at = -math.inf, math.inf
+
+    @property
+    def instance(self) -> PluginInstance[Planner]:
+        """The planner."""
+        assert self._instance is not None
+        return self._instance
 
     @property
     def due(self) -> float:
@@ -98,9 +106,9 @@ class PlannerExecution:
         self.task.end(ending, PlanResult(outcome, message, cause=cause))
 
     def _begin(self, now: float) -> None:
-        if self.seat.busy:
+        if self.instance.busy:
             self._start_patience(now)
-            self._last_failure = f"planner '{self.seat.name}' is still busy with an earlier call that was given up"
+            self._last_failure = f"planner '{self.instance.name}' is still busy with an earlier call that was given up"
             self._pacer.postpone(now, 0.01)
             return
         try:
@@ -115,17 +123,21 @@ class PlannerExecution:
             self._wait_for(now, error.outcome, error.message)
             return
         snapshot = self._costmap.snapshot()
-        self._pictured = snapshot.stamp
+        self._seen_at = snapshot.stamp
         self._start_patience(now)
         tolerance, cancelled = self.goal.tolerance, self._cancellation
-        self._job = self.seat.call(lambda planner: plan_with_room(planner, snapshot, start, goal, tolerance, cancelled))
+        self._job = self.instance.call(lambda planner: planner.plan(snapshot, start, goal, tolerance, cancelled))
         if self._job.done:
             self._collect(now)
 
     def _locate(self) -> Tuple[Pose2D, Pose2D]:
         frame = self._costmap.frame
         start = self._robot.pose_in(frame) if self.goal.start is None else self._in_frame(self.goal.start, frame)
-        return start, self._in_frame(self.goal.target, frame)
+        target = self._in_frame(self.goal.target, frame)
+        # fixed from now on: seen from a frame that moves with the robot it runs ahead
+        if self.goal.target.frame != frame:
+            self.goal = dataclasses.replace(self.goal, target=FramedPose(target, frame))
+        return start, target
 
     def _in_frame(self, pose: FramedPose, frame: str) -> Pose2D:
         if pose.frame == frame:
@@ -148,11 +160,11 @@ class PlannerExecution:
         except Exception as error:  # a plugin may raise anything, and the server lives on
             self.give_up(
                 Ending.ABORTED, PlanOutcome.INTERNAL_ERROR,
-                f"planner '{self.seat.name}' failed with {type(error).__name__}: {error}",
+                f"planner '{self.instance.name}' failed with {type(error).__name__}: {error}",
             )
         else:
             if self._watcher is not None:
-                self._watcher(self.seat.name, path)
+                self._watcher(self.instance.name, path)
             cost = path.cost if path.cost != 0.0 else path.length
             self.task.end(
                 Ending.SUCCEEDED,
@@ -163,7 +175,7 @@ class PlannerExecution:
         if not isinstance(path, Path):
             raise TypeError(f"it returned {type(path).__name__}, not a path")
         if len(path) == 0:
-            raise PlanningError(PlanOutcome.EMPTY_PATH, f"planner '{self.seat.name}' returned an empty path")
+            raise PlanningError(PlanOutcome.EMPTY_PATH, f"planner '{self.instance.name}' returned an empty path")
         if not np.isfinite(path.poses).all():
             raise ValueError("it returned a path with poses that are not finite")
         frame = self._parameters().global_frame
@@ -176,7 +188,7 @@ class PlannerExecution:
         return Path(poses, frame, path.cost)
 
     def _fail(self, now: float, error: PlanningError) -> None:
-        if error.outcome is PlanOutcome.OUT_OF_MAP and self._pictured < self._asked:
+        if error.outcome is PlanOutcome.OUT_OF_MAP and self._seen_at < self._asked:
             # a rolling map follows the robot, and a growing one what it sees, with their next update
             self._wait_for(now, error.outcome, error.message)
             return
@@ -199,6 +211,6 @@ class PlannerExecution:
         return patience > 0.0 and self._since_call.elapsed(now) >= patience
 
     def _run_out_of_patience(self) -> None:
-        why = self._last_failure or f"planner '{self.seat.name}' has not returned"
+        why = self._last_failure or f"planner '{self.instance.name}' has not returned"
         message = f"Planner patience of {self._parameters().planner_patience:g} s exceeded: {why}"
         self.give_up(Ending.ABORTED, PlanOutcome.PAT_EXCEEDED, message, self._cause)

@@ -21,13 +21,18 @@ class OscillationDetector:
         self._turned = 0.0
         self._since = Stopwatch()
 
+    @property
+    def running(self) -> bool:
+        """Return whether time counts yet."""
+        return self._since.running
+
     def restart(self, now: float) -> None:
         """Give the robot the whole timeout again."""
         self._reference = None
         self._since.start(now)
 
     def progressed(self, now: float, pose: Pose2D, parameters: NavigatorParameters) -> bool:
-        """Take a pose; tell whether it is far enough from the last one that counted.
+        """Take a pose; return whether it is far enough from the last one that counted.
 
         Turns are summed up, as the angle between two headings never says how often a robot went round.
         """

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any, Callable, Iterator, Mapping, Optional
 
+from mbf_relay.control.controller import Controller
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.goals import RecoverGoal, RecoverResult
 from mbf_relay.navigation.parameters import NavigatorParameters
-from mbf_relay.navigation.registry import Seat
+from mbf_relay.navigation.registry import PluginInstance
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.timing import Pacer, Stopwatch
@@ -17,10 +18,10 @@ from mbf_relay.outcomes import RecoveryError, RecoveryOutcome, StaleDataError, T
 from mbf_relay.recovery.recovery import Recovery, RecoveryContext
 
 
-class Surroundings(RecoveryContext):
+class RecoverySurroundings(RecoveryContext):
     """What a behaviour sees at its current step."""
 
-    def __init__(self, robot: Robot, costmaps: Mapping[str, Any], controller: Any) -> None:
+    def __init__(self, robot: Robot, costmaps: Mapping[str, Any], controller: Optional[Controller]) -> None:
         self._robot, self._costmaps, self._controller = robot, costmaps, controller
         self.time, self.step_period = 0.0, 0.0
 
@@ -49,7 +50,7 @@ class Surroundings(RecoveryContext):
         return self._costmaps
 
     @property
-    def controller(self) -> Any:
+    def controller(self) -> Optional[Controller]:
         """The controller that failed, or None."""
         return self._controller
 
@@ -63,7 +64,7 @@ class RecoveryExecution:
 
     Args:
         goal: Which behaviour.
-        seat: The behaviour.
+        instance: The behaviour; None only where the task is done already.
         robot: Where it is and how to move it.
         costmaps: The live costmaps, "local" and "global".
         controller: The controller that failed, or None.
@@ -72,17 +73,30 @@ class RecoveryExecution:
     """
 
     def __init__(
-        self, goal: RecoverGoal, seat: Seat[Recovery], robot: Robot, costmaps: Mapping[str, Any], controller: Any,
-        parameters: Callable[[], NavigatorParameters], task: "Task[RecoverResult]",
+        self,
+        goal: RecoverGoal,
+        instance: Optional[PluginInstance[Recovery]],
+        robot: Robot,
+        costmaps: Mapping[str, Any],
+        controller: Any,
+        parameters: Callable[[], NavigatorParameters],
+        task: Task[RecoverResult],
     ) -> None:
-        self.goal, self.seat, self.task = goal, seat, task
+        self.goal, self.task = goal, task
+        self._instance = instance
         self._robot, self._costmaps, self._parameters = robot, costmaps, parameters
-        self._context = Surroundings(robot, costmaps, controller)
+        self._context = RecoverySurroundings(robot, costmaps, controller)
         self._steps: Optional[Iterator[Twist2D]] = None
         self._job: Optional[Job] = None
         self._given_up = False
         self._moved = False
         self._pacer, self._since_start = Pacer(), Stopwatch()
+
+    @property
+    def instance(self) -> PluginInstance[Recovery]:
+        """The behaviour."""
+        assert self._instance is not None
+        return self._instance
 
     @property
     def due(self) -> float:
@@ -96,7 +110,9 @@ class RecoveryExecution:
         if not self._since_start.running:
             self._since_start.start(now)
         if self.task.cancel_requested:
-            self._give_up(Ending.CANCELED, RecoveryOutcome.CANCELED, f"Recovery behaviour \"{self.seat.name}\" canceled!")
+            self._give_up(
+                Ending.CANCELED, RecoveryOutcome.CANCELED, f"Recovery behaviour \"{self.instance.name}\" canceled!"
+            )
             return
         if self._job is not None and self._job.done:
             self._collect(now)
@@ -112,14 +128,14 @@ class RecoveryExecution:
         self._give_up(Ending.CANCELED, RecoveryOutcome.CANCELED, "Recovery preempted by a new goal")
 
     def _begin(self, now: float) -> None:
-        if self.seat.busy:
+        if self.instance.busy:
             return
         if self._moved and self._blind(now):
             self._robot.command(STOP)
             return
         self._context.time = now
         self._context.step_period = 1.0 / self._parameters().controller_frequency
-        self._job = self.seat.call(self._step)
+        self._job = self.instance.call(self._step)
         if self._job.done:
             self._collect(now)
 
@@ -139,7 +155,8 @@ class RecoveryExecution:
 
     def _collect(self, now: float) -> None:
         job, self._job = self._job, None
-        name = self.seat.name
+        assert job is not None
+        name = self.instance.name
         try:
             velocity = job.result()
             velocity = velocity if velocity is None else Twist2D(*velocity)
@@ -169,7 +186,7 @@ class RecoveryExecution:
         self._robot.command(velocity)
 
     def _blind(self, now: float) -> bool:
-        """Tell whether what the robot sees or knows of its motion is too old to move on."""
+        """Return whether what the robot sees or knows of its motion is too old to move on."""
         try:
             self._robot.velocity()
             return bool(self._costmaps["local"].stale_reason(now))
@@ -179,16 +196,16 @@ class RecoveryExecution:
     def _watch_patience(self, now: float) -> None:
         patience = self._parameters().recovery_patience
         if patience > 0.0 and self._since_start.elapsed(now) > patience:
-            message = f"Recovery behaviour '{self.seat.name}' exceeded its patience of {patience:g} s"
+            message = f"Recovery behaviour '{self.instance.name}' exceeded its patience of {patience:g} s"
             self._give_up(Ending.ABORTED, RecoveryOutcome.PAT_EXCEEDED, message)
 
     def _give_up(self, ending: Ending, outcome: RecoveryOutcome, message: str) -> None:
         """End a behaviour that is not finished and let it clean up, now or when its hanging step returns."""
         self._given_up = True
-        if self._steps is not None and not self.seat.busy:
-            self.seat.call(self._close)
+        if self._steps is not None and not self.instance.busy:
+            self.instance.call(self._close)
         self._finish(ending, outcome, message)
 
     def _finish(self, ending: Ending, outcome: RecoveryOutcome, message: str) -> None:
         self._robot.command(STOP)
-        self.task.end(ending, RecoverResult(outcome, message, self.seat.name))
+        self.task.end(ending, RecoverResult(outcome, message, self.instance.name))

@@ -9,16 +9,24 @@ from mbf_relay.plugins import Plugin, PluginError, create, find_class
 
 P = TypeVar("P", bound=Plugin)
 
-FIRST_SEAT: Hashable = 0
-"""The seat of the plugins made at start: slot 0 of each action."""
+FIRST_INSTANCE: Hashable = 0
+"""The instance of the plugins made at start: slot 0 of each action."""
 
 
-class Seat(Generic[P]):
-    """One plugin and the calls into it, which never overlap."""
+class PluginInstance(Generic[P]):
+    """One plugin and the calls into it, which never overlap.
 
-    def __init__(self, plugin: P, worker: Worker, costmap: str) -> None:
+    Args:
+        plugin: The plugin.
+        worker: Runs the calls.
+        costmap: Which one it works on: "global" or "local".
+        kind: The list the plugin stands in, for the worker.
+    """
+
+    def __init__(self, plugin: P, worker: Worker, costmap: str, kind: str) -> None:
         self.plugin = plugin
         self.costmap = costmap
+        self._kind = kind
         self._worker = worker
         self._job: Optional[Job] = None
         self._wanted: Any = None
@@ -30,14 +38,14 @@ class Seat(Generic[P]):
 
     @property
     def busy(self) -> bool:
-        """Tell whether a call is still in the plugin, be it one that was given up."""
+        """Return whether a call is still in the plugin, be it one that was given up."""
         return self._job is not None and not self._job.done
 
     def call(self, task: Callable[[P], Any]) -> Job:
         """Run `task` with the plugin on the worker; only while not busy."""
         if self.busy:
             raise RuntimeError(f"plugin '{self.name}' is still in an earlier call")
-        self._job = self._worker.start(lambda: self._run(task))
+        self._job = self._worker.start(lambda: self._run(task), self._kind)
         return self._job
 
     def reconfigure(self, parameters: Any) -> None:
@@ -64,26 +72,48 @@ class Registry(Generic[P]):
         worker: Runs the calls.
         costmap: The costmap of plugins that name none: "global" or "local".
 
+    A plugin of unknown type or with wrong parameters leaves the others alone: it is refused to whoever asks for it.
+
+    Attributes:
+        failed: Why a plugin could not be made, by its name.
+
     Raises:
-        PluginError: The list is no list of names and types, holds a name twice or an unknown type, or a plugin's
-            parameters are wrong; the text says which.
+        PluginError: The list is no list of names and types, or holds a name twice; the text says which.
     """
 
     def __init__(
-        self, kind: str, config: Mapping[str, Any], base: Type[P], known: Mapping[str, str], worker: Worker, costmap: str
+        self,
+        kind: str,
+        config: Mapping[str, Any],
+        base: Type[P],
+        known: Mapping[str, str],
+        worker: Worker,
+        costmap: str,
     ) -> None:
         self.kind, self._base, self._known, self._worker = kind, base, known, worker
         self._entries = entries_of(kind, config.get(kind, []), costmap)
-        self._values = {name: _values_of(config, name) for name in self._entries}
+        self._config, self._costmap = config, costmap
         self._parameters: Dict[str, Any] = {}
-        self._seats: Dict[Tuple[str, Hashable], Seat[P]] = {}
+        self._instances: Dict[Tuple[str, Hashable], PluginInstance[P]] = {}
+        self.failed: Dict[str, str] = {}
         for name in self._entries:
-            self.seat(name, FIRST_SEAT)
+            try:
+                self.instance(name, FIRST_INSTANCE)
+            except PluginError as error:
+                self.failed[name] = str(error)
 
     @property
     def names(self) -> List[str]:
-        """The plugins' names in the user's order."""
-        return list(self._entries)
+        """The names of the plugins that could be made, in the user's order."""
+        return [name for name in self._entries if name not in self.failed]
+
+    def values(self, name: str) -> Mapping[str, Any]:
+        """Return a plugin's own parameters as the user gave them.
+
+        Raises:
+            PluginError: What stands under its name is no group.
+        """
+        return group_of(self._config, name)
 
     def type_of(self, name: str) -> str:
         """Return the type a plugin was asked for by."""
@@ -95,40 +125,60 @@ class Registry(Generic[P]):
 
     def plugin(self, name: str) -> P:
         """Return the plugin made at start."""
-        return self.seat(name, FIRST_SEAT).plugin
+        return self.instance(name, FIRST_INSTANCE).plugin
 
     def choose(self, name: str) -> str:
         """Return `name`, or the first one where it is empty.
 
         Raises:
-            PluginError: There is none of that name; the text says which there are.
+            PluginError: There is none of that name, or it could not be made; the text says which there are, or why.
         """
-        if name in self._entries:
-            return name
         if not self._entries:
             raise PluginError(f"No plugins loaded at all: the list '{self.kind}' is empty")
-        if name:
+        chosen = name or next(iter(self._entries))
+        if chosen in self.failed:
+            raise PluginError(f'No plugin loaded with the given name "{chosen}"! {self.failed[chosen]}')
+        if chosen not in self._entries:
             raise PluginError(
-                f'No plugin loaded with the given name "{name}"! {self.kind}: {", ".join(self._entries)}'
+                f'No plugin loaded with the given name "{name}"! {self.kind}: {", ".join(self.names)}'
             )
-        return next(iter(self._entries))
+        return chosen
 
-    def seat(self, name: str, slot: Hashable) -> Seat[P]:
-        """Return the plugin `name` of a slot; each slot has one of its own, so that slots do not wait for each other."""
-        if (name, slot) not in self._seats:
+    def instance(self, name: str, slot: Hashable) -> PluginInstance[P]:
+        """Return the plugin `name` of a slot; each slot has one of its own, so that slots do not wait for each other.
+        """
+        if (name, slot) not in self._instances:
             type_name, costmap = self._entries[name]
-            plugin = create(name, type_name, self._values[name], self._base, self._known)
+            plugin = create(name, type_name, self.values(name), self._base, self._known)
             if name in self._parameters:
                 plugin.reconfigure(self._parameters[name])
-            self._seats[name, slot] = Seat(plugin, self._worker, costmap)
-        return self._seats[name, slot]
+            self._instances[name, slot] = PluginInstance(plugin, self._worker, costmap, self.kind)
+        return self._instances[name, slot]
+
+    def add(self, name: str, type_name: str) -> None:
+        """Make one more plugin, with the parameters under its name, or try again to make one that failed.
+
+        Raises:
+            PluginError: It cannot be made; everything is as it was then.
+        """
+        before = self._entries.get(name)
+        self._entries[name] = (type_name, self._costmap)
+        try:
+            self.instance(name, FIRST_INSTANCE)
+        except PluginError:
+            if before is None:
+                del self._entries[name]
+            else:
+                self._entries[name] = before
+            raise
+        self.failed.pop(name, None)
 
     def reconfigure(self, name: str, parameters: Any) -> None:
         """Give a plugin new parameters, in every slot."""
         self._parameters[name] = parameters
-        for (seat_name, _slot), seat in list(self._seats.items()):
-            if seat_name == name:
-                seat.reconfigure(parameters)
+        for (instance_name, _slot), instance in list(self._instances.items()):
+            if instance_name == name:
+                instance.reconfigure(parameters)
 
 
 def entries_of(kind: str, entries: Any, costmap: str) -> Dict[str, Tuple[str, str]]:
@@ -154,8 +204,25 @@ def entries_of(kind: str, entries: Any, costmap: str) -> Dict[str, Tuple[str, st
     return result
 
 
-def _values_of(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    values = config.get(name) or {}
-    if not isinstance(values, Mapping):
-        raise PluginError(f"parameter {name} is {values!r}; it must be the group of plugin '{name}''s parameters")
+def group_of(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """Return the group of parameters that stands under a plugin's name, empty where there is none.
+
+    As in ROS, "navfn/NavfnROS" is the group NavfnROS within the group navfn; in a file it may be written either way.
+
+    Raises:
+        PluginError: What stands there is no group.
+    """
+    values: Mapping[str, Any] = {}
+    for found in (_descend(config, name.split("/")), config.get(name)):
+        if found is not None and not isinstance(found, Mapping):
+            raise PluginError(f"parameter {name} is {found!r}; it must be the group of plugin '{name}''s parameters")
+        values = {**values, **(found or {})}
     return values
+
+
+def _descend(config: Any, names: List[str]) -> Any:
+    for name in names:
+        if not isinstance(config, Mapping):
+            return None
+        config = config.get(name)
+    return config

@@ -36,12 +36,12 @@ class Task(Generic[R]):
 
     @property
     def cancel_requested(self) -> bool:
-        """Tell whether the goal was called off."""
+        """Return whether the goal was called off."""
         return self._cancel_requested
 
     @property
     def done(self) -> bool:
-        """Tell whether the goal ended."""
+        """Return whether the goal ended."""
         return self._ending is not None
 
     @property
@@ -52,6 +52,12 @@ class Task(Generic[R]):
     @property
     def result(self) -> Optional[R]:
         """What came of it, None before it ended."""
+        return self._result
+
+    def ended_with(self) -> R:
+        """Return what came of it; only once it ended."""
+        if self._result is None:
+            raise RuntimeError("the goal still runs; ask `done` first")
         return self._result
 
     def end(self, ending: Ending, result: R) -> None:

@@ -17,7 +17,7 @@ class Stopwatch:
 
     @property
     def running(self) -> bool:
-        """Tell whether it was started."""
+        """Return whether it was started."""
         return self._since is not None
 
     def start(self, now: float) -> None:
@@ -50,7 +50,7 @@ class Pacer:
         return self._next
 
     def is_due(self, now: float) -> bool:
-        """Tell whether a cycle is due, also when the clock jumped back."""
+        """Return whether a cycle is due, also when the clock jumped back."""
         return now >= self._next - ROUNDING or now < self._last - ROUNDING
 
     def passed(self, now: float, period: float) -> None:

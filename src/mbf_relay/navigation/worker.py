@@ -1,4 +1,5 @@
-"""Where plugins run: inline for lockstep, on threads of their own under ROS, so that one that hangs stops nobody else."""
+"""Where plugins run: inline for lockstep, on threads of their own under ROS, so that one that hangs stops nobody else.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ class Job:
 
     @property
     def done(self) -> bool:
-        """Tell whether the task returned or raised."""
+        """Return whether the task returned or raised."""
         return self._done.is_set()
 
     def result(self) -> Any:
@@ -49,14 +50,19 @@ class Worker(abc.ABC):
     """Runs tasks."""
 
     @abc.abstractmethod
-    def start(self, task: Callable[[], Any]) -> Job:
-        """Run `task` and return at once, or when it is done where the worker is an inline one."""
+    def start(self, task: Callable[[], Any], kind: str = "") -> Job:
+        """Run `task` and return at once, or when it is done where the worker is an inline one.
+
+        Args:
+            task: What to do.
+            kind: The list whose plugin it calls, such as "planners", for a worker that keeps accounts.
+        """
 
 
 class InlineWorker(Worker):
     """Runs each task where it is started: one thread, one order, one result per seed."""
 
-    def start(self, task: Callable[[], Any]) -> Job:
+    def start(self, task: Callable[[], Any], kind: str = "") -> Job:
         """Run `task` to its end."""
         job = Job(task)
         job.run()
@@ -78,7 +84,7 @@ class ThreadWorker(Worker):
         self._waiting: Deque[Job] = collections.deque()
         self._idle = 0
 
-    def start(self, task: Callable[[], Any]) -> Job:
+    def start(self, task: Callable[[], Any], kind: str = "") -> Job:
         """Hand `task` to an idle thread, or to a new one."""
         job = Job(task)
         with self._condition:

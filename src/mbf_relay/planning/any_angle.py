@@ -9,12 +9,12 @@ import numpy as np
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.parameters import ParameterSet, parameter
-from mbf_relay.planning import line_kernels
-from mbf_relay.planning.field import CostToGo, Wave
 from mbf_relay.planning.global_planner import follow_steps
-from mbf_relay.planning.grid_planner import GridPlanner, Leg
-from mbf_relay.planning.navfn import descend_wave
+from mbf_relay.planning.grid_planner import GridPlanner, SearchQuery
+from mbf_relay.planning.navfn import descend_potential
 from mbf_relay.planning.orientation import OrientationMode, oriented
+from mbf_relay.planning.search import line_kernels
+from mbf_relay.planning.search.incremental_field import CostToGo, FastMarchingPotential
 from mbf_relay.planning.weights import global_planner_weights
 
 PASSES = 60
@@ -25,35 +25,42 @@ class AnyAngleParameters(ParameterSet):
     """Parameters of the any-angle planner."""
 
     allow_unknown: bool = parameter(True, "plan through unknown cells")
-    default_tolerance: float = parameter(0.0, "how far the goal may be missed, where a request says no more", unit="m", minimum=0.0)
+    default_tolerance: float = parameter(
+        0.0, "how far the goal may be missed, where a request says no more", unit="m", minimum=0.0
+    )
     neutral_cost: int = parameter(50, "weight of a cell without cost", minimum=1, maximum=255)
     cost_factor: float = parameter(0.8, "by what costs are multiplied", minimum=0.0, maximum=5.0)
     lethal_cost: int = parameter(253, "costs from one below it on are not entered", minimum=1, maximum=255)
     spacing: float = parameter(0.05, "distance between the poses of a path", unit="m", above=0.0)
     orientation_mode: int = parameter(
-        1, "headings: 0 none, 1 forward, 2 interpolate, 3 forward then interpolate, 4 backward, 5 leftward, 6 rightward",
-        choices=tuple(int(mode) for mode in OrientationMode))
+        1,
+        "headings: 0 none, 1 forward, 2 interpolate, 3 forward then interpolate, 4 backward, 5 leftward, 6 rightward",
+        choices=tuple(int(mode) for mode in OrientationMode),
+    )
 
 
 class AnyAnglePlanner(GridPlanner):
-    """Pulls two paths taut, the cheapest over 8-connected steps and that of a wave, and takes the cheaper.
+    """Straightens two paths by string pulling and takes the cheaper.
 
-    Lines count their length in each cell times the cell's weight, so that what is pulled taut never counts more than
-    the cheapest path from cell to cell (compare Theta*: Daniel, Nash, Koenig and Felner, 2010).
+    One is the cheapest over 8-connected steps, the other leads down a fast-marching potential.
+
+    Lines count their length in each cell times the cell's weight, so that string pulling never makes a path count more
+    than the cheapest path from cell to cell (compare Theta*: Daniel, Nash, Koenig and Felner, 2010).
     """
 
     Parameters = AnyAngleParameters
+    parameters: AnyAngleParameters
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
-        self._wave, self._steps = Wave(), CostToGo()
+        self._potential, self._steps = FastMarchingPotential(), CostToGo()
         self.reconfigure(parameters)
 
     def reconfigure(self, parameters: Any) -> None:
         super().reconfigure(parameters)
         self._weights = global_planner_weights(
             parameters.neutral_cost, parameters.cost_factor, parameters.lethal_cost, parameters.allow_unknown)
-        self._line_weights = Wave.table_of(self._weights)
+        self._line_weights = FastMarchingPotential.table_of(self._weights)
 
     def weights(self) -> np.ndarray:
         return self._weights
@@ -62,27 +69,27 @@ class AnyAnglePlanner(GridPlanner):
         return oriented(points, start, goal, self.parameters.orientation_mode)
 
     def potential(self) -> Optional[np.ndarray]:
-        return self._wave.field()
+        return self._potential.field()
 
-    def search(self, leg: Leg) -> Optional[Tuple[np.ndarray, float]]:
-        steps = follow_steps(self._steps, self._weights, leg)
+    def search(self, query: SearchQuery) -> Optional[Tuple[np.ndarray, float]]:
+        steps = follow_steps(self._steps, self._weights, query)
         if steps is None:
             return None
-        down = descend_wave(self._wave, self._weights, leg, all_around=self.wants_potential)
-        taut = [self._taut(leg, found[0]) for found in (steps, down) if found is not None]
-        points, cost = min(taut, key=lambda found: found[1])
+        down = descend_potential(self._potential, self._weights, query, all_around=self.wants_potential)
+        pulled = [self._pulled(query, found[0]) for found in (steps, down) if found is not None]
+        points, cost = min(pulled, key=lambda found: found[1])
         return spaced(points, self.parameters.spacing), cost
 
-    def _taut(self, leg: Leg, points: np.ndarray) -> Tuple[np.ndarray, float]:
-        grid = leg.costmap.grid
+    def _pulled(self, query: SearchQuery, points: np.ndarray) -> Tuple[np.ndarray, float]:
+        grid = query.costmap.grid
         origin = np.array([grid.origin_x, grid.origin_y])
         cells = np.ascontiguousarray((points - origin) / grid.resolution)
-        count = line_kernels.pull_taut(leg.costmap.costs, self._line_weights, cells, PASSES)
+        count = line_kernels.pull_string(query.costmap.costs, self._line_weights, cells, PASSES)
         cells = np.ascontiguousarray(cells[:count])
-        cost = line_kernels.polyline_cost(leg.costmap.costs, self._line_weights, cells)
-        taut = cells * grid.resolution + origin
-        taut[0], taut[-1] = points[0], points[-1]
-        return taut, float(cost)
+        cost = line_kernels.polyline_cost(query.costmap.costs, self._line_weights, cells)
+        pulled = cells * grid.resolution + origin
+        pulled[0], pulled[-1] = points[0], points[-1]
+        return pulled, float(cost)
 
 
 def spaced(points: np.ndarray, spacing: float) -> np.ndarray:

@@ -9,12 +9,12 @@ import numpy as np
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.parameters import ParameterSet, parameter
-from mbf_relay.planning.field import CostToGo, KeptField, Wave, path_cost
-from mbf_relay.planning.grid_planner import GridPlanner, Leg
-from mbf_relay.planning.navfn import descend_wave
+from mbf_relay.planning.grid_planner import GridPlanner, SearchQuery
+from mbf_relay.planning.navfn import descend_potential
 from mbf_relay.planning.orientation import OrientationMode, oriented
-from mbf_relay.planning.weights import global_planner_weights
-
+from mbf_relay.planning.planner import PotentialDisplay
+from mbf_relay.planning.search.incremental_field import CostToGo, FastMarchingPotential, IncrementalField
+from mbf_relay.planning.weights import global_planner_weights, path_cost
 
 RECONFIGURABLE = (
     "lethal_cost", "neutral_cost", "cost_factor", "publish_potential", "orientation_mode", "orientation_window_size",
@@ -27,33 +27,47 @@ class GlobalPlannerParameters(ParameterSet):
     """Parameters of global_planner, by its names."""
 
     allow_unknown: bool = parameter(True, "plan through unknown cells")
-    default_tolerance: float = parameter(0.0, "how far the goal may be missed, where a request says no more", unit="m", minimum=0.0)
+    default_tolerance: float = parameter(
+        0.0, "how far the goal may be missed, where a request says no more", unit="m", minimum=0.0
+    )
     use_dijkstra: bool = parameter(True, "where the potential is published, fill it all around; paths are the same")
-    use_quadratic: bool = parameter(True, "interpolate the potential; read for global_planner's sake, as slopes need it")
-    use_grid_path: bool = parameter(False, "go from cell to cell by 8-connected steps; otherwise down the potential's slope")
+    use_quadratic: bool = parameter(
+        True, "interpolate the potential; read for global_planner's sake, as slopes need it"
+    )
+    use_grid_path: bool = parameter(
+        False, "go from cell to cell by 8-connected steps; otherwise down the potential's slope"
+    )
     old_navfn_behavior: bool = parameter(False, "read for global_planner's sake; paths are right without")
     outline_map: bool = parameter(True, "read for global_planner's sake; nothing leaves the map without")
-    lethal_cost: int = parameter(253, "costs from one below it on are not entered, weights end below it", minimum=1, maximum=255)
+    lethal_cost: int = parameter(
+        253, "costs from one below it on are not entered, weights end below it", minimum=1, maximum=255
+    )
     neutral_cost: int = parameter(50, "weight of a cell without cost", minimum=1, maximum=255)
     cost_factor: float = parameter(3.0, "by what costs are multiplied", minimum=0.01, maximum=5.0)
     publish_potential: bool = parameter(True, "publish the potential, where somebody listens")
     publish_scale: int = parameter(100, "value of the highest potential published", minimum=1, maximum=127)
     orientation_mode: int = parameter(
-        1, "headings: 0 none, 1 forward, 2 interpolate, 3 forward then interpolate, 4 backward, 5 leftward, 6 rightward",
-        choices=tuple(int(mode) for mode in OrientationMode))
-    orientation_window_size: int = parameter(1, "points before and after over which headings are taken", minimum=1, maximum=255)
+        1,
+        "headings: 0 none, 1 forward, 2 interpolate, 3 forward then interpolate, 4 backward, 5 leftward, 6 rightward",
+        choices=tuple(int(mode) for mode in OrientationMode),
+    )
+    orientation_window_size: int = parameter(
+        1, "points before and after over which headings are taken", minimum=1, maximum=255
+    )
     planner_window_x: float = parameter(0.0, "read for global_planner's sake; without effect there, too", unit="m")
     planner_window_y: float = parameter(0.0, "read for global_planner's sake; without effect there, too", unit="m")
 
 
 class GlobalPlanner(GridPlanner):
-    """Plans over a wave's potential or over 8-connected steps, down the slope or from cell to cell."""
+    """Plans over a fast-marching potential or over 8-connected steps, down the slope or from cell to cell."""
 
     Parameters = GlobalPlannerParameters
+    parameters: GlobalPlannerParameters
+    dynamic_config = "mbf_relay.cfg.GlobalPlannerConfig"
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
-        self._wave, self._steps = Wave(), CostToGo()
+        self._potential, self._steps = FastMarchingPotential(), CostToGo()
         self._take(parameters)
 
     def reconfigure(self, parameters: Any) -> None:
@@ -64,6 +78,10 @@ class GlobalPlanner(GridPlanner):
         self._weights = global_planner_weights(
             parameters.neutral_cost, parameters.cost_factor, parameters.lethal_cost, parameters.allow_unknown)
 
+    @property
+    def potential_display(self) -> PotentialDisplay:
+        return PotentialDisplay("grid", self.parameters.publish_potential, self.parameters.publish_scale)
+
     def weights(self) -> np.ndarray:
         return self._weights
 
@@ -71,28 +89,28 @@ class GlobalPlanner(GridPlanner):
         return oriented(
             points, start, goal, self.parameters.orientation_mode, self.parameters.orientation_window_size)
 
-    def _field(self) -> KeptField:
-        return self._steps if self.parameters.use_grid_path else self._wave
+    def _field(self) -> IncrementalField:
+        return self._steps if self.parameters.use_grid_path else self._potential
 
     def potential(self) -> Optional[np.ndarray]:
         return self._field().field()
 
-    def search(self, leg: Leg) -> Optional[Tuple[np.ndarray, float]]:
+    def search(self, query: SearchQuery) -> Optional[Tuple[np.ndarray, float]]:
         all_around = self.wants_potential and self.parameters.use_dijkstra
         if not self.parameters.use_grid_path:
-            return descend_wave(self._wave, self._weights, leg, all_around)
-        return follow_steps(self._steps, self._weights, leg, all_around)
+            return descend_potential(self._potential, self._weights, query, all_around)
+        return follow_steps(self._steps, self._weights, query, all_around)
 
 
 def follow_steps(
-    steps: CostToGo, weights: np.ndarray, leg: Leg, all_around: bool = False
+    steps: CostToGo, weights: np.ndarray, query: SearchQuery, all_around: bool = False
 ) -> Optional[Tuple[np.ndarray, float]]:
     """Return points in metres and the cost of the cheapest way from cell to cell, None where there is none."""
-    costmap = leg.costmap
+    costmap = query.costmap
     if not steps.reach(
-        costmap.costs, weights, leg.start_cell, leg.goal_cell, leg.cancelled, costmap.revision, all_around):
+        costmap.costs, weights, query.start_cell, query.goal_cell, query.cancelled, costmap.revision, all_around):
         return None
-    cells = steps.path(costmap.costs, leg.start_cell)
+    cells = steps.path(costmap.costs, query.start_cell)
     points = costmap.grid.centers_of(cells)
-    points[0], points[-1] = leg.start[:2], leg.goal[:2]
+    points[0], points[-1] = query.start[:2], query.goal[:2]
     return points, path_cost(costmap.costs, weights, cells)

@@ -13,30 +13,19 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import PlanOutcome
 from mbf_relay.planning import request
 from mbf_relay.planning.orientation import OrientationMode, oriented
+from mbf_relay.planning.passage import lead_round
 from mbf_relay.planning.path import Path
 from mbf_relay.planning.planner import Cancellation, Planner
 
 Cell = Tuple[int, int]
 
 
-class PotentialWatcher(abc.ABC):
-    """Somebody who looks at the potential of each plan."""
-
-    @abc.abstractmethod
-    def is_watching(self) -> bool:
-        """Tell whether the potential is wanted at present."""
-
-    @abc.abstractmethod
-    def take(self, costmap: CostGrid, potential: np.ndarray, start: Pose2D) -> None:
-        """Look at a potential: (height, width), 0 where nothing is known. It changes with the next plan."""
-
-
 @dataclass(frozen=True)
-class Leg:
+class SearchQuery:
     """What a search is asked for, both ends on free cells.
 
     Attributes:
-        costmap: The picture to plan on.
+        costmap: The snapshot to plan on.
         start, goal: Where from and where to, in the costmap's frame.
         start_cell, goal_cell: The cells they lie in.
         cancelled: Stops the search when set.
@@ -53,12 +42,14 @@ class Leg:
 class GridPlanner(Planner):
     """A planner that searches the cells of a costmap; derive, and give `weights` and `search`.
 
+    Paths are led round passages narrower than the robot, see `passage.lead_round`: where the footprint would touch, the
+    search is asked again on a snapshot in which these cells are closed, within the one plan it is asked for.
+
     The parameters have a `default_tolerance` (m), which holds where a request's own tolerance is smaller.
     """
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
-        self.potential_watcher: Optional[PotentialWatcher] = None
         self.wants_potential = False  # in the present plan: somebody looks at the potential
 
     @abc.abstractmethod
@@ -66,7 +57,7 @@ class GridPlanner(Planner):
         """Return what crossing a cell of each cost counts: shape (256,), float32, 0 where it may not be entered."""
 
     @abc.abstractmethod
-    def search(self, leg: Leg) -> Optional[Tuple[np.ndarray, float]]:
+    def search(self, query: SearchQuery) -> Optional[Tuple[np.ndarray, float]]:
         """Return points from start to goal, (N, 2) in metres, both included, and the cost; None where there is no way.
 
         Raises:
@@ -85,6 +76,11 @@ class GridPlanner(Planner):
         self, costmap: CostGrid, start: Pose2D, goal: Pose2D, tolerance: float, cancelled: Cancellation
     ) -> Path:
         request.require_finite(start, goal)
+        return lead_round(lambda snapshot: self._plan_on(snapshot, start, goal, tolerance, cancelled), costmap)
+
+    def _plan_on(
+        self, costmap: CostGrid, start: Pose2D, goal: Pose2D, tolerance: float, cancelled: Cancellation
+    ) -> Path:
         watcher = self.potential_watcher
         self.wants_potential = watcher is not None and watcher.is_watching()
         weights = self.weights()
@@ -115,7 +111,7 @@ class GridPlanner(Planner):
         elif weights[costmap.costs[goal_cell[1], goal_cell[0]]] == 0.0:
             error = request.blocked_error(costmap, "goal", goal, PlanOutcome.BLOCKED_GOAL)
         else:
-            found = self._search(Leg(costmap, start, goal, start_cell, goal_cell, cancelled))
+            found = self._search(SearchQuery(costmap, start, goal, start_cell, goal_cell, cancelled))
             if found is not None:
                 return found, goal
             error = request.unreachable_error(start, goal, tolerance)
@@ -125,17 +121,17 @@ class GridPlanner(Planner):
         if nearest is None:
             raise error
         goal = Pose2D(*costmap.grid.center_of(*nearest), goal.theta)
-        found = self._search(Leg(costmap, start, goal, start_cell, nearest, cancelled))
+        found = self._search(SearchQuery(costmap, start, goal, start_cell, nearest, cancelled))
         if found is None:
             raise error
         return found, goal
 
-    def _search(self, leg: Leg) -> Optional[Tuple[np.ndarray, float]]:
-        if leg.start_cell != leg.goal_cell:
-            return self.search(leg)
-        cost = leg.costmap.costs[leg.goal_cell[1], leg.goal_cell[0]]
-        cells = leg.start.distance_to(leg.goal) / leg.costmap.grid.resolution
-        return np.array([leg.start[:2], leg.goal[:2]]), float(self.weights()[cost]) * cells
+    def _search(self, query: SearchQuery) -> Optional[Tuple[np.ndarray, float]]:
+        if query.start_cell != query.goal_cell:
+            return self.search(query)
+        cost = query.costmap.costs[query.goal_cell[1], query.goal_cell[0]]
+        cells = query.start.distance_to(query.goal) / query.costmap.grid.resolution
+        return np.array([query.start[:2], query.goal[:2]]), float(self.weights()[cost]) * cells
 
 
 def _without_repeats(points: np.ndarray) -> np.ndarray:
@@ -143,6 +139,6 @@ def _without_repeats(points: np.ndarray) -> np.ndarray:
     moved = np.abs(np.diff(points, axis=0)).max(axis=1) > 1e-9
     if moved.all():
         return points
-    kept = points[np.concatenate(([True], moved))]
+    kept: np.ndarray = points[np.concatenate(([True], moved))]
     kept[-1] = points[-1]
     return kept

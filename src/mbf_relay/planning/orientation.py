@@ -63,7 +63,8 @@ def directions(points: np.ndarray, window: int) -> np.ndarray:
     ahead = points[np.minimum(indices + window, len(points) - 1)]
     behind = points[np.maximum(indices - window, 0)]
     steps_x, steps_y = (ahead - behind).T.copy()
-    return np.arctan2(steps_y, steps_x)
+    headings: np.ndarray = np.arctan2(steps_y, steps_x)
+    return headings
 
 
 def _blend(first: float, last: float, count: int) -> np.ndarray:

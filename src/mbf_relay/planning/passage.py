@@ -1,70 +1,104 @@
-"""Paths the robot fits along: a second look at a planner's path, with the footprint's width instead of its inscribed circle."""
+"""Paths the robot fits along: a planner's path looked at with the footprint, and led round where it would touch."""
 
 from __future__ import annotations
 
 import dataclasses
+from typing import Callable, Tuple
 
 import numpy as np
 
 from mbf_relay.costmap.cost_grid import INSCRIBED, CostGrid
-from mbf_relay.geometry import Pose2D
+from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.planning import passage_kernels
 from mbf_relay.planning.path import Path
-from mbf_relay.planning.planner import Cancellation, Planner
 
-SIDES = 0.25  # cells: how much less than its half width a passage may be, as footprint checks overlap cells by as much
 TRIES = 8
-DETOUR_FACTOR, DETOUR_LENGTH = 1.5, 1.0  # the longest way round: this times the path, and this many metres more
-AT_ENDS = 0.15  # m at start and goal that are not looked at: the robot stands there, or is to
+DETOUR_FACTOR, DETOUR_WIDTHS = 1.5, 5.0  # the longest way round: this times the path, and this many robot's widths more
 
 
-def plan_with_room(
-    planner: Planner, costmap: CostGrid, start: Pose2D, goal: Pose2D, tolerance: float, cancelled: Cancellation
-) -> Path:
-    """Return a planner's path, led round passages narrower than the robot where there is such a way.
+def lead_round(plan: Callable[[CostGrid], Path], costmap: CostGrid) -> Path:
+    """Return the path `plan` finds, led round passages narrower than the robot where there is such a way.
 
-    Planners keep the robot's centre out of INSCRIBED cells, so a long or off-centre footprint, whose inscribed circle
-    is small, is sent through gaps it cannot pass. Here the path is looked at with the footprint's half width; where it
-    is too narrow, these cells are closed and the planner is asked again. Where that finds no way, or a much longer one,
-    the first path stands: it may be that obstacles are only marked too large.
+    A search keeps the robot's centre out of INSCRIBED cells, so a long or off-centre footprint, whose inscribed circle
+    is small, is sent through gaps it cannot pass. Here the footprint is laid along the path as the robot would drive
+    it; where it touches, these cells are closed and the search is asked again. Where that finds no way, or a much
+    longer one, the first path stands: it may be that obstacles are only marked too large.
 
-    Arguments and errors as for Planner.plan.
+    Args:
+        plan: Plans on a snapshot; raises PlanningError.
+        costmap: The snapshot as it is.
+
+    Raises:
+        PlanningError: That of the first plan, or CANCELED.
     """
-    first = path = planner.plan(costmap, start, goal, tolerance, cancelled)
-    room = costmap.half_width + (0.5 - SIDES) * costmap.grid.resolution
-    if room <= costmap.inscribed_radius + costmap.grid.resolution:
+    first = path = plan(costmap)
+    if costmap.half_width <= costmap.inscribed_radius + (0.5 + costmap.obstacle_overlap) * costmap.grid.resolution:
         return first
-    picture = costmap
+    checker = checker_on(costmap)
+    snapshot = costmap
     for _ in range(TRIES):
-        narrow = narrow_cells(costmap, path, room)
+        narrow = touching_cells(checker, path)
         if len(narrow) == 0:
             return path
-        picture = _closed(picture, narrow)
+        snapshot = _closed(snapshot, narrow)
         try:
-            path = planner.plan(picture, start, goal, tolerance, cancelled)
+            path = plan(snapshot)
         except PlanningError as error:
             if error.outcome is PlanOutcome.CANCELED:
                 raise
             return first
-        if path.length > DETOUR_FACTOR * first.length + DETOUR_LENGTH:
+        if path.length > DETOUR_FACTOR * first.length + DETOUR_WIDTHS * costmap.width:
             return first
     return first
 
 
-def narrow_cells(costmap: CostGrid, path: Path, room: float) -> np.ndarray:
-    """Return the cells of a path, (N, 2) in its order, that have a lethal cell nearer than `room` (m), its ends left out."""
-    places = path.poses[:, :2]
-    between = (np.hypot(*(places - places[0]).T) > AT_ENDS) & (np.hypot(*(places - places[-1]).T) > AT_ENDS)
-    cells = costmap.grid.cells_at(places[between])
-    cells = np.ascontiguousarray(cells[costmap.grid.contains_cells(cells)], dtype=np.int64)
-    narrow = np.zeros(len(cells), dtype=np.bool_)
-    passage_kernels.mark_narrow(costmap.costs, cells, room / costmap.grid.resolution, narrow)
-    return cells[narrow]
+def checker_on(costmap: CostGrid) -> FootprintChecker:
+    """Return the checker planners ask: whether unknown space may be entered is for their costs to say."""
+    return FootprintChecker(costmap, unknown_touches=False)
+
+
+def touching_cells(checker: FootprintChecker, path: Path) -> np.ndarray:
+    """Return the cells of a path, (N, 2) in its order, at which the footprint touches when it is driven forward.
+
+    Left out are the ends, as far as the robot reaches: it stands there, or is to. Between two poses at which the
+    outline touches, no farther apart than the robot is long, what it touches may lie within it.
+    """
+    costmap = checker.costmap
+    poses, arcs = driven(path.poses[:, :2], 0.5 * costmap.width)
+    narrow = checker.touches(poses)
+    touching = np.flatnonzero(narrow)
+    if len(touching) == 0:
+        return np.zeros((0, 2), dtype=np.int64)
+    reach = costmap.circumscribed_radius
+    from_ends = [np.hypot(*(poses[touching, :2] - poses[end, :2]).T.copy()) for end in (0, -1)]
+    away = np.minimum(*from_ends) > reach
+    narrow[touching[~away]] = False
+    touching = touching[away]
+    length = float(np.ptp(costmap.footprint[:, 0]))
+    for here, there in zip(touching[:-1], touching[1:]):
+        if arcs[there] - arcs[here] <= length:
+            narrow[here:there] = True
+    cells = costmap.grid.cells_at(poses[narrow])
+    on_grid: np.ndarray = cells[costmap.grid.contains_cells(cells)]
+    return on_grid
+
+
+def driven(points: np.ndarray, reach: float) -> Tuple[np.ndarray, np.ndarray]:
+    """Return the poses (N, 3) of a robot driven forward along a path's points (N, 2), and their arc lengths (N,).
+
+    Args:
+        points: In metres.
+        reach: How far (m) the chord whose direction the robot has goes to either side of it along the path: steps from
+            cell to cell turn no robot.
+    """
+    poses, arcs = np.empty((len(points), 3)), np.empty(len(points))
+    passage_kernels.drive(np.ascontiguousarray(points, dtype=float), reach, poses, arcs)
+    return poses, arcs
 
 
 def _closed(costmap: CostGrid, cells: np.ndarray) -> CostGrid:
-    """Return a picture in which these cells and their neighbours may not be passed."""
+    """Return a snapshot in which these cells and their neighbours may not be passed."""
     costs = costmap.costs.copy()
     height, width = costs.shape
     for x in (-1, 0, 1):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import abc
+from dataclasses import dataclass
+from typing import Any, Optional
 
 import numpy as np
 
@@ -27,8 +29,36 @@ class Cancellation:
         self.flag[0] = 1
 
     def is_cancelled(self) -> bool:
-        """Tell whether the plan was called off."""
+        """Return whether the plan was called off."""
         return bool(self.flag[0])
+
+
+class PotentialWatcher(abc.ABC):
+    """Somebody who looks at the potential of each plan."""
+
+    @abc.abstractmethod
+    def is_watching(self) -> bool:
+        """Return whether the potential is wanted at present."""
+
+    @abc.abstractmethod
+    def take(self, costmap: CostGrid, potential: np.ndarray, start: Pose2D) -> None:
+        """Look at a potential: (height, width), 0 where nothing is known. It changes with the next plan."""
+
+
+@dataclass(frozen=True)
+class PotentialDisplay:
+    """How a planner's potential is to be published.
+
+    Attributes:
+        form: "cloud", points with the potential as navfn publishes them, or "grid", an occupancy grid as
+            global_planner does.
+        wanted: Whether the user wants it at present.
+        highest: Value of the highest potential in a grid, 1 to 127.
+    """
+
+    form: str
+    wanted: bool
+    highest: int = 100
 
 
 class Planner(Plugin, abc.ABC):
@@ -36,8 +66,21 @@ class Planner(Plugin, abc.ABC):
 
     A planner may keep what it learned between calls, to replan faster; the path it returns must be as good as one from
     the arguments alone: what was kept may decide between paths of equal cost, never between others. It is never called
-    by two threads at once.
+    by two threads at once. Each plan asks it once, with the costmap as it is.
+
+    Attributes:
+        potential_watcher: Shown the potential of each plan by planners that have a `potential_display`; None for
+            nobody.
     """
+
+    def __init__(self, name: str, parameters: Any) -> None:
+        super().__init__(name, parameters)
+        self.potential_watcher: Optional[PotentialWatcher] = None
+
+    @property
+    def potential_display(self) -> Optional[PotentialDisplay]:
+        """How the potential is to be published; None for a planner without one."""
+        return None
 
     @abc.abstractmethod
     def plan(
@@ -46,7 +89,7 @@ class Planner(Plugin, abc.ABC):
         """Return a path from `start` to `goal`, both in the costmap's frame, every pose with a heading.
 
         Args:
-            costmap: The picture to plan on.
+            costmap: The snapshot to plan on.
             start: The robot's pose; the path begins there.
             goal: Where to go; the last pose is it, or where it cannot be reached, the reachable point nearest to it
                 within `tolerance`.

@@ -10,8 +10,8 @@ import numpy as np
 from mbf_relay.costmap.cost_grid import LETHAL, NO_INFORMATION, CostGrid
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import PlanningError, PlanOutcome
-from mbf_relay.planning import reach_kernels
 from mbf_relay.planning.planner import Cancellation
+from mbf_relay.planning.search import reach_kernels
 
 Cell = Tuple[int, int]
 
@@ -47,7 +47,9 @@ def unreachable_error(start: Pose2D, goal: Pose2D, tolerance: float) -> Planning
     near = f", nor to any point within {tolerance:.3f} m of it" if tolerance > 0.0 else ""
     return PlanningError(
         PlanOutcome.NO_PATH_FOUND,
-        f"no free cells connect the start ({start.x:.3f}, {start.y:.3f}) to the goal ({goal.x:.3f}, {goal.y:.3f}){near}")
+        f"no free cells connect the start ({start.x:.3f}, {start.y:.3f}) to the goal ({goal.x:.3f}, "
+        f"{goal.y:.3f}){near}",
+    )
 
 
 def departure(costmap: CostGrid, weights: np.ndarray, start: Pose2D) -> np.ndarray:

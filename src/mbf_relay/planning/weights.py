@@ -16,7 +16,7 @@ def navfn_weights(allow_unknown: bool) -> np.ndarray:
     weights[INSCRIBED:] = 0.0
     if allow_unknown:
         weights[NO_INFORMATION] = NAVFN_HIGHEST
-    return weights.astype(np.float32)
+    return np.asarray(weights, dtype=np.float32)
 
 
 def global_planner_weights(
@@ -33,3 +33,11 @@ def global_planner_weights(
     weights[INSCRIBED:] = 0.0
     weights[NO_INFORMATION] = unknown if allow_unknown else 0.0
     return weights.astype(np.float32)
+
+
+def path_cost(costs: np.ndarray, weights: np.ndarray, cells: np.ndarray) -> float:
+    """Return what a path over neighbouring cells, shape (N, 2), counts: the field's measure in double precision."""
+    counted = weights[costs[cells[:, 1], cells[:, 0]]].astype(np.float64)
+    steps = np.abs(np.diff(cells, axis=0)).sum(axis=1)
+    lengths = np.where(steps == 2, np.sqrt(2.0), 1.0)
+    return float(((counted[1:] + counted[:-1]) * 0.5 * lengths).sum())

@@ -12,11 +12,10 @@ from mbf_relay.control.trajectories import speed_to_stop_within
 from mbf_relay.geometry import Twist2D
 from mbf_relay.outcomes import RecoveryError, RecoveryOutcome
 from mbf_relay.parameters import ParameterSet, parameter
-from mbf_relay.recovery.maneuver import Place, look, measured
+from mbf_relay.recovery.maneuver import CheckedPose, look, measured
 from mbf_relay.recovery.recovery import Recovery, RecoveryContext
 
-STEP = 0.01  # m between checked poses
-LEAST = 0.02  # m that count as having backed up at all
+LEAST = 2.0  # checked steps that count as having backed up at all
 
 
 @dataclass(frozen=True)
@@ -33,6 +32,7 @@ class BackUp(Recovery):
     """Drives straight back, as far as it is free behind, on the costmap as it is at each step."""
 
     Parameters = BackUpParameters
+    parameters: BackUpParameters
     leaves_place = True
 
     def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
@@ -48,11 +48,12 @@ class BackUp(Recovery):
             place = look(context, self.name)
             moved = -place.pose.relative_to(start).x
             left = p.distance - moved
-            if left <= 0.5 * STEP:
+            step = place.checker.step
+            if left <= 0.5 * step:
                 return
             free = self._free_distance(place, left)
-            if free < min(LEAST, left):
-                if moved >= LEAST:
+            if free < min(LEAST * step, left):
+                if moved >= LEAST * step:
                     return
                 raise RecoveryError(
                     RecoveryOutcome.IMPASSABLE,
@@ -61,8 +62,8 @@ class BackUp(Recovery):
             if context.now - begun > p.timeout:
                 raise RecoveryError(
                     RecoveryOutcome.PAT_EXCEEDED,
-                    f"'{self.name}' moved {moved:.2f} m of {p.distance:.2f} m within {p.timeout:.1f} s; see whether the "
-                    "wheels are free",
+                    f"'{self.name}' moved {moved:.2f} m of {p.distance:.2f} m within {p.timeout:.1f} s; see whether "
+                    "the wheels are free",
                 )
             change = p.acceleration * context.period
             present = -measured(lambda: context.velocity, self.name).x
@@ -72,8 +73,8 @@ class BackUp(Recovery):
             yield Twist2D(-speed, 0.0, 0.0)
 
     @staticmethod
-    def _free_distance(place: Place, distance: float) -> float:
-        count = max(1, math.ceil(distance / STEP))
+    def _free_distance(place: CheckedPose, distance: float) -> float:
+        count = max(1, math.ceil(distance / place.checker.step))
         back = distance * np.arange(1, count + 1) / count
         poses = place.pose.transform_poses(np.column_stack((-back, np.zeros(count), np.zeros(count))))
         return distance * place.free_steps(poses) / count

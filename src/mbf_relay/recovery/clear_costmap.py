@@ -11,7 +11,8 @@ from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.recovery.recovery import Recovery, RecoveryContext
 
 FRESH_TIMEOUT = 1.0
-"""Seconds to wait for the costmaps to show what the sensors see now; a server that has rested them would wait for ever."""
+"""Seconds to wait for the costmaps to show what the sensors see now; a server that has rested them would wait for ever.
+"""
 
 NAMES_BY_DEFAULT = ("obstacles", "obstacle_layer")
 """What costmap_2d calls its obstacle layer: with a list of plugins by custom, and without one."""
@@ -38,6 +39,7 @@ class ClearCostmap(Recovery):
     """
 
     Parameters = ClearCostmapParameters
+    parameters: ClearCostmapParameters
 
     def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
         """Clear, then yield stops until the costmaps were updated.
@@ -60,7 +62,8 @@ class ClearCostmap(Recovery):
         if not names.intersection(self.parameters.layer_names):
             raise RecoveryError(
                 RecoveryOutcome.FAILURE,
-                f"'{self.name}' has nothing to clear: none of layer_names {list(self.parameters.layer_names)} is among the "
+                f"'{self.name}' has nothing to clear: none of layer_names {list(self.parameters.layer_names)} is "
+                "among the "
                 f"layers {sorted(names)} of costmap {' and '.join(costmaps) or self.parameters.affected_maps}",
             )
 
@@ -68,7 +71,8 @@ class ClearCostmap(Recovery):
 def clear_round_robot(
     context: RecoveryContext, costmap: Any, layers: Tuple[str, ...], side: float, inside: bool
 ) -> None:
-    """Clear a square round the robot, or all but that; raise RecoveryError TF_ERROR where the robot's place is unknown."""
+    """Clear a square round the robot, or all but that; raise RecoveryError TF_ERROR where the robot's place is unknown.
+    """
     try:
         pose = context.pose_in(costmap.frame)
     except TransformError as error:

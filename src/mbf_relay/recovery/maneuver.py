@@ -6,24 +6,25 @@ from typing import Any, Callable, NamedTuple
 
 import numpy as np
 
-from mbf_relay.control.obstacle_view import ObstacleView
+from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import RecoveryError, RecoveryOutcome, StaleDataError, TransformError
 from mbf_relay.recovery.recovery import RecoveryContext
 
 
-class Place(NamedTuple):
-    """Where the robot stands, and what stands around it."""
+class CheckedPose(NamedTuple):
+    """Where the robot stands, and the footprint checker there."""
 
     pose: Pose2D
-    view: ObstacleView
+    checker: FootprintChecker
 
     def free_steps(self, poses: np.ndarray) -> int:
-        """Return how many of consecutive poses, (S, 3), are free; what the footprint touches already may stay touched."""
-        return self.view.free_steps(poses, self.view.contacts_at(self.pose))
+        """Return how many of consecutive poses, (S, 3), are free; what the footprint touches already may stay touched.
+        """
+        return self.checker.free_steps(poses, self.checker.contacts_at(self.pose))
 
 
-def look(context: RecoveryContext, name: str) -> Place:
+def look(context: RecoveryContext, name: str) -> CheckedPose:
     """Return the robot's place on the local costmap as it is now.
 
     Raises:
@@ -36,7 +37,7 @@ def look(context: RecoveryContext, name: str) -> Place:
     if stale:
         raise RecoveryError(RecoveryOutcome.FAILURE, f"'{name}' does not move blindly: {stale}")
     try:
-        return Place(context.pose_in(costmap.frame), ObstacleView(costmap.snapshot()))
+        return CheckedPose(context.pose_in(costmap.frame), FootprintChecker(costmap.snapshot()))
     except TransformError as error:
         raise RecoveryError(RecoveryOutcome.TF_ERROR, f"'{name}' does not know where the robot is: {error}") from error
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Iterator, Tuple
 
-from mbf_relay.control.controller import Controller, SpeedLimit
+from mbf_relay.control.state import SpeedLimit
 from mbf_relay.geometry import Twist2D
 from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.recovery.clear_costmap import NAMES_BY_DEFAULT, clear_round_robot, stand_until_updated
@@ -23,7 +23,9 @@ class MoveSlowParameters(ParameterSet):
     layer_names: Tuple[str, ...] = parameter(NAMES_BY_DEFAULT, "layers to clear")
     max_trans_param_name: str = parameter("max_trans_vel", "read, and without effect: the controller is told directly")
     max_rot_param_name: str = parameter("max_rot_vel", "read, and without effect: the controller is told directly")
-    planner_namespace: str = parameter("DWAPlannerROS", "read, and without effect: the limits are the failed controller's")
+    planner_namespace: str = parameter(
+        "DWAPlannerROS", "read, and without effect: the limits are the failed controller's"
+    )
 
 
 class MoveSlowAndClear(Recovery):
@@ -33,6 +35,7 @@ class MoveSlowAndClear(Recovery):
     """
 
     Parameters = MoveSlowParameters
+    parameters: MoveSlowParameters
 
     def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
         """Clear, limit, and yield stops until the costmaps were updated.
@@ -44,6 +47,6 @@ class MoveSlowAndClear(Recovery):
         costmaps = [costmap for costmap in context.costmaps.values() if costmap is not None]
         for costmap in costmaps:
             clear_round_robot(context, costmap, p.layer_names, 2.0 * p.clearing_distance, True)
-        if isinstance(context.controller, Controller):
+        if context.controller is not None:
             context.controller.limit_speed(SpeedLimit(p.limited_trans_speed, p.limited_rot_speed, p.limited_distance))
         yield from stand_until_updated(context, costmaps, context.now)

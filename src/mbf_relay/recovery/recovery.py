@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import abc
-from typing import Any, ClassVar, Iterator, Mapping
+from typing import Any, ClassVar, Iterator, Mapping, Optional
 
+from mbf_relay.control.controller import Controller
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.plugins import Plugin
 
@@ -38,7 +39,7 @@ class RecoveryContext(abc.ABC):
 
     @property
     @abc.abstractmethod
-    def controller(self) -> Any:
+    def controller(self) -> Optional[Controller]:
         """The controller that failed, or None: a behaviour may change its limits for a while."""
 
 

@@ -12,7 +12,7 @@ from mbf_relay.control.trajectories import speed_to_stop_within
 from mbf_relay.geometry import Twist2D, angle_between
 from mbf_relay.outcomes import RecoveryError, RecoveryOutcome
 from mbf_relay.parameters import ParameterSet, parameter
-from mbf_relay.recovery.maneuver import Place, look, measured
+from mbf_relay.recovery.maneuver import CheckedPose, look, measured
 from mbf_relay.recovery.recovery import Recovery, RecoveryContext
 
 FULL = 2.0 * math.pi
@@ -27,7 +27,11 @@ class RotateParameters(ParameterSet):
     acc_lim_theta: float = parameter(3.2, "rotational acceleration", "rad/s^2", above=0.0, aliases=("acc_lim_th",))
     max_vel_theta: float = parameter(1.0, "top rotational speed", "rad/s", above=0.0, aliases=("max_rotational_vel",))
     min_in_place_vel_theta: float = parameter(
-        0.4, "slowest turn, except to start and to brake", "rad/s", minimum=0.0, aliases=("min_in_place_rotational_vel",)
+        0.4,
+        "slowest turn, except to start and to brake",
+        "rad/s",
+        minimum=0.0,
+        aliases=("min_in_place_rotational_vel",),
     )
     yaw_goal_tolerance: float = parameter(0.1, "how exactly it comes back to its first heading", "rad", above=0.0)
 
@@ -50,6 +54,7 @@ class Rotate(Recovery):
     """
 
     Parameters = RotateParameters
+    parameters: RotateParameters
 
     def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
         """Yield the turn.
@@ -73,8 +78,8 @@ class Rotate(Recovery):
             if free < left - 1e-9:
                 raise RecoveryError(
                     RecoveryOutcome.IMPASSABLE,
-                    f"'{self.name}' cannot turn on: after {math.degrees(free):.0f} degrees more the footprint would touch an "
-                    "obstacle",
+                    f"'{self.name}' cannot turn on: after {math.degrees(free):.0f} degrees more the footprint would "
+                    "touch an obstacle",
                 )
             rate = self._rate(context, left, sign, rate)
             yield Twist2D(0.0, 0.0, sign * rate)
@@ -88,7 +93,7 @@ class Rotate(Recovery):
         base = last if abs(last - present) <= 2.0 * change else present
         return min(base + change, max(base - change, min(wanted, p.max_vel_theta)))
 
-    def _free_angle(self, place: Place, angle: float, sign: float) -> float:
+    def _free_angle(self, place: CheckedPose, angle: float, sign: float) -> float:
         count = max(1, math.ceil(angle / self.parameters.sim_granularity))
         headings = place.pose.theta + sign * angle * np.arange(1, count + 1) / count
         poses = np.column_stack((np.full(count, place.pose.x), np.full(count, place.pose.y), headings))

@@ -21,6 +21,7 @@ class Wait(Recovery):
     """Stands for a while."""
 
     Parameters = WaitParameters
+    parameters: WaitParameters
 
     def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
         """Yield stops until the time is over."""

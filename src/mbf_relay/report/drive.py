@@ -40,7 +40,7 @@ class GoalRecord:
 
 
 @dataclass
-class Contact:
+class ContactRecord:
     """One touch of the robot with something: time (s), place (m, map frame) and the name of the other body."""
 
     stamp: float
@@ -77,7 +77,7 @@ class Drive:
     measured: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
     plans: List[Tuple[float, np.ndarray]] = field(default_factory=list)
     goals: List[GoalRecord] = field(default_factory=list)
-    contacts: List[Contact] = field(default_factory=list)
+    contacts: List[ContactRecord] = field(default_factory=list)
     seen: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
     map: Optional[OccupancyMap] = None
     speed_limits: Tuple[float, float] = (0.22, 2.84)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import bisect
-from typing import Dict, List, Optional, Tuple
+from typing import Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.maps import OccupancyMap
-from mbf_relay.report.drive import Contact, Drive, GoalRecord
+from mbf_relay.report.drive import ContactRecord, Drive, GoalRecord
 
 
 class DriveLog:
@@ -26,7 +26,7 @@ class DriveLog:
         self._commands: List[Tuple[float, float, float]] = []
         self._measured: List[Tuple[float, float, float]] = []
         self._plans: List[Tuple[float, np.ndarray]] = []
-        self._contacts: List[Contact] = []
+        self._contacts: List[ContactRecord] = []
         self._seen: List[np.ndarray] = []
         self._goals: Dict[str, GoalRecord] = {}
 
@@ -63,7 +63,7 @@ class DriveLog:
         """Note a touch; one that goes on within a second of the last with the same body is the same touch."""
         last = self._contacts[-1] if self._contacts else None
         if last is None or last.body != body or stamp - last.stamp > 1.0:
-            self._contacts.append(Contact(stamp, x, y, body))
+            self._contacts.append(ContactRecord(stamp, x, y, body))
         else:
             last.stamp = stamp
 
@@ -114,11 +114,13 @@ class DriveLog:
 
     @staticmethod
     def _append(rows: List, row: Tuple) -> None:
+        if not np.isfinite([value for value in row if isinstance(value, float)]).all():
+            return  # one reading without sense must not take the whole report along
         # A clock set back starts the drive anew: what came after its new time never happened.
         while rows and rows[-1][0] > row[0]:
             rows.pop()
         rows.append(row)
 
 
-def _rows(rows: List[Tuple[float, ...]], columns: int) -> np.ndarray:
+def _rows(rows: Sequence[Tuple[float, ...]], columns: int) -> np.ndarray:
     return np.array(rows, dtype=float).reshape(-1, columns)

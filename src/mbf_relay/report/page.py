@@ -15,7 +15,8 @@ STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #212529; max-width: 1180px; margin: 2rem auto; padding: 0 1rem; }
 h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; }
 img { width: 100%; border: 1px solid #dee2e6; border-radius: 6px; }
-table { border-collapse: collapse; } td, th { padding: .25rem .8rem; border-bottom: 1px solid #e9ecef; text-align: left; }
+table { border-collapse: collapse; }
+td, th { padding: .25rem .8rem; border-bottom: 1px solid #e9ecef; text-align: left; }
 td.number { text-align: right; font-variant-numeric: tabular-nums; } .good { color: #2b8a3e; } .bad { color: #c92a2a; }
 code, td.value { font-family: ui-monospace, monospace; font-size: 13px; } summary { cursor: pointer; }
 """
@@ -63,7 +64,9 @@ def render(drive: Drive, picture: str) -> str:
         "<h2>Figures</h2>",
         _table(("figure", "value", "unit"), [(name, _show(figures[key]), unit) for key, name, unit in FIGURES]),
         "<h2>Goals</h2>",
-        _table(("goal", "x [m]", "y [m]", "heading [rad]", "ended", "time [s]", "recoveries", "text"), _goal_rows(drive)),
+        _table(
+            ("goal", "x [m]", "y [m]", "heading [rad]", "ended", "time [s]", "recoveries", "text"), _goal_rows(drive)
+        ),
         "<h2>Versions</h2>",
         _table(("what", "version"), sorted(drive.versions.items())),
         "<h2>Parameters</h2>",

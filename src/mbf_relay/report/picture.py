@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from matplotlib.patches import Circle
 
-from mbf_relay.maps import OCCUPIED, UNKNOWN
+from mbf_relay.maps import OCCUPIED, UNKNOWN, OccupancyMap
 from mbf_relay.report.drive import Drive
 
 PLAN, TRUTH, ESTIMATE, GOAL, BAD, LIMIT = "#9ec9ff", "#1a1a1a", "#e8590c", "#2b8a3e", "#c92a2a", "#868e96"
@@ -27,7 +27,16 @@ def draw(drive: Drive, path: str, dpi: int = 110) -> None:
     figure = Figure(figsize=(14.0, 8.0), facecolor="white")
     FigureCanvasAgg(figure)
     layout = GridSpec(
-        3, 2, figure=figure, width_ratios=(1.35, 1.0), left=0.05, right=0.945, top=0.89, bottom=0.07, wspace=0.14, hspace=0.42
+        3,
+        2,
+        figure=figure,
+        width_ratios=(1.35, 1.0),
+        left=0.05,
+        right=0.945,
+        top=0.89,
+        bottom=0.07,
+        wspace=0.14,
+        hspace=0.42,
     )
     figure.suptitle(headline(drive), x=0.05, y=0.965, ha="left", fontsize=15, fontweight="bold")
     draw_map(figure.add_subplot(layout[:, 0]), drive)
@@ -55,7 +64,7 @@ def headline(drive: Drive) -> str:
 def draw_map(axes: Any, drive: Drive) -> None:
     """Draw map, plans, truth, estimate, goals and contacts into a matplotlib axes."""
     if drive.map is not None:
-        _draw_occupancy(axes, drive)
+        _draw_occupancy(axes, drive.map)
     elif len(drive.seen):
         axes.plot(drive.seen[:, 0], drive.seen[:, 1], ",", color=LIMIT, label="seen by the lidar")
     for index, (_, poses) in enumerate(_plans_worth_drawing(drive)):
@@ -74,8 +83,7 @@ def draw_map(axes: Any, drive: Drive) -> None:
     _frame(axes, drive)
 
 
-def _draw_occupancy(axes: Any, drive: Drive) -> None:
-    occupancy = drive.map
+def _draw_occupancy(axes: Any, occupancy: OccupancyMap) -> None:
     data = occupancy.data
     shades = np.where(data == UNKNOWN, 0.86, 1.0 - 0.75 * np.clip(data, 0, OCCUPIED) / float(OCCUPIED))
     height, width = data.shape
@@ -123,8 +131,8 @@ def _frame(axes: Any, drive: Drive) -> None:
 
 
 def _limits(drive: Drive) -> Optional[Tuple[float, float, float, float]]:
-    points = [drive.path[:, 1:3]] + [np.array([goal.pose[:2]]) for goal in drive.goals]
-    points = np.concatenate(points) if any(len(part) for part in points) else np.empty((0, 2))
+    parts = [drive.path[:, 1:3]] + [np.array([goal.pose[:2]]) for goal in drive.goals]
+    points = np.concatenate(parts) if any(len(part) for part in parts) else np.empty((0, 2))
     if not len(points):
         return None
     low, high = points.min(axis=0) - 1.0, points.max(axis=0) + 1.0

@@ -37,7 +37,9 @@ class Terminal:
     def ended(self, number: int, goal: GoalRecord) -> None:
         """Leave a line for a goal that ended."""
         seconds = 0.0 if goal.ended is None else goal.ended - goal.started
-        words = self._paint("reached", GREEN) if goal.reached else self._paint(f"{goal.state.lower()}: {goal.text}", RED)
+        words = (
+            self._paint("reached", GREEN) if goal.reached else self._paint(f"{goal.state.lower()}: {goal.text}", RED)
+        )
         recovered = f", after {', '.join(goal.recoveries)}" if goal.recoveries else ""
         self.line(f"{self._name(number)}  {words} in {seconds:.1f} s{recovered}")
 

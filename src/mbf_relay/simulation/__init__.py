@@ -1,9 +1,12 @@
-"""Simulation: worlds, the burger, its sensors, and the physics (the only room that imports pybullet).
+"""Simulation: worlds, robots, their sensors, and the physics (the only room that imports pybullet).
 
 `Simulation` is loaded when it is first asked for, so that worlds and their geometry can be used without pybullet.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mbf_relay.simulation.simulation import Simulation as Simulation
 
 
 def __getattr__(name: str) -> Any:

@@ -42,7 +42,9 @@ def arena() -> World:
     for x in PILLAR_GRID:
         for y in PILLAR_GRID:
             frame = Frame.of(x, y, PILLAR_HEIGHT / 2.0)
-            bodies.append(Body(f"pillar_{len(bodies) + 1}", Cylinder(PILLAR_RADIUS, PILLAR_HEIGHT), frame, colour=WHITE))
+            bodies.append(
+                Body(f"pillar_{len(bodies) + 1}", Cylinder(PILLAR_RADIUS, PILLAR_HEIGHT), frame, colour=WHITE)
+            )
     ring = Mesh(ring_triangles(regular_polygon(RING_INNER, 6), regular_polygon(RING_OUTER, 6), RING_BOTTOM, RING_TOP))
     bodies.append(Body("wall", ring, Frame.of(0.0, 0.0), colour=GREEN))
     for name, x, y, radius, bottom, top in BLOCKS:

@@ -1,25 +1,32 @@
-"""The burger's body in the physics: hull, two driven wheels, a caster that glides."""
+"""The robot's body in the physics: hull, and either two driven wheels and casters that glide, or wheels that all glide.
+
+A differential drive is carried by its two wheels. Of four wheels, mecanum wheels and steered ones among them, the
+physics sees balls that glide under their places, and the tyres' grip as a limit to the change of the body's velocity.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Tuple
+from typing import Any, Dict, List, NamedTuple, Tuple
 
 import numpy as np
 
 from mbf_relay.geometry import Pose2D, Twist2D
-from mbf_relay.simulation import burger
 from mbf_relay.simulation.bullet import pybullet
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.physics import FIXED, GROUND, IDENTITY_QUATERNION, LOOSE, ROBOT, ROLLING, Physics
+from mbf_relay.simulation.robot import DIFFERENTIAL, RobotModel
+from mbf_relay.simulation.shapes import Box, Cylinder
 
 WHEELS = (0, 1)
 RIM_CLEARANCE = 0.003  # m between the ground and the wheels' part of the hull, which only meets obstacles
-CASTER = 2
 AXLE = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 """Turns a joint's axis from z to y."""
 
+GRAVITY = 9.81
+CASTER_GIVES = 0.002
+"""Way (m) by which a caster on its spring gives under the whole weight."""
 SERVO_GAINS, VELOCITY_GAINS = (0.1, 0.1), (1.0, 1.0)
 """Share of the error in angle and in speed that the motors take away in one step."""
 
@@ -43,67 +50,127 @@ class Motion(NamedTuple):
 class Base:
     """The robot's body in one physics client."""
 
-    def __init__(self, physics: Physics, parameters: SimulationParameters, pose: Pose2D) -> None:
-        self._physics = physics
+    def __init__(self, physics: Physics, parameters: SimulationParameters, robot: RobotModel, pose: Pose2D) -> None:
+        """Set a robot down.
+
+        Args:
+            physics: Where.
+            parameters: Of its motors and tyres.
+            robot: What it is made of.
+            pose: Of base_footprint.
+        """
+        self._physics, self._robot = physics, robot
         self._client = physics.client
         self._torque = [parameters.wheel_torque] * 2
-        self._center_of_mass = _center_of_mass()
+        self._driven = WHEELS if robot.drive == DIFFERENTIAL else ()
+        self._center_of_mass = _center_of_mass(robot)
         self._center = tuple(self._center_of_mass.tolist())
-        self.body = self._create(Frame.from_pose(pose, burger.BASE_HEIGHT))
+        self.body = self._create(Frame.from_pose(pose, robot.base_height))
         physics.filter(self.body, ROBOT, GROUND | FIXED | LOOSE)
-        for wheel in WHEELS:  # the balls that roll are wider than the wheels, which are part of the hull
+        feet = WHEELS if self._driven else range(len(robot.wheel_places()))
+        for wheel in feet:  # the balls that roll are wider than the wheels, which are part of the hull
             pybullet.setCollisionFilterGroupMask(self.body, wheel, ROLLING, GROUND, physicsClientId=self._client)
         self._set_dynamics(parameters.wheel_friction)
-        self.turn_wheels(0.0, 0.0, 0.0, 0.0)
+        if self._driven:
+            self.turn_wheels(0.0, 0.0, 0.0, 0.0)
 
     def _create(self, frame: Frame) -> int:
-        wheel = pybullet.createCollisionShape(
-            pybullet.GEOM_SPHERE, radius=burger.WHEEL_RADIUS, physicsClientId=self._client
-        )
-        caster = pybullet.createCollisionShape(
-            pybullet.GEOM_SPHERE, radius=burger.CASTER_RADIUS, physicsClientId=self._client
-        )
-        half_track = burger.WHEEL_SEPARATION / 2.0
-        rim = burger.WHEEL_RADIUS - RIM_CLEARANCE
-        hull = pybullet.createCollisionShapeArray(
-            shapeTypes=[pybullet.GEOM_BOX] + [pybullet.GEOM_CYLINDER] * 3,
-            halfExtents=[[side / 2.0 for side in burger.BODY_SIZE]] + [[0.0, 0.0, 0.0]] * 3,
-            radii=[0.0, burger.LIDAR_RADIUS, rim, rim],
-            lengths=[0.0, burger.LIDAR_HEIGHT, burger.WHEEL_WIDTH, burger.WHEEL_WIDTH],
-            collisionFramePositions=[
-                burger.BODY_CENTER, burger.LIDAR_CENTER, (0.0, half_track, burger.WHEEL_HEIGHT),
-                (0.0, -half_track, burger.WHEEL_HEIGHT),
-            ],
-            collisionFrameOrientations=[IDENTITY_QUATERNION] * 2 + [AXLE] * 2, physicsClientId=self._client,
-        )
-        return pybullet.createMultiBody(
-            burger.BODY_MASS + burger.LIDAR_MASS, hull, -1, frame.position.tolist(), frame.quaternion(),
+        """Make the body: its hull, and a ball for each wheel and each caster."""
+        robot, places = self._robot, self._robot.wheel_places()
+        links = [(x, y, robot.axle_height, robot.wheels.radius, robot.wheels.mass) for x, y in places]
+        links += [(c.x, c.y, c.radius - robot.base_height, c.radius, c.mass) for c in robot.casters]
+        rolls = [bool(self._driven) and index < len(places) for index in range(len(links))]
+        balls = [
+            pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius, physicsClientId=self._client)
+            for *_, radius, _mass in links
+        ]
+        body: int = pybullet.createMultiBody(
+            sum(part.mass for part in robot.body), self._hull(), -1, frame.position.tolist(), frame.quaternion(),
             baseInertialFramePosition=self._center_of_mass.tolist(),
-            linkMasses=[burger.WHEEL_MASS, burger.WHEEL_MASS, burger.CASTER_MASS],
-            linkCollisionShapeIndices=[wheel, wheel, caster], linkVisualShapeIndices=[-1] * 3,
-            linkPositions=[
-                (0.0, half_track, burger.WHEEL_HEIGHT), (0.0, -half_track, burger.WHEEL_HEIGHT),
-                (burger.CASTER_CENTER[0], 0.0, burger.CASTER_RADIUS - burger.BASE_HEIGHT),
-            ],
-            linkOrientations=[AXLE, AXLE, IDENTITY_QUATERNION],
-            linkInertialFramePositions=[(0.0, 0.0, 0.0)] * 3, linkInertialFrameOrientations=[IDENTITY_QUATERNION] * 3,
-            linkParentIndices=[0] * 3,
-            linkJointTypes=[pybullet.JOINT_REVOLUTE, pybullet.JOINT_REVOLUTE, pybullet.JOINT_FIXED],
-            linkJointAxis=[(0.0, 0.0, 1.0)] * 3, physicsClientId=self._client,
+            linkMasses=[link[4] for link in links], linkCollisionShapeIndices=balls,
+            linkVisualShapeIndices=[-1] * len(links), linkPositions=[link[:3] for link in links],
+            linkOrientations=[AXLE if turns else IDENTITY_QUATERNION for turns in rolls],
+            linkInertialFramePositions=[(0.0, 0.0, 0.0)] * len(links),
+            linkInertialFrameOrientations=[IDENTITY_QUATERNION] * len(links), linkParentIndices=[0] * len(links),
+            linkJointTypes=[pybullet.JOINT_REVOLUTE if turns else pybullet.JOINT_FIXED for turns in rolls],
+            linkJointAxis=[(0.0, 0.0, 1.0)] * len(links), physicsClientId=self._client,
         )
+        return body
+
+    def _hull(self) -> int:
+        """Return PyBullet's number of the shape that obstacles meet: the body's parts and the wheels."""
+        robot = self._robot
+        if not all(isinstance(part.shape, (Box, Cylinder)) for part in robot.body):
+            corners = [part.frame.transform_points(part.shape.triangles().reshape(-1, 3)) for part in robot.body]
+            mesh: int = pybullet.createCollisionShape(
+                pybullet.GEOM_MESH, vertices=np.unique(np.concatenate(corners), axis=0).tolist(),
+                physicsClientId=self._client,
+            )
+            return mesh
+        shapes: List[Dict[str, Any]] = []
+        for part in robot.body:
+            shape, place = part.shape, (part.frame.position.tolist(), part.frame.quaternion())
+            if isinstance(shape, Box):
+                shapes.append(dict(kind=pybullet.GEOM_BOX, half=[side / 2.0 for side in shape.size], place=place))
+            elif isinstance(shape, Cylinder):
+                shapes.append(dict(kind=pybullet.GEOM_CYLINDER, radius=shape.radius, length=shape.height, place=place))
+        rim = dict(kind=pybullet.GEOM_CYLINDER, radius=robot.wheels.radius - RIM_CLEARANCE, length=robot.wheels.width)
+        shapes += [dict(rim, place=((x, y, robot.axle_height), AXLE)) for x, y in robot.wheel_places()]
+        hull: int = pybullet.createCollisionShapeArray(
+            shapeTypes=[shape["kind"] for shape in shapes],
+            halfExtents=[shape.get("half", [0.0, 0.0, 0.0]) for shape in shapes],
+            radii=[shape.get("radius", 0.0) for shape in shapes],
+            lengths=[shape.get("length", 0.0) for shape in shapes],
+            collisionFramePositions=[shape["place"][0] for shape in shapes],
+            collisionFrameOrientations=[shape["place"][1] for shape in shapes], physicsClientId=self._client,
+        )
+        return hull
 
     def _set_dynamics(self, friction: float) -> None:
         change = dict(physicsClientId=self._client)
         pybullet.changeDynamics(
             self.body, -1, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0,
-            localInertiaDiagonal=burger.BODY_INERTIA, lateralFriction=0.5, **change,
+            localInertiaDiagonal=self._robot.inertia, lateralFriction=0.5, **change,
         )
-        for wheel in WHEELS:
+        for wheel in self._driven:
             pybullet.changeDynamics(
-                self.body, wheel, lateralFriction=friction, rollingFriction=0.0, spinningFriction=0.0, jointDamping=0.0, **change
+                self.body,
+                wheel,
+                lateralFriction=friction,
+                rollingFriction=0.0,
+                spinningFriction=0.0,
+                jointDamping=0.0,
+                **change,
             )
-        # With friction the caster would push the robot off its course.
-        pybullet.changeDynamics(self.body, CASTER, lateralFriction=0.0, **change)
+        # With friction what glides would push the robot off its course.
+        for foot in range(len(self._driven), pybullet.getNumJoints(self.body, **change)):
+            pybullet.changeDynamics(self.body, foot, lateralFriction=0.0, **change)
+            if self._driven and len(self._robot.casters) > 1:  # on more than three rigid feet wheels bear nothing
+                weight = sum(part.mass for part in self._robot.body)
+                stiffness = GRAVITY * weight / CASTER_GIVES
+                pybullet.changeDynamics(
+                    self.body, foot, contactStiffness=stiffness, contactDamping=2.0 * math.sqrt(stiffness * weight),
+                    **change,
+                )
+
+    def push(self, velocity: Twist2D, grip: float, turn_grip: float) -> None:
+        """Bring the velocity of base_link on the ground nearer to `velocity`, in one step as far as the tyres hold.
+
+        Args:
+            velocity: In the body's own axes.
+            grip, turn_grip: Most that it may change (m/s, rad/s).
+        """
+        quaternion = pybullet.getBasePositionAndOrientation(self.body, physicsClientId=self._client)[1]
+        (vx, vy, vz), (wx, wy, wz) = pybullet.getBaseVelocity(self.body, physicsClientId=self._client)
+        r = pybullet.getMatrixFromQuaternion(quaternion)
+        x, y, _ = self._center
+        forward, aside = velocity.x - velocity.theta * y, velocity.y + velocity.theta * x  # of the centre of mass
+        dx, dy = r[0] * forward + r[1] * aside - vx, r[3] * forward + r[4] * aside - vy
+        share = min(1.0, grip / max(math.hypot(dx, dy), 1e-12))
+        turn = min(turn_grip, max(-turn_grip, velocity.theta - wz))
+        pybullet.resetBaseVelocity(
+            self.body, (vx + share * dx, vy + share * dy, vz), (wx, wy, wz + turn), physicsClientId=self._client
+        )
 
     def turn_wheels(self, left: float, right: float, left_speed: float, right_speed: float) -> None:
         """Let the motors follow angles (rad) and speeds (rad/s), as far as their torque goes.
@@ -117,7 +184,8 @@ class Base:
         )
 
     def park(self) -> None:
-        """Let the body sleep until `wake`: at rest the solver's remainders would push it about, a millimetre a minute."""
+        """Let the body sleep until `wake`: at rest the solver's remainders would push it about, a millimetre a minute.
+        """
         pybullet.changeDynamics(
             self.body, -1, activationState=pybullet.ACTIVATION_STATE_ENABLE_SLEEPING | pybullet.ACTIVATION_STATE_SLEEP,
             physicsClientId=self._client
@@ -126,8 +194,10 @@ class Base:
     def wake(self) -> None:
         """Let the body move again."""
         pybullet.changeDynamics(
-            self.body, -1, activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING | pybullet.ACTIVATION_STATE_WAKE_UP,
-            physicsClientId=self._client
+            self.body,
+            -1,
+            activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING | pybullet.ACTIVATION_STATE_WAKE_UP,
+            physicsClientId=self._client,
         )
 
     def wheel_angles(self) -> Tuple[float, float]:
@@ -152,8 +222,16 @@ class Base:
         quaternion = pybullet.getBasePositionAndOrientation(self.body, physicsClientId=self._client)[1]
         (vx, vy, vz), (wx, wy, wz) = pybullet.getBaseVelocity(self.body, physicsClientId=self._client)
         r = pybullet.getMatrixFromQuaternion(quaternion)
-        turning = (r[0] * wx + r[3] * wy + r[6] * wz, r[1] * wx + r[4] * wy + r[7] * wz, r[2] * wx + r[5] * wy + r[8] * wz)
-        moving = (r[0] * vx + r[3] * vy + r[6] * vz, r[1] * vx + r[4] * vy + r[7] * vz, r[2] * vx + r[5] * vy + r[8] * vz)
+        turning = (
+            r[0] * wx + r[3] * wy + r[6] * wz,
+            r[1] * wx + r[4] * wy + r[7] * wz,
+            r[2] * wx + r[5] * wy + r[8] * wz,
+        )
+        moving = (
+            r[0] * vx + r[3] * vy + r[6] * vz,
+            r[1] * vx + r[4] * vy + r[7] * vz,
+            r[2] * vx + r[5] * vy + r[8] * vz,
+        )
         (ux, uy, uz), (x, y, z) = turning, self._center
         # The speed of the centre of mass less what the turning adds to it.
         moving = (moving[0] - (uy * z - uz * y), moving[1] - (uz * x - ux * z), moving[2] - (ux * y - uy * x))
@@ -166,14 +244,15 @@ class Base:
 
     def place(self, pose: Pose2D) -> None:
         """Set the robot down elsewhere, at rest."""
-        frame = Frame.from_pose(pose, burger.BASE_HEIGHT)
+        frame = Frame.from_pose(pose, self._robot.base_height)
         self._physics.place(self.body, Frame(frame.transform_points(self._center_of_mass), frame.rotation))
-        for wheel in WHEELS:
+        for wheel in self._driven:
             angle = pybullet.getJointState(self.body, wheel, physicsClientId=self._client)[0]
             pybullet.resetJointState(self.body, wheel, angle, 0.0, physicsClientId=self._client)
 
 
-def _center_of_mass() -> np.ndarray:
-    """Return the centre of mass of hull and lidar in base_link, shape (3,) in metres."""
-    masses = np.array([burger.BODY_MASS, burger.LIDAR_MASS])
-    return masses @ np.array([burger.BODY_CENTER, burger.LIDAR_CENTER]) / masses.sum()
+def _center_of_mass(robot: RobotModel) -> np.ndarray:
+    """Return the centre of mass of the body's parts in base_link, shape (3,) in metres."""
+    masses = np.array([part.mass for part in robot.body])
+    center: np.ndarray = masses @ np.array([part.frame.position for part in robot.body]) / masses.sum()
+    return center

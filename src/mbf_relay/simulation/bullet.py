@@ -15,8 +15,8 @@ def _load_quietly() -> Any:
     """Import pybullet while the process's standard error leads nowhere; the line is written below Python.
 
     Raises:
-        ImportError: It is not here, or was compiled for a newer NumPy; the text says so, which NumPy itself does only on
-            the standard error.
+        ImportError: It is not here, or was compiled for a newer NumPy; the text says so, which NumPy itself does only
+            on the standard error.
     """
     sys.stderr.flush()
     c_library = ctypes.CDLL(None)

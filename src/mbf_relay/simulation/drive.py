@@ -1,16 +1,16 @@
-"""From a velocity command to wheel speeds, and from wheel rotation back to odometry."""
+"""From a velocity command to wheel speeds, and from wheel rotation back to odometry, for two wheels on one axle."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Tuple
+from typing import Sequence, Tuple
 
 import numpy as np
 
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D, normalize_angle
-from mbf_relay.simulation import burger
 from mbf_relay.simulation.parameters import SimulationParameters
+from mbf_relay.simulation.robot import OMNIDIRECTIONAL, Wheels
 
 LEAST_COVARIANCE = (1e-6, 0.0, 1e-6, 0.0, 0.0, 1e-6)
 """Of x and x, x and y, y and y, x and heading, y and heading, heading and heading (m, rad), before the first metre."""
@@ -25,29 +25,31 @@ class Odometry:
         pose: Of base_footprint in odom, which is where the robot was set down first.
         velocity: In the body's own axes.
         pose_covariance: Of x, y and heading (m, rad), shape (3, 3); it grows with the way.
-        velocity_variance: Of the speed (m^2/s^2) and the turn rate (rad^2/s^2).
+        velocity_variance: Of the speed along x and y (m^2/s^2) and the turn rate (rad^2/s^2).
     """
 
     stamp: float
     pose: Pose2D
     velocity: Twist2D
     pose_covariance: np.ndarray
-    velocity_variance: Tuple[float, float]
+    velocity_variance: Tuple[float, float, float]
 
 
-def limit_command(command: Twist2D, parameters: SimulationParameters) -> Twist2D:
-    """Return the command cut to the robot's top speeds; a differential drive cannot go sideways."""
-    speed = min(parameters.max_speed, max(-parameters.max_speed, command.x))
+def limit_command(command: Twist2D, parameters: SimulationParameters, drive: str) -> Twist2D:
+    """Return the command cut to the robot's top speeds; only an omnidirectional drive can go sideways."""
     turn = min(parameters.max_turn_rate, max(-parameters.max_turn_rate, command.theta))
-    return Twist2D(speed, 0.0, turn)
+    if drive == OMNIDIRECTIONAL:
+        share = min(1.0, parameters.max_speed / max(math.hypot(command.x, command.y), 1e-12))
+        return Twist2D(share * command.x, share * command.y, turn)
+    return Twist2D(min(parameters.max_speed, max(-parameters.max_speed, command.x)), 0.0, turn)
 
 
-def wheel_speeds(velocity: Twist2D) -> Tuple[float, float]:
-    """Return the left and right wheel's speed (rad/s) that drives the robot at `velocity`."""
-    half_track = burger.WHEEL_SEPARATION / 2.0
+def wheel_speeds(velocity: Twist2D, wheels: Wheels) -> Tuple[float, float]:
+    """Return the left and right wheel's speed (rad/s) that goes with the robot's `velocity`."""
+    half_track = wheels.separation / 2.0
     return (
-        (velocity.x - velocity.theta * half_track) / burger.WHEEL_RADIUS,
-        (velocity.x + velocity.theta * half_track) / burger.WHEEL_RADIUS,
+        (velocity.x - velocity.theta * half_track) / wheels.radius,
+        (velocity.x + velocity.theta * half_track) / wheels.radius,
     )
 
 
@@ -63,14 +65,16 @@ class Odometer:
     covariance follows to first order, from the wheels' independent errors.
     """
 
-    def __init__(self, noise: float, bias: Tuple[float, float], rng: np.random.Generator) -> None:
+    def __init__(self, wheels: Wheels, noise: float, bias: Tuple[float, float], rng: np.random.Generator) -> None:
         """Start at the origin.
 
         Args:
+            wheels: The two on the axle.
             noise: Deviation (m) of a wheel's way after one metre.
             bias: Error of the left and right wheel's way as a share of it.
             rng: For the noise.
         """
+        self._radius, self._separation = wheels.radius, wheels.separation
         self._noise, self._bias, self._rng = noise, bias, rng
         self.restart()
 
@@ -80,11 +84,11 @@ class Odometer:
         self.velocity = STOP
         self._covariance = LEAST_COVARIANCE
 
-    def advance(self, left: float, right: float, duration: float) -> None:
-        """Add what the wheels turned (rad) during `duration` (s)."""
-        left = self._measured(left * burger.WHEEL_RADIUS, self._bias[0])
-        right = self._measured(right * burger.WHEEL_RADIUS, self._bias[1])
-        way, turn = (left + right) / 2.0, (right - left) / burger.WHEEL_SEPARATION
+    def advance(self, turned: Sequence[float], duration: float) -> None:
+        """Add what the left and the right wheel turned (rad) during `duration` (s)."""
+        left = self._measured(turned[0] * self._radius, self._bias[0])
+        right = self._measured(turned[1] * self._radius, self._bias[1])
+        way, turn = (left + right) / 2.0, (right - left) / self._separation
         middle = self.pose.theta + turn / 2.0
         cos, sin = math.cos(middle), math.sin(middle)
         self.pose = Pose2D(
@@ -98,7 +102,7 @@ class Odometer:
         """Return the odometry at `stamp` (s)."""
         xx, xy, yy, xt, yt, tt = self._covariance
         covariance = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
-        return Odometry(stamp, self.pose, self.velocity, covariance, (1e-4, 1e-3))
+        return Odometry(stamp, self.pose, self.velocity, covariance, (1e-4, 1e-9, 1e-3))
 
     def _spread(self, way: float, cos: float, sin: float, left: float, right: float) -> None:
         """Carry the covariance over one reading.
@@ -113,11 +117,15 @@ class Odometer:
         """
         xx, xy, yy, xt, yt, tt = self._covariance
         a, b = -way * sin, way * cos
-        ways, turns = (left + right) / 4.0, (left + right) / burger.WHEEL_SEPARATION ** 2
-        both = (right - left) / (2.0 * burger.WHEEL_SEPARATION)
+        ways, turns = (left + right) / 4.0, (left + right) / self._separation ** 2
+        both = (right - left) / (2.0 * self._separation)
         self._covariance = (
-            xx + 2.0 * a * xt + a * a * tt + cos * cos * ways, xy + a * yt + b * xt + a * b * tt + cos * sin * ways,
-            yy + 2.0 * b * yt + b * b * tt + sin * sin * ways, xt + a * tt + cos * both, yt + b * tt + sin * both, tt + turns,
+            xx + 2.0 * a * xt + a * a * tt + cos * cos * ways,
+            xy + a * yt + b * xt + a * b * tt + cos * sin * ways,
+            yy + 2.0 * b * yt + b * b * tt + sin * sin * ways,
+            xt + a * tt + cos * both,
+            yt + b * tt + sin * both,
+            tt + turns,
         )
 
     def _measured(self, way: float, bias: float) -> float:

@@ -1,50 +1,63 @@
-"""From velocity commands to turning wheels: limits, delay, timeout, slip, and rest."""
+"""From velocity commands to a robot that moves: limits, delay, timeout, slip, and rest."""
 
 from __future__ import annotations
 
+import abc
 import math
 from collections import deque
-from typing import Deque, Tuple
+from typing import Deque, Dict, Tuple, Type
 
-from mbf_relay.geometry import Twist2D
-from mbf_relay.simulation import burger
-from mbf_relay.simulation.base import Base
+import numpy as np
+
+from mbf_relay.geometry import Twist2D, normalize_angle
+from mbf_relay.simulation.base import GRAVITY, Base
 from mbf_relay.simulation.drive import approach, limit_command, wheel_speeds
+from mbf_relay.simulation.four_wheels import mecanum_matrix
 from mbf_relay.simulation.parameters import SimulationParameters
+from mbf_relay.simulation.robot import CAR, DIFFERENTIAL, OMNIDIRECTIONAL, RobotModel
 
-STANDSTILL = (0.0, 0.0)
 PARK_AFTER = 0.5
 """Time (s) after which a standing robot's body sleeps."""
 MOST_LAG = 0.1
 """Angle (rad) by which a wheel may lag behind before its motor lets go of the difference, as against a wall."""
 
 
-class Drivetrain:
-    """Drives the wheels of a base, one physics step at a time."""
+State = Tuple[float, ...]
+"""What a drivetrain's motors hold: wheels' speeds, a velocity, or a speed and a steering angle."""
 
-    def __init__(self, base: Base, parameters: SimulationParameters) -> None:
-        self._base, self._parameters = base, parameters
+
+class Drivetrain(abc.ABC):
+    """Drives a base, one physics step at a time."""
+
+    def __init__(self, base: Base, parameters: SimulationParameters, robot: RobotModel) -> None:
+        """Connect.
+
+        Args:
+            base: The robot's body.
+            parameters: Of motors and tyres.
+            robot: What it is made of.
+        """
+        self._base, self._parameters, self._robot = base, parameters, robot
         self._period = 1.0 / parameters.physics_rate
-        self._rim_change = parameters.wheel_acceleration * self._period / burger.WHEEL_RADIUS
         self._timeout = math.ceil(parameters.cmd_vel_timeout * parameters.physics_rate)
         self._park_steps = math.ceil(PARK_AFTER * parameters.physics_rate)
         self._waiting: Deque[Tuple[int, Twist2D]] = deque()
         self._step, self._command_step = 0, 0
-        self._target = self._speeds = STANDSTILL
-        self._wanted = base.wheel_angles()
-        self._spun = STANDSTILL
         self._idle_steps = 0
+        self._state = self._aim(Twist2D(0.0, 0.0, 0.0))
+        self._target = self._state
+        self._changes = self._most_change()
 
     def command(self, velocity: Twist2D, delay: float) -> None:
         """Take a velocity command that takes effect `delay` seconds from now."""
         due = self._step + round(delay * self._parameters.physics_rate)
-        self._waiting.append((due, limit_command(velocity, self._parameters)))
+        self._waiting.append((due, limit_command(velocity, self._parameters, self._robot.drive)))
 
     def halt(self) -> None:
         """Forget all commands and stand, as after being set down."""
         self._waiting.clear()
-        self._target = self._speeds = STANDSTILL
-        self._wanted = self._base.wheel_angles()
+        self._target = self._state = self._aim(Twist2D(0.0, 0.0, 0.0))
+        self._settle()
         self._wake()
 
     def advance(self, slip: float, restless: bool) -> None:
@@ -57,25 +70,58 @@ class Drivetrain:
         self._step += 1
         while self._waiting and self._waiting[0][0] < self._step:
             self._command_step = self._step
-            self._target = wheel_speeds(self._waiting.popleft()[1])
+            self._target = self._aim(self._waiting.popleft()[1])
         if self._timeout and self._step - self._command_step > self._timeout:
-            self._target = STANDSTILL
-        if self._speeds == self._target == STANDSTILL and not restless:
+            self._target = self._aim(Twist2D(0.0, 0.0, 0.0))
+        if self._state == self._target and self._stands(self._state) and not restless:
             self._idle_steps += 1
             if self._idle_steps == self._park_steps:
                 self._base.park()
         else:
             self._wake()
-            if self._speeds != self._target:
-                (left, right), (left_target, right_target) = self._speeds, self._target
-                self._speeds = (
-                    approach(left, left_target, self._rim_change), approach(right, right_target, self._rim_change)
-                )
+            if self._state != self._target:
+                self._state = tuple(map(approach, self._state, self._target, self._changes))
         if self._idle_steps < self._park_steps:
-            self._turn_wheels(slip)
+            self._follow(slip)
 
-    def wheel_angles(self) -> Tuple[float, float]:
-        """Return how far (rad) the wheels have turned, left and right, spinning included."""
+    @abc.abstractmethod
+    def wheel_angles(self) -> Tuple[float, ...]:
+        """Return how far (rad) the driven wheels have turned, in the order of the robot's joints, spinning included."""
+
+    @abc.abstractmethod
+    def _aim(self, velocity: Twist2D) -> State:
+        """Return what the motors hold once the robot drives at `velocity`."""
+
+    @abc.abstractmethod
+    def _most_change(self) -> State:
+        """Return by how much each part of what they hold may change in one step."""
+
+    @abc.abstractmethod
+    def _follow(self, slip: float) -> None:
+        """Do for one step what the motors hold."""
+
+    @abc.abstractmethod
+    def _settle(self) -> None:
+        """Take the robot as it stands, set down elsewhere."""
+
+    def _stands(self, state: State) -> bool:
+        return not any(state)
+
+    def _wake(self) -> None:
+        if self._idle_steps >= self._park_steps:
+            self._base.wake()
+        self._idle_steps = 0
+
+
+class TwoWheels(Drivetrain):
+    """A differential drive: two motors that turn wheels with tyres on the ground."""
+
+    def __init__(self, base: Base, parameters: SimulationParameters, robot: RobotModel) -> None:
+        super().__init__(base, parameters, robot)
+        self._wanted = base.wheel_angles()
+        self._spun = (0.0, 0.0)
+
+    def wheel_angles(self) -> Tuple[float, ...]:
         left, right = self._base.wheel_angles()
         wanted_left, wanted_right = self._wanted
         self._wanted = (
@@ -84,8 +130,14 @@ class Drivetrain:
         )
         return left + self._spun[0], right + self._spun[1]
 
-    def _turn_wheels(self, slip: float) -> None:
-        left, right = self._speeds
+    def _aim(self, velocity: Twist2D) -> State:
+        return wheel_speeds(velocity, self._robot.wheels)
+
+    def _most_change(self) -> State:
+        return (self._parameters.wheel_acceleration * self._period / self._robot.wheels.radius,) * 2
+
+    def _follow(self, slip: float) -> None:
+        left, right = self._state
         if slip:
             spin = slip * self._period
             self._spun = (self._spun[0] + spin * left, self._spun[1] + spin * right)
@@ -93,7 +145,110 @@ class Drivetrain:
         self._wanted = (self._wanted[0] + left * self._period, self._wanted[1] + right * self._period)
         self._base.turn_wheels(*self._wanted, left, right)
 
-    def _wake(self) -> None:
-        if self._idle_steps >= self._park_steps:
-            self._base.wake()
-        self._idle_steps = 0
+    def _settle(self) -> None:
+        self._wanted = self._base.wheel_angles()
+
+
+class FourWheels(Drivetrain):
+    """What four wheels have in common: the body follows a velocity as far as the tyres hold.
+
+    The wheels turn with the body's way, and as much more as they spin.
+    """
+
+    def __init__(self, base: Base, parameters: SimulationParameters, robot: RobotModel) -> None:
+        self._arm = math.hypot(robot.wheels.base, robot.wheels.separation) / 2.0
+        super().__init__(base, parameters, robot)
+        self._grip = parameters.wheel_friction * GRAVITY * self._period
+        self._angles = np.zeros(len(robot.joints))
+        self._pose = base.pose()
+
+    def wheel_angles(self) -> Tuple[float, ...]:
+        self._roll()
+        return tuple(self._angles.tolist())
+
+    def _follow(self, slip: float) -> None:
+        self._roll()
+        held = self._held()
+        if slip:
+            self._angles += slip * self._period * self._rotation(held)
+            held = Twist2D(*((1.0 - slip) * part for part in held))
+        self._base.push(held, self._grip, self._grip / self._arm)
+
+    def _settle(self) -> None:
+        self._pose = self._base.pose()
+
+    def _roll(self) -> None:
+        """Turn the wheels by the way the body went since the last look."""
+        pose = self._base.pose()
+        if pose == self._pose:
+            return
+        x, y = pose.x - self._pose.x, pose.y - self._pose.y
+        turn = normalize_angle(pose.theta - self._pose.theta)
+        middle = self._pose.theta + turn / 2.0
+        cos, sin = math.cos(middle), math.sin(middle)
+        self._angles += self._rotation(Twist2D(cos * x + sin * y, cos * y - sin * x, turn))
+        self._pose = pose
+
+    @abc.abstractmethod
+    def _held(self) -> Twist2D:
+        """Return the velocity that goes with what the motors hold."""
+
+    @abc.abstractmethod
+    def _rotation(self, motion: Twist2D) -> np.ndarray:
+        """Return how far (rad) the wheels turn on the way `motion`, or how fast (rad/s) at that velocity."""
+
+
+class MecanumWheels(FourWheels):
+    """An omnidirectional drive."""
+
+    def __init__(self, base: Base, parameters: SimulationParameters, robot: RobotModel) -> None:
+        self._matrix = mecanum_matrix(robot.wheels)
+        super().__init__(base, parameters, robot)
+
+    def _aim(self, velocity: Twist2D) -> State:
+        return tuple(velocity)
+
+    def _most_change(self) -> State:
+        rim = self._parameters.wheel_acceleration * self._period
+        return rim, rim, rim / self._arm
+
+    def _held(self) -> Twist2D:
+        return Twist2D(*self._state)
+
+    def _rotation(self, motion: Twist2D) -> np.ndarray:
+        rotation: np.ndarray = self._matrix @ np.array(motion)
+        return rotation
+
+
+class SteeredWheels(FourWheels):
+    """A car: driven behind, steered in front, round nothing smaller than its turning circle."""
+
+    _steering = 0.0
+    """Angle (rad) asked for last."""
+
+    def _aim(self, velocity: Twist2D) -> State:
+        wheels = self._robot.wheels
+        if velocity.x == 0.0:
+            return 0.0, self._steering  # it stays where it is
+        most = math.atan(wheels.base / wheels.turning_radius)
+        steering = math.atan(wheels.base * velocity.theta / velocity.x)
+        self._steering = min(most, max(-most, steering))
+        return velocity.x, self._steering
+
+    def _most_change(self) -> State:
+        return self._parameters.wheel_acceleration * self._period, self._robot.wheels.steering_rate * self._period
+
+    def _stands(self, state: State) -> bool:
+        return state[0] == 0.0
+
+    def _held(self) -> Twist2D:
+        speed, steering = self._state
+        return Twist2D(speed, 0.0, speed * math.tan(steering) / self._robot.wheels.base)
+
+    def _rotation(self, motion: Twist2D) -> np.ndarray:
+        return np.array(wheel_speeds(motion, self._robot.wheels))
+
+
+DRIVETRAINS: Dict[str, Type[Drivetrain]] = {
+    DIFFERENTIAL: TwoWheels, OMNIDIRECTIONAL: MecanumWheels, CAR: SteeredWheels,
+}

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Sequence, Tuple
+from typing import NamedTuple, Sequence, Tuple, Union
 
 import numpy as np
 
 from mbf_relay.geometry import Pose2D
+
+Triple = Union[Sequence[float], np.ndarray]
+"""x, y, z."""
+Quaternion = Union[Sequence[float], np.ndarray]
+"""x, y, z, w, of any length above zero."""
 
 
 class Frame(NamedTuple):
@@ -27,7 +32,7 @@ class Frame(NamedTuple):
         return Frame.of(pose.x, pose.y, z, yaw=pose.theta)
 
     @staticmethod
-    def from_quaternion(position: Sequence[float], quaternion: Sequence[float]) -> Frame:
+    def from_quaternion(position: Triple, quaternion: Quaternion) -> Frame:
         """Make a frame from a position (m) and a quaternion (x, y, z, w) of any length above zero."""
         return Frame(np.array(position, dtype=float), rotation_from_quaternion(quaternion))
 
@@ -41,7 +46,8 @@ class Frame(NamedTuple):
 
     def transform_points(self, points: np.ndarray) -> np.ndarray:
         """Take points of this frame, shape (..., 3) in metres, to the frame this one is given in."""
-        return np.asarray(points, dtype=float) @ self.rotation.T + self.position
+        moved: np.ndarray = np.asarray(points, dtype=float) @ self.rotation.T + self.position
+        return moved
 
     def quaternion(self) -> Tuple[float, float, float, float]:
         """Return the rotation as a unit quaternion (x, y, z, w)."""
@@ -65,7 +71,7 @@ def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> np.ndarray:
     ])
 
 
-def rotation_from_quaternion(quaternion: Sequence[float]) -> np.ndarray:
+def rotation_from_quaternion(quaternion: Quaternion) -> np.ndarray:
     """Return the matrix of a quaternion (x, y, z, w); raise ValueError where it is not finite or all zero."""
     x, y, z, w = (float(component) for component in quaternion)
     norm = math.sqrt(x * x + y * y + z * z + w * w)

@@ -60,6 +60,10 @@ class Imu:
         )
         noise = self._rng.standard_normal(6)
         return ImuReading(
-            stamp, motion.orientation, motion.turn_rate + self._gyro * noise[:3], felt + self._accelerometer * noise[3:],
-            self._gyro, self._accelerometer,
+            stamp,
+            motion.orientation,
+            motion.turn_rate + self._gyro * noise[:3],
+            felt + self._accelerometer * noise[3:],
+            self._gyro,
+            self._accelerometer,
         )

@@ -8,11 +8,11 @@ from typing import Optional
 import numpy as np
 
 from mbf_relay.scan import LaserScan
-from mbf_relay.simulation import burger
 from mbf_relay.simulation.faults import Faults
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.parameters import SimulationParameters
-from mbf_relay.simulation.stage import Stage
+from mbf_relay.simulation.robot import SCAN_FRAME
+from mbf_relay.simulation.scene import Scene
 
 DEAD = 0.0
 """What an LDS-01 reads where it measured nothing; below range_min, so that nobody takes it for a distance."""
@@ -26,8 +26,18 @@ class Lidar:
     before the scan is complete. Rays start at the sensor and never see the robot itself.
     """
 
-    def __init__(self, stage: Stage, parameters: SimulationParameters, rng: np.random.Generator) -> None:
-        self._stage, self._parameters, self._rng = stage, parameters, rng
+    def __init__(
+        self, scene: Scene, parameters: SimulationParameters, in_base: Frame, rng: np.random.Generator
+    ) -> None:
+        """Mount it.
+
+        Args:
+            scene: What it looks at.
+            parameters: Its own are named scan_...
+            in_base: Where it stands in base_link.
+            rng: For its errors.
+        """
+        self._scene, self._parameters, self._in_base, self._rng = scene, parameters, in_base, rng
         self._steps = parameters.steps_between("scan_rate")
         self._increment = 2.0 * math.pi / parameters.scan_beams
         angles = self._increment * np.arange(parameters.scan_beams)
@@ -55,14 +65,15 @@ class Lidar:
         stamp = now - 0.5 * self._steps / parameters.physics_rate if parameters.scan_skew else now
         return LaserScan(
             self._without_dead_beams(self._last, faults), 0.0, self._increment, parameters.scan_range_min,
-            parameters.scan_range_max, stamp, burger.SCAN_FRAME,
+            parameters.scan_range_max, stamp, SCAN_FRAME,
         )
 
     def _distances(self, base: Frame, directions: np.ndarray) -> np.ndarray:
-        """Return the true distances along directions (B, 3), shape (B,) in metres, +inf where nothing is within range."""
-        sensor = base.compose(burger.SCAN_IN_BASE)
+        """Return the true distances along directions (B, 3), shape (B,) in metres, +inf where nothing is within range.
+        """
+        sensor = base.compose(self._in_base)
         reach = self._parameters.scan_range_max
-        shares = self._stage.cast(sensor.position, sensor.transform_points(reach * directions))
+        shares = self._scene.cast(sensor.position, sensor.transform_points(reach * directions))
         return np.where(shares < 1.0, shares * reach, np.inf)
 
     def _with_errors(self, distances: np.ndarray) -> np.ndarray:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from typing import Dict, List, Tuple
 
-import cv2
 import numpy as np
 
+from mbf_relay.distances import distances_to_zeros
 from mbf_relay.geometry import Pose2D
 from mbf_relay.maps import FREE, OccupancyMap, load_map
 from mbf_relay.simulation.frames import Frame
@@ -128,14 +128,14 @@ def _level(rectangles: np.ndarray, height: float) -> np.ndarray:
 
 def _start(occupancy: OccupancyMap, free: np.ndarray) -> Pose2D:
     """Return the map frame's origin if it is well inside of free space, else the place with most room."""
-    room = cv2.distanceTransform(np.pad(free, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1] * occupancy.resolution
+    room = distances_to_zeros(np.pad(free, 1))[1:-1, 1:-1] * occupancy.resolution
     local = Pose2D(0.0, 0.0, 0.0).relative_to(occupancy.origin)
     grid = occupancy.local_grid
     if grid.contains_point(local.x, local.y):
         column, row = grid.cell_at(local.x, local.y)
         if room[row, column] > 0.2:
             return Pose2D(0.0, 0.0, 0.0)
-    row, column = np.unravel_index(int(np.argmax(room)), room.shape)
-    x, y = grid.center_of(int(column), int(row))
+    row, column = divmod(int(np.argmax(room)), room.shape[1])
+    x, y = grid.center_of(column, row)
     place = occupancy.origin.compose(Pose2D(x, y, 0.0))
     return Pose2D(place.x, place.y, 0.0)

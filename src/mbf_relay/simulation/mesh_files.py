@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import io
 import os
 import struct
 from typing import Callable, Dict, List, Optional
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from mbf_relay import files
 from mbf_relay.simulation.frames import Frame
+
+LARGEST_MESH = 512 << 20
+"""Bytes of a mesh file."""
+MOST_TRIANGLES, MOST_PARTS = 5000000, 10000
+"""Of a scene whose nodes stand for others, which a short file can multiply."""
 
 
 def read_mesh(path: str) -> np.ndarray:
@@ -24,7 +31,16 @@ def read_mesh(path: str) -> np.ndarray:
         raise ValueError(f"mesh {path} cannot be read: only {', '.join(sorted(READERS))} are understood")
     try:
         triangles = reader(path)
-    except (ValueError, KeyError, IndexError, AttributeError, TypeError, struct.error, ElementTree.ParseError) as error:
+    except (
+        ValueError,
+        LookupError,
+        AttributeError,
+        TypeError,
+        ArithmeticError,
+        struct.error,
+        RecursionError,
+        StopIteration,
+    ) as error:
         raise ValueError(f"mesh {path} is malformed: {error}") from error
     if not len(triangles) or not np.isfinite(triangles).all():
         raise ValueError(f"mesh {path} has no triangles, or corners that are not finite")
@@ -32,21 +48,23 @@ def read_mesh(path: str) -> np.ndarray:
 
 
 def _read_stl(path: str) -> np.ndarray:
-    with open(path, "rb") as file:
+    with files.open_regular(path, LARGEST_MESH) as file:
         content = file.read()
     count = struct.unpack_from("<I", content, 80)[0] if len(content) >= 84 else -1
     if len(content) == 84 + 50 * count:
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
         return np.frombuffer(content, record, count, 84)["corners"].astype(float)
-    words = [line.split()[1:4] for line in content.decode("utf-8", "replace").splitlines() if line.split()[:1] == ["vertex"]]
+    words = [
+        line.split()[1:4] for line in content.decode("utf-8", "replace").splitlines() if line.split()[:1] == ["vertex"]
+    ]
     return np.array(words, dtype=float).reshape(-1, 3, 3)
 
 
 def _read_obj(path: str) -> np.ndarray:
     corners: List[List[float]] = []
     faces: List[List[int]] = []
-    with open(path, encoding="utf-8", errors="replace") as file:
-        for line in file:
+    with files.open_regular(path, LARGEST_MESH) as file:
+        for line in io.TextIOWrapper(file, encoding="utf-8", errors="replace"):
             words = line.split()
             if words[:1] == ["v"]:
                 corners.append([float(word) for word in words[1:4]])
@@ -54,7 +72,8 @@ def _read_obj(path: str) -> np.ndarray:
                 polygon = [int(word.split("/")[0]) for word in words[1:]]
                 polygon = [index - 1 if index > 0 else len(corners) + index for index in polygon]
                 faces.extend([polygon[0], b, c] for b, c in zip(polygon[1:], polygon[2:]))
-    return np.array(corners, dtype=float).reshape(-1, 3)[np.array(faces, dtype=int).reshape(-1, 3)]
+    triangles: np.ndarray = np.array(corners, dtype=float).reshape(-1, 3)[np.array(faces, dtype=int).reshape(-1, 3)]
+    return triangles
 
 
 def _read_collada(path: str) -> np.ndarray:
@@ -62,7 +81,7 @@ def _read_collada(path: str) -> np.ndarray:
 
     The file's own upward axis is not looked at: Gazebo does not either, and worlds are made to look right there.
     """
-    root = ElementTree.parse(path).getroot()
+    root = files.read_xml(path)
     for element in root.iter():
         element.tag = element.tag.rpartition("}")[2]
     geometries = {g.get("id"): _collada_geometry(g) for g in root.iter("geometry")}
@@ -73,7 +92,7 @@ def _read_collada(path: str) -> np.ndarray:
             _collada_node(node, np.eye(4), geometries, nodes, found)
     if not found:
         found = list(geometries.values())
-    triangles = np.concatenate(found)
+    triangles: np.ndarray = np.concatenate(found)
     unit = root.find("asset/unit")
     if unit is not None:
         triangles = triangles * float(unit.get("meter", "1"))
@@ -81,14 +100,16 @@ def _read_collada(path: str) -> np.ndarray:
 
 
 def _collada_node(
-    node: ElementTree.Element, parent: np.ndarray, geometries: Dict[Optional[str], np.ndarray],
-    nodes: Dict[Optional[str], ElementTree.Element], found: List[np.ndarray],
+    node: Element, parent: np.ndarray, geometries: Dict[Optional[str], np.ndarray],
+    nodes: Dict[Optional[str], Element], found: List[np.ndarray],
 ) -> None:
     """Collect the triangles of a node and all below it, taken to the scene's frame."""
     transform = parent
     for element in node:
         if element.tag == "instance_geometry":
             triangles = geometries[element.get("url", "").lstrip("#")]
+            if len(triangles) + sum(map(len, found)) > MOST_TRIANGLES or len(found) > MOST_PARTS:
+                raise ValueError(f"it has more than {MOST_TRIANGLES} triangles or {MOST_PARTS} parts")
             found.append(triangles @ transform[:3, :3].T + transform[:3, 3])
         elif element.tag == "instance_node":
             _collada_node(nodes[element.get("url", "").lstrip("#")], transform, geometries, nodes, found)
@@ -98,7 +119,7 @@ def _collada_node(
             transform = transform @ _collada_transform(element)
 
 
-def _collada_transform(element: ElementTree.Element) -> np.ndarray:
+def _collada_transform(element: Element) -> np.ndarray:
     values = np.array((element.text or "").split(), dtype=float)
     transform = np.eye(4)
     if element.tag == "matrix":
@@ -114,7 +135,7 @@ def _collada_transform(element: ElementTree.Element) -> np.ndarray:
     return transform
 
 
-def _collada_geometry(geometry: ElementTree.Element) -> np.ndarray:
+def _collada_geometry(geometry: Element) -> np.ndarray:
     """Return the triangles of a geometry, shape (N, 3, 3), in its own units."""
     mesh = geometry.find("mesh")
     if mesh is None:
@@ -124,16 +145,25 @@ def _collada_geometry(geometry: ElementTree.Element) -> np.ndarray:
         for source in mesh.findall("source")
     }
     positions = {
-        vertices.get("id"): arrays[vertices.find("input[@semantic='POSITION']").get("source").lstrip("#")].reshape(-1, 3)
+        vertices.get("id"): arrays[_source_of(vertices)].reshape(-1, 3)
         for vertices in mesh.findall("vertices")
     }
     parts = [
-        _collada_faces(group, positions) for kind in ("triangles", "polylist", "polygons") for group in mesh.findall(kind)
+        _collada_faces(group, positions)
+        for kind in ("triangles", "polylist", "polygons")
+        for group in mesh.findall(kind)
     ]
     return np.concatenate(parts) if parts else np.empty((0, 3, 3))
 
 
-def _collada_faces(group: ElementTree.Element, positions: Dict[Optional[str], np.ndarray]) -> np.ndarray:
+def _source_of(vertices: Element) -> str:
+    positions = vertices.find("input[@semantic='POSITION']")
+    if positions is None:
+        raise ValueError("a mesh has vertices without positions")
+    return positions.get("source", "").lstrip("#")
+
+
+def _collada_faces(group: Element, positions: Dict[Optional[str], np.ndarray]) -> np.ndarray:
     """Return the triangles of one group of faces; polygons are taken for convex."""
     inputs = group.findall("input")
     vertex = next(i for i in inputs if i.get("semantic") == "VERTEX")
@@ -147,7 +177,8 @@ def _collada_faces(group: ElementTree.Element, positions: Dict[Optional[str], np
         counts = np.array((group.findtext("vcount") or "").split(), dtype=int)
         lists = np.split(np.concatenate(lists), np.cumsum(counts)[:-1])
     fans = [[polygon[0], b, c] for polygon in lists for b, c in zip(polygon[1:], polygon[2:])]
-    return corners[np.array(fans, dtype=int).reshape(-1, 3)]
+    triangles: np.ndarray = corners[np.array(fans, dtype=int).reshape(-1, 3)]
+    return triangles
 
 
 READERS: Dict[str, Callable[[str], np.ndarray]] = {".stl": _read_stl, ".obj": _read_obj, ".dae": _read_collada}

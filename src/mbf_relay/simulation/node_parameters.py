@@ -15,9 +15,13 @@ from mbf_relay.simulation.world import World
 class SimulatorParameters(SimulationParameters):
     """Parameters of the `simulator` node."""
 
-    world: str = parameter("arena", "arena, empty, or a file: map YAML, SDF or Gazebo world, URDF, or worlds file (JSON)")
+    world: str = parameter(
+        "arena", "arena, empty, or a file: map YAML, SDF or Gazebo world, URDF, or worlds file (JSON)"
+    )
     world_name: str = parameter("", "which world, in a file of several")
-    x_pos: Optional[float] = parameter(None, "where the robot starts, map frame; the world's own start where not set", unit="m")
+    x_pos: Optional[float] = parameter(
+        None, "where the robot starts, map frame; the world's own start where not set", unit="m"
+    )
     y_pos: Optional[float] = parameter(None, "likewise", unit="m")
     yaw: Optional[float] = parameter(None, "its heading there; likewise", unit="rad")
     seed: int = parameter(1, "of all chance; equal seeds give equal readings", minimum=0)
@@ -25,11 +29,19 @@ class SimulatorParameters(SimulationParameters):
 
     real_time_factor: float = parameter(1.0, "simulated seconds per second; 0 for as fast as it goes", minimum=0.0)
     follow_clock: bool = parameter(False, "keep to another simulator's /clock instead of making one")
-    neighbours: str = parameter("", "namespaces of other simulators whose robots stand in this world too, blanks between them")
+    neighbours: str = parameter(
+        "", "namespaces of other simulators whose robots stand in this world too, blanks between them"
+    )
     clock_rate: float = parameter(60.0, "messages on /clock per simulated second", unit="Hz", above=0.0)
-    truth_rate: float = parameter(30.0, "messages with the true pose per simulated second; 0 for none", unit="Hz", minimum=0.0)
-    hold: float = parameter(
-        0.0, "wall time to wait, before a scan, for the velocity command that answers the last one; 0 for none", unit="s", minimum=0.0
+    truth_rate: float = parameter(
+        30.0, "messages with the true pose per simulated second; 0 for none", unit="Hz", minimum=0.0
+    )
+    command_patience: float = parameter(
+        0.0,
+        "wall time to wait, before a scan, for the velocity command that answers the last one; 0 for none",
+        unit="s",
+        minimum=0.0,
+        aliases=("hold",),
     )
 
     picture_folder: str = parameter("", "where take_pictures leaves its files; empty for the folder ROS logs to")
@@ -50,4 +62,6 @@ class SimulatorParameters(SimulationParameters):
     def placed(self, world: World) -> World:
         """Return the world with the robot's start where these parameters put it."""
         asked = (self.x_pos, self.y_pos, self.yaw)
-        return replace(world, start=Pose2D(*(own if value is None else value for own, value in zip(world.start, asked))))
+        return replace(
+            world, start=Pose2D(*(own if value is None else value for own, value in zip(world.start, asked)))
+        )

@@ -11,11 +11,12 @@ from mbf_relay.simulation.imu import ImuReading
 
 
 class JointReading(NamedTuple):
-    """The wheels, left and right: time (s), angles (rad), speeds (rad/s)."""
+    """The driven wheels: time (s), angles (rad), speeds (rad/s), and the joints' names."""
 
     stamp: float
-    positions: Tuple[float, float]
-    velocities: Tuple[float, float]
+    positions: Tuple[float, ...]
+    velocities: Tuple[float, ...]
+    names: Tuple[str, ...]
 
 
 class Observations(NamedTuple):

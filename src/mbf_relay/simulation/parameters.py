@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Tuple
+from typing import Any, Dict, Mapping, Tuple
 
 from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.simulation.robot_file import load_robot
 
 RATES = ("scan_rate", "odom_rate", "imu_rate", "joint_state_rate")
 
 
 @dataclass(frozen=True)
 class SimulationParameters(ParameterSet):
-    """Parameters of `Simulation`; the defaults are a TurtleBot3 burger with an LDS-01 lidar."""
+    """Parameters of `Simulation`; the defaults are a TurtleBot3 burger with an LDS-01 lidar.
 
-    physics_rate: int = parameter(120, "physics steps per second of simulated time", unit="Hz", minimum=20, maximum=2000)
+    What a user does not set is taken from the robot's file, and only then from here.
+    """
+
+    robot: str = parameter("burger", "a file in config/robot without its ending, or the path of a robot's YAML file")
+    physics_rate: int = parameter(
+        120, "physics steps per second of simulated time", unit="Hz", minimum=20, maximum=2000
+    )
     start_time: float = parameter(1.0, "what the clock shows at first", unit="s", above=0.0)
     solver_iterations: int = parameter(40, "iterations of the contact solver per step", minimum=5, maximum=500)
 
@@ -23,12 +30,23 @@ class SimulationParameters(ParameterSet):
     wheel_acceleration: float = parameter(1.0, "top acceleration at the rim of a wheel", unit="m/s^2", above=0.0)
     wheel_torque: float = parameter(0.5, "top torque of a wheel's motor", unit="N m", above=0.0)
     wheel_friction: float = parameter(1.0, "friction coefficient of the tyres on the ground", above=0.0, maximum=10.0)
-    wheel_slip: float = parameter(0.0, "share of its rotation by which a wheel fails to carry the robot on", minimum=0.0, maximum=1.0)
-    cmd_vel_timeout: float = parameter(0.5, "age of the velocity command beyond which the robot stops; 0 for none", unit="s", minimum=0.0)
+    wheel_slip: float = parameter(
+        0.0, "share of its rotation by which a wheel fails to carry the robot on", minimum=0.0, maximum=1.0
+    )
+    cmd_vel_timeout: float = parameter(
+        0.5, "age of the velocity command beyond which the robot stops; 0 for none", unit="s", minimum=0.0
+    )
 
     odom_rate: float = parameter(30.0, "readings of the wheel encoders; 0 for none", unit="Hz", minimum=0.0)
-    odom_noise: float = parameter(0.001, "deviation of a wheel's measured way after one metre; grows with the root of the way", unit="m", minimum=0.0)
-    odom_bias: Tuple[float, float] = parameter((0.0, 0.0), "error of the left and right wheel's measured way, as a share of it", minimum=-0.5, maximum=0.5)
+    odom_noise: float = parameter(
+        0.001,
+        "deviation of a wheel's measured way after one metre; grows with the root of the way",
+        unit="m",
+        minimum=0.0,
+    )
+    odom_bias: Tuple[float, float] = parameter(
+        (0.0, 0.0), "error of the left and right wheel's measured way, as a share of it", minimum=-0.5, maximum=0.5
+    )
     joint_state_rate: float = parameter(30.0, "joint states; 0 for none", unit="Hz", minimum=0.0)
 
     imu_rate: float = parameter(60.0, "readings of the inertial sensor; 0 for none", unit="Hz", minimum=0.0)
@@ -37,19 +55,37 @@ class SimulationParameters(ParameterSet):
 
     scan_rate: float = parameter(5.0, "turns of the lidar; 0 for none", unit="Hz", minimum=0.0)
     scan_beams: int = parameter(360, "beams of a full turn", minimum=1, maximum=16384)
-    scan_range_min: float = parameter(0.12, "nearest distance that is measured; what is nearer reads 0", unit="m", minimum=0.0)
-    scan_range_max: float = parameter(3.5, "farthest distance that is measured; what is farther reads +inf", unit="m", above=0.0)
+    scan_range_min: float = parameter(
+        0.12, "nearest distance that is measured; what is nearer reads 0", unit="m", minimum=0.0
+    )
+    scan_range_max: float = parameter(
+        3.5, "farthest distance that is measured; what is farther reads +inf", unit="m", above=0.0
+    )
     scan_resolution: float = parameter(0.015, "step of the readings; 0 for none", unit="m", minimum=0.0)
     scan_noise: float = parameter(0.01, "deviation of the readings", unit="m", minimum=0.0)
-    scan_skew: bool = parameter(False, "take each beam where the robot is when the turning sensor looks its way, not all at once")
+    scan_skew: bool = parameter(
+        False, "take each beam where the robot is when the turning sensor looks its way, not all at once"
+    )
     scan_dropout: float = parameter(0.0, "share of the beams that read +inf by chance", minimum=0.0, maximum=1.0)
+
+    @classmethod
+    def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
+        """Return the values that belong here, by present names: the user's, then the robot's own."""
+        own = super().known(values)
+        settings = load_robot(str(own["robot"])).settings if "robot" in own else {}
+        for name in cls.unknown_names(settings):
+            raise ValueError(f"robot '{own['robot']}' sets '{name}', which the simulator has not")
+        return {**super().known(settings), **own}
 
     def check(self) -> None:
         """Raise ValueError where a rate does not divide the physics rate or the lidar's ranges are out of order."""
         for name in RATES:
             self.steps_between(name)
         if self.scan_range_max <= self.scan_range_min:
-            raise ValueError(f"parameter scan_range_max is {self.scan_range_max}; it must be above scan_range_min ({self.scan_range_min} m)")
+            raise ValueError(
+                f"parameter scan_range_max is {self.scan_range_max}; it must be above scan_range_min "
+                f"({self.scan_range_min} m)"
+            )
 
     def steps_between(self, name: str) -> int:
         """Return the physics steps from one event of a rate to the next, 0 where the rate is 0."""
@@ -68,6 +104,7 @@ def steps_between(name: str, rate: float, physics_rate: int) -> int:
     if steps < 1 or abs(steps * rate - physics_rate) > 1e-6 * physics_rate:
         lower, upper = (physics_rate / max(1, physics_rate // rate + i) for i in (1, 0))
         raise ValueError(
-            f"parameter {name} is {rate} Hz; it must divide physics_rate ({physics_rate} Hz), as {lower:g} or {upper:g} Hz do"
+            f"parameter {name} is {rate} Hz; it must divide physics_rate ({physics_rate} Hz), as {lower:g} or "
+            f"{upper:g} Hz do"
         )
     return int(steps)

@@ -15,6 +15,7 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.simulation import window
 from mbf_relay.simulation.bullet import pybullet
 from mbf_relay.simulation.frames import Frame
+from mbf_relay.simulation.lent import create_mesh
 from mbf_relay.simulation.shapes import Box, Cylinder, Shape, Sphere
 
 GROUND, FIXED, ROBOT, LOOSE, ROLLING = 2, 4, 16, 32, 64
@@ -93,8 +94,8 @@ class Physics:
         for first in range(0, len(triangles), CHUNK):
             corners = triangles[first:first + CHUNK].reshape(-1, 3)
             vertices, indices = np.unique(corners, axis=0, return_inverse=True)
-            shape = pybullet.createCollisionShape(
-                pybullet.GEOM_MESH, vertices=vertices.tolist(), indices=indices.ravel().tolist(),
+            shape = create_mesh(
+                pybullet.createCollisionShape, vertices, indices.ravel(), shapeType=pybullet.GEOM_MESH,
                 physicsClientId=self.client,
             )
             body = pybullet.createMultiBody(0.0, shape, physicsClientId=self.client)
@@ -106,8 +107,13 @@ class Physics:
 
     def add_loose(self, shape: Shape, frame: Frame, mass: float) -> int:
         """Add a solid that is moved, by forces if it has a mass (kg) or by hand; the lidar sees it."""
-        body = pybullet.createMultiBody(
-            mass, self.collision_shape(shape), -1, frame.position.tolist(), frame.quaternion(), physicsClientId=self.client
+        body: int = pybullet.createMultiBody(
+            mass,
+            self.collision_shape(shape),
+            -1,
+            frame.position.tolist(),
+            frame.quaternion(),
+            physicsClientId=self.client,
         )
         self.filter(body, LOOSE, RAYS | GROUND | FIXED | ROBOT | LOOSE)
         return body
@@ -122,8 +128,11 @@ class Physics:
             arguments = dict(shapeType=pybullet.GEOM_SPHERE, radius=shape.radius)
         else:
             corners = np.unique(shape.triangles().reshape(-1, 3), axis=0)
-            arguments = dict(shapeType=pybullet.GEOM_MESH, vertices=corners.tolist())
-        return pybullet.createCollisionShape(physicsClientId=self.client, **arguments)
+            return create_mesh(
+                pybullet.createCollisionShape, corners, shapeType=pybullet.GEOM_MESH, physicsClientId=self.client
+            )
+        number: int = pybullet.createCollisionShape(physicsClientId=self.client, **arguments)
+        return number
 
     def remove(self, body: int) -> None:
         """Take a body out of the world."""
@@ -154,4 +163,5 @@ class Physics:
 
     def contacts(self, body: int) -> Sequence[Tuple[Any, ...]]:
         """Return PyBullet's contact points of a body."""
-        return pybullet.getContactPoints(bodyA=body, physicsClientId=self.client)
+        points: Sequence[Tuple[Any, ...]] = pybullet.getContactPoints(bodyA=body, physicsClientId=self.client)
+        return points

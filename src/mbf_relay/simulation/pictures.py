@@ -1,7 +1,7 @@
 """Pictures of a simulation without a display, by PyBullet's software renderer.
 
-A picture is taken in a physics client of its own, to which everything is copied as it stands: taking one changes nothing in
-the simulation.
+A picture is taken in a physics client of its own, to which everything is copied as it stands: taking one changes
+nothing in the simulation.
 """
 
 from __future__ import annotations
@@ -13,8 +13,6 @@ from typing import List, NamedTuple, Tuple
 import numpy as np
 from PIL import Image
 
-from mbf_relay.simulation import burger
-from mbf_relay.simulation.base import AXLE
 from mbf_relay.simulation.bullet import pybullet
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.physics import CHUNK
@@ -39,7 +37,7 @@ class View(NamedTuple):
 def view_from_above(simulation: Simulation) -> View:
     """Return a view straight down on the whole world, x to the right."""
     points = [np.array([[simulation.true_pose.x, simulation.true_pose.y]])]
-    points += [body.triangles()[:, :, :2].reshape(-1, 2) for body in simulation.stage.bodies()]
+    points += [body.triangles()[:, :, :2].reshape(-1, 2) for body in simulation.scene.bodies()]
     lower, upper = (f(np.concatenate(points), axis=0) for f in (np.min, np.max))
     x, y = (lower + upper) / 2.0
     opening = math.radians(15.0)
@@ -95,21 +93,12 @@ def _render(client: int, view: View) -> np.ndarray:
 
 def _copy(client: int, simulation: Simulation) -> None:
     """Put everything of a simulation into a client as something to look at."""
-    for body in simulation.stage.bodies():
+    for body in simulation.scene.bodies():
         _show(client, body)
     pose = simulation.true_pose
     _show(client, Body("ground", Box((60.0, 60.0, 0.01)), Frame.of(pose.x, pose.y, -0.006), colour=GROUND_COLOUR))
-    base = simulation.base.frame()
-    half_track = burger.WHEEL_SEPARATION / 2.0
-    parts: List[Tuple[Shape, Frame, Tuple[float, float, float, float]]] = [
-        (Box(burger.BODY_SIZE), Frame.of(*burger.BODY_CENTER), DARK),
-        (Cylinder(burger.LIDAR_RADIUS, burger.LIDAR_HEIGHT), Frame.of(*burger.LIDAR_CENTER), BLACK),
-    ]
-    for side in (half_track, -half_track):
-        axle = Frame.from_quaternion((0.0, side, burger.WHEEL_HEIGHT), AXLE)
-        parts.append((Cylinder(burger.WHEEL_RADIUS, burger.WHEEL_WIDTH), axle, BLACK))
-    for shape, frame, colour in parts:
-        _show(client, Body("burger", shape, base.compose(frame), colour=colour))
+    for body in simulation.robot.solids(simulation.base.frame(), {"body": DARK, "wheel": BLACK}):
+        _show(client, body)
 
 
 def _show(client: int, body: Body) -> None:

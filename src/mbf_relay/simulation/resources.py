@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from typing import List
 from urllib.parse import unquote
-from xml.etree import ElementTree
+
+from mbf_relay import files
 
 
 class MissingResource(ValueError):
@@ -27,7 +28,9 @@ def find_resource(uri: str, base: str) -> str:
         candidates = [uri if os.path.isabs(uri) else os.path.join(base, uri)]
     elif scheme == "file":
         path = unquote(rest)
-        candidates = [path if os.path.isabs(path) else os.path.join(base, path)] + _in_folders(path, model_folders(base))
+        candidates = [path if os.path.isabs(path) else os.path.join(base, path)] + _in_folders(
+            path, model_folders(base)
+        )
     elif scheme == "model":
         candidates = _in_folders(unquote(rest), model_folders(base))
     elif scheme == "package":
@@ -37,8 +40,13 @@ def find_resource(uri: str, base: str) -> str:
     for candidate in candidates:
         if os.path.exists(candidate):
             return candidate
-    hint = {"model": "; set GAZEBO_MODEL_PATH to the folder that holds it", "package": "; is its package on ROS_PACKAGE_PATH?"}
-    raise MissingResource(f"'{uri}' was not found (looked for {', '.join(candidates) or 'nothing'}){hint.get(scheme, '')}")
+    hint = {
+        "model": "; set GAZEBO_MODEL_PATH to the folder that holds it",
+        "package": "; is its package on ROS_PACKAGE_PATH?",
+    }
+    raise MissingResource(
+        f"'{uri}' was not found (looked for {', '.join(candidates) or 'nothing'}){hint.get(scheme, '')}"
+    )
 
 
 def model_folders(base: str) -> List[str]:
@@ -56,9 +64,9 @@ def model_file(folder: str) -> str:
     config = os.path.join(folder, "model.config")
     if os.path.isfile(config):
         try:
-            names = [element.text.strip() for element in ElementTree.parse(config).getroot().iter("sdf") if element.text]
-        except ElementTree.ParseError as error:
-            raise MissingResource(f"{config} is no XML: {error}") from error
+            names = [element.text.strip() for element in files.read_xml(config).iter("sdf") if element.text]
+        except ValueError as error:
+            raise MissingResource(str(error)) from error
         for name in reversed(names):
             if os.path.isfile(os.path.join(folder, name)):
                 return os.path.join(folder, name)

@@ -1,18 +1,19 @@
 """SDF and Gazebo `.world` files: what of them a robot can bump into or see.
 
-Read are models and links with their poses (also `relative_to` a frame, link or model beside them), includes, the models'
-poses of a saved `<state>`, and the collision geometries box, cylinder, sphere, plane and mesh. What is not understood is
-named in one warning each and left out.
+Read are models and links with their poses (also `relative_to` a frame, link or model beside them), includes, the
+models' poses of a saved `<state>`, and the collision geometries box, cylinder, sphere, plane and mesh. What is not
+understood is named in one warning each and left out.
 """
 
 from __future__ import annotations
 
 import os
 from typing import Dict, List, Optional, Tuple
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from mbf_relay import files
 from mbf_relay.geometry import Pose2D
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.mesh_files import read_mesh
@@ -20,19 +21,56 @@ from mbf_relay.simulation.resources import MissingResource, find_resource, model
 from mbf_relay.simulation.shapes import Body, Box, Cylinder, Mesh, Shape, Sphere
 from mbf_relay.simulation.world import World
 
-Element = ElementTree.Element
-
 ROBOTS = ("turtlebot3", "burger", "waffle")
-"""Beginnings of the names of models that are the robot itself in Gazebo's tutorials' worlds; the burger here is ours."""
+"""Beginnings of the names of models that are the robot itself in Gazebo's tutorials' worlds; the burger here is ours.
+"""
 PASSED_OVER = {
-    "physics", "light", "scene", "gui", "gravity", "magnetic_field", "atmosphere", "audio", "wind", "spherical_coordinates",
-    "state", "plugin", "pose", "frame", "name", "static", "self_collide", "enable_wind", "allow_auto_disable", "link",
-    "model", "include", "joint", "visual", "inertial", "sensor", "collision", "uri", "road", "gripper", "kinematic", "velocity_decay",
-    "must_be_base_link", "mass", "inertia", "material_name", "projector", "battery", "audio_source", "audio_sink",
+    "physics",
+    "light",
+    "scene",
+    "gui",
+    "gravity",
+    "magnetic_field",
+    "atmosphere",
+    "audio",
+    "wind",
+    "spherical_coordinates",
+    "state",
+    "plugin",
+    "pose",
+    "frame",
+    "name",
+    "static",
+    "self_collide",
+    "enable_wind",
+    "allow_auto_disable",
+    "link",
+    "model",
+    "include",
+    "joint",
+    "visual",
+    "inertial",
+    "sensor",
+    "collision",
+    "uri",
+    "road",
+    "gripper",
+    "kinematic",
+    "velocity_decay",
+    "must_be_base_link",
+    "mass",
+    "inertia",
+    "material_name",
+    "projector",
+    "battery",
+    "audio_source",
+    "audio_sink",
 }
 """Elements that are read elsewhere or say nothing about what can be bumped into."""
 ALWAYS_THERE = ("ground_plane", "sun")
 """Gazebo's own models that nearly every world includes: there is ground here, and light where it is needed."""
+MOST_INCLUDES = 10000
+"""Files included; one that includes another twice, and so on, would never end."""
 FLAT = 0.999
 """Upward part of a plane's normal from which it lies level."""
 
@@ -55,7 +93,7 @@ class SdfReader:
         self._path = path
         self._bodies: List[Body] = []
         self._warnings: Dict[str, None] = {}
-        self._depth = 0
+        self._depth = self._includes = 0
 
     def world(self) -> World:
         """Return the world; errors as for `read_sdf`."""
@@ -73,9 +111,9 @@ class SdfReader:
 
     def _parse(self, path: str) -> Element:
         try:
-            root = ElementTree.parse(path).getroot()
-        except ElementTree.ParseError as error:
-            raise ValueError(f"world file {path} is no XML: {error}") from error
+            root = files.read_xml(path)
+        except ValueError as error:
+            raise ValueError(f"world file {error}") from error
         if root.tag not in ("sdf", "gazebo"):
             raise ValueError(f"world file {path} is no SDF: it begins with <{root.tag}>")
         return root
@@ -97,16 +135,19 @@ class SdfReader:
             elif child.tag not in PASSED_OVER:
                 self._warn(f"<{child.tag}> is not understood")
 
-    def _placed(self, element: Element, frames: "_Frames") -> Frame:
+    def _placed(self, element: Element, frames: _Frames) -> Frame:
         """Return the pose of an element, in the world."""
         try:
             return frames.placed(element)
         except KeyError as error:
-            self._warn(f"pose of '{element.get('name', element.tag)}' is relative to {error}, which is not known; it is taken as relative to its parent")
+            self._warn(
+                f"pose of '{element.get('name', element.tag)}' is relative to {error}, which is not known; it is "
+                "taken as relative to its parent"
+            )
             return frames.parent.compose(_pose(element))
 
     def _include(
-        self, include: Element, frames: "_Frames", folder: str, saved: Dict[str, Frame], prefix: str
+        self, include: Element, frames: _Frames, folder: str, saved: Dict[str, Frame], prefix: str
     ) -> None:
         uri = (include.findtext("uri") or "").strip()
         if uri.rstrip("/").rpartition("/")[2].lower().replace(" ", "_") in ALWAYS_THERE:
@@ -119,6 +160,9 @@ class SdfReader:
         name = (include.findtext("name") or "").strip()
         static = (include.findtext("static") or "").strip().lower() in ("1", "true")
         self._depth += 1
+        self._includes += 1
+        if self._includes > MOST_INCLUDES:
+            raise ValueError(f"world file {self._path} includes more than {MOST_INCLUDES} files")
         if self._depth > 30:
             raise ValueError(f"world file {self._path}: '{uri}' includes itself")
         for model in self._parse(file).findall("model"):
@@ -201,7 +245,9 @@ class _Frames:
     def __init__(self, element: Element, parent: Frame) -> None:
         self.parent = parent
         self._named = {
-            child.get("name"): child for child in element if child.tag in ("link", "model", "frame", "joint") and child.get("name")
+            child.get("name"): child
+            for child in element
+            if child.tag in ("link", "model", "frame", "joint") and child.get("name")
         }
 
     def placed(self, element: Element, depth: int = 0) -> Frame:

@@ -7,7 +7,7 @@ and what stands in the map can therefore not differ.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Tuple, Union
 
 import numpy as np
@@ -70,7 +70,8 @@ class Sphere:
         ]
         bands = [_band(lower, upper) for lower, upper in zip(rings, rings[1:])]
         triangles = np.concatenate(bands)
-        return triangles[_areas(triangles) > 1e-12]
+        solid: np.ndarray = triangles[_areas(triangles) > 1e-12]
+        return solid
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +117,21 @@ class Body:
     def triangles(self) -> np.ndarray:
         """Return the surface in the world, shape (N, 3, 3) in metres."""
         return self.frame.transform_points(self.shape.triangles())
+
+    def scaled(self, scale: float) -> Body:
+        """Return the same of a world `scale` times as large; a loose one is as much heavier as it is bulkier."""
+        shape: Shape
+        if isinstance(self.shape, Box):
+            x, y, z = self.shape.size
+            shape = Box((scale * x, scale * y, scale * z))
+        elif isinstance(self.shape, Cylinder):
+            shape = Cylinder(scale * self.shape.radius, scale * self.shape.height)
+        elif isinstance(self.shape, Sphere):
+            shape = Sphere(scale * self.shape.radius)
+        else:
+            shape = Mesh(scale * self.shape.faces)
+        frame = Frame(scale * self.frame.position, self.frame.rotation)
+        return replace(self, shape=shape, frame=frame, mass=scale ** 3 * self.mass)
 
 
 def regular_polygon(radius: float, sides: int) -> np.ndarray:
@@ -181,7 +197,8 @@ def cut(triangles: np.ndarray, height: float) -> Tuple[np.ndarray, np.ndarray]:
 def subdivided(triangles: np.ndarray, longest: float) -> np.ndarray:
     """Halve triangles, shape (N, 3, 3), across their longest edges until none is longer than `longest` metres.
 
-    A long wall that runs aslant has an enclosing box as large as a room; in pieces it is out of the way of all but the near.
+    A long wall that runs aslant has an enclosing box as large as a room; in pieces it is out of the way of all but the
+    near.
     """
     done = []
     while len(triangles):
@@ -191,7 +208,9 @@ def subdivided(triangles: np.ndarray, longest: float) -> np.ndarray:
         rows = np.arange(len(triangles))[large]
         first, second, third = (triangles[rows, (edge[large] + step) % 3] for step in range(3))
         middle = (first + second) / 2.0
-        triangles = np.concatenate((np.stack((first, middle, third), axis=1), np.stack((middle, second, third), axis=1)))
+        triangles = np.concatenate(
+            (np.stack((first, middle, third), axis=1), np.stack((middle, second, third), axis=1))
+        )
     return np.concatenate(done) if done else triangles
 
 
@@ -205,7 +224,8 @@ def _band(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
 
 def _areas(triangles: np.ndarray) -> np.ndarray:
     edges = triangles[:, 1:] - triangles[:, :1]
-    return 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    areas: np.ndarray = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    return areas
 
 
 def _sides(radius: float, roundness: float = ROUNDNESS) -> int:

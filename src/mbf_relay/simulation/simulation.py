@@ -1,8 +1,8 @@
-"""The simulation: a world, a burger in it, and the readings of its sensors, step by step."""
+"""The simulation: a world, a robot in it, and the readings of its sensors, step by step."""
 
 from __future__ import annotations
 
-from typing import Any, Optional, Tuple
+from typing import Any, Optional, Tuple, Union
 
 import numpy as np
 
@@ -10,19 +10,23 @@ from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.simulation.base import Base
 from mbf_relay.simulation.contacts import Contact
 from mbf_relay.simulation.drive import Odometer, Odometry
-from mbf_relay.simulation.drivetrain import Drivetrain
+from mbf_relay.simulation.drivetrain import DRIVETRAINS
 from mbf_relay.simulation.faults import NO_FAULTS
+from mbf_relay.simulation.faulty_odometry import FaultyOdometry
+from mbf_relay.simulation.four_wheels import MecanumOdometer
 from mbf_relay.simulation.imu import Imu
 from mbf_relay.simulation.lidar import Lidar
 from mbf_relay.simulation.observations import NOTHING, JointReading, Observations
 from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.physics import Physics
-from mbf_relay.simulation.stage import Stage
+from mbf_relay.simulation.robot import OMNIDIRECTIONAL, RobotModel
+from mbf_relay.simulation.robot_file import load_robot
+from mbf_relay.simulation.scene import Scene
 from mbf_relay.simulation.world import World
 
 
 class Simulation:
-    """A burger in a world.
+    """A robot in a world.
 
     One seed gives one run to the last bit: each sensor draws from a generator of its own, and the physics is
     deterministic. Time goes on by `step` alone.
@@ -30,13 +34,17 @@ class Simulation:
     Attributes:
         world: The place.
         parameters: Of robot, sensors and time.
-        stage: The bodies in it; obstacles are added there.
+        robot: What the robot is made of.
+        scene: The bodies in it; obstacles are added there.
         base: The robot's body.
         lidar: Its lidar.
         faults: What is made to go wrong (Faults); assign to change.
     """
 
-    def __init__(self, world: World, parameters: SimulationParameters, seed: int, gui: bool = False) -> None:
+    def __init__(
+        self, world: World, parameters: SimulationParameters, seed: int, gui: bool = False,
+        robot: Optional[RobotModel] = None,
+    ) -> None:
         """Build the world and set the robot down at its start.
 
         Args:
@@ -44,21 +52,27 @@ class Simulation:
             parameters: Of robot, sensors and time.
             seed: For all chance in the run.
             gui: Open PyBullet's window.
+            robot: What it is made of; the one the parameters name where None.
 
         Raises:
-            ValueError: The start lies inside of something.
+            ValueError: The start lies inside of something, or there is no such robot.
             OSError: There is no display for the window.
         """
         self.world, self.parameters, self.faults = world, parameters, NO_FAULTS
         self.physics = Physics(parameters.physics_rate, parameters.solver_iterations, gui)
-        self.stage = Stage(self.physics, world)
+        self.robot = robot = robot or load_robot(parameters.robot)
+        self.scene = Scene(self.physics, world, robot)
         self._require_room(world.start, f"the start of world '{world.name}'")
-        self.base = Base(self.physics, parameters, world.start)
+        self.base = Base(self.physics, parameters, robot, world.start)
         self.physics.show(world.start, self.base.body)
-        self._drivetrain = Drivetrain(self.base, parameters)
+        self._drivetrain = DRIVETRAINS[robot.drive](self.base, parameters, robot)
         scan, odom, imu = (np.random.Generator(np.random.PCG64(s)) for s in np.random.SeedSequence(seed).spawn(3))
-        self.lidar = Lidar(self.stage, parameters, scan)
-        self._odometer = Odometer(parameters.odom_noise, parameters.odom_bias, odom)
+        self._faulty_odometry = FaultyOdometry()
+        self.lidar = Lidar(self.scene, parameters, robot.scan_in_base, scan)
+        odometer = MecanumOdometer if robot.drive == OMNIDIRECTIONAL else Odometer
+        self._odometer: Union[Odometer, MecanumOdometer] = odometer(
+            robot.wheels, parameters.odom_noise, parameters.odom_bias, odom
+        )
         self._imu = Imu(parameters, imu)
         self._scan_steps, self._odom_steps, self._imu_steps, self._joint_steps = (
             parameters.steps_between(name) for name in ("scan_rate", "odom_rate", "imu_rate", "joint_state_rate")
@@ -107,7 +121,7 @@ class Simulation:
 
     def reset(self) -> None:
         """Bring everything back to where it was at first; the clock and the chance in the sensors go on."""
-        self.stage.reset()
+        self.scene.reset()
         self._set_down(self.world.start)
         self._odometer.restart()
         self._odom_angles = self._drivetrain.wheel_angles()
@@ -117,13 +131,13 @@ class Simulation:
         """Advance by one physics step and return what the sensors that were due then read."""
         parameters, faults = self.parameters, self.faults
         slip = 1.0 - (1.0 - parameters.wheel_slip) * (1.0 - faults.slip)
-        self._drivetrain.advance(slip, self.stage.restless)
+        self._drivetrain.advance(slip, self.scene.restless)
         self._steps += 1
-        self.stage.advance((self._steps - self._first_step) / parameters.physics_rate)
+        self.scene.advance((self._steps - self._first_step) / parameters.physics_rate)
         self.physics.step()
         if parameters.scan_skew and self._scan_steps:
             self.lidar.sweep(self.base.frame(), self._steps)
-        return self._read(self.stage.contacts_of(self.base.body))
+        return self._read(self.scene.contacts_of(self.base.body))
 
     def close(self) -> None:
         """Free the physics."""
@@ -143,9 +157,11 @@ class Simulation:
     def _require_room(self, pose: Pose2D, what: str) -> None:
         if not pose.is_finite():
             raise ValueError(f"{what}, {tuple(pose)}, is not finite")
-        name = self.stage.obstruction_at(pose)
+        name = self.scene.obstruction_at(pose)
         if name is not None:
-            raise ValueError(f"{what}, ({pose.x:.3f}, {pose.y:.3f}, {pose.theta:.3f}), lies in '{name}'; choose a free place")
+            raise ValueError(
+                f"{what}, ({pose.x:.3f}, {pose.y:.3f}, {pose.theta:.3f}), lies in '{name}'; choose a free place"
+            )
 
     def _due(self, steps: int) -> bool:
         return steps > 0 and self._steps % steps == 0
@@ -153,7 +169,10 @@ class Simulation:
     def _read(self, contacts: Tuple[Contact, ...]) -> Observations:
         """Return the readings due at this step."""
         scan, odom, imu, joints = (
-            self._due(self._scan_steps), self._due(self._odom_steps), self._due(self._imu_steps), self._due(self._joint_steps)
+            self._due(self._scan_steps),
+            self._due(self._odom_steps),
+            self._due(self._imu_steps),
+            self._due(self._joint_steps),
         )
         if not (scan or odom or imu or joints):
             return Observations(contacts=contacts) if contacts else NOTHING
@@ -167,14 +186,14 @@ class Simulation:
             contacts,
         )
 
-    def _read_odometry(self, angles: Tuple[float, float], now: float) -> Optional[Odometry]:
-        left, right = angles[0] - self._odom_angles[0], angles[1] - self._odom_angles[1]
+    def _read_odometry(self, angles: Tuple[float, ...], now: float) -> Optional[Odometry]:
+        turned = tuple(angle - before for angle, before in zip(angles, self._odom_angles))
         self._odom_angles = angles
-        self._odometer.advance(left, right, self._odom_steps / self.parameters.physics_rate)
-        return None if self.faults.odom_silent else self._odometer.reading(now)
+        self._odometer.advance(turned, self._odom_steps / self.parameters.physics_rate)
+        return self._faulty_odometry.newest(self._odometer.reading(now), now, self.faults)
 
-    def _read_joints(self, angles: Tuple[float, float], now: float) -> JointReading:
+    def _read_joints(self, angles: Tuple[float, ...], now: float) -> JointReading:
         rate = self.parameters.physics_rate / self._joint_steps
-        speeds = ((angles[0] - self._joint_angles[0]) * rate, (angles[1] - self._joint_angles[1]) * rate)
+        speeds = tuple((angle - before) * rate for angle, before in zip(angles, self._joint_angles))
         self._joint_angles = angles
-        return JointReading(now, angles, speeds)
+        return JointReading(now, angles, speeds, self.robot.joints)

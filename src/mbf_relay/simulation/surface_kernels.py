@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
 """Rays against the triangles of a surface that never moves."""
 
 from __future__ import annotations

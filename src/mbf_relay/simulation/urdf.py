@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import os
 from typing import Dict, List, Optional
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from mbf_relay import files
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.mesh_files import read_mesh
 from mbf_relay.simulation.resources import find_resource
 from mbf_relay.simulation.shapes import Body, Box, Cylinder, Mesh, Shape, Sphere
 from mbf_relay.simulation.world import World
-
-Element = ElementTree.Element
 
 
 def read_urdf(path: str) -> World:
@@ -25,9 +24,9 @@ def read_urdf(path: str) -> World:
         OSError: The file cannot be opened.
     """
     try:
-        robot = ElementTree.parse(path).getroot()
-    except ElementTree.ParseError as error:
-        raise ValueError(f"world file {path} is no XML: {error}") from error
+        robot = files.read_xml(path)
+    except ValueError as error:
+        raise ValueError(f"world file {error}") from error
     if robot.tag != "robot":
         raise ValueError(f"world file {path} is no URDF: it begins with <{robot.tag}>")
     folder = os.path.dirname(os.path.abspath(path))
@@ -40,7 +39,9 @@ def read_urdf(path: str) -> World:
             for collision in link.findall("collision"):
                 shape = _shape(collision.find("geometry"), folder)
                 if shape is None:
-                    warnings.append(f"a collision of link '{name}' has a geometry that is not understood; it is left out")
+                    warnings.append(
+                        f"a collision of link '{name}' has a geometry that is not understood; it is left out"
+                    )
                     continue
                 bodies.append(Body(name, shape, frames[name].compose(_origin(collision))))
         if any(joint.get("type") != "fixed" for joint in robot.findall("joint")):
@@ -82,7 +83,9 @@ def _shape(geometry: Optional[Element], folder: str) -> Optional[Shape]:
     if element.tag == "sphere":
         return Sphere(_numbers(element, "radius", 1)[0])
     if element.tag == "mesh":
-        return Mesh(read_mesh(find_resource(element.get("filename", ""), folder)) * _numbers(element, "scale", 3, "1 1 1"))
+        return Mesh(
+            read_mesh(find_resource(element.get("filename", ""), folder)) * _numbers(element, "scale", 3, "1 1 1")
+        )
     return None
 
 
@@ -100,5 +103,7 @@ def _numbers(element: Element, attribute: str, count: int, default: str = "") ->
     except ValueError:
         values = np.empty(0)
     if len(values) != count or not np.isfinite(values).all():
-        raise ValueError(f"{attribute} of <{element.tag}> is '{text}'; it must be {count} finite number{'s' if count > 1 else ''}")
+        raise ValueError(
+            f"{attribute} of <{element.tag}> is '{text}'; it must be {count} finite number{'s' if count > 1 else ''}"
+        )
     return values

@@ -26,7 +26,9 @@ def require_display() -> None:
     x11.XOpenDisplay.restype = ctypes.c_void_p
     display = x11.XOpenDisplay(None)
     if not display:
-        raise OSError(f"parameter gui is true, but the display '{name}' cannot be opened; set DISPLAY or set gui to false")
+        raise OSError(
+            f"parameter gui is true, but the display '{name}' cannot be opened; set DISPLAY or set gui to false"
+        )
     x11.XCloseDisplay(ctypes.c_void_p(display))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Optional, Tuple
 
 import numpy as np
@@ -10,6 +10,14 @@ import numpy as np
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.shapes import Body, cut
+
+SCALES = (0.01, 100.0)
+"""By how much a world can be made smaller or larger."""
+
+
+def scaled_pose(pose: Pose2D, scale: float) -> Pose2D:
+    """Return the pose at the same place of a world `scale` times as large."""
+    return Pose2D(scale * pose.x, scale * pose.y, pose.theta)
 
 
 @dataclass(frozen=True)
@@ -32,7 +40,9 @@ class Mover:
         times, poses = np.asarray(self.times, dtype=float), np.asarray(self.poses, dtype=float)
         name = self.body.name
         if poses.shape != (len(times), 3) or not len(times):
-            raise ValueError(f"mover '{name}' has {len(times)} times and poses of shape {poses.shape}; one x, y, yaw per time")
+            raise ValueError(
+                f"mover '{name}' has {len(times)} times and poses of shape {poses.shape}; one x, y, yaw per time"
+            )
         if not (np.isfinite(times).all() and np.isfinite(poses).all()):
             raise ValueError(f"mover '{name}' has waypoints that are not finite")
         if times[0] != 0.0 or (np.diff(times) <= 0.0).any():
@@ -64,6 +74,7 @@ class World:
         goal_radius: Distance (m) from the goal that counts as there.
         reference_path_length: Length (m) of a good way, for scores.
         time_limit: Time (s) allowed.
+        map_file: YAML file of the map a robot is given of it, right or wrong; where None, one is drawn of its geometry.
         warnings: What of its file was not understood, a line each.
     """
 
@@ -76,6 +87,7 @@ class World:
     reference_path_length: Optional[float] = None
     time_limit: Optional[float] = None
     warnings: Tuple[str, ...] = ()
+    map_file: Optional[str] = None
 
     def fixed_triangles(self) -> Tuple[np.ndarray, np.ndarray]:
         """Return the surface of everything that never moves.
@@ -88,6 +100,26 @@ class World:
             return np.empty((0, 3, 3)), np.empty(0, dtype=int)
         owners = np.concatenate([np.full(len(triangles), index) for index, triangles in surfaces])
         return np.concatenate([triangles for _, triangles in surfaces]), owners
+
+    def scaled(self, scale: float) -> World:
+        """Return a world `scale` times as large, in which what moves takes as much longer.
+
+        Raises:
+            ValueError: The scale is not between 0.01 and 100.
+        """
+        if not SCALES[0] <= scale <= SCALES[1]:
+            raise ValueError(f"scale is {scale}; it must be {SCALES[0]:g} to {SCALES[1]:g}")
+        movers = [
+            replace(m, body=m.body.scaled(scale), times=scale * m.times, poses=m.poses * (scale, scale, 1.0))
+            for m in self.movers
+        ]
+        return replace(
+            self, bodies=tuple(body.scaled(scale) for body in self.bodies), start=scaled_pose(self.start, scale),
+            movers=tuple(movers), goal=None if self.goal is None else scaled_pose(self.goal, scale),
+            goal_radius=scale * self.goal_radius,
+            reference_path_length=None if self.reference_path_length is None else scale * self.reference_path_length,
+            time_limit=None if self.time_limit is None else max(1.0, scale) * self.time_limit,
+        )
 
     def outline(self, height: float) -> np.ndarray:
         """Return what a horizontal plane at `height` (m) cuts of the fixed bodies: segments, shape (M, 2, 2)."""

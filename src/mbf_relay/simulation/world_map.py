@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-import cv2
+
 import numpy as np
 
+from mbf_relay.distances import around
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap
-from mbf_relay.simulation import burger
 from mbf_relay.simulation.world import World
 
-SCAN_HEIGHT = burger.BASE_HEIGHT + float(burger.SCAN_IN_BASE.position[2])
-"""Height (m) at which the burger's lidar looks."""
+SCAN_HEIGHT = 0.182
+"""Height (m) of the cut where none is given: that at which a TurtleBot3 burger's lidar looks."""
 
 ENOUGH = 0.25
 """Length of surface, in cells, that makes a cell occupied: a corner that is barely clipped stays free."""
@@ -23,7 +23,8 @@ def map_of_world(world: World, grid: Grid, height: float = SCAN_HEIGHT) -> Occup
     """Return the map of a world's fixed bodies.
 
     Cells that hold a piece of a surface which free space reaches are occupied; what can be reached from the start
-    without crossing a surface is free; the rest, inside of solids and behind walls, is unknown, as in a map that a robot made.
+    without crossing a surface is free; the rest, inside of solids and behind walls, is unknown, as in a map that a
+    robot made.
 
     Args:
         world: The world.
@@ -39,9 +40,11 @@ def map_of_world(world: World, grid: Grid, height: float = SCAN_HEIGHT) -> Occup
     column, row = grid.cell_at(world.start.x, world.start.y)
     if walls[row, column]:
         raise ValueError(f"the start ({world.start.x}, {world.start.y}) of world '{world.name}' lies in a wall")
+    import cv2  # here, for it takes 100 MiB, and maps of worlds are made by few
+
     _, regions = cv2.connectedComponents((~walls).astype(np.uint8), connectivity=4)
     free = regions == regions[row, column]
-    reached = cv2.dilate(free.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+    reached = around(free, outside=False)
     data = np.full(grid.shape, UNKNOWN, dtype=np.int8)
     data[free] = FREE
     data[walls & reached] = OCCUPIED
@@ -49,8 +52,9 @@ def map_of_world(world: World, grid: Grid, height: float = SCAN_HEIGHT) -> Occup
 
 
 def grid_around(world: World, resolution: float, margin: float = 1.0, height: float = SCAN_HEIGHT) -> Grid:
-    """Return a grid that holds the whole world with `margin` metres around it."""
-    points = np.concatenate((world.outline(height).reshape(-1, 2), [[world.start.x, world.start.y]]))
+    """Return a grid that holds the whole world, its start and its goal, with `margin` metres around it."""
+    places = [pose[:2] for pose in (world.start, world.goal) if pose is not None]
+    points = np.concatenate((world.outline(height).reshape(-1, 2), places))
     lower = np.floor((points.min(axis=0) - margin) / resolution) * resolution
     columns, rows = np.ceil((points.max(axis=0) + margin - lower) / resolution).astype(int)
     return Grid(resolution, float(lower[0]), float(lower[1]), int(columns), int(rows))

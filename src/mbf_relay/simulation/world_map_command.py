@@ -38,7 +38,21 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("output", help="the map's path without ending; NAME.yaml and NAME.pgm are written")
     parser.add_argument("--world-name", default="", help="which world, in a file of several")
     parser.add_argument("--resolution", type=float, default=0.05, help="side of a cell in metres (0.05)")
-    parser.add_argument("--origin", type=float, nargs=2, default=(-10.0, -10.0), metavar=("X", "Y"), help="lower left corner (m), with --size")
-    parser.add_argument("--size", type=int, nargs=2, metavar=("COLUMNS", "ROWS"), help="cells; without it, the map fits the world")
-    parser.add_argument("--height", type=float, default=SCAN_HEIGHT, help=f"of the cut in metres ({SCAN_HEIGHT:.3f}, the burger's lidar)")
+    parser.add_argument(
+        "--origin",
+        type=float,
+        nargs=2,
+        default=(-10.0, -10.0),
+        metavar=("X", "Y"),
+        help="lower left corner (m), with --size",
+    )
+    parser.add_argument(
+        "--size", type=int, nargs=2, metavar=("COLUMNS", "ROWS"), help="cells; without it, the map fits the world"
+    )
+    parser.add_argument(
+        "--height",
+        type=float,
+        default=SCAN_HEIGHT,
+        help=f"of the cut in metres ({SCAN_HEIGHT:.3f}, the burger's lidar)",
+    )
     return parser

@@ -34,7 +34,8 @@ def load_world(text: str, world_name: str = "") -> World:
     """Return the world of a name or a file.
 
     Args:
-        text: "arena", "empty", or the path of a map's YAML file, an SDF or Gazebo world, a URDF, or a worlds file (JSON).
+        text: "arena", "empty", or the path of a map's YAML file, an SDF or Gazebo world, a URDF, or a worlds file
+            (JSON).
         world_name: Which one, in a file of several.
 
     Raises:
@@ -51,4 +52,7 @@ def load_world(text: str, world_name: str = "") -> World:
         )
     if not os.path.isfile(text):
         raise ValueError(f"world file {os.path.abspath(text)} does not exist")
-    return READERS[ending](text, world_name)
+    try:
+        return READERS[ending](text, world_name)
+    except (RecursionError, LookupError, TypeError, AttributeError, ArithmeticError) as error:  # a file nobody foresaw
+        raise ValueError(f"world file {text} is malformed: {type(error).__name__}: {error}") from error

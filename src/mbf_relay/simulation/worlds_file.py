@@ -1,21 +1,34 @@
-"""Worlds files: many worlds of simple solids in one JSON file, with where to start, where to go, and what moves there."""
+"""Worlds files: many worlds of simple solids in one JSON file, with where to start, where to go, and what moves there.
+"""
 
 from __future__ import annotations
 
 import json
 import math
 from pathlib import Path
-from typing import Any, List, Mapping, Optional, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 import numpy as np
 
+from mbf_relay import files
 from mbf_relay.geometry import Pose2D
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.shapes import Body, Box, Cylinder, Shape
 from mbf_relay.simulation.world import Mover, World
 
 KNOWN = {
-    "name", "cylinders", "boxes", "movers", "start", "goal", "goal_radius", "reference_path_length", "time_limit", "about",
+    "name",
+    "cylinders",
+    "boxes",
+    "movers",
+    "start",
+    "goal",
+    "goal_radius",
+    "reference_path_length",
+    "time_limit",
+    "about",
+    "difficulty",
+    "map",
 }
 ORANGE = (0.85, 0.45, 0.20, 1.0)
 
@@ -23,29 +36,43 @@ ORANGE = (0.85, 0.45, 0.20, 1.0)
 def load_worlds_file(path: Path) -> List[World]:
     """Return the worlds of a file.
 
-    The file holds `worlds`, a list of {name, cylinders: [[x, y, radius, height], ...], boxes: [[x, y, yaw, length, width,
-    height], ...], start: [x, y, yaw], goal: [x, y, yaw], goal_radius, reference_path_length, time_limit, movers}; all but
-    name and start may be left out. `movers` is a list of {name, radius and height or box: [length, width, height],
-    waypoints: [[time, x, y], ...] or [[time, x, y, yaw], ...], loop}. Metres, radians, seconds.
+    The file holds `worlds`, a list of {name, cylinders: [[x, y, radius, height], ...], boxes: [[x, y, yaw, length,
+    width, height], ...], start: [x, y, yaw], goal: [x, y, yaw], goal_radius, reference_path_length, time_limit,
+    movers, map}; all but name and start may be left out. `movers` is a list of {name, radius and height or box:
+    [length, width, height], waypoints: [[time, x, y], ...] or [[time, x, y, yaw], ...], loop}; `map` the YAML file of
+    a map, beside the worlds file. Metres, radians, seconds.
 
     Raises:
         ValueError: The file is missing or malformed; the text names file, world and entry.
     """
-    try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ValueError(f"worlds file {path} cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise ValueError(f"worlds file {path} is no JSON: {error}") from error
-    entries = content.get("worlds") if isinstance(content, Mapping) else None
-    if not isinstance(entries, list) or not entries:
-        raise ValueError(f"worlds file {path} holds no list 'worlds'")
-    worlds = [_world(path, index, entry) for index, entry in enumerate(entries)]
+    worlds = [_world(path, index, entry) for index, entry in enumerate(_entries(path))]
     names = [world.name for world in worlds]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise ValueError(f"worlds file {path} has two worlds named '{twice[0]}'; names must differ")
     return worlds
+
+
+def _entries(path: Path) -> List[Any]:
+    try:
+        content = json.loads(files.read_text(str(path)))
+    except OSError as error:
+        raise ValueError(f"worlds file {path} cannot be read: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"worlds file {path} is no JSON: {error}") from error
+    entries = content.get("worlds") if isinstance(content, Mapping) else None
+    if not isinstance(entries, list) or not entries:
+        raise ValueError(f"worlds file {path} holds no list 'worlds'")
+    return entries
+
+
+def load_difficulties(path: Path) -> Dict[str, Dict[str, float]]:
+    """Return the measures a file states of its worlds under `difficulty`, by name; errors as for `load_worlds_file`."""
+    stated = {entry.get("name"): entry.get("difficulty") for entry in _entries(path) if isinstance(entry, Mapping)}
+    return {
+        name: {key: float(value) for key, value in values.items() if _is_number(value)}
+        for name, values in stated.items() if isinstance(name, str) and isinstance(values, Mapping)
+    }
 
 
 def read_worlds_file(path: str, world_name: str = "") -> World:
@@ -67,14 +94,25 @@ def _world(path: Path, index: int, entry: Any) -> World:
         bodies = [_pillar(f"{name}_{i}", values) for i, values in enumerate(_list(entry, "cylinders"))]
         bodies += [_box(f"{name}_box_{i}", values) for i, values in enumerate(_list(entry, "boxes"))]
         return World(
-            name, tuple(bodies), _pose(entry, "start"),
+            name,
+            tuple(bodies),
+            _pose(entry, "start"),
             tuple(_mover(i, mover) for i, mover in enumerate(_list(entry, "movers"))),
             _pose(entry, "goal") if "goal" in entry else None,
-            _positive(entry, "goal_radius", 1.0), _positive(entry, "reference_path_length"), _positive(entry, "time_limit"),
+            _positive(entry, "goal_radius") or 1.0,
+            _positive(entry, "reference_path_length"),
+            _positive(entry, "time_limit"),
             tuple(f"'{key}' of world {name} is not understood" for key in entry if key not in KNOWN),
+            _map_file(path, entry.get("map")),
         )
     except (ValueError, TypeError) as error:
         raise ValueError(f"{where}: {error}") from error
+
+
+def _map_file(path: Path, name: Any) -> Optional[str]:
+    if name is not None and not isinstance(name, str):
+        raise ValueError(f"map is {name!r}; it must be the name of a map's YAML file")
+    return None if name is None else str(path.resolve().parent / name)
 
 
 def _pillar(name: str, values: Any) -> Body:
@@ -95,14 +133,16 @@ def _mover(index: int, entry: Any) -> Mover:
         length, width, height = _numbers(f"the box of mover {index}", entry["box"], 3)
         shape = Box((length, width, height))
     else:
-        radius, height = _positive(entry, "radius"), _positive(entry, "height")
-        if radius is None or height is None:
+        radius, tall = _positive(entry, "radius"), _positive(entry, "height")
+        if radius is None or tall is None:
             raise ValueError(f"mover {index} needs a radius and a height, or a box")
-        shape = Cylinder(radius, height)
+        shape, height = Cylinder(radius, tall), tall
     waypoints = _list(entry, "waypoints")
     count = 4 if waypoints and isinstance(waypoints[0], list) and len(waypoints[0]) == 4 else 3
     rows = np.zeros((len(waypoints), 4))
-    rows[:, :count] = [_numbers(f"a waypoint of mover {index}", row, count) for row in waypoints] or np.empty((0, count))
+    rows[:, :count] = [_numbers(f"a waypoint of mover {index}", row, count) for row in waypoints] or np.empty(
+        (0, count)
+    )
     name = str(entry.get("name", f"mover_{index}"))
     body = Body(name, shape, Frame.of(0.0, 0.0, height / 2.0), colour=ORANGE)
     return Mover(body, rows[:, 0], rows[:, 1:], bool(entry.get("loop", True)))

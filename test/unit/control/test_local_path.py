@@ -3,12 +3,13 @@
 import math
 
 import numpy as np
+import paper  # noqa: F401  (finds the helpers above)
 import pytest
-from paper import random_costmap
+from plain_footprint import random_costmap
 
 from mbf_relay.control import path_kernels
-from mbf_relay.control.controller import ControlState
 from mbf_relay.control.local_path import PathTracker
+from mbf_relay.control.state import ControlState
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.outcomes import ControlError, ControlOutcome
 from mbf_relay.planning.path import Path
@@ -77,7 +78,9 @@ def test_the_steps_of_a_grid_are_smoothed_and_the_ends_stay():
     assert path.points[0] == pytest.approx([0.0, 0.0]) and path.point_at(path.goal_arc) == pytest.approx([1.0, 1.0])
 
 
-@pytest.mark.parametrize("points", [[(0.3, 0.1)], [(0.3, 0.1)] * 3, [(0.3, 0.1), (0.305, 0.1)], [(0.0, 0.0), (0.03, 0.0), (0.0, 0.0)]])
+@pytest.mark.parametrize(
+    "points", [[(0.3, 0.1)], [(0.3, 0.1)] * 3, [(0.3, 0.1), (0.305, 0.1)], [(0.0, 0.0), (0.03, 0.0), (0.0, 0.0)]]
+)
 def test_the_shortest_of_paths_can_be_cut(points):
     path = tracker_on(points).cut(state(0.2, 0.1), 0.5, 0.5, 0.3)
     assert len(path.points) >= 2 and np.isfinite(path.points).all() and (np.diff(path.arcs) >= 0.0).all()

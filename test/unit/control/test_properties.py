@@ -1,4 +1,4 @@
-"""Properties that hold whatever the scene: limits, accelerations, and room to stop."""
+"""Properties that hold whatever the scene: limits, accelerations, and space to stop."""
 
 import math
 import os
@@ -13,11 +13,11 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."
 from controllers import NAMES, make  # noqa: E402
 from kinematics import BURGER, PaperRobot, costmap_round, discs, path_through, touches  # noqa: E402
 
-from mbf_relay.control.controller import ControlState  # noqa: E402
+from mbf_relay.control.state import ControlState  # noqa: E402
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D  # noqa: E402
 from mbf_relay.outcomes import ControlError  # noqa: E402
 
-QUICK = settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+QUICK = settings(max_examples=12, suppress_health_check=[HealthCheck.too_slow])
 
 
 def scattered(seed, count=25, free=0.3):
@@ -51,7 +51,9 @@ def test_from_every_command_the_robot_can_stop_before_what_is_known(name, seed, 
     controller.set_path(path_through((0, 0), (1.4 * math.cos(heading), 1.4 * math.sin(heading))), True)
     robot = PaperRobot(Pose2D(0.0, 0.0, 0.0), acceleration=2.5, turn_acceleration=20.0)
     for cycle in range(45):
-        state = ControlState(cycle * 0.1, robot.pose, robot.velocity, costmap_round(robot.pose, occupied), IDENTITY, 0.1)
+        state = ControlState(
+            cycle * 0.1, robot.pose, robot.velocity, costmap_round(robot.pose, occupied), IDENTITY, 0.1
+        )
         try:
             command = controller.compute_velocity(state)
         except ControlError:
@@ -70,7 +72,9 @@ def test_from_every_command_the_robot_can_stop_before_what_is_known(name, seed, 
 def test_no_command_leaves_limits_or_accelerations(name, seed, x, theta, speed, turn, period):
     controller, velocity = make(name), Twist2D(speed, 0.0, turn)
     controller.set_path(path_through((0, 0), (0.7, 0.3), (1.2, -0.4)), True)
-    state = ControlState(0.0, Pose2D(x, 0.1, theta), velocity, costmap_round(Pose2D(x, 0.1, theta), scattered(seed)), IDENTITY, period)
+    state = ControlState(
+        0.0, Pose2D(x, 0.1, theta), velocity, costmap_round(Pose2D(x, 0.1, theta), scattered(seed)), IDENTITY, period
+    )
     try:
         command = controller.compute_velocity(state)
     except ControlError as error:

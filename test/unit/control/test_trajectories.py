@@ -1,17 +1,23 @@
-"""The dynamic window, its samples, forward simulation and footprint contacts, against plain references."""
+"""The dynamic window, its samples, and forward simulation, against plain references."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
-import scipy.ndimage
-from paper import BURGER, burger, random_costmap, random_scene
+from paper import burger, random_scene
+from plain_footprint import random_costmap
 
 from mbf_relay.control import trajectory_kernels
-from mbf_relay.control.obstacle_view import HEADINGS, ObstacleView, distances_to_obstacles
 from mbf_relay.control.trajectories import (
-    roll_out, sample, speed_to_stop_within, stopping_distance, too_slow, window_of,
+    roll_out,
+    sample,
+    speed_to_stop_within,
+    stopping_distance,
+    too_slow,
+    window_of,
 )
+from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
 
 
@@ -47,7 +53,9 @@ def test_few_or_no_samples_asked_for_still_give_the_ends_of_the_window(counts):
     parameters = burger(**dict(zip(("vx_samples", "vy_samples", "vth_samples"), counts)))
     window = window_of(parameters, STOP, 0.1, 0.22, 2.75)
     velocities = sample(parameters, window, 0.22)
-    assert velocities[:, 0].max() == pytest.approx(window.high.x) and velocities[:, 2].min() == pytest.approx(window.low.theta)
+    assert velocities[:, 0].max() == pytest.approx(window.high.x) and velocities[:, 2].min() == pytest.approx(
+        window.low.theta
+    )
 
 
 def test_creeping_is_told_from_starting_and_from_turning():
@@ -127,9 +135,9 @@ def test_simulation_drives_exact_arcs(accelerates):
 def test_trajectories_last_and_end_as_plain_numpy_says(seed):
     rng = np.random.default_rng(seed)
     parameters = burger()
-    batch, scene = random_scene(rng, parameters)
+    batch, data = random_scene(rng, parameters)
     acceleration, left = np.array([2.5, 1e-9, 3.2]), float(rng.choice((0.05, 0.2, 2.0)))
-    batch = roll_out(parameters, scene.view, scene.pose, scene.velocity, batch.velocities, 0.1, left, 0.9)
+    batch = roll_out(parameters, data.checker, data.pose, data.velocity, batch.velocities, 0.1, left, 0.9)
     speeds = np.hypot(*batch.velocities[:, :2].T)
     stopping = 0.1 + 0.2 + np.max(np.abs(batch.velocities) / (2.0 * acceleration), axis=1)
     durations = np.full(len(batch), max(0.9, stopping.max()))
@@ -139,116 +147,12 @@ def test_trajectories_last_and_end_as_plain_numpy_says(seed):
     counts = np.ceil(np.maximum(speeds * durations / 0.025, turns * durations / 0.1) - 1e-9)
     assert np.array_equal(batch.counts, np.maximum(1, counts))
     assert np.array_equal(batch.needed, np.minimum(batch.counts, np.ceil(stopping / (durations / batch.counts) - 1e-9)))
-    assert batch.spare == pytest.approx(np.where(batch.free == batch.counts, np.maximum(0.0, 0.9 - durations) * speeds, 0.0))
-    last = batch.poses[np.arange(len(batch)), np.maximum(batch.free, 1) - 1]
-    last[batch.free == 0] = scene.pose
-    assert np.array_equal(batch.ends, last)
-
-
-def grazes(costs, column, row, in_x, in_y, overlap):
-    sides = [(in_x < overlap, -1, 0), (in_x > 1 - overlap, 1, 0), (in_y < overlap, 0, -1), (in_y > 1 - overlap, 0, 1)]
-    return any(
-        near and 0 <= column + dx < costs.shape[1] and 0 <= row + dy < costs.shape[0] and costs[row + dy, column + dx] < 254
-        for near, dx, dy in sides
+    assert batch.spare == pytest.approx(
+        np.where(batch.free == batch.counts, np.maximum(0.0, 0.9 - durations) * speeds, 0.0)
     )
-
-
-def contacts_reference(costmap, pose, scale, overlap):
-    """Walk round the outline in thirds of a cell."""
-    grid, found = costmap.grid, 0
-    step = 2 * math.pi / HEADINGS
-    turned = Pose2D(pose.x, pose.y, round(pose.theta / step) * step)
-    corners = costmap.footprint
-    for start, end in zip(corners, np.roll(corners, -1, axis=0)):
-        count = max(1, math.ceil(np.hypot(*(end - start)) / (grid.resolution / 3)))
-        for i in range(count):
-            local = np.float32(start + (end - start) * i / count) * scale
-            x, y = turned.transform_points(local[None])[0]
-            column, row = grid.cell_at(x, y)
-            if not grid.contains_cell(column, row):
-                found += 1
-            elif costmap.costs[row, column] >= 254:
-                in_x = (x - grid.origin_x) / grid.resolution - column
-                in_y = (y - grid.origin_y) / grid.resolution - row
-                found += not grazes(costmap.costs, column, row, in_x, in_y, overlap)
-    return found
-
-
-@pytest.mark.parametrize("overlap", [0.0, 0.25])
-def test_contacts_are_those_of_a_walk_round_the_outline(overlap):
-    rng = np.random.default_rng(5)
-    agreed = total = touching = 0
-    for _ in range(20):
-        costmap = random_costmap(rng, obstacles=60)
-        view = ObstacleView(costmap, overlap)
-        for _ in range(20):
-            pose = Pose2D(*rng.uniform((-1.55, -1.55, -7.0), (1.55, 1.55, 7.0)))
-            scale = float(rng.choice([1.0, 1.2]))
-            found, expected = view.contacts_at(pose, scale), contacts_reference(costmap, pose, scale, overlap)
-            agreed, total, touching = agreed + (found == expected), total + 1, touching + (expected > 0)
-            assert abs(found - expected) <= 2, "a point on the edge of a cell may round either way"
-    assert agreed >= 0.97 * total and touching > 50
-
-
-def test_a_cell_is_nearly_full_only_without_overlap():
-    costmap = random_costmap(np.random.default_rng(1), obstacles=0)
-    costmap.costs[:] = 0
-    costmap.costs[30, 40] = 254  # x from 0.50 to 0.55, y from 0 to 0.05
-    ahead = Pose2D(0.47, 0.025, 0.0)  # the front edge at 0.511, a fifth of the cell inside
-    assert ObstacleView(costmap, 0.0).contacts_at(ahead) > 0
-    assert ObstacleView(costmap, 0.25).contacts_at(ahead) == 0
-    assert ObstacleView(costmap, 0.25).contacts_at(Pose2D(0.48, 0.025, 0.0)) > 0
-
-
-def test_first_contacts_count_free_poses_and_sum_the_costs_under_them():
-    rng = np.random.default_rng(7)
-    costmap = random_costmap(rng, obstacles=80)
-    view = ObstacleView(costmap)
-    poses = rng.uniform((-1.4, -1.4, -3.0), (1.4, 1.4, 3.0), (40, 10, 3))
-    counts = rng.integers(1, 11, 40)
-    free, highest, summed = view.first_contacts(poses, counts, np.ones(40))
-    for n in range(40):
-        touching = [view.contacts_at(Pose2D(*pose)) > 0 for pose in poses[n, : counts[n]]]
-        expected = touching.index(True) if True in touching else counts[n]
-        cells = costmap.grid.cells_at(poses[n, :expected, :2])
-        costs = costmap.costs[cells[:, 1], cells[:, 0]].astype(float)
-        assert free[n] == expected
-        assert highest[n] == (costs.max() if expected else 0.0) and summed[n] == pytest.approx(costs.sum())
-
-
-def test_what_touches_already_may_be_left_and_not_entered_further():
-    costmap = random_costmap(np.random.default_rng(1), obstacles=0)
-    costmap.costs[:] = 0
-    costmap.costs[:, 42:] = 254  # from x = 0.6 on
-    view = ObstacleView(costmap)
-    inside = Pose2D(0.60, 0.0, 0.0)
-    allowed = view.contacts_at(inside)
-    assert allowed > 0
-    steps = 0.01 * np.arange(1, 6)
-    back = np.column_stack((inside.x - steps, np.zeros((5, 2))))
-    turned = np.column_stack((np.full((5, 2), (inside.x, 0.0)), 0.2 * np.arange(1, 6)))
-    assert view.free_steps(back, allowed) == 5
-    assert view.free_steps(back, 0) == 0
-    assert view.free_steps(turned, allowed) < 5
-
-
-def test_distances_are_to_the_nearest_lethal_or_unknown_cell():
-    rng = np.random.default_rng(2)
-    costs = rng.choice([0, 252, 253, 254, 255], (20, 30), p=[0.7, 0.1, 0.17, 0.02, 0.01]).astype(np.uint8)
-    rows, columns = np.nonzero(costs >= 254)
-    y, x = np.mgrid[:20, :30]
-    expected = np.hypot(x[..., None] - columns, y[..., None] - rows).min(axis=2)
-    assert np.allclose(distances_to_obstacles(costs), expected, atol=1e-4)
-    assert (distances_to_obstacles(np.zeros((5, 5), np.uint8)) > 1e5).all()
-
-
-def test_sight_ends_at_obstacles_and_is_not_judged_outside():
-    costmap = random_costmap(np.random.default_rng(1), obstacles=0)
-    costmap.costs[:] = 0
-    costmap.costs[25:35, 40] = 254
-    view = ObstacleView(costmap)
-    points = np.array([[0.4, 0.0], [0.8, 0.0], [0.8, 1.0], [5.0, 5.0]])
-    assert view.in_sight(Pose2D(0.0, 0.0, 0.0), points).tolist() == [True, False, True, True]
+    last = batch.poses[np.arange(len(batch)), np.maximum(batch.free, 1) - 1]
+    last[batch.free == 0] = data.pose
+    assert np.array_equal(batch.ends, last)
 
 
 def test_a_fast_robot_has_a_larger_footprint():
@@ -256,17 +160,17 @@ def test_a_fast_robot_has_a_larger_footprint():
     costmap = random_costmap(np.random.default_rng(1), obstacles=0)
     costmap.costs[:] = 0
     costmap.costs[33, 30:50] = 254  # from y = 0.15 on, beside a footprint of 0.105, inside one of 0.158
-    view = ObstacleView(costmap, 0.0)
+    checker = FootprintChecker(dataclasses.replace(costmap, obstacle_overlap=0.0))
     velocities = np.array([[0.2, 0.0, 0.0], [0.5, 0.0, 0.0]])
-    batch = roll_out(parameters, view, Pose2D(-0.2, 0.0, 0.0), Twist2D(0.2, 0.0, 0.0), velocities, 0.1, 9.0, 1.5)
+    batch = roll_out(parameters, checker, Pose2D(-0.2, 0.0, 0.0), Twist2D(0.2, 0.0, 0.0), velocities, 0.1, 9.0, 1.5)
     assert batch.free[0] == batch.counts[0] and batch.free[1] < batch.counts[1]
 
 
 def test_a_trajectory_stops_at_the_goal_and_says_how_much_farther_it_would_come():
     parameters = burger()
-    view = ObstacleView(random_costmap(np.random.default_rng(1), obstacles=0))
+    checker = FootprintChecker(random_costmap(np.random.default_rng(1), obstacles=0))
     velocities = np.array([[0.2, 0.0, 0.0], [0.15, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    batch = roll_out(parameters, view, Pose2D(0.0, 0.0, 0.0), Twist2D(0.2, 0.0, 0.0), velocities, 0.1, 0.12, 1.5)
+    batch = roll_out(parameters, checker, Pose2D(0.0, 0.0, 0.0), Twist2D(0.2, 0.0, 0.0), velocities, 0.1, 0.12, 1.5)
     assert batch.ends[:2, 0] == pytest.approx([0.12, 0.12], abs=1e-6)
     assert batch.spare[:2] == pytest.approx([0.2 * 1.5 - 0.12, 0.15 * 1.5 - 0.12])
     assert batch.ends[2, 2] == pytest.approx(1.5) and batch.spare[2] == 0.0
@@ -285,8 +189,8 @@ def test_with_acceleration_through_the_whole_horizon_the_command_is_still_within
     velocity = Twist2D(0.05, 0.0, 0.0)
     window = window_of(parameters, velocity, parameters.sim_time, 0.22, 2.75)
     velocities = sample(parameters, window, 0.22)
-    view = ObstacleView(random_costmap(np.random.default_rng(1), obstacles=0))
-    batch = roll_out(parameters, view, Pose2D(0.0, 0.0, 0.0), velocity, velocities, 0.1, 9.0, 1.5)
+    checker = FootprintChecker(random_costmap(np.random.default_rng(1), obstacles=0))
+    batch = roll_out(parameters, checker, Pose2D(0.0, 0.0, 0.0), velocity, velocities, 0.1, 9.0, 1.5)
     assert np.abs(batch.commands - velocity).max(axis=0) == pytest.approx([0.02, 0.0, 0.1])
     assert velocities[:, 2].max() == pytest.approx(1.5), "the samples reach what 1.5 s allow"
 
@@ -295,34 +199,3 @@ def test_equal_scenes_give_equal_batches():
     first, _ = random_scene(np.random.default_rng(11))
     second, _ = random_scene(np.random.default_rng(11))
     assert np.array_equal(first.ends, second.ends) and np.array_equal(first.free, second.free)
-
-
-def test_a_point_robot_has_an_outline_of_one_point():
-    costmap = random_costmap(np.random.default_rng(1), obstacles=0, footprint=np.zeros((0, 2)))
-    costmap.costs[:] = 0
-    costmap.costs[30, 40] = 254
-    view = ObstacleView(costmap, 0.0)
-    assert view.contacts_at(Pose2D(0.52, 0.02, 1.0)) == 1 and view.contacts_at(Pose2D(0.48, 0.02, 1.0)) == 0
-    assert BURGER.shape == (4, 2)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_room_is_interpolated_between_cells(seed):
-    rng = np.random.default_rng(seed)
-    costmap = random_costmap(rng)
-    view, distances = ObstacleView(costmap), distances_to_obstacles(costmap.costs)
-    points = rng.uniform(-1.7, 1.7, (30, 2))
-    places = (points + 1.5) / 0.05 - 0.5
-    inside = ((places >= 0.0) & (places < 59.0)).all(axis=1)
-    expected = scipy.ndimage.map_coordinates(distances.astype(float), places[inside].T[::-1], order=1)
-    for point, room in zip(points[inside], expected):
-        assert view.room_along(point[None]) == pytest.approx(0.05 * (room - 0.5) - 0.105, abs=1e-6)
-    assert view.room_along(points) == pytest.approx(0.05 * (expected.min() - 0.5) - 0.105, abs=1e-6)
-    assert view.room_along(points[~inside][:1]) == math.inf
-
-
-def test_room_does_not_jump_where_a_path_lies_a_hair_aside():
-    view = ObstacleView(random_costmap(np.random.default_rng(2)))
-    line = np.column_stack((np.linspace(-0.4, 0.4, 30), np.zeros(30)))
-    rooms = [view.room_along(line + (0.0, aside)) for aside in np.arange(-0.2, 0.2, 0.001)]
-    assert np.ptp(rooms) > 0.03 and np.abs(np.diff(rooms)).max() < 0.0015

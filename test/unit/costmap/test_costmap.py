@@ -8,9 +8,8 @@ import pytest
 import yaml
 
 from mbf_relay.costmap import factory
-from mbf_relay.costmap.cost_grid import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
+from mbf_relay.costmap.cost_grid import FREE_SPACE, INSCRIBED, LETHAL, Window
 from mbf_relay.costmap.observation import Observation, observation_from_scan
-from mbf_relay.costmap.window import Window
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.scan import LaserScan
@@ -78,12 +77,10 @@ def test_the_form_with_plugins_makes_those_listed():
 
 
 @pytest.mark.parametrize("change, named", [
-    ({"plugins": [{"name": "a", "type": "costmap_2d::NoLayer"}]}, "costmap_2d::NoLayer"),
     ({"plugins": [{"name": "a"}]}, "plugins holds"),
     ({"resolution": -0.05}, "resolution is -0.05"),
     ({"footprint": [[0, 0], [1, 1]]}, "2 points"),
     ({"robot_radius": -1.0}, "robot_radius is -1.0"),
-    ({"inflation": {"inflation_radius": -1.0}}, "inflation_radius is -1.0"),
     ({"obstacles": {"observation_sources": "scan", "scan": {"data_type": "Sonar"}}}, "Sonar"),
 ])
 def test_bad_parameters_are_named_with_their_value(change, named):
@@ -97,12 +94,12 @@ def test_static_map_gives_size_and_costs():
     assert costmap.stale_reason(0.0) is not None
     costmap.set_map(room())
     costmap.update(1.0, IDENTITY)
-    picture = costmap.snapshot()
-    assert picture.costs.shape == (80, 80)
-    assert (picture.costs[0] == LETHAL).all()
-    assert picture.costs[1, 40] == INSCRIBED  # 0.05 m from the wall, within the inscribed 0.051 m
-    assert picture.costs[40, 40] == FREE_SPACE
-    assert picture.costs[10, 40] == int(252 * math.exp(-3.0 * (0.5 - 0.051)))
+    snapshot = costmap.snapshot()
+    assert snapshot.costs.shape == (80, 80)
+    assert (snapshot.costs[0] == LETHAL).all()
+    assert snapshot.costs[1, 40] == INSCRIBED  # 0.05 m from the wall, within the inscribed 0.051 m
+    assert snapshot.costs[40, 40] == FREE_SPACE
+    assert snapshot.costs[10, 40] == int(252 * math.exp(-3.0 * (0.5 - 0.051)))
 
 
 def test_scan_marks_clears_and_the_picture_stays_as_it_was_seen():
@@ -134,11 +131,11 @@ def test_rolling_window_moves_with_the_robot_and_keeps_obstacles_in_place():
     costmap.update(0.0, IDENTITY)
     costmap.observe("scan", Observation((0.7, 0.3), np.zeros((0, 2)), None, 0.1))
     costmap.update(0.1, Pose2D(0.7, 0.3, 0.0))
-    picture = costmap.snapshot()
-    assert picture.grid.origin_x == pytest.approx(0.7 - 1.5, abs=0.05)
-    column, row = picture.grid.cell_at(1.01, 0.01)
-    assert picture.costs[row, column] == LETHAL
-    assert (picture.costs == LETHAL).sum() == 1
+    snapshot = costmap.snapshot()
+    assert snapshot.grid.origin_x == pytest.approx(0.7 - 1.5, abs=0.05)
+    column, row = snapshot.grid.cell_at(1.01, 0.01)
+    assert snapshot.costs[row, column] == LETHAL
+    assert (snapshot.costs == LETHAL).sum() == 1
     costmap.update(0.2, Pose2D(50.0, 3.0, 0.0))
     assert (costmap.snapshot().costs == FREE_SPACE).all()
 
@@ -165,15 +162,15 @@ def test_clearing_forgets_the_square_or_all_but_it():
         costmap.observe("scan", Observation((0.0, 0.0), np.zeros((0, 2)), None, 0.1))
         costmap.clear(around=IDENTITY, side=1.6, inside=inside)
         costmap.update(0.1, IDENTITY)
-        picture = costmap.snapshot()
-        left = np.argwhere(picture.costs == LETHAL)[:, ::-1].tolist()
-        assert left == [list(picture.grid.cell_at(1.2 if inside else 0.5, 0.0))]
+        snapshot = costmap.snapshot()
+        left = np.argwhere(snapshot.costs == LETHAL)[:, ::-1].tolist()
+        assert left == [list(snapshot.grid.cell_at(1.2 if inside else 0.5, 0.0))]
 
 
 def test_stale_sources_are_named_with_their_age():
     costmap = factory.build_costmap("local_costmap", NEW_FORM)
     costmap.update(0.0, IDENTITY)
-    assert "no data has come from source 'scan'" in costmap.stale_reason(0.0)
+    assert "no data has come from lidar source 'scan'" in costmap.stale_reason(0.0)
     costmap.observe("scan", Observation((0.0, 0.0), np.zeros((0, 2)), None, 0.0))
     assert costmap.stale_reason(0.5) is None
     costmap.update(3.0, IDENTITY)
@@ -249,12 +246,12 @@ def test_a_window_changed_while_it_runs_is_as_one_made_so(change):
     assert costmap.snapshot().grid == before.grid
     costmap.update(0.1, IDENTITY)
     made_so = seen(change).snapshot()
-    picture = costmap.snapshot()
-    assert picture.grid.shape == made_so.grid.shape and picture.grid.resolution == made_so.grid.resolution
-    assert picture.grid.origin_x == pytest.approx(made_so.grid.origin_x, abs=1e-9)
-    assert picture.grid.origin_y == pytest.approx(made_so.grid.origin_y, abs=1e-9)
-    assert (picture.costs == made_so.costs).all()
-    assert (picture.footprint == made_so.footprint).all() and picture.inscribed_radius == made_so.inscribed_radius
+    snapshot = costmap.snapshot()
+    assert snapshot.grid.shape == made_so.grid.shape and snapshot.grid.resolution == made_so.grid.resolution
+    assert snapshot.grid.origin_x == pytest.approx(made_so.grid.origin_x, abs=1e-9)
+    assert snapshot.grid.origin_y == pytest.approx(made_so.grid.origin_y, abs=1e-9)
+    assert (snapshot.costs == made_so.costs).all()
+    assert (snapshot.footprint == made_so.footprint).all() and snapshot.inscribed_radius == made_so.inscribed_radius
 
 
 def test_a_footprint_that_came_by_topic_stays_until_a_parameter_asks_for_another():

@@ -21,8 +21,17 @@ def test_reads_lists_and_texts():
 
 
 @pytest.mark.parametrize(
-    "value", [[[0, 0], [1, 1]], "[[0,0],[1,1]]", [[0, 0, 1], [1, 1], [2, 2]], "nonsense(", 3, [[0, "a"], [1, 1], [2, 2]],
-              [[0, math.inf], [1, 1], [2, 0]]])
+    "value",
+    [
+        [[0, 0], [1, 1]],
+        "[[0,0],[1,1]]",
+        [[0, 0, 1], [1, 1], [2, 2]],
+        "nonsense(",
+        3,
+        [[0, "a"], [1, 1], [2, 2]],
+        [[0, math.inf], [1, 1], [2, 0]],
+    ],
+)
 def test_bad_footprints_are_named_with_their_value(value):
     with pytest.raises(ValueError, match="footprint is"):
         fp.parse_footprint(value)

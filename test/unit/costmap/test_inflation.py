@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mbf_relay.costmap import inflation_kernels
+from mbf_relay.costmap.cost_grid import EMPTY, Window
 from mbf_relay.costmap.inflation_layer import InflationLayer, InflationLayerParameters, cost_of_distance, cost_table
 from mbf_relay.costmap.layer import LayerContext
-from mbf_relay.costmap.window import EMPTY, Window
 from mbf_relay.geometry import IDENTITY
 from mbf_relay.grid import Grid
 

@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION, CostGrid
 from mbf_relay.costmap.footprint import footprint_cells
 from mbf_relay.costmap.inspection import (
-    POINT, Multipliers, State, check_path, check_point, check_poses, find_valid_pose,
+    POINT,
+    Multipliers,
+    PoseState,
+    check_path,
+    check_point,
+    check_poses,
+    find_valid_pose,
 )
 from mbf_relay.geometry import Pose2D, angle_between
 from mbf_relay.grid import Grid
@@ -33,14 +39,14 @@ def by_hand(costmap, pose, outline, multipliers=(1.0, 1.0, 1.0)):
     grid = costmap.grid
     corners = Pose2D(*pose).transform_points(outline) if len(outline) else np.array([pose[:2]])
     if not all(grid.contains_point(x, y) for x, y in corners):
-        return State.OUTSIDE, 0.0
-    state, cost = State.FREE, 0.0
+        return PoseState.OUTSIDE, 0.0
+    state, cost = PoseState.FREE, 0.0
     for column, row in footprint_cells(grid, outline, Pose2D(*pose)):
         value = int(costmap.costs[row, column])
         kind, factor = {
-            LETHAL: (State.LETHAL, multipliers[0]), INSCRIBED: (State.INSCRIBED, multipliers[1]),
-            NO_INFORMATION: (State.UNKNOWN, multipliers[2]),
-        }.get(value, (State.FREE, 1.0))
+            LETHAL: (PoseState.LETHAL, multipliers[0]), INSCRIBED: (PoseState.INSCRIBED, multipliers[1]),
+            NO_INFORMATION: (PoseState.UNKNOWN, multipliers[2]),
+        }.get(value, (PoseState.FREE, 1.0))
         state, cost = max(state, kind), cost + value * (factor or 1.0)
     return state, cost
 
@@ -50,7 +56,7 @@ poses = st.tuples(st.floats(-1.2, 1.2), st.floats(-0.7, 1.2), st.floats(-4.0, 4.
 
 
 @given(seeds, poses, st.tuples(*[st.sampled_from([0.0, 0.5, 1.0, 10.0])] * 3))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_a_pose_is_the_sum_of_its_cells(seed, pose, multipliers):
     costmap = random_costmap(seed)
     for outline in (BURGER, POINT):
@@ -63,14 +69,14 @@ def test_a_point_is_its_cell():
     for row in range(30):
         for column in range(40):
             assert check_point(costmap, *costmap.grid.center_of(column, row)).cost == costmap.costs[row, column]
-    assert check_point(costmap, 9.0, 0.0) == (State.OUTSIDE, 0.0)
+    assert check_point(costmap, 9.0, 0.0) == (PoseState.OUTSIDE, 0.0)
 
 
 @given(seeds, st.lists(poses, max_size=12), st.integers(0, 4), st.integers(0, 3))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_a_path_is_the_sum_of_its_poses_up_to_the_first_bad_one(seed, path, return_on, skip):
     costmap = random_costmap(seed, free=0.85)
-    worst, total, last, index = State.FREE, 0.0, 0, 0
+    worst, total, last, index = PoseState.FREE, 0.0, 0, 0
     while index < len(path):
         last = index
         state, cost = by_hand(costmap, path[index], BURGER)
@@ -85,7 +91,7 @@ def test_a_path_is_the_sum_of_its_poses_up_to_the_first_bad_one(seed, path, retu
 
 
 @given(seeds, poses, st.floats(0.0, 0.4), st.floats(0.0, 1.0))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_the_nearest_valid_pose_is_found(seed, start, distance, angle):
     costmap = random_costmap(seed, free=0.85)
     start = Pose2D(*start)
@@ -94,22 +100,22 @@ def test_the_nearest_valid_pose_is_found(seed, start, distance, angle):
     assert abs(angle_between(start.theta, found.pose.theta)) <= angle + 1e-9
     grid = costmap.grid
     best = math.inf
-    wanted_fits = by_hand(costmap, start, BURGER)[0] <= State.INSCRIBED
-    if wanted_fits and check_point(costmap, start.x, start.y).state is State.FREE:
+    wanted_fits = by_hand(costmap, start, BURGER)[0] <= PoseState.INSCRIBED
+    if wanted_fits and check_point(costmap, start.x, start.y).state is PoseState.FREE:
         best = 0.0
     for row in range(grid.height):
         for column in range(grid.width):
             x, y = grid.center_of(column, row)
             away = math.hypot(x - start.x, y - start.y)
             if away <= distance and costmap.costs[row, column] < INSCRIBED:
-                if by_hand(costmap, (x, y, start.theta), BURGER)[0] <= State.INSCRIBED:
+                if by_hand(costmap, (x, y, start.theta), BURGER)[0] <= PoseState.INSCRIBED:
                     best = min(best, away)
-    if found.verdict.state <= State.INSCRIBED:
+    if found.verdict.state <= PoseState.INSCRIBED:
         assert by_hand(costmap, found.pose, BURGER) == pytest.approx(tuple(found.verdict))
         assert start.distance_to(found.pose) <= best + 1e-9
     else:
         assert best == math.inf
-    if found.verdict.state is State.LETHAL:
+    if found.verdict.state is PoseState.LETHAL:
         assert found.pose == start
 
 
@@ -120,9 +126,9 @@ def test_turning_may_be_what_makes_it_fit():
     costmap = CostGrid(grid, costs, "map", BURGER, 0.04, 0.15)
     long = np.array([[-0.3, -0.05], [-0.3, 0.05], [0.3, 0.05], [0.3, -0.05]])
     across = Pose2D(0.01, 0.01, math.pi / 2.0)
-    assert find_valid_pose(costmap, across, long, 0.2, 0.5).verdict.state is State.LETHAL
+    assert find_valid_pose(costmap, across, long, 0.2, 0.5).verdict.state is PoseState.LETHAL
     found = find_valid_pose(costmap, across, long, 0.2, math.pi)
-    assert found.verdict.state is State.FREE and abs(abs(found.pose.theta) - math.pi / 2.0) > 1.2
+    assert found.verdict.state is PoseState.FREE and abs(abs(found.pose.theta) - math.pi / 2.0) > 1.2
 
 
 def test_unknown_space_is_a_better_answer_than_outside():
@@ -131,4 +137,4 @@ def test_unknown_space_is_a_better_answer_than_outside():
     costs[:, 4:] = NO_INFORMATION
     costmap = CostGrid(grid, costs, "map", BURGER, 0.04, 0.15)
     found = find_valid_pose(costmap, Pose2D(0.01, 0.5, 0.0), 1.4 * BURGER, 0.3, 0.0)
-    assert found.verdict.state is State.UNKNOWN
+    assert found.verdict.state is PoseState.UNKNOWN

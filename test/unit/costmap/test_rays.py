@@ -9,7 +9,8 @@ from mbf_relay.costmap import layer_kernels
 
 
 def traced(costs, grid, sensor, end, reach):
-    """Free one ray's cells as costmap_2d's raytraceLine does: Bresenham with the error begun at half the longer side."""
+    """Free one ray's cells as costmap_2d's raytraceLine does: Bresenham with the error begun at half the longer side.
+    """
     origin_x, origin_y, resolution = grid
     height, width = costs.shape
     x0, y0 = (math.floor((sensor[axis] - grid[axis]) / resolution) for axis in range(2))

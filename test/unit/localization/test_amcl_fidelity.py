@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from synthetic_room import ORIGIN, room, scan_at
 
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.localization.distance_field import DistanceField
@@ -20,8 +21,6 @@ from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.resampling import AverageLikelihood, particle_limits, resample
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.scan import LaserScan
-
-from made_room import ORIGIN, room, scan_at
 
 START = Pose2D(1.5, 0.5, 0.3)
 NARROW = np.diag([0.02, 0.02, 0.01])
@@ -141,7 +140,9 @@ def test_doubt_is_amcls_recursion(averages, alpha_slow, alpha_fast):
 def test_a_doubt_that_was_acted_on_is_forgotten():
     made = localizer(recovery_alpha_slow=0.001, recovery_alpha_fast=0.5)
     for step in range(4):
-        made.process(Pose2D(0.3 * step, 0.0, 0.0), scan_at(room(), START.compose(Pose2D(0.3 * step, 0.0, 0.0))), IDENTITY)
+        made.process(
+            Pose2D(0.3 * step, 0.0, 0.0), scan_at(room(), START.compose(Pose2D(0.3 * step, 0.0, 0.0))), IDENTITY
+        )
     made.process(Pose2D(1.5, 0.0, 0.0), scan_at(room(), Pose2D(-1.5, 2.5, 2.0)), IDENTITY)
     assert np.ptp(made.poses[:, 0]) > 5.0
     assert made._averages.random_share() == 0.0

@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from synthetic_room import room, scan_at
 
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.localization.beams import Beams, pick_beams, step_between
@@ -11,8 +12,6 @@ from mbf_relay.localization.laser_models import is_converged, make_laser_model
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.scan import LaserScan
-
-from made_room import room, scan_at
 
 
 def wall_ahead():
@@ -47,7 +46,9 @@ def test_likelihood_field_prob_multiplies(error):
 def test_far_from_everything_and_off_the_map_count_as_the_largest_distance():
     pz = 0.95 * math.exp(-0.5 ** 2 / (2 * 0.2 ** 2)) + 0.05 / 8.0
     for reading, pose in ((1.0, (2.05, 5.05, 0.0)), (4.0, (9.0, 5.05, 0.0))):
-        assert weigh("likelihood_field", reading, pose, laser_likelihood_max_dist=0.5) == pytest.approx(1.0 + pz ** 3, rel=1e-4)
+        assert weigh("likelihood_field", reading, pose, laser_likelihood_max_dist=0.5) == pytest.approx(
+            1.0 + pz**3, rel=1e-4
+        )
 
 
 @pytest.mark.parametrize("error", [0.001, 0.15, 0.5])
@@ -71,7 +72,9 @@ def test_field_models_leave_out_readings_that_are_none(kind, reading):
 
 def test_many_beams_do_not_underflow():
     room_map = room()
-    parameters = LocalizerParameters(laser_model_type="likelihood_field_prob", laser_max_beams=2000, laser_sigma_hit=0.01)
+    parameters = LocalizerParameters(
+        laser_model_type="likelihood_field_prob", laser_max_beams=2000, laser_sigma_hit=0.01
+    )
     model = make_laser_model(DistanceField(room_map, 2.0), parameters)
     beams = model.pick(scan_at(room_map, Pose2D(1.5, 0.5, 0.0), beams=2000), IDENTITY)
     logs = model.log_likelihoods(np.array([[1.5, 0.5, 0.0], [2.2, 1.2, 0.5], [1.0, 1.2, 2.0]]), beams)
@@ -119,7 +122,9 @@ def test_distances_are_those_to_the_nearest_occupied_cell():
     occupied = rng.random((30, 40)) < 0.02
     cells = np.argwhere(occupied)
     rows, columns = np.mgrid[:30, :40]
-    expected = np.sqrt(((rows[..., None] - cells[:, 0]) ** 2 + (columns[..., None] - cells[:, 1]) ** 2).min(axis=2)) * 0.1
+    expected = (
+        np.sqrt(((rows[..., None] - cells[:, 0]) ** 2 + (columns[..., None] - cells[:, 1]) ** 2).min(axis=2)) * 0.1
+    )
     assert distances_to(occupied, 0.1, 1.0) == pytest.approx(np.minimum(expected, 1.0), abs=1e-5)
     assert (distances_to(np.zeros((4, 4), dtype=bool), 0.1, 1.0) == 1.0).all()
 

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from synthetic_room import ORIGIN, room, scan_at
 
 from mbf_relay.geometry import IDENTITY, Pose2D, angle_between
 from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.scan import LaserScan
-
-from made_room import ORIGIN, room, scan_at
 
 START = Pose2D(1.5, 0.5, 0.3)
 NARROW = np.diag([0.02, 0.02, 0.01])
@@ -68,7 +67,7 @@ def test_equal_seeds_give_equal_results(robust):
     assert [e.pose for e in one] == [e.pose for e in other]
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(-3.0, 3.0))
 def test_moving_world_and_map_together_moves_the_estimate_along(x, y, theta):
     move = Pose2D(x, y, theta)
@@ -135,7 +134,8 @@ def test_bad_initial_poses_are_refused_and_harm_nothing(pose, covariance, compla
 
 @pytest.mark.parametrize("robust", [False, True])
 @pytest.mark.parametrize(
-    "ranges", [np.full(60, np.nan), np.full(60, np.inf), np.full(60, -1.0), np.zeros(60), np.array([]), np.full(7, 1.0)],
+    "ranges",
+    [np.full(60, np.nan), np.full(60, np.inf), np.full(60, -1.0), np.zeros(60), np.array([]), np.full(7, 1.0)],
     ids=["nan", "inf", "negative", "zero", "empty", "other size"],
 )
 def test_bad_scans_leave_the_filter_sane(ranges, robust):
@@ -163,7 +163,8 @@ def test_empty_maps_are_refused_and_the_old_one_stays():
     made = localizer()
     field = made.field
     for bad in (
-        OccupancyMap(np.zeros((0, 0), dtype=np.int8), 0.05, IDENTITY), OccupancyMap(np.zeros((3, 3), dtype=np.int8), 0.0, IDENTITY),
+        OccupancyMap(np.zeros((0, 0), dtype=np.int8), 0.05, IDENTITY),
+        OccupancyMap(np.zeros((3, 3), dtype=np.int8), 0.0, IDENTITY),
         OccupancyMap(np.zeros((3, 3), dtype=np.int8), 0.05, Pose2D(math.nan, 0.0, 0.0)),
     ):
         with pytest.raises(ValueError, match="map"):

@@ -2,9 +2,9 @@ import json
 
 import numpy as np
 import pytest
+from benchmark.synthetic_drives import Rough, make_drive
 from PIL import Image
 
-from mbf_relay.benchmarks.made_drives import Rough, make_drive
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.command import main
 from mbf_relay.localization.logs import LogError, guess_range_max, load_log, save_log
@@ -13,8 +13,13 @@ from mbf_relay.maps import save_map
 
 def arrays(count=4, beams=5):
     return dict(
-        t=np.arange(float(count)), odom=np.zeros((count, 3)), ranges=np.ones((count, beams)), angle_min=-1.0, angle_increment=0.5,
-        ref=np.zeros((count, 3)), laser_pose=np.array([0.1, 0.0, 0.2]),
+        t=np.arange(float(count)),
+        odom=np.zeros((count, 3)),
+        ranges=np.ones((count, beams)),
+        angle_min=-1.0,
+        angle_increment=0.5,
+        ref=np.zeros((count, 3)),
+        laser_pose=np.array([0.1, 0.0, 0.2]),
     )
 
 
@@ -41,8 +46,11 @@ def test_reference_and_laser_pose_may_be_missing(tmp_path):
 @pytest.mark.parametrize(
     "change, complaint",
     [
-        (dict(t=None), "no array 't'"), (dict(odom=np.zeros((3, 3))), "'odom' of log .* shape \\(3, 3\\)"),
-        (dict(ranges=np.ones(4)), "'ranges'"), (dict(laser_pose=np.ones(2)), "laser_pose"), (dict(ref=np.zeros((4, 2))), "'ref'"),
+        (dict(t=None), "no array 't'"),
+        (dict(odom=np.zeros((3, 3))), "'odom' of log .* shape \\(3, 3\\)"),
+        (dict(ranges=np.ones(4)), "'ranges'"),
+        (dict(laser_pose=np.ones(2)), "laser_pose"),
+        (dict(ref=np.zeros((4, 2))), "'ref'"),
         (dict(ranges=np.ones((4, 0))), "'ranges'"),
     ],
 )
@@ -93,7 +101,11 @@ def test_the_command_writes_way_figures_and_picture(tmp_path, capsys):
 
 @pytest.mark.parametrize(
     "arguments, complaint",
-    [(["none.npz", "map.yaml"], "none.npz"), (["log.npz", "none.yaml"], "none.yaml"), (["log.npz", "map.yaml", "--params", "bad.yaml"], "kld_err")],
+    [
+        (["none.npz", "map.yaml"], "none.npz"),
+        (["log.npz", "none.yaml"], "none.yaml"),
+        (["log.npz", "map.yaml", "--params", "bad.yaml"], "kld_err"),
+    ],
 )
 def test_the_command_says_what_was_wrong(tmp_path, capsys, monkeypatch, arguments, complaint):
     monkeypatch.chdir(tmp_path)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.localization.gaussians import PoseGaussian
 from mbf_relay.localization.motion_models import make_motion_model
 from mbf_relay.localization.parameters import LocalizerParameters
 
@@ -15,12 +16,16 @@ def propagate(kind, step=STEP, count=COUNT, robust=False, start=(1.0, 2.0, 0.7),
     values = {f"odom_alpha{i}": alphas.get(f"a{i}", 0.0) for i in range(1, 6)}
     model = make_motion_model(LocalizerParameters(odom_model_type=kind, robust=robust, robust_odom_error=0.0, **values))
     before = Pose2D(5.0, -3.0, 1.1)
-    poses = model.propagate(np.tile(start, (count, 1)).astype(float), before, before.compose(step), np.random.default_rng(1))
+    poses = model.propagate(
+        np.tile(start, (count, 1)).astype(float), before, before.compose(step), np.random.default_rng(1)
+    )
     return Pose2D(*start).inverse().transform_poses(poses)
 
 
 @pytest.mark.parametrize("kind", ["diff", "omni", "diff-corrected", "omni-corrected"])
-@pytest.mark.parametrize("step", [STEP, Pose2D(-0.5, 0.0, 0.0), Pose2D(0.0, 0.0, 2.5), Pose2D(0.0, 0.4, -0.2), IDENTITY])
+@pytest.mark.parametrize(
+    "step", [STEP, Pose2D(-0.5, 0.0, 0.0), Pose2D(0.0, 0.0, 2.5), Pose2D(0.0, 0.4, -0.2), IDENTITY]
+)
 def test_without_noise_particles_move_as_odometry_did(kind, step):
     moved = propagate(kind, step, count=3)
     assert moved == pytest.approx(np.tile(np.array(step), (3, 1)), abs=1e-9)
@@ -58,10 +63,15 @@ def test_driving_backwards_is_no_half_turn():
 @pytest.mark.parametrize(
     "kind, alpha, along, heading, across",
     [
-        ("omni", "a1", "turned", None, "turned"), ("omni", "a2", None, "driven", None), ("omni", "a3", "driven", None, None),
-        ("omni", "a4", None, "turned", None), ("omni", "a5", None, None, "driven"),
-        ("omni-corrected", "a1", None, "turned", None), ("omni-corrected", "a2", None, "driven", None),
-        ("omni-corrected", "a3", "driven", None, None), ("omni-corrected", "a4", "turned", None, "turned"),
+        ("omni", "a1", "turned", None, "turned"),
+        ("omni", "a2", None, "driven", None),
+        ("omni", "a3", "driven", None, None),
+        ("omni", "a4", None, "turned", None),
+        ("omni", "a5", None, None, "driven"),
+        ("omni-corrected", "a1", None, "turned", None),
+        ("omni-corrected", "a2", None, "driven", None),
+        ("omni-corrected", "a3", "driven", None, None),
+        ("omni-corrected", "a4", "turned", None, "turned"),
         ("omni-corrected", "a5", None, None, "driven"),
     ],
 )
@@ -80,16 +90,51 @@ def test_each_alpha_of_the_omnidirectional_models(kind, alpha, along, heading, a
     assert moved[:, 0].std() == pytest.approx(deviation(across), rel=0.03, abs=1e-9)
 
 
-def test_the_robust_form_reads_alphas_as_shares_of_the_motion():
-    for driven in (0.1, 1.0, 3.0):
-        moved = propagate("diff", Pose2D(driven, 0.0, 0.0), robust=True, a3=0.1)
-        assert moved[:, 0].std() == pytest.approx(0.1 * driven, rel=0.03)
+def drive_in_steps(kind, way, steps, **values):
+    """Return where particles are after a way, cut into so many equal steps, in the frame of its start."""
+    model = make_motion_model(LocalizerParameters(odom_model_type=kind, **values))
+    poses, rng, before = np.zeros((4000, 3)), np.random.default_rng(1), Pose2D(5.0, -3.0, 1.1)
+    for _ in range(steps):
+        share = 1.0 / steps
+        after = before.compose(Pose2D(way.x * share, way.y * share, way.theta * share))
+        poses, before = model.propagate(poses, before, after, rng), after
+    return poses
 
 
-def test_the_robust_form_holds_odometry_to_be_off_by_a_share_at_least():
-    model = make_motion_model(LocalizerParameters(robust_odom_error=0.2, odom_alpha3=0.0))
-    moved = model.propagate(np.zeros((COUNT, 3)), IDENTITY, Pose2D(0.5, 0.0, 0.0), np.random.default_rng(1))
-    assert np.hypot(moved[:, 0], moved[:, 1]).std() == pytest.approx(0.1, rel=0.03)
+@pytest.mark.parametrize("kind", ["diff", "omni", "diff-corrected", "omni-corrected"])
+@pytest.mark.parametrize("way", [Pose2D(1.0, 0.0, 0.0), Pose2D(0.0, 0.0, 1.5)], ids=["straight", "turn"])
+def test_a_way_is_as_uncertain_whatever_steps_it_is_cut_into(kind, way):
+    """A robot that updates every 2 cm must not be surer of its odometry, or less sure, than one that does every metre.
+    """
+    ends = [drive_in_steps(kind, way, steps) for steps in (1, 4, 20, 100)]
+    places = [math.sqrt(poses[:, :2].var(axis=0).sum()) for poses in ends]
+    headings = [poses[:, 2].std() for poses in ends]
+    assert max(places) < 1.2 * min(places)
+    assert max(headings) < 1.1 * min(headings)
+
+
+def test_the_robust_form_is_as_wide_as_amcl_at_amcls_own_step():
+    step = Pose2D(0.2, 0.0, 0.0)
+    plain, robust = (propagate("diff", step, robust=robust, a3=0.3)[:, 0].std() for robust in (False, True))
+    assert robust == pytest.approx(plain, rel=0.03)
+
+
+def test_the_robust_form_holds_odometry_to_be_off_at_least_by_so_much_after_a_metre():
+    moved = drive_in_steps("omni", Pose2D(1.0, 0.0, 0.0), 5, robust_odom_error=0.1, odom_alpha3=0.0, odom_alpha2=0.0)
+    assert moved[:, 0].std() == pytest.approx(0.1, rel=0.1)
+
+
+@pytest.mark.parametrize("kind", ["diff", "omni", "diff-corrected", "omni-corrected"])
+def test_rivals_grow_as_uncertain_as_particles(kind):
+    """The covariance that a hypothesis is moved with is that of the particles' noise."""
+    model = make_motion_model(LocalizerParameters(odom_model_type=kind, robust_odom_error=0.02))
+    before, after = Pose2D(1.0, 2.0, 0.7), Pose2D(1.0, 2.0, 0.7).compose(Pose2D(0.3, 0.1, 0.2))
+    start = PoseGaussian(np.array([3.0, -1.0, 2.0]), np.diag([1e-8, 1e-8, 1e-8]))
+    moved = model.propagate(np.tile(start.mean, (COUNT, 1)), before, after, np.random.default_rng(1))
+    belief = start.moved(after.relative_to(before), model.covariance(before, after))
+    assert moved.mean(axis=0) == pytest.approx(belief.mean, abs=0.01)
+    scale = np.sqrt(np.outer(np.diag(belief.covariance), np.diag(belief.covariance)))
+    assert np.cov(moved.T) / scale == pytest.approx(belief.covariance / scale, abs=0.08)
 
 
 def test_headings_stay_on_their_circle():

@@ -36,7 +36,9 @@ def test_any_number_of_first_draws_is_spread_evenly():
 
 @pytest.mark.parametrize("scale", [1e-300, 1.0, 1e300])
 def test_weights_need_not_be_normalised(scale):
-    drawn = resample(np.arange(9.0).reshape(3, 3), np.array([0.0, 1.0, 0.0]) * scale, every(10), np.random.default_rng(1))
+    drawn = resample(
+        np.arange(9.0).reshape(3, 3), np.array([0.0, 1.0, 0.0]) * scale, every(10), np.random.default_rng(1)
+    )
     assert (drawn == [3.0, 4.0, 5.0]).all()
 
 
@@ -61,7 +63,12 @@ def test_a_wide_belief_takes_more_particles_than_a_narrow_one():
 
 def test_the_share_of_random_poses_is_kept():
     drawn = resample(
-        np.zeros((100, 3)), np.ones(100), every(4000), np.random.default_rng(1), 0.25, lambda count: np.full((count, 3), 9.0)
+        np.zeros((100, 3)),
+        np.ones(100),
+        every(4000),
+        np.random.default_rng(1),
+        0.25,
+        lambda count: np.full((count, 3), 9.0),
     )
     assert (drawn[:, 0] == 9.0).mean() == pytest.approx(0.25, abs=0.03)
 

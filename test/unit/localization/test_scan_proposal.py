@@ -2,8 +2,9 @@ import math
 
 import numpy as np
 import pytest
+from benchmark.synthetic_drives import Rough, make_drive
+from synthetic_room import room, scan_at
 
-from mbf_relay.benchmarks.made_drives import Rough, make_drive
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.localization.beams import pick_beams
 from mbf_relay.localization.distance_field import DistanceField
@@ -13,10 +14,8 @@ from mbf_relay.localization.refinement_kernels import invert, linearize
 from mbf_relay.localization.replay import errors, replay
 from mbf_relay.localization.scan_likelihood import ScanLikelihood, apart, thin_out
 from mbf_relay.localization.scan_proposal import ScanProposal
-from mbf_relay.localization.scouts import Trust
+from mbf_relay.localization.tracker import Doubt
 from mbf_relay.maps import OccupancyMap
-
-from made_room import room, scan_at
 
 TRUTH = Pose2D(1.5, 0.5, 0.3)
 ODOMETRY = np.diag([0.15, 0.15, 0.1]) ** 2
@@ -97,8 +96,8 @@ def test_particles_stay_a_sample_of_prior_times_likelihood():
     prior = PoseGaussian(np.array([10.3, 1.45, 0.0]), ODOMETRY)
     rng = np.random.default_rng(3)
     poses = prior.sample(20000, rng)
-    poses, log_weights = ScanProposal(likelihood(occupancy), lambda count: np.empty((0, 3))).propose(
-        poses, np.full(20000, -math.log(20000)), hits(occupancy, truth), 0.5, rng
+    poses, log_weights, *_ = ScanProposal(likelihood(occupancy)).propose(
+        poses, np.full(20000, -math.log(20000)), thin_out(hits(occupancy, truth)), rng
     )
     weights = np.exp(log_weights - log_sum_exp(log_weights))
     mean = weights @ poses[:, 0]
@@ -110,7 +109,9 @@ def test_particles_stay_a_sample_of_prior_times_likelihood():
 def test_densities_are_normalised_and_samples_have_their_moments():
     part = PoseGaussian(np.array([1.0, 2.0, 3.1]), np.array([[0.04, 0.01, 0.0], [0.01, 0.09, 0.02], [0.0, 0.02, 0.05]]))
     mixture = PoseMixture((part, PoseGaussian(np.array([4.0, 2.0, 0.0]), np.eye(3) * 0.02)), np.array([0.7, 0.3]))
-    x, y, a = np.meshgrid(np.linspace(-1, 6, 71), np.linspace(0, 4, 41), np.linspace(-math.pi, math.pi, 63, endpoint=False))
+    x, y, a = np.meshgrid(
+        np.linspace(-1, 6, 71), np.linspace(0, 4, 41), np.linspace(-math.pi, math.pi, 63, endpoint=False)
+    )
     density = np.exp(mixture.log_density(np.column_stack((x.ravel(), y.ravel(), a.ravel()))))
     assert density.sum() * 0.1 * 0.1 * (2 * math.pi / 63) == pytest.approx(1.0, rel=0.01)
     fitted = PoseGaussian.fitted(part.sample(40000, np.random.default_rng(1)), np.ones(40000))
@@ -132,13 +133,13 @@ def test_starts_are_the_best_that_lie_apart():
     assert apart(poses, np.array([3.0, 4.0, 1.0, 2.0]), 3, 0.1, 0.1) == [1, 3, 2]
 
 
-def test_trust_is_lost_when_much_less_is_explained_than_usual():
-    trust = Trust(wary=False)
-    assert not any(trust.is_lost(share, 0.5) for share in (0.8, 0.75, 0.85, 0.7))
-    assert trust.is_lost(0.4, 0.5) and trust.is_lost(0.4, 0.5)
-    assert trust.driven == 1.0
-    assert not trust.is_lost(0.8, 0.5)
-    assert trust.driven == 0.0
+def test_one_doubts_when_much_less_is_explained_than_usual():
+    doubt = Doubt()
+    assert not any(doubt.look(share, 0.5) for share in (0.8, 0.75, 0.85, 0.7))
+    assert doubt.look(0.4, 0.5) and doubt.look(0.4, 0.5)
+    assert doubt.way == 1.0
+    assert not doubt.look(0.8, 0.5)
+    assert doubt.way == 0.5
 
 
 @pytest.mark.parametrize("building, seed", [("hall", 0), ("hall", 1), ("corridors", 0), ("office", 1)])
@@ -160,6 +161,11 @@ def test_robust_off_is_the_plain_filter():
     made = make_drive("hall", 120, Rough(), np.random.default_rng(0))
     start = Pose2D(*map(float, made.log.reference[0]))
     result = replay(
-        made.log, made.occupancy, LocalizerParameters(robust=False), np.random.default_rng(0), start, np.diag([0.05, 0.05, 0.02])
+        made.log,
+        made.occupancy,
+        LocalizerParameters(robust=False),
+        np.random.default_rng(0),
+        start,
+        np.diag([0.05, 0.05, 0.02]),
     )
     assert np.median(errors(result.poses, made.log.reference)["translation"]) > 0.1

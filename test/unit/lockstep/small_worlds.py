@@ -1,20 +1,41 @@
 """Small worlds that a robot crosses in seconds, and plugins that misbehave."""
 
 import json
+from dataclasses import dataclass
 
 from mbf_relay.control.controller import Controller
-from mbf_relay.geometry import STOP
+from mbf_relay.geometry import STOP, Twist2D
+from mbf_relay.parameters import ParameterSet, parameter
 
 FREE = {"name": "free", "cylinders": [[1.0, 0.6, 0.1, 0.5], [1.0, -0.6, 0.1, 0.5]], "start": [0.0, 0.0, 0.0],
         "goal": [1.6, 0.1, 0.0], "goal_radius": 0.3, "reference_path_length": 1.6, "time_limit": 30.0}
 BENT = {**FREE, "name": "bent", "cylinders": [[0.8, 0.05, 0.15, 0.5]]}
 BLOCKED_START = {**FREE, "name": "blocked_start", "cylinders": [[0.05, 0.05, 0.1, 0.5]]}
 WALLED_IN = {
-    **FREE, "name": "walled_in", "time_limit": 4.0,
-    "cylinders": [[0.6 * x, 0.6 * y, 0.12, 0.5] for x, y in
-                  [(1, 0), (0.92, 0.38), (0.71, 0.71), (0.38, 0.92), (0, 1), (-0.38, 0.92), (-0.71, 0.71), (-0.92, 0.38),
-                   (-1, 0), (0.92, -0.38), (0.71, -0.71), (0.38, -0.92), (0, -1), (-0.38, -0.92), (-0.71, -0.71),
-                   (-0.92, -0.38)]],
+    **FREE,
+    "name": "walled_in",
+    "time_limit": 4.0,
+    "cylinders": [
+        [0.6 * x, 0.6 * y, 0.12, 0.5]
+        for x, y in [
+            (1, 0),
+            (0.92, 0.38),
+            (0.71, 0.71),
+            (0.38, 0.92),
+            (0, 1),
+            (-0.38, 0.92),
+            (-0.71, 0.71),
+            (-0.92, 0.38),
+            (-1, 0),
+            (0.92, -0.38),
+            (0.71, -0.71),
+            (0.38, -0.92),
+            (0, -1),
+            (-0.38, -0.92),
+            (-0.71, -0.71),
+            (-0.92, -0.38),
+        ]
+    ],
 }
 RUN_OVER = {
     **FREE, "name": "run_over", "cylinders": [],
@@ -50,3 +71,24 @@ class Dying(Throwing):
         import os
 
         os._exit(9)
+
+
+class Hanging(Throwing):
+    """A controller that never answers."""
+
+    def compute_velocity(self, state):
+        while True:
+            pass
+
+
+class Slow(Throwing):
+    """A controller with a parameter of its own: straight ahead."""
+
+    @dataclass(frozen=True)
+    class Parameters(ParameterSet):
+        """Parameters of it."""
+
+        pace: float = parameter(0.15, "how fast", unit="m/s")
+
+    def compute_velocity(self, state):
+        return Twist2D(self.parameters.pace, 0.0, 0.0)

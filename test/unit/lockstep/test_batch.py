@@ -5,9 +5,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
+import numpy as np
+import PIL.Image
 import pytest
 
 pytest.importorskip("pybullet")
@@ -41,12 +42,18 @@ def wait_for_lines(path, count, process):
 
 
 def test_a_batch_leaves_lines_a_summary_and_pictures(tmp_path, capsys):
-    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE, small_worlds.BLOCKED_START, small_worlds.WALLED_IN)
+    worlds = small_worlds.write(
+        tmp_path / "worlds.json", small_worlds.FREE, small_worlds.BLOCKED_START, small_worlds.WALLED_IN
+    )
     assert batch.main([worlds, "--out", str(tmp_path / "out"), "--jobs", "2"]) == 0
     shown = capsys.readouterr()
     assert "blocked_start (seed 1): ERROR" in shown.out and "choose a free place" in shown.out
     results, warnings = read_lines(tmp_path / "out" / LINES)
-    assert {result.world: result.success for result in results} == {"free": True, "blocked_start": False, "walled_in": False}
+    assert {result.world: result.success for result in results} == {
+        "free": True,
+        "blocked_start": False,
+        "walled_in": False,
+    }
     assert not warnings
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["episodes"] == 3 and summary["success"]["value"] == pytest.approx(1 / 3)
@@ -87,18 +94,88 @@ def test_an_interrupt_loses_nothing_that_was_finished(tmp_path):
     assert (out / "summary.json").exists()
 
 
-def test_a_process_that_dies_is_recorded_and_the_batch_goes_on(tmp_path):
-    worlds = load(tmp_path)
-    dying = batch.make_setup(batch.config_folder(), has_map=False)
-    server = {**dying.settings["move_base_flex"], "controllers": [{"name": "own", "type": "small_worlds.Dying"}]}
-    broken = batch.Setup({**dying.settings, "move_base_flex": server}, dying.localization, dying.map)
-    results = batch.run([(worlds[0], broken, 1), (worlds[0], dying, 2)], 1)
-    assert results[0].outcome == "ERROR" and "exit status 9" in results[0].message
-    assert results[1].success
+def test_what_crashes_is_one_failed_line_that_scores_nothing(tmp_path):
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE, small_worlds.BLOCKED_START)
+    crash = "controllers=[{name: own, type: small_worlds.Dying}]"
+    assert batch.main([worlds, "--out", str(tmp_path / "out"), "--jobs", "2", "--set", crash]) == 0
+    results, _ = read_lines(tmp_path / "out" / LINES)
+    assert [(result.outcome, result.score) for result in results] == [("ERROR", 0.0)] * 2
+    messages = {result.world: result.message for result in results}
+    assert "exit status 9" in messages["free"] and "choose a free place" in messages["blocked_start"]
 
 
-def load(tmp_path):
-    return batch.load_tasks(small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE))
+def test_an_episode_that_computes_for_ever_is_ended_and_driven_again_on_request(tmp_path, capsys):
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE, small_worlds.BENT)
+    hang = "controllers=[{name: own, type: small_worlds.Hanging}]"
+    arguments = [worlds, "--out", str(tmp_path / "out"), "--jobs", "1", "--time-limit", "1.5", "--set", hang]
+    assert batch.main(arguments) == 0
+    results, _ = read_lines(tmp_path / "out" / LINES)
+    assert len(results) == 2
+    assert all("hung: no result within 1.5 s of computing" in result.message for result in results)
+    assert batch.main(arguments) == 0
+    assert "2 of 2 episodes have a result already" in capsys.readouterr().err
+    assert batch.main([*arguments, "--retry-failed", "--only", "free"]) == 0
+    assert len((tmp_path / "out" / LINES).read_text().splitlines()) == 3
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["episodes"] == 2
+
+
+def test_results_of_other_code_are_not_continued(tmp_path, capsys, monkeypatch):
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.BLOCKED_START)
+    assert batch.main([worlds, "--out", str(tmp_path / "out")]) == 0
+    monkeypatch.setattr("mbf_relay.lockstep.sources.package_digest", lambda: "other")
+    assert batch.main([worlds, "--out", str(tmp_path / "out")]) == 1
+    assert "holds results of other code (sources was" in capsys.readouterr().err
+
+
+def test_seeds_are_a_number_or_a_range(tmp_path, capsys):
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.BLOCKED_START)
+    assert batch.main([worlds, "--out", str(tmp_path / "out"), "--seeds", "10-12", "--jobs", "1"]) == 0
+    assert sorted(result.seed for result in read_lines(tmp_path / "out" / LINES)[0]) == [10, 11, 12]
+    with pytest.raises(SystemExit):
+        batch.main([worlds, "--seeds", "7-3"])
+    assert "'7-3' holds no seed" in capsys.readouterr().err
+
+
+def test_own_parameters_lie_over_the_packages_and_plugins_of_ones_own_have_theirs(tmp_path, capsys):
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE)
+    own = tmp_path / "move_base_flex.yaml"
+    own.write_text("controllers: [{name: mine, type: small_worlds.Slow}]\nmine: {pace: 0.1}\n")
+    common = [worlds, "--jobs", "1", "--config", str(own)]
+    assert batch.main([*common, "--out", str(tmp_path / "a")]) == 0
+    assert batch.main([*common, "--out", str(tmp_path / "b"), "--set", "mine.pace=0.2"]) == 0
+    (slow,), (quick,) = (read_lines(tmp_path / name / LINES)[0] for name in ("a", "b"))
+    assert slow.success and quick.success and slow.time > 1.5 * quick.time
+    assert batch.main([*common, "--out", str(tmp_path / "c"), "--set", "mine.pase=0.2"]) == 1
+    assert "did you mean 'move_base_flex.mine.pace'" in capsys.readouterr().err
+    settings = json.loads((tmp_path / "a" / "settings.json").read_text())
+    assert list(settings["plugins"]) == ["small_worlds.Slow"] and len(settings["sources"]) == 16
+    (tmp_path / "mine.yaml").write_text("DWAPlannerROS: {sim_time: 2.0}")
+    assert batch.main([worlds, "--config", str(tmp_path / "mine.yaml"), "--out", str(tmp_path / "d")]) == 1
+    assert "has 'DWAPlannerROS' at its first level; it must be named after a node" in capsys.readouterr().err
+
+
+def test_a_goal_beyond_all_walls_is_on_the_known_map(tmp_path):
+    worlds = small_worlds.write(tmp_path / "worlds.json", {**small_worlds.FREE, "goal": [3.5, 0.0, 0.0]})
+    out = ["--out", str(tmp_path / "out"), "--jobs", "1"]
+    assert batch.main([worlds, *out, "--map", "known", "--map-resolution", "0.04"]) == 0
+    (result,), _ = read_lines(tmp_path / "out" / LINES)
+    assert result.success, result.message
+
+
+def test_a_world_may_name_a_map_that_is_wrong(tmp_path, capsys):
+    image = np.full((80, 120), 254, np.uint8)
+    image[:, 60] = 0  # a wall from end to end that is not there
+    PIL.Image.fromarray(image).save(tmp_path / "wrong.png")
+    (tmp_path / "wrong.yaml").write_text(
+        "{image: wrong.png, resolution: 0.05, origin: [-2, -2, 0], negate: 0, occupied_thresh: 0.65, free_thresh: 0.2}"
+    )
+    worlds = small_worlds.write(tmp_path / "worlds.json", {**small_worlds.FREE, "map": "wrong.yaml", "time_limit": 5})
+    assert batch.main([worlds, "--out", str(tmp_path / "a"), "--jobs", "1", "--localization", "truth"]) == 0
+    (result,), _ = read_lines(tmp_path / "a" / LINES)
+    assert not result.success and json.loads((tmp_path / "a" / "settings.json").read_text())["map"] == "known"
+    worlds = small_worlds.write(tmp_path / "none.json", {**small_worlds.FREE, "map": "none.yaml"})
+    assert batch.main([worlds, "--out", str(tmp_path / "b")]) == 1
+    assert "the map of world 'free'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -110,7 +187,7 @@ def load(tmp_path):
         (["--planner", "RRT"], "there is no 'RRT' among the planners"),
         (["--localization", "amcl", "--map", "none"], "amcl needs a map"),
         (["--only", "elsewhere"], "there is no world 'elsewhere'; there are free"),
-        (["--set", "DWAPlannerROS.sim_time=-1"], "sim_time is -1"),
+        (["--set", "DWAPlannerROS.sim_time=fast"], "sim_time is 'fast'"),
     ],
 )
 def test_what_is_wrong_is_named_before_anything_is_driven(tmp_path, capsys, arguments, words):

@@ -7,14 +7,17 @@ import numpy as np
 import pytest
 
 from mbf_relay.geometry import Pose2D
-from mbf_relay.lockstep.clearance import HULL, smallest_clearance
+from mbf_relay.lockstep.clearance import smallest_clearance
 from mbf_relay.lockstep.clearance_kernels import hull_clearances
 from mbf_relay.lockstep.record import velocities
-from mbf_relay.lockstep.tasks import Task
+from mbf_relay.lockstep.tasks import EpisodeTask
 from mbf_relay.simulation.frames import Frame
+from mbf_relay.simulation.robot_file import load_robot
 from mbf_relay.simulation.shapes import Body, Box, Cylinder
 from mbf_relay.simulation.world import Mover, World
 
+BURGER = load_robot("burger")
+HULL = BURGER.outline
 SQUARE = np.array([[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]])
 
 
@@ -56,19 +59,26 @@ def pillar(x, y):
 
 def test_clearance_to_a_pillar_and_in_an_empty_world():
     poses = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0]])
-    made = smallest_clearance(World("one", (pillar(1.0, 0.0),)), np.arange(2.0), poses)
+    made = smallest_clearance(World("one", (pillar(1.0, 0.0),)), np.arange(2.0), poses, BURGER)
     assert made == pytest.approx(1.0 - 0.1 - 0.2 - HULL[:, 0].max(), abs=2e-4)
-    assert smallest_clearance(World("none", ()), np.arange(2.0), poses) is None
-    assert smallest_clearance(World("below", (Body("sill", Box((9.0, 9.0, 0.02)), Frame.of(0.0, 0.0, 0.01)),)), np.arange(2.0), poses) is None
+    assert smallest_clearance(World("none", ()), np.arange(2.0), poses, BURGER) is None
+    assert (
+        smallest_clearance(
+            World("below", (Body("sill", Box((9.0, 9.0, 0.02)), Frame.of(0.0, 0.0, 0.01)),)), np.arange(2.0), poses,
+            BURGER,
+        )
+        is None
+    )
 
 
 def test_clearance_to_a_mover_counts_where_it_is_at_that_time():
     mover = Mover(pillar(0.0, 0.0), np.array([0.0, 10.0]), np.array([[2.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), loop=False)
     world = World("moving", (), movers=(mover,))
     standing = np.zeros((3, 3))
-    made = smallest_clearance(world, np.array([0.0, 5.0, 10.0]), standing)
+    made = smallest_clearance(world, np.array([0.0, 5.0, 10.0]), standing, BURGER)
     assert made == pytest.approx(1.0 - 0.1 - HULL[:, 0].max(), abs=2e-4)
-    assert smallest_clearance(world, np.zeros(3), standing) == pytest.approx(2.0 - 0.1 - HULL[:, 0].max(), abs=2e-4)
+    at_first = smallest_clearance(world, np.zeros(3), standing, BURGER)
+    assert at_first == pytest.approx(2.0 - 0.1 - HULL[:, 0].max(), abs=2e-4)
 
 
 def test_velocities_of_an_arc():
@@ -86,8 +96,8 @@ def test_driving_backwards_is_negative():
 
 
 def test_a_task_is_told_from_others_by_what_is_in_it():
-    task = Task("a", World("a", (pillar(1.0, 0.0),)), (Pose2D(2.0, 0.0, 0.0),), 30.0)
-    again = Task("a", World("a", (pillar(1.0, 0.0),)), (Pose2D(2.0, 0.0, 0.0),), 30.0)
+    task = EpisodeTask("a", World("a", (pillar(1.0, 0.0),)), (Pose2D(2.0, 0.0, 0.0),), 30.0)
+    again = EpisodeTask("a", World("a", (pillar(1.0, 0.0),)), (Pose2D(2.0, 0.0, 0.0),), 30.0)
     assert task.digest() == again.digest()
     moved = dataclasses.replace(task, world=World("a", (pillar(1.01, 0.0),)))
     later = dataclasses.replace(task, time_limit=31.0)

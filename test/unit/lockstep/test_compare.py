@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from mbf_relay.lockstep import compare
+from mbf_relay.lockstep import compare, compare_many
 from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.results_file import ResultsFile
 
@@ -53,3 +53,31 @@ def test_nothing_in_common_and_nothing_there_are_errors(tmp_path, capsys):
     assert "share no world and seed" in capsys.readouterr().err
     assert compare.main([str(first), str(tmp_path / "none")]) == 1
     assert "does not exist" in capsys.readouterr().err
+
+
+def test_several_batches_stand_in_one_table_each_against_the_first(tmp_path, capsys):
+    names = []
+    for name, time in (("base", None), ("better", 10.0), ("same", None)):
+        names.append(str(batch(tmp_path / name, [time if index < 14 else 12.0 for index in range(20)], {})))
+    assert compare.main(names) == 0
+    shown = capsys.readouterr().out
+    better, same = (next(line for line in shown.splitlines() if line.startswith(name)) for name in names[1:])
+    assert "1.000" in better and "+0.700" in better and better.endswith("better")
+    assert same.endswith("chance 1.000: no difference")
+
+
+def test_success_is_drawn_against_difficulty(tmp_path, capsys):
+    folder = batch(tmp_path / "a", [None if index > 9 else 9.0 for index in range(20)], {})
+    worlds = tmp_path / "worlds.json"
+    stated = [{"name": f"barn_{index:03d}", "difficulty": {"path_length_ratio": 1.0 + 0.1 * index}}
+              for index in range(20)]
+    worlds.write_text(json.dumps({"worlds": stated}))
+    picture = tmp_path / "success.png"
+    arguments = [str(folder), str(folder), "--plot", str(picture), "--worlds", str(worlds)]
+    assert compare.main(arguments) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    results, _ = compare.read_lines(folder / "episodes.jsonl")
+    points = compare_many.by_difficulty(results, compare.load_difficulties(worlds), "path_length_ratio")
+    assert [share.value for _, share in points] == [1.0, 1.0, 0.5, 0.0, 0.0]
+    assert compare.main([*arguments, "--by", "colour"]) == 1
+    assert "no world driven states 'colour'; worlds state path_length_ratio" in capsys.readouterr().err

@@ -10,13 +10,16 @@ import pytest
 pytest.importorskip("pybullet")
 sys.path.insert(0, str(Path(__file__).parent))
 
+import own_critics  # noqa: E402
 import small_worlds  # noqa: E402
 
-from mbf_relay.lockstep import batch  # noqa: E402
+from mbf_relay.control.dwa_parameters import DwaParameters  # noqa: E402
 from mbf_relay.lockstep.episode import Episode  # noqa: E402
+from mbf_relay.lockstep.episodes import EpisodeJob, drive  # noqa: E402
 from mbf_relay.lockstep.settings import config_folder  # noqa: E402
 from mbf_relay.lockstep.setup import SERVER, make_setup  # noqa: E402
 from mbf_relay.lockstep.tasks import circle, load_tasks  # noqa: E402
+from mbf_relay.lockstep.workers import run  # noqa: E402
 
 BLIND = make_setup(config_folder(), has_map=False)
 SEEING = make_setup(config_folder())
@@ -39,7 +42,17 @@ def test_the_circle_is_driven_by_amcl():
     assert result.smallest_clearance > 0.05
     assert 0.0 < result.localization_error_mean < 0.1
     assert list(result.goal_times) == sorted(result.goal_times) and result.goal_times[-1] == result.time
-    assert len(result.goal_waits) == 8 and 0.0 < sum(result.goal_waits) / 8 < 0.6, "it does not dawdle where it has arrived"
+    assert len(result.goal_waits) == 8 and 0.0 < sum(result.goal_waits) / 8 < 0.6, (
+        "it does not dawdle where it has arrived"
+    )
+
+
+def test_the_built_in_critics_drive_the_circle_alike_under_a_users_own_names():
+    server = SEEING.settings[SERVER]
+    dwa = {**server["DWAPlannerROS"], "critics": [own_critics.path_of(name) for name in DwaParameters().critics]}
+    own = dataclasses.replace(SEEING, settings={**SEEING.settings, SERVER: {**server, "DWAPlannerROS": dwa}})
+    results = [Episode(circle(), setup, seed=2).run() for setup in (SEEING, own)]
+    assert results[0].success and results[0].trajectory == results[1].trajectory
 
 
 def test_a_world_without_a_map_is_crossed_on_odometry(tmp_path):
@@ -68,10 +81,10 @@ def test_a_drive_does_not_depend_on_where_its_memory_lies():
 
 def test_a_drive_does_not_depend_on_how_many_processes_there_are(tmp_path):
     worlds = load_tasks(small_worlds.write(tmp_path / "worlds.json", small_worlds.BENT, small_worlds.FREE))
-    jobs = [(worlds[0], BLIND, 1), (worlds[1], BLIND, 1), (worlds[0], BLIND, 2)]
-    one, two = (batch.run(jobs, processes) for processes in (1, 2))
+    jobs = [EpisodeJob(worlds[0], BLIND, 1), EpisodeJob(worlds[1], BLIND, 1), EpisodeJob(worlds[0], BLIND, 2)]
+    one, two = (run(jobs, processes) for processes in (1, 2))
     assert [result.drive() for result in one] == [result.drive() for result in two]
-    assert one[1].drive() == batch.drive(jobs[1]).drive()
+    assert one[1].drive() == drive(jobs[1]).drive()
 
 
 def test_truth_has_no_error_and_amcl_finds_its_way_in_a_drawn_map(tmp_path):
@@ -91,7 +104,9 @@ def test_time_runs_out_or_navigation_gives_up_where_there_is_no_way(tmp_path):
     result = Episode(task(tmp_path, small_worlds.WALLED_IN), BLIND, 1).run()
     assert not result.success and result.score == 0.0
     assert result.contacts == 0 and result.smallest_clearance > 0.0
-    assert result.outcome == "TIMEOUT" and "goal 1 of 1" in result.message and result.time == pytest.approx(4.0, abs=0.2)
+    assert (
+        result.outcome == "TIMEOUT" and "goal 1 of 1" in result.message and result.time == pytest.approx(4.0, abs=0.2)
+    )
 
 
 def test_a_mover_that_runs_into_the_robot_is_a_contact(tmp_path):

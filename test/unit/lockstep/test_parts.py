@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from mbf_relay.control.controller import GoalTolerance
+from mbf_relay.control.state import GoalTolerance
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.lockstep.rate import Rate
 from mbf_relay.lockstep.record import waits
 from mbf_relay.lockstep.robot import LockstepRobot
-from mbf_relay.lockstep.stages import Stages
+from mbf_relay.lockstep.stages import Stages, TimedWorker
 from mbf_relay.outcomes import StaleDataError, TransformError
 
 
@@ -82,7 +82,7 @@ def test_inner_stages_are_counted_once():
     times = iter([0.0, 1.0, 3.0, 6.0])
     stages = Stages(lambda: next(times))
     with stages.stage("navigation"):
-        assert stages.timed("planning", lambda x: x + 1)(1) == 2
+        assert TimedWorker(stages).start(lambda: 2, "planners").result() == 2
     assert stages.seconds == {"navigation": 4.0, "planning": 2.0}
 
 

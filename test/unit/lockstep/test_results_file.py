@@ -25,7 +25,16 @@ def test_drive_leaves_out_what_the_machine_did():
     assert dataclasses.replace(RESULT, time=12.6).drive() != RESULT.drive()
 
 
-@pytest.mark.parametrize("text", ['{"world": "a"}', "[1]", '{"world": "a", "seed"', "null", '{"world":"a","seed":1,"success":true,"outcome":"x","smoothness":{"no":1}}'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"world": "a"}',
+        "[1]",
+        '{"world": "a", "seed"',
+        "null",
+        '{"world":"a","seed":1,"success":true,"outcome":"x","smoothness":{"no":1}}',
+    ],
+)
 def test_a_broken_line_says_what_is_wrong(text):
     with pytest.raises(ValueError):
         EpisodeResult.from_line(text)

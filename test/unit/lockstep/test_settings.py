@@ -6,16 +6,27 @@ from mbf_relay.lockstep.settings import change, flatten, full_name, load_setting
 
 SETTINGS = {
     "simulator": {"time_step": 0.005},
-    "move_base_flex": {"controller_frequency": 10.0, "DWA": {"sim_time": 1.5}, "local_costmap": {"inflation": {"inflation_radius": 1.0}}},
+    "move_base_flex": {
+        "controller_frequency": 10.0,
+        "DWA": {"sim_time": 1.5},
+        "local_costmap": {"inflation": {"inflation_radius": 1.0}},
+    },
 }
-KNOWN = list(flatten(SETTINGS)) + ["move_base_flex.DWA.vx_samples", "simulator.odometry.update_rate", "amcl.update_rate"]
+KNOWN = list(flatten(SETTINGS)) + [
+    "move_base_flex.DWA.vx_samples",
+    "simulator.odometry.update_rate",
+    "amcl.update_rate",
+]
 
 
 def test_names_are_dotted():
     assert "move_base_flex.local_costmap.inflation.inflation_radius" in list(flatten(SETTINGS))
 
 
-@pytest.mark.parametrize("text, value", [("a.b=1", 1), ("a.b=1.5", 1.5), ("a.b=true", True), ("a.b=x", "x"), ("a.b=[1, 2]", [1, 2]), ("a.b=c=d", "c=d")])
+@pytest.mark.parametrize(
+    "text, value",
+    [("a.b=1", 1), ("a.b=1.5", 1.5), ("a.b=true", True), ("a.b=x", "x"), ("a.b=[1, 2]", [1, 2]), ("a.b=c=d", "c=d")],
+)
 def test_values_are_yaml(text, value):
     assert parse_change(text) == ("a.b", value)
 

@@ -66,11 +66,37 @@ def test_equal_samples_equal_intervals():
 
 def test_one_group_is_drawn_by_sample_and_one_sample_has_no_interval():
     assert statistics.mean({"a": [1.0, 2.0, 3.0]}).low < 2.0
-    assert math.isnan(statistics.mean({"a": [1.0]}).low)
+    assert str(statistics.mean({"a": [1.0]})) == "1.000 (one sample, no interval)"
 
 
 def test_sign_test():
-    assert statistics.sign_test(0, 0) == 1.0
-    assert statistics.sign_test(5, 0) == pytest.approx(2 / 32)
-    assert statistics.sign_test(3, 3) == 1.0
-    assert statistics.sign_test(8, 2) == statistics.sign_test(2, 8) == pytest.approx(0.109375)
+    assert statistics.sign_test(pairs(0, 0)) == 1.0
+    assert statistics.sign_test(pairs(5, 0)) == pytest.approx(2 / 32)
+    assert statistics.sign_test(pairs(3, 3)) == 1.0
+    assert statistics.sign_test(pairs(8, 2)) == statistics.sign_test(pairs(2, 8)) == pytest.approx(0.109375)
+
+
+def pairs(gained, lost):
+    return {str(i): [1 if i < gained else -1] for i in range(gained + lost)}
+
+
+def test_many_seeds_of_one_world_are_no_more_evidence_than_the_world():
+    assert statistics.sign_test({"a": [1] * 20}) == 1.0
+    assert statistics.sign_test({"a": [1] * 20, "b": [1, 0, 1], "c": [0]}) == 0.5
+    assert statistics.permutation_test({"a": [0.3] * 20}) == 1.0
+
+
+def test_permutations_of_all_signs_and_of_drawn_ones_agree():
+    rng = np.random.default_rng(5)
+    few = {str(i): [value] for i, value in enumerate(rng.normal(0.6, 1.0, 12))}
+    assert statistics.permutation_test(few) == pytest.approx(0.0435, abs=0.03)
+    many = {str(i): [value] for i, value in enumerate(rng.normal(1.0, 1.0, 40))}
+    assert statistics.permutation_test(many) < 0.001
+    assert statistics.permutation_test({"a": [0.0], "b": [0.0]}) == 1.0
+
+
+def test_holms_correction():
+    # Holm (1979): the smallest times the number of tests, the next times one less, never falling.
+    assert statistics.holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert statistics.holm([0.9, 0.8]) == [1.0, 1.0]
+    assert statistics.holm([]) == []

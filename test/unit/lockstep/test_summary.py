@@ -10,7 +10,12 @@ from mbf_relay.lockstep.summary import compare, summarize
 
 def episode(world, seed=1, success=True, time=10.0, score=0.4, outcome=None):
     return EpisodeResult(
-        world, seed, success, outcome or ("SUCCEEDED" if success else "CONTACT"), time=time, score=score if success else 0.0,
+        world,
+        seed,
+        success,
+        outcome or ("SUCCEEDED" if success else "CONTACT"),
+        time=time,
+        score=score if success else 0.0,
         smallest_clearance=0.1,
     )
 

@@ -5,7 +5,8 @@ from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple
 
 import numpy as np
 
-from mbf_relay.control.controller import Controller, ControlState
+from mbf_relay.control.controller import Controller
+from mbf_relay.control.state import ControlState
 from mbf_relay.costmap.cost_grid import CostGrid
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.grid import Grid
@@ -76,7 +77,7 @@ class PaperRobot(Robot):
 
 
 class PaperCostmap:
-    """An empty costmap as stale as the test says, its pictures newer than any goal where it says nothing."""
+    """An empty costmap as stale as the test says, its snapshots newer than any goal where it says nothing."""
 
     def __init__(self, frame: str) -> None:
         self.frame, self.robot_frame = frame, "base"
@@ -85,10 +86,11 @@ class PaperCostmap:
         self.stamp = math.inf
         grid = Grid(0.05, -5.0, -5.0, 200, 200)
         self.costs = np.zeros(grid.shape, dtype=np.uint8)
-        self._grid = grid
+        self.grid = grid
+        self.footprint = np.zeros((0, 2))
 
     def snapshot(self) -> CostGrid:
-        return CostGrid(self._grid, self.costs, self.frame, np.zeros((0, 2)), 0.1, 0.1, stamp=self.stamp)
+        return CostGrid(self.grid, self.costs, self.frame, self.footprint, 0.1, 0.1, stamp=self.stamp)
 
     def stale_reason(self, now: float) -> Optional[str]:
         return self.stale
@@ -106,6 +108,7 @@ class Script:
         self.reached: Any = False
         self.recovery: Callable[[Any], Iterator[Twist2D]] = lambda context: iter(())
         self.calls: Dict[str, int] = {}
+        self.planned_on: List[CostGrid] = []
         self.paths: List[Any] = []
         self.cleaned_up = 0
 
@@ -129,6 +132,7 @@ def new_script() -> Script:
 
 class ScriptedPlanner(Planner):
     def plan(self, costmap, start, goal, tolerance, cancelled):
+        SCRIPT.planned_on.append(costmap)
         return SCRIPT.run("plan", start, goal)
 
 
@@ -149,8 +153,7 @@ class ScriptedRecovery(Recovery):
     def run(self, context):
         SCRIPT.calls[self.name] = SCRIPT.calls.get(self.name, 0) + 1
         try:
-            for velocity in SCRIPT.run("recovery", context):
-                yield velocity
+            yield from SCRIPT.run("recovery", context)
         finally:
             SCRIPT.cleaned_up += 1
 
@@ -170,7 +173,7 @@ class HeldWorker(Worker):
         self.delays: List[Optional[int]] = []
         self._held: List[Tuple[Job, Optional[int]]] = []
 
-    def start(self, task: Callable[[], Any]) -> Job:
+    def start(self, task: Callable[[], Any], kind: str = "") -> Job:
         job = Job(task)
         self._held.append((job, self.delays.pop(0) if self.delays else 1))
         return job

@@ -12,7 +12,12 @@ from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.goals import FollowGoal, FramedPose, NavigateGoal, NavigateOutcome, PlanGoal, RecoverGoal
 from mbf_relay.navigation.task import Ending
 from mbf_relay.outcomes import (
-    ControlError, ControlOutcome, PlanningError, PlanOutcome, RecoveryError, RecoveryOutcome,
+    ControlError,
+    ControlOutcome,
+    PlanningError,
+    PlanOutcome,
+    RecoveryError,
+    RecoveryOutcome,
 )
 from mbf_relay.planning.path import Path
 
@@ -24,23 +29,41 @@ planning = st.sampled_from([
     PlanningError(PlanOutcome.BLOCKED_GOAL, "a chair"), PlanningError(PlanOutcome.MAP_ERROR, "no map"),
     Path(np.zeros((0, 3)), "map"), Path(np.array([[math.nan, 0.0, 0.0]]), "map"), None,
 ])
-driving = st.sampled_from([
-    scripted.FORWARD, scripted.FORWARD, scripted.FORWARD, ControlError(ControlOutcome.NO_VALID_CMD, "blocked"),
-    ControlError(ControlOutcome.TF_ERROR, "lost"), ControlError(ControlOutcome.BLOCKED_PATH, "a chair"), ValueError("broken"), Twist2D(math.nan, 0.0, 0.0), "fast",
-])
-recovering = st.sampled_from([
-    (0, None), (3, None), (2, RecoveryError(RecoveryOutcome.IMPASSABLE, "no room")), (1, KeyError("broken")), (10 ** 6, None),
-])
+driving = st.sampled_from(
+    [
+        scripted.FORWARD,
+        scripted.FORWARD,
+        scripted.FORWARD,
+        ControlError(ControlOutcome.NO_VALID_CMD, "blocked"),
+        ControlError(ControlOutcome.TF_ERROR, "lost"),
+        ControlError(ControlOutcome.BLOCKED_PATH, "a chair"),
+        ValueError("broken"),
+        Twist2D(math.nan, 0.0, 0.0),
+        "fast",
+    ]
+)
+recovering = st.sampled_from(
+    [
+        (0, None),
+        (3, None),
+        (2, RecoveryError(RecoveryOutcome.IMPASSABLE, "no room")),
+        (1, KeyError("broken")),
+        (10**6, None),
+    ]
+)
 delays = st.lists(st.sampled_from([1, 1, 1, 1, 2, 5, None]), max_size=30)
 events = st.lists(
     st.one_of(
-        st.tuples(st.just("goal"), st.sampled_from(["get_path", "exe_path", "recovery", "move_base"]), st.integers(0, 2)),
+        st.tuples(
+            st.just("goal"), st.sampled_from(["get_path", "exe_path", "recovery", "move_base"]), st.integers(0, 2)
+        ),
         st.tuples(st.just("cancel"), st.integers(0, 20), st.just(0)),
         st.tuples(st.just("steps"), st.integers(0, 12), st.just(0)),
         st.tuples(st.just("blind"), st.booleans(), st.just(0)),
         st.tuples(st.just("clock back"), st.just(0), st.just(0)),
     ),
-    min_size=1, max_size=25,
+    min_size=1,
+    max_size=25,
 )
 
 
@@ -61,14 +84,16 @@ def send(bench, action, slot):
     target = FramedPose(Pose2D(bench.robot.pose.x + 1.0, 0.0, 0.0), "map")
     return {
         "get_path": lambda: bench.navigator.get_path(PlanGoal(target, slot=slot)),
-        "exe_path": lambda: bench.navigator.exe_path(FollowGoal(scripted.straight_path(), slot=slot, controller=f"C{1 + slot % 2}")),
+        "exe_path": lambda: bench.navigator.exe_path(
+            FollowGoal(scripted.straight_path(), slot=slot, controller=f"C{1 + slot % 2}")
+        ),
         "recovery": lambda: bench.navigator.recovery(RecoverGoal(f"R{1 + slot % 2}", slot)),
         "move_base": lambda: bench.navigator.move_base(NavigateGoal(target)),
     }[action]()
 
 
 @given(events, st.lists(planning, max_size=6), st.lists(driving, max_size=20), recovering, delays, st.booleans())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_every_goal_ends_once_and_in_time_and_the_robot_stands(script, plans, velocities, recovery, wait, replan):
     bench = Bench(scripted.HeldWorker(), planner_frequency=5.0 if replan else 0.0, oscillation_timeout=5.0)
     bench.worker.delays = wait
@@ -115,7 +140,7 @@ def test_every_goal_ends_once_and_in_time_and_the_robot_stands(script, plans, ve
 
 
 @given(events)
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_the_due_time_is_never_missed(script):
     """Stepping only when something is due gives the same endings as stepping all the time."""
     endings = []

@@ -6,7 +6,7 @@ import pytest
 import scripted
 from scripted import FORWARD, STUCK, arrive
 
-from mbf_relay.control.controller import GoalTolerance
+from mbf_relay.control.state import GoalTolerance
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.goals import FollowGoal
 from mbf_relay.navigation.task import Ending

@@ -5,9 +5,9 @@ import pytest
 import scripted
 from scripted import FORWARD, GOAL, NO_WAY, STUCK, arrive, failing
 
-from mbf_relay.geometry import STOP, Pose2D, Twist2D
+from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.navigation.goals import FollowGoal, FramedPose, NavigateGoal, NavigateOutcome, PlanGoal
-from mbf_relay.navigation.move_base import path_is_blocked
+from mbf_relay.navigation.path_hysteresis import path_is_blocked
 from mbf_relay.navigation.task import Ending
 from mbf_relay.outcomes import ControlOutcome, PlanOutcome, RecoveryOutcome
 
@@ -194,3 +194,14 @@ def test_nothing_is_due_in_the_past_also_near_the_goal(make_bench):
         bench.navigator.update(bench.now)
         assert bench.navigator.due > bench.now - 1e-6, f"at x {bench.robot.pose.x:.3f}"
     assert task.ending is Ending.SUCCEEDED
+
+
+def test_a_robot_sent_one_metre_ahead_of_itself_drives_one_metre(make_bench):
+    bench = make_bench(planner_frequency=5.0)
+    bench.robot.transform = lambda target, source: bench.robot.pose if (target, source) == ("map", "base") else IDENTITY
+    bench.robot.pose = Pose2D(3.0, 0.0, 0.0)
+    bench.script.velocity = scripted.FORWARD
+    bench.script.reached = lambda state: state.pose.x >= scripted.SCRIPT.paths[-1][0].goal.x - 0.01
+    task = bench.navigator.move_base(NavigateGoal(FramedPose(Pose2D(1.0, 0.0, 0.0), "base")))
+    assert bench.finish(task, 20.0).outcome is NavigateOutcome.SUCCESS
+    assert bench.robot.pose.x == pytest.approx(4.0, abs=0.05)

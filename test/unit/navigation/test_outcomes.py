@@ -1,4 +1,5 @@
-"""Every outcome of every action provoked once, by name; a name nobody can provoke would be a promise without a keeper."""
+"""Every outcome of every action provoked once, by name; a name nobody can provoke would be a promise without a keeper.
+"""
 
 import pytest
 import scripted
@@ -7,7 +8,13 @@ from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.goals import FollowGoal, FramedPose, NavigateGoal, NavigateOutcome, PlanGoal, RecoverGoal
 from mbf_relay.navigation.task import Ending
 from mbf_relay.outcomes import (
-    ControlError, ControlOutcome, PlanningError, PlanOutcome, RecoveryError, RecoveryOutcome, TransformError,
+    ControlError,
+    ControlOutcome,
+    PlanningError,
+    PlanOutcome,
+    RecoveryError,
+    RecoveryOutcome,
+    TransformError,
 )
 from mbf_relay.planning.path import Path
 
@@ -97,45 +104,74 @@ def global_costmap(bench):
 
 TABLE = {
     PlanOutcome.SUCCESS: (plan, Ending.SUCCEEDED),
-    **{outcome: (no_way(outcome), Ending.ABORTED) for outcome in (
-        PlanOutcome.FAILURE, PlanOutcome.INVALID_START, PlanOutcome.INVALID_GOAL, PlanOutcome.BLOCKED_START,
-        PlanOutcome.BLOCKED_GOAL, PlanOutcome.NO_PATH_FOUND, PlanOutcome.OUT_OF_MAP)},
+    **{
+        outcome: (no_way(outcome), Ending.ABORTED)
+        for outcome in (
+            PlanOutcome.FAILURE,
+            PlanOutcome.INVALID_START,
+            PlanOutcome.INVALID_GOAL,
+            PlanOutcome.BLOCKED_START,
+            PlanOutcome.BLOCKED_GOAL,
+            PlanOutcome.NO_PATH_FOUND,
+            PlanOutcome.OUT_OF_MAP,
+        )
+    },
     PlanOutcome.CANCELED: (lambda bench: cancelled(plan(bench)), Ending.CANCELED),
     PlanOutcome.EMPTY_PATH: (setting(script, "plan", Path(PATH.poses[:0], "map"), plan), Ending.ABORTED),
     PlanOutcome.TF_ERROR: (setting(robot, "lost", "no transform from 'base' to 'map'", plan), Ending.ABORTED),
     PlanOutcome.NOT_INITIALIZED: (
-        setting(global_costmap, "trouble", PlanningError(PlanOutcome.NOT_INITIALIZED, "never updated"), plan), Ending.ABORTED),
+        setting(global_costmap, "trouble", PlanningError(PlanOutcome.NOT_INITIALIZED, "never updated"), plan),
+        Ending.ABORTED,
+    ),
     PlanOutcome.MAP_ERROR: (
-        setting(global_costmap, "trouble", PlanningError(PlanOutcome.MAP_ERROR, "no map"), plan), Ending.ABORTED),
+        setting(global_costmap, "trouble", PlanningError(PlanOutcome.MAP_ERROR, "no map"), plan),
+        Ending.ABORTED,
+    ),
     PlanOutcome.INVALID_PLUGIN: (lambda bench: plan(bench, planner="nobody"), Ending.REJECTED),
     PlanOutcome.INTERNAL_ERROR: (setting(script, "plan", ZeroDivisionError("oops"), plan), Ending.ABORTED),
-
     ControlOutcome.SUCCESS: (setting(script, "reached", True, drive), Ending.SUCCEEDED),
-    **{outcome: (no_command(outcome), Ending.ABORTED) for outcome in (
-        ControlOutcome.FAILURE, ControlOutcome.NO_VALID_CMD, ControlOutcome.COLLISION, ControlOutcome.MISSED_GOAL,
-        ControlOutcome.MISSED_PATH, ControlOutcome.BLOCKED_GOAL, ControlOutcome.BLOCKED_PATH, ControlOutcome.OUT_OF_MAP,
-        ControlOutcome.MAP_ERROR, ControlOutcome.NOT_INITIALIZED)},
+    **{
+        outcome: (no_command(outcome), Ending.ABORTED)
+        for outcome in (
+            ControlOutcome.FAILURE,
+            ControlOutcome.NO_VALID_CMD,
+            ControlOutcome.COLLISION,
+            ControlOutcome.MISSED_GOAL,
+            ControlOutcome.MISSED_PATH,
+            ControlOutcome.BLOCKED_GOAL,
+            ControlOutcome.BLOCKED_PATH,
+            ControlOutcome.OUT_OF_MAP,
+            ControlOutcome.MAP_ERROR,
+            ControlOutcome.NOT_INITIALIZED,
+        )
+    },
     ControlOutcome.CANCELED: (lambda bench: cancelled(drive(bench)), Ending.CANCELED),
     ControlOutcome.PAT_EXCEEDED: (
-        setting(lambda bench: bench.costmaps["local"], "stale", "source 'scan' is 9 s old", drive), Ending.ABORTED),
+        setting(lambda bench: bench.costmaps["local"], "stale", "source 'scan' is 9 s old", drive),
+        Ending.ABORTED,
+    ),
     ControlOutcome.OSCILLATION: (setting(script, "velocity", Twist2D(0.01, 0.0, 0.0), drive), Ending.ABORTED),
     ControlOutcome.ROBOT_STUCK: (setting(robot, "reported", STOP, drive), Ending.ABORTED),
     ControlOutcome.INVALID_PATH: (
-        lambda bench: bench.navigator.exe_path(FollowGoal(Path(PATH.poses[:0], "map"))), Ending.ABORTED),
+        lambda bench: bench.navigator.exe_path(FollowGoal(Path(PATH.poses[:0], "map"))),
+        Ending.ABORTED,
+    ),
     ControlOutcome.TF_ERROR: (setting(robot, "lost", "no transform from 'base' to 'odom'", drive), Ending.ABORTED),
     ControlOutcome.INVALID_PLUGIN: (lambda bench: drive(bench, controller="nobody"), Ending.REJECTED),
     ControlOutcome.INTERNAL_ERROR: (setting(script, "velocity", ZeroDivisionError("oops"), drive), Ending.ABORTED),
-
     RecoveryOutcome.SUCCESS: (recover, Ending.SUCCEEDED),
-    **{outcome: (gives_up(outcome), Ending.SUCCEEDED) for outcome in (
-        RecoveryOutcome.FAILURE, RecoveryOutcome.IMPASSABLE, RecoveryOutcome.NOT_INITIALIZED)},
+    **{
+        outcome: (gives_up(outcome), Ending.SUCCEEDED)
+        for outcome in (RecoveryOutcome.FAILURE, RecoveryOutcome.IMPASSABLE, RecoveryOutcome.NOT_INITIALIZED)
+    },
     RecoveryOutcome.CANCELED: (lambda bench: cancelled(recover(bench)), Ending.CANCELED),
     RecoveryOutcome.PAT_EXCEEDED: (
-        setting(script, "recovery", lambda context: (STOP for _ in range(10 ** 6)), recover), Ending.ABORTED),
+        setting(script, "recovery", lambda context: (STOP for _ in range(10**6)), recover),
+        Ending.ABORTED,
+    ),
     RecoveryOutcome.TF_ERROR: (setting(script, "recovery", TransformError("no transform"), recover), Ending.SUCCEEDED),
     RecoveryOutcome.INVALID_PLUGIN: (lambda bench: recover(bench, "nobody"), Ending.REJECTED),
     RecoveryOutcome.INTERNAL_ERROR: (setting(script, "recovery", ZeroDivisionError("oops"), recover), Ending.ABORTED),
-
     NavigateOutcome.SUCCESS: (setting(script, "reached", True, navigate), Ending.SUCCEEDED),
     NavigateOutcome.CANCELED: (lambda bench: cancelled(navigate(bench)), Ending.CANCELED),
     NavigateOutcome.OSCILLATION: (setting(script, "velocity", Twist2D(0.01, 0.0, 0.0), navigate), Ending.ABORTED),

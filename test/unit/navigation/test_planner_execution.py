@@ -26,6 +26,18 @@ def test_a_path_leads_from_the_robot_to_the_target(bench):
     assert bench.robot.sent == []
 
 
+def test_a_users_planner_is_asked_once_with_the_costmap_as_it_is(bench):
+    costmap = bench.costmaps["global"]
+    costmap.footprint = np.array([[-0.3, -0.3], [-0.3, 0.3], [0.1, 0.3], [0.1, -0.3]])
+    for y in (0.2, -0.2):  # a passage the robot does not fit through lies on the way
+        column, row = costmap.grid.cell_at(0.5, 0.25 + y)
+        costmap.costs[row, column - 4:column + 4] = 254
+    before = costmap.costs.copy()
+    assert bench.finish(bench.navigator.get_path(PlanGoal(TARGET))).outcome is PlanOutcome.SUCCESS
+    (seen,) = bench.script.planned_on
+    assert (seen.costs == before).all()
+
+
 def test_a_given_start_is_used(bench):
     goal = PlanGoal(TARGET, start=FramedPose(Pose2D(3.0, 3.0, 0.0), "odom"))
     assert bench.finish(bench.navigator.get_path(goal)).path.poses[0] == pytest.approx((3.0, 3.0, 0.0))

@@ -8,9 +8,8 @@ from scripted import FORWARD, GOAL, NO_WAY, STUCK, arrive, failing
 
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.goals import FramedPose, NavigateGoal, NavigateOutcome
-from mbf_relay.navigation.remedies import VERDICTS
+from mbf_relay.navigation.recovery_policy import POLICIES, TriedBehaviors
 from mbf_relay.navigation.task import Ending
-from mbf_relay.navigation.trials import Trials
 from mbf_relay.outcomes import ControlError, ControlOutcome, PlanningError, PlanOutcome
 
 
@@ -89,7 +88,7 @@ def test_recoveries_start_over_once_the_robot_has_got_elsewhere(make_bench, trou
         planner_max_retries=0, controller_max_retries=0, planner_frequency=10.0, oscillation_distance=0.3,
         oscillation_timeout=3.0)
     told = []
-    bench.navigator.recovery_watcher = lambda name, index, total, where: told.append((round(where.pose.x, 1), name))
+    bench.navigator.recovery_watcher = lambda name, _index, _total, at, _why: told.append((round(at.pose.x, 1), name))
     arrive(bench)
 
     def hinder(state=None):  # at 0.2 m, once more there, and at 0.7 m
@@ -111,14 +110,14 @@ def test_recoveries_start_over_once_the_robot_has_got_elsewhere(make_bench, trou
 
 
 def test_back_at_a_place_recoveries_go_on_where_they_were():
-    trials = Trials(["a", "b"])
+    trials = TriedBehaviors(["a", "b"])
     here, there = Pose2D(0.0, 0.0, 0.0), Pose2D(0.5, 0.0, 1.0)
     assert [trials.next(pose, 0.3, bool) for pose in (here, there, None, here, there, here, None)] == [
         0, 0, 1, 1, None, None, None]
 
 
 def test_what_does_not_suit_is_kept_for_later():
-    trials = Trials(["a", "b", "c"])
+    trials = TriedBehaviors(["a", "b", "c"])
     assert [trials.next(None, 0.0, "ac".__contains__), trials.next(None, 0.0, bool)] == [0, 1]
 
 
@@ -136,8 +135,8 @@ PLACES = [{"name": "R1", "type": "scripted.ScriptedRecovery"}, {"name": "R2", "t
 
 
 def test_every_outcome_is_judged_and_has_a_reason():
-    assert set(VERDICTS) == {*OUTCOMES, NavigateOutcome.OSCILLATION}
-    assert all(len(verdict.reason) > 10 for verdict in VERDICTS.values())
+    assert set(POLICIES) == {*OUTCOMES, NavigateOutcome.OSCILLATION}
+    assert all(len(verdict.reason) > 10 for verdict in POLICIES.values())
 
 
 @pytest.mark.parametrize("patience", [0.0, 0.5], ids=["no retries", "until patience ends"])
@@ -203,3 +202,15 @@ def test_progress_after_oscillation_gives_the_recoveries_back(make_bench):
         bench.run(lambda: bench.robot.pose.x > x + 0.15)
         bench.script.velocity = Twist2D(0.01, 0.0, 0.0)
     assert "R2" not in bench.script.calls and not task.done
+
+
+@pytest.mark.parametrize("plan, drive, words", [
+    (NO_WAY, FORWARD, "planner 'P1': NO_PATH_FOUND: "), (None, STUCK, "controller 'C1': NO_VALID_CMD: "),
+])
+def test_who_reads_the_log_learns_why_the_robot_recovers(make_bench, plan, drive, words):
+    bench = make_bench(planner_max_retries=0, controller_max_retries=0)
+    told = []
+    bench.navigator.recovery_watcher = lambda name, index, total, where, why: told.append(why)
+    bench.script.plan, bench.script.velocity = plan or scripted.line, drive
+    bench.finish(bench.navigator.move_base(GOAL))
+    assert told and all(why.startswith(words) and len(why) > len(words) for why in told)

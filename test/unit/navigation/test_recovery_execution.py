@@ -130,4 +130,4 @@ def test_a_behaviour_sees_time_period_and_surroundings(bench):
     bench.script.recovery = look
     assert bench.finish(bench.navigator.recovery(RecoverGoal("R1"))).outcome is RecoveryOutcome.SUCCESS
     assert [round(now - seen[0][0], 6) for now, *_ in seen] == [0.0, 0.1, 0.2]
-    assert scripted.FORWARD == seen[1][3]
+    assert seen[1][3] == scripted.FORWARD

@@ -18,9 +18,6 @@ def registry(entries, **config):
 
 @pytest.mark.parametrize("entries, words", [
     ([{"name": "A", "type": TYPE}, {"name": "A", "type": TYPE}], ["planners", "'A' twice"]),
-    ([{"name": "A", "type": "teb_local_planner/TebLocalPlannerROS"}], ["teb_local_planner/TebLocalPlannerROS", "navfn/NavfnROS"]),
-    ([{"name": "A", "type": "no.such.module.Planner"}], ["no.such.module.Planner", "available"]),
-    ([{"name": "A", "type": "scripted.ScriptedController"}], ["ScriptedController", "no planner"]),
     ([{"name": "A"}], ["entry 0", "name and a type"]),
     ([{"name": 3, "type": TYPE}], ["entry 0"]),
     ([{"name": "", "type": TYPE}], ["empty name"]),
@@ -35,11 +32,29 @@ def test_a_wrong_list_is_refused_and_the_text_says_why(entries, words):
         assert word in str(caught.value)
 
 
-def test_wrong_parameters_name_plugin_and_parameter():
-    with pytest.raises(PluginError, match="(?s)NavfnROS.*allow_unknown"):
-        registry([{"name": "NavfnROS", "type": "navfn/NavfnROS"}], NavfnROS={"allow_unknown": "perhaps"})
-    with pytest.raises(PluginError, match="must be the group"):
-        registry([{"name": "A", "type": TYPE}], A=3)
+@pytest.mark.parametrize("entry, config, words", [
+    ({"type": "our_planner/OurPlanner"}, {}, ["our_planner/OurPlanner", "navfn/NavfnROS"]),
+    ({"type": "no.such.module.Planner"}, {}, ["no.such.module.Planner", "available"]),
+    ({"type": "scripted.ScriptedController"}, {}, ["ScriptedController", "no planner"]),
+    ({"type": "navfn/NavfnROS"}, {"A": {"allow_unknown": "perhaps"}}, ["A", "NavfnROS", "allow_unknown"]),
+    ({"type": TYPE}, {"A": 3}, ["must be the group"]),
+])
+def test_a_plugin_that_cannot_be_made_is_refused_by_name_and_the_others_serve(entry, config, words):
+    made = registry([{"name": "A", **entry}, {"name": "B", "type": TYPE}], **config)
+    assert made.names == ["B"] and list(made.failed) == ["A"] and made.choose("B") == "B"
+    for name in ("A", ""):  # the first of the list is what a goal without a name needs
+        with pytest.raises(PluginError) as refusal:
+            made.choose(name)
+        for word in ['"A"', *words]:
+            assert word in str(refusal.value)
+
+
+@pytest.mark.parametrize("config", [
+    {"navfn": {"NavfnROS": {"allow_unknown": False}}}, {"navfn/NavfnROS": {"allow_unknown": False}},
+])
+def test_a_name_with_a_slash_finds_its_parameters_as_in_ros(config):
+    made = registry([{"name": "navfn/NavfnROS", "type": "navfn/NavfnROS"}], **config)
+    assert made.plugin("navfn/NavfnROS").parameters.allow_unknown is False
 
 
 def test_each_plugin_gets_its_own_parameters():
@@ -62,11 +77,11 @@ def test_an_empty_list_is_fine_until_somebody_asks():
 
 def test_slots_have_plugins_of_their_own_and_share_parameters():
     made = registry([{"name": "N", "type": "navfn/NavfnROS"}])
-    first, second = made.seat("N", 0), made.seat("N", 1)
+    first, second = made.instance("N", 0), made.instance("N", 1)
     assert first.plugin is made.plugin("N") is not second.plugin
     wanted = first.plugin.parameters.replace(allow_unknown=False)
     made.reconfigure("N", wanted)
-    assert first.plugin.parameters == second.plugin.parameters == made.seat("N", 2).plugin.parameters == wanted
+    assert first.plugin.parameters == second.plugin.parameters == made.instance("N", 2).plugin.parameters == wanted
 
 
 def test_a_busy_plugin_is_reconfigured_before_its_next_call():
@@ -78,13 +93,15 @@ def test_a_busy_plugin_is_reconfigured_before_its_next_call():
         return plugin.parameters
 
     held = scripted.HeldWorker()
-    made = Registry("planners", {"planners": [{"name": "N", "type": "navfn/NavfnROS"}]}, Planner, PLANNERS, held, "global")
-    seat = made.seat("N", 0)
-    call = seat.call(meanwhile)
+    made = Registry(
+        "planners", {"planners": [{"name": "N", "type": "navfn/NavfnROS"}]}, Planner, PLANNERS, held, "global"
+    )
+    instance = made.instance("N", 0)
+    call = instance.call(meanwhile)
     with pytest.raises(RuntimeError, match="earlier call"):
-        seat.call(lambda plugin: None)
+        instance.call(lambda plugin: None)
     held.step()
     assert call.result() == before
-    after = seat.call(lambda plugin: plugin.parameters)
+    after = instance.call(lambda plugin: plugin.parameters)
     held.step()
     assert after.result() == wanted

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"no {DATA}")
 
 
 def load_map(path):
-    """Return a map of the benchmark as a picture of costs, its first line as row 0."""
+    """Return a map of the benchmark as a snapshot of costs, its first line as row 0."""
     lines = path.read_text().split("map\n", 1)[1].split()
     free = np.array([[letter in ".GS" for letter in line] for line in lines])
     costs = np.where(free, 0, LETHAL).astype(np.uint8)
@@ -66,7 +66,7 @@ def test_every_problem_is_solved_at_its_optimal_length(problems):
 
 def test_lines_at_any_angle_are_never_longer(problems):
     costmap, cases = problems
-    planner = plugins.create("p", "theta_star", {}, Planner, PLANNERS)
+    planner = plugins.create("p", "any_angle", {}, Planner, PLANNERS)
     gained = []
     for start, goal, optimum in cases[::7]:
         path = planner.plan(costmap, at(start), at(goal), 0.0, Cancellation())
@@ -75,7 +75,7 @@ def test_lines_at_any_angle_are_never_longer(problems):
     assert np.mean([ratio for ratio in gained if ratio > 0.0]) < 0.98
 
 
-def test_waves_come_close_to_the_straightest_way(problems):
+def test_fast_marching_comes_close_to_the_straightest_way(problems):
     costmap, cases = problems
     planner = plugins.create("p", "navfn/NavfnROS", {}, Planner, PLANNERS)
     for start, goal, optimum in cases[::11]:

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 rosbag = pytest.importorskip("rosbag")
@@ -16,15 +17,16 @@ from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
 from mbf_relay.geometry import IDENTITY, Pose2D
-from mbf_relay.ros import conversions, drive_report
-from mbf_relay.ros.drive_events import read_bag
+from mbf_relay.ros.common import conversions
+from mbf_relay.ros.tools import drive_report
+from mbf_relay.ros.tools.drive_events import read_bag
 
 
 def transform(parent, child, pose, stamp):
     return TransformStamped(conversions.header(parent, stamp), child, conversions.transform_to_message(pose))
 
 
-def write_bag(path, with_truth=True):
+def write_bag(path, with_truth=True, nan_truths=()):
     """Five seconds along y of the map at 0.2 m/s: the odom frame is turned by a quarter."""
     map_from_odom = Pose2D(1.0, 2.0, math.pi / 2.0)
     with rosbag.Bag(path, "w") as bag:
@@ -38,7 +40,10 @@ def write_bag(path, with_truth=True):
             now = 1.0 + 0.1 * step
             stamp = rospy.Time.from_sec(now)
             pose = Pose2D(0.02 * step, 0.0, 0.0)
-            frames = [transform("map", "odom", map_from_odom, now + 0.5), transform("odom", "base_footprint", pose, now)]
+            frames = [
+                transform("map", "odom", map_from_odom, now + 0.5),
+                transform("odom", "base_footprint", pose, now),
+            ]
             bag.write("/tf", TFMessage(frames), stamp)
             bag.write("/cmd_vel", conversions.twist_to_message(conversions.Twist2D(0.2, 0.0, 0.0)), stamp)
             scan = LaserScan(header=conversions.header("base_scan", now), angle_min=0.0, angle_increment=1.0,
@@ -47,13 +52,19 @@ def write_bag(path, with_truth=True):
             if with_truth:
                 truth = Odometry(header=conversions.header("map", now))
                 truth.pose.pose = conversions.pose_to_message(map_from_odom.compose(pose))
+                if step in nan_truths:
+                    truth.pose.pose.position.x = math.nan
                 bag.write("/ground_truth", truth, stamp)
         bad = Twist()
         bad.linear.x = math.nan
         bag.write("/cmd_vel", bad, stamp)
         bag.write("/planner/plan", PathMessage(conversions.header("map", now), [PoseStamped()]), stamp)
         result = MoveBaseActionResult()
-        result.status.goal_id.id, result.status.status, result.status.text = "goal", GoalStatus.SUCCEEDED, "Goal reached."
+        result.status.goal_id.id, result.status.status, result.status.text = (
+            "goal",
+            GoalStatus.SUCCEEDED,
+            "Goal reached.",
+        )
         bag.write("/move_base/result", result, stamp)
 
 
@@ -100,7 +111,9 @@ def test_the_command_leaves_a_report_beside_the_bag(tmp_path, capsys):
     assert "report.png" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("kind, words", [("missing", "cannot be read"), ("empty", "shows no drive"), ("text", "cannot be read")])
+@pytest.mark.parametrize(
+    "kind, words", [("missing", "cannot be read"), ("empty", "shows no drive"), ("text", "cannot be read")]
+)
 def test_a_file_that_shows_no_drive_is_named_with_the_reason(tmp_path, kind, words):
     path = tmp_path / "odd.bag"
     if kind == "empty":
@@ -114,3 +127,11 @@ def test_a_file_that_shows_no_drive_is_named_with_the_reason(tmp_path, kind, wor
 
 def test_identity_is_what_it_says():
     assert conversions.transform_from_message(conversions.transform_to_message(IDENTITY)) == IDENTITY
+
+
+def test_a_report_outlives_a_truth_that_is_no_number(tmp_path):
+    path = str(tmp_path / "drive.bag")
+    write_bag(path, nan_truths=(10, 50))
+    drive, _topics = read_bag(path)
+    assert len(drive.truth) == 49 and np.isfinite(drive.truth).all()
+    assert drive.summary()["localization_error_max"] == pytest.approx(0.0, abs=1e-6)

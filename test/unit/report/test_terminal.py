@@ -5,7 +5,7 @@ import io
 import pytest
 
 from mbf_relay.geometry import Pose2D
-from mbf_relay.report.drive import Contact, Drive, GoalRecord
+from mbf_relay.report.drive import ContactRecord, Drive, GoalRecord
 from mbf_relay.report.terminal import Terminal
 
 REACHED = GoalRecord(Pose2D(1.0, 0.0, 0.0), 10.0, 14.5, "SUCCEEDED", "Goal reached.")
@@ -55,8 +55,10 @@ def test_the_table_tells_a_clean_drive_from_another():
     drive = Drive(goals=[REACHED], goals_asked=1, wall_time=2.0)
     log = io.StringIO()
     Terminal(log, 1, {}).table(drive)
-    assert "1 of 1" in log.getvalue() and log.getvalue().rstrip().endswith("clean drive") and "not a" not in log.getvalue()
-    drive.contacts.append(Contact(11.0, 0.0, 0.0, "wall"))
+    assert (
+        "1 of 1" in log.getvalue() and log.getvalue().rstrip().endswith("clean drive") and "not a" not in log.getvalue()
+    )
+    drive.contacts.append(ContactRecord(11.0, 0.0, 0.0, "wall"))
     log = io.StringIO()
     Terminal(log, 1, {}).table(drive)
     assert log.getvalue().rstrip().endswith("not a clean drive")

@@ -9,4 +9,4 @@ collect_ignore_glob = []
 try:
     import mbf_msgs.msg  # noqa: F401
 except ImportError:
-    collect_ignore_glob = ["test_relay*.py", "test_action_*.py"]
+    collect_ignore_glob = ["relay/test_relay*.py", "common/test_action_*.py"]

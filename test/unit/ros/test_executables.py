@@ -1,7 +1,9 @@
 """Every executable says what it is for and what it takes."""
 
 import os
+import re
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,12 +11,12 @@ import pytest
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
 ROOT = Path(__file__).resolve().parents[3]
-EXECUTABLES = sorted(path for path in (ROOT / "scripts").iterdir())
+EXECUTABLES = sorted(path for path in (ROOT / "scripts").iterdir() if path.suffix != ".md")
 
 
 @pytest.mark.parametrize("path", EXECUTABLES, ids=lambda path: path.name)
 def test_help_explains_the_arguments_without_a_ros_master(path):
-    if path.name in ("demo", "test", "run"):
+    if path.name in ("demo", "test", "run", "benchmark"):
         command = [str(path), "--help"]
     else:
         command = ["rosrun", "mbf_relay", path.name, "--help"]
@@ -23,3 +25,33 @@ def test_help_explains_the_arguments_without_a_ros_master(path):
     text = done.stdout.decode(errors="replace")
     assert done.returncode == 0, text
     assert len(text) > 60 and "Traceback" not in text
+
+
+def test_a_robots_memory_is_not_filled_with_libraries_no_node_needs():
+    places = [re.search(r'run_node\(.*"(mbf_relay[\w.]+)\.\w+"', path.read_text()) for path in EXECUTABLES]
+    nodes = sorted({place.group(1) for place in places if place and ".tools." not in place.group(1)})
+    assert len(nodes) >= 8, nodes
+    # and what a node imports when its parameters name it
+    rooms = ("control", "costmap", "navigation", "planning", "recovery", "tracking")
+    plugins = [
+        ".".join(("mbf_relay", *path.relative_to(ROOT / "src" / "mbf_relay").with_suffix("").parts))
+        for room in rooms for path in (ROOT / "src" / "mbf_relay" / room).rglob("*.py")
+    ]
+    code = f"import importlib, sys; [importlib.import_module(name) for name in {nodes + plugins}]; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, check=True, timeout=60.0)
+    assert {"cv2", "matplotlib", "numba", "llvmlite", "scipy"} & set(done.stdout.decode().split()) == set()
+
+
+def test_algebra_on_small_matrices_keeps_no_other_core_of_the_robot_busy(tmp_path):
+    # OpenBLAS's threads wait in a loop: with one more of them amcl took thrice the processor time.
+    (tmp_path / "probe.py").write_text(
+        "import os, numpy\nnumpy.ones((500, 500)) @ numpy.ones((500, 500))\n"
+        "USAGE = f'threads {len(os.listdir(\"/proc/self/task\"))}'\n"
+    )
+    code = "from mbf_relay.ros.common.node import run_node; run_node('probe', 'probe.main')"
+    environment = dict(os.environ, PYTHONPATH=os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    environment.pop("OPENBLAS_NUM_THREADS", None)
+    done = subprocess.run(
+        [sys.executable, "-c", code, "--help"], stdout=subprocess.PIPE, check=True, env=environment, timeout=60.0
+    )
+    assert done.stdout.decode().strip() == "threads 2"  # this one, and the one that waits for signals

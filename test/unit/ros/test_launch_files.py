@@ -14,7 +14,7 @@ LAUNCH = sorted((Path(__file__).resolve().parents[3] / "launch").glob("*.launch"
 @pytest.mark.parametrize("path", LAUNCH, ids=lambda path: path.name)
 def test_every_argument_is_explained(path):
     for argument in ElementTree.parse(str(path)).getroot().iter("arg"):
-        if "default" in argument.attrib or not ("value" in argument.attrib):
+        if "default" in argument.attrib or "value" not in argument.attrib:
             assert argument.get("doc"), f"argument {argument.get('name')} of {path.name} has no doc"
 
 

@@ -24,7 +24,7 @@ CODES = """
 import json, mbf_msgs.msg as msg
 from mbf_relay.navigation.goals import NavigateOutcome
 from mbf_relay.outcomes import ControlOutcome, PlanOutcome, RecoveryOutcome
-from mbf_relay.ros.outcome_codes import code_of
+from mbf_relay.ros.common.outcome_codes import code_of
 types = {msg.MoveBaseResult: NavigateOutcome, msg.GetPathResult: PlanOutcome, msg.ExePathResult: ControlOutcome,
          msg.RecoveryResult: RecoveryOutcome}
 print(json.dumps({f"{kind.__name__}.{outcome.name}": [code_of(outcome, kind), getattr(kind, outcome.name, None)]
@@ -34,7 +34,8 @@ LACKING = {
     "GetPathResult.BLOCKED_START": 52, "GetPathResult.BLOCKED_GOAL": 53, "ExePathResult.BLOCKED_GOAL": 100,
     "MoveBaseResult.STOPPED": 11,
 }
-"""What the release has no name for, and the number that stands for it: INVALID_START, INVALID_GOAL, FAILURE, CANCELED."""
+"""What the release has no name for, and the number that stands for it: INVALID_START, INVALID_GOAL, FAILURE, CANCELED.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -57,8 +58,8 @@ def run(folder, *arguments):
 
 
 def test_they_are_those_of_the_release_to_the_checksum(folder):
-    sums = "import json, mbf_msgs.msg as msg, mbf_msgs.srv as srv\n" + "print(json.dumps({%s}))" % ", ".join(
-        f"{name!r}: {name}._md5sum" for name in RELEASE_SUMS)
+    sums = "import json, mbf_msgs.msg as msg, mbf_msgs.srv as srv\n" + "print(json.dumps({{{}}}))".format(
+        ", ".join(f"{name!r}: {name}._md5sum" for name in RELEASE_SUMS))
     assert json.loads(run(folder, "-c", sums)) == RELEASE_SUMS
 
 
@@ -70,13 +71,19 @@ def test_an_outcome_has_the_release_s_number(folder):
 
 
 def test_every_module_and_every_rostest_can_be_imported(folder):
-    modules = [f"mbf_relay.ros.{path.stem}" for path in sorted(SOURCE_FOLDER.glob("ros/[a-z]*.py"))]
+    modules = [
+        ".".join(("mbf_relay", *path.relative_to(SOURCE_FOLDER).with_suffix("").parts))
+        for path in sorted(SOURCE_FOLDER.glob("ros/*/[a-z]*.py"))
+    ]
     tests = [f"{room}.{path.stem}" for room in ("node", "system") for path in sorted(TEST_FOLDER.glob(f"{room}/*.py"))]
     assert len(modules) > 30 and len(tests) > 20
     run(folder, "-c", f"import importlib\nfor name in {modules + tests}: importlib.import_module(name)")
 
 
 def test_the_relay_does_the_same(folder):
-    here = Path(__file__).parent
-    files = [str(here / f"{name}.py") for name in ("test_relay", "test_relay_answers", "test_relay_machine", "test_relay_services")]
+    here = Path(__file__).parent / "relay"
+    files = [
+        str(here / f"{name}.py")
+        for name in ("test_relay", "test_relay_answers", "test_relay_machine", "test_relay_services")
+    ]
     assert " passed" in run(folder, "-m", "pytest", "-q", "-p", "no:cacheprovider", *files)

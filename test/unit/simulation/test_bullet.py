@@ -11,10 +11,11 @@ SOURCE = Path(__file__).resolve().parents[3] / "src"
 
 
 def load(folder, module):
-    """Import the simulation's PyBullet in a process that finds `module` under that name; return how the process ended."""
+    """Import the simulation's PyBullet in a process that finds `module` under that name; return how the process ended.
+    """
     (folder / "pybullet.py").write_text(module, encoding="utf-8")
     code = f"import sys; sys.path[:0] = [{str(folder)!r}, {str(SOURCE)!r}]; import mbf_relay.simulation.bullet"
-    return subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    return subprocess.run([sys.executable, "-c", code], capture_output=True)
 
 
 def test_its_own_line_is_not_shown(tmp_path):

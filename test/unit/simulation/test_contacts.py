@@ -5,6 +5,7 @@ import pytest
 pytest.importorskip("pybullet", reason="pybullet is not there for this interpreter")
 
 import trial  # noqa: E402
+
 from mbf_relay.geometry import Twist2D  # noqa: E402
 from mbf_relay.simulation.frames import Frame  # noqa: E402
 from mbf_relay.simulation.shapes import Body, Box, Cylinder  # noqa: E402
@@ -38,18 +39,22 @@ def test_loose_bodies_are_pushed_and_named():
     with trial.simulate([ball]) as simulation:
         seen = trial.run(simulation, 5.0, Twist2D(0.2, 0.0, 0.0))
         assert "crate" in {contact.name for o in seen for contact in o.contacts}
-        crate = [body for body in simulation.stage.bodies() if body.name == "crate"][0]
+        crate = [body for body in simulation.scene.bodies() if body.name == "crate"][0]
         assert crate.frame.position[0] > 0.6
         simulation.reset()
-        crate = [body for body in simulation.stage.bodies() if body.name == "crate"][0]
+        crate = [body for body in simulation.scene.bodies() if body.name == "crate"][0]
         assert crate.frame.position[0] == pytest.approx(0.5)
 
 
 def test_movers_keep_their_times():
-    mover = Mover(Body("cart", Cylinder(0.1, 0.4), Frame.of(0.0, 0.0, 0.2)), [0.0, 2.0, 4.0], [[1, 0, 0], [2, 0, 0], [1, 0, 0]])
+    mover = Mover(
+        Body("cart", Cylinder(0.1, 0.4), Frame.of(0.0, 0.0, 0.2)), [0.0, 2.0, 4.0], [[1, 0, 0], [2, 0, 0], [1, 0, 0]]
+    )
     with trial.simulate(movers=[mover]) as simulation:
         for seconds, x in ((1.0, 1.5), (1.0, 2.0), (1.0, 1.5), (1.0, 1.0), (1.0, 1.5)):
             assert trial.last_scan(simulation, seconds).ranges[0] == pytest.approx(x - 0.1 - trial.SENSOR_X, abs=5e-3)
-        hit = Mover(Body("ram", Cylinder(0.1, 0.4), Frame.of(0.0, 0.0, 0.2)), [0.0, 4.0], [[1, 0, 0], [0, 0, 0]], loop=False)
+        hit = Mover(
+            Body("ram", Cylinder(0.1, 0.4), Frame.of(0.0, 0.0, 0.2)), [0.0, 4.0], [[1, 0, 0], [0, 0, 0]], loop=False
+        )
     with trial.simulate(movers=[hit]) as simulation:
         assert "ram" in {contact.name for o in trial.run(simulation, 5.0) for contact in o.contacts}

@@ -59,8 +59,14 @@ def test_a_drive_in_a_sample_world():
         pose = simulation.true_pose
         scan = scans[-1]
         nearest = min(
-            math.hypot(*(body.frame.position[:2] - (pose.x - 0.032 * math.cos(pose.theta), pose.y - 0.032 * math.sin(pose.theta))))
-            - body.shape.radius for body in world.bodies
+            math.hypot(
+                *(
+                    body.frame.position[:2]
+                    - (pose.x - 0.032 * math.cos(pose.theta), pose.y - 0.032 * math.sin(pose.theta))
+                )
+            )
+            - body.shape.radius
+            for body in world.bodies
         )
         assert scan.ranges.min() == pytest.approx(nearest, abs=0.02)
         _, touched = drive(simulation, 0.22, 0.0, 30.0)

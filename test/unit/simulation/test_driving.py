@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("pybullet", reason="pybullet is not there for this interpreter")
 
 import trial  # noqa: E402
+
 from mbf_relay.geometry import Pose2D, Twist2D, angle_between  # noqa: E402
 from mbf_relay.simulation.faults import Faults  # noqa: E402
 
@@ -110,7 +111,9 @@ def test_commands_are_limited_and_time_out():
         assert simulation.true_velocity.x == pytest.approx(0.1, rel=0.03)
 
 
-@pytest.mark.parametrize("command", [Twist2D(math.nan, 0.0, 0.0), Twist2D(0.1, 0.0, math.inf), Twist2D(0.1, -math.inf, 0.0)])
+@pytest.mark.parametrize(
+    "command", [Twist2D(math.nan, 0.0, 0.0), Twist2D(0.1, 0.0, math.inf), Twist2D(0.1, -math.inf, 0.0)]
+)
 def test_commands_that_are_not_finite_are_refused(command):
     with trial.simulate() as simulation:
         trial.run(simulation, 1.0, Twist2D(0.1, 0.0, 0.0))

@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("pybullet", reason="pybullet is not there for this interpreter")
 
 import trial  # noqa: E402
+
 from mbf_relay.geometry import Pose2D, Twist2D, angle_between  # noqa: E402
 from mbf_relay.simulation import Simulation  # noqa: E402
 from mbf_relay.simulation.arena import arena  # noqa: E402
@@ -74,12 +75,12 @@ def test_the_arena_as_seen_from_its_start():
 
 def test_moved_and_added_bodies_are_seen_exactly():
     with trial.simulate([Body("ball", Sphere(0.3), Frame.of(0.0, 2.0, 0.3), mass=0.5)]) as simulation:
-        simulation.stage.set_obstacle("a", trial.box("a", 1.0, 0.0, (0.2, 0.2, 0.4)))
+        simulation.scene.set_obstacle("a", trial.box("a", 1.0, 0.0, (0.2, 0.2, 0.4)))
         scan = trial.last_scan(simulation)
         assert scan.ranges[0] == pytest.approx(0.9 - trial.SENSOR_X, abs=1e-3)
-        simulation.stage.set_obstacle("a", trial.box("a", 2.0, 0.0, (0.2, 0.2, 0.4)))
+        simulation.scene.set_obstacle("a", trial.box("a", 2.0, 0.0, (0.2, 0.2, 0.4)))
         assert trial.last_scan(simulation).ranges[0] == pytest.approx(1.9 - trial.SENSOR_X, abs=1e-3)
-        simulation.stage.remove_obstacle("a")
+        simulation.scene.remove_obstacle("a")
         assert math.isinf(trial.last_scan(simulation).ranges[0])
         half_chord = math.sqrt(0.3 ** 2 - (0.3 - 0.182) ** 2)
         expected = min(
@@ -91,14 +92,16 @@ def test_moved_and_added_bodies_are_seen_exactly():
 
 def test_lidar_limits_and_errors():
     near = trial.box("near", 0.15, 0.0, (0.2, 0.1, 1.0))
-    with trial.simulate([trial.box("wall", 2.0, 0.0, (1.0, 1.0, 1.0))], scan_noise=0.02, scan_resolution=0.015) as simulation:
+    with trial.simulate(
+        [trial.box("wall", 2.0, 0.0, (1.0, 1.0, 1.0))], scan_noise=0.02, scan_resolution=0.015
+    ) as simulation:
         readings = np.array([o.scan.ranges[0] for o in trial.run(simulation, 40.0) if o.scan is not None])
     assert readings.mean() == pytest.approx(1.5 - trial.SENSOR_X, abs=5e-3)
     assert readings.std() == pytest.approx(math.hypot(0.02, 0.015 / math.sqrt(12.0)), rel=0.25)
     assert np.abs(readings / 0.015 - np.round(readings / 0.015)).max() < 1e-6
     with trial.simulate([], scan_dropout=0.3, scan_range_max=1.0) as simulation:
-        simulation.stage.set_obstacle("round", Body("round", Cylinder(0.6, 0.5), Frame.of(2.0, 0.0, 0.25)))
-        simulation.stage.set_obstacle("near", near)
+        simulation.scene.set_obstacle("round", Body("round", Cylinder(0.6, 0.5), Frame.of(2.0, 0.0, 0.25)))
+        simulation.scene.set_obstacle("near", near)
         scan = trial.last_scan(simulation)
     assert scan.ranges[0] in (0.0, np.inf)
     assert np.isinf(scan.ranges[90:270]).all()

@@ -8,8 +8,19 @@ import pytest
 from mbf_relay.geometry import Pose2D
 from mbf_relay.simulation.clearance import obstruction
 from mbf_relay.simulation.frames import Frame, quaternion_from_rotation, rotation_from_quaternion, rotation_from_rpy
+from mbf_relay.simulation.robot_file import load_robot
 from mbf_relay.simulation.shapes import (
-    ROUNDNESS, Body, Box, Cylinder, Mesh, Sphere, cut, prism_triangles, regular_polygon, ring_triangles, subdivided,
+    ROUNDNESS,
+    Body,
+    Box,
+    Cylinder,
+    Mesh,
+    Sphere,
+    cut,
+    prism_triangles,
+    regular_polygon,
+    ring_triangles,
+    subdivided,
 )
 
 HEXAGON = regular_polygon(1.0, 6)
@@ -75,10 +86,18 @@ def test_subdividing_keeps_the_surface_and_bounds_the_edges():
     assert len(subdivided(triangles, 10.0)) == 12 and subdivided(np.empty((0, 3, 3)), 1.0).shape == (0, 3, 3)
 
 
-@pytest.mark.parametrize("make", [
-    lambda: Box((1.0, 0.0, 1.0)), lambda: Cylinder(-0.1, 1.0), lambda: Cylinder(0.1, math.inf), lambda: Sphere(math.nan),
-    lambda: Mesh(np.empty((0, 3, 3))), lambda: Mesh(np.full((1, 3, 3), np.nan)), lambda: Mesh(np.zeros((4, 3))),
-])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Box((1.0, 0.0, 1.0)),
+        lambda: Cylinder(-0.1, 1.0),
+        lambda: Cylinder(0.1, math.inf),
+        lambda: Sphere(math.nan),
+        lambda: Mesh(np.empty((0, 3, 3))),
+        lambda: Mesh(np.full((1, 3, 3), np.nan)),
+        lambda: Mesh(np.zeros((4, 3))),
+    ],
+)
 def test_impossible_solids_are_refused(make):
     with pytest.raises(ValueError):
         make()
@@ -86,7 +105,11 @@ def test_impossible_solids_are_refused(make):
 
 def test_quaternions_and_matrices_agree():
     rng = np.random.RandomState(3)
-    for roll, pitch, yaw in list(rng.uniform(-math.pi, math.pi, (200, 3))) + [(math.pi, 0, 0), (0, 0, math.pi), (math.pi, 0, math.pi)]:
+    for roll, pitch, yaw in list(rng.uniform(-math.pi, math.pi, (200, 3))) + [
+        (math.pi, 0, 0),
+        (0, 0, math.pi),
+        (math.pi, 0, math.pi),
+    ]:
         rotation = rotation_from_rpy(roll, pitch, yaw)
         assert np.allclose(rotation @ rotation.T, np.eye(3)) and np.linalg.det(rotation) == pytest.approx(1.0)
         assert np.allclose(rotation_from_quaternion(quaternion_from_rotation(rotation)), rotation)
@@ -120,13 +143,14 @@ HIGH = Body("high", Box((0.1, 0.1, 0.1)), Frame.of(0.0, 0.0, 0.4)).triangles()
     (HIGH, Pose2D(0.0, 0.0, 0.0), False),
 ])
 def test_room_for_the_robot(triangles, pose, expected):
-    assert (obstruction(triangles, np.zeros(len(triangles), dtype=int), pose) is not None) is expected
+    owner = obstruction(triangles, np.zeros(len(triangles), dtype=int), pose, load_robot("burger"))
+    assert (owner is not None) is expected
 
 
 def test_the_obstructing_body_is_named_by_its_owner():
     far = Body("far", Box((1.0, 1.0, 1.0)), Frame.of(5.0, 0.0, 0.5)).triangles()
     triangles = np.concatenate((far, BIG))
     owners = np.repeat([4, 9], [len(far), len(BIG)])
-    assert obstruction(triangles, owners, Pose2D(0.0, 0.0, 0.0)) == 9
-    assert obstruction(triangles, owners, Pose2D(5.0, 0.0, 0.0)) == 4
-    assert obstruction(triangles, owners, Pose2D(-3.0, 0.0, 0.0)) is None
+    assert obstruction(triangles, owners, Pose2D(0.0, 0.0, 0.0), load_robot("burger")) == 9
+    assert obstruction(triangles, owners, Pose2D(5.0, 0.0, 0.0), load_robot("burger")) == 4
+    assert obstruction(triangles, owners, Pose2D(-3.0, 0.0, 0.0), load_robot("burger")) is None

@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("pybullet", reason="pybullet is not there for this interpreter")
 
 import trial  # noqa: E402
+
 from mbf_relay.geometry import Pose2D, Twist2D  # noqa: E402
 from mbf_relay.simulation import Simulation  # noqa: E402
 from mbf_relay.simulation.arena import arena  # noqa: E402
@@ -22,7 +23,7 @@ def stream(seed):
         seen = []
         for part, command in enumerate((Twist2D(0.2, 0.0, 0.3), Twist2D(-0.1, 0.0, -1.0), Twist2D(0.22, 0.0, 0.0))):
             if part == 1:
-                simulation.stage.set_obstacle("o", trial.box("o", -1.0, 0.6, (0.2, 0.2, 0.4)))
+                simulation.scene.set_obstacle("o", trial.box("o", -1.0, 0.6, (0.2, 0.2, 0.4)))
             seen.append((trial.run(simulation, 3.0, command), tuple(simulation.true_pose)))
         return pickle.dumps(seen)
 
@@ -54,11 +55,11 @@ def test_a_start_inside_of_something_is_refused():
 def test_reset_brings_everything_back():
     with trial.simulate() as simulation:
         trial.run(simulation, 3.0, Twist2D(0.2, 0.0, 0.5))
-        simulation.stage.set_obstacle("o", trial.box("o", 1.0, 0.0, (0.2, 0.2, 0.4)))
+        simulation.scene.set_obstacle("o", trial.box("o", 1.0, 0.0, (0.2, 0.2, 0.4)))
         now = simulation.now
         simulation.reset()
         assert simulation.true_pose.distance_to(Pose2D(0.0, 0.0, 0.0)) < 1e-6
-        assert simulation.now == now and not simulation.stage.obstacles
+        assert simulation.now == now and not simulation.scene.obstacles
         seen = trial.run(simulation, 1.0)
     odometry = [o.odometry for o in seen if o.odometry is not None][-1]
     assert odometry.pose.distance_to(Pose2D(0.0, 0.0, 0.0)) < 1e-3

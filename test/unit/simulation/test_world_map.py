@@ -49,7 +49,16 @@ def test_every_wall_cell_lies_on_a_surface_and_every_surface_in_reach_has_a_cell
 
 def test_the_tutorials_goals_are_free():
     drawn = map_of_world(arena(), GRID)
-    goals = [(-1.75, 0.74), (-0.36, 1.92), (0.957, 1.6), (1.8741, 0.383), (1.752, -0.928), (0.418, -2.116), (-0.775, -1.8), (-1.99, -0.508)]
+    goals = [
+        (-1.75, 0.74),
+        (-0.36, 1.92),
+        (0.957, 1.6),
+        (1.8741, 0.383),
+        (1.752, -0.928),
+        (0.418, -2.116),
+        (-0.775, -1.8),
+        (-1.99, -0.508),
+    ]
     for x, y in goals + [(0.5, 0.0)]:
         column, row = GRID.cell_at(x, y)
         assert drawn.data[row, column] == FREE
@@ -59,7 +68,12 @@ def test_the_tutorials_goals_are_free():
 
 
 def room(start=Pose2D(0.0, 0.0, 0.0)):
-    sides = [((4.2, 0.1, 0.5), 0.0, 2.0), ((4.2, 0.1, 0.5), 0.0, -2.0), ((0.1, 4.2, 0.5), 2.0, 0.0), ((0.1, 4.2, 0.5), -2.0, 0.0)]
+    sides = [
+        ((4.2, 0.1, 0.5), 0.0, 2.0),
+        ((4.2, 0.1, 0.5), 0.0, -2.0),
+        ((0.1, 4.2, 0.5), 2.0, 0.0),
+        ((0.1, 4.2, 0.5), -2.0, 0.0),
+    ]
     return World("room", tuple(Body("w", Box(size), Frame.of(x, y, 0.25)) for size, x, y in sides), start)
 
 
@@ -70,10 +84,16 @@ def test_a_grid_around_a_world_holds_it():
     assert drawn.data[0, 0] == UNKNOWN
 
 
-@pytest.mark.parametrize("start, text", [(Pose2D(2.0, 0.0, 0.0), "lies in a wall"), (Pose2D(50.0, 0.0, 0.0), "lies off the map")])
+@pytest.mark.parametrize(
+    "start, text", [(Pose2D(2.0, 0.0, 0.0), "lies in a wall"), (Pose2D(50.0, 0.0, 0.0), "lies off the map")]
+)
 def test_a_start_that_is_no_place_is_refused(start, text):
     grid = Grid(0.05, -3.0, -3.0, 120, 120)
-    world = room(start) if start.x > 3.0 else World("w", (Body("b", Box((0.06, 4.0, 1.0)), Frame.of(2.03, 0.0, 0.5)),), start)
+    world = (
+        room(start)
+        if start.x > 3.0
+        else World("w", (Body("b", Box((0.06, 4.0, 1.0)), Frame.of(2.03, 0.0, 0.5)),), start)
+    )
     with pytest.raises(ValueError, match=text):
         map_of_world(world, grid)
 

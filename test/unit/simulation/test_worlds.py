@@ -1,7 +1,6 @@
 """Worlds out of names and files: what is read, what is warned of, and what is refused."""
 
 import json
-import math
 import os
 import struct
 from pathlib import Path
@@ -10,9 +9,7 @@ import numpy as np
 import pytest
 
 from mbf_relay.geometry import Pose2D
-from mbf_relay.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, save_map
-from mbf_relay.simulation.map_world import map_world, merged_rectangles, wall_triangles
-from mbf_relay.simulation.shapes import Box, Cylinder, Sphere, cut
+from mbf_relay.simulation.shapes import Box, Cylinder, Sphere
 from mbf_relay.simulation.worlds import load_world
 
 REPOSITORY = Path(__file__).resolve().parents[3]
@@ -29,7 +26,14 @@ def sdf(inside, version="1.6"):
     return f'<?xml version="1.0"?><sdf version="{version}"><world name="made">{inside}</world></sdf>'
 
 
-def model(name, geometry, pose="0 0 0 0 0 0", link_pose="0 0 0 0 0 0", collision_pose="0 0 0 0 0 0", rest="<static>true</static>"):
+def model(
+    name,
+    geometry,
+    pose="0 0 0 0 0 0",
+    link_pose="0 0 0 0 0 0",
+    collision_pose="0 0 0 0 0 0",
+    rest="<static>true</static>",
+):
     return (
         f'<model name="{name}"><pose>{pose}</pose>{rest}<link name="link"><pose>{link_pose}</pose>'
         f'<collision name="c"><pose>{collision_pose}</pose><geometry>{geometry}</geometry></collision></link></model>'
@@ -67,7 +71,9 @@ def test_sdf_solids_and_nested_poses(tmp_path):
         model("a", BOX, pose="1 2 0 0 0 1.5707963267948966", link_pose="1 0 0 0 0 0", collision_pose="0 1 0.5 0 0 0")
         + model("b", "<cylinder><radius>0.2</radius><length>0.6</length></cylinder>")
         + model("c", "<sphere><radius>0.3</radius></sphere>")
-        + "<model name='outer'><static>1</static><pose>5 0 0 0 0 0</pose>" + model("inner", BOX, pose="0 1 0 0 0 0") + "</model>"
+        + "<model name='outer'><static>1</static><pose>5 0 0 0 0 0</pose>"
+        + model("inner", BOX, pose="0 1 0 0 0 0")
+        + "</model>"
     )
     world = load_world(write(tmp_path / "w.world", text))
     bodies = {body.name: body for body in world.bodies}
@@ -80,7 +86,11 @@ def test_sdf_solids_and_nested_poses(tmp_path):
 
 
 def test_sdf_loose_models_have_their_mass(tmp_path):
-    rest = "<link name='l'><inertial><mass>2.5</mass></inertial><collision name='c'><geometry>" + BOX + "</geometry></collision></link>"
+    rest = (
+        "<link name='l'><inertial><mass>2.5</mass></inertial><collision name='c'><geometry>"
+        + BOX
+        + "</geometry></collision></link>"
+    )
     world = load_world(write(tmp_path / "w.sdf", sdf(f"<model name='crate'>{rest}</model>")))
     assert [(body.name, body.mass) for body in world.bodies] == [("crate", 2.5)]
 
@@ -121,8 +131,10 @@ def test_sdf_saved_state_moves_models(tmp_path):
 
 def test_sdf_poses_relative_to_something(tmp_path):
     text = sdf(
-        "<model name='m'><static>1</static><pose>1 0 0 0 0 0</pose><link name='a'><pose>0 1 0 0 0 0</pose></link><link name='b'>"
-        f"<pose relative_to='a'>0 0 1 0 0 0</pose><collision name='c'><geometry>{BOX}</geometry></collision></link></model>", "1.7"
+        "<model name='m'><static>1</static><pose>1 0 0 0 0 0</pose><link name='a'><pose>0 1 0 0 0 "
+        "0</pose></link><link name='b'><pose relative_to='a'>0 0 1 0 0 0</pose><collision "
+        f"name='c'><geometry>{BOX}</geometry></collision></link></model>",
+        "1.7",
     )
     assert load_world(write(tmp_path / "w.sdf", text)).bodies[0].frame.position == pytest.approx([1, 1, 1])
 
@@ -171,22 +183,29 @@ def cube_stl(path, binary):
         path.write_bytes(data)
     else:
         facets = "".join(
-            "facet normal 0 0 0\nouter loop\n" + "".join(f"vertex {x} {y} {z}\n" for x, y, z in t) + "endloop\nendfacet\n"
+            "facet normal 0 0 0\nouter loop\n"
+            + "".join(f"vertex {x} {y} {z}\n" for x, y, z in t)
+            + "endloop\nendfacet\n"
             for t in triangles
         )
         path.write_text(f"solid cube\n{facets}endsolid cube\n")
 
 
 def cube_obj(path):
-    lines = [f"v {x} {y} {z}" for x, y, z in CUBE_CORNERS] + ["f " + " ".join(f"{i + 1}/1/1" for i in f) for f in CUBE_FACES]
+    lines = [f"v {x} {y} {z}" for x, y, z in CUBE_CORNERS] + [
+        "f " + " ".join(f"{i + 1}/1/1" for i in f) for f in CUBE_FACES
+    ]
     path.write_text("\n".join(lines))
 
 
 def cube_collada(path, up="Z_UP", meter="1", kind="polylist"):
     numbers = " ".join(f"{v}" for corner in CUBE_CORNERS for v in corner)
     if kind == "polylist":
-        faces = "<polylist count='6'><input semantic='VERTEX' source='#v' offset='0'/><input semantic='NORMAL' source='#n' offset='1'/>" \
+        faces = (
+            "<polylist count='6'><input semantic='VERTEX' source='#v' offset='0'/><input semantic='NORMAL' "
+            "source='#n' offset='1'/>"
             f"<vcount>{'4 ' * 6}</vcount><p>{' '.join(f'{i} 0' for f in CUBE_FACES for i in f)}</p></polylist>"
+        )
     else:
         triples = [i for f in CUBE_FACES for i in (f[0], f[1], f[2], f[0], f[2], f[3])]
         faces = f"<triangles count='12'><input semantic='VERTEX' source='#v' offset='0'/><p>{' '.join(map(str, triples))}</p></triangles>"
@@ -194,7 +213,8 @@ def cube_collada(path, up="Z_UP", meter="1", kind="polylist"):
         "<COLLADA xmlns='http://www.collada.org/2005/11/COLLADASchema' version='1.4.1'>"
         f"<asset><unit meter='{meter}'/><up_axis>{up}</up_axis></asset><library_geometries><geometry id='g'><mesh>"
         f"<source id='p'><float_array id='pa' count='24'>{numbers}</float_array></source>"
-        f"<vertices id='v'><input semantic='POSITION' source='#p'/></vertices>{faces}</mesh></geometry></library_geometries>"
+        "<vertices id='v'><input semantic='POSITION' "
+        f"source='#p'/></vertices>{faces}</mesh></geometry></library_geometries>"
         "<library_visual_scenes><visual_scene id='s'><node><translate>0 0 2</translate><scale>1 1 3</scale>"
         "<instance_geometry url='#g'/></node></visual_scene></library_visual_scenes></COLLADA>"
     )
@@ -218,10 +238,17 @@ def test_meshes_are_read_and_scaled(tmp_path, name, make, size, corner):
     assert lower == pytest.approx(np.array(corner) * (2, 1, 1))
 
 
-@pytest.mark.parametrize("name, text", [
-    ("a.stl", "solid\nvertex 1 2\nendsolid"), ("a.obj", "v 0 0 0\nf 1 2 9"), ("a.dae", "<COLLADA><library_"), ("a.stl", ""),
-    ("a.dae", "<COLLADA/>"), ("a.fbx", "x"),
-])
+@pytest.mark.parametrize(
+    "name, text",
+    [
+        ("a.stl", "solid\nvertex 1 2\nendsolid"),
+        ("a.obj", "v 0 0 0\nf 1 2 9"),
+        ("a.dae", "<COLLADA><library_"),
+        ("a.stl", ""),
+        ("a.dae", "<COLLADA/>"),
+        ("a.fbx", "x"),
+    ],
+)
 def test_malformed_meshes_are_named(tmp_path, name, text):
     write(tmp_path / name, text)
     path = write(tmp_path / "w.world", sdf(model("m", f"<mesh><uri>{name}</uri></mesh>")))
@@ -234,7 +261,8 @@ def test_urdf_links_stand_where_their_joints_put_them(tmp_path):
         "<robot name='hall'><link name='base'/><link name='post'><collision><origin xyz='0 0 0.5'/><geometry>"
         "<cylinder radius='0.1' length='1'/></geometry></collision></link>"
         "<link name='arm'><collision><geometry><box size='1 1 1'/></geometry></collision></link>"
-        "<joint name='j' type='fixed'><parent link='base'/><child link='post'/><origin xyz='1 2 0' rpy='0 0 1.5707963267948966'/></joint>"
+        "<joint name='j' type='fixed'><parent link='base'/><child link='post'/><origin xyz='1 2 0' rpy='0 0 "
+        "1.5707963267948966'/></joint>"
         "<joint name='k' type='fixed'><parent link='post'/><child link='arm'/><origin xyz='1 0 0'/></joint></robot>"
     )
     bodies = {b.name: b for b in load_world(write(tmp_path / "w.urdf", text)).bodies}
@@ -242,12 +270,22 @@ def test_urdf_links_stand_where_their_joints_put_them(tmp_path):
     assert bodies["arm"].frame.position == pytest.approx([1, 3, 0])
 
 
-@pytest.mark.parametrize("text, said", [
-    ("<robot", "is no XML"), ("<sdf/>", "is no URDF"),
-    ("<robot><link name='a'><collision><geometry><box size='1 x 1'/></geometry></collision></link></robot>", "'1 x 1'"),
-    ("<robot><link name='a'><collision><geometry><mesh filename='package://gone/a.stl'/></geometry></collision></link></robot>",
-     "package://gone/a.stl"),
-])
+@pytest.mark.parametrize(
+    "text, said",
+    [
+        ("<robot", "is no XML"),
+        ("<sdf/>", "is no URDF"),
+        (
+            "<robot><link name='a'><collision><geometry><box size='1 x 1'/></geometry></collision></link></robot>",
+            "'1 x 1'",
+        ),
+        (
+            "<robot><link name='a'><collision><geometry><mesh "
+            "filename='package://gone/a.stl'/></geometry></collision></link></robot>",
+            "package://gone/a.stl",
+        ),
+    ],
+)
 def test_malformed_urdf_is_refused(tmp_path, text, said):
     path = write(tmp_path / "w.urdf", text)
     with pytest.raises(ValueError) as caught:
@@ -263,7 +301,10 @@ def worlds_json(**changes):
 
 def test_worlds_files(tmp_path):
     mover = {"box": [0.4, 0.2, 0.5], "waypoints": [[0, 1, 1, 0], [2, 3, 1, 1.0]], "loop": False, "name": "cart"}
-    path = write(tmp_path / "w.json", worlds_json(goal=[2, 0, 0], time_limit=30, boxes=[[0, 2, 0.5, 1, 1, 1]], movers=[mover], colour=1))
+    path = write(
+        tmp_path / "w.json",
+        worlds_json(goal=[2, 0, 0], time_limit=30, boxes=[[0, 2, 0.5, 1, 1, 1]], movers=[mover], colour=1),
+    )
     world = load_world(path)
     assert (world.name, len(world.bodies), world.goal, world.time_limit) == ("w", 2, Pose2D(2, 0, 0), 30.0)
     assert world.movers[0].frame_at(1.0).flat() == pytest.approx((2.0, 1.0, 0.5))
@@ -273,13 +314,21 @@ def test_worlds_files(tmp_path):
         load_world(path, "u")
 
 
-@pytest.mark.parametrize("text, said", [
-    ("{", "no JSON"), ("[]", "worlds"), ("{\"worlds\": []}", "worlds"),
-    (worlds_json(cylinders=[[1, 2, 3]]), "4 finite numbers"), (worlds_json(cylinders=[[1, 2, 0, 1]]), "above 0"),
-    (worlds_json(start=[0, 0]), "start"), (worlds_json(time_limit=-1), "time_limit"), (worlds_json(cylinders=3), "cylinders"),
-    (worlds_json(movers=[{"waypoints": [[0, 0, 0]]}]), "mover 0"),
-    (worlds_json(movers=[{"radius": 0.1, "height": 1.0, "waypoints": [[1, 0, 0]]}]), "start at 0 and rise"),
-])
+@pytest.mark.parametrize(
+    "text, said",
+    [
+        ("{", "no JSON"),
+        ("[]", "worlds"),
+        ("{\"worlds\": []}", "worlds"),
+        (worlds_json(cylinders=[[1, 2, 3]]), "4 finite numbers"),
+        (worlds_json(cylinders=[[1, 2, 0, 1]]), "above 0"),
+        (worlds_json(start=[0, 0]), "start"),
+        (worlds_json(time_limit=-1), "time_limit"),
+        (worlds_json(cylinders=3), "cylinders"),
+        (worlds_json(movers=[{"waypoints": [[0, 0, 0]]}]), "mover 0"),
+        (worlds_json(movers=[{"radius": 0.1, "height": 1.0, "waypoints": [[1, 0, 0]]}]), "start at 0 and rise"),
+    ],
+)
 def test_malformed_worlds_files_are_refused(tmp_path, text, said):
     path = write(tmp_path / "w.json", text)
     with pytest.raises(ValueError) as caught:
@@ -291,57 +340,3 @@ def test_malformed_worlds_files_are_refused(tmp_path, text, said):
 def test_the_sample_worlds_are_read():
     world = load_world(str(BARN), "barn_001")
     assert len(world.bodies) > 100 and world.goal is not None and world.reference_path_length > 1.0
-
-
-def random_map(seed, shape=(60, 80)):
-    rng = np.random.RandomState(seed)
-    data = np.where(rng.rand(*shape) < 0.3, OCCUPIED, FREE).astype(np.int8)
-    data[rng.rand(*shape) < 0.1] = UNKNOWN
-    return OccupancyMap(data, 0.05, Pose2D(-1.0, 2.0, 0.3))
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_rectangles_cover_the_walls_once(seed):
-    walls = random_map(seed).data == OCCUPIED
-    covered = np.zeros(walls.shape, dtype=int)
-    for left, bottom, right, top in merged_rectangles(walls).astype(int):
-        covered[bottom:top, left:right] += 1
-    assert np.array_equal(covered, walls.astype(int))
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_walls_stand_exactly_on_the_borders_of_the_cells(seed):
-    walls = random_map(seed).data == OCCUPIED
-    segments, _ = cut(wall_triangles(walls, 0.05), 0.2)
-    padded = np.pad(walls, 1).astype(int)
-    length = 0.05 * (np.abs(np.diff(padded, axis=0)).sum() + np.abs(np.diff(padded, axis=1)).sum())
-    assert np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1).sum() == pytest.approx(length)
-    middles = segments.mean(axis=1) / 0.05
-    assert np.minimum(np.abs(middles - np.round(middles)).min(axis=1), 1.0).max() < 1e-6
-
-
-def test_walls_are_merged():
-    walls = np.zeros((1000, 1000), dtype=bool)
-    walls[:5], walls[-5:], walls[:, :5], walls[:, -5:] = True, True, True, True
-    walls[500:503, 100:900] = True
-    assert len(merged_rectangles(walls)) <= 6 and len(wall_triangles(walls, 0.05)) < 40
-
-
-def test_map_worlds(tmp_path):
-    data = np.full((40, 60), FREE, dtype=np.int8)
-    data[:, :2] = data[:, -2:] = data[:2] = data[-2:] = OCCUPIED
-    yaml_path, _ = save_map(str(tmp_path / "hall"), OccupancyMap(data, 0.1, Pose2D(1.0, 1.0, 0.0)))
-    world = load_world(yaml_path)
-    assert world.name == "hall"
-    # The frame's origin lies off the map, so the start is where there is most room.
-    assert world.start.y == pytest.approx(3.0, abs=0.11) and 2.9 < world.start.x < 5.1
-    around = map_world("m", OccupancyMap(data, 0.1, Pose2D(-3.0, -2.0, 0.0)))
-    assert around.start == Pose2D(0.0, 0.0, 0.0)
-    turned = map_world("m", OccupancyMap(data, 0.1, Pose2D(0.0, 0.0, math.pi / 2.0)))
-    assert turned.fixed_triangles()[0][:, :, 0].min() == pytest.approx(-4.0)
-
-
-def test_a_map_without_a_free_cell_is_refused(tmp_path):
-    yaml_path, _ = save_map(str(tmp_path / "full"), OccupancyMap(np.full((5, 5), OCCUPIED, np.int8), 0.1, Pose2D(0, 0, 0)))
-    with pytest.raises(ValueError, match="full.yaml: the map has no free cell"):
-        load_world(yaml_path)

@@ -13,7 +13,9 @@ SENSOR_X = -0.032
 
 
 def simulate(bodies=(), seed=1, start=Pose2D(0.0, 0.0, 0.0), movers=(), **changes):
-    return Simulation(World("test", tuple(bodies), start, tuple(movers)), SimulationParameters(**{**EXACT, **changes}), seed)
+    return Simulation(
+        World("test", tuple(bodies), start, tuple(movers)), SimulationParameters(**{**EXACT, **changes}), seed
+    )
 
 
 def run(simulation, seconds, command=None):

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import abc
 from dataclasses import dataclass, field
-from typing import Dict, Tuple
+from typing import ClassVar, Dict, Tuple
 
 import numpy as np
 
 from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.local_path import LocalPath
-from mbf_relay.control.obstacle_view import ObstacleView
 from mbf_relay.control.trajectories import Trajectories, VelocityWindow
+from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.plugins import Plugin
 
@@ -19,7 +19,7 @@ RULED_OUT = np.inf
 
 
 @dataclass(frozen=True)
-class Scene:
+class CriticData:
     """What every critic may look at in one cycle.
 
     Attributes:
@@ -27,9 +27,9 @@ class Scene:
         pose: The robot in the costmap's frame.
         velocity: The velocity the robot is at, body frame.
         path: The path round the robot.
-        view: The obstacles.
+        checker: The obstacles.
         window: The velocities in reach.
-        focus: Factor on all lengths looked ahead: 1 in the open, less where it is narrow.
+        horizon_scale: Factor on all lengths looked ahead: 1 in the open, less where it is narrow.
         measured: Of which trajectories what was measured already, by how far ahead, for critics that measure the same.
     """
 
@@ -37,10 +37,15 @@ class Scene:
     pose: Pose2D
     velocity: Twist2D
     path: LocalPath
-    view: ObstacleView
+    checker: FootprintChecker
     window: VelocityWindow
-    focus: float = 1.0
+    horizon_scale: float = 1.0
     measured: Dict[float, Tuple[Trajectories, np.ndarray]] = field(default_factory=dict)
+
+    @property
+    def width(self) -> float:
+        """The robot's width (m)."""
+        return self.checker.costmap.width
 
 
 class Critic(Plugin, abc.ABC):
@@ -48,9 +53,20 @@ class Critic(Plugin, abc.ABC):
 
     A critic that remembers nothing implements `scale` and `score`; one that does (the oscillation flags) also hears
     which trajectory was driven, and when the path changed. Its parameters are the controller's.
+
+    Attributes:
+        judges_place: Whether its scores tell how good a place a trajectory ends at. A winner that is no better there
+            than standing still is not driven: the robot would creep to and fro.
+        yields_where_held: Whether it is left out where its scores hold the robot that could get on: at a bend the
+            forward point may be as near to the path as it gets where the robot stands.
+        passes_by_itself: Whether what it objects to goes away in time: a robot that it alone holds waits.
     """
 
     Parameters = DwaParameters
+    parameters: DwaParameters
+    judges_place: ClassVar[bool] = False
+    yields_where_held: ClassVar[bool] = False
+    passes_by_itself: ClassVar[bool] = False
 
     @property
     @abc.abstractmethod
@@ -58,10 +74,10 @@ class Critic(Plugin, abc.ABC):
         """Weight of the scores; a critic of weight 0 is not asked."""
 
     @abc.abstractmethod
-    def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+    def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
         """Return the cost of each trajectory, shape (N,): 0 or above, RULED_OUT for one that must not be driven."""
 
-    def driven(self, command: Twist2D, scene: Scene) -> None:
+    def driven(self, command: Twist2D, data: CriticData) -> None:
         """Hear what is commanded in this cycle."""
 
     def reset(self) -> None:

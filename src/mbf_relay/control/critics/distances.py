@@ -1,4 +1,6 @@
-"""The critics of place: how far a trajectory ends from the path and from the goal, with its centre and with its nose.
+"""The critics of place: how far a trajectory ends from the path and from the goal.
+
+Both are asked of the robot's centre and of its forward point.
 
 Source: base_local_planner's MapGridCostFunction as DWAPlanner uses it. Where that counts cells of a flooded grid, these
 measure metres along and across the path itself, so scores change smoothly and a robot on a straight path does not hunt
@@ -11,24 +13,31 @@ import math
 
 import numpy as np
 
-from mbf_relay.control.critics.critic import Critic, Scene
+from mbf_relay.control.critics.critic import Critic, CriticData
 from mbf_relay.control.trajectories import Trajectories
+from mbf_relay.geometry import normalize_angles
 
-LOOK_BACK = 0.3  # m of path behind the robot that still counts
-MARGIN = 0.2  # m of path beyond what a trajectory can reach that still counts
+LOOK_BACK = 1.3  # robot's widths of path behind the robot that still count
+MARGIN = 0.9  # robot's widths of path beyond what a trajectory can reach that still count
+CUT = math.sqrt(2.0)  # path that a trajectory gets along per metre driven where it cuts a right-angled corner
 
 
 class _OnPath(Critic):
     """Measures the ends of trajectories, moved forward by `_shift`, against the path."""
 
-    def _shift(self, scene: Scene) -> float:
+    judges_place = True
+
+    def _shift(self, data: CriticData) -> float:
         """Return how far ahead of the robot's centre the measured point lies, in metres."""
         return 0.0
 
-    def _measure(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+    def _measure(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
         """Return distance across and arc length along the path of each end, shape (N, 2)."""
-        shift = self._shift(scene)
-        held = scene.measured.get(shift)
+        return self._measure_at(self._shift(data), trajectories, data)
+
+    def _measure_at(self, shift: float, trajectories: Trajectories, data: CriticData) -> np.ndarray:
+        """Return that for the points `shift` metres ahead of the ends."""
+        held = data.measured.get(shift)
         if held is not None and held[0] is trajectories:
             return held[1]
         ends = trajectories.ends
@@ -36,11 +45,22 @@ class _OnPath(Critic):
         if shift != 0.0:
             headings = ends[:, 2].copy()
             points = points + shift * np.column_stack((np.cos(headings), np.sin(headings)))
-        reach = self.parameters.max_vel_trans * self.parameters.sim_time + abs(shift) + MARGIN
-        arc = scene.path.robot_arc
-        result = scene.path.project(points, arc - LOOK_BACK - abs(shift), arc + reach)
-        scene.measured[shift] = trajectories, result
+        reach = self.parameters.max_vel_trans * self.parameters.sim_time + abs(shift) + MARGIN * data.width
+        arc = data.path.robot_arc
+        result = data.path.project(points, arc - LOOK_BACK * data.width - abs(shift), arc + reach)
+        result[:, 1] = np.minimum(result[:, 1], self._farthest(trajectories, data, shift))
+        data.measured[shift] = trajectories, result
         return result
+
+    def _farthest(self, trajectories: Trajectories, data: CriticData, shift: float) -> np.ndarray:
+        """Return the arc length each end can be at, shape (N,): as far as it drove, and cut corners, but no farther.
+
+        A path that folds back lies beside the robot once more, much farther along. To be near that is no progress: the
+        robot would stand where its forward point is near both ways, for to drive on is to go back on the other one.
+        """
+        if shift != 0.0:
+            return self._measure_at(0.0, trajectories, data)[:, 1] + (abs(shift) + MARGIN * data.width)
+        return data.path.robot_arc + MARGIN * data.width + CUT * trajectories.driven
 
 
 class PathDistance(_OnPath):
@@ -51,9 +71,9 @@ class PathDistance(_OnPath):
         """path_distance_bias."""
         return self.parameters.path_distance_bias
 
-    def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+    def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
         """Return metres."""
-        return self._measure(trajectories, scene)[:, 0]
+        return self._measure(trajectories, data)[:, 0]
 
 
 class GoalDistance(_OnPath):
@@ -68,46 +88,81 @@ class GoalDistance(_OnPath):
         """goal_distance_bias."""
         return self.parameters.goal_distance_bias
 
-    def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+    def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
         """Return metres; relative to what is in reach, so that figures do not grow with the path."""
-        farthest = scene.path.robot_arc + self.parameters.max_vel_trans * self.parameters.sim_time + abs(self._shift(scene))
-        arcs = self._measure(trajectories, scene)[:, 1] + trajectories.spare
-        return np.maximum(0.0, farthest + MARGIN - arcs)
+        farthest = (
+            data.path.robot_arc + self.parameters.max_vel_trans * self.parameters.sim_time + abs(self._shift(data))
+        )
+        arcs = self._measure(trajectories, data)[:, 1] + trajectories.spare
+        left: np.ndarray = np.maximum(0.0, farthest + MARGIN * data.width - arcs)
+        return left
 
 
 class Alignment(PathDistance):
-    """Charges the distance (m) from the nose at a trajectory's end to the path, so that the robot faces along it.
+    """Charges the distance (m) from the forward point at a trajectory's end to the path: the robot faces along it.
 
-    Near the goal it falls silent, as in DWAPlanner: the nose would have to be beyond the path's end. It does so over as
-    much path again, on which the noses of full trajectories are beyond the goal already, so that the turning does not
-    jump where the robot comes that near.
+    Near the goal it falls silent, as in DWAPlanner: the forward point would have to be beyond the path's end. It does
+    so over as much path again, on which the forward points of full trajectories are beyond the goal already, so that
+    the turning does not jump where the robot comes that near.
     """
 
-    def _shift(self, scene: Scene) -> float:
-        return self.parameters.forward_point_distance * scene.focus
+    yields_where_held = True
 
-    def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+    def _shift(self, data: CriticData) -> float:
+        return self.parameters.forward_point_distance * data.horizon_scale
+
+    def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
         """Return metres, less near the goal and in the end 0."""
-        shift = self._shift(scene)
+        shift = self._shift(data)
         silent = abs(shift) * math.sqrt(self.parameters.cheat_factor)
-        beyond = _distance_to_goal(scene) - silent
+        beyond = _distance_to_goal(data) - silent
         if shift == 0.0 or beyond <= 0.0:
             return np.zeros(len(trajectories))
-        return super().score(trajectories, scene) * (min(1.0, beyond / silent) if silent > 0.0 else 1.0)
+        return super().score(trajectories, data) * (min(1.0, beyond / silent) if silent > 0.0 else 1.0)
 
 
 class GoalFront(GoalDistance):
-    """Charges the distance (m) left along the path from the nose at a trajectory's end."""
+    """Charges the distance (m) left along the path from the forward point at a trajectory's end."""
 
-    def _shift(self, scene: Scene) -> float:
-        return self.parameters.forward_point_distance * scene.focus
+    yields_where_held = True
 
-    def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+    def _shift(self, data: CriticData) -> float:
+        return self.parameters.forward_point_distance * data.horizon_scale
+
+    def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
         """Return metres."""
         if self.parameters.forward_point_distance == 0.0:
             return np.zeros(len(trajectories))
-        return super().score(trajectories, scene)
+        return super().score(trajectories, data)
 
 
-def _distance_to_goal(scene: Scene) -> float:
-    return scene.pose.distance_to(scene.path.goal)
+def _distance_to_goal(data: CriticData) -> float:
+    return data.pose.distance_to(data.path.goal)
+
+
+class Heading(Critic):
+    """Charges the angle (rad) between a trajectory's heading and the farthest point of the path in sight.
+
+    Source: base_local_planner's heading scoring, which looks from each trajectory for that point; here it is the one
+    the robot sees from where it is.
+    """
+
+    @property
+    def scale(self) -> float:
+        """heading_scale."""
+        return self.parameters.heading_scale
+
+    def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
+        """Return radians."""
+        path = data.path
+        ahead = path.points[(path.arcs > path.robot_arc) & (path.arcs <= path.goal_arc)]
+        seen = np.flatnonzero(data.checker.in_sight(data.pose, ahead)) if len(ahead) else ahead
+        if len(seen) == 0:
+            return np.zeros(len(trajectories))
+        share = min(1.0, self.parameters.heading_time / self.parameters.sim_time)
+        steps = np.maximum((trajectories.counts * share).astype(int) - 1, 0)
+        poses = trajectories.poses[np.arange(len(trajectories)), steps]
+        target = ahead[seen[-1]]
+        bearings = np.arctan2(target[1] - poses[:, 1], target[0] - poses[:, 0])
+        errors: np.ndarray = np.abs(normalize_angles(bearings - poses[:, 2]))
+        return errors

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbf_relay.control.critics.critic import Critic, Scene
+from mbf_relay.control.critics.critic import Critic, CriticData
 from mbf_relay.control.trajectories import Trajectories, too_slow
 
 
@@ -16,9 +16,10 @@ class Twirling(Critic):
         """twirling_scale."""
         return self.parameters.twirling_scale
 
-    def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+    def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
         """Return rad/s."""
-        return np.abs(trajectories.velocities[:, 2])
+        turns: np.ndarray = np.abs(trajectories.velocities[:, 2])
+        return turns
 
 
 class PreferForward(Critic):
@@ -32,7 +33,7 @@ class PreferForward(Critic):
         """prefer_forward_scale, in the path critic's unit."""
         return self.parameters.prefer_forward_scale * self.parameters.path_distance_bias
 
-    def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+    def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
         """Return 0 to 1."""
         return np.maximum(0.0, -trajectories.velocities[:, 0]) / max(self.parameters.max_vel_trans, 1e-6)
 
@@ -45,9 +46,10 @@ class Steady(Critic):
         """steady_scale, in the path critic's unit."""
         return self.parameters.steady_scale * self.parameters.path_distance_bias
 
-    def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+    def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
         """Return rad/s."""
-        return np.abs(trajectories.velocities[:, 2] - scene.velocity.theta)
+        changes: np.ndarray = np.abs(trajectories.velocities[:, 2] - data.velocity.theta)
+        return changes
 
 
 class Slow(Critic):
@@ -62,6 +64,6 @@ class Slow(Critic):
         """slow_scale, in the path critic's unit."""
         return self.parameters.slow_scale * self.parameters.path_distance_bias
 
-    def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+    def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
         """Return 0 or 1."""
-        return too_slow(self.parameters, scene.window, trajectories.velocities).astype(float)
+        return too_slow(self.parameters, data.window, trajectories.velocities).astype(float)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbf_relay.control.critics.critic import RULED_OUT, Critic, Scene
+from mbf_relay.control.critics.critic import RULED_OUT, Critic, CriticData
 from mbf_relay.control.trajectories import Trajectories
 from mbf_relay.costmap.cost_grid import INSCRIBED
 
@@ -25,7 +25,7 @@ class ObstacleCost(Critic):
         """occdist_scale, and above 0 in any case: safety has no switch."""
         return max(self.parameters.occdist_scale, 1e-9)
 
-    def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+    def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
         """Return the highest cost passed (or their sum, with sum_scores)."""
         costs = trajectories.summed_costs if self.parameters.sum_scores else trajectories.highest_costs
         touches = trajectories.free < trajectories.counts

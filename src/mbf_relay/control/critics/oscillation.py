@@ -6,7 +6,7 @@ from typing import Dict, Optional
 
 import numpy as np
 
-from mbf_relay.control.critics.critic import RULED_OUT, Critic, Scene
+from mbf_relay.control.critics.critic import RULED_OUT, Critic, CriticData
 from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.trajectories import Trajectories
 from mbf_relay.geometry import Pose2D, Twist2D, angle_between
@@ -40,14 +40,14 @@ class Oscillation(Critic):
         """The component that may only go one way, each with the sign (+1, -1) it may have."""
         return dict(self._allowed)
 
-    def score(self, trajectories: Trajectories, scene: Scene) -> np.ndarray:
+    def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
         """Return 0 or RULED_OUT."""
         banned = np.zeros(len(trajectories), dtype=bool)
         for component, sign in self._allowed.items():
             banned |= trajectories.velocities[:, COMPONENTS.index(component)] * sign < 0.0
         return np.where(banned, RULED_OUT, 0.0)
 
-    def driven(self, command: Twist2D, scene: Scene) -> None:
+    def driven(self, command: Twist2D, data: CriticData) -> None:
         """Note reversals and lift bans."""
         steering = abs(command.x) > self.parameters.min_vel_trans
         for component, value in zip(COMPONENTS, command):
@@ -56,9 +56,9 @@ class Oscillation(Critic):
             sign = 1 if value > 0.0 else -1
             if self._direction.get(component, sign) != sign:
                 self._allowed[component] = sign
-                self._since = scene.pose
+                self._since = data.pose
             self._direction[component] = sign
-        if self._allowed and self._moved(scene.pose):
+        if self._allowed and self._moved(data.pose):
             self.reset()
 
     def reset(self) -> None:

@@ -1,0 +1,51 @@
+"""Whether a command may be sent: the robot could hold it for a period and brake, and would touch nothing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mbf_relay.control import trajectory_kernels
+from mbf_relay.control.follower_parameters import FollowerParameters
+from mbf_relay.control.state import ControlState
+from mbf_relay.costmap.footprint_checker import FootprintChecker
+from mbf_relay.geometry import Twist2D
+
+
+def stopping_time(parameters: FollowerParameters, command: Twist2D, period: float) -> float:
+    """Return the time (s) at the command's velocity that leads as far as holding it for a period and braking then."""
+    limits = (parameters.acc_lim_x, parameters.acc_lim_y, parameters.acc_lim_theta)
+    braking = max(abs(value) / (2.0 * max(1e-9, limit)) for value, limit in zip(command, limits))
+    return period + parameters.stop_time_buffer + braking
+
+
+def arc(checker: FootprintChecker, state: ControlState, command: Twist2D, duration: float) -> np.ndarray:
+    """Return the poses that holding a command leads through.
+
+    Args:
+        checker: Tells how far apart poses are to be checked; the command is asked for anew each cycle, so twice that.
+        state: Where the robot is.
+        command: What it holds.
+        duration: For how long (s).
+
+    Returns:
+        Shape (S, 3), in the costmap's frame.
+    """
+    step, turn = 2.0 * checker.step, checker.turn_step
+    most = math.ceil(max(command.speed() * duration / step, abs(command.theta) * duration / turn)) + 1
+    poses, counts = np.empty((1, most, 3)), np.empty(1, np.int64)
+    trajectory_kernels.simulate(
+        np.array(state.pose, dtype=float), np.full(3, np.nan), np.ones(3), np.array([command], dtype=float),
+        np.array([duration]), step, turn, poses, counts, np.empty(1),
+    )
+    return poses[0, : counts[0]]
+
+
+def brakes_free(
+    parameters: FollowerParameters, state: ControlState, checker: FootprintChecker, command: Twist2D
+) -> bool:
+    """Return whether a command can be held for a period and braked from without touching more than is touched already.
+    """
+    poses = arc(checker, state, command, stopping_time(parameters, command, state.period))
+    return checker.free_steps(poses, checker.contacts_at(state.pose)) == len(poses)

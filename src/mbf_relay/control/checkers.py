@@ -1,0 +1,169 @@
+"""What a drive checks beside driving: whether the goal is reached or blocked, and whether the wheels turn."""
+
+from __future__ import annotations
+
+from typing import Optional, Tuple
+
+from mbf_relay.control.follower_parameters import FollowerParameters
+from mbf_relay.control.local_path import LocalPath
+from mbf_relay.control.state import ControlState, GoalTolerance
+from mbf_relay.costmap.footprint_checker import FootprintChecker
+from mbf_relay.geometry import Pose2D, Twist2D, angle_between
+from mbf_relay.outcomes import ControlError, ControlOutcome
+
+HYSTERESIS = 1.5  # times the tolerance: how far a robot that turns at the goal may drift before it drives again
+CLOSE_ENOUGH = 0.3  # times the tolerance: so near nothing is gained by creeping on
+CREEPING = 0.05  # of the top speed: slower than this is standing, whatever the parameters call so
+PASSED = 0.35  # rad short of abeam: where the goal counts as beside the robot
+MOVED_DISTANCE, MOVED_ANGLE = 0.1, 0.05  # robot's widths and rad that count as having moved
+NEAR_GOAL = 4.5  # robot's widths, or a second's drive, from which on it is looked at whether the goal is free
+
+
+class GoalChecker:
+    """Remembers that the position was reached.
+
+    Source: base_local_planner's LatchedStopRotateController, whose latch here outlives new paths to the same goal.
+    """
+
+    def __init__(self) -> None:
+        self._turns = False
+        self.tolerance: Optional[GoalTolerance] = None
+
+    def reset(self) -> None:
+        """Forget what was reached: the goal is a new one."""
+        self._turns = False
+        self.tolerance = None
+
+    def tolerance_of(self, parameters: FollowerParameters) -> GoalTolerance:
+        """Return the tolerance that holds: the action's where there is one."""
+        return self.tolerance or GoalTolerance(parameters.xy_goal_tolerance, parameters.yaw_goal_tolerance)
+
+    def is_turning(self, pose: Pose2D, goal: Pose2D, parameters: FollowerParameters) -> bool:
+        """Return whether the robot has come near enough to stop and turn to the goal's heading.
+
+        Within tolerance it drives on as long as that brings it nearer; once it turns it turns, until it has drifted
+        well out of tolerance, or with latch_xy_goal_tolerance until the goal changes.
+        """
+        tolerance = self.tolerance_of(parameters).distance
+        distance = pose.distance_to(goal)
+        if self._turns:
+            self._turns = parameters.latch_xy_goal_tolerance or distance <= HYSTERESIS * tolerance
+        elif distance <= tolerance:
+            ahead = goal.relative_to(pose)
+            passed = ahead.x <= PASSED * distance
+            self._turns = passed or distance <= CLOSE_ENOUGH * tolerance
+        return self._turns
+
+    def is_reached(self, state: ControlState, goal: Pose2D, parameters: FollowerParameters) -> bool:
+        """Return whether the robot stands at the goal, position and heading.
+
+        One that is still on its way nearer does not stand, however slow.
+        """
+        tolerance = self.tolerance_of(parameters)
+        latched = self._turns and parameters.latch_xy_goal_tolerance
+        return (
+            (self._turns or state.velocity.speed() < CREEPING * parameters.max_vel_trans)
+            and (latched or state.pose.distance_to(goal) <= tolerance.distance)
+            and abs(angle_between(state.pose.theta, goal.theta)) <= tolerance.angle
+            and state.velocity.speed() <= parameters.trans_stopped_vel
+            and abs(state.velocity.theta) <= parameters.theta_stopped_vel
+        )
+
+
+class StuckChecker:
+    """Compares what was commanded with how the robot moved; turning on the spot is motion."""
+
+    def __init__(self) -> None:
+        self._reference: Optional[Tuple[float, Pose2D]] = None
+        self._asked_distance = 0.0
+        self._asked_angle = 0.0
+        self._last_time: Optional[float] = None
+
+    def reset(self) -> None:
+        """Forget the past: the robot was stopped on purpose."""
+        self._reference = None
+
+    def check(self, state: ControlState, last_command: Twist2D, timeout: float) -> None:
+        """Note one cycle.
+
+        Args:
+            state: Now.
+            last_command: What was commanded until now.
+            timeout: Seconds without motion that mean stuck; 0 switches this off.
+
+        Raises:
+            ControlError: ROBOT_STUCK.
+        """
+        now = state.now
+        moves = last_command.speed() > 1e-3 or abs(last_command.theta) > 1e-3
+        if self._reference is None or self._last_time is None or not moves or not 0.0 <= now - self._last_time < 1.0:
+            self._restart(state)
+            return
+        elapsed = now - self._last_time
+        self._last_time = now
+        self._asked_distance += last_command.speed() * elapsed
+        self._asked_angle += abs(last_command.theta) * elapsed
+        since, pose = self._reference
+        least = MOVED_DISTANCE * state.costmap.width
+        moved = pose.distance_to(state.pose) > least or abs(angle_between(pose.theta, state.pose.theta)) > MOVED_ANGLE
+        if moved:
+            self._restart(state)
+        elif timeout > 0.0 and now - since >= timeout and (
+            self._asked_distance > 2.0 * least or self._asked_angle > 2.0 * MOVED_ANGLE
+        ):
+            self._reference = None
+            raise ControlError(
+                ControlOutcome.ROBOT_STUCK,
+                f"the robot has not moved for {now - since:.1f} s, though {self._asked_distance:.2f} m and "
+                f"{self._asked_angle:.2f} rad were commanded; see whether its wheels are free and its motors on",
+            )
+
+    def _restart(self, state: ControlState) -> None:
+        self._reference = (state.now, state.pose)
+        self._last_time = state.now
+        self._asked_distance = self._asked_angle = 0.0
+
+
+class BlockedGoalChecker:
+    """Sees whether something stands where the robot is to stop."""
+
+    def __init__(self) -> None:
+        self._blocked_since: Optional[float] = None
+
+    def reset(self) -> None:
+        """Forget the past: the goal is a new one."""
+        self._blocked_since = None
+
+    def check(
+        self, state: ControlState, path: LocalPath, checker: FootprintChecker, parameters: FollowerParameters
+    ) -> None:
+        """Note one cycle.
+
+        The goal is blocked when the robot's centre could not be there in any heading, and it has been so for
+        blocked_timeout, as seen from nearby.
+
+        Raises:
+            ControlError: BLOCKED_GOAL.
+        """
+        goal = path.goal
+        near = path.remaining <= max(NEAR_GOAL * state.costmap.width, parameters.max_vel_trans)
+        touches = (
+            near
+            and state.costmap.grid.contains_point(goal.x, goal.y)
+            and self._is_blocked(checker, goal, state.costmap)
+        )
+        if not touches or state.pose.distance_to(goal) <= parameters.xy_goal_tolerance:
+            self._blocked_since = None
+            return
+        if self._blocked_since is None or state.now < self._blocked_since:
+            self._blocked_since = state.now
+        if state.now - self._blocked_since >= parameters.blocked_timeout:
+            raise ControlError(
+                ControlOutcome.BLOCKED_GOAL,
+                f"an obstacle stands on the goal ({goal.x:.2f}, {goal.y:.2f}) in {state.costmap.frame}; "
+                f"the robot is {path.remaining:.2f} m before it",
+            )
+
+    @staticmethod
+    def _is_blocked(checker: FootprintChecker, goal: Pose2D, costmap: object) -> bool:
+        return checker.clearance_at(goal.x, goal.y) < checker.costmap.inscribed_radius

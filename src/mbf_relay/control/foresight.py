@@ -1,0 +1,83 @@
+"""Foresight: where what moves will be when the robot gets there."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mbf_relay.control import foresight_kernels
+from mbf_relay.control.follower_parameters import FollowerParameters
+from mbf_relay.costmap.cost_grid import CostGrid
+from mbf_relay.geometry import Pose2D
+from mbf_relay.tracking.track import as_array
+
+SURENESS = 1.0  # deviations of its place by which a track counts as wider
+MOST_SPREAD = 0.05  # m by which it does so at most: what may be anywhere would otherwise be everywhere
+WAIT = 0.1  # s between looks at a robot that stands
+LEAST_CORNERS = 12  # of the polygon that stands for a round robot
+BETTER = 0.05  # s by which a meeting must come later to be a better one
+
+
+class Foresight:
+    """What is tracked, asked many times within a cycle.
+
+    A trajectory ends with the robot standing there, so that a place in somebody's way is no good end.
+
+    Attributes:
+        is_blind: Whether nothing that moves is known, or nobody wants to hear of it: everything is free then.
+    """
+
+    def __init__(self, costmap: CostGrid, now: float, parameters: FollowerParameters) -> None:
+        self._horizon = parameters.foresight_horizon
+        self._tracks = as_array(costmap.tracks if parameters.foresight else (), now)
+        self.is_blind = len(self._tracks) == 0
+        outline = costmap.footprint
+        if len(outline) < 3:
+            angles = np.arange(LEAST_CORNERS) * (2.0 * math.pi / LEAST_CORNERS)
+            outline = costmap.circumscribed_radius * np.column_stack((np.cos(angles), np.sin(angles)))
+        self._outline = np.ascontiguousarray(outline, dtype=float)
+
+    def meetings(self, poses: np.ndarray, counts: np.ndarray, steps: np.ndarray, stride: int = 1) -> np.ndarray:
+        """Return when each trajectory first meets something, shape (N,) in seconds from now; infinite for never.
+
+        Args:
+            poses: Shape (N, S, 3), float64, C-contiguous, in the costmap's frame.
+            counts: Shape (N,), int64: poses of each trajectory.
+            steps: Shape (N,), float64: seconds from pose to pose.
+            stride: Poses from one that is looked at to the next.
+        """
+        times = np.full(len(poses), math.inf)
+        if not self.is_blind:
+            foresight_kernels.first_meetings(
+                self._outline,
+                self._tracks,
+                poses,
+                counts,
+                steps,
+                stride,
+                self._horizon,
+                WAIT,
+                SURENESS,
+                MOST_SPREAD,
+                times,
+            )
+        return times
+
+    def meeting_of_standing(self, pose: Pose2D) -> float:
+        """Return when the robot is met (s from now) if it stands where it is."""
+        return float(self.meetings(np.array([[pose]], dtype=float), np.ones(1, np.int64), np.full(1, WAIT))[0])
+
+    def costs(self, meetings: np.ndarray, stopping: np.ndarray, pose: Pose2D) -> np.ndarray:
+        """Return what meetings cost, shape (N,): 0 for none in sight to 1 for one now.
+
+        Infinite where the robot could not stop before, unless it would be met no later where it stands.
+
+        Args:
+            meetings: Shape (N,), from `meetings`.
+            stopping: Shape (N,): seconds each needs to stop.
+            pose: The robot now.
+        """
+        costs = np.maximum(0.0, 1.0 - meetings / self._horizon)
+        late = (meetings <= stopping) & (meetings <= self.meeting_of_standing(pose) + BETTER)
+        return np.where(late, math.inf, costs)

@@ -1,0 +1,239 @@
+"""Model predictive path integral control, by the parameters of Nav2's MPPIController."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import List, Optional
+
+import numpy as np
+
+from mbf_relay.control.braking import brakes_free
+from mbf_relay.control.follower import ControlCycle, PathFollower
+from mbf_relay.control.mppi import CRITICS, rollout_kernels
+from mbf_relay.control.mppi.critic import POINT_SPACING, CriticFunction, Rollouts
+from mbf_relay.control.mppi.parameters import ACKERMANN, MppiParameters
+from mbf_relay.control.report import CycleReport
+from mbf_relay.costmap.cost_grid import INSCRIBED
+from mbf_relay.costmap.footprint_checker import FreeWay
+from mbf_relay.geometry import STOP, Twist2D
+from mbf_relay.planning.path import Path
+from mbf_relay.plugins import create
+
+SMOOTHED = np.array([-21.0, 14.0, 39.0, 54.0, 59.0, 54.0, 39.0, 14.0, -21.0]) / 231.0
+"""Savitzky and Golay's weights of nine values in a row, for a parabola through them; Nav2 smooths its mean so, too."""
+
+PAST = 4
+"""Steps before now that the smoothing looks at."""
+
+STANDING = 1
+"""The number of the drive that is no drive: what is no better than that is not worth beginning."""
+
+SLOWER = (1.0, 0.6, 0.3)
+"""Shares of a velocity tried where braking from all of it would touch something."""
+
+
+class MppiController(PathFollower):
+    """Imagines a batch of drives round the mean of the cycle before, has critics cost them, and drives their mean.
+
+    The mean of free drives need not be free: what is commanded is checked, with braking, like any other controller's
+    command, and the best single drive takes its place where it is not.
+
+    Source: Williams, Drews, Goldfain, Rehg, Theodorou, "Information-theoretic model predictive control" (2018), and
+    nav2_mppi_controller, whose parameters it reads.
+
+    Attributes:
+        critics: In the order they are asked.
+        costs: Shape (B,): of the drives imagined last.
+    """
+
+    Parameters = MppiParameters
+    parameters: MppiParameters
+
+    def __init__(self, name: str, parameters: MppiParameters) -> None:
+        super().__init__(name, parameters)
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Make what depends on the parameters."""
+        p = self.parameters
+        self.critics: List[CriticFunction] = [
+            create(name, name, p.critic_parameters.get(name, {}), CriticFunction, CRITICS) for name in p.critics
+        ]
+        shape = (p.batch_size, p.time_steps, 3)
+        self._deviations = np.array([p.vx_std, p.vy_std, p.wz_std]) * [1.0, float(p.max_vel_y > p.min_vel_y), 1.0]
+        self._kept = math.exp(-p.model_dt / p.noise_time) if p.noise_time > 0.0 else 0.0
+        self._rng = np.random.default_rng(p.seed)
+        self._noises = self._draw()
+        self._samples, self._velocities, self._poses = (np.empty(shape) for _ in range(3))
+        self._sequence = np.zeros((PAST + p.time_steps, 3))
+        self.costs = np.zeros(p.batch_size)
+        self._horizon = p.max_vel_trans * p.time_steps * p.model_dt  # metres
+        self._driven_at: Optional[float] = None
+
+    def _draw(self) -> np.ndarray:
+        """Return noise for a batch, float32: each drive's is there with either sign, so that it leans to neither side.
+
+        The first drive has none, so that the mean itself is among those judged; another one will stand still.
+        """
+        p, kept = self.parameters, self._kept
+        noises = self._rng.standard_normal(((p.batch_size + 1) // 2, p.time_steps, 3), dtype=np.float32)
+        fresh = math.sqrt(1.0 - kept * kept)
+        for step in range(1, p.time_steps if kept > 0.0 else 1):
+            noises[:, step] = kept * noises[:, step - 1] + fresh * noises[:, step]
+        noises[0] = 0.0
+        noises[STANDING] = 0.0
+        both = np.concatenate((noises, -noises))[: p.batch_size]
+        return np.ascontiguousarray(both * self._deviations.astype(np.float32))
+
+    def reconfigure(self, parameters: MppiParameters) -> None:
+        """Take new parameters; the drive begun goes on from a standing robot's mean."""
+        super().reconfigure(parameters)
+        self._prepare()
+
+    @property
+    def lookahead(self) -> float:
+        """A fifth of prune_distance, or what a robot at top speed covers in half a second where that is more."""
+        return max(self.parameters.prune_distance / 5.0, 0.5 * self.parameters.max_vel_trans)
+
+    @property
+    def turn_to_path_angle(self) -> float:
+        """The parameter of that name; a car never turns on the spot."""
+        return math.inf if self.parameters.motion_model == ACKERMANN else self.parameters.turn_to_path_angle
+
+    def set_path(self, path: Path, is_new_goal: bool) -> None:
+        """Follow `path`; see Controller."""
+        super().set_path(path, is_new_goal)
+        if is_new_goal:
+            self._forget()
+
+    @property
+    def controls(self) -> np.ndarray:
+        """The mean of the velocities to command, step by step from now on, shape (T, 3)."""
+        return self._sequence[PAST:]
+
+    def _forget(self) -> None:
+        self._sequence[:] = 0.0
+        self._driven_at = None
+
+    def drive(self, cycle: ControlCycle) -> Twist2D:
+        """Return the first velocity of the mean of all drives, weighted by their worth."""
+        p = self.parameters
+        self._shift(cycle.state.now, cycle.state.period)
+        reason = ""
+        for _ in range(p.retry_attempt_limit + 1):
+            for _ in range(p.iteration_count):
+                best = self._optimize(cycle)
+            if best == STANDING:
+                reason = "no drive that was imagined is better than standing here"
+                break
+            self._smooth()
+            for controls in (self.controls, self._samples[best]):
+                command = self._checked(cycle, controls)
+                if command is not None:
+                    self._driven_at = cycle.state.now
+                    return command
+            reason = f"none of {p.batch_size} drives can be begun and braked from without touching"
+            self._forget()
+        self._forget()
+        turn = self.turn_to_path(cycle, 0.0) if p.motion_model != ACKERMANN else None
+        if turn is not None:
+            return turn
+        raise self.nothing_left(cycle, reason)
+
+    def report(self, cycle: ControlCycle, drove: bool) -> CycleReport:
+        """Return where the best drive leads."""
+        plain = super().report(cycle, drove)
+        if not drove or not self.command.speed():
+            return plain
+        return dataclasses.replace(plain, trajectory=self._poses[int(np.argmin(self.costs))].copy())
+
+    def _turn_at_goal(self, cycle: ControlCycle) -> Twist2D:
+        if self.parameters.motion_model == ACKERMANN:  # which gets its heading by driving
+            return self.drive(cycle)
+        return super()._turn_at_goal(cycle)
+
+    def _shift(self, now: float, period: float) -> None:
+        """Move the mean on by the time since it was made; start anew where the robot did something else meanwhile."""
+        elapsed = math.inf if self._driven_at is None else now - self._driven_at
+        if not 0.0 <= elapsed <= 3.0 * period:
+            self._forget()
+            return
+        steps = np.arange(len(self._sequence))
+        for component in range(3):
+            self._sequence[:, component] = np.interp(
+                steps + elapsed / self.parameters.model_dt, steps, self._sequence[:, component])
+
+    def _smooth(self) -> None:
+        """Take the unrest out of the mean, the present in the light of the past."""
+        last = np.repeat(self._sequence[-1:], PAST, axis=0)
+        for component in range(3):
+            values = np.concatenate((self._sequence[:, component], last[:, component]))
+            self.controls[:, component] = np.convolve(values, SMOOTHED, mode="valid")
+
+    def _optimize(self, cycle: ControlCycle) -> int:
+        """Imagine a batch, blend it into the mean, and return the number of the best drive."""
+        p, checker = self.parameters, cycle.checker
+        if p.regenerate_noises:
+            self._noises = self._draw()
+        low = np.array([max(p.min_vel_x, -cycle.speed), max(p.min_vel_y, -cycle.speed), -cycle.turn])
+        high = np.array([min(p.max_vel_x, cycle.speed), min(p.max_vel_y, cycle.speed), cycle.turn])
+        radius = p.min_turning_r if p.motion_model == ACKERMANN else 0.0
+        self._noises[STANDING] = -self.controls
+        rollout_kernels.roll_out(
+            np.array(cycle.state.pose, dtype=float), np.array(cycle.velocity, dtype=float), self.controls, self._noises,
+            low, high, self._limits(), radius, p.model_dt, self._samples, self._velocities, self._poses,
+        )
+        counts = np.full(p.batch_size, p.time_steps)
+        way = checker.first_contacts(self._poses, counts, np.ones(p.batch_size), checker.contacts_at(cycle.state.pose))
+        data = self._data(cycle, way)
+        costs = np.zeros(p.batch_size)
+        for critic in self.critics:
+            costs += critic.cost(data)
+        self.costs = np.where(np.isfinite(costs), costs, 1e12)
+        scales = np.where(self._deviations > 0.0, self._deviations, 1.0)
+        gamma = p.gamma * (1.0 - self._kept) / (1.0 + self._kept)  # steps that are alike tell one thing, not many
+        rollout_kernels.blend(self.costs, self._samples, scales, p.temperature, gamma, low, high, self.controls)
+        return int(np.argmin(self.costs))
+
+    def _data(self, cycle: ControlCycle, way: FreeWay) -> Rollouts:
+        path, grid = cycle.path, cycle.state.costmap.grid
+        length = max(POINT_SPACING, min(self.parameters.prune_distance, path.remaining))
+        arcs = path.robot_arc + np.linspace(0.0, length, max(2, int(length / POINT_SPACING) + 1))
+        points = np.column_stack([np.interp(arcs, path.arcs, path.points[:, axis]) for axis in (0, 1)])
+        cells = grid.cells_at(points)
+        inside = grid.contains_cells(cells)
+        columns, rows = np.where(inside[:, None], cells, 0).T
+        is_free = ~inside | (cycle.state.costmap.costs[rows, columns] < INSCRIBED)
+        # no drive gets farther: what is near beyond is another leg
+        horizon = path.robot_arc + min(length, self._horizon)
+        reached = path.project(self._poses[:, -1, :2], path.robot_arc, horizon)[:, 1].max()
+        furthest = min(len(points) - 1, int((reached - path.robot_arc) / POINT_SPACING + 0.5))
+        return Rollouts(
+            self.parameters, cycle.state.pose, path.goal, max(path.remaining, cycle.state.pose.distance_to(path.goal)),
+            self._velocities, self._poses, way, cycle.checker, points, is_free, furthest,
+        )
+
+    def _checked(self, cycle: ControlCycle, controls: np.ndarray) -> Optional[Twist2D]:
+        """Return the velocity that controls lead to within a period, or a slower one that can be braked from.
+
+        Else None.
+        """
+        p = self.parameters
+        count = min(len(controls), max(1, round(cycle.state.period / p.model_dt)))
+        wanted = controls[:count].mean(axis=0)
+        for share in SLOWER:
+            command = self._drivable(cycle, share * wanted)
+            if command != STOP and brakes_free(p, cycle.state, cycle.checker, command):
+                return command
+        return None
+
+    def _drivable(self, cycle: ControlCycle, wanted: np.ndarray) -> Twist2D:
+        command = cycle.window.clip(Twist2D(*map(float, wanted)))
+        if self.parameters.motion_model == ACKERMANN:
+            most = abs(command.x) / self.parameters.min_turning_r
+            command = Twist2D(command.x, 0.0, min(most, max(-most, command.theta)))
+        return command
+
+    def _limits(self) -> np.ndarray:
+        return np.array([self.parameters.acc_lim_x, self.parameters.acc_lim_y, self.parameters.acc_lim_theta])

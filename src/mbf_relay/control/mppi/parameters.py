@@ -1,0 +1,125 @@
+"""Parameters of the MPPI controller, by the names of Nav2's MPPIController."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Dict, List, Mapping, Tuple
+
+from mbf_relay.control.follower_parameters import FollowerParameters
+from mbf_relay.parameters import parameter
+
+DIFF_DRIVE, OMNI, ACKERMANN = "DiffDrive", "Omni", "Ackermann"
+
+
+@dataclass(frozen=True)
+class MppiParameters(FollowerParameters):
+    """Parameters of MppiController, as Nav2's MPPIController reads them; limits go by either family's names."""
+
+    max_vel_x: float = parameter(0.5, "top forward velocity", "m/s", aliases=("vx_max",))
+    min_vel_x: float = parameter(-0.35, "lowest velocity; below 0 allows driving backwards", "m/s", aliases=("vx_min",))
+    max_vel_y: float = parameter(0.0, "top velocity to the left; vy_max sets both sides, of Omni alone", "m/s")
+    min_vel_y: float = parameter(0.0, "lowest velocity to the left", "m/s")
+    max_vel_theta: float = parameter(1.9, "top rotational speed", "rad/s", minimum=0.0, aliases=("wz_max",))
+    acc_lim_x: float = parameter(
+        3.0, "acceleration limit along x, forward and braking; of ax_max and ax_min the lesser", "m/s^2", minimum=0.0,
+        maximum=20.0, aliases=("ax_max",))
+    acc_lim_y: float = parameter(
+        3.0, "acceleration limit along y", "m/s^2", minimum=0.0, maximum=20.0, aliases=("ay_max",)
+    )
+    acc_lim_theta: float = parameter(
+        3.5, "rotational acceleration limit", "rad/s^2", minimum=0.0, maximum=20.0, aliases=("az_max",))
+
+    motion_model: str = parameter(DIFF_DRIVE, "how the robot can move", choices=(DIFF_DRIVE, OMNI, ACKERMANN))
+    min_turning_r: float = parameter(
+        0.2,
+        "smallest turning circle of Ackermann; in the group AckermannConstraints, as Nav2 has it, or here",
+        "m",
+        above=0.0,
+    )
+    batch_size: int = parameter(1000, "drives imagined", minimum=10, maximum=100000)
+    time_steps: int = parameter(56, "steps of each", minimum=2, maximum=1000)
+    model_dt: float = parameter(0.05, "length of a step", "s", above=0.0, maximum=1.0)
+    iteration_count: int = parameter(
+        1, "batches imagined per cycle, each round the mean of the one before", minimum=1, maximum=20
+    )
+    vx_std: float = parameter(0.2, "standard deviation of the noise on the velocity ahead", "m/s", above=0.0)
+    vy_std: float = parameter(0.2, "likewise to the side, of Omni alone", "m/s", above=0.0)
+    wz_std: float = parameter(0.4, "likewise on the turn", "rad/s", above=0.0)
+    noise_time: float = parameter(
+        0.5, "time over which the noise of a drive is alike; 0 draws each step anew, as Nav2 does, and strays less far",
+        "s", minimum=0.0)
+    temperature: float = parameter(0.3, "cost by which a drive counts less by a factor of e", above=0.0)
+    gamma: float = parameter(0.015, "weight of staying near the mean of the cycle before", minimum=0.0)
+    retry_attempt_limit: int = parameter(
+        1, "attempts from a standing robot's mean where no drive is free", minimum=0, maximum=20
+    )
+    regenerate_noises: bool = parameter(False, "draw the noise anew in each cycle instead of once")
+    seed: int = parameter(0, "of the noise", minimum=0)
+    prune_distance: float = parameter(1.5, "how much of the path ahead is looked at", "m", above=0.0)
+    turn_to_path_angle: float = parameter(
+        1.0, "heading error beyond which the robot turns on the spot before it drives, as behind Nav2's rotation shim; "
+        "above pi never", "rad", above=0.0)
+    critics: Tuple[str, ...] = parameter(
+        (
+            "ConstraintCritic",
+            "CostCritic",
+            "GoalCritic",
+            "GoalAngleCritic",
+            "PathAlignCritic",
+            "PathFollowCritic",
+            "PathAngleCritic",
+            "PreferForwardCritic",
+        ),
+        "critics whose costs are summed; package.module.Class for one of your own; each has a group of parameters of "
+        "its name",
+    )
+    critic_parameters: Any = parameter({}, "critics by name; filled from the groups beside")
+
+    @classmethod
+    def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
+        """Return the controller's own values, with what Nav2 says in one and this package in several, and its groups.
+        """
+        result = super().known(values)
+        is_omni = result.get("motion_model") == OMNI
+        if is_omni and ("vy_max" in values or not {"max_vel_y", "min_vel_y"} & set(result)):
+            sideways = values.get("vy_max", 0.5)
+            result.update(max_vel_y=sideways, min_vel_y=-sideways)
+        elif not is_omni:
+            result.update(max_vel_y=0.0, min_vel_y=0.0)
+        if "ax_min" in values:
+            result["acc_lim_x"] = min(result.get("acc_lim_x", 3.0), abs(values["ax_min"]))
+        if "max_vel_trans" not in result:
+            result["max_vel_trans"] = math.hypot(result.get("max_vel_x", 0.5), result["max_vel_y"])
+        result.setdefault("min_vel_trans", 0.0)
+        result.setdefault("min_vel_theta", min(0.4, result.get("max_vel_theta", 0.4)))
+        turning = values.get("AckermannConstraints", {})
+        if isinstance(turning, Mapping) and "min_turning_r" in turning:
+            result["min_turning_r"] = turning["min_turning_r"]
+        names = result.get("critics", cls.__dataclass_fields__["critics"].default)
+        result["critic_parameters"] = {name: values[name] for name in names if isinstance(values.get(name), Mapping)}
+        return result
+
+    @classmethod
+    def unknown_names(cls, values: Mapping[str, Any]) -> List[str]:
+        """Return the names in `values` that mean nothing here."""
+        read = {"vy_max", "ax_min"} | set(NAV2_OF_ITS_OWN)
+        return [name for name in super().unknown_names(values) if name not in read]
+
+    @classmethod
+    def deprecated_names(cls, values: Mapping[str, Any]) -> Dict[str, str]:
+        """Return nothing: Nav2's names are no older than the others."""
+        return {}
+
+
+NAV2_OF_ITS_OWN = (
+    "visualize",
+    "transform_tolerance",
+    "max_robot_pose_search_dist",
+    "enforce_path_inversion",
+    "inversion_xy_tolerance",
+    "inversion_yaw_tolerance",
+    "reset_period",
+    "publish_critics_stats",
+)
+"""Names in Nav2's files that ask for what goes by other ways here; they are passed over in silence."""

@@ -1,0 +1,139 @@
+"""The critics of the path: keep to it, face along it, get on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mbf_relay.control.mppi.critic import POINT_SPACING, CriticFunction, CriticParameters, Rollouts
+from mbf_relay.geometry import angle_between, normalize_angles
+from mbf_relay.parameters import parameter
+
+FORWARD, EITHER_WAY, AS_PLANNED = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class PathAlignCriticParameters(CriticParameters):
+    """Parameters of MPPI's PathAlignCritic."""
+
+    cost_weight: float = parameter(10.0, "weight", minimum=0.0)
+    threshold_to_consider: float = parameter(0.5, "distance to the goal below which it is silent", "m", minimum=0.0)
+    offset_from_furthest: int = parameter(
+        20, "points of the path, 5 cm apart, that some drive must get along for it to be asked", minimum=0)
+    trajectory_point_step: int = parameter(4, "steps of a drive between points that are looked at", minimum=1)
+    max_path_occupancy_ratio: float = parameter(
+        0.07,
+        "share of the path ahead that may be blocked; above it drives are free to go round",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    use_path_orientations: bool = parameter(False, "count radians off the path's direction like metres")
+
+
+class PathAlignCritic(CriticFunction):
+    """Charges the mean distance between each drive and the path, both followed equally far."""
+
+    Parameters = PathAlignCriticParameters
+    parameters: PathAlignCriticParameters
+
+    def score(self, data: Rollouts) -> Any:
+        """Return metres."""
+        p = self.parameters
+        if data.goal_distance < p.threshold_to_consider or data.furthest < max(1, p.offset_from_furthest):
+            return 0.0
+        blocked = int((~data.path_is_free[: data.furthest]).sum())
+        if blocked > 2 and blocked > p.max_path_occupancy_ratio * data.furthest:
+            return 0.0
+        poses = data.poses[:, :: p.trajectory_point_step]
+        steps = np.diff(poses[:, :, :2], axis=1)
+        driven = np.cumsum(np.hypot(steps[:, :, 0], steps[:, :, 1]), axis=1)
+        points = np.minimum((driven / POINT_SPACING + 0.5).astype(np.int64), data.furthest)
+        off = poses[:, 1:, :2] - data.path[points]
+        squares = off[:, :, 0] ** 2 + off[:, :, 1] ** 2
+        if p.use_path_orientations:
+            squares += normalize_angles(poses[:, 1:, 2] - _directions(data.path)[points]) ** 2
+        valid = data.path_is_free[points]
+        return (np.sqrt(squares) * valid).sum(axis=1) / np.maximum(1, valid.sum(axis=1))
+
+
+@dataclass(frozen=True)
+class PathFollowCriticParameters(CriticParameters):
+    """Parameters of MPPI's PathFollowCritic."""
+
+    cost_weight: float = parameter(5.0, "weight", minimum=0.0)
+    threshold_to_consider: float = parameter(1.4, "distance to the goal below which it is silent", "m", minimum=0.0)
+    offset_from_furthest: int = parameter(
+        6, "points of the path, 5 cm apart, beyond what the farthest drive reaches, to head for", minimum=0)
+
+
+class PathFollowCritic(CriticFunction):
+    """Charges the distance from a drive's end to a point of the path beyond what any drive reaches."""
+
+    Parameters = PathFollowCriticParameters
+    parameters: PathFollowCriticParameters
+
+    def score(self, data: Rollouts) -> Any:
+        """Return metres."""
+        if data.goal_distance < self.parameters.threshold_to_consider:
+            return 0.0
+        last = len(data.path) - 1
+        aim = min(data.furthest + self.parameters.offset_from_furthest, last)
+        while aim < last and not data.path_is_free[aim]:
+            aim += 1
+        off = data.poses[:, -1, :2] - data.path[aim]
+        return np.hypot(off[:, 0], off[:, 1])
+
+
+@dataclass(frozen=True)
+class PathAngleCriticParameters(CriticParameters):
+    """Parameters of MPPI's PathAngleCritic."""
+
+    cost_weight: float = parameter(2.2, "weight", minimum=0.0)
+    threshold_to_consider: float = parameter(0.5, "distance to the goal below which it is silent", "m", minimum=0.0)
+    offset_from_furthest: int = parameter(
+        4, "points of the path, 5 cm apart, beyond what the farthest drive reaches, to face", minimum=0)
+    max_angle_to_furthest: float = parameter(
+        0.785398, "angle to that point below which it is silent", "rad", minimum=0.0
+    )
+    mode: int = parameter(
+        FORWARD, "0 faces the point, 1 with front or back, 2 with whichever end the path's direction asks for",
+        choices=(FORWARD, EITHER_WAY, AS_PLANNED))
+
+
+class PathAngleCritic(CriticFunction):
+    """Charges the angle at a drive's end between its heading and a point of the path ahead, far off the path."""
+
+    Parameters = PathAngleCriticParameters
+    parameters: PathAngleCriticParameters
+
+    def score(self, data: Rollouts) -> Any:
+        """Return radians."""
+        p, pose = self.parameters, data.pose
+        if data.goal_distance < p.threshold_to_consider:
+            return 0.0
+        index = min(data.furthest + p.offset_from_furthest, len(data.path) - 1)
+        x, y = data.path[index]
+        off = abs(angle_between(pose.theta, math.atan2(y - pose.y, x - pose.x)))
+        if p.mode != FORWARD:
+            off = min(off, math.pi - off)
+        if off < p.max_angle_to_furthest:
+            return 0.0
+        ends_x, ends_y, headings = (data.poses[:, -1, component].copy() for component in range(3))
+        bearings = np.arctan2(y - ends_y, x - ends_x)
+        angles = np.abs(normalize_angles(bearings - headings))
+        if p.mode == EITHER_WAY:
+            return np.minimum(angles, math.pi - angles)
+        if p.mode == AS_PLANNED:
+            backwards = np.abs(normalize_angles(bearings - _directions(data.path)[index])) >= math.pi / 2.0
+            return np.where(backwards, math.pi - angles, angles)
+        return angles
+
+
+def _directions(path: np.ndarray) -> np.ndarray:
+    """Return the direction (rad) of a path at each of its points, shape (P,)."""
+    steps_x, steps_y = np.diff(path, axis=0).T.copy()
+    directions = np.arctan2(steps_y, steps_x)
+    return np.append(directions, directions[-1])

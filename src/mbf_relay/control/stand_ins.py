@@ -1,0 +1,221 @@
+"""Controllers that take the place of planners of other packages, by their limits and tolerances."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, List, Mapping, Tuple, Type
+
+from mbf_relay.control.dwa import DwaController
+from mbf_relay.control.dwa_parameters import DwaParameters
+from mbf_relay.control.follower import PathFollower
+from mbf_relay.control.mppi.controller import MppiController
+from mbf_relay.control.mppi.parameters import ACKERMANN, MppiParameters
+from mbf_relay.control.translated import TranslatedController
+from mbf_relay.parameters import ParameterSet, parameter
+
+TURNS_A_SECOND = 5.0
+"""Goal tolerances that the slowest turn may pass in a second: a cycle must not carry the robot past its goal."""
+
+
+class _StandInParameters(ParameterSet):
+    """Parameters of a stand-in: what else stands in the group, it says at once that it has no use for."""
+
+    @classmethod
+    def unknown_names(cls, values: Mapping[str, Any]) -> List[str]:
+        """Return nothing; see `stands_in` of the controllers."""
+        return []
+
+
+@dataclass(frozen=True)
+class TebParameters(_StandInParameters):
+    """What is read of teb_local_planner/TebLocalPlannerROS, by its names and with its defaults (ROS Noetic)."""
+
+    max_vel_x: float = parameter(0.4, "top forward velocity", "m/s", minimum=0.01, maximum=100.0)
+    max_vel_x_backwards: float = parameter(0.2, "top speed backwards", "m/s", minimum=0.0, maximum=100.0)
+    max_vel_y: float = parameter(
+        0.0, "top speed sideways; 0 for wheels that only roll", "m/s", minimum=0.0, maximum=100.0
+    )
+    max_vel_trans: float = parameter(
+        0.0,
+        "top translational speed of a robot that drives sideways; 0 for max_vel_x",
+        "m/s",
+        minimum=0.0,
+        maximum=100.0,
+    )
+    max_vel_theta: float = parameter(0.3, "top rotational speed", "rad/s", minimum=0.01, maximum=100.0)
+    acc_lim_x: float = parameter(0.5, "acceleration limit along x", "m/s^2", minimum=0.01, maximum=20.0)
+    acc_lim_y: float = parameter(0.5, "acceleration limit along y", "m/s^2", minimum=0.0, maximum=20.0)
+    acc_lim_theta: float = parameter(0.5, "rotational acceleration limit", "rad/s^2", minimum=0.01, maximum=20.0)
+    min_turning_radius: float = parameter(
+        0.0, "smallest circle a car-like robot drives; 0 turns on the spot", "m", minimum=0.0
+    )
+    xy_goal_tolerance: float = parameter(0.2, "distance to the goal that counts as there", "m", above=0.0, maximum=10.0)
+    yaw_goal_tolerance: float = parameter(0.2, "angle to the goal's heading that counts as there", "rad", above=0.0)
+
+
+class TebStandIn(TranslatedController):
+    """Drives by the dynamic window approach where teb_local_planner is asked for, and a car by MPPI."""
+
+    Parameters = TebParameters
+    parameters: TebParameters
+    stands_in = (
+        "the dynamic window approach drives, and model predictive path integral control a car, with its velocities, "
+        "accelerations and goal tolerances and the local costmap's footprint; its other parameters have no counterpart"
+    )
+
+    def translate(self, parameters: TebParameters, resolution: float) -> Tuple[Type[PathFollower], Any]:
+        """Return the controller that can drive such a robot, and its parameters for it."""
+        p = parameters
+        if p.min_turning_radius > 0.0:
+            return MppiController, _of_a_car(p)
+        sideways = p.max_vel_y if p.acc_lim_y > 0.0 else 0.0
+        fastest = p.max_vel_trans if sideways and p.max_vel_trans else max(p.max_vel_x, sideways)
+        return DwaController, _usual(
+            max_vel_trans=fastest,
+            max_vel_x=p.max_vel_x,
+            min_vel_x=-p.max_vel_x_backwards,
+            max_vel_y=sideways,
+            min_vel_y=-sideways,
+            max_vel_theta=p.max_vel_theta,
+            acc_lim_x=p.acc_lim_x,
+            acc_lim_y=p.acc_lim_y,
+            acc_lim_theta=p.acc_lim_theta,
+            xy_goal_tolerance=p.xy_goal_tolerance,
+            yaw_goal_tolerance=p.yaw_goal_tolerance,
+        )
+
+
+@dataclass(frozen=True)
+class EBandParameters(_StandInParameters):
+    """What is read of eband_local_planner/EBandPlannerROS and pose_follower/PoseFollower, by their names."""
+
+    max_vel_lin: float = parameter(0.75, "top translational speed", "m/s", minimum=0.0, maximum=100.0)
+    min_vel_lin: float = parameter(0.1, "slowest translation worth commanding", "m/s", minimum=0.0)
+    max_vel_th: float = parameter(1.0, "top rotational speed", "rad/s", minimum=0.0, maximum=100.0)
+    min_in_place_vel_th: float = parameter(0.0, "slowest turn on the spot worth commanding", "rad/s", minimum=0.0)
+    max_translational_acceleration: float = parameter(
+        0.5, "acceleration limit along x and y", "m/s^2", above=0.0, maximum=20.0
+    )
+    max_rotational_acceleration: float = parameter(
+        1.5, "rotational acceleration limit", "rad/s^2", above=0.0, maximum=20.0
+    )
+    differential_drive: bool = parameter(True, "the robot does not drive sideways")
+    xy_goal_tolerance: float = parameter(
+        0.1, "distance to the goal that counts as there", "m", above=0.0, aliases=("tolerance_trans",))
+    yaw_goal_tolerance: float = parameter(
+        0.05, "angle to the goal's heading that counts as there", "rad", above=0.0, aliases=("tolerance_rot",))
+
+    @classmethod
+    def deprecated_names(cls, values: Mapping[str, Any]) -> dict[str, str]:
+        """Return nothing: PoseFollower's names are no older than the others."""
+        return {}
+
+
+class EBandStandIn(TranslatedController):
+    """Drives by the dynamic window approach where eband_local_planner or pose_follower is asked for."""
+
+    Parameters = EBandParameters
+    parameters: EBandParameters
+    stands_in = (
+        "the dynamic window approach drives, with its velocities, accelerations and goal tolerances and the local "
+        "costmap's footprint; its other parameters have no counterpart"
+    )
+
+    def translate(self, parameters: EBandParameters, resolution: float) -> Tuple[Type[PathFollower], DwaParameters]:
+        """Return DwaController and its parameters for the same robot."""
+        p = parameters
+        sideways = 0.0 if p.differential_drive else p.max_vel_lin
+        return DwaController, _usual(
+            max_vel_trans=p.max_vel_lin, min_vel_trans=min(p.min_vel_lin, p.max_vel_lin), max_vel_x=p.max_vel_lin,
+            min_vel_x=0.0, max_vel_y=sideways, min_vel_y=-sideways, max_vel_theta=p.max_vel_th,
+            min_vel_theta=min(p.min_in_place_vel_th, p.max_vel_th), acc_lim_x=p.max_translational_acceleration,
+            acc_lim_y=p.max_translational_acceleration, acc_lim_theta=p.max_rotational_acceleration,
+            xy_goal_tolerance=p.xy_goal_tolerance, yaw_goal_tolerance=p.yaw_goal_tolerance,
+        )
+
+
+@dataclass(frozen=True)
+class DwbParameters(_StandInParameters):
+    """What is read of dwb_local_planner's DWBLocalPlanner, by its names and with its defaults."""
+
+    max_vel_x: float = parameter(0.55, "top forward velocity", "m/s", minimum=0.0, maximum=100.0)
+    min_vel_x: float = parameter(0.0, "lowest velocity; below 0 allows driving backwards", "m/s")
+    max_vel_y: float = parameter(0.1, "top velocity to the left", "m/s")
+    min_vel_y: float = parameter(-0.1, "lowest velocity to the left", "m/s")
+    max_speed_xy: float = parameter(
+        0.55, "top translational speed", "m/s", minimum=0.0, maximum=100.0, aliases=("max_trans_vel", "max_vel_trans"))
+    min_speed_xy: float = parameter(
+        0.1, "slowest translation worth commanding", "m/s", minimum=0.0, aliases=("min_trans_vel", "min_vel_trans"))
+    max_vel_theta: float = parameter(
+        1.0, "top rotational speed", "rad/s", minimum=0.0, maximum=100.0, aliases=("max_rot_vel",))
+    min_speed_theta: float = parameter(
+        0.4, "slowest turn on the spot worth commanding", "rad/s", minimum=0.0, aliases=("min_rot_vel",))
+    acc_lim_x: float = parameter(2.5, "acceleration limit along x", "m/s^2", above=0.0, maximum=20.0)
+    acc_lim_y: float = parameter(2.5, "acceleration limit along y", "m/s^2", minimum=0.0, maximum=20.0)
+    acc_lim_theta: float = parameter(3.2, "rotational acceleration limit", "rad/s^2", above=0.0, maximum=20.0)
+    xy_goal_tolerance: float = parameter(0.25, "distance to the goal that counts as there", "m", above=0.0)
+    yaw_goal_tolerance: float = parameter(0.25, "angle to the goal's heading that counts as there", "rad", above=0.0)
+
+    @classmethod
+    def deprecated_names(cls, values: Mapping[str, Any]) -> dict[str, str]:
+        """Return nothing: each of the planners has names of its own."""
+        return {}
+
+
+@dataclass(frozen=True)
+class NeoParameters(DwbParameters):
+    """What is read of neo_local_planner/NeoLocalPlanner, by its names."""
+
+    max_vel_y: float = parameter(0.0, "top velocity to the left", "m/s")
+    min_vel_y: float = parameter(0.0, "lowest velocity to the left", "m/s")
+
+
+class DwbStandIn(TranslatedController):
+    """Drives by the dynamic window approach where DWB is asked for."""
+
+    Parameters = DwbParameters
+    stands_in = EBandStandIn.stands_in
+
+    def translate(self, parameters: DwbParameters, resolution: float) -> Tuple[Type[PathFollower], DwaParameters]:
+        """Return DwaController and its parameters for the same robot."""
+        p = parameters
+        return DwaController, _usual(
+            max_vel_trans=p.max_speed_xy, min_vel_trans=min(p.min_speed_xy, p.max_speed_xy), max_vel_x=p.max_vel_x,
+            min_vel_x=min(p.min_vel_x, p.max_vel_x), max_vel_y=max(0.0, p.max_vel_y), min_vel_y=min(0.0, p.min_vel_y),
+            max_vel_theta=p.max_vel_theta,
+            min_vel_theta=min(p.min_speed_theta, p.max_vel_theta, TURNS_A_SECOND * p.yaw_goal_tolerance),
+            acc_lim_x=p.acc_lim_x, acc_lim_y=p.acc_lim_y, acc_lim_theta=p.acc_lim_theta,
+            xy_goal_tolerance=p.xy_goal_tolerance, yaw_goal_tolerance=p.yaw_goal_tolerance,
+        )
+
+
+class NeoStandIn(DwbStandIn):
+    """Drives by the dynamic window approach where neo_local_planner is asked for."""
+
+    Parameters = NeoParameters
+
+
+def _of_a_car(p: TebParameters) -> MppiParameters:
+    """Return MPPI's parameters for a car; it looks as far ahead as the way to brake and one turning radius need."""
+    ahead = p.max_vel_x / p.acc_lim_x + p.min_turning_radius / p.max_vel_x
+    return MppiParameters(
+        motion_model=ACKERMANN, min_turning_r=p.min_turning_radius, max_vel_x=p.max_vel_x,
+        min_vel_x=-p.max_vel_x_backwards, max_vel_theta=min(p.max_vel_theta, p.max_vel_x / p.min_turning_radius),
+        min_vel_theta=0.0, acc_lim_x=p.acc_lim_x, acc_lim_theta=p.acc_lim_theta,
+        xy_goal_tolerance=p.xy_goal_tolerance, yaw_goal_tolerance=p.yaw_goal_tolerance, model_dt=0.1,
+        time_steps=max(30, min(60, math.ceil(10.0 * ahead))), vx_std=0.4 * p.max_vel_x, wz_std=0.3 * p.max_vel_theta,
+        prune_distance=max(1.5, 2.0 * p.min_turning_radius), turn_to_path_angle=math.tau,
+    )
+
+
+def _usual(**limits: Any) -> DwaParameters:
+    """Return DWA's parameters with the weights of the tutorials' robots, which their authors tuned, and these limits.
+    """
+    values = dict(
+        min_vel_trans=min(0.1, limits["max_vel_trans"]), min_vel_theta=min(0.2, limits["max_vel_theta"]), vx_samples=12,
+        vy_samples=5 if limits["max_vel_y"] else 0, vth_samples=30, path_distance_bias=32.0, goal_distance_bias=20.0,
+        occdist_scale=0.02,
+    )
+    braking = limits["max_vel_x"] / limits["acc_lim_x"]
+    return DwaParameters(**{**values, "sim_time": min(4.0, max(1.7, math.ceil(10.0 * braking) / 10.0)), **limits})

@@ -1,0 +1,62 @@
+"""What a controller is told in a cycle: the state of robot and surroundings, tolerances, and limits for a while."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Optional
+
+from mbf_relay.costmap.cost_grid import CostGrid
+from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D
+
+
+@dataclass(frozen=True)
+class ControlState:
+    """What a controller knows in one cycle.
+
+    Attributes:
+        now: Time (s).
+        pose: The robot in the costmap's frame.
+        velocity: The robot's velocity from odometry, body frame.
+        costmap: The local costmap.
+        costmap_from_path: Takes poses in the path's frame to the costmap's frame.
+        period: Time (s) until the next cycle.
+        commanded: The velocity sent to the robot last, where known: not the controller's own last one where that was
+            held back, as at the end of a drive that was called off.
+    """
+
+    now: float
+    pose: Pose2D
+    velocity: Twist2D
+    costmap: CostGrid
+    costmap_from_path: Pose2D = IDENTITY
+    period: float = 0.1
+    commanded: Optional[Twist2D] = None
+
+
+@dataclass(frozen=True)
+class GoalTolerance:
+    """How near is there.
+
+    Attributes:
+        distance: Metres.
+        angle: Radians.
+    """
+
+    distance: float
+    angle: float
+
+
+@dataclass(frozen=True)
+class SpeedLimit:
+    """Lower top speeds for a while.
+
+    Attributes:
+        translation: Metres per second.
+        rotation: Radians per second.
+        distance: Metres from where it was set, beyond which it no longer holds.
+    """
+
+    translation: float = math.inf
+    rotation: float = math.inf
+    distance: float = math.inf

@@ -1,0 +1,148 @@
+"""Parameters of base_local_planner's TrajectoryPlannerROS, move_base's default local planner."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, List, Mapping, Tuple, Type, TypeVar
+
+from mbf_relay.parameters import ParameterSet, parameter
+
+T = TypeVar("T", bound="TrajectoryPlannerParameters")
+
+DYNAMIC = (
+    "acc_lim_x",
+    "acc_lim_y",
+    "acc_lim_theta",
+    "max_vel_x",
+    "min_vel_x",
+    "max_vel_theta",
+    "min_vel_theta",
+    "min_in_place_vel_theta",
+    "sim_time",
+    "sim_granularity",
+    "angular_sim_granularity",
+    "path_distance_bias",
+    "goal_distance_bias",
+    "occdist_scale",
+    "oscillation_reset_dist",
+    "escape_reset_dist",
+    "escape_reset_theta",
+    "vx_samples",
+    "vtheta_samples",
+    "heading_lookahead",
+    "holonomic_robot",
+    "escape_vel",
+    "dwa",
+    "heading_scoring",
+    "heading_scoring_timestep",
+    "simple_attractor",
+    "y_vels",
+)
+"""What can be changed at run time, as in base_local_planner (ROS Noetic)."""
+
+
+@dataclass(frozen=True)
+class TrajectoryPlannerParameters(ParameterSet):
+    """Parameters of TrajectoryPlanner, as base_local_planner/TrajectoryPlannerROS reads them (ROS Noetic)."""
+
+    acc_lim_x: float = parameter(2.5, "acceleration limit along x", "m/s^2", 0.0, 20.0, aliases=("acc_limit_x",))
+    acc_lim_y: float = parameter(2.5, "acceleration limit along y", "m/s^2", 0.0, 20.0, aliases=("acc_limit_y",))
+    acc_lim_theta: float = parameter(
+        3.2, "rotational acceleration limit", "rad/s^2", 0.0, 20.0, aliases=("acc_lim_th", "acc_limit_th"))
+    max_vel_x: float = parameter(0.55, "top forward velocity", "m/s", 0.0, 20.0)
+    min_vel_x: float = parameter(0.0, "slowest forward velocity worth commanding", "m/s", 0.0, 20.0)
+    max_vel_theta: float = parameter(
+        1.0, "top rotational velocity to the left", "rad/s", 0.0, 20.0, aliases=("max_rotational_vel", "max_vel_th"))
+    min_vel_theta: float = parameter(
+        -1.0, "top rotational velocity to the right, below 0; of both the lesser holds", "rad/s", -20.0, 0.0,
+        aliases=("min_vel_th",))
+    min_in_place_vel_theta: float = parameter(
+        0.4, "slowest turn on the spot worth commanding", "rad/s", 0.0, 20.0, aliases=("min_in_place_rotational_vel",))
+    sim_time: float = parameter(1.7, "how far ahead trajectories reach", "s", above=0.0, maximum=10.0)
+    sim_granularity: float = parameter(
+        0.025, "distance between checked points of a trajectory", "m", above=0.0, maximum=5.0)
+    angular_sim_granularity: float = parameter(
+        0.025, "turn between checked points of a trajectory", "rad", above=0.0, maximum=math.pi / 2.0)
+    path_distance_bias: float = parameter(
+        0.6, "weight of the distance to the path, per cell or with meter_scoring per metre", "", 0.0, 5.0,
+        aliases=("pdist_scale",))
+    goal_distance_bias: float = parameter(
+        0.8, "weight of the distance left to the goal, likewise", "", 0.0, 5.0, aliases=("gdist_scale",))
+    occdist_scale: float = parameter(0.01, "weight of the highest cost passed", "", 0.0, 5.0)
+    meter_scoring: bool = parameter(False, "the biases count metres instead of cells")
+    oscillation_reset_dist: float = parameter(0.05, "distance that lifts the ban on turning back", "m", 0.0, 5.0)
+    escape_reset_dist: float = parameter(
+        0.1, "read, and without effect: backing out ends where the robot can go on", "m", 0.0, 5.0)
+    escape_reset_theta: float = parameter(
+        math.pi / 2.0, "read, and without effect: backing out ends where the robot can go on", "rad", 0.0, 5.0)
+    escape_vel: float = parameter(
+        -0.1,
+        "velocity of backing out, below 0, of which at most 0.45 of the top speed is used; 0 and above never backs out",
+        "m/s",
+        -2.0,
+        2.0,
+        aliases=("backup_vel",),
+    )
+    vx_samples: int = parameter(20, "samples along x", "", 1, 300)
+    vtheta_samples: int = parameter(20, "samples of the turn", "", 1, 300)
+    holonomic_robot: bool = parameter(True, "the robot can drive sideways, as fast as y_vels say")
+    y_vels: str = parameter("-0.3,-0.1,0.1,-0.3", "velocities sideways, separated by commas", "m/s")
+    dwa: bool = parameter(
+        False, "sample velocities reached within one period; otherwise all reached within sim_time, with acceleration")
+    heading_lookahead: float = parameter(
+        0.325, "how far ahead of the robot its scored forward point lies", "m", 0.0, 5.0
+    )
+    heading_scoring: bool = parameter(False, "score the heading towards the farthest point of the path in sight")
+    heading_scoring_timestep: float = parameter(0.1, "how far along a trajectory its heading is scored", "s", 0.0, 1.0)
+    simple_attractor: bool = parameter(
+        False, "read, and without effect: the goal is always approached along the path")
+
+    xy_goal_tolerance: float = parameter(0.1, "distance to the goal that counts as there", "m", above=0.0)
+    yaw_goal_tolerance: float = parameter(0.05, "angle to the goal's heading that counts as there", "rad", above=0.0)
+    latch_xy_goal_tolerance: bool = parameter(False, "once at the goal's position only turn, until the goal changes")
+    stop_time_buffer: float = parameter(
+        0.2, "time before braking in which a collision rules a velocity out", "s", minimum=0.0)
+    publish_cost_grid_pc: bool = parameter(False, "publish cost_cloud", aliases=("publish_cost_grid",))
+    prune_plan: bool = parameter(
+        True, "read, and without effect: the path is always followed from the nearest point on"
+    )
+    world_model: str = parameter("costmap", "read, and without effect: obstacles are the local costmap's")
+    controller_frequency: float = parameter(
+        20.0, "read, and without effect: the server's controller_frequency is the rate", "Hz")
+    global_frame_id: str = parameter("odom", "read, and without effect: the cloud is in the costmap's frame")
+
+    @classmethod
+    def read(cls: Type[T], values: Mapping[str, Any]) -> Tuple[T, List[str]]:
+        """Make one as ParameterSet.read does, of a robot that cannot drive sideways where nothing says that it can.
+
+        The default of C++, true, sends sideways velocities to wheels that cannot follow.
+        """
+        if "holonomic_robot" in values:
+            return super().read(values)
+        parameters, notes = super().read({**values, "holonomic_robot": False})
+        return parameters, notes + ["parameter holonomic_robot is not given: false is used, for wheels that only roll"]
+
+    def sideways(self) -> float:
+        """Return the top speed (m/s) sideways.
+
+        Raises:
+            ValueError: y_vels holds something else than numbers.
+        """
+        if not self.holonomic_robot or self.acc_lim_y == 0.0:
+            return 0.0
+        texts = self.y_vels.replace("[", " ").replace("]", " ").replace(",", " ").split()
+        try:
+            return max((abs(float(text)) for text in texts), default=0.0)
+        except ValueError:
+            raise ValueError(f"parameter y_vels is {self.y_vels!r}; it must be numbers separated by commas") from None
+
+    def check(self) -> None:
+        """Refuse y_vels that are no numbers, and a motion that has a speed and no acceleration."""
+        self.sideways()
+        for acceleration, fastest in (("acc_lim_x", self.max_vel_x), ("acc_lim_theta", self.max_vel_theta)):
+            if getattr(self, acceleration) == 0.0 and fastest > 0.0:
+                raise ValueError(
+                    f"parameter {acceleration} is 0, so the robot could never reach or leave {fastest}; it must be "
+                    "above 0"
+                )

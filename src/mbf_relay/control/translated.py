@@ -1,0 +1,64 @@
+"""A controller by another planner's parameters: one of this package's drives, and its parameters are made of them."""
+
+from __future__ import annotations
+
+import abc
+from typing import Any, Optional, Tuple, Type
+
+from mbf_relay.control.controller import Controller
+from mbf_relay.control.follower import PathFollower
+from mbf_relay.control.state import ControlState, GoalTolerance, SpeedLimit
+from mbf_relay.geometry import Twist2D
+from mbf_relay.planning.path import Path
+
+USUAL_RESOLUTION = 0.05
+"""Side (m) of a cell, until the first cycle shows the costmap."""
+
+
+class TranslatedController(Controller, abc.ABC):
+    """Hands everything to a controller whose parameters `translate` gives."""
+
+    def __init__(self, name: str, parameters: Any) -> None:
+        super().__init__(name, parameters)
+        self._resolution = USUAL_RESOLUTION
+        kind, translated = self.translate(parameters, self._resolution)
+        self._driver = kind(name, translated)
+
+    @abc.abstractmethod
+    def translate(self, parameters: Any, resolution: float) -> Tuple[Type[PathFollower], Any]:
+        """Return the class of the controller that drives, which is chosen for good, and its parameters.
+
+        Args:
+            parameters: The values in force.
+            resolution: Side (m) of the local costmap's cells.
+        """
+
+    def reconfigure(self, parameters: Any) -> None:
+        """Take new parameters, and have them driven by."""
+        super().reconfigure(parameters)
+        self._driver.reconfigure(self.translate(parameters, self._resolution)[1])
+
+    @property
+    def goal_tolerance(self) -> Optional[GoalTolerance]:
+        """That of the controller that drives."""
+        return self._driver.goal_tolerance
+
+    def limit_speed(self, limit: SpeedLimit) -> None:
+        """Drive no faster than `limit`; see Controller."""
+        self._driver.limit_speed(limit)
+
+    def set_path(self, path: Path, is_new_goal: bool) -> None:
+        """Follow `path`; see Controller."""
+        self._driver.set_path(path, is_new_goal)
+
+    def compute_velocity(self, state: ControlState) -> Twist2D:
+        """Return the velocity to command; see Controller."""
+        if state.costmap.grid.resolution != self._resolution:
+            self._resolution = state.costmap.grid.resolution
+            self.reconfigure(self.parameters)
+        self._driver.watcher = self.watcher
+        return self._driver.compute_velocity(state)
+
+    def is_goal_reached(self, state: ControlState, tolerance: Optional[GoalTolerance] = None) -> bool:
+        """Return whether the robot stands at the goal; see Controller."""
+        return self._driver.is_goal_reached(state, tolerance)

@@ -1,0 +1,273 @@
+"""The last look at a velocity before it reaches the wheels: may the robot still brake before what the lidar shows?
+
+It knows neither costmaps, goals nor a map, and keeps no memory beyond the newest scan and what it has let pass since. A
+velocity passes while its sender goes on sending, the scan is fresh, and the footprint, carried along the arc on which
+the robot would react and brake, keeps a margin from every point of the scan. Else it is slowed down along the same arc,
+or zero. What is nearer than the margin already may not come nearer still, so a robot may always drive away from it.
+(The idea is that of Nav2's collision monitor, here with the footprint on the braking arc in place of zones.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Deque, NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
+from mbf_relay.costmap.observation import scan_points
+from mbf_relay.costmap.outline import clearances, radii
+from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
+from mbf_relay.scan import LaserScan
+
+STEP = 0.01
+"""Metres that no corner of the footprint exceeds between two poses looked at: no lidar is more exact."""
+MOST_STEPS = 400
+"""Poses looked at, at most. On a longer way to a stop they lie farther apart, up to half the footprint's width, so that
+it covers all of the ground between; a velocity whose way is longer still is slowed down."""
+LEAST = 0.1
+"""Share of a velocity below which the robot is stopped instead; it would creep up to an obstacle for ever."""
+SELF = 0.03
+"""Metres inside of the footprint from which on a reading is the robot's own; nearer to its edge it may be a contact."""
+MOVED = 0.05
+"""Metres or radians that no lidar overlooks: the readings of more than one beam must be others."""
+TOUCH = 1e-9
+"""Metres of rounding."""
+
+PASSING, STANDING = "passing", "standing"
+SILENT, NO_SCAN, OBSTACLE, UNSEEN, NOT_FINITE = "silent sender", "no fresh scan", "obstacle", "unseen", "not finite"
+"""Causes of a verdict."""
+
+
+class Verdict(NamedTuple):
+    """What may go to the wheels, the cause by its name, and a line for people."""
+
+    velocity: Twist2D
+    cause: str
+    text: str
+
+
+class VelocityGuard:
+    """Judges velocities by the newest scan. One thread at a time; `now` and stamps are of one clock."""
+
+    def __init__(self, parameters: VelocityGuardParameters) -> None:
+        self._parameters = parameters
+        self._outline = parameters.outline()
+        self._radius = radii(self._outline)[1]
+        self._longest = MOST_STEPS * max(STEP, 0.5 * float(np.ptp(self._outline, axis=0).min()))  # way to a stop (m)
+        self._asked, self._asked_at = STOP, -math.inf
+        self._scan: Optional[LaserScan] = None
+        self._changed_at = -math.inf  # when the readings were first what they are
+        self._points = np.empty((0, 2))
+        self._laser_in_base = IDENTITY
+        self._passed: Deque[Tuple[float, Twist2D]] = deque([(-math.inf, STOP)])
+
+    def take_command(self, now: float, velocity: Twist2D) -> None:
+        """Take what is asked for at `now` (s)."""
+        self._asked, self._asked_at = velocity, now
+
+    def forget_command(self) -> None:
+        """Take note that whoever commanded is gone."""
+        self._asked_at = -math.inf
+
+    def take_scan(self, scan: LaserScan, laser_in_base: Pose2D) -> None:
+        """Take a scan as seen from above, and where the lidar sits.
+
+        The last one again, though the robot drives, is no news.
+        """
+        if self._is_frozen(scan):
+            return
+        self._scan, self._laser_in_base = scan, laser_in_base
+        points, hits = scan_points(scan)
+        seen = laser_in_base.transform_points(points[hits])
+        self._points = np.vstack((seen, self._blind_points(scan)))
+
+    def _is_frozen(self, scan: LaserScan) -> bool:
+        """Return whether a scan is the last one again, though the robot has been sent elsewhere since."""
+        last = self._scan
+        same = last is not None and scan.ranges.tobytes() == last.ranges.tobytes() and np.isfinite(scan.ranges).any()
+        if not same or self._asked == STOP:
+            self._changed_at = scan.stamp
+            return False
+        moved = self._moved(self._changed_at, scan.stamp)
+        return max(math.hypot(moved.x, moved.y), abs(moved.theta)) > MOVED
+
+    def verdict(self, now: float) -> Verdict:
+        """Return what may go to the wheels at `now` (s), and remember it as gone there."""
+        found = self._judge(now)
+        if now < self._passed[-1][0]:  # time was set back
+            self._passed.clear()
+            self._passed.append((-math.inf, STOP))
+        if found.velocity != self._passed[-1][1]:
+            self._passed.append((now, found.velocity))
+        while len(self._passed) > 1 and self._passed[1][0] <= self._changed_at:
+            self._passed.popleft()
+        return found
+
+    def _judge(self, now: float) -> Verdict:
+        asked, parameters = self._asked, self._parameters
+        if not asked.is_finite():
+            return Verdict(STOP, NOT_FINITE, f"stopped: velocity {tuple(asked)} is not finite")
+        if asked == STOP:
+            return Verdict(STOP, STANDING, "standing: no velocity is asked for")
+        if not 0.0 <= now - self._asked_at <= parameters.input_timeout:
+            return Verdict(
+                STOP, SILENT, f"stopped: no velocity has come for {parameters.input_timeout:g} s, or its sender is gone"
+            )
+        if self._scan is None:
+            return Verdict(STOP, NO_SCAN, "stopped: there is no scan yet")
+        age = now - self._scan.stamp
+        if not abs(age) <= parameters.scan_timeout:
+            return Verdict(
+                STOP,
+                NO_SCAN,
+                f"stopped: the newest scan is {age:.1f} s old, at most {parameters.scan_timeout:g} s allowed",
+            )
+        return self._judge_by_scan(asked, now)
+
+    def _judge_by_scan(self, asked: Twist2D, now: float) -> Verdict:
+        share, in_the_way = self._free_share(asked, self._points_now(now))
+        limit = self._parameters.unseen_speed / asked.speed() if self._is_unseen(asked) else 1.0
+        if not in_the_way and limit >= 1.0:
+            return Verdict(asked, PASSING, "passing")
+        if in_the_way and share <= limit:
+            return _slowed(asked, share, OBSTACLE, in_the_way)
+        return _slowed(asked, limit, UNSEEN, "no beam of the lidar looks where the robot is to go")
+
+    def _points_now(self, now: float) -> np.ndarray:
+        """Return the scan's points seen from where the robot must be by now, shape (N, 2) in metres."""
+        assert self._scan is not None
+        return self._moved(self._scan.stamp, now).inverse().transform_points(self._points)
+
+    def _moved(self, stamp: float, now: float) -> Pose2D:
+        """Return where the velocities that passed must have brought the robot between two times (s), from where it was.
+        """
+        moved = IDENTITY
+        ends = [time for time, _ in self._passed][1:] + [now]
+        for (start, velocity), end in zip(self._passed, ends):
+            duration = min(end, now) - max(start, stamp)
+            if duration > 0.0 and velocity != STOP:
+                moved = moved.compose(Pose2D(*_arc(velocity, np.array([duration]))[0]))
+        return moved
+
+    def _free_share(self, asked: Twist2D, points: np.ndarray) -> Tuple[float, str]:
+        """Return the largest share of a velocity that leaves room to brake, and what is in its way; empty for nothing.
+
+        At a share s the robot reacts and brakes on the same arc, within s * reaction_time + s^2 * braking of what it
+        drives in a second.
+        """
+        reaction, speed, turn = self._parameters.reaction_time, asked.speed(), abs(asked.theta)
+        braking = max(speed / self._parameters.acc_lim_x, turn / self._parameters.acc_lim_theta) / 2.0
+        seconds = reaction + braking
+        way = (speed + turn * self._radius) * seconds
+        is_too_long = way > self._longest
+        if is_too_long:
+            seconds *= self._longest / way
+        poses = _arc(asked, np.linspace(0.0, seconds, 2 + int(min(way / STEP, MOST_STEPS)))[1:])
+        free, point = self._free_poses(poses, points)
+        if free == len(poses) and not is_too_long:
+            return 1.0, ""
+        clear = seconds * free / len(poses)
+        share = (
+            2.0 * clear / (reaction + math.sqrt(reaction * reaction + 4.0 * braking * clear)) if clear > 0.0 else 0.0
+        )
+        share = share if share >= LEAST else 0.0
+        if point is None:
+            return share, f"the way to a stop is longer than {self._longest:.1f} m"
+        return share, f"something at ({point[0]:.2f}, {point[1]:.2f}) m from {self._parameters.base_frame}"
+
+    def _free_poses(self, poses: np.ndarray, points: np.ndarray) -> Tuple[int, Optional[np.ndarray]]:
+        """Return how many poses, shape (P, 3), the robot reaches without coming too near to a point, and that point."""
+        margin = self._parameters.margin
+        reach = float(np.hypot(poses[:, 0], poses[:, 1]).max()) + self._radius + margin
+        near = points[np.hypot(points[:, 0], points[:, 1]) <= reach]
+        before = clearances(near, self._outline)
+        near, before = near[before > -SELF], before[before > -SELF]
+        if not len(near):
+            return len(poses), None
+        seen = np.vstack([Pose2D(*pose).inverse().transform_points(near) for pose in poses])
+        after = clearances(seen, self._outline).reshape(len(poses), len(near))
+        too_near = after < np.minimum(margin, before) - TOUCH
+        blocked = too_near.any(axis=1)
+        if not blocked.any():
+            return len(poses), None
+        first = int(np.argmax(blocked))
+        return first, near[int(np.argmax(too_near[first]))]
+
+    def _is_unseen(self, asked: Twist2D) -> bool:
+        """Return whether the way leads where the lidar, by its angles, does not look; a turn on the spot leads nowhere.
+        """
+        scan = self._scan
+        assert scan is not None
+        width = abs(scan.angle_increment) * (len(scan.ranges) + 1)
+        if asked.speed() == 0.0 or width >= 2.0 * math.pi:
+            return False
+        middle = scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1) / 2.0
+        off = math.atan2(asked.y, asked.x) - self._laser_in_base.theta - middle
+        return abs(math.remainder(off, 2.0 * math.pi)) > width / 2.0 and asked.speed() > self._parameters.unseen_speed
+
+    def _blind_points(self, scan: LaserScan) -> np.ndarray:
+        """Return points for what may hide where neighbouring beams measured nothing, shape (N, 2) in the base frame.
+
+        What is nearer than range_min reads like a beam that failed. Nothing tells how near it is, so each such beam
+        stands for something where it leaves the footprint.
+        """
+        with np.errstate(invalid="ignore"):
+            failed = ~((scan.ranges >= scan.range_min) & (scan.ranges > 0.0))  # NaN as well
+        blind = _in_long_runs(failed, self._parameters.blind_sector, abs(scan.angle_increment)) | np.isneginf(
+            scan.ranges
+        )
+        angles = scan.angles[blind] + self._laser_in_base.theta
+        beams = np.column_stack((np.cos(angles), np.sin(angles)))
+        origin = np.array(self._laser_in_base[:2])
+        points: np.ndarray = origin + _ways_out(origin, beams, self._outline)[:, None] * beams
+        return points
+
+
+def _slowed(asked: Twist2D, share: float, cause: str, why: str) -> Verdict:
+    velocity = Twist2D(*(share * component for component in asked))
+    if share <= 0.0:
+        return Verdict(STOP, cause, f"stopped: {why}")
+    return Verdict(velocity, cause, f"slowed down to {100.0 * share:.0f} %: {why}")
+
+
+def _arc(velocity: Twist2D, times: np.ndarray) -> np.ndarray:
+    """Return the poses that a constant velocity leads to after `times` (s) from the origin, shape (N, 3)."""
+    turns = velocity.theta * times
+    if abs(velocity.theta) < 1e-9:
+        return np.column_stack((velocity.x * times, velocity.y * times, turns))
+    sines, versines = np.sin(turns) / velocity.theta, (1.0 - np.cos(turns)) / velocity.theta
+    return np.column_stack(
+        (velocity.x * sines - velocity.y * versines, velocity.x * versines + velocity.y * sines, turns)
+    )
+
+
+def _in_long_runs(flags: np.ndarray, width: float, increment: float) -> np.ndarray:
+    """Return which flags stand in a run, the ends joined, that is at least `width` (rad) wide; none where that is 0."""
+    least = math.ceil(width / increment) if increment > 0.0 else len(flags)
+    if width <= 0.0 or not flags.any():
+        return np.zeros_like(flags)
+    if flags.all():
+        return flags
+    start = int(np.argmin(flags))  # a beam that is no member of a run: no run goes over the ends from here
+    turned = np.roll(flags, -start)
+    changes = np.flatnonzero(np.diff(np.concatenate(([False], turned, [False])).astype(int)))
+    kept = np.zeros_like(flags)
+    for first, end in zip(changes[::2], changes[1::2]):
+        kept[first:end] = end - first >= least
+    return np.roll(kept, start)
+
+
+def _ways_out(origin: np.ndarray, beams: np.ndarray, outline: np.ndarray) -> np.ndarray:
+    """Return how far (m) each beam from `origin` goes until it has left an outline for good, 0 where it never meets it.
+    """
+    edges = np.roll(outline, -1, axis=0) - outline
+    to_corners = outline - origin
+    slopes = beams[:, None, 0] * edges[:, 1] - beams[:, None, 1] * edges[:, 0]
+    slopes = np.where(slopes == 0.0, np.inf, slopes)
+    lengths = (to_corners[:, 0] * edges[:, 1] - to_corners[:, 1] * edges[:, 0]) / slopes
+    shares = (to_corners[None, :, 0] * beams[:, None, 1] - to_corners[None, :, 1] * beams[:, None, 0]) / slopes
+    met = (shares >= 0.0) & (shares <= 1.0) & (lengths > 0.0)
+    farthest: np.ndarray = np.where(met, lengths, 0.0).max(axis=1, initial=0.0)
+    return farthest

@@ -1,0 +1,183 @@
+"""The footprint on a costmap: where it touches, for one pose, along paths and for batches of trajectories."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property, lru_cache
+from typing import NamedTuple, Tuple
+
+import numpy as np
+
+from mbf_relay.costmap import footprint_checker_kernels
+from mbf_relay.costmap.cost_grid import LETHAL, NO_INFORMATION, CostGrid
+from mbf_relay.distances import distances_to_zeros
+from mbf_relay.geometry import Pose2D
+
+CORNER_MOVES = 0.042  # of a cell: how far half a step between the headings drawn beforehand moves the outermost corner
+LEAST_HEADINGS = 64
+FAR = np.float32(1e6)
+"""Cells: farther than any obstacle, and a number one can go on with."""
+
+
+class FreeWay(NamedTuple):
+    """How far trajectories are free.
+
+    Attributes:
+        steps: Shape (N,), int64: poses before the first contact.
+        highest_costs, summed_costs: Shape (N,): the highest and the summed cost under the centre at these poses.
+    """
+
+    steps: np.ndarray
+    highest_costs: np.ndarray
+    summed_costs: np.ndarray
+
+
+class FootprintChecker:
+    """Where the robot's footprint touches: the one answer for planner, controller and recovery.
+
+    The outline touches where one of its points, a third of a cell apart, lies on a lethal or unknown cell, or outside
+    the grid, deeper than the costmap's `obstacle_overlap` from a free cell beside it: what is marked there lies
+    somewhere within, half a cell deep on the mean. costmap_2d's own check, which draws lines between the cells of the
+    corners, is off by as much either way. What is asked many times of one snapshot is computed when it is asked first.
+
+    Args:
+        costmap: The snapshot.
+        unknown_touches: False where the robot may be in unknown cells, and beyond the grid, of which nothing is known.
+
+    Attributes:
+        step: Distance (m) at which consecutive poses are best checked: a fifth of a cell.
+        turn_step: Angle (rad) at which headings on one spot are: the outermost corner moves by as much meanwhile.
+    """
+
+    def __init__(self, costmap: CostGrid, unknown_touches: bool = True) -> None:
+        self.costmap = costmap
+        grid = costmap.grid
+        self._costs = np.ascontiguousarray(costmap.costs)
+        self._place = (grid.origin_x, grid.origin_y, grid.resolution)
+        self._highest = NO_INFORMATION if unknown_touches else LETHAL
+        self._outlines, self._radius = _outlines(costmap.footprint.tobytes(), len(costmap.footprint), grid.resolution)
+        self._overlap = costmap.obstacle_overlap
+        self.step = 0.2 * grid.resolution
+        self.turn_step = self.step / max(self._radius, grid.resolution)
+
+    @cached_property
+    def _distances(self) -> np.ndarray:
+        return distances_to_obstacles(self._costs)
+
+    def touches(self, poses: np.ndarray) -> np.ndarray:
+        """Return for each pose, (N, 3), whether the footprint touches; no field of distances is made for it."""
+        touching = np.empty(len(poses), np.uint8)
+        footprint_checker_kernels.touching(
+            self._costs, *self._place, self._outlines, self._radius, self._overlap, self._highest,
+            np.ascontiguousarray(poses, dtype=float), touching,
+        )
+        return touching.astype(bool)
+
+    def contacts_at(self, pose: Pose2D, scale: float = 1.0) -> int:
+        """Return how many points of the outline, a third of a cell apart, lie on an obstacle at a pose."""
+        return int(
+            footprint_checker_kernels.contacts(
+                self._costs, *self._place, self._outlines, self._radius, self._overlap, self._highest,
+                pose.x, pose.y, pose.theta, scale,
+            )
+        )
+
+    def first_contacts(
+        self, poses: np.ndarray, counts: np.ndarray, scales: np.ndarray, allowed: int = 0
+    ) -> FreeWay:
+        """Return how far each trajectory of a batch is free, and what it passes.
+
+        Args:
+            poses: Shape (N, S, 3), float64, C-contiguous.
+            counts: Shape (N,), int64: poses of each trajectory.
+            scales: Shape (N,), float64: factor on the footprint.
+            allowed: Contacts the robot already has; a trajectory may keep them and lose them, not add to them.
+        """
+        way = FreeWay(np.empty(len(poses), np.int64), np.empty(len(poses)), np.empty(len(poses)))
+        footprint_checker_kernels.first_contacts(
+            self._costs,
+            self._distances,
+            *self._place,
+            self._outlines,
+            self._radius,
+            self._overlap,
+            self._highest,
+            poses,
+            counts,
+            scales,
+            allowed,
+            way.steps,
+            way.highest_costs,
+            way.summed_costs,
+        )
+        return way
+
+    def free_steps(self, poses: np.ndarray, allowed: int = 0) -> int:
+        """Return how many of consecutive poses, shape (S, 3), come before the first contact."""
+        if len(poses) == 0:
+            return 0
+        batch = np.ascontiguousarray(poses, dtype=float)[None]
+        return int(self.first_contacts(batch, np.array([len(poses)]), np.ones(1), allowed).steps[0])
+
+    def clearance_along(self, points: np.ndarray) -> float:
+        """Return the least distance (m) between obstacles and the footprint's sides on its way along points (N, 2).
+
+        An obstacle fills its cell. Distances are interpolated between cells, or a path a hair aside could be judged a
+        whole cell narrower. What lies outside the outermost cells' centres does not count; infinite where nothing else
+        is left.
+        """
+        half_width = float(np.abs(self.costmap.footprint[:, 1]).max()) if len(self.costmap.footprint) else 0.0
+        points = np.ascontiguousarray(points)
+        least: float = footprint_checker_kernels.least_distance(self._distances, *self._place, points)
+        return (least - 0.5) * self.costmap.grid.resolution - half_width
+
+    def in_sight(self, pose: Pose2D, points: np.ndarray) -> np.ndarray:
+        """Tell for each point, (N, 2) in metres, whether the straight line to it from the robot is free of obstacles.
+        """
+        seen = np.empty(len(points), np.uint8)
+        footprint_checker_kernels.in_sight(
+            self._costs, *self._place, pose.x, pose.y, np.ascontiguousarray(points), seen
+        )
+        return seen.astype(bool)
+
+    def clearance_at(self, x: float, y: float) -> float:
+        """Return the distance (m) from a point to the centre of the nearest obstacle cell; 0 outside the grid."""
+        column, row = self.costmap.grid.cell_at(x, y)
+        if not self.costmap.grid.contains_cell(column, row):
+            return 0.0
+        return float(self._distances[row, column]) * self.costmap.grid.resolution
+
+    def clearances_at(self, poses: np.ndarray) -> np.ndarray:
+        """Return `clearance_at` for a batch: poses or points (..., 2 or more) in metres to an array (...)."""
+        grid = self.costmap.grid
+        columns = np.floor((poses[..., 0] - grid.origin_x) / grid.resolution).astype(np.int64)
+        rows = np.floor((poses[..., 1] - grid.origin_y) / grid.resolution).astype(np.int64)
+        inside = (columns >= 0) & (columns < grid.width) & (rows >= 0) & (rows < grid.height)
+        found = self._distances[np.where(inside, rows, 0), np.where(inside, columns, 0)]
+        return np.where(inside, found * grid.resolution, 0.0)
+
+
+def distances_to_obstacles(costs: np.ndarray) -> np.ndarray:
+    """Return the distance in cells from each cell to the nearest lethal or unknown one: uint8 in, float32 out."""
+    distances: np.ndarray = np.minimum(distances_to_zeros(costs < LETHAL), FAR)
+    return distances
+
+
+@lru_cache(maxsize=8)
+def _outlines(footprint: bytes, corners: int, resolution: float) -> Tuple[np.ndarray, float]:
+    """Return points round an outline, a third of a cell apart, for each heading: (A, P, 2) float32 metres.
+
+    And its radius (m).
+    """
+    outline = np.frombuffer(footprint).reshape(corners, -1)[:, :2] if corners else np.zeros((1, 2))
+    radius = float(np.hypot(outline[:, 0], outline[:, 1]).max())
+    points = []
+    for start, end in zip(outline, np.roll(outline, -1, axis=0)):
+        count = max(1, math.ceil(float(np.hypot(*(end - start))) / (resolution / 3.0)))
+        points.append(start + (end - start) * (np.arange(count) / count)[:, None])
+    ring = np.vstack(points)
+    headings = LEAST_HEADINGS * max(1, math.ceil(math.pi * radius / (CORNER_MOVES * resolution * LEAST_HEADINGS)))
+    angles = np.arange(headings) * (2.0 * math.pi / headings)
+    cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    turned = np.stack((cos * ring[:, 0] - sin * ring[:, 1], sin * ring[:, 0] + cos * ring[:, 1]), axis=2)
+    return np.ascontiguousarray(turned, dtype=np.float32), radius

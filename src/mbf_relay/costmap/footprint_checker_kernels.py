@@ -1,0 +1,207 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""Compiled loops over a footprint laid on a costmap: contacts at poses, the first contact along trajectories, sight.
+
+`_LETHAL` is cost_grid's, copied because numba's cache notices changes of its own file alone; a test compares them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mbf_relay.kernels import kernel
+
+_LETHAL = 254
+
+
+@kernel("boolean(float32[:,::1], float64, float64, float64)")
+def is_far(distances, across, up, reach):
+    """Return whether nothing in the way and no edge of the grid lies within `reach` of a point; all in cells.
+
+    Args:
+        distances: Shape (H, W): from each cell's centre to that of the nearest lethal or unknown one.
+        across, up: The point.
+        reach: What is looked at round it.
+    """
+    height, width = distances.shape
+    if not (across - reach >= 0.0 and up - reach >= 0.0 and across + reach < width and up + reach < height):
+        return False
+    return distances[np.uint64(up), np.uint64(across)] > reach + 1.4143
+
+
+@kernel(
+    "int64(uint8[:,::1], float64, float64, float64, float32[:,:,::1], float64, float64, int64, float64, float64, "
+    "float64, float64)"
+)
+def contacts(
+    costs, origin_x, origin_y, resolution, outlines, circumscribed, overlap, in_way, x, y, theta, scale
+):
+    """Return how many points of a footprint's outline lie on a cell in the way, or outside the grid.
+
+    Args:
+        costs: Shape (H, W), uint8.
+        origin_x, origin_y, resolution: Where the cells lie.
+        outlines: Shape (A, P, 2): points (m) round the outline, turned by each of A headings of a full circle.
+        circumscribed: Radius (m) of the outline at scale 1.
+        overlap: Share of a cell by which the outline may reach into an obstacle's cell from a free one beside it.
+        in_way: Cells from lethal to this cost are in the way; below 255 unknown ones and those outside are not.
+        x, y, theta: Pose of the base.
+        scale: Factor on the outline.
+    """
+    height, width = costs.shape
+    across = (x - origin_x) / resolution
+    up = (y - origin_y) / resolution
+    reach = circumscribed * scale / resolution
+    inside = across - reach >= 0.0 and up - reach >= 0.0 and across + reach < width and up + reach < height
+    headings = outlines.shape[0]
+    heading = int(math.floor(theta * headings / (2.0 * math.pi) + 0.5)) % headings
+    factor = scale / resolution
+    found = 0
+    for point in range(outlines.shape[1]):
+        in_x = across + factor * outlines[heading, point, 0]
+        in_y = up + factor * outlines[heading, point, 1]
+        if inside and costs[np.uint64(in_y), np.uint64(in_x)] < _LETHAL:
+            continue  # most points of most poses
+        column, row = int(math.floor(in_x)), int(math.floor(in_y))
+        if column < 0 or row < 0 or column >= width or row >= height:
+            found += in_way > _LETHAL
+        elif _LETHAL <= costs[row, column] <= in_way:
+            in_x -= column
+            in_y -= row
+            grazes = (
+                (in_x < overlap and column > 0 and not _LETHAL <= costs[row, column - 1] <= in_way)
+                or (in_x > 1.0 - overlap and column + 1 < width and not _LETHAL <= costs[row, column + 1] <= in_way)
+                or (in_y < overlap and row > 0 and not _LETHAL <= costs[row - 1, column] <= in_way)
+                or (in_y > 1.0 - overlap and row + 1 < height and not _LETHAL <= costs[row + 1, column] <= in_way)
+            )
+            if not grazes:
+                found += 1
+    return found
+
+
+@kernel(
+    "void(uint8[:,::1], float64, float64, float64, float32[:,:,::1], float64, float64, int64, float64[:,::1], "
+    "uint8[::1])"
+)
+def touching(costs, origin_x, origin_y, resolution, outlines, circumscribed, overlap, in_way, poses, result):
+    """Fill `result`, shape (N,), with 1 for each of `poses`, shape (N, 3), that has contacts.
+
+    The rest as for `contacts`.
+    """
+    for n in range(poses.shape[0]):
+        result[n] = contacts(
+            costs, origin_x, origin_y, resolution, outlines, circumscribed, overlap, in_way, poses[n, 0],
+            poses[n, 1], poses[n, 2], 1.0) > 0
+
+
+@kernel(
+    "void(uint8[:,::1], float32[:,::1], float64, float64, float64, float32[:,:,::1], float64, float64, "
+    "int64, float64[:,:,::1], int64[::1], float64[::1], int64, int64[::1], float64[::1], float64[::1])"
+)
+def first_contacts(
+    costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, overlap, in_way, poses, counts, scales,
+    allowed, free, highest, summed,
+):
+    """Find how far along each trajectory the footprint stays free, and what cost its centre passes.
+
+    Args:
+        distances: As for `is_far`.
+        costs, origin_x, origin_y, resolution, outlines, circumscribed, overlap, in_way: As for `contacts`.
+        poses: Shape (N, S, 3).
+        counts: Shape (N,): number of poses of each trajectory.
+        scales: Shape (N,): factor on the footprint.
+        allowed: Number of outline points in contact that is tolerated; it falls to what is left on the way.
+        free: Shape (N,): filled with the number of poses before the first contact.
+        highest, summed: Shape (N,): filled with the highest and the summed cost under the centre of these poses.
+    """
+    height, width = costs.shape
+    for n in range(poses.shape[0]):
+        tolerated = allowed
+        free[n] = counts[n]
+        highest[n] = 0.0
+        summed[n] = 0.0
+        for i in range(counts[n]):
+            x, y = poses[n, i, 0], poses[n, i, 1]
+            found = 0
+            if not is_far(
+                distances, (x - origin_x) / resolution, (y - origin_y) / resolution,
+                circumscribed * scales[n] / resolution,
+            ):
+                found = contacts(
+                    costs,
+                    origin_x,
+                    origin_y,
+                    resolution,
+                    outlines,
+                    circumscribed,
+                    overlap,
+                    in_way,
+                    x,
+                    y,
+                    poses[n, i, 2],
+                    scales[n],
+                )
+            if found > tolerated:
+                free[n] = i
+                break
+            tolerated = min(tolerated, found)
+            column = int(math.floor((x - origin_x) / resolution))
+            row = int(math.floor((y - origin_y) / resolution))
+            if column < 0 or row < 0 or column >= width or row >= height:
+                free[n] = i
+                break
+            cost = float(costs[row, column])
+            highest[n] = max(highest[n], cost)
+            summed[n] += cost
+
+
+@kernel("void(uint8[:,::1], float64, float64, float64, float64, float64, float64[:,::1], uint8[::1])")
+def in_sight(costs, origin_x, origin_y, resolution, x, y, points, seen):
+    """Mark the points whose straight line from (x, y) crosses no lethal or unknown cell; what is outside is not judged.
+
+    Args:
+        costs: Shape (H, W), uint8.
+        origin_x, origin_y, resolution: Where the cells lie.
+        x, y: Where from (m).
+        points: Shape (N, 2) in metres.
+        seen: Shape (N,): filled with 1 or 0.
+    """
+    height, width = costs.shape
+    for n in range(points.shape[0]):
+        dx, dy = points[n, 0] - x, points[n, 1] - y
+        count = int(math.hypot(dx, dy) / (0.5 * resolution)) + 1
+        seen[n] = 1
+        for i in range(1, count + 1):
+            column = int(math.floor((x + dx * i / count - origin_x) / resolution))
+            row = int(math.floor((y + dy * i / count - origin_y) / resolution))
+            if column < 0 or row < 0 or column >= width or row >= height:
+                break
+            if costs[row, column] >= _LETHAL:
+                seen[n] = 0
+                break
+
+
+@kernel("float64(float32[:,::1], float64, float64, float64, float64[:,::1])")
+def least_distance(distances, origin_x, origin_y, resolution, points):
+    """Return the least of a grid's values at points, interpolated between the centres of cells; infinite for none.
+
+    Args:
+        distances: Shape (H, W), a value at each cell's centre.
+        origin_x, origin_y, resolution: Where the cells lie.
+        points: Shape (N, 2) in metres; those outside the outermost centres are left out.
+    """
+    height, width = distances.shape
+    least = math.inf
+    for n in range(points.shape[0]):
+        across = (points[n, 0] - origin_x) / resolution - 0.5
+        up = (points[n, 1] - origin_y) / resolution - 0.5
+        if not (across >= 0.0 and up >= 0.0 and across < width - 1 and up < height - 1):
+            continue
+        column, row = int(across), int(up)
+        across -= column
+        up -= row
+        lower = (1.0 - across) * distances[row, column] + across * distances[row, column + 1]
+        upper = (1.0 - across) * distances[row + 1, column] + across * distances[row + 1, column + 1]
+        least = min(least, (1.0 - up) * lower + up * upper)
+    return least

@@ -1,0 +1,95 @@
+"""The robot's outline as a polygon: read, padded, measured, and its distance from points."""
+
+from __future__ import annotations
+
+import ast
+import math
+from typing import Any, Tuple
+
+import numpy as np
+
+LARGEST_ROBOT = 100.0
+"""Metres from the base frame to a corner; an outline is followed cell by cell."""
+MOST_CORNERS = 1000
+"""Corners of an outline."""
+CIRCLE_CORNERS = 16
+"""Corners of the polygon that stands for a round robot, as in costmap_2d."""
+
+
+def parse_footprint(value: Any) -> np.ndarray:
+    """Return a footprint parameter as corners, shape (K, 2) in metres; K is 0 for an empty list.
+
+    Args:
+        value: A list of [x, y] pairs, or a text that holds one, as costmap_2d takes both.
+
+    Raises:
+        ValueError: It is no such list, has one or two points, or a number that is not finite.
+    """
+    points = value
+    if isinstance(value, str):
+        try:
+            points = ast.literal_eval(value.strip() or "[]")
+        except (ValueError, SyntaxError) as error:
+            raise ValueError(f"footprint is {value!r}; it must be a list of points [[x, y], ...]") from error
+    if not isinstance(points, (list, tuple, np.ndarray)):
+        raise ValueError(f"footprint is {value!r}; it must be a list of points [[x, y], ...]")
+    if len(points) == 0:
+        return np.zeros((0, 2))
+    try:
+        corners = np.array([(float(x), float(y)) for x, y in points])
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"footprint is {value!r}; each point must be a pair of numbers [x, y]") from error
+    if len(corners) < 3:
+        raise ValueError(f"footprint is {value!r}; it has {len(corners)} points and must have at least 3")
+    if len(corners) > MOST_CORNERS:
+        raise ValueError(f"footprint has {len(corners)} corners; at most {MOST_CORNERS} are taken")
+    if not (np.abs(corners) <= LARGEST_ROBOT).all():
+        raise ValueError(f"footprint is {value!r}; every number must be finite and within {LARGEST_ROBOT:g} m")
+    return corners
+
+
+def footprint_from_radius(radius: float) -> np.ndarray:
+    """Return the polygon of 16 corners that stands for a round robot, shape (16, 2) in metres."""
+    if not (math.isfinite(radius) and radius >= 0.0):
+        raise ValueError(f"robot_radius is {radius} m; it must be 0 or more")
+    angles = np.arange(CIRCLE_CORNERS) * (2.0 * math.pi / CIRCLE_CORNERS)
+    return radius * np.column_stack((np.cos(angles), np.sin(angles)))
+
+
+def padded(footprint: np.ndarray, padding: float) -> np.ndarray:
+    """Return a footprint whose corners lie `padding` metres further out along each axis, as costmap_2d pads."""
+    corners: np.ndarray = footprint + np.sign(footprint) * padding
+    return corners
+
+
+def radii(footprint: np.ndarray) -> Tuple[float, float]:
+    """Return the inscribed and the circumscribed radius (m) round the base frame's origin.
+
+    The inscribed radius is the distance to the nearest edge, the circumscribed one that to the farthest corner.
+    """
+    if len(footprint) < 3:
+        return 0.0, 0.0
+    starts, ends = footprint, np.roll(footprint, -1, axis=0)
+    edges = ends - starts
+    squared_lengths = np.maximum(np.einsum("ij,ij->i", edges, edges), 1e-18)
+    along = np.clip(-np.einsum("ij,ij->i", starts, edges) / squared_lengths, 0.0, 1.0)
+    nearest = starts + along[:, None] * edges
+    return float(np.hypot(nearest[:, 0], nearest[:, 1]).min()), float(np.hypot(starts[:, 0], starts[:, 1]).max())
+
+
+def clearances(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
+    """Return how far each point lies from an outline, below zero for points inside of it: (N, 2) in, (N,) metres out.
+    """
+    starts, ends = outline, np.roll(outline, -1, axis=0)
+    edges, to_points = ends - starts, points[:, None, :] - starts
+    squared_lengths = np.maximum(np.einsum("ij,ij->i", edges, edges), 1e-18)
+    along = np.clip(np.einsum("nij,ij->ni", to_points, edges) / squared_lengths, 0.0, 1.0)
+    away = to_points - along[:, :, None] * edges
+    distances = np.sqrt(np.einsum("nij,nij->ni", away, away).min(axis=1))
+    # A point is inside where a ray from it to the right crosses an odd number of edges.
+    height = points[:, 1:2]
+    crosses = (starts[:, 1] > height) != (ends[:, 1] > height)
+    rises = np.where(edges[:, 1] == 0.0, 1.0, edges[:, 1])
+    crossed_at = starts[:, 0] + (height - starts[:, 1]) * edges[:, 0] / rises
+    inside = (crosses & (points[:, 0:1] < crossed_at)).sum(axis=1) % 2 == 1
+    return np.where(inside, -distances, distances)

@@ -1,0 +1,84 @@
+"""The parameters of a costmap, by costmap_2d's names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mbf_relay.costmap import footprint as footprints
+from mbf_relay.costmap.cost_grid import OBSTACLE_OVERLAP
+from mbf_relay.grid import Grid
+from mbf_relay.maps import COARSEST, FINEST, LARGEST_SIDE, MOST_CELLS
+from mbf_relay.parameters import ParameterSet, parameter
+
+RECONFIGURABLE = (
+    "transform_tolerance", "update_frequency", "publish_frequency", "width", "height", "resolution", "origin_x",
+    "origin_y", "footprint", "robot_radius", "footprint_padding",
+)
+"""What can be changed at run time, as in costmap_2d."""
+
+
+@dataclass(frozen=True)
+class CostmapParameters(ParameterSet):
+    """Parameters of a costmap, by costmap_2d's names; its layers' stand in groups beside them."""
+
+    global_frame: str = parameter("map", "frame of the costmap")
+    robot_base_frame: str = parameter("base_link", "frame of the robot's base")
+    update_frequency: float = parameter(5.0, "updates per second", unit="Hz", minimum=0.0, maximum=100.0)
+    publish_frequency: float = parameter(
+        0.0, "publications per second; 0 for none", unit="Hz", minimum=0.0, maximum=100.0
+    )
+    transform_tolerance: float = parameter(0.3, "oldest robot pose to update with", unit="s", minimum=0.0, maximum=10.0)
+    rolling_window: bool = parameter(False, "the costmap is a window that moves with the robot")
+    track_unknown_space: bool = parameter(False, "cells no layer knows of are unknown; otherwise they are free")
+    always_send_full_costmap: bool = parameter(False, "publish the whole costmap each time instead of what changed")
+    width: float = parameter(10.0, "width of the costmap", unit="m", above=0.0)
+    height: float = parameter(10.0, "height of the costmap", unit="m", above=0.0)
+    resolution: float = parameter(0.05, "side of a cell", unit="m", above=0.0, maximum=COARSEST, clamped=False)
+    origin_x: float = parameter(0.0, "x of the lower left corner", unit="m")
+    origin_y: float = parameter(0.0, "y of the lower left corner", unit="m")
+    footprint: Any = parameter((), "outline of the robot in its base frame, [[x, y], ...]", unit="m")
+    robot_radius: float = parameter(
+        0.46, "radius of a round robot, where no footprint is given", unit="m", minimum=0.0, maximum=10.0, clamped=False
+    )
+    footprint_padding: float = parameter(0.01, "how much the footprint is widened", unit="m")
+    obstacle_overlap: float = parameter(
+        OBSTACLE_OVERLAP,
+        "share of a cell by which the footprint may reach into an obstacle's cell, which is filled by half "
+        "on the mean; for planner, controller and recovery alike",
+        minimum=0.0,
+        maximum=0.5,
+    )
+    footprint_topic: str = parameter("footprint", "topic on which another footprint may come")
+    published_footprint_topic: str = parameter(
+        "footprint", "topic of the footprint at the robot's pose", aliases=("published_footprint",)
+    )
+
+    def check(self) -> None:
+        footprints.parse_footprint(self.footprint)
+        # refused, where a minimum would have dynamic_reconfigure take the finest one instead
+        if self.resolution < FINEST:
+            raise ValueError(f"parameter resolution is {self.resolution:g} m; it must be at least {FINEST:g} m")
+        for name, side in (("width", self.width), ("height", self.height)):
+            if not 1.0 - 1e-9 <= side / self.resolution <= LARGEST_SIDE:
+                raise ValueError(
+                    f"parameter {name} is {side:g} m; it must be 1 to {LARGEST_SIDE} cells of the resolution, "
+                    f"{self.resolution:g} m")
+        if self.width / self.resolution * self.height / self.resolution > MOST_CELLS:
+            raise ValueError(
+                f"parameters width and height are {self.width:g} m and {self.height:g} m; at {self.resolution:g} m a "
+                "cell "
+                f"they must not hold more than {MOST_CELLS} cells"
+            )
+
+    def outline(self) -> np.ndarray:
+        """Return the robot's outline without padding, shape (K, 2) in metres."""
+        corners = footprints.parse_footprint(self.footprint)
+        return corners if len(corners) else footprints.footprint_from_radius(self.robot_radius)
+
+    def grid(self) -> Grid:
+        """Return the grid these parameters ask for."""
+        columns, rows = int(self.width / self.resolution + 1e-9), int(self.height / self.resolution + 1e-9)
+        return Grid(self.resolution, self.origin_x, self.origin_y, columns, rows)

@@ -1,0 +1,125 @@
+"""The track layer: follows what moves in the scans, hands it to controllers, and keeps a distance of it where asked."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Dict, Mapping, Tuple
+
+import numpy as np
+
+from mbf_relay.costmap.cost_grid import EMPTY, INSCRIBED, Window
+from mbf_relay.costmap.layer import Layer, LayerContext
+from mbf_relay.costmap.observation import Observation
+from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters, SourceParameters
+from mbf_relay.parameters import parameter
+from mbf_relay.tracking.parameters import TrackerParameters
+from mbf_relay.tracking.track import Track
+from mbf_relay.tracking.tracker import Tracker
+
+REACH = 3.0  # deviations beyond which personal space costs nothing worth writing
+
+
+@dataclass(frozen=True)
+class TrackLayerParameters(TrackerParameters):
+    """Parameters of the track layer; each source has a group of its own, as in the obstacle layer."""
+
+    enabled: bool = parameter(True, "follow what moves")
+    observation_sources: str = parameter("", "names of the lidars, separated by blanks")
+    personal_space: float = parameter(
+        0.0, "deviation of the cost round a thing that moves, from its edge outward; 0 for no cost", "m", minimum=0.0)
+    personal_space_cost: int = parameter(150, "cost at its edge", minimum=0, maximum=INSCRIBED - 1)
+    personal_space_ahead: float = parameter(
+        2.0, "time of its motion that the cost reaches farther ahead of it", "s", minimum=0.0
+    )
+    source_parameters: Mapping[str, SourceParameters] = parameter({}, "sources by name; filled from the groups beside")
+
+    @classmethod
+    def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
+        """Return the layer's own values, and its lidars' parameters out of their groups."""
+        sources = ObstacleLayerParameters.known(values)["source_parameters"]
+        scans = {name: source for name, source in sources.items() if source.data_type == "LaserScan"}
+        return {**super().known(values), "source_parameters": scans}
+
+
+class TrackLayer(Layer):
+    """Has a tracker per lidar. It writes nothing into the costmap but personal space, and that only where asked.
+
+    The costmap's frame should be one in which the robot moves smoothly, such as odom: in map, a correction of the pose
+    looks as if everything moved.
+    """
+
+    Parameters = TrackLayerParameters
+    parameters: TrackLayerParameters
+
+    def __init__(self, name: str, parameters: TrackLayerParameters) -> None:
+        super().__init__(name, parameters)
+        self._trackers: Dict[str, Tracker] = {source: Tracker(parameters) for source in parameters.source_parameters}
+        self._written = EMPTY
+        self._around: Tuple[Track, ...] = ()
+
+    def reconfigure(self, parameters: TrackLayerParameters) -> None:
+        super().reconfigure(parameters)
+        for tracker in self._trackers.values():
+            tracker.parameters = parameters
+
+    @property
+    def sources(self) -> Mapping[str, SourceParameters]:
+        return self.parameters.source_parameters
+
+    @property
+    def tracks(self) -> Tuple[Track, ...]:
+        return tuple(track for tracker in self._trackers.values() for track in tracker.tracks)
+
+    def observe(self, source: str, observation: Observation, now: float) -> None:
+        ends = np.asarray(observation.points, dtype=float)[:, :2]
+        hits = np.ones(len(ends), dtype=bool) if observation.hits is None else observation.hits
+        finite = np.isfinite(ends).all(axis=1)
+        x, y = observation.origin[:2]
+        self._trackers[source].update(float(x), float(y), ends[finite], hits[finite], observation.stamp)
+
+    def update_bounds(self, context: LayerContext, window: Window) -> Window:
+        before, self._written = self._written, EMPTY
+        self._around = ()
+        if self.parameters.personal_space > 0.0:
+            self._around = tuple(track.at(context.now) for track in self.tracks)
+            for track in self._around:
+                self._written = self._written.union(self._window_of(track))
+            self._written = self._written.within(self.grid)
+        return window.union(before).union(self._written)
+
+    def _window_of(self, track: Track) -> Window:
+        reach = track.radius + REACH * self._deviation_ahead(track)
+        left, bottom = self.grid.cell_at(track.x - reach, track.y - reach)
+        right, top = self.grid.cell_at(track.x + reach, track.y + reach)
+        return Window(left, bottom, right + 1, top + 1)
+
+    def _deviation_ahead(self, track: Track) -> float:
+        return self.parameters.personal_space + self.parameters.personal_space_ahead * track.speed / REACH
+
+    def update_costs(self, costs: np.ndarray, window: Window) -> None:
+        for track in self._around:
+            part = self._window_of(track).within(self.grid)
+            part = Window(
+                max(part.x0, window.x0), max(part.y0, window.y0), min(part.x1, window.x1), min(part.y1, window.y1)
+            )
+            if part.is_empty:
+                continue
+            rows, columns = np.mgrid[part.y0:part.y1, part.x0:part.x1]
+            across = self.grid.origin_x + (columns + 0.5) * self.grid.resolution - track.x
+            up = self.grid.origin_y + (rows + 0.5) * self.grid.resolution - track.y
+            cost = self.parameters.personal_space_cost * self._share(track, across, up)
+            below = costs[part.slices]
+            costs[part.slices] = np.where(below < INSCRIBED, np.maximum(below, cost.astype(np.uint8)), below)
+
+    def _share(self, track: Track, across: np.ndarray, up: np.ndarray) -> np.ndarray:
+        """Return the share of the cost at distances (m) from a track: a bell, longer ahead of it."""
+        heading = math.atan2(track.vy, track.vx)
+        ahead = math.cos(heading) * across + math.sin(heading) * up
+        aside = math.cos(heading) * up - math.sin(heading) * across
+        scale = np.where(ahead > 0.0, self._deviation_ahead(track), self.parameters.personal_space)
+        distance = np.hypot(across, up)
+        outside = np.maximum(0.0, distance - track.radius) / np.maximum(distance, 1e-9)
+        along, across = outside * ahead / scale, outside * aside / self.parameters.personal_space
+        share: np.ndarray = np.exp(-0.5 * (along ** 2 + across ** 2))
+        return share

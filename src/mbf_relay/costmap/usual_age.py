@@ -1,0 +1,44 @@
+"""How old a sensor's newest data usually get before newer ones come, and so when it has fallen silent."""
+
+from __future__ import annotations
+
+from collections import deque
+from statistics import median
+from typing import Deque, Tuple
+
+REMEMBERED = 9
+"""Renewals that say what is usual."""
+FEWEST = 3
+"""Renewals before which nothing is usual yet."""
+SHORTEST = 0.4
+"""Seconds that every sensor may be silent: to stand within half a second, at 10 Hz of control, needs no less."""
+
+
+class UsualAge:
+    """Measures a sensor's period, and the age its data reach by period, sweep and latency before newer ones come.
+
+    A fixed limit would let a lidar of 40 Hz be blind as long as one of 5 Hz, and find a busy machine's scans too old.
+    """
+
+    def __init__(self) -> None:
+        self._renewals: Deque[Tuple[float, float]] = deque(maxlen=REMEMBERED)
+
+    def renewed(self, age: float, period: float) -> None:
+        """Take note that data came that were measured `period` (s) after the last, which were `age` (s) old then.
+
+        Below 0 time was set back.
+        """
+        if age < 0.0 or period < 0.0:
+            self._renewals.clear()
+        else:
+            self._renewals.append((age, period))
+
+    def limit(self, longest: float) -> float:
+        """Return the age (s) from which the sensor is silent: one message may get lost, or be as late as lately.
+
+        It is `longest` (s) at most, and while nothing is usual yet.
+        """
+        if len(self._renewals) < FEWEST:
+            return longest
+        ages, periods = zip(*self._renewals)
+        return min(longest, max(SHORTEST, float(max(ages) + median(periods))))

@@ -1,0 +1,37 @@
+"""Distances of cells from cells."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mbf_relay import distance_kernels
+
+
+def distances_to_zeros(cells: np.ndarray) -> np.ndarray:
+    """Return the distance in cells from each cell to the nearest that is 0 or False, between their centres.
+
+    Args:
+        cells: Shape (height, width), bool or uint8.
+
+    Returns:
+        Shape (height, width), float32: exact but for the root; infinite where no cell is 0.
+    """
+    cells = np.ascontiguousarray(cells).view(np.uint8)
+    if cells.all():
+        return np.full(cells.shape, np.inf, dtype=np.float32)
+    distances = np.empty(cells.shape, dtype=np.float32)
+    distance_kernels.distances_to_zeros(cells, distances)
+    return distances
+
+
+def around(marked: np.ndarray, outside: bool) -> np.ndarray:
+    """Return which cells (height, width) are marked or have a marked one among their eight neighbours.
+
+    Args:
+        marked: Shape (height, width), bool.
+        outside: Whether what lies outside counts as the cells at the border do, rather than as not marked.
+    """
+    padded = np.pad(marked, 1, mode="edge") if outside else np.pad(marked, 1)
+    height, width = marked.shape
+    columns = padded[:, :width] | padded[:, 1 : width + 1] | padded[:, 2:]
+    return np.asarray(columns[:height] | columns[1 : height + 1] | columns[2:])

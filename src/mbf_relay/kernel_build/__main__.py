@@ -1,0 +1,110 @@
+"""Compile the package's kernels ahead, or fill numba's cache where that cannot be done.
+
+usage: python -m mbf_relay.kernel_build FOLDER [--objects FOLDER] [--compiler CC]
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import sysconfig
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Dict, List
+
+from mbf_relay import kernels
+from mbf_relay.kernel_build.kernel_objects import KernelEntry, compile_module, environment
+from mbf_relay.kernel_build.wrappers import module_source
+
+MOST_PROCESSES = 4
+"""Each takes 200 MiB."""
+HERE = Path(__file__).parent
+
+
+def main() -> None:
+    """Build the module, and say in one line what came of it."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("folder", type=Path, help="where the module goes")
+    parser.add_argument("--objects", type=Path, required=True, help="where what is compiled is kept for the next time")
+    parser.add_argument("--compiler", default="cc", help="of C")
+    arguments = parser.parse_args()
+    try:
+        place = build(arguments.folder, arguments.objects, arguments.compiler)
+    except Exception as error:  # whatever a compiler, a header or another numba lacks: nodes can do without
+        said = getattr(error, "stderr", None) or str(error)
+        print(f"kernels cannot be compiled ahead: {said.strip()[:400]}", file=sys.stderr)
+        print("nodes will compile them by themselves, which takes 100 MiB of each", file=sys.stderr)
+        kernels.compile_all()
+    else:
+        print(f"compiled kernels: {place}")
+
+
+def build(folder: Path, objects: Path, compiler: str) -> Path:
+    """Make the extension module and return its path.
+
+    Args:
+        folder: Where it goes.
+        objects: Where object files are kept from one time to the next.
+        compiler: The C compiler's command.
+
+    Raises:
+        Exception: It cannot be made; a CalledProcessError has the compiler's words.
+    """
+    objects.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
+    sources = {name: kernels.digest(_source_of(name)) for name in kernels.module_names()}
+    entries = _compile(sources, objects)
+    wrappers = objects / "wrappers.c"
+    wrappers.write_text((HERE / "support.c").read_text() + module_source(entries, sources), encoding="utf-8")
+    import numpy
+
+    target = folder / ("_kernels" + str(sysconfig.get_config_var("EXT_SUFFIX")))
+    made = objects / target.name
+    subprocess.run(
+        [
+            compiler, "-O2", "-shared", "-fPIC", "-fvisibility=hidden", "-Wl,-s",
+            "-I", sysconfig.get_paths()["include"], "-I", numpy.get_include(),
+            str(wrappers), *(str(_object(objects, sources, name)) for name in sources), "-lm", "-o", str(made),
+        ],
+        check=True, capture_output=True, text=True,
+    )
+    staged = target.with_suffix(f".{os.getpid()}")  # beside it, so that a node that starts now finds one or the other
+    staged.write_bytes(made.read_bytes())
+    staged.replace(target)
+    return target
+
+
+def _compile(sources: Dict[str, str], objects: Path) -> Dict[str, List[KernelEntry]]:
+    """Make the object files that are not there and return what is in all."""
+    missing = [name for name in sources if not _object(objects, sources, name).with_suffix(".json").exists()]
+    os.environ.update(environment())
+    processes = max(1, min(MOST_PROCESSES, os.cpu_count() or 1, len(missing)))
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        paths = [str(_object(objects, sources, name)) for name in missing]
+        for path, entries in zip(paths, pool.map(compile_module, missing, paths)):
+            Path(path).with_suffix(".json").write_text(json.dumps(entries), encoding="utf-8")
+    texts = {name: _object(objects, sources, name).with_suffix(".json").read_text("utf-8") for name in sources}
+    return {name: [KernelEntry(*entry) for entry in json.loads(text)] for name, text in texts.items()}
+
+
+def _object(objects: Path, sources: Dict[str, str], name: str) -> Path:
+    """Return where a module's object file is: another one for each state of its source and of what compiles it."""
+    made_by = kernels.digest(str(HERE / "kernel_objects.py"))
+    key = hashlib.sha256((sources[name] + made_by + sys.version).encode()).hexdigest()[:16]
+    return objects / f"{name}-{key}.o"
+
+
+def _source_of(name: str) -> str:
+    found = importlib.util.find_spec(name)
+    assert found is not None and found.origin is not None
+    return found.origin
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,106 @@
+"""What numba compiles of one module, as an object file with nothing else of numba's in it."""
+
+from __future__ import annotations
+
+import importlib
+import platform
+from typing import Any, Dict, List, NamedTuple
+
+from mbf_relay import kernels
+
+CPU = {"x86_64": "x86-64"}
+"""LLVM's name of the least a processor of a kind can do, where "generic" is something else."""
+
+
+class KernelEntry(NamedTuple):
+    """One compiled function.
+
+    Attributes:
+        name: In its module.
+        symbol: In the object file.
+        arguments: Names of the arguments and their numba types: "float64", "array(float64, 2d, C)".
+        result: numba type of the result.
+        text: The docstring.
+    """
+
+    name: str
+    symbol: str
+    arguments: List[List[str]]
+    result: str
+    text: str
+
+
+def plain_processor() -> str:
+    """Return the processor that code is made for, so that it runs on every one of this kind."""
+    return CPU.get(platform.machine(), "generic")
+
+
+def compile_module(module_name: str, object_path: str) -> List[KernelEntry]:
+    """Compile the kernels of a module into an object file.
+
+    numba must have been told in its environment (NUMBA_CPU_NAME, NUMBA_CPU_FEATURES) for which processor.
+
+    Args:
+        module_name: "mbf_relay.costmap.layer_kernels".
+        object_path: Of the file to write.
+    """
+    import llvmlite.binding as llvm
+    from numba.core.dispatcher import Dispatcher
+
+    module = importlib.import_module(module_name)
+    entries, library = [], None
+    for name, dispatcher in vars(module).items():
+        if not isinstance(dispatcher, Dispatcher) or dispatcher.__module__ != module_name:
+            continue
+        (compiled,) = dispatcher.overloads.values()
+        entries.append(_entry(name, dispatcher, compiled))
+        one = llvm.parse_assembly(compiled.library.get_llvm_str())
+        _keep(one, [entries[-1].symbol])
+        if library is None:
+            library = one
+        else:
+            library.link_in(one)
+    if library is None:
+        raise ValueError(f"{module_name} has no kernels")
+    with open(object_path, "wb") as stream:
+        stream.write(_target_machine(llvm).emit_object(library))
+    return entries
+
+
+def _entry(name: str, dispatcher: Any, compiled: Any) -> KernelEntry:
+    description = compiled.fndesc
+    names = dispatcher.py_func.__code__.co_varnames
+    arguments = [[names[i], str(kind)] for i, kind in enumerate(description.argtypes)]
+    return KernelEntry(
+        name, description.llvm_func_name, arguments, str(description.restype), dispatcher.py_func.__doc__ or ""
+    )
+
+
+def _keep(library: Any, symbols: List[str]) -> None:
+    """Drop all of a library that nobody outside calls and `symbols` do not need; hide what is left."""
+    import llvmlite.binding as llvm
+
+    for values in (library.functions, library.global_variables):
+        for value in values:
+            if not value.is_declaration and value.name not in symbols:
+                value.linkage = "internal"
+    passes = llvm.create_module_pass_manager()
+    passes.add_global_dce_pass()
+    passes.run(library)
+    for function in library.functions:
+        if not function.name.startswith("llvm."):
+            function.visibility = "hidden" if function.name in symbols else "default"
+
+
+def _target_machine(llvm: Any) -> Any:
+    llvm.initialize()
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.Target.from_default_triple().create_target_machine(
+        cpu=plain_processor(), features="", opt=3, reloc="pic", codemodel="default"
+    )
+
+
+def environment() -> Dict[str, str]:
+    """Return what numba's environment must hold when kernels are compiled ahead."""
+    return {"NUMBA_CPU_NAME": plain_processor(), "NUMBA_CPU_FEATURES": "", kernels.SWITCH: kernels.TO_BUILD}

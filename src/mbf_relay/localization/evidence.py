@@ -1,0 +1,93 @@
+"""Evidence for a pose: what one scan says for it, at the price that what is not on the map has on this drive.
+
+Maps are never whole: walls were built, racks moved, blocks never seen. A beam is one of three kinds (compare als_ros):
+
+    hit       it ends on something the map has
+    unmapped  it ends where the map has nothing
+    through   it ends where the map has nothing, and passed through something the map has on its way
+
+The share of the unmapped at the pose held is the price of such a beam; it is learnt over tens of metres. On a map that
+lacks a third of its walls, a place that explains ten beams more is no proof. A wall seldom vanishes, so that passing
+through one costs more, and always the same.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mbf_relay.localization.distance_field import DistanceField
+from mbf_relay.localization.laser_kernels import look_up_endpoints, trace_endpoints
+
+BEAMS = 60
+"""Beams of a scan that are looked at."""
+INDEPENDENT_BEAMS = 20.0
+"""A scan says no more than so many independent beams would: its beams hit the same few walls, by the same error."""
+THROUGH = 0.1
+"""Share of the unmapped that pass through walls where the pose is right: doors that opened, edges grazed."""
+WALL_MARGIN = 0.3
+USUAL_UNMAPPED = 0.2
+LEARNT_OVER = 30.0
+"""Way (m) over which the price of the unmapped is learnt."""
+BOUNDS = (0.05, 0.6)
+"""Between which it lies: no map is perfect, and one that lacks more tells nothing."""
+
+
+class Judgement(NamedTuple):
+    """What a scan says of poses, each of shape (K,).
+
+    Attributes:
+        log_likelihoods: Of the scan, tempered.
+        hits: Share of the beams that end on something the map has.
+        through: Share of the beams that passed through something the map has.
+    """
+
+    log_likelihoods: np.ndarray
+    hits: np.ndarray
+    through: np.ndarray
+
+
+class Evidence:
+    """Judges poses by scans, and learns what the map lacks.
+
+    Attributes:
+        unmapped: Share of the beams that end where the map has nothing, on this drive.
+    """
+
+    def __init__(self, field: DistanceField, sigma: float) -> None:
+        """Judge on a map; `sigma` is the deviation of a hit (m)."""
+        self._field = field
+        self._surfaces = field.surface_distances()
+        self._sigma = max(sigma, field.resolution)
+        self.unmapped = USUAL_UNMAPPED
+
+    def judge(self, poses: np.ndarray, endpoints: np.ndarray, laser: np.ndarray) -> Judgement:
+        """Return what a scan says of poses.
+
+        Args:
+            poses: Shape (K, 3), in the map's frame; the first is the one held. Where little around it is mapped, little
+                is proven by what is mapped elsewhere.
+            endpoints: Shape (B, 2) in metres, in the base's frame.
+            laser: Position of the sensor in the base's frame, shape (2,).
+        """
+        endpoints = np.ascontiguousarray(endpoints[:: max(1, len(endpoints) // BEAMS)])
+        poses = np.ascontiguousarray(poses)
+        distances = np.empty((len(poses), len(endpoints)), dtype=np.float32)
+        frame = self._field.frame
+        look_up_endpoints(poses, endpoints, self._surfaces, np.inf, frame, distances)
+        hits = np.exp(-0.5 * np.square(distances / self._sigma))
+        passed = np.empty((len(poses), len(endpoints)), dtype=np.uint8)
+        trace_endpoints(poses, endpoints, laser, self._field.distances, frame, WALL_MARGIN, passed)
+        through = passed * (1.0 - hits)
+        price = min(max(self.unmapped, 1.0 - float(hits[0].mean())), BOUNDS[1])
+        logs = np.log((1.0 - price) * hits + price * (1.0 - through * (1.0 - THROUGH)))
+        return Judgement(
+            logs.mean(axis=1) * min(INDEPENDENT_BEAMS, len(endpoints)), hits.mean(axis=1), through.mean(axis=1)
+        )
+
+    def learn(self, hits: float, way: float) -> None:
+        """Take the share of hits at the pose held, of a scan taken `way` (m) after the last."""
+        share = 1.0 - math.exp(-way / LEARNT_OVER)
+        self.unmapped = min(max(self.unmapped + share * (1.0 - hits - self.unmapped), BOUNDS[0]), BOUNDS[1])

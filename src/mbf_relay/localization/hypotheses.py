@@ -1,0 +1,177 @@
+"""Rival hypotheses: other places the robot may be, each with the evidence of all scans since it came up.
+
+The particles hold one hypothesis. Where scans stop fitting, odometry may have slipped or the robot may have been
+carried; where it was started anywhere, many places may look alike. Each such place is a normal distribution of its own
+that goes along with odometry, is pulled to where scans fit, and gathers evidence (Jensfelt and Kristensen 2001). It
+enters at the odds of what must have happened, the scan that brought it up not counted, and takes the place of the one
+held when it has the better evidence over several scans and a way: never on one scan, since something always looks like
+something else. Who is deposed becomes a rival and may come back.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Callable, List, Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.geometry import angle_between
+from mbf_relay.localization.evidence import Evidence
+from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp
+from mbf_relay.localization.scan_likelihood import ScanLikelihood
+
+MOST = 100
+"""Rivals kept at most."""
+FORGOTTEN = -16.0
+"""Log-odds against the hypothesis held below which a rival is dropped."""
+SAME_PLACE, SAME_HEADING = 0.3, 0.2
+"""Distance (m) and turn (rad) within which two hypotheses are one."""
+PROVEN_SCANS, PROVEN_WAY = 3, 1.0
+"""Scans and way (m) a rival has to prove itself on before it can take over."""
+LEAD = 2.0
+"""Log-odds a rival needs to take over, so that equals do not take turns."""
+WAY_OF_A_SCAN = 3.0
+"""Way (m) after which a scan tells something new: those taken on the way hit the same walls by the same errors."""
+LOG_SLIPPED, SLIP_SIZE = math.log(0.02), 0.3
+"""Log-odds that odometry slipped, where a scan makes one ask; mean size (m) of a slip, whose tail is exponential."""
+
+
+@dataclass(eq=False)
+class Hypothesis:
+    """A place the robot may be.
+
+    Attributes:
+        belief: Where exactly.
+        log_weight: Log of its share of the belief.
+        scans: Since it came up.
+        way: Metres driven since.
+    """
+
+    belief: PoseGaussian
+    log_weight: float
+    scans: int = 0
+    way: float = 0.0
+
+
+class Hypotheses:
+    """The rivals of the hypothesis the particles hold.
+
+    Attributes:
+        held: Log of the share of the belief the particles hold.
+        rivals: All others.
+    """
+
+    def __init__(self) -> None:
+        self.held = 0.0
+        self.rivals: List[Hypothesis] = []
+
+    def clear(self) -> None:
+        """Forget all rivals."""
+        self.held, self.rivals = 0.0, []
+
+    @property
+    def share_held(self) -> float:
+        """Share of the belief, 0 to 1, that the particles hold."""
+        return math.exp(self.held)
+
+    def predict(self, move: Callable[[PoseGaussian], PoseGaussian], way: float) -> None:
+        """Move all rivals by a motion of `way` metres."""
+        for rival in self.rivals:
+            rival.belief = move(rival.belief)
+            rival.way += way
+
+    def correct(
+        self,
+        held: np.ndarray,
+        likelihood: ScanLikelihood,
+        evidence: Evidence,
+        endpoints: np.ndarray,
+        laser: np.ndarray,
+        way: float,
+    ) -> Tuple[float, float]:
+        """Pull all rivals to where a scan fits, and weigh them and the one held by it.
+
+        Args:
+            held: Pose of the hypothesis held, the scan already in it, shape (3,).
+            likelihood: Of scans, to climb on.
+            evidence: Judges the poses.
+            endpoints: Of the scan, shape (B, 2), in the base's frame.
+            laser: Position of the sensor in the base's frame, shape (2,).
+            way: Metres driven since the last scan.
+
+        Returns:
+            The shares of the beams that hit what the map has, and that passed through it, at the pose held.
+        """
+        for rival in self.rivals:
+            modes = likelihood.modes(rival.belief.mean[None, :], rival.belief, endpoints)
+            rival.belief = PoseGaussian(modes.poses[0], modes.covariances[0])
+            rival.scans += 1
+        poses = np.array([held] + [rival.belief.mean for rival in self.rivals])
+        judged = evidence.judge(poses, endpoints, laser)
+        logs = judged.log_likelihoods * min(1.0, way / WAY_OF_A_SCAN)
+        self.held += float(logs[0])
+        for rival, log in zip(self.rivals, logs[1:]):
+            rival.log_weight += float(log)
+        self._tidy(held)
+        return float(judged.hits[0]), float(judged.through[0])
+
+    def add(self, poses: np.ndarray, covariances: np.ndarray, held: np.ndarray, log_carried: float = -math.inf) -> None:
+        """Add rivals at the odds of a slip so large, or of having been carried; those of one scan share them evenly.
+
+        Args:
+            poses: Places, shape (K, 3); only those that none holds yet are new.
+            covariances: Shape (K, 3, 3).
+            held: Pose of the hypothesis held, shape (3,).
+            log_carried: Log-odds that the robot was carried, which may be to anywhere.
+        """
+        known = [held] + [rival.belief.mean for rival in self.rivals]
+        new = [i for i, pose in enumerate(poses) if not any(is_same(pose, other) for other in known)]
+        for i in new:
+            slip = math.hypot(poses[i][0] - held[0], poses[i][1] - held[1]) / SLIP_SIZE
+            log_weight = self.held + max(LOG_SLIPPED - slip, log_carried) - math.log(len(new))
+            self.rivals.append(Hypothesis(PoseGaussian(poses[i], covariances[i]), log_weight))
+        self._tidy(held)
+
+    def start(self, beliefs: List[PoseGaussian], log_weights: np.ndarray) -> PoseGaussian:
+        """Begin with hypotheses of given log-weights, shape (K,); return the best, which is held from now on."""
+        best = int(np.argmax(log_weights))
+        self.held = float(log_weights[best])
+        self.rivals = [
+            Hypothesis(belief, float(log), PROVEN_SCANS)
+            for i, (belief, log) in enumerate(zip(beliefs, log_weights))
+            if i != best
+        ]
+        self._tidy(beliefs[best].mean)
+        return beliefs[best]
+
+    def challenge(self, held: PoseGaussian) -> Optional[PoseGaussian]:
+        """Return the rival that has proven itself against the one held, which becomes a rival; None where none has."""
+        proven = [r for r in self.rivals if r.scans >= PROVEN_SCANS and r.way >= PROVEN_WAY]
+        best = max(proven, key=lambda rival: rival.log_weight, default=None)
+        if best is None or best.log_weight < self.held + LEAD:
+            return None
+        self.rivals.remove(best)
+        self.rivals.append(Hypothesis(held, self.held, PROVEN_SCANS, PROVEN_WAY))
+        self.held = best.log_weight
+        return best.belief
+
+    def _tidy(self, held: np.ndarray) -> None:
+        """Merge what has become one place, drop what has no weight to speak of, and normalise."""
+        kept: List[Hypothesis] = []
+        for rival in sorted(self.rivals, key=lambda one: -one.log_weight):
+            if is_same(rival.belief.mean, held) or any(is_same(rival.belief.mean, one.belief.mean) for one in kept):
+                continue
+            if len(kept) < MOST and (rival.log_weight > self.held + FORGOTTEN or rival.scans == 0):
+                kept.append(rival)
+        self.rivals = kept
+        total = log_sum_exp(np.array([self.held] + [rival.log_weight for rival in kept]))
+        self.held -= total
+        for rival in kept:
+            rival.log_weight -= total
+
+
+def is_same(pose: np.ndarray, other: np.ndarray) -> bool:
+    """Return whether two poses, shape (3,), are one place."""
+    near = math.hypot(pose[0] - other[0], pose[1] - other[1]) < SAME_PLACE
+    return near and abs(angle_between(other[2], pose[2])) < SAME_HEADING

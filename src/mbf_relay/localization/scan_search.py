@@ -1,0 +1,134 @@
+"""One-scan global localization: all the places on a map where one scan fits about as well as anywhere.
+
+Branch and bound over a pyramid of the map (Olson 2015; Hess et al. 2016): a block of poses is left out where even the
+best score around each beam's end cannot reach the best place found. Nothing is left to chance, so the one place that
+fits is found whatever the map's size, and where several look alike all of them are.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mbf_relay.localization.distance_field import DistanceField
+from mbf_relay.localization.scan_likelihood import apart, thin_out
+from mbf_relay.localization.search_kernels import bound_all, descend
+
+BEAMS = 60
+FEWEST_BEAMS = 5
+TURNS = 180
+"""Headings tried: at 10 m a beam's end moves by 0.35 m from one to the next, about as wide as a score."""
+SIGMA = 0.15
+"""Deviation (m) of an end from the map that the search takes for a fit; the climb afterwards is finer."""
+PLACE = 0.1
+"""Side (m) of the blocks that count as one place, about."""
+TOP = 0.8
+"""Side (m) of the blocks the search begins with; each may give one place for each heading."""
+MOST_VISITS = 3_000_000
+"""Blocks looked into before the search ends with what it has; some seconds."""
+MARGIN = 0.1
+"""Share of the beams' scores by which a place may fall short of the best and still be told."""
+
+
+class Places(NamedTuple):
+    """Where a scan fits, best first: poses of shape (K, 3), and scores of shape (K,), 0 to 1."""
+
+    poses: np.ndarray
+    scores: np.ndarray
+
+
+class ScanSearch:
+    """Finds scans on one map."""
+
+    def __init__(self, field: DistanceField) -> None:
+        self._field = field
+        sigma = max(SIGMA, field.resolution)
+        scores = 255.0 * np.exp(np.square(field.surface_distances()) * np.float32(-0.5 / sigma ** 2))
+        free = (field.blocked == 0).astype(np.uint8)
+        self._leaf = max(0, round(math.log2(PLACE / field.resolution)))
+        self._top = max(self._leaf + 1, round(math.log2(TOP / field.resolution)))
+        fits, reachable, rows = [], [], []
+        begin = 0
+        for level in range(self._top + 1):
+            if level == 0:
+                best, open_cells = scores.astype(np.uint8), free
+            else:
+                best, open_cells = _halved(best), _halved(open_cells)
+            padded = np.pad(best, ((1, 1), (1, 1)))
+            around = np.maximum(padded[:-1], padded[1:])
+            fits.append(np.maximum(around[:, :-1], around[:, 1:]).ravel())
+            reachable.append(np.pad(open_cells, ((1, 0), (1, 0))).ravel())
+            rows.append((begin, *best.shape))
+            begin += len(reachable[-1])
+        self._scores, self._free = np.concatenate(fits), np.concatenate(reachable)
+        self._levels = np.array(rows, dtype=np.int64)
+
+    def search(self, hits: np.ndarray, most: int = 200, margin: float = MARGIN) -> Places:
+        """Return the places where a scan fits best, none within 0.3 m and 0.15 rad of a better one.
+
+        Args:
+            hits: Ends of the beams that came back, shape (B, 2), in the base's frame.
+            most: How many places to return.
+            margin: How far below the best score, as a share, a place may be.
+        """
+        endpoints = thin_out(hits, BEAMS)
+        nodes = self._nodes()
+        if len(endpoints) < FEWEST_BEAMS or len(nodes) == 0:
+            return Places(np.empty((0, 3)), np.empty(0))
+        headings = np.arange(TURNS) * (2.0 * math.pi / TURNS)
+        offsets = self._offsets(endpoints, headings)
+        bounds = np.empty(len(nodes))
+        bound_all(nodes, offsets, self._scores, self._levels, bounds)
+        order = np.argsort(-bounds, kind="stable")
+        full = 255.0 * len(endpoints)
+        found = np.empty((len(nodes), 4))
+        count = descend(
+            self._leaf,
+            np.ascontiguousarray(nodes[order]),
+            bounds[order],
+            offsets,
+            self._scores,
+            self._levels,
+            self._free,
+            margin * full,
+            MOST_VISITS,
+            found,
+        )
+        found = found[:count]
+        found = found[found[:, 0] >= found[:, 0].max(initial=0.0) - margin * full]
+        side = self._field.resolution * 2 ** self._leaf
+        poses = np.column_stack((
+            (found[:, 2] + 0.5) * side, (found[:, 1] + 0.5) * side, headings[found[:, 3].astype(np.int64)],
+        ))
+        poses = self._field.origin.transform_poses(poses)
+        kept = apart(poses, found[:, 0], most, distance=0.3, turn=0.15) if count else []
+        return Places(poses[kept], found[kept, 0] / full)
+
+    def _nodes(self) -> np.ndarray:
+        """Return the blocks to begin with, at every heading, shape (N, 4)."""
+        begin, height, width = self._levels[self._top]
+        rows, columns = np.nonzero(self._free[begin:].reshape(height + 1, width + 1)[1:, 1:])
+        nodes = np.empty((len(rows), TURNS, 4), dtype=np.int64)
+        nodes[..., 0] = self._top
+        nodes[..., 1], nodes[..., 2] = rows[:, None], columns[:, None]
+        nodes[..., 3] = np.arange(TURNS)
+        return nodes.reshape(-1, 4)
+
+    def _offsets(self, endpoints: np.ndarray, headings: np.ndarray) -> np.ndarray:
+        cos, sin = np.cos(headings)[:, None], np.sin(headings)[:, None]
+        columns = cos * endpoints[:, 0] - sin * endpoints[:, 1]
+        rows = sin * endpoints[:, 0] + cos * endpoints[:, 1]
+        return np.ascontiguousarray(
+            np.rint(np.stack((columns, rows), axis=2) / self._field.resolution).astype(np.int32)
+        )
+
+
+def _halved(values: np.ndarray) -> np.ndarray:
+    """Return the highest of every 2 x 2 cells; an odd last row or column stands alone."""
+    height, width = values.shape
+    padded = np.zeros((height + height % 2, width + width % 2), dtype=values.dtype)
+    padded[:height, :width] = values
+    highest: np.ndarray = padded.reshape(padded.shape[0] // 2, 2, -1, 2).max(axis=(1, 3))
+    return highest

@@ -1,0 +1,107 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""Compiled loops of the search for a scan all over a map: branch and bound over a pyramid of best scores."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mbf_relay.kernels import kernel
+
+
+@kernel("float64(int64, int64, int64, int64, int32[:,:,::1], uint8[::1], int64[:,::1])")
+def bound_of(level, row, column, turn, offsets, scores, levels):
+    """Return the sum that a scan scores at most with the robot in a block of cells.
+
+    Args:
+        level: Of the pyramid; a block has 2^level cells a side.
+        row, column: Of the block.
+        turn: Index of the heading.
+        offsets: Where the beams end (cells from the robot) at each heading, shape (turns, B, 2), as column and row.
+        scores: The pyramid: at each block the best score of 2 x 2 blocks from it on, levels one after the other, each
+            with a row and a column of blocks before the map's first.
+        levels: Where a level begins in `scores`, its rows and its columns, shape (L, 3).
+    """
+    begin, height, width = levels[level, 0], levels[level, 1], levels[level, 2]
+    row0, column0 = row << level, column << level
+    total = 0
+    for j in range(offsets.shape[1]):
+        x = (column0 + offsets[turn, j, 0]) >> level
+        y = (row0 + offsets[turn, j, 1]) >> level
+        if x >= -1 and y >= -1 and x < width and y < height:
+            total += scores[begin + (y + 1) * (width + 1) + x + 1]
+    return float(total)
+
+
+@kernel(
+    "int64(int64, int64[:,::1], float64[::1], int32[:,:,::1], uint8[::1], int64[:,::1], uint8[::1], float64, int64,"
+    " float64[:,::1])"
+)
+def descend(leaf, nodes, bounds, offsets, scores, levels, free, margin, most_visits, found):
+    """Find the best place in every block that may hold one nearly as good as the best of all.
+
+    Depth first from the most promising block on, each block's best child first (Hess et al. 2016, algorithm 3), but
+    every block keeps a place of its own: what looks alike is found, too.
+
+    Args:
+        leaf: Level at which places are told apart.
+        nodes: Blocks to begin with, most promising first, shape (N, 4): level, row, column, heading's index.
+        bounds: What they score at most, shape (N,).
+        offsets, scores, levels: As for `bound_of`.
+        free: Laid out as `scores`: whether the robot can be in a block.
+        margin: How far below the best a place may score.
+        most_visits: Blocks to look at before the search ends with what it has.
+        found: Result, shape (N, 4): score, row, column (in leaf's blocks) and heading's index.
+
+    Returns:
+        How many were found.
+    """
+    count, best, visits = 0, 0.0, 0
+    stack = np.empty((4 * 32, 3), dtype=np.int64)
+    stack_bounds = np.empty(4 * 32)
+    for n in range(nodes.shape[0]):
+        if bounds[n] < best - margin or visits > most_visits:
+            break
+        turn = nodes[n, 3]
+        stack[0, 0], stack[0, 1], stack[0, 2] = nodes[n, 0], nodes[n, 1], nodes[n, 2]
+        stack_bounds[0] = bounds[n]
+        depth = 1
+        own, own_row, own_column = -1.0, 0, 0
+        while depth > 0:
+            depth -= 1
+            bound = stack_bounds[depth]
+            if bound <= own or bound < best - margin:
+                continue
+            level, row, column = stack[depth, 0], stack[depth, 1], stack[depth, 2]
+            if level == leaf:
+                own, own_row, own_column = bound, row, column
+                best = max(best, own)
+                continue
+            visits += 1
+            below = level - 1
+            begin, height, width = levels[below, 0], levels[below, 1], levels[below, 2]
+            first = depth
+            for child in range(4):
+                y, x = 2 * row + child // 2, 2 * column + child % 2
+                if y >= height or x >= width or free[begin + (y + 1) * (width + 1) + x + 1] == 0:
+                    continue
+                value = bound_of(below, y, x, turn, offsets, scores, levels)
+                place = depth
+                while place > first and stack_bounds[place - 1] > value:
+                    stack_bounds[place] = stack_bounds[place - 1]
+                    for i in range(3):
+                        stack[place, i] = stack[place - 1, i]
+                    place -= 1
+                stack_bounds[place] = value
+                stack[place, 0], stack[place, 1], stack[place, 2] = below, y, x
+                depth += 1
+        if own >= 0.0:
+            found[count, 0], found[count, 1], found[count, 2], found[count, 3] = own, own_row, own_column, turn
+            count += 1
+    return count
+
+
+@kernel("void(int64[:,::1], int32[:,:,::1], uint8[::1], int64[:,::1], float64[::1])")
+def bound_all(nodes, offsets, scores, levels, bounds):
+    """Bound every block of `nodes`, shape (N, 4) as level, row, column, heading's index; result of shape (N,)."""
+    for n in range(nodes.shape[0]):
+        bounds[n] = bound_of(nodes[n, 0], nodes[n, 1], nodes[n, 2], nodes[n, 3], offsets, scores, levels)

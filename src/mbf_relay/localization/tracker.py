@@ -1,0 +1,208 @@
+"""The robust form of the filter: particles drawn with the scan in view, and rivals for what they may have missed.
+
+predict    particles and rivals go along with odometry
+correct    particles are drawn where prior and scan agree; rivals climb; all hypotheses are weighed by the scan
+doubt      where scans stop fitting, rivals are looked for: nearby, where odometry may have slipped; then anywhere
+decide     a rival with better evidence over several scans takes over
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.beams import Beams
+from mbf_relay.localization.distance_field import DistanceField
+from mbf_relay.localization.evidence import Evidence
+from mbf_relay.localization.gaussians import PoseGaussian
+from mbf_relay.localization.hypotheses import Hypotheses
+from mbf_relay.localization.reliability import Reliability
+from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, apart, thin_out
+from mbf_relay.localization.scan_proposal import ScanProposal
+from mbf_relay.localization.scan_search import Places, ScanSearch
+
+FEWEST_BEAMS = 5
+DRAWN_ANEW = 500
+"""Particles around a hypothesis that is taken over."""
+METRES_PER_RADIAN = 0.5
+"""A turn shows as much that is new as so many metres."""
+NEARBY, STARTS = 6000, 8
+SLIP = np.array([0.25, 0.25, 0.15])
+SLIP_PER_METRE = np.array([0.3, 0.3, 0.1])
+"""Deviations (m, m, rad) of a slip, and what each metre driven in doubt adds to these."""
+GAIN = 0.05
+"""Share of the beams more than where the robot is thought to be that a new rival must explain."""
+AGAIN_NEARBY, AGAIN_ANYWHERE = 0.4, 3.0
+"""Way (m) from one search to the next."""
+ASTRAY, LOG_CARRIED = 3.0, -14.0
+"""Way (m) driven in doubt before rivals are looked for anywhere, and the log-odds that the robot was carried there."""
+RECOVERING_ASTRAY, RECOVERING_LOG_CARRIED = 0.5, -7.0
+"""The same with amcl's recovery on, which says that this robot is carried at times."""
+CONTRADICTED = 0.08
+"""Share of beams through walls from which a pose is taken for wrong. Where only much is unmapped the map has a gap, and
+another place that happens to be mapped better is no reason to leave; a wall that is passed through is."""
+ANYWHERE = np.array([100.0, 100.0, 10.0])
+START_MARGIN = 0.2
+
+
+class Doubt:
+    """Whether scans fit as they used to: the share of beams the map explains against its own average.
+
+    Attributes:
+        way: Metres driven in doubt, less those driven without since.
+    """
+
+    LEARNT_OVER, LOW, LEAST = 20.0, 0.75, 0.3
+
+    def __init__(self) -> None:
+        self._usual: Optional[float] = None
+        self.way = 0.0
+
+    def look(self, explained: float, way: float) -> bool:
+        """Take the share of one scan and the way (m) to it; return whether it is clearly below the usual."""
+        usual = explained if self._usual is None else self._usual
+        doubtful = explained < max(self.LEAST, self.LOW * usual)
+        self.way = max(0.0, self.way + (way if doubtful else -way))
+        self._usual = usual + min(1.0, way / self.LEARNT_OVER) * (explained - usual)
+        return doubtful
+
+
+class Corrected(NamedTuple):
+    """Particles after a scan: poses of shape (N, 3), log-weights of shape (N,), not normalised."""
+
+    poses: np.ndarray
+    log_weights: np.ndarray
+
+
+class HypothesisTracker:
+    """Keeps the hypotheses about where the robot is.
+
+    Attributes:
+        hypotheses: The rivals of what the particles hold.
+        fit: How scans fitted over the last metres.
+    """
+
+    def __init__(self, field: DistanceField, sigma_hit: float, recovers: bool = False) -> None:
+        """Track on a map.
+
+        Args:
+            field: The map.
+            sigma_hit: Deviation (m) of a hit, in amcl's sense.
+            recovers: Look all over the map soon after scans stop fitting.
+        """
+        self._field = field
+        self._likelihood = ScanLikelihood(field, sigma_hit)
+        self._proposal = ScanProposal(self._likelihood)
+        self._evidence = Evidence(field, sigma_hit)
+        self._search: Optional[ScanSearch] = None
+        self._recovers = recovers
+        self.hypotheses = Hypotheses()
+        self.start()
+
+    def start(self, anywhere: bool = False) -> None:
+        """Begin anew, around the particles handed in next, or anywhere on the map."""
+        self.hypotheses.clear()
+        self._doubt = Doubt()
+        self._anywhere = anywhere
+        self._way = self._since_nearby = self._since_anywhere = 0.0
+        self.fit = Reliability()
+
+    def predict(self, step: Pose2D, noise: np.ndarray) -> None:
+        """Move rivals by a step of odometry with noise of a covariance, shape (3, 3), in the base's frame."""
+        way = float(np.hypot(step.x, step.y)) + METRES_PER_RADIAN * abs(step.theta)
+        self._way += way
+        self._since_nearby += way
+        self._since_anywhere += way
+        self.hypotheses.predict(lambda belief: belief.moved(step, noise), way)
+
+    def correct(self, poses: np.ndarray, log_weights: np.ndarray, beams: Beams, rng: np.random.Generator) -> Corrected:
+        """Take a scan.
+
+        Args:
+            poses: Particles as odometry moved them, shape (N, 3).
+            log_weights: Shape (N,).
+            beams: Of the scan, all of them.
+            rng: Where chance comes from.
+        """
+        endpoints = thin_out(beams.hits)
+        way, self._way = self._way, 0.0
+        if len(endpoints) < FEWEST_BEAMS:
+            return Corrected(poses, log_weights)
+        laser = np.array([beams.laser_pose.x, beams.laser_pose.y])
+        if self._anywhere:
+            started = self._start_anywhere(endpoints, laser)
+            if started is not None:
+                poses, log_weights = drawn_around(started, rng)
+        proposed = self._proposal.propose(poses, log_weights, endpoints, rng)
+        held = proposed.best
+        self.fit.look(*self.hypotheses.correct(held.mean, self._likelihood, self._evidence, endpoints, laser, way), way)
+        if self._doubt.look(proposed.explained, way):
+            self._look_for_rivals(held, proposed.explained, endpoints, laser, rng)
+        else:
+            self._evidence.learn(proposed.explained, way)
+        winner = self.hypotheses.challenge(held)
+        if winner is not None:
+            self._doubt.way, self.fit = 0.0, Reliability()
+            return Corrected(*drawn_around(winner, rng))
+        return Corrected(proposed.poses, proposed.log_weights)
+
+    def find(self, hits: np.ndarray, margin: float = START_MARGIN) -> Places:
+        """Return all places on the map where a scan with ends at `hits`, shape (B, 2), fits nearly as well as anywhere.
+        """
+        if self._search is None:
+            self._search = ScanSearch(self._field)
+        return self._search.search(hits, margin=margin)
+
+    def _start_anywhere(self, endpoints: np.ndarray, laser: np.ndarray) -> Optional[PoseGaussian]:
+        """Begin with all the places where a scan fits; return the best, None where there is none."""
+        modes = self._anywhere_modes(endpoints, START_MARGIN)
+        if modes is None:
+            return None
+        self._anywhere = False
+        judged = self._evidence.judge(modes.poses, endpoints, laser)
+        return self.hypotheses.start(
+            [PoseGaussian(pose, covariance) for pose, covariance in zip(modes.poses, modes.covariances)],
+            judged.log_likelihoods,
+        )
+
+    def _anywhere_modes(self, endpoints: np.ndarray, margin: float) -> Optional[Modes]:
+        places = self.find(endpoints, margin)
+        if len(places.poses) == 0:
+            return None
+        prior = PoseGaussian(places.poses[0], np.diag(ANYWHERE ** 2))
+        return self._likelihood.modes(places.poses, prior, endpoints)
+
+    def _look_for_rivals(
+        self, held: PoseGaussian, explained: float, endpoints: np.ndarray, laser: np.ndarray, rng: np.random.Generator
+    ) -> None:
+        """Look where odometry may have slipped to, and after a long doubt anywhere."""
+        if self._since_nearby >= AGAIN_NEARBY:
+            self._since_nearby = 0.0
+            wide = held.widened(SLIP + SLIP_PER_METRE * self._doubt.way)
+            starts = wide.sample(NEARBY, rng)
+            values = self._likelihood.log(starts, thin_out(endpoints, 60))
+            modes = self._likelihood.modes(starts[apart(starts, values, STARTS, 0.2, 0.1)], wide, endpoints)
+            self._add(modes, explained, held, -math.inf)
+        astray, log_carried = (
+            (RECOVERING_ASTRAY, RECOVERING_LOG_CARRIED) if self._recovers else (ASTRAY, LOG_CARRIED)
+        )
+        lost = self._doubt.way >= astray and (self._recovers or self.fit.through > CONTRADICTED)
+        if lost and self._since_anywhere >= AGAIN_ANYWHERE:
+            self._since_anywhere = 0.0
+            found = self._anywhere_modes(endpoints, START_MARGIN)
+            if found is not None:
+                self._add(found, explained, held, log_carried)
+
+    def _add(self, modes: Modes, explained: float, held: PoseGaussian, log_carried: float) -> None:
+        better = modes.explained > explained + GAIN
+        if better.any():
+            modes = modes.only(better)
+            self.hypotheses.add(modes.poses, modes.covariances, held.mean, log_carried)
+
+
+def drawn_around(belief: PoseGaussian, rng: np.random.Generator) -> Tuple[np.ndarray, np.ndarray]:
+    """Return particles around a belief, and their equal log-weights."""
+    return belief.sample(DRAWN_ANEW, rng), np.full(DRAWN_ANEW, -np.log(DRAWN_ANEW))

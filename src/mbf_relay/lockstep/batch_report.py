@@ -1,0 +1,90 @@
+"""What a batch leaves: a summary as text and JSON, and pictures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Dict, Sequence
+
+from mbf_relay.lockstep import pictures, tables
+from mbf_relay.lockstep.command import Progress, finite
+from mbf_relay.lockstep.episodes import Lost
+from mbf_relay.lockstep.options import TIME_LIMIT
+from mbf_relay.lockstep.result import ERROR, EpisodeResult
+from mbf_relay.lockstep.summary import MEASURES, summarize
+from mbf_relay.lockstep.tasks import EpisodeTask
+from mbf_relay.lockstep.workers import workers_for
+
+TILES = 40
+"""Tiles of the contact sheet that are drawn in one go."""
+WORTH_A_PROCESS = 8
+"""Pieces of drawing for which another process is started."""
+
+
+def leave(
+    folder: Path, results: Sequence[EpisodeResult], tasks: Sequence[EpisodeTask], processes: int,
+    trajectories: bool = False,
+) -> None:
+    """Write summary, tables and pictures, and tell the summary.
+
+    Args:
+        folder: Where they go.
+        results: In any order; of none, nothing is left.
+        tasks: Of the worlds; what has no task is not drawn.
+        processes: That draw.
+        trajectories: Also leave a file of each drive.
+    """
+    done = sorted(results, key=lambda result: (result.world, result.seed))
+    if not done:
+        return
+    print(as_text(done))
+    (folder / "summary.json").write_text(as_json(done), encoding="utf-8")
+    tables.write(folder, done, trajectories)
+    by_name = {task.name: task for task in tasks}
+    draw(folder, [(by_name[result.world], result) for result in done if result.world in by_name], processes)
+    print(f"results, summary and pictures are in {folder}")
+
+
+def draw(folder: Path, shown: Sequence[pictures.Shown], processes: int) -> None:
+    """Draw the contact sheet and a picture of each failure."""
+    failures = [[pair] for pair in shown if not pair[1].success and pair[1].outcome != ERROR]
+    pieces = [list(shown[first:first + TILES]) for first in range(0, len(shown), TILES)]
+    count = len(pieces) + len(failures)
+    progress = Progress(count)
+    tiles: Dict[int, Any] = {}
+    with workers_for(count, min(processes, count // WORTH_A_PROCESS), say=lambda line: None) as workers:
+        for piece, drawn in workers.run(pictures.tiles, pieces, TIME_LIMIT):
+            tiles[id(piece)] = [] if isinstance(drawn, Lost) else drawn
+            progress.show(len(tiles), 0.0, "pictures")
+        for number, (((_, result),), drawn) in enumerate(workers.run(pictures.failure, failures, TIME_LIMIT), 1):
+            if not isinstance(drawn, Lost):
+                (folder / f"failure-{result.world}-{result.seed}.png").write_bytes(drawn)
+            progress.show(len(pieces) + number, 0.0, "pictures")
+    pictures.contact_sheet([tile for piece in pieces for tile in tiles[id(piece)]], folder / "contact_sheet.png")
+
+
+def as_text(results: Sequence[EpisodeResult]) -> str:
+    """Return the summary as a table, and every failure with its reason."""
+    lines = [f"{len(results)} episodes; means with 95 % intervals"]
+    summary = summarize(results)
+    for measure in MEASURES:
+        estimate = summary[measure.name]
+        if estimate.value == estimate.value:
+            title = measure.name + (f" [{measure.unit}]" if measure.unit else "")
+            lines.append(f"  {title:34} {estimate}")
+    for result in results:
+        if not result.success:
+            lines.append(
+                f"  {result.world} (seed {result.seed}): {result.outcome} at {result.time:.1f} s. {result.message}"
+            )
+    return "\n".join(lines)
+
+
+def as_json(results: Sequence[EpisodeResult]) -> str:
+    """Return the summary as JSON; what was not measured is null."""
+    measures = {measure.name: measure for measure in MEASURES}
+    values: Dict[str, Any] = {"episodes": len(results)}
+    for name, estimate in summarize(results).items():
+        value, low, high = finite(estimate)
+        values[name] = {"value": value, "low": low, "high": high, "unit": measures[name].unit}
+    return json.dumps(values, indent=1) + "\n"

@@ -1,0 +1,236 @@
+"""Work on a Dask cluster: one on this machine, or one that somebody already has.
+
+Dask decides where a piece of work goes, finds workers that died or stopped and gives their work to others. A worker
+is a thread that watches a process of its own (see `driver`), so that what crashes or hangs costs one result and no
+worker, on a cluster of anybody's making. Here and there workers must have the client's sources, or they get no work.
+"""
+
+from __future__ import annotations
+
+import queue
+import sys
+import tempfile
+import time
+from collections import deque
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, Callable, Deque, Dict, Iterator, List, Optional, Sequence, Tuple, TypeVar
+
+from mbf_relay.lockstep import driver
+from mbf_relay.lockstep.episodes import Lost, value_of
+from mbf_relay.lockstep.sources import Sources
+
+Argument = TypeVar("Argument")
+
+CONNECTING = 10.0
+"""Seconds a scheduler may take to answer."""
+LOOK = 1.0
+"""Seconds between two looks at which workers there are."""
+AHEAD = 2
+"""Pieces of work sent per thread: one in work, one that waits there already."""
+MOST_TRIES = 5
+"""How often work is sent again that came to a worker of other sources."""
+SETTINGS = {
+    "distributed.worker.profile.interval": "1h",  # it would look at our threads a hundred times a second
+    "distributed.worker.profile.cycle": "1h",
+    "distributed.admin.tick.limit": "1h",  # a busy machine is no news
+}
+
+
+class ClusterError(ValueError):
+    """There is no cluster to work on; the text says why, in one line."""
+
+
+class DaskCluster:
+    """A Dask client, and which of its workers are fit for our work."""
+
+    def __init__(
+        self, client: Any, expected: Sources, warn: Callable[[str], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Take a client.
+
+        Args:
+            client: Of dask.distributed, connected.
+            expected: The sources that workers must have.
+            warn: Takes a line for people.
+            clock: Tells the time (s).
+        """
+        self._client, self._expected, self._warn, self._clock = client, expected, warn, clock
+        self._ended: queue.Queue = queue.Queue()
+        self._fit: Dict[str, bool] = {}
+        self._asked: Dict[Any, str] = {}
+        self._threads = 0
+        self._looked = float("-inf")
+        self._told_of_none = False
+
+    def run(
+        self, call: Callable[[Argument], Any], arguments: Sequence[Argument], time_limit: float
+    ) -> Iterator[Tuple[Argument, Any]]:
+        """Yield each argument and what came of it; see Workers.
+
+        Raises:
+            ClusterError: The scheduler is gone, or no worker is fit.
+        """
+        waiting: Deque[Tuple[Argument, int]] = deque((argument, 0) for argument in arguments)
+        flying: Dict[Any, Tuple[Argument, int]] = {}
+        try:
+            while waiting or flying:
+                self._look(time_limit)
+                while waiting and len(flying) < AHEAD * self._threads:
+                    argument, tries = waiting.popleft()
+                    work = driver.packed(call, argument, self._expected)
+                    flying[self._send(work, time_limit)] = argument, tries
+                for future in self._wait():
+                    if future in self._asked:
+                        self._judge(future)
+                        continue
+                    if future not in flying:
+                        continue  # of a run that was given up
+                    argument, tries = flying.pop(future)
+                    value = self._value(future)
+                    if isinstance(value, _Unfit) and tries < MOST_TRIES:
+                        waiting.append((argument, tries + 1))
+                    else:
+                        yield argument, Lost(str(value)) if isinstance(value, _Unfit) else value
+        finally:
+            if flying:
+                self._client.cancel(list(flying))
+
+    def _send(self, work: bytes, time_limit: float) -> Any:
+        strangers = bool(self._asked) or not all(self._fit.values())
+        workers = [address for address, fit in self._fit.items() if fit] if strangers else None
+        future = self._client.submit(driver.run_on_worker, work, time_limit, pure=False, workers=workers)
+        future.add_done_callback(self._ended.put)
+        return future
+
+    def _wait(self) -> List[Any]:
+        """Return what ended meanwhile."""
+        try:
+            ended = [self._ended.get(timeout=LOOK)]
+        except queue.Empty:
+            return []
+        while not self._ended.empty():
+            ended.append(self._ended.get())
+        return ended
+
+    def _value(self, future: Any) -> Any:
+        """Return what came of a piece of work: its value, Lost, or _Unfit."""
+        if future.status == "cancelled":
+            self._require_scheduler()
+            return Lost("was cancelled at the scheduler")
+        error = future.exception()
+        if error is None:
+            answer = future.result()
+            return _Unfit(answer[1].decode()) if answer[0] == driver.REFUSED else value_of(answer)
+        if isinstance(error, ImportError):
+            return _Unfit(str(error))
+        if type(error).__name__ == "KilledWorker":
+            return Lost("its worker was lost, again and again")
+        return Lost(f"{type(error).__name__}: {error}")
+
+    def _look(self, time_limit: float) -> None:
+        """See which workers there are, and ask new ones for their sources."""
+        if self._clock() - self._looked < LOOK:
+            return
+        self._looked = self._clock()
+        self._require_scheduler()
+        threads = self._client.nthreads()
+        for gone in set(self._fit) - set(threads):
+            del self._fit[gone]
+        for address in sorted(set(threads) - set(self._fit) - set(self._asked.values())):
+            work = driver.packed(_sources, sorted(self._expected.plugins))
+            future = self._client.submit(
+                driver.run_on_worker, work, time_limit, pure=False, workers=[address], allow_other_workers=False,
+                priority=1,
+            )
+            self._asked[future] = address
+            future.add_done_callback(self._ended.put)
+        self._threads = sum(threads[address] for address, fit in self._fit.items() if fit)
+        if not threads and not self._told_of_none:
+            self._told_of_none = True
+            self._warn(f"no worker is at {self._client.scheduler.address} yet; waiting for one")
+
+    def _judge(self, future: Any) -> None:
+        """Take a worker's answer about its sources."""
+        address = self._asked.pop(future)
+        found = self._value(future)
+        fit = isinstance(found, Sources)
+        difference = self._expected.difference(found) if fit else f"cannot work: {found}"
+        self._fit[address] = not difference
+        self._looked = float("-inf")
+        if difference:
+            self._warn(f"worker {address} {difference}; it gets no work")
+        if self._fit and not self._asked and not any(self._fit.values()):
+            raise ClusterError(f"no worker is fit; {address} {difference}")
+
+    def _require_scheduler(self) -> None:
+        if self._client.status not in ("running", "connecting"):
+            raise ClusterError(f"the scheduler is gone ({self._client.status}); what was finished is kept")
+
+
+class _Unfit(str):
+    """Why a worker did not do its work."""
+
+
+def _sources(plugins: Sequence[str]) -> Sources:
+    from mbf_relay.lockstep.sources import sources
+
+    return sources(plugins)
+
+
+@contextmanager
+def connected(
+    expected: Sources, processes: int, scheduler: str = "", scheduler_file: Optional[Path] = None,
+    say: Callable[[str], None] = lambda line: print(line, file=sys.stderr),
+) -> Iterator[DaskCluster]:
+    """Give a cluster for a while: the one of a scheduler, or else one on this machine.
+
+    Args:
+        expected: The sources that workers must have.
+        processes: On this machine, where no scheduler is named.
+        scheduler: Its address, such as tcp://HOST:8786.
+        scheduler_file: The file a scheduler wrote its address to.
+        say: Takes lines for people.
+
+    Raises:
+        ClusterError: Dask is not installed, or no scheduler answers.
+    """
+    try:
+        import dask
+        import distributed
+    except ImportError as error:
+        raise ClusterError(
+            f"a cluster needs dask.distributed (python3-distributed): {error}; --jobs 1 needs none"
+        ) from error
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set(SETTINGS))
+        if scheduler or scheduler_file is not None:
+            client = _client_of(distributed, scheduler, scheduler_file)  # drivers there end for want of work
+            stack.callback(client.close)
+        else:
+            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="mbf_relay-"))
+            stack.enter_context(dask.config.set({"temporary-directory": folder}))
+            local = stack.enter_context(distributed.LocalCluster(
+                n_workers=processes, threads_per_worker=1, processes=False, memory_limit=0,
+                dashboard_address="127.0.0.1:0", silence_logs=50,
+            ))
+            client = stack.enter_context(distributed.Client(local, set_as_default=False))
+            stack.callback(driver.end_all)
+        if client.dashboard_link:
+            say(f"dashboard: {client.dashboard_link}")
+        yield DaskCluster(client, expected, say)
+
+
+def _client_of(distributed: Any, scheduler: str, scheduler_file: Optional[Path]) -> Any:
+    if scheduler_file is not None and not scheduler_file.is_file():
+        raise ClusterError(f"scheduler file {scheduler_file} does not exist")
+    where = scheduler or str(scheduler_file)
+    try:
+        if scheduler_file is not None:
+            return distributed.Client(
+                scheduler_file=str(scheduler_file), timeout=CONNECTING, set_as_default=False, name="mbf_relay"
+            )
+        return distributed.Client(scheduler, timeout=CONNECTING, set_as_default=False, name="mbf_relay")
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise ClusterError(f"no scheduler answers at {where}: {' '.join(str(error).split())}") from error

@@ -1,0 +1,158 @@
+"""Several batches in one table, each against the first, and success against how hard worlds are."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence
+
+import numpy as np
+
+from mbf_relay.lockstep import statistics
+from mbf_relay.lockstep.result import EpisodeResult
+from mbf_relay.lockstep.statistics import IntervalEstimate
+from mbf_relay.lockstep.summary import MEASURES, Measure, paired
+
+SURE = 0.05
+"""Corrected chance below which a difference counts as one."""
+COMPARED = ("success", "score")
+"""Measures that are tested; the more are, the more of them would differ by chance."""
+MOST_GROUPS = 5
+"""Points along the axis of difficulty."""
+
+
+class Contrast(NamedTuple):
+    """One measure of one batch against the first batch's.
+
+    Attributes:
+        measure: Its name.
+        value: Of the batch, over the pairs.
+        difference: From the first batch.
+        chance: Of such a difference if there were none, corrected for all that is tested (Holm).
+    """
+
+    measure: str
+    value: IntervalEstimate
+    difference: IntervalEstimate
+    chance: float
+
+    @property
+    def verdict(self) -> str:
+        """Return "better", "worse" or "no difference"; all that is compared is the better the larger."""
+        if self.chance >= SURE or self.difference.value == 0.0 or math.isnan(self.chance):
+            return "no difference"
+        return "better" if self.difference.value > 0.0 else "worse"
+
+
+def contrasts(batches: Sequence[Sequence[EpisodeResult]]) -> List[List[Contrast]]:
+    """Return, for each batch but the first, what is compared of it; over the episodes that all have.
+
+    Raises:
+        ValueError: They share no world and seed.
+    """
+    common = set.intersection(*({(r.world, r.seed) for r in batch} for batch in batches))
+    if not common:
+        raise ValueError("the batches share no world and seed; drive the same worlds with each")
+    shared = [[r for r in batch if (r.world, r.seed) in common] for batch in batches]
+    found: List[List[Contrast]] = []
+    for batch in shared[1:]:
+        found.append([_contrast(measure, shared[0], batch) for measure in MEASURES if measure.name in COMPARED])
+    known = [(i, j) for i, row in enumerate(found) for j, one in enumerate(row) if not math.isnan(one.chance)]
+    for (i, j), chance in zip(known, statistics.holm([found[i][j].chance for i, j in known])):
+        found[i][j] = found[i][j]._replace(chance=chance)
+    return found
+
+
+def _contrast(measure: Measure, first: Sequence[EpisodeResult], other: Sequence[EpisodeResult]) -> Contrast:
+    values, differences = paired(measure, first, other)
+    if measure.is_share:
+        chance = statistics.sign_test({world: [round(d) for d in group] for world, group in differences.items()})
+    else:
+        chance = statistics.permutation_test(differences) if differences else math.nan
+    return Contrast(measure.name, statistics.mean(values), statistics.mean(differences), chance)
+
+
+def as_table(names: Sequence[str], batches: Sequence[Sequence[EpisodeResult]]) -> str:
+    """Return batches against the first as a table.
+
+    Args:
+        names: Of the batches.
+        batches: Their results.
+
+    Raises:
+        ValueError: They share no world and seed.
+    """
+    rows = contrasts(batches)
+    width = max(len(name) for name in names)
+    lines = [f"each against {names[0]}, over the episodes all have; intervals 95 %, chances corrected (Holm)"]
+    for measure in COMPARED:
+        index = COMPARED.index(measure)
+        if all(math.isnan(row[index].value.value) for row in rows):
+            continue
+        lines += ["", f"{measure:{width}}     value   difference"]
+        lines += [
+            f"{name:{width}} {row[index].value.value:9.3f}   {row[index].difference.value:+9.3f} "
+            f"{row[index].difference.interval():24} chance {row[index].chance:.3f}: {row[index].verdict}"
+            for name, row in zip(names[1:], rows)
+        ]
+    return "\n".join(lines)
+
+
+def by_difficulty(
+    results: Iterable[EpisodeResult], difficulties: Mapping[str, Mapping[str, float]], measure: str
+) -> List[Any]:
+    """Return (difficulty, share of successes with interval) of groups of worlds, from the least difficulty on.
+
+    Args:
+        results: Of one batch.
+        difficulties: Measures by world.
+        measure: Which of them.
+
+    Raises:
+        ValueError: No world states that measure; the text names those stated.
+    """
+    groups: Dict[str, List[float]] = {}
+    for result in results:
+        if measure in difficulties.get(result.world, {}):
+            groups.setdefault(result.world, []).append(float(result.success))
+    if not groups:
+        stated = sorted({name for values in difficulties.values() for name in values})
+        raise ValueError(f"no world driven states '{measure}'; worlds state {', '.join(stated) or 'nothing'}")
+    worlds = sorted(groups, key=lambda world: (difficulties[world][measure], world))
+    parts = [part for part in np.array_split(np.array(worlds), min(MOST_GROUPS, len(worlds))) if len(part)]
+    return [
+        (float(np.mean([difficulties[world][measure] for world in part])),
+         statistics.grouped_share({world: groups[world] for world in part}))
+        for part in ([str(world) for world in part] for part in parts)
+    ]
+
+
+def plot(
+    path: Path, names: Sequence[str], batches: Sequence[Sequence[EpisodeResult]],
+    difficulties: Mapping[str, Mapping[str, float]], measure: Optional[str] = None,
+) -> None:
+    """Draw each batch's success against difficulty.
+
+    Args:
+        path: Picture to write.
+        names, batches: As for `as_table`.
+        difficulties: Measures by world.
+        measure: Which of them; path_length_ratio where None.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    measure = measure or "path_length_ratio"
+    figure, axes = pyplot.subplots(figsize=(7.0, 4.0), constrained_layout=True)
+    for name, results in zip(names, batches):
+        points = by_difficulty(results, difficulties, measure)
+        shares = np.array([share for _, share in points])
+        below, above = shares[:, 0] - shares[:, 1], shares[:, 2] - shares[:, 0]
+        axes.errorbar([x for x, _ in points], shares[:, 0], np.clip([below, above], 0.0, 1.0), marker="o", capsize=3,
+                      label=name)
+    axes.set(xlabel=measure.replace("_", " "), ylabel="success (95 % interval)", ylim=(-0.03, 1.03))
+    axes.legend()
+    figure.savefig(str(path), dpi=110)
+    pyplot.close(figure)

@@ -1,0 +1,214 @@
+"""A process beside a worker that does one piece of work after another and is watched meanwhile.
+
+What it does comes from plugins and a physics engine, so it may throw, crash, exhaust the memory or never end. None of
+that reaches the worker: it sends bytes, gets bytes back or an account of how the work was lost, and starts another
+process for the next piece. A worker needs this module alone; what the work needs is imported in the process.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle  # nosec B403
+import queue
+import select
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+import traceback
+from typing import IO, BinaryIO, Callable, List, Optional, Tuple, cast
+
+import psutil
+
+import mbf_relay
+
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+"""Each process gets one core: threads of libraries would fight over them, and add up in an order of their own."""
+DONE, THREW, REFUSED, LOST = b"done", b"threw", b"refused", b"lost"
+"""What became of a piece of work; what is sent with it is a pickled value, or a text."""
+IDLE = 60.0
+"""Seconds without work after which the process ends; so does one whose worker is gone, at once."""
+LOOK = 0.5
+"""Seconds between two looks at whether the process still computes."""
+
+Answer = Tuple[bytes, bytes]
+
+
+class Driver:
+    """A process that works, as seen from its worker; used by one thread at a time."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """Make none yet; it starts with the first work.
+
+        Args:
+            clock: Tells the time (s).
+        """
+        self._clock = clock
+        self._process: Optional[subprocess.Popen] = None
+
+    def run(self, work: bytes, time_limit: float) -> Answer:
+        """Return what became of a piece of work.
+
+        Args:
+            work: See `packed`.
+            time_limit: Seconds of computing time after which it counts as hung; so it does after as many seconds of
+                the clock in which it computed nothing at all.
+        """
+        for _ in range(2):
+            process = self._started()
+            try:
+                _send(_pipe(process.stdin), work)
+                if self._wait(process, time_limit):
+                    # of our own process, not from outside
+                    answer: Answer = pickle.loads(_receive(_pipe(process.stdout)))  # noqa: S301  # nosec B301
+                    return answer
+                self.end()
+                return LOST, f"hung: no result within {time_limit:g} s of computing".encode()
+            except (OSError, EOFError):
+                code = process.wait()
+                self.end()
+                if code:  # else it had been without work and just ended
+                    return LOST, f"the process died ({_how_it_died(code)})".encode()
+        return LOST, b"the process ended without a result"
+
+    def end(self) -> None:
+        """End the process, whatever it does."""
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            process.wait()
+            for pipe in (process.stdin, process.stdout):
+                with contextlib.suppress(OSError):  # work that the process did not live to take
+                    _pipe(pipe).close()
+
+    def _started(self) -> subprocess.Popen:
+        if self._process is not None and self._process.poll() is not None:
+            self.end()
+        if self._process is None:
+            # first where the package was found: a build's stands in front of the sources and has the kernels
+            folders = [os.path.dirname(os.path.dirname(mbf_relay.__file__)), *filter(None, sys.path)]
+            environment = {**os.environ, **ONE_THREAD, "PYTHONPATH": os.pathsep.join(folders)}
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", __name__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment
+            )
+        return self._process
+
+    def _wait(self, process: subprocess.Popen, time_limit: float) -> bool:
+        """Return whether an answer (or the process's end) came in time."""
+        watched = psutil.Process(process.pid)
+        begin = used = _computed(watched)
+        since = self._clock()
+        while not select.select([process.stdout], [], [], LOOK)[0]:
+            now, computed = self._clock(), _computed(watched)
+            if computed > used:
+                used, since = computed, now
+            if used - begin > time_limit or now - since > time_limit:
+                return False
+        return True
+
+
+def packed(call: Callable, argument: object, expected: object = None) -> bytes:
+    """Return work for a driver: a function of a module, what it is called with, and the sources it must be of."""
+    return pickle.dumps((expected, call, argument), protocol=4)
+
+
+def run_on_worker(work: bytes, time_limit: float) -> Answer:
+    """Do a piece of work in the driver of this thread of a worker."""
+    driver = getattr(_of_thread, "driver", None)
+    if driver is None:
+        driver = _of_thread.driver = Driver()
+        _drivers.append(driver)
+    return driver.run(work, time_limit)
+
+
+def end_all() -> None:
+    """End every driver of this process."""
+    for driver in _drivers:
+        driver.end()
+
+
+_of_thread = threading.local()
+_drivers: List[Driver] = []
+
+
+def main() -> None:
+    """Work until there is nothing to do any more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # interrupts are the client's to answer
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what plugins print must not get among the answers
+    waiting: queue.Queue = queue.Queue()
+    threading.Thread(target=_take, args=(sys.stdin.buffer, waiting), daemon=True).start()
+    while True:
+        try:
+            work = waiting.get(timeout=IDLE)
+        except queue.Empty:
+            return
+        _send(answers, pickle.dumps(answer(work), protocol=4))
+
+
+def answer(work: bytes) -> Answer:
+    """Return what becomes of a piece of work in this process."""
+    try:
+        # from our own worker, not from outside
+        expected, call, argument = pickle.loads(work)  # noqa: S301  # nosec B301
+        if expected is not None:
+            from mbf_relay.lockstep.sources import sources
+
+            difference = expected.difference(sources(sorted(expected.plugins)))
+            if difference:
+                return REFUSED, difference.encode()
+        return DONE, pickle.dumps(call(argument), protocol=4)
+    except Exception as error:  # whatever a plugin throws must not end the batch
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        return THREW, f"{type(error).__name__}: {error} ({last.name}, line {last.lineno})".encode()
+
+
+def _take(stream: BinaryIO, waiting: queue.Queue) -> None:
+    """Hand over work as it comes; the worker's end is this process's."""
+    try:
+        while True:
+            waiting.put(_receive(stream))
+    except (EOFError, OSError):
+        os._exit(0)
+
+
+def _send(stream: BinaryIO, content: bytes) -> None:
+    stream.write(struct.pack("<Q", len(content)) + content)
+    stream.flush()
+
+
+def _receive(stream: BinaryIO) -> bytes:
+    (length,) = struct.unpack("<Q", _exactly(stream, 8))
+    return _exactly(stream, length)
+
+
+def _exactly(stream: BinaryIO, count: int) -> bytes:
+    content = stream.read(count)
+    if len(content) < count:
+        raise EOFError
+    return content
+
+
+def _pipe(stream: Optional[IO[bytes]]) -> BinaryIO:
+    assert stream is not None
+    return cast(BinaryIO, stream)
+
+
+def _computed(process: psutil.Process) -> float:
+    """Return the computing time (s) of a process so far."""
+    try:
+        times = process.cpu_times()
+    except psutil.Error:
+        return 0.0
+    return float(times.user + times.system)
+
+
+def _how_it_died(code: int) -> str:
+    return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,127 @@
+"""The nodes' parameters, fitted to another robot than the one they were written for.
+
+Lengths scale with the robot, speeds and accelerations are its own, ranges its lidar's; what a parameter weighs stays.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from typing import Any, Dict, List, Mapping
+
+import numpy as np
+
+from mbf_relay.costmap.outline import parse_footprint
+from mbf_relay.lockstep.settings import Settings
+from mbf_relay.simulation.parameters import SimulationParameters
+from mbf_relay.simulation.robot import CAR, OMNIDIRECTIONAL, RobotModel
+
+SERVER = "move_base_flex"
+LOOK_AHEAD = 0.5
+"""Seconds of driving at top speed that a controller looks ahead at least."""
+
+
+def fitted(settings: Settings, robot: RobotModel) -> Settings:
+    """Return the settings with costmaps, controllers, recoveries and localization fitted to a robot.
+
+    Args:
+        settings: Of the robot they name now, whose footprint the costmaps have.
+        robot: The other one; what the simulator takes of it is for the caller to name.
+    """
+    made = copy.deepcopy(settings)
+    server = made[SERVER]
+    limits = SimulationParameters.from_mapping({**settings["simulator"], **robot.settings, "robot": "burger"})
+    before = parse_footprint(server["local_costmap"]["footprint"])
+    scale = float(np.ptp(robot.footprint, axis=0).max() / np.ptp(before, axis=0).max())
+    made["amcl"]["laser_max_range"] = limits.scan_range_max
+    if robot.drive == OMNIDIRECTIONAL:
+        made["amcl"]["odom_model_type"] = "omni"
+    for name in ("global_costmap", "local_costmap"):
+        _fit_costmap(server[name], robot, limits, scale)
+    for entry in server["controllers"]:
+        server[entry["name"]] = _fitted_controller(server.get(entry["name"], {}), robot, limits, scale)
+    for entry in server["recovery_behaviors"]:
+        group = server.setdefault(entry["name"], {})
+        if "reset_distance" in group:
+            group["reset_distance"] = scale * group["reset_distance"]
+    server["oscillation_distance"] = scale * server["oscillation_distance"]
+    if robot.drive == CAR:
+        server["controllers"] = _that_steer(server)
+        server["recovery_behaviors"] = [e for e in server["recovery_behaviors"] if "rotate" not in e["type"]]
+    return made
+
+
+def _fit_costmap(group: Dict[str, Any], robot: RobotModel, limits: SimulationParameters, scale: float) -> None:
+    """Fit a costmap's parameters in place.
+
+    Args:
+        group: They.
+        robot, limits: What drives, and how fast and how far it sees.
+        scale: How much larger it is than the robot they were for.
+    """
+    group["footprint"] = robot.footprint.tolist()
+    group["inflation_radius"] *= scale
+    group["cost_scaling_factor"] /= scale
+    group["raytrace_range"] = limits.scan_range_max
+    group["obstacle_range"] = limits.scan_range_max * 0.85
+    if group.get("rolling_window"):
+        braking = limits.max_speed ** 2 / (2.0 * limits.wheel_acceleration)
+        side = max(scale * group["width"], 2.0 * (2.0 * limits.max_speed + braking))
+        resolution = group["resolution"] * min(2.0, max(0.5, 0.5 * round(scale)))  # up to twice as coarse
+        side = resolution * math.ceil(side / resolution)
+        group.update(width=side, height=side, resolution=resolution)
+
+
+def _fitted_controller(
+    group: Mapping[str, Any], robot: RobotModel, limits: SimulationParameters, scale: float
+) -> Dict[str, Any]:
+    """Return a controller's parameters for the robot; each takes of them what it has.
+
+    Args:
+        group: Those it has.
+        robot, limits: What drives, and how fast.
+        scale: How much larger it is than the robot they were for.
+    """
+    made = copy.deepcopy(dict(group))
+    speed, turn = limits.max_speed, 0.95 * limits.max_turn_rate
+    aside = speed if robot.drive == OMNIDIRECTIONAL else 0.0
+    acceleration = limits.wheel_acceleration
+    arm = math.hypot(robot.wheels.separation, robot.wheels.base) / 2.0
+    ahead = max(0.325 * scale, LOOK_AHEAD * speed, speed ** 2 / (2.0 * acceleration))
+    values = dict(
+        max_vel_x=speed, min_vel_x=-speed, max_vel_y=aside, min_vel_y=-aside, max_vel_trans=speed,
+        min_vel_trans=0.3 * speed, max_vel_theta=turn, min_vel_theta=0.3 * turn, acc_lim_x=acceleration,
+        acc_lim_y=acceleration if aside else 0.0, acc_lim_theta=acceleration / arm, vy_samples=7 if aside else 0,
+        xy_goal_tolerance=0.05 * scale, forward_point_distance=ahead, oscillation_reset_dist=0.05 * scale,
+        sim_time=max(1.5, 0.33 * scale / speed, 2.0 * speed / acceleration), scaling_speed=speed,
+        desired_linear_vel=speed, lookahead_dist=ahead, vx_max=speed, vx_min=-speed, vy_max=aside, wz_max=turn,
+        ax_max=acceleration, ay_max=acceleration, az_max=acceleration / arm, vx_std=0.45 * speed, wz_std=0.3 * turn,
+    )
+    made.update({name: value for name, value in values.items() if name in group})
+    if "motion_model" in group:
+        _fit_samples(made, robot, values, scale)
+    return made
+
+
+def _fit_samples(made: Dict[str, Any], robot: RobotModel, values: Mapping[str, float], scale: float) -> None:
+    """Fit in place what the controller of drawn drives alone has.
+
+    Args:
+        made: Its parameters.
+        robot: What drives.
+        values: Its limits, by name.
+        scale: How much larger it is than the robot they were for.
+    """
+    made["motion_model"] = {CAR: "Ackermann", OMNIDIRECTIONAL: "Omni"}.get(robot.drive, "DiffDrive")
+    if robot.drive == CAR:
+        made["AckermannConstraints"] = {"min_turning_r": robot.wheels.turning_radius}
+        made["min_vel_theta"] = 0.0
+    if robot.drive == OMNIDIRECTIONAL:
+        made.update(vy_max=values["vy_max"], vy_std=values["vx_std"], ay_max=values["ay_max"])
+    for name in ("GoalCritic", "PathFollowCritic"):
+        made.setdefault(name, {})["threshold_to_consider"] = 0.5 * max(scale, values["vx_max"] / 0.22)
+
+
+def _that_steer(server: Mapping[str, Any]) -> List[Dict[str, str]]:
+    """Return the controllers that know a car, those whose motion model says so."""
+    return [entry for entry in server["controllers"] if "motion_model" in server.get(entry["name"], {})]

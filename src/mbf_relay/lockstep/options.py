@@ -1,0 +1,90 @@
+"""Options that the commands over many drives share."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import List
+
+from mbf_relay.lockstep.setup import LOCALIZATIONS, MAPS
+from mbf_relay.lockstep.tasks import MAP_RESOLUTION
+
+TIME_LIMIT = 900.0
+"""Seconds of computing after which an episode counts as hung; a circle takes one to five."""
+
+
+def add_setup_options(parser: argparse.ArgumentParser) -> None:
+    """Add what says how an episode is driven."""
+    parser.add_argument(
+        "--localization", choices=LOCALIZATIONS, help="where the pose comes from (default amcl; odometry without a map)"
+    )
+    parser.add_argument(
+        "--map",
+        choices=MAPS,
+        help="whether the robot has a map of the world beforehand (default none for a worlds file without maps)",
+    )
+    parser.add_argument(
+        "--map-resolution", type=float, default=MAP_RESOLUTION, metavar="M", help="cells of maps drawn from worlds"
+    )
+    parser.add_argument(
+        "--controller", default="", metavar="NAME", help="of move_base_flex.yaml; its first where not given"
+    )
+    parser.add_argument("--planner", default="", metavar="NAME", help="likewise")
+    parser.add_argument(
+        "--robot", default="", metavar="ROBOT",
+        help="what drives, by a file of config/robot or a .yaml; all parameters are fitted to it",
+    )
+    parser.add_argument(
+        "--scale", type=float, default=1.0, metavar="S", help="make the worlds S times as large, for a larger robot"
+    )
+    parser.add_argument(
+        "--config", type=Path, metavar="FILE",
+        help="own parameters over the package's: a node's file (move_base_flex.yaml), one with the nodes' names as its "
+        "first level, or a folder of such",
+    )
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="A.B=C", help="change a parameter of the nodes' files"
+    )
+
+
+def add_worker_options(parser: argparse.ArgumentParser) -> None:
+    """Add what says where work is done."""
+    parser.add_argument(
+        "--jobs", type=positive, default=os.cpu_count() or 1, metavar="N",
+        help="processes on this machine (default: cores); 1 works in this process alone",
+    )
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--scheduler", default="", metavar="tcp://HOST:PORT", help="a Dask cluster instead")
+    where.add_argument("--scheduler-file", type=Path, metavar="FILE", help="the same by the scheduler's file")
+    parser.add_argument(
+        "--time-limit", type=_above_zero, default=TIME_LIMIT, metavar="S",
+        help=f"seconds of computing after which an episode counts as hung (default {TIME_LIMIT:g})",
+    )
+
+
+def positive(text: str) -> int:
+    """Return a whole number above zero."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{value} is below 1")
+    return value
+
+
+def seeds(text: str) -> List[int]:
+    """Return the seeds of "N" (1 to N) or "A-B"."""
+    first, dash, last = text.partition("-")
+    try:
+        low, high = (int(first), int(last)) if dash else (1, int(text))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' must be a number, or a range such as 10-19") from None
+    if low < 0 or high < max(low, 1):
+        raise argparse.ArgumentTypeError(f"'{text}' holds no seed")
+    return list(range(low, high + 1))
+
+
+def _above_zero(text: str) -> float:
+    value = float(text)
+    if not value > 0.0:
+        raise argparse.ArgumentTypeError(f"{text} is not above 0")
+    return value

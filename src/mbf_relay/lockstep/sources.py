@@ -1,0 +1,99 @@
+"""Which code drives: the package's version, and hashes over its sources and those of plugins of a user's own.
+
+Two results are of one experiment only if these agree, and two machines drive alike only then.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib
+import inspect
+import re
+from pathlib import Path
+from typing import Dict, Iterator, List, NamedTuple, Sequence
+
+from mbf_relay.control import CONTROLLERS
+from mbf_relay.control.critics import CRITICS
+from mbf_relay.costmap import LAYERS
+from mbf_relay.costmap.factory import layer_groups
+from mbf_relay.lockstep.settings import config_folder
+from mbf_relay.lockstep.setup import PLUGIN_LISTS, SERVER, Setup
+from mbf_relay.planning import PLANNERS
+from mbf_relay.recovery import RECOVERIES
+
+NOT_DRIVEN = ("ros", "view", "report")
+"""Rooms of the package that no lockstep drive enters."""
+BUILT_IN = {**PLANNERS, **CONTROLLERS, **RECOVERIES, **LAYERS, **CRITICS}
+
+
+class Sources(NamedTuple):
+    """The code of one process.
+
+    Attributes:
+        version: Of the package.
+        package: Hash over the package's modules that a drive may enter.
+        plugins: Hash of the module of each plugin that is not the package's, by its type.
+    """
+
+    version: str
+    package: str
+    plugins: Dict[str, str]
+
+    def difference(self, other: Sources) -> str:
+        """Return how `other` differs, for people; empty where it does not."""
+        if self.version != other.version:
+            return f"has version {other.version}, not {self.version}"
+        if self.package != other.package:
+            return f"has other sources of version {other.version} ({other.package}, not {self.package})"
+        changed = sorted(name for name in self.plugins if self.plugins[name] != other.plugins.get(name))
+        return f"has another {changed[0]} ({other.plugins.get(changed[0])})" if changed else ""
+
+
+def sources(plugins: Sequence[str]) -> Sources:
+    """Return what this process would drive with; a plugin that cannot be imported has the error for a hash."""
+    return Sources(version(), package_digest(), {name: _plugin_digest(name) for name in plugins})
+
+
+def plugins_of(setup: Setup) -> List[str]:
+    """Return the types of the plugins in use that are not the package's own."""
+    return sorted({name for name in _types(setup) if "." in name and not name.startswith("mbf_relay.")
+                   and name not in BUILT_IN})
+
+
+@functools.lru_cache(maxsize=None)
+def version() -> str:
+    """Return the package's version, as its package.xml states it."""
+    text = (config_folder().parent / "package.xml").read_text(encoding="utf-8")
+    found = re.search(r"<version>\s*([^<\s]+)\s*</version>", text)
+    return found.group(1) if found else "unknown"
+
+
+@functools.lru_cache(maxsize=None)
+def package_digest() -> str:
+    """Return a hash over the package's modules that a drive may enter."""
+    folder = Path(__file__).resolve().parents[1]  # a build has a package in front that finds this one
+    known = hashlib.sha256()
+    for path in sorted(folder.rglob("*.py")):
+        name = path.relative_to(folder)
+        if name.parts[0] not in NOT_DRIVEN:
+            known.update(f"{name.as_posix()}\0".encode() + path.read_bytes())
+    return known.hexdigest()[:16]
+
+
+def _plugin_digest(name: str) -> str:
+    try:
+        module = importlib.import_module(name.rpartition(".")[0])
+        return hashlib.sha256(inspect.getsource(module).encode()).hexdigest()[:16]
+    except Exception as error:  # whatever a user's module does when it is run
+        return f"{type(error).__name__}: {error}"
+
+
+def _types(setup: Setup) -> Iterator[str]:
+    server = setup.settings[SERVER]
+    for kind, _, _ in PLUGIN_LISTS:
+        for entry in server.get(kind, []):
+            yield entry["type"]
+            yield from map(str, server.get(entry["name"], {}).get("critics", []))
+    for costmap in ("global_costmap", "local_costmap"):
+        yield from (type_name for _, type_name, _ in layer_groups(server.get(costmap, {})))

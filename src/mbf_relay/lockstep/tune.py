@@ -1,0 +1,251 @@
+"""The tune command: Optuna looks for better parameters, and worlds it has not seen say whether that was luck."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any, Dict, List, Optional, Sequence, Tuple
+
+import yaml
+
+from mbf_relay.lockstep import tune_picture
+from mbf_relay.lockstep.batch import settings_of
+from mbf_relay.lockstep.command import without_remappings
+from mbf_relay.lockstep.compare_many import contrasts
+from mbf_relay.lockstep.episodes import EpisodeJob, Workers, drive_all
+from mbf_relay.lockstep.options import add_setup_options, add_worker_options, positive, seeds
+from mbf_relay.lockstep.result import EpisodeResult
+from mbf_relay.lockstep.settings import config_folder, full_name
+from mbf_relay.lockstep.setup import Setup, known_names, make_setup
+from mbf_relay.lockstep.sources import plugins_of
+from mbf_relay.lockstep.summary import MEASURES
+from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks
+from mbf_relay.lockstep.workers import workers_for
+
+Space = Dict[str, Tuple[float, float]]
+HELD_OUT = 3
+"""Every so-manieth world is kept from the tuning, for the verdict."""
+OTHER_SEEDS = 1000
+"""Added to the seeds for the verdict."""
+FIRST_LOOK = 3
+"""A losing trial is given up after one in so many of its worlds."""
+
+
+def main(arguments: Optional[Sequence[str]] = None) -> int:
+    """Run the command; return its exit status: 0, 1 for what a user can mend, 130 when interrupted."""
+    options = _parse(without_remappings(sys.argv[1:] if arguments is None else arguments))
+    try:
+        tasks = load_tasks(options.worlds)
+        seen, unseen = split(tasks)
+        setup = _setup(options, tasks, [])
+        space = read_space(options.param, options.space, setup)
+        study = open_study(options, space, setup, tasks)
+        count = len(seen) * len(options.seeds)
+        where = options.scheduler, options.scheduler_file
+        with workers_for(count, options.jobs, plugins_of(setup), *where) as workers:
+            search(study, space, options, tasks, seen, workers)
+            best = dict(study.best_params)
+            write_best(options.out / "best", best)
+            tune_picture.draw(
+                options.out / "study.png",
+                [(trial.params, trial.value) for trial in study.get_trials() if trial.value is not None],
+            )
+            print("\n".join(f"{name}: {value:g}" for name, value in best.items()))
+            print(verdict(options, tasks, unseen, best, workers))
+    except ValueError as error:
+        print(f"tune.py: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("\ninterrupted; the same command goes on where this one ended", file=sys.stderr)
+        return 130
+    return 0
+
+
+def split(tasks: Sequence[EpisodeTask]) -> Tuple[List[EpisodeTask], List[EpisodeTask]]:
+    """Return the worlds to tune on, and those kept for the verdict; a single one serves both, with other seeds."""
+    kept = [task for index, task in enumerate(tasks) if index % HELD_OUT == HELD_OUT - 1]
+    rest = [task for task in tasks if task not in kept] if kept else list(tasks)
+    return rest, kept or list(tasks)
+
+
+def read_space(texts: Sequence[str], file: Optional[Path], setup: Setup) -> Space:
+    """Return the range of each parameter by its full name.
+
+    Args:
+        texts: Each "NAME=LOW:HIGH".
+        file: YAML of {NAME: [LOW, HIGH]}; None for none.
+        setup: Whose parameters they are.
+
+    Raises:
+        ValueError: A range is empty or malformed, or a name is not known; the text names it, and the nearest.
+    """
+    ranges: List[Tuple[str, Any, Any]] = []
+    if file is not None:
+        try:
+            content = yaml.safe_load(file.read_text(encoding="utf-8"))
+            ranges += [(str(name), low, high) for name, (low, high) in content.items()]
+        except (OSError, yaml.YAMLError, AttributeError, TypeError, ValueError) as error:
+            raise ValueError(f"space file {file} holds no ranges {{NAME: [LOW, HIGH]}}: {error}") from error
+    for text in texts:
+        name, _, between = text.partition("=")
+        low, _, high = between.partition(":")
+        ranges.append((name, low, high))
+    if not ranges:
+        raise ValueError("nothing to tune: give --param NAME=LOW:HIGH or --space FILE")
+    known = known_names(setup.settings)
+    space: Space = {}
+    for name, first, last in ranges:
+        try:
+            bounds = float(first), float(last)
+        except (TypeError, ValueError):
+            raise ValueError(f"the range of {name} is {first} to {last}; it must be two numbers, LOW:HIGH") from None
+        if not bounds[0] < bounds[1] or not math.isfinite(bounds[1] - bounds[0]):
+            raise ValueError(f"the range of {name}, {bounds[0]:g} to {bounds[1]:g}, is empty")
+        space[full_name(name, known)] = bounds
+    return dict(sorted(space.items()))
+
+
+def open_study(options: argparse.Namespace, space: Space, setup: Setup, tasks: Sequence[EpisodeTask]) -> Any:
+    """Return the study in the output folder, a new one or the one begun there.
+
+    Raises:
+        ValueError: Optuna is not installed, or the study there is of something else; the text says of what.
+    """
+    try:
+        import optuna
+    except ImportError as error:
+        raise ValueError(f"tuning needs Optuna (python3-optuna): {error}") from error
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    options.out.mkdir(parents=True, exist_ok=True)
+    about = {
+        "space": {name: list(bounds) for name, bounds in space.items()}, "metric": options.metric,
+        "seeds": options.seeds, "seed": options.seed, **settings_of(Path(options.worlds).name, tasks, setup),
+    }
+    study = optuna.create_study(
+        storage=f"sqlite:///{(options.out / 'study.db').resolve()}", study_name="mbf_relay", load_if_exists=True,
+        direction="maximize", pruner=optuna.pruners.MedianPruner(n_startup_trials=5),
+    )
+    before, now = study.user_attrs.get("about"), json.loads(json.dumps(about))
+    if before is None:
+        study.set_user_attr("about", now)
+    elif before != now:
+        changed = min(name for name in {**before, **now} if before.get(name) != now.get(name))
+        raise ValueError(f"{options.out} holds a study with other {changed}; choose another --out")
+    return study
+
+
+def search(
+    study: Any, space: Space, options: argparse.Namespace, tasks: Sequence[EpisodeTask],
+    seen: Sequence[EpisodeTask], workers: Workers,
+) -> None:
+    """Try parameters until there are as many trials as asked for.
+
+    Each trial's sampler is seeded by how many trials ended before it, so that a study that was interrupted goes on as
+    if it had not been.
+
+    Args:
+        study: See `open_study`.
+        space: Ranges by name.
+        options: Of the command.
+        tasks, seen: All worlds, and those to tune on.
+        workers: Who drive.
+    """
+    import optuna
+
+    ended = (optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED)
+    for trial in study.get_trials(states=(optuna.trial.TrialState.RUNNING,)):
+        study.tell(trial.number, state=optuna.trial.TrialState.FAIL)  # of a run that was killed
+    distributions = {name: optuna.distributions.FloatDistribution(*bounds) for name, bounds in space.items()}
+    while True:
+        number = len(study.get_trials(deepcopy=False, states=ended))
+        if number >= options.trials:
+            return
+        study.sampler = optuna.samplers.TPESampler(seed=options.seed + number, n_startup_trials=8)
+        trial = study.ask(distributions)
+        setup = _setup(options, tasks, [f"{name}={value!r}" for name, value in trial.params.items()])
+        results: List[EpisodeResult] = []
+        parts = [seen[0::FIRST_LOOK], [task for i, task in enumerate(seen) if i % FIRST_LOOK]]
+        for step, part in enumerate(filter(None, parts)):
+            results += _driven(part, setup, options.seeds, workers, options.time_limit)
+            trial.report(value_of(results, options.metric), step)
+            if step == 0 and trial.should_prune():
+                break
+        pruned = len(results) < len(seen) * len(options.seeds)
+        state = optuna.trial.TrialState.PRUNED if pruned else optuna.trial.TrialState.COMPLETE
+        value = value_of(results, options.metric)
+        study.tell(trial, None if pruned else value, state=state)
+        print(f"trial {number + 1}/{options.trials}: {value:.3f}{' (given up)' if pruned else ''}", file=sys.stderr)
+
+
+def value_of(results: Sequence[EpisodeResult], metric: str) -> float:
+    """Return the mean of a measure; what is not measured counts 0."""
+    measure = next(measure for measure in MEASURES if measure.name == metric)
+    return sum(measure.of(result) or 0.0 for result in results) / len(results)
+
+
+def write_best(folder: Path, best: Dict[str, float]) -> None:
+    """Write parameters by full name as a YAML file a node, which nodes and --config load as they are."""
+    nodes: Dict[str, Any] = {}
+    for name, value in best.items():
+        *groups, last = name.split(".")
+        place = nodes
+        for group in groups:
+            place = place.setdefault(group, {})
+        place[last] = value
+    folder.mkdir(parents=True, exist_ok=True)
+    for node, values in nodes.items():
+        (folder / f"{node}.yaml").write_text(yaml.safe_dump(values), encoding="utf-8")
+
+
+def verdict(
+    options: argparse.Namespace, tasks: Sequence[EpisodeTask], unseen: Sequence[EpisodeTask], best: Dict[str, float],
+    workers: Workers,
+) -> str:
+    """Return whether the best parameters are better than those begun with, on worlds and seeds they never met."""
+    others = [seed + OTHER_SEEDS for seed in options.seeds]
+    changes = [f"{name}={value!r}" for name, value in best.items()]
+    before, after = (
+        _driven(unseen, _setup(options, tasks, made), others, workers, options.time_limit) for made in ([], changes)
+    )
+    (found,) = contrasts([before, after])
+    lines = [f"on {len(unseen)} worlds with {len(others)} seeds each that it was not tuned on:"]
+    lines += [
+        f"  {c.measure}: {c.difference.value:+.3f} {c.difference.interval()}, chance {c.chance:.3f}: {c.verdict}"
+        for c in found if not math.isnan(c.value.value)
+    ]
+    return "\n".join(lines)
+
+
+def _driven(
+    tasks: Sequence[EpisodeTask], setup: Setup, with_seeds: Sequence[int], workers: Workers, time_limit: float
+) -> List[EpisodeResult]:
+    """Return the results of all worlds with all seeds, in one order however they ended."""
+    jobs = [EpisodeJob(task, setup, seed) for seed in with_seeds for task in tasks]
+    return sorted((result for _, result in drive_all(jobs, workers, time_limit)), key=lambda r: (r.world, r.seed))
+
+
+def _setup(options: argparse.Namespace, tasks: Sequence[EpisodeTask], changes: Sequence[str]) -> Setup:
+    return make_setup(
+        config_folder(), options.localization, options.map, options.controller, options.planner,
+        [*options.set, *changes], all(task.has_map for task in tasks), options.config, options.map_resolution,
+    )
+
+
+def _parse(arguments: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="tune.py", description="Look for parameters that drive worlds better.")
+    parser.add_argument("worlds", metavar="WORLDS", help="a worlds file (JSON), or 'circle'")
+    parser.add_argument("--param", action="append", default=[], metavar="A.B=LOW:HIGH", help="tune this; repeatable")
+    parser.add_argument("--space", type=Path, metavar="FILE", help="YAML of ranges, {A.B: [LOW, HIGH]}")
+    parser.add_argument("--trials", type=positive, default=40, metavar="N", help="default 40")
+    parser.add_argument(
+        "--metric", choices=[measure.name for measure in MEASURES], default="score", help="maximised (default score)"
+    )
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the search")
+    parser.add_argument("--seeds", type=seeds, default=[1], metavar="N|A-B", help="that each world is driven with")
+    add_setup_options(parser)
+    add_worker_options(parser)
+    parser.add_argument("--out", type=Path, default=Path("tuned"), metavar="DIR", help="study and best parameters")
+    return parser.parse_args(arguments)

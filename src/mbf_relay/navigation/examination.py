@@ -1,0 +1,233 @@
+"""What becomes of a parameter file, told before anything is driven: what is used, clamped, stood in for and ignored."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import dataclass, field
+from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Tuple, Type
+
+from mbf_relay.control import CONTROLLERS
+from mbf_relay.control.controller import Controller
+from mbf_relay.costmap.factory import SEARCHED_NAMES, build_costmap, unknown_names
+from mbf_relay.navigation.move_base_files import server_config
+from mbf_relay.navigation.move_base_parameters import OTHER_MOVE_BASE_NAMES, MoveBaseParameters
+from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.navigation.registry import entries_of, group_of
+from mbf_relay.navigation.sanity import doubts
+from mbf_relay.parameters import ParameterSet, did_you_mean, nearest_of
+from mbf_relay.planning import PLANNERS
+from mbf_relay.planning.planner import Planner
+from mbf_relay.plugins import Plugin, PluginError, create
+from mbf_relay.recovery import RECOVERIES
+from mbf_relay.recovery.recovery import Recovery
+
+USED, STOOD_IN, CLAMPED, IGNORED, DOUBTFUL, REFUSED = KINDS = (
+    "used", "stood in for", "changed", "ignored", "doubtful", "refused"
+)
+"""What can be said of a parameter or a plugin. What is refused keeps the server, or a part of it, from starting."""
+
+PARAMETER = re.compile(r"\bparameter ([A-Za-z_]\w*)")
+"""Where messages of parameters name the one they are about."""
+
+SIDES = ("global_costmap", "local_costmap")
+PLUGIN_LISTS: Tuple[Tuple[str, Type[Any], Mapping[str, str], str], ...] = (
+    ("planners", Planner, PLANNERS, "global"),
+    ("controllers", Controller, CONTROLLERS, "local"),
+    ("recovery_behaviors", Recovery, RECOVERIES, "local"),
+)
+READ_BY_THE_NODE = (
+    "planners", "controllers", "recovery_behaviors", "planner_lock_costmap", "controller_lock_costmap",
+    "restore_defaults", *SEARCHED_NAMES,
+)
+"""Parameters of the server's own namespace that are no NavigatorParameters."""
+
+
+class Finding(NamedTuple):
+    """One thing there is to say.
+
+    Attributes:
+        kind: One of KINDS.
+        name: The parameter or plugin it is about, below the node, its parts joined by slashes; empty for the whole.
+        text: For people.
+    """
+
+    kind: str
+    name: str
+    text: str
+
+
+@dataclass
+class Examination:
+    """What was found, and the server's parameters made of the file.
+
+    Attributes:
+        findings: In the order of the file's groups.
+        config: The server's parameters.
+    """
+
+    findings: List[Finding] = field(default_factory=list)
+    config: Dict[str, Any] = field(default_factory=dict)
+
+    def of(self, *kinds: str) -> List[Finding]:
+        """Return the findings of these kinds."""
+        return [finding for finding in self.findings if finding.kind in kinds]
+
+    def add(self, kind: str, name: str, text: str) -> None:
+        """Note a finding."""
+        self.findings.append(Finding(kind, name, text))
+
+
+def examine_move_base(namespace: Mapping[str, Any], known_elsewhere: Iterable[str] = ()) -> Examination:
+    """Tell what becomes of the parameters of a node move_base.
+
+    Args:
+        namespace: What stands under it.
+        known_elsewhere: Further names that somebody else reads there.
+    """
+    found = Examination()
+    elsewhere = {*OTHER_MOVE_BASE_NAMES, *NavigatorParameters.names(), *READ_BY_THE_NODE, *known_elsewhere}
+    values = _read(found, "", MoveBaseParameters, namespace, elsewhere)
+    if values is not None:
+        found.config = server_config(namespace, values)
+        _examine(found)
+    return found
+
+
+def examine_server(namespace: Mapping[str, Any]) -> Examination:
+    """Tell what becomes of the parameters of a Move Base Flex server."""
+    found = Examination(config=dict(namespace))
+    for name in NavigatorParameters.unknown_names(namespace):
+        if name not in READ_BY_THE_NODE:
+            _note_unknown(found, name, NavigatorParameters)
+    _examine(found)
+    return found
+
+
+def _examine(found: Examination) -> None:
+    """Look at everything below the node's own parameters."""
+    _read(found, "", NavigatorParameters, found.config, None)
+    for side in SIDES:
+        _examine_costmap(found, side)
+    names: List[str] = []
+    for kind, base, known, costmap in PLUGIN_LISTS:
+        names += _examine_plugins(found, kind, base, known, costmap)
+    for name, hint in stray_groups(found.config, names).items():
+        found.add(IGNORED, name, f"belongs to no plugin that is loaded{hint}")
+    for name, text in doubts(found.config):
+        found.add(DOUBTFUL, name, text)
+
+
+def _examine_costmap(found: Examination, side: str) -> None:
+    group = found.config.get(side, {})
+    if not isinstance(group, Mapping):
+        found.add(REFUSED, side, f"is {group!r}; it must be a group of parameters")
+        return
+    try:
+        for name in unknown_names(group):
+            found.add(IGNORED, f"{side}/{name}", "is not known here")
+        costmap = build_costmap(side, group, found.config)
+    except ValueError as error:
+        found.add(REFUSED, _named_in(str(error), side), str(error))
+        return
+    for note in costmap.notes:
+        found.add(STOOD_IN if "not available here" in note else CLAMPED, side, note)
+    for name, reason in costmap.failed.items():
+        found.add(REFUSED, f"{side}/{name}", f"the layer is left out: {reason}")
+    for layer in costmap.layers:
+        found.add(USED, f"{side}/{layer.name}", f"{type(layer).__name__}")
+
+
+def _examine_plugins(
+    found: Examination, kind: str, base: Type[Plugin], known: Mapping[str, str], costmap: str
+) -> List[str]:
+    """Make every plugin of a list once; return their names.
+
+    Args:
+        found: Takes what there is to say.
+        kind: The list's name.
+        base: What they are.
+        known: The types there are.
+        costmap: Which one they use where they do not say.
+    """
+    try:
+        entries = entries_of(kind, found.config.get(kind, []), costmap)
+    except PluginError as error:
+        found.add(REFUSED, kind, str(error))
+        return []
+    for name, (type_name, _costmap) in entries.items():
+        try:
+            values = group_of(found.config, name)
+            with warnings.catch_warnings(record=True) as said:
+                warnings.simplefilter("always")
+                plugin = create(name, type_name, values, base, known)
+        except PluginError as error:
+            found.add(REFUSED, _named_in(str(error), name), str(error))
+            continue
+        found.add(USED, name, f"{type_name} by {type(plugin).__name__}")
+        for warning in said:
+            found.add(CLAMPED, name, str(warning.message))
+        for note in plugin.notes:
+            found.add(STOOD_IN if "not available here" in note else CLAMPED, _named_in(note, name), note)
+        for unknown in plugin.Parameters.unknown_names(values):
+            _note_unknown(found, f"{name}/{unknown}", plugin.Parameters)
+        for old, new in plugin.Parameters.deprecated_names(values).items():
+            found.add(CLAMPED, f"{name}/{old}", f"has an old name; '{new}' is the present one")
+    return list(entries)
+
+
+def stray_groups(config: Mapping[str, Any], plugins: Iterable[str]) -> Dict[str, str]:
+    """Return the groups under a name that no plugin has, each with a hint: a misspelt name leaves all at defaults.
+
+    Args:
+        config: The node's parameters.
+        plugins: Names of all plugins of the lists, also of those that could not be made.
+    """
+    known = [*plugins, *SIDES]
+    first_parts = [name.split("/")[0] for name in known]
+    others = {name.rpartition("/")[2] for _kind, _base, types, _costmap in PLUGIN_LISTS for name in types}
+    return {
+        name: "" if name in others else did_you_mean(nearest_of(name, known)) for name, values in config.items()
+        if isinstance(values, Mapping) and name not in [*known, *first_parts]
+    }
+
+
+def _read(
+    found: Examination, where: str, kind: Type[Any], values: Mapping[str, Any], elsewhere: Any
+) -> Any:
+    """Return the parameters of a kind made of `values`, None where they are refused.
+
+    Args:
+        found: Takes what there is to say.
+        where: The group's name.
+        kind: A ParameterSet.
+        values: The group.
+        elsewhere: Names that somebody else reads; None to leave unknown names alone.
+    """
+    prefix = f"{where}/" if where else ""
+    if elsewhere is not None:
+        for name in kind.unknown_names(values):
+            if name not in elsewhere:
+                _note_unknown(found, prefix + name, kind)
+    try:
+        made, notes = kind.read(values)
+    except ValueError as error:
+        found.add(REFUSED, _named_in(str(error), where), str(error))
+        return None
+    for note in notes:
+        found.add(CLAMPED, _named_in(note, where), note)
+    return made
+
+
+def _named_in(note: str, where: str) -> str:
+    """Return the name of the parameter that a note is about, below `where`."""
+    named = PARAMETER.search(note)
+    if named is None:
+        return where
+    return f"{where}/{named.group(1)}" if where else named.group(1)
+
+
+def _note_unknown(found: Examination, name: str, kind: Type[ParameterSet]) -> None:
+    if name.rpartition("/")[2] == "restore_defaults":  # dynamic_reconfigure's button, which it leaves there
+        return
+    found.add(IGNORED, name, "is not known here" + did_you_mean(kind.nearest_name(name.rpartition("/")[2])))

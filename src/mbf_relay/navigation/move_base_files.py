@@ -1,0 +1,90 @@
+"""What a parameter file written for move_base asks of a Move Base Flex server."""
+
+from __future__ import annotations
+
+from typing import Any, Dict, List, Mapping, Tuple
+
+CONSERVATIVE, ROTATE, AGGRESSIVE = "conservative_reset", "rotate_recovery", "aggressive_reset"
+CLEAR_TYPE, ROTATE_TYPE = "clear_costmap_recovery/ClearCostmapRecovery", "rotate_recovery/RotateRecovery"
+
+USUAL_RADIUS = 0.46
+"""Circumscribed radius (m) that move_base takes where the file gives none; it forgets all beyond four of them at last.
+"""
+
+SERVER_NAMES: Mapping[str, str] = {
+    "planner_frequency": "planner_frequency",
+    "controller_frequency": "controller_frequency",
+    "planner_patience": "planner_patience",
+    "controller_patience": "controller_patience",
+    "max_planning_retries": "planner_max_retries",
+    "recovery_behavior_enabled": "recovery_enabled",
+    "shutdown_costmaps": "shutdown_costmaps",
+    "oscillation_timeout": "oscillation_timeout",
+    "oscillation_distance": "oscillation_distance",
+}
+"""move_base's parameters that the server has, with the server's names."""
+
+
+def plugin_name(type_name: str) -> str:
+    """Return the name move_base gives a plugin: the last part of its type, under which its parameters and topics stand.
+    """
+    return type_name.replace("::", "/").rpartition("/")[2]
+
+
+def adapted(type_name: str, namespace: Mapping[str, Any]) -> str:
+    """Return the type of the planner behind nav_core_adapter's, which hands everything on; any other type as it is.
+
+    Args:
+        type_name: As the file has it.
+        namespace: The node's parameters; the adapter's own group names what it adapts.
+    """
+    if not type_name.replace("::", "/").startswith("nav_core_adapter/"):
+        return type_name
+    inner = _group(namespace, plugin_name(type_name)).get("planner_name")
+    return inner.replace("::", "/") if isinstance(inner, str) else type_name
+
+
+def default_recoveries(values: Any) -> Tuple[str, ...]:
+    """Return the recoveries of a move_base whose file lists none, in order: it turns after either reset.
+
+    Args:
+        values: MoveBaseParameters.
+    """
+    turn = (ROTATE,) if values.clearing_rotation_allowed else ()
+    return (CONSERVATIVE, *turn, AGGRESSIVE, *turn)
+
+
+def server_config(namespace: Mapping[str, Any], values: Any) -> Dict[str, Any]:
+    """Return the server's parameters for what stands under the node move_base.
+
+    Args:
+        namespace: The node's parameters as in the file: plugins' groups and costmaps with the rest.
+        values: MoveBaseParameters, made of it.
+    """
+    config = dict(namespace)
+    for name, server_name in SERVER_NAMES.items():
+        config[server_name] = getattr(values, name)
+    for kind, parameter in (("planners", "base_global_planner"), ("controllers", "base_local_planner")):
+        type_name = adapted(getattr(values, parameter), namespace)
+        config[kind] = [{"name": plugin_name(type_name), "type": type_name}]
+    costmap = _group(namespace, "global_costmap")
+    config["global_frame"] = str(costmap.get("global_frame", "map")).lstrip("/")
+    config["robot_frame"] = str(costmap.get("robot_base_frame", "base_link")).lstrip("/")
+    if "recovery_behaviors" not in namespace:
+        config["recovery_behaviors"] = _listed(default_recoveries(values))
+        reach = 4.0 * float(_group(namespace, "local_costmap").get("circumscribed_radius", USUAL_RADIUS))
+        for name, distance in ((CONSERVATIVE, values.conservative_reset_dist), (AGGRESSIVE, reach)):
+            config[name] = {"reset_distance": distance, **_group(namespace, name)}
+    own = set(values.names()) - set(SERVER_NAMES.values())
+    return {name: value for name, value in config.items() if name not in own}
+
+
+def _listed(names: Tuple[str, ...]) -> List[Dict[str, str]]:
+    return [
+        {"name": name, "type": ROTATE_TYPE if name == ROTATE else CLEAR_TYPE} for name in dict.fromkeys(names)
+    ]
+
+
+def _group(values: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    group = values.get(name, {})
+    return group if isinstance(group, Mapping) else {}

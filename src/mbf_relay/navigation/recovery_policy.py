@@ -1,0 +1,168 @@
+"""Which recovery behaviour comes next: which failures one can change, and which were tried where the robot is.
+
+mbf_abstract_nav's MoveBaseAction recovers from every failed plan, and from every failed drive but five
+(actionGetPathDone, actionExePathDone). Here a failed plan is judged as a drive is: where neither a fresh look at the
+surroundings nor another place of the robot can change a failure, its goal ends at once, with the failure's own code and
+text, and the robot does not move for nothing. Three outcomes of a drive are added to Move Base Flex's five: CANCELED,
+STOPPED and MAP_ERROR.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Set
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.navigation.goals import NavigateOutcome
+from mbf_relay.outcomes import ControlOutcome, PlanOutcome
+
+
+class Recoverable(Enum):
+    """What can change a failure."""
+
+    NO = "nothing that a recovery behaviour does"
+    BY_CLEARING = "obstacles forgotten and seen anew; the robot's place does not matter"
+    BY_MOVING = "obstacles seen anew, or the robot elsewhere"
+
+
+class RecoveryPolicy(NamedTuple):
+    """What can change a failure, and why that is so."""
+
+    recoverable: Recoverable
+    reason: str
+
+
+NO, BY_CLEARING, BY_MOVING = Recoverable.NO, Recoverable.BY_CLEARING, Recoverable.BY_MOVING
+
+PLANNING: Dict[Enum, RecoveryPolicy] = {
+    PlanOutcome.FAILURE: RecoveryPolicy(BY_MOVING, "a planner's word for anything, most often for no path"),
+    PlanOutcome.CANCELED: RecoveryPolicy(NO, "somebody called it off"),
+    PlanOutcome.INVALID_START: RecoveryPolicy(NO, "a robot whose pose is no pose must not be moved by it"),
+    PlanOutcome.INVALID_GOAL: RecoveryPolicy(NO, "what was asked for is wrong in itself"),
+    PlanOutcome.BLOCKED_START: RecoveryPolicy(
+        BY_MOVING, "what is marked under the robot may be gone, or the robot may leave it"
+    ),
+    PlanOutcome.BLOCKED_GOAL: RecoveryPolicy(
+        BY_CLEARING, "what is marked on the goal may be gone, wherever the robot is"
+    ),
+    PlanOutcome.NO_PATH_FOUND: RecoveryPolicy(
+        BY_MOVING, "what is marked across the way may be gone, or look otherwise from elsewhere"
+    ),
+    PlanOutcome.PAT_EXCEEDED: RecoveryPolicy(
+        BY_CLEARING, "a planner that thinks too long may be quicker with fewer obstacles"
+    ),
+    PlanOutcome.EMPTY_PATH: RecoveryPolicy(BY_MOVING, "how some planners say that there is no path"),
+    PlanOutcome.TF_ERROR: RecoveryPolicy(
+        NO, "waited for already: the frame does not exist, or the robot's place is unknown"
+    ),
+    PlanOutcome.NOT_INITIALIZED: RecoveryPolicy(NO, "a plugin or costmap that is not ready was waited for already"),
+    PlanOutcome.INVALID_PLUGIN: RecoveryPolicy(NO, "there is no such planner"),
+    PlanOutcome.INTERNAL_ERROR: RecoveryPolicy(NO, "a fault in the planner, as with a drive's in Move Base Flex"),
+    PlanOutcome.OUT_OF_MAP: RecoveryPolicy(
+        NO, "no behaviour makes the map larger; one that follows the robot was waited for"
+    ),
+    PlanOutcome.MAP_ERROR: RecoveryPolicy(
+        NO, "the map is missing, too old or too large, and moving on it would be blind"
+    ),
+    PlanOutcome.STOPPED: RecoveryPolicy(NO, "somebody stopped the planner"),
+}
+"""Outcomes of get_path."""
+
+DRIVING: Dict[Enum, RecoveryPolicy] = {
+    ControlOutcome.FAILURE: RecoveryPolicy(BY_MOVING, "a controller's word for anything"),
+    ControlOutcome.CANCELED: RecoveryPolicy(NO, "somebody called it off"),
+    ControlOutcome.NO_VALID_CMD: RecoveryPolicy(BY_MOVING, "obstacles round the robot leave no velocity"),
+    ControlOutcome.PAT_EXCEEDED: RecoveryPolicy(BY_MOVING, "it found no velocity for too long"),
+    ControlOutcome.COLLISION: RecoveryPolicy(
+        BY_MOVING, "what is marked under the robot may be gone, or the robot may leave it"
+    ),
+    ControlOutcome.OSCILLATION: RecoveryPolicy(BY_MOVING, "from elsewhere the way may be clear"),
+    ControlOutcome.ROBOT_STUCK: RecoveryPolicy(BY_MOVING, "wheels that turn in vain ahead may grip back"),
+    ControlOutcome.MISSED_GOAL: RecoveryPolicy(BY_MOVING, "a new path may end nearer to it"),
+    ControlOutcome.MISSED_PATH: RecoveryPolicy(BY_MOVING, "a new path begins where the robot is"),
+    ControlOutcome.BLOCKED_GOAL: RecoveryPolicy(
+        BY_MOVING, "what is marked on the goal may be gone, and room to turn is a matter of place"
+    ),
+    ControlOutcome.BLOCKED_PATH: RecoveryPolicy(
+        BY_MOVING, "what is marked on the path may be gone, or another path lead round it"
+    ),
+    ControlOutcome.INVALID_PATH: RecoveryPolicy(NO, "the planner's fault, as in Move Base Flex"),
+    ControlOutcome.TF_ERROR: RecoveryPolicy(
+        NO, "tf_timeout was waited already, and a robot must not move without a pose"
+    ),
+    ControlOutcome.NOT_INITIALIZED: RecoveryPolicy(NO, "as in Move Base Flex"),
+    ControlOutcome.INVALID_PLUGIN: RecoveryPolicy(NO, "there is no such controller"),
+    ControlOutcome.INTERNAL_ERROR: RecoveryPolicy(NO, "a fault in the controller"),
+    ControlOutcome.OUT_OF_MAP: RecoveryPolicy(BY_MOVING, "the local map goes with the robot"),
+    ControlOutcome.MAP_ERROR: RecoveryPolicy(NO, "the map is missing or unusable, and moving on it would be blind"),
+    ControlOutcome.STOPPED: RecoveryPolicy(NO, "somebody stopped the controller"),
+}
+"""Outcomes of exe_path."""
+
+POLICIES: Dict[Enum, RecoveryPolicy] = {
+    **PLANNING,
+    **DRIVING,
+    NavigateOutcome.OSCILLATION: RecoveryPolicy(BY_MOVING, "from elsewhere the way may be clear"),
+}
+"""Every outcome that move_base may have to recover from."""
+
+
+def recoverable(outcome: Enum, cause: Optional[Enum] = None) -> Recoverable:
+    """Return what can change a failure.
+
+    Args:
+        outcome: How planning or driving ended.
+        cause: What had failed again and again where it ended because patience was over; that decides then.
+    """
+    return POLICIES[outcome if cause is None else cause].recoverable
+
+
+NEAR = 0.1
+"""Metres within which two failures happened at one place, whatever counts as progress elsewhere."""
+
+
+class TriedHere(NamedTuple):
+    """Where something failed, None where that is not known, and the positions in the list of what was tried there."""
+
+    pose: Optional[Pose2D]
+    tried: Set[int]
+
+
+class TriedBehaviors:
+    """Remembers what was tried where, for one goal.
+
+    The list starts over where the robot has got elsewhere, and goes on where it comes back to. Move Base Flex starts it
+    over with every path that is found; a path that cannot be driven then leads through the first behaviours for ever.
+    As there are but so many places within reach, a goal that cannot be reached ends.
+
+    Args:
+        behaviors: Names, in the order to try.
+    """
+
+    def __init__(self, behaviors: Sequence[str]) -> None:
+        self._behaviors = tuple(behaviors)
+        self._places: List[TriedHere] = []
+
+    def next(self, pose: Optional[Pose2D], progress: float, suits: Callable[[str], bool]) -> Optional[int]:
+        """Return the position in the list of what to try now, and count it as tried; None where nothing is left.
+
+        Args:
+            pose: Where the robot is; None counts as the place of the last failure.
+            progress: Distance (m) to another place.
+            suits: Tells of a behaviour whether it can change what failed.
+        """
+        tried = self._place_of(pose, max(progress, NEAR)).tried
+        for index, name in enumerate(self._behaviors):
+            if index not in tried and suits(name):
+                tried.add(index)
+                return index
+        return None
+
+    def _place_of(self, pose: Optional[Pose2D], progress: float) -> TriedHere:
+        if pose is None and self._places:
+            return self._places[-1]
+        for place in self._places:
+            if pose is not None and place.pose is not None and place.pose.distance_to(pose) < progress:
+                return place
+        self._places.append(TriedHere(pose, set()))
+        return self._places[-1]

@@ -1,0 +1,62 @@
+"""What no single range can tell: values that are allowed, and yet can hardly be meant."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Iterator, List, Mapping, Tuple
+
+import numpy as np
+
+from mbf_relay.costmap.outline import parse_footprint, radii
+
+FASTEST = {"max_vel_x": 5.0, "max_vel_y": 5.0, "max_vel_trans": 5.0, "max_trans_vel": 5.0, "max_vel_lin": 5.0}
+"""Speeds (m/s) beyond which a value is more likely cm/s: indoor robots are slower, and their scans too slow for more.
+"""
+FASTEST_TURN = {"max_vel_theta": 7.0, "max_rot_vel": 7.0, "max_rotational_vel": 7.0, "max_vel_th": 7.0}
+"""Turn rates (rad/s) beyond which a value is more likely in degrees."""
+WIDEST_TOLERANCE = {"xy_goal_tolerance": (2.0, "m"), "yaw_goal_tolerance": (math.tau, "rad")}
+"""Tolerances beyond which every goal is reached before it is driven to."""
+
+Doubt = Tuple[str, str]
+"""Name of the parameter below the node, and what there is to say of it."""
+
+
+def doubts(config: Mapping[str, Any]) -> List[Doubt]:
+    """Return what can hardly be meant in a server's parameters."""
+    found: List[Doubt] = []
+    for name, group in config.items():
+        if isinstance(group, Mapping):
+            if name in ("global_costmap", "local_costmap"):
+                found += [(f"{name}/{key}", text) for key, text in _of_costmap(group, config)]
+            else:
+                found += [(f"{name}/{key}", text) for key, text in _of_controller(group)]
+    return found
+
+
+def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any]) -> Iterator[Doubt]:
+    text = group.get("footprint", config.get("footprint"))
+    try:
+        corners = parse_footprint(text) if text is not None else np.zeros((0, 2))
+    except ValueError:
+        return  # told elsewhere, with all else that is no footprint
+    if len(corners) and radii(corners)[1] > 10.0:
+        yield "footprint", f"is {text!r}: it reaches {radii(corners)[1]:.1f} m; lengths are in metres"
+    radius = group.get("robot_radius", config.get("robot_radius", 0.0))
+    if _number(radius) > 10.0:
+        yield "robot_radius", f"is {radius}; lengths are in metres"
+
+
+def _of_controller(group: Mapping[str, Any]) -> Iterator[Doubt]:
+    for name, most in FASTEST.items():
+        if _number(group.get(name)) > most:
+            yield name, f"is {group[name]}; speeds are in m/s, and hardly any robot drives faster than {most:g} m/s"
+    for name, most in FASTEST_TURN.items():
+        if _number(group.get(name)) > most:
+            yield name, f"is {group[name]}; turn rates are in rad/s, and {most:g} is more than a turn a second"
+    for name, (most, unit) in WIDEST_TOLERANCE.items():
+        if _number(group.get(name)) > most:
+            yield name, f"is {group[name]}; beyond {most:.3g} {unit} most goals count as reached at once"
+
+
+def _number(value: Any) -> float:
+    return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else 0.0

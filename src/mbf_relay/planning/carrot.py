@@ -1,0 +1,75 @@
+"""The carrot planner: straight for the goal, as near to it as the robot fits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbf_relay.costmap.cost_grid import CostGrid
+from mbf_relay.costmap.footprint_checker import FootprintChecker
+from mbf_relay.geometry import Pose2D
+from mbf_relay.outcomes import PlanningError, PlanOutcome
+from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.planning import request
+from mbf_relay.planning.path import Path
+from mbf_relay.planning.planner import Cancellation, Planner
+
+
+@dataclass(frozen=True)
+class CarrotParameters(ParameterSet):
+    """Parameters of CarrotPlanner, by carrot_planner's names; costmap resolutions where 0."""
+
+    step_size: float = parameter(
+        0.0,
+        "distance between places tried on the line to the goal; 0 for the costmap's resolution",
+        unit="m",
+        minimum=0.0,
+    )
+    min_dist_from_robot: float = parameter(
+        0.1, "places nearer to the robot than this are not gone to", unit="m", minimum=0.0
+    )
+
+
+class CarrotPlanner(Planner):
+    """Leads along the straight line to the goal, up to the place nearest to it at which the footprint lies free.
+
+    As in carrot_planner the line itself may cross obstacles: it is for users who want the local planner to see to them.
+
+    Source: carrot_planner/CarrotPlanner.
+    """
+
+    Parameters = CarrotParameters
+    parameters: CarrotParameters
+
+    def plan(
+        self, costmap: CostGrid, start: Pose2D, goal: Pose2D, tolerance: float, cancelled: Cancellation
+    ) -> Path:
+        request.require_finite(start, goal)
+        distance = start.distance_to(goal)
+        step = self.parameters.step_size or costmap.grid.resolution
+        nearest = min(distance, self.parameters.min_dist_from_robot)  # the goal itself is tried however near it is
+        tried = np.arange(distance, nearest - 1e-9, -step)
+        heading = math.atan2(goal.y - start.y, goal.x - start.x)
+        line = np.column_stack((
+            start.x + tried * math.cos(heading), start.y + tried * math.sin(heading), np.full(len(tried), goal.theta)))
+        free = np.flatnonzero(_lies_within(costmap, line) & ~FootprintChecker(costmap).touches(line))
+        if len(free) == 0:
+            raise PlanningError(
+                PlanOutcome.NO_PATH_FOUND,
+                f"the robot's footprint lies free nowhere on the line from ({start.x:.2f}, {start.y:.2f}) to "
+                f"({goal.x:.2f}, {goal.y:.2f}) in {costmap.frame}")
+        reach = float(tried[free[0]])
+        ways = np.linspace(0.0, reach, max(2, int(reach / costmap.grid.resolution) + 1))
+        poses = np.column_stack((
+            start.x + ways * math.cos(heading), start.y + ways * math.sin(heading), np.full(len(ways), heading)))
+        poses[-1, 2] = goal.theta
+        return Path(poses, costmap.frame, reach)
+
+
+def _lies_within(costmap: CostGrid, poses: np.ndarray) -> np.ndarray:
+    """Return of each pose, (N, 3), whether the costmap covers its place."""
+    grid = costmap.grid
+    columns, rows = (poses[:, 0] - grid.origin_x) / grid.resolution, (poses[:, 1] - grid.origin_y) / grid.resolution
+    return (columns >= 0) & (columns < grid.width) & (rows >= 0) & (rows < grid.height)

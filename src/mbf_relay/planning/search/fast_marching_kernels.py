@@ -1,0 +1,298 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""Compiled search for smooth paths: the travel time of a front that spreads from the goal.
+
+The potential solves the eikonal equation |grad u| = cost on the grid (Sethian, "A fast marching level set method for
+monotonically advancing fronts", 1996; navfn approximates the same update by a polynomial). It grows, and is kept and
+updated, as cost_to_go_kernels does it for 8-connected steps; the queue is the same. Its heuristic is the straight
+distance at the lowest cost around.
+
+`grow` is one long function on purpose: with its parts in functions of their own, it was a fifth slower. The layout of
+queue and state is queue_kernels'; names with an underscore are copies of its, which a test compares.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mbf_relay.kernels import kernel
+
+_BUCKETS = 64
+_ROOT = np.float32(1.0)
+_WAITING, _BASE, _TAKEN, _APART, _NEXT_SPREAD = 0, 1, 2, 3, 4
+_MIN_COLUMN, _MIN_ROW, _MAX_COLUMN, _MAX_ROW, _EXPANDED = 5, 6, 7, 8, 9
+_REACHED, _EXHAUSTED, _CANCELLED, _BUCKET_FULL, _SPREAD_DUE, _STORE_FULL = 0, 1, 2, 3, 4, 5
+_CANCEL_CHECK = 4096
+_SPARE = 64
+_BATCH = 64
+_NEVER = 1 << 60
+
+
+@kernel("float32(float32, float32, float32)")
+def _arrival(across, along, cost):
+    """Return the potential of a cell from the lower of its neighbours on either axis, inf where there is none."""
+    apart = abs(across - along)
+    if not apart < cost:  # also where both are inf
+        return np.float32(min(across, along) + cost)
+    root = np.float32(math.sqrt(max(np.float32(2.0) * cost * cost - apart * apart, np.float32(0.0))))
+    return np.float32(np.float32(0.5) * (across + along + root))
+
+
+@kernel("int64(int64[::1], int32[:,::1], float32[:,::1], int64, int64)")
+def _make_room(sizes, cells, keys, slot, taken):
+    """Drop a bucket's entries already worked through, where that is worth it; return how many there still are of them.
+    """
+    if 2 * taken < sizes[slot]:
+        return taken
+    for i in range(taken, sizes[slot]):
+        cells[slot, i - taken], keys[slot, i - taken] = cells[slot, i], keys[slot, i]
+    sizes[slot] -= taken
+    return 0
+
+
+@kernel("boolean(int64[::1], int64)")
+def _is_full(sizes, capacity):
+    full = False
+    for slot in range(_BUCKETS):
+        full |= sizes[slot] + _SPARE > capacity
+    return full
+
+
+@kernel("int64(uint8[::1], int64, int64, float32[::1], float32[::1], int64[::1], int32[:,::1], float32[:,::1],"
+        " int32[::1], float32[::1], int64[::1], int64, int64, float32, float32, float32, uint8[::1])")
+def grow(
+    costs, width, height, weights, field, sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope,
+    inverse_width, limit, cancelled,
+):
+    """Grow the potential, where value plus heuristic is within a limit, until the start's value is final.
+
+    The queue is ordered by the values alone: in the order of value plus heuristic, over free space all the same, cells
+    would be taken before the front has come to them from both sides, again and again.
+
+        the goal waits in the queue, with its value
+        while the start's value is not known, or the lowest bucket may still make it lower:
+            take the next entry of the lowest bucket, or go on to the bucket above where there is none
+            if the cell's value is another one than the entry's: it waits elsewhere; go on
+            for each of its four neighbours that may be entered:
+                across = the lower of the neighbour's own neighbours on the other axis
+                arrival = what a front has there that comes from the cell and from `across`; see `_arrival`
+                if the neighbour has no value, or a higher one than that:
+                    its value becomes `arrival`
+                    it waits in the bucket of `arrival`; in the store where `arrival` + heuristic is above the limit
+
+    Args:
+        costs: The map's costs, row by row, width * height of them; at most 32767 each way.
+        width, height: Of the map, in cells.
+        weights: Shape (256,): what crossing a cell of each cost counts, inf where it may not be entered.
+        field: Potential, as long as `costs`; 0 where not known.
+        sizes, cells, keys, apart_cells, apart_keys, state: The queue, see queue_kernels; what is beyond the limit goes
+            into the store.
+        start_x, start_y: Where to.
+        slope: What the heuristic counts for one cell: not more than crossing any does.
+        inverse_width: One over the width of a bucket.
+        limit: Value plus heuristic up to which cells are looked at.
+        cancelled: Shape (1,), non-zero to stop.
+
+    Returns:
+        A verdict of queue_kernels; after BUCKET_FULL make the buckets larger, after STORE_FULL the store, after
+        SPREAD_DUE spread the store, and call again. EXHAUSTED tells that the ring is empty, and that nothing in the
+        store lies within the limit.
+    """
+    inf = np.float32(np.inf)
+    zero = np.float32(0.0)
+    start = np.uint64(start_y * width + start_x)
+    waiting, base, taken, expanded = state[_WAITING], state[_BASE], state[_TAKEN], state[_EXPANDED]
+    min_column, min_row = state[_MIN_COLUMN], state[_MIN_ROW]
+    max_column, max_row = state[_MAX_COLUMN], state[_MAX_ROW]
+    capacity = np.int64(cells.shape[1])
+    ring_cells, ring_keys = cells.ravel(), keys.ravel()
+    offsets = np.array([-1, 1, -width, width])
+    packed_offsets = np.array([-1, 1, -65536, 65536], np.int32)
+    batch_cells, batch_keys = np.empty(_BATCH, np.int32), np.empty(_BATCH, np.float32)
+    costs_near, old, other = np.empty(4, np.float32), np.empty(4, np.float32), np.empty(4, np.float32)
+    through = np.empty(4, np.float32)
+    either = np.empty(8, np.float32)  # what the neighbours hold, then what they would hold through this cell
+    full = _is_full(sizes, capacity)
+    countdown = _CANCEL_CHECK
+    verdict = -1
+    apart = state[_APART]
+    while verdict < 0:
+        slot = base & (_BUCKETS - 1)
+        if taken == sizes[np.uint64(slot)]:
+            sizes[np.uint64(slot)] = 0
+            taken = 0
+            reached = field[start]
+            if reached > 0 and np.float32(base + 1) > reached * inverse_width:
+                verdict = _REACHED
+                break
+            if waiting > 0:
+                base += 1
+            if waiting == 0 or base >= state[_NEXT_SPREAD]:
+                verdict = _EXHAUSTED if waiting == 0 and state[_NEXT_SPREAD] == _NEVER else _SPREAD_DUE
+                break
+            continue
+        if full:
+            # where many keys are equal, one bucket fills while it is emptied: first drop what is done with
+            taken = _make_room(sizes, cells, keys, slot, taken)
+            full = _is_full(sizes, capacity)
+            if full:
+                verdict = _BUCKET_FULL
+                break
+        if apart + _SPARE > apart_cells.shape[0]:
+            verdict = _STORE_FULL
+            break
+        if countdown <= 0:
+            countdown = _CANCEL_CHECK
+            if cancelled[0] != 0:
+                verdict = _CANCELLED
+                break
+        # the neighbours that get better are put into the queue in batches: how many there are of one cell is anyone's
+        # guess, and a loop that ends sooner or later for each cell costs a processor that guesses wrong too much
+        batch = np.int64(0)
+        size = sizes[np.uint64(slot)]
+        while taken < size and batch <= _BATCH - 4 and countdown > 0:
+            place = np.uint64(slot * capacity + taken)
+            taken += 1
+            waiting -= 1
+            packed = ring_cells[place]
+            y, x = np.int64(packed >> 16), np.int64(packed & 65535)
+            i = y * width + x
+            own = field[np.uint64(i)]
+            if ring_keys[place] != own:
+                continue  # it was lowered since, and waits elsewhere with its present value
+            countdown -= 1
+            expanded += 1
+            min_column, max_column = min(min_column, x), max(max_column, x)
+            min_row, max_row = min(min_row, y), max(max_row, y)
+            inside = x > 0 and x + 1 < width and y > 0 and y + 1 < height
+            if inside:
+                left, right = field[np.uint64(i - 1)], field[np.uint64(i + 1)]
+                below, above = field[np.uint64(i - width)], field[np.uint64(i + width)]
+                left_below, right_below = field[np.uint64(i - width - 1)], field[np.uint64(i - width + 1)]
+                left_above, right_above = field[np.uint64(i + width - 1)], field[np.uint64(i + width + 1)]
+                costs_near[0] = weights[costs[np.uint64(i - 1)]]
+                costs_near[1] = weights[costs[np.uint64(i + 1)]]
+                costs_near[2] = weights[costs[np.uint64(i - width)]]
+                costs_near[3] = weights[costs[np.uint64(i + width)]]
+            else:
+                has_left, has_right, has_below, has_above = x > 0, x + 1 < width, y > 0, y + 1 < height
+                left = field[i - 1] if has_left else zero
+                right = field[i + 1] if has_right else zero
+                below = field[i - width] if has_below else zero
+                above = field[i + width] if has_above else zero
+                left_below = field[i - width - 1] if has_left and has_below else zero
+                right_below = field[i - width + 1] if has_right and has_below else zero
+                left_above = field[i + width - 1] if has_left and has_above else zero
+                right_above = field[i + width + 1] if has_right and has_above else zero
+                costs_near[0] = weights[costs[i - 1]] if has_left else inf
+                costs_near[1] = weights[costs[i + 1]] if has_right else inf
+                costs_near[2] = weights[costs[i - width]] if has_below else inf
+                costs_near[3] = weights[costs[i + width]] if has_above else inf
+            either[0], either[1], either[2], either[3] = left, right, below, above
+            old[0] = left if left > zero else inf
+            old[1] = right if right > zero else inf
+            old[2] = below if below > zero else inf
+            old[3] = above if above > zero else inf
+            left_below = left_below if left_below > zero else inf
+            right_below = right_below if right_below > zero else inf
+            left_above = left_above if left_above > zero else inf
+            right_above = right_above if right_above > zero else inf
+            # the lower neighbour of each on the axis across the step
+            other[0] = min(left_below, left_above)
+            other[1] = min(right_below, right_above)
+            other[2] = min(left_below, right_below)
+            other[3] = min(left_above, right_above)
+            # which neighbours get better, and what they hold then, without a branch for each
+            for k in range(4):
+                cost = costs_near[k]
+                gap = abs(own - other[k])
+                one = min(own, other[k]) + cost
+                root = np.float32(math.sqrt(max(np.float32(2.0) * cost * cost - gap * gap, zero)))
+                both = np.float32(0.5) * (own + other[k] + root)
+                through[k] = both if gap < cost else one
+            for k in range(4):
+                chosen = np.uint64(k)
+                batch_cells[np.uint64(batch)] = packed + packed_offsets[chosen]
+                batch_keys[np.uint64(batch)] = through[chosen]
+                gain = np.int64(through[chosen] < old[chosen])
+                batch += gain
+                if inside:
+                    either[np.uint64(4 + k)] = through[chosen]
+                    field[np.uint64(i + offsets[chosen])] = either[np.uint64(k + 4 * gain)]
+                elif gain:
+                    field[i + offsets[k]] = through[k]
+        for n in range(batch):
+            lowered = batch_keys[np.uint64(n)]
+            near = batch_cells[np.uint64(n)]
+            dx, dy = np.float32(np.int64(near & 65535) - start_x), np.float32(np.int64(near >> 16) - start_y)
+            if lowered + slope * np.float32(math.sqrt(dx * dx + dy * dy)) > limit:
+                apart_cells[apart] = near
+                apart_keys[apart] = lowered
+                apart += 1
+                continue
+            # too early does no harm, too late would: what lies beyond the ring goes into its last bucket
+            bucket = min(max(np.int64(lowered * inverse_width), base), base + (_BUCKETS - 1))
+            near_slot = np.uint64(bucket & (_BUCKETS - 1))
+            size = sizes[near_slot]
+            near_place = np.uint64(np.int64(near_slot) * capacity + size)
+            ring_cells[near_place] = near
+            ring_keys[near_place] = lowered
+            sizes[near_slot] = size + 1
+            full |= size + 1 + _SPARE > capacity
+            waiting += 1
+    state[_WAITING], state[_BASE], state[_TAKEN], state[_EXPANDED] = waiting, base, taken, expanded
+    state[_APART] = apart
+    state[_MIN_COLUMN], state[_MIN_ROW] = min_column, min_row
+    state[_MAX_COLUMN], state[_MAX_ROW] = max_column, max_row
+    return verdict
+
+
+@kernel("float32(float32[:,::1], int64, int64, float32)")
+def _below(field, x, y, value):
+    """Return a cell's value where it is known and below `value`, else inf."""
+    if 0 <= x < field.shape[1] and 0 <= y < field.shape[0] and 0 < field[y, x] < value:
+        return field[y, x]
+    return np.float32(np.inf)
+
+
+@kernel("boolean(uint8[:,::1], float32[::1], float32[:,::1], int64, int64)")
+def _is_supported(costs, weights, field, x, y):
+    """Return whether lower neighbours still explain a cell's value.
+
+    The fast-marching update gives no more than it says.
+    """
+    value = field[y, x]
+    if value == _ROOT:
+        return True
+    across = min(_below(field, x - 1, y, value), _below(field, x + 1, y, value))
+    along = min(_below(field, x, y - 1, value), _below(field, x, y + 1, value))
+    return _arrival(across, along, weights[costs[y, x]]) <= value
+
+
+@kernel("int64(uint8[:,::1], float32[::1], float32[:,::1], int32[:,::1], int32[::1])")
+def invalidate(costs, weights, field, changed, unsupported):
+    """Forget what is no longer true in a potential; as cost_to_go_kernels.invalidate, with `weights` as in `grow`."""
+    height, width = costs.shape
+    count = 0
+    for n in range(changed.shape[0]):
+        x, y = changed[n, 0], changed[n, 1]
+        if field[y, x] > 0 and not _is_supported(costs, weights, field, x, y):
+            field[y, x] = 0
+            unsupported[count] = y * 65536 + x
+            count += 1
+    done = 0
+    while done < count:
+        middle_x, middle_y = unsupported[done] & 65535, unsupported[done] >> 16
+        done += 1
+        for side in range(4):
+            x = middle_x + (side * 2 - 1 if side < 2 else 0)
+            y = middle_y + (side * 2 - 5 if side > 1 else 0)
+            if 0 <= x < width and 0 <= y < height:
+                if field[y, x] > 0 and not _is_supported(costs, weights, field, x, y):
+                    if count == unsupported.shape[0]:
+                        return -1
+                    field[y, x] = 0
+                    unsupported[count] = y * 65536 + x
+                    count += 1
+    return count

@@ -1,0 +1,377 @@
+"""Incremental distance fields: costs to go to one goal, grown as far as a plan needs, kept for the next one."""
+
+from __future__ import annotations
+
+import abc
+from typing import Any, ClassVar, Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.outcomes import PlanningError, PlanOutcome
+from mbf_relay.planning.planner import Cancellation
+from mbf_relay.planning.search import cost_to_go_kernels, descent_kernels, fast_marching_kernels, queue_kernels
+
+Cell = Tuple[int, int]
+"""Column and row."""
+
+LARGEST_SIDE = 32767
+"""Cells: rows and columns share one 32-bit number in the queue."""
+
+WORTH_UPDATING = 0.1
+"""Share of the cells looked at whose change is worked in; where more changed, a new field is quicker."""
+
+STORE_PER_CELL = 4
+"""Entries waiting for each cell looked at beyond which a new field is quicker."""
+
+FIRST_LIMIT, RISE, FINE_RISE, MANY_CELLS = 1.01, 1.2, 1.015, 30000
+"""The potential is first grown within this times the straight way's cost, then within this times as much again: in
+finer steps where so many cells were looked at that another step costs little beside them."""
+
+FRONT_SLACK = np.float32(3.0)
+"""Cells: the straight distance is convex, so value plus heuristic may fall a little along the front."""
+
+_HEURISTIC_SHARE = np.float32(0.99999)  # a hair less than the truth, so that rounding never makes it more
+_FIRST_BUCKET = 512
+_FIRST_STORE = 1 << 12
+
+
+class IncrementalField(abc.ABC):
+    """A field over the cells of a grid that falls toward one goal, exact for every cell a plan needed.
+
+    Called again for the same goal, it is read where it reaches the start, grown on where not, and updated first where
+    costs changed; its values are those of one grown from scratch.
+
+    Attributes:
+        expanded: Cells looked at in the last call, for benchmarks.
+        invalidated: Cells that lost their value to changes in the last call, None where the field was begun anew.
+    """
+
+    octile: ClassVar[bool]
+    """Whether the heuristic is the octile distance, otherwise the straight one."""
+
+    kernels: ClassVar[Any]
+    """The module whose `grow` and `invalidate` make the field."""
+
+    bucket: ClassVar[np.float32]
+    """Width of the queue's buckets, in steps over the cheapest cell."""
+
+    def __init__(self) -> None:
+        self.expanded = 0
+        self.invalidated: Optional[int] = None
+        self._goal: Optional[Cell] = None
+        self._table = np.zeros(256, dtype=np.float32)
+        self._revision = 0
+        self._slope = np.float32(0.0)
+        self._weights = np.zeros(256, dtype=np.float32)
+        self._free = np.zeros(256, dtype=np.bool_)  # costs whose weight is above 0
+        self._cheapest = 0  # the cost of the lowest weight
+        self._lowest_from = self._weights  # the lowest weight of each cost and those above it
+        self._field = np.zeros((0, 0), dtype=np.float32)
+        self._seen = np.zeros((0, 0), dtype=np.uint8)  # the costs the field was made from, where it looked
+        self._sizes = np.zeros(queue_kernels.BUCKETS, dtype=np.int64)
+        self._cells = np.zeros((queue_kernels.BUCKETS, _FIRST_BUCKET), dtype=np.int32)
+        self._keys = np.zeros((queue_kernels.BUCKETS, _FIRST_BUCKET), dtype=np.float32)
+        self._apart_cells = np.zeros(_FIRST_STORE, dtype=np.int32)
+        self._apart_keys = np.zeros(_FIRST_STORE, dtype=np.float32)
+        self._state = np.zeros(queue_kernels.STATE_SIZE, dtype=np.int64)
+
+    @staticmethod
+    @abc.abstractmethod
+    def table_of(weights: np.ndarray) -> np.ndarray:
+        """Return what the kernels look costs up in, from the weights: shape (256,), float32."""
+
+    def reach(
+        self, costs: np.ndarray, weights: np.ndarray, start: Cell, goal: Cell, cancelled: Cancellation,
+        revision: int = 0, all_around: bool = False,
+    ) -> bool:
+        """Have the field reach from a goal to a start; False where no free cells connect them.
+
+        Args:
+            costs: Shape (height, width), uint8, C-contiguous.
+            weights: Shape (256,), float32: what crossing a cell of each cost counts; 0 where it may not be entered.
+            start, goal: Cells of the grid whose weight is above 0.
+            cancelled: Stops the search when set.
+            revision: Of the costmap: equal ones stand for equal costs, which need no look; 0 for none.
+            all_around: Look at every cell nearer to the goal than the start instead of mainly toward the start.
+
+        Raises:
+            PlanningError: CANCELED, or MAP_ERROR where the map is too large.
+        """
+        before = 0
+        if self._may_keep(costs, weights, goal) and self._update(costs, revision):
+            before = int(self._state[queue_kernels.EXPANDED])
+        else:
+            self._begin(costs, weights, goal)
+        if before == 0 or revision == 0 or revision != self._revision:
+            self._slope = self._lowest_weight(costs) * _HEURISTIC_SHARE
+        verdict = self._grow(costs, start, cancelled, np.float32(0.0) if all_around else self._slope)
+        self.expanded = int(self._state[queue_kernels.EXPANDED]) - before
+        if self.expanded or self._revision != revision or revision == 0:
+            self._remember(costs)
+        self._revision = revision
+        if verdict == queue_kernels.CANCELLED:
+            raise PlanningError(PlanOutcome.CANCELED, "planning was cancelled")
+        return bool(self._field[start[1], start[0]] > 0.0)
+
+    def field(self) -> np.ndarray:
+        """Return the field, shape (height, width), float32; 0 where nothing is known. Not to be kept."""
+        return self._field
+
+    def _may_keep(self, costs: np.ndarray, weights: np.ndarray, goal: Cell) -> bool:
+        return goal == self._goal and costs.shape == self._field.shape and np.array_equal(weights, self._weights)
+
+    def _begin(self, costs: np.ndarray, weights: np.ndarray, goal: Cell) -> None:
+        """Start a field that holds the goal alone."""
+        height, width = costs.shape
+        if max(height, width) > LARGEST_SIDE:
+            raise PlanningError(
+                PlanOutcome.MAP_ERROR,
+                f"the costmap has {width} x {height} cells; planners take at most {LARGEST_SIDE} each way")
+        self.invalidated = None
+        if self._field.shape != costs.shape:
+            self._field = np.zeros(costs.shape, dtype=np.float32)
+            self._seen = np.zeros(costs.shape, dtype=np.uint8)
+        else:
+            self._field[self._looked_at()] = 0.0
+            if self._goal is not None:
+                self._field[self._goal[1], self._goal[0]] = 0.0
+        self._goal = goal
+        if not np.array_equal(weights, self._weights):
+            self._take_weights(weights)
+        self._sizes.fill(0)
+        state = self._state
+        state.fill(0)
+        state[queue_kernels.MIN_COLUMN], state[queue_kernels.MIN_ROW] = width, height
+        state[queue_kernels.MAX_COLUMN] = state[queue_kernels.MAX_ROW] = -1
+        self._field[goal[1], goal[0]] = queue_kernels.ROOT_VALUE
+        self._apart_cells[0], self._apart_keys[0] = goal[1] * 65536 + goal[0], queue_kernels.ROOT_VALUE
+        state[queue_kernels.APART] = 1
+
+    def _take_weights(self, weights: np.ndarray) -> None:
+        """Keep weights and what is looked up of them in every plan."""
+        self._weights = weights.copy()
+        self._table = self.table_of(weights)
+        self._free = weights > 0.0
+        counted = np.where(self._free, weights, np.float32(np.inf))
+        self._cheapest = int(np.argmin(counted))
+        self._lowest_from = np.minimum.accumulate(counted[::-1])[::-1].copy()
+
+    def _looked_at(self) -> Tuple[slice, slice]:
+        """Return the part of the map the field rests on: the cells expanded and those next to them."""
+        state = self._state
+        return (
+            slice(max(int(state[queue_kernels.MIN_ROW]) - 1, 0), int(state[queue_kernels.MAX_ROW]) + 2),
+            slice(max(int(state[queue_kernels.MIN_COLUMN]) - 1, 0), int(state[queue_kernels.MAX_COLUMN]) + 2),
+        )
+
+    def _remember(self, costs: np.ndarray) -> None:
+        part = self._looked_at()
+        self._seen[part] = costs[part]
+
+    def _update(self, costs: np.ndarray, revision: int) -> bool:
+        """Bring the field in order after changes of the map; False where it is better begun anew."""
+        if revision != 0 and revision == self._revision:
+            self._set_apart()
+            self.invalidated = 0
+            return True
+        part = self._looked_at()
+        differs = costs[part] != self._seen[part]
+        waiting = self._set_apart()
+        self.invalidated = 0
+        if not differs.any():
+            return True
+        rows, columns = np.nonzero(differs)
+        if len(rows) > WORTH_UPDATING * max(int(self._state[queue_kernels.EXPANDED]), 1):
+            return False
+        changed = np.column_stack((columns + part[1].start, rows + part[0].start)).astype(np.int32)
+        if waiting > STORE_PER_CELL * int(self._state[queue_kernels.EXPANDED]) + _FIRST_STORE:
+            return False  # many updates have left the same cells waiting many times over
+        unsupported = np.empty(self._seen[part].size + 9 * len(changed), dtype=np.int32)
+        forgotten = int(self.kernels.invalidate(costs, self._table, self._field, changed, unsupported))
+        if forgotten < 0:
+            return False
+        self._reserve(waiting + 9 * (forgotten + len(changed)))
+        queue_kernels.requeue(
+            self._field, changed, unsupported, forgotten, self._apart_cells, self._apart_keys, self._state)
+        self.invalidated = forgotten
+        return True
+
+    def _set_apart(self) -> int:
+        """Empty the queue's ring into its store; returns how many entries wait there."""
+        while True:
+            waiting = queue_kernels.set_apart(
+                self._field, self._sizes, self._cells, self._keys, self._apart_cells, self._apart_keys, self._state)
+            if waiting >= 0:
+                return int(waiting)
+            self._reserve(-waiting)
+
+    def _reserve(self, entries: int) -> None:
+        """Make the store long enough for so many entries in all."""
+        if len(self._apart_cells) < entries:
+            self._apart_cells = np.resize(self._apart_cells, 2 * entries)
+            self._apart_keys = np.resize(self._apart_keys, 2 * entries)
+
+    def _grow(self, costs: np.ndarray, start: Cell, cancelled: Cancellation, slope: np.float32) -> int:
+        # one expansion raises the key by no more than the ring is long
+        widest = np.float32(1.5) * (self._weights.max() + slope) / np.float32(queue_kernels.BUCKETS - 3)
+        inverse_width = np.float32(1.0) / max(slope * self.bucket, widest)
+        return self._grow_within(np.float32(np.inf), costs, (start[0], start[1], slope, inverse_width), cancelled)
+
+    def _grow_within(
+        self,
+        limit: np.float32,
+        costs: np.ndarray,
+        aim: Tuple[int, int, np.float32, np.float32],
+        cancelled: Cancellation,
+    ) -> int:
+        """Spread the queue and grow until there is a verdict that asks for no more memory."""
+        verdict = queue_kernels.SPREAD_DUE
+        while True:
+            if verdict == queue_kernels.SPREAD_DUE:
+                while not queue_kernels.spread(
+                    self._sizes, self._cells, self._keys, self._apart_cells, self._apart_keys, self._state, *aim,
+                    self.octile, limit):
+                    self._enlarge()
+            elif verdict == queue_kernels.BUCKET_FULL:
+                self._enlarge()
+            elif verdict == queue_kernels.STORE_FULL:
+                self._reserve(len(self._apart_cells) + 1)
+            else:
+                return verdict
+            verdict = self._call_grow(limit, costs, aim, cancelled)
+
+    @abc.abstractmethod
+    def _call_grow(
+        self,
+        limit: np.float32,
+        costs: np.ndarray,
+        aim: Tuple[int, int, np.float32, np.float32],
+        cancelled: Cancellation,
+    ) -> int:
+        """Call the kernel."""
+
+    def _field_and_queue(self, costs: np.ndarray) -> Tuple[Any, ...]:
+        """Return what every kernel that grows the field takes first."""
+        height, width = costs.shape
+        queue = (self._sizes, self._cells, self._keys)
+        return (costs.reshape(-1), width, height, self._table, self._field.reshape(-1), *queue)
+
+    def _lowest_weight(self, costs: np.ndarray) -> np.float32:
+        """Return a weight no cell connected with the goal goes below: the higher, the steeper the heuristic."""
+        assert self._goal is not None
+        lowest = queue_kernels.lowest_connected(costs, self._free, self._goal[0], self._goal[1], self._cheapest)
+        return np.float32(self._lowest_from[lowest])
+
+    def _enlarge(self) -> None:
+        self._cells = np.concatenate((self._cells, np.zeros_like(self._cells)), axis=1)
+        self._keys = np.concatenate((self._keys, np.zeros_like(self._keys)), axis=1)
+
+
+class CostToGo(IncrementalField):
+    """Costs to go over 8-connected steps: exact, and so are the paths.
+
+    A step between two cells costs the mean of what the cells count, times its length; a diagonal step needs both
+    orthogonal neighbours free.
+    """
+
+    octile: ClassVar[bool] = True
+    kernels: ClassVar[Any] = cost_to_go_kernels
+    bucket: ClassVar[np.float32] = np.float32(1.0)  # no step is shorter, so what is taken from one bucket is final
+
+    @staticmethod
+    def table_of(weights: np.ndarray) -> np.ndarray:
+        """Return half of each weight, inf where the cell may not be entered."""
+        return np.where(weights > 0.0, weights * np.float32(0.5), np.float32(np.inf)).astype(np.float32)
+
+    def _call_grow(
+        self,
+        limit: np.float32,
+        costs: np.ndarray,
+        aim: Tuple[int, int, np.float32, np.float32],
+        cancelled: Cancellation,
+    ) -> int:
+        verdict: int = cost_to_go_kernels.grow(*self._field_and_queue(costs), self._state, *aim, cancelled.flag)
+        return verdict
+
+    def path(self, costs: np.ndarray, start: Cell) -> np.ndarray:
+        """Return the cells of the cheapest way from a start the field reaches: (N, 2) int32, the goal's cell last."""
+        size = 4 * max(costs.shape) + 16
+        while True:
+            path = np.empty((size, 2), dtype=np.int32)
+            count = cost_to_go_kernels.follow(costs, self._table, self._field, start[0], start[1], path)
+            if count >= 0:
+                return path[:count]
+            size *= 4
+
+
+class FastMarchingPotential(IncrementalField):
+    """The fast-marching potential: travel time of a front from the goal by the eikonal equation, for smooth paths."""
+
+    octile: ClassVar[bool] = False
+    kernels: ClassVar[Any] = fast_marching_kernels
+    bucket: ClassVar[np.float32] = np.float32(0.7)  # a front rises by less than a step from cell to cell
+
+    @staticmethod
+    def table_of(weights: np.ndarray) -> np.ndarray:
+        """Return the weights, inf where the cell may not be entered."""
+        return np.where(weights > 0.0, weights, np.float32(np.inf)).astype(np.float32)
+
+    def _grow(self, costs: np.ndarray, start: Cell, cancelled: Cancellation, slope: np.float32) -> int:
+        """Raise the limit on value plus heuristic step by step, until it lies above the start's value."""
+        widest = np.float32(1.5) * self._weights.max() / np.float32(queue_kernels.BUCKETS - 3)
+        inverse_width = np.float32(1.0) / max(self._slope * self.bucket, widest)
+        aim = (start[0], start[1], slope, inverse_width)
+        slack = FRONT_SLACK * slope
+        assert self._goal is not None
+        goal_x, goal_y = self._goal
+        straight = slope * np.float32(np.hypot(start[0] - goal_x, start[1] - goal_y))
+        limit = np.float32(FIRST_LIMIT * straight + 10.0 * slope) if slope > 0.0 else np.float32(np.inf)
+        rise = 1.0
+        while True:
+            reached = self._field[start[1], start[0]]
+            if reached > 0.0:
+                limit = max(limit, reached + slack)
+            verdict = self._grow_within(limit, costs, aim, cancelled)
+            reached = self._field[start[1], start[0]]
+            if verdict == queue_kernels.CANCELLED or (reached > 0.0 and reached + slack <= limit):
+                return verdict
+            if reached == 0.0:
+                if self._state[queue_kernels.APART] == 0:
+                    return queue_kernels.EXHAUSTED
+                is_large = self._state[queue_kernels.EXPANDED] > MANY_CELLS
+                limit = np.float32(limit * (FINE_RISE if is_large else RISE) * rise)
+                rise = min(rise * 1.02, 2.0)  # walled off: the end must come in a few steps, however far the walls
+
+    def _call_grow(
+        self,
+        limit: np.float32,
+        costs: np.ndarray,
+        aim: Tuple[int, int, np.float32, np.float32],
+        cancelled: Cancellation,
+    ) -> int:
+        verdict: int = fast_marching_kernels.grow(
+            *self._field_and_queue(costs), self._apart_cells, self._apart_keys, self._state, *aim, limit, cancelled.flag
+        )
+        return verdict
+
+    def path(self, start: Tuple[float, float]) -> np.ndarray:
+        """Return points down the potential to the goal's cell or the one next to it: (N, 2), in cells.
+
+        Args:
+            start: In cells, the centre of a cell at halves; in a cell the field reaches. The first point.
+        """
+        assert self._goal is not None
+        size = 16 * max(self._field.shape) + 16
+        while True:
+            path = np.empty((size, 2))
+            count = descent_kernels.descend(self._field, start[0], start[1], self._goal[0], self._goal[1], path)
+            if count >= 0:
+                return path[:count]
+            size *= 4
+
+    def cost_at(self, x: float, y: float) -> float:
+        """Return the potential at a point, in cells, above the goal's: what the way down from there counts."""
+        value = descent_kernels.potential_at(self._field, x, y)
+        if not np.isfinite(value):
+            value = self._field[int(y), int(x)]
+        return float(value) - queue_kernels.ROOT_VALUE

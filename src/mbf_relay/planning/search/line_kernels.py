@@ -1,0 +1,156 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""Compiled straight lines over weighted cells: what they count, and string pulling along them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mbf_relay.kernels import kernel
+
+_CORNER = 1e-9  # cells: nearer than this to a corner, a line passes through it
+_MOVE = 0.37  # cells: no sum of it and its halves is half a cell, so that no point comes to lie on a border
+
+
+@kernel("float64(uint8[:,::1], float32[::1], float64, float64, float64, float64)")
+def line_cost(costs, weights, x0, y0, x1, y1):
+    """Return what a straight line counts: its length in each cell times the cell's weight, inf where it is blocked.
+
+    Through a corner it passes only where both cells beside are free too.
+
+    Args:
+        costs: Shape (height, width).
+        weights: Shape (256,), inf where a cell may not be entered.
+        x0, y0, x1, y1: The ends in cells, centres at halves, within the map.
+    """
+    column, row = int(math.floor(x0)), int(math.floor(y0))
+    end_column, end_row = int(math.floor(x1)), int(math.floor(y1))
+    dx, dy = x1 - x0, y1 - y0
+    length = math.hypot(dx, dy)
+    if weights[costs[row, column]] == np.inf or weights[costs[end_row, end_column]] == np.inf:
+        return np.inf
+    step_x = 1 if dx > 0 else -1
+    step_y = 1 if dy > 0 else -1
+    # where along the line, from 0 to 1, it leaves the cell through a side
+    across_x = abs(1.0 / dx) if dx != 0.0 else np.inf
+    across_y = abs(1.0 / dy) if dy != 0.0 else np.inf
+    next_x = ((column + 1 - x0) if dx > 0 else (x0 - column)) * across_x if dx != 0.0 else np.inf
+    next_y = ((row + 1 - y0) if dy > 0 else (y0 - row)) * across_y if dy != 0.0 else np.inf
+    at = 0.0
+    total = 0.0
+    # a start on a cell's border may be counted to the cell behind
+    steps = abs(end_column - column) + abs(end_row - row) + 2
+    for _ in range(steps):
+        weight = weights[costs[row, column]]
+        leave = min(next_x, next_y)
+        if leave >= 1.0 or (column == end_column and row == end_row):
+            return total + (1.0 - at) * length * weight
+        total += (leave - at) * length * weight
+        at = leave
+        if abs(next_x - next_y) * length < _CORNER:
+            if weights[costs[row, column + step_x]] == np.inf or weights[costs[row + step_y, column]] == np.inf:
+                return np.inf
+            column += step_x
+            row += step_y
+            next_x += across_x
+            next_y += across_y
+        elif next_x < next_y:
+            column += step_x
+            next_x += across_x
+        else:
+            row += step_y
+            next_y += across_y
+        if weights[costs[row, column]] == np.inf:
+            return np.inf
+    return total + (1.0 - at) * length * weights[costs[row, column]]
+
+
+@kernel("float64(uint8[:,::1], float32[::1], float64[:,::1])")
+def polyline_cost(costs, weights, points):
+    """Return what a path of straight lines counts; `points` is (N, 2), in cells."""
+    total = 0.0
+    for n in range(points.shape[0] - 1):
+        total += line_cost(costs, weights, points[n, 0], points[n, 1], points[n + 1, 0], points[n + 1, 1])
+    return total
+
+
+@kernel("int64(uint8[:,::1], float32[::1], float64[:,::1], int64)")
+def pull_string(costs, weights, points, passes):
+    """Straighten a path in place by string pulling; it never counts more than before. Return how many points are left.
+
+    Points that a straight line past them makes cheaper, or no dearer, are dropped; what is left is moved by parts of
+    a cell where that makes its two lines cheaper; until nothing changes. What was tried in vain is not tried again
+    before the point or one of its neighbours has changed.
+
+    Args:
+        costs, weights: As for `line_cost`.
+        points: Shape (N, 2), in cells; the first and the last stay.
+        passes: How often at most.
+    """
+    count = points.shape[0]
+    lines = np.empty(count, np.float64)  # of each point to the next
+    for n in range(count - 1):
+        lines[n] = line_cost(costs, weights, points[n, 0], points[n, 1], points[n + 1, 0], points[n + 1, 1])
+    stays = np.zeros(count, np.bool_)  # dropping it was tried in vain
+    rests = np.zeros(count, np.bool_)  # moving it by `reach` was tried in vain
+    reach = _MOVE
+    for _ in range(passes):
+        changed = False
+        # every other point first: dropping neighbours in turn would eat up one end of a curve
+        for parity in range(2):
+            kept = 1
+            spared = parity == 1
+            for n in range(1, count - 1):
+                dropped = False
+                if not spared and not stays[n]:
+                    straight = line_cost(
+                        costs, weights, points[kept - 1, 0], points[kept - 1, 1], points[n + 1, 0], points[n + 1, 1])
+                    if straight <= lines[kept - 1] + lines[n] + 1e-9:
+                        lines[kept - 1] = straight
+                        dropped = True
+                        changed = True
+                        stays[kept - 1] = stays[n + 1] = False
+                        rests[kept - 1] = rests[n + 1] = False
+                    else:
+                        stays[n] = True
+                if not dropped:
+                    points[kept, 0], points[kept, 1] = points[n, 0], points[n, 1]
+                    lines[kept], stays[kept], rests[kept] = lines[n], stays[n], rests[n]
+                    kept += 1
+                spared = dropped
+            if count > 1:
+                points[kept, 0], points[kept, 1] = points[count - 1, 0], points[count - 1, 1]
+                count = kept + 1
+        moved = False
+        for n in range(1, count - 1):
+            if rests[n]:
+                continue
+            rests[n] = True
+            x, y = points[n, 0], points[n, 1]
+            best = lines[n - 1] + lines[n]
+            best_x, best_y = x, y
+            for k in range(4):
+                to_x = x + (reach * (k * 2 - 1) if k < 2 else 0.0)
+                to_y = y + (reach * (k * 2 - 5) if k > 1 else 0.0)
+                if not (0.0 < to_x < costs.shape[1] and 0.0 < to_y < costs.shape[0]):
+                    continue
+                before = line_cost(costs, weights, points[n - 1, 0], points[n - 1, 1], to_x, to_y)
+                if before < best:
+                    after = line_cost(costs, weights, to_x, to_y, points[n + 1, 0], points[n + 1, 1])
+                    if before + after < best - 1e-6:
+                        best = before + after
+                        best_x, best_y = to_x, to_y
+            if best_x != x or best_y != y:
+                points[n, 0], points[n, 1] = best_x, best_y
+                lines[n - 1] = line_cost(costs, weights, points[n - 1, 0], points[n - 1, 1], best_x, best_y)
+                lines[n] = line_cost(costs, weights, best_x, best_y, points[n + 1, 0], points[n + 1, 1])
+                moved = True
+                for k in range(n - 1, n + 2):
+                    stays[k] = rests[k] = False
+        if not changed and not moved:
+            if reach <= 0.25 * _MOVE:
+                break
+            reach *= 0.5
+            rests[:] = False
+    return count

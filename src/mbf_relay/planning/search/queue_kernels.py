@@ -1,0 +1,234 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""The queue of a label-correcting search, and what its fields share.
+
+The queue is a ring of buckets about one straight step wide (Denardo and Fox, 1979), worked through in the order of
+arrival, so that one cell need not wait for the memory of the one before. What lies too far up for the ring waits in a
+store beside it; a new aim, which changes every key, empties the ring into the store and spreads it out again.
+
+An entry is a cell (row * 65536 + column) and the value it had when it was put there: where the cell's value is another
+one now, the entry is out of date, because the cell waits elsewhere too.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mbf_relay.kernels import kernel
+
+BUCKETS = 64
+ROOT_VALUE = 1.0  # of the goal's own cell: any value above 0
+
+# The layout of `state`, int64, one for all searches. numba keeps compiled kernels by their own file alone, so each
+# module that uses it copies what it needs, under the same names with an underscore; a test compares the copies.
+WAITING = 0  # entries in the ring
+BASE = 1  # number of the lowest bucket
+TAKEN = 2  # entries of the lowest bucket already worked through
+APART = 3  # entries in the store
+NEXT_SPREAD = 4  # number of the lowest bucket at which the store must be looked through again
+MIN_COLUMN, MIN_ROW, MAX_COLUMN, MAX_ROW = 5, 6, 7, 8  # cells expanded
+EXPANDED = 9  # how many, since the field was begun
+STATE_SIZE = 10
+
+# verdicts of the kernels that grow a field
+REACHED, EXHAUSTED, CANCELLED, BUCKET_FULL, SPREAD_DUE, STORE_FULL = 0, 1, 2, 3, 4, 5
+
+CANCEL_CHECK = 4096  # expansions between two looks at the flag: a fraction of a millisecond
+SPARE = 64  # entries a kernel may add to a bucket before it looks again whether there is room
+
+_BUCKETS = 64
+_WAITING, _BASE, _TAKEN, _APART, _NEXT_SPREAD = 0, 1, 2, 3, 4
+_OCTILE = np.float32(math.sqrt(2.0) - 1.0)
+_SPARE = 64
+_NEVER = 1 << 60
+
+
+@kernel("int64(uint8[::1], int64)")
+def _lowest(cells, lowest):
+    for i in range(cells.shape[0]):
+        lowest = min(lowest, np.int64(cells[i]))
+    return lowest
+
+
+@kernel("int64(uint8[:,::1], boolean[::1], int64, int64, int64)")
+def lowest_connected(costs, free, start_x, start_y, enough):
+    """Return a cost that no cell connected with a free one goes below; `enough` as soon as it is not above that.
+
+    Each row holds one span of columns that covers what is connected in it. A span reaches into the rows beside it as
+    far as the free cells there go that touch it, until no span grows. What lies between the ends of a span counts
+    too, connected or not, so that the result may be lower than need be; but only the ends are looked for cell by cell.
+
+    Args:
+        costs: Shape (height, width).
+        free: Shape (256,): whether cells of each cost may be entered.
+        start_x, start_y: A free cell.
+        enough: No cell counts less than this.
+    """
+    height, width = costs.shape
+    firsts = np.full(height, width, np.int32)
+    lasts = np.full(height, -1, np.int32)
+    waits = np.zeros(height, np.uint8)
+    rows = np.empty(height, np.int32)
+    firsts[start_y] = lasts[start_y] = start_x
+    left, right = start_x, start_x
+    while left > 0 and free[costs[start_y, left - 1]]:
+        left -= 1
+    while right + 1 < width and free[costs[start_y, right + 1]]:
+        right += 1
+    firsts[start_y], lasts[start_y] = left, right
+    lowest = _lowest(costs[start_y, left:right + 1], 255)
+    rows[0] = start_y
+    waits[start_y] = 1
+    count, left_to_do = 1, 8 * height
+    while count > 0 and lowest > enough:
+        left_to_do -= 1
+        if left_to_do < 0:
+            return enough  # a maze: not worth the while
+        count -= 1
+        row = np.int64(rows[count])
+        waits[row] = 0
+        for y in range(row - 1, row + 2, 2):
+            if y < 0 or y >= height:
+                continue
+            left, right = np.int64(firsts[row]), np.int64(lasts[row])
+            while left <= right and not free[costs[y, left]]:
+                left += 1
+            if left > right:
+                continue
+            while not free[costs[y, right]]:
+                right -= 1
+            while left > 0 and free[costs[y, left - 1]]:
+                left -= 1
+            while right + 1 < width and free[costs[y, right + 1]]:
+                right += 1
+            first, last = min(left, np.int64(firsts[y])), max(right, np.int64(lasts[y]))
+            if first < firsts[y] or last > lasts[y]:
+                firsts[y], lasts[y] = first, last
+                lowest = _lowest(costs[y, first:last + 1], lowest)
+                if waits[y] == 0:
+                    waits[y] = 1
+                    rows[count] = y
+                    count += 1
+    return max(lowest, enough)
+
+
+@kernel("float32(int64, int64, int64, int64, float32, boolean)")
+def _heuristic(x, y, start_x, start_y, slope, octile):
+    dx, dy = abs(x - start_x), abs(y - start_y)
+    if octile:
+        return np.float32(slope * (np.float32(max(dx, dy)) + _OCTILE * np.float32(min(dx, dy))))
+    return np.float32(slope * math.sqrt(np.float32(dx * dx + dy * dy)))
+
+
+@kernel("boolean(int64[::1], int32[:,::1], float32[:,::1], int32[::1], float32[::1], int64[::1], int64, int64,"
+        " float32, float32, boolean, float32)")
+def spread(sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope, inverse_width, octile, limit):
+    """Move from the store into the ring what belongs there.
+
+    The lowest bucket moves up to the lowest entry where the ring is empty.
+
+    Args:
+        sizes, cells, keys: The ring: entries in each bucket; their cells and the cells' values.
+        apart_cells, apart_keys, state: The store and the counters, see above.
+        start_x, start_y: What the search aims for.
+        slope: What the heuristic counts for one cell.
+        inverse_width: One over the width of a bucket.
+        octile: The heuristic is the octile distance, and keys are values plus heuristic. Otherwise it is the straight
+            one, and keys are values alone.
+        limit: Where value plus heuristic is above it, an entry stays in the store.
+
+    Returns:
+        False where a bucket is full: nothing was moved then. Make the buckets larger and call again.
+    """
+    count = state[_APART]
+    base = state[_BASE]
+    buckets = np.empty(count, np.int64)
+    lowest = _NEVER
+    for i in range(count):
+        x, y = np.int64(apart_cells[i] & 65535), np.int64(apart_cells[i] >> 16)
+        total = np.float32(apart_keys[i] + _heuristic(x, y, start_x, start_y, slope, octile))
+        buckets[i] = _NEVER
+        if total <= limit:
+            buckets[i] = np.int64((total if octile else apart_keys[i]) * inverse_width)
+            lowest = min(lowest, buckets[i])
+    if state[_WAITING] == 0:
+        base = lowest if lowest < _NEVER else base
+        sizes[state[_BASE] & (_BUCKETS - 1)] = 0
+        state[_TAKEN] = 0
+        state[_BASE] = base
+    added = np.zeros(_BUCKETS, np.int64)
+    for i in range(count):
+        buckets[i] = max(buckets[i], base)
+        if buckets[i] - base < _BUCKETS:
+            added[buckets[i] & (_BUCKETS - 1)] += 1
+    for slot in range(_BUCKETS):
+        if sizes[slot] + added[slot] + _SPARE > cells.shape[1]:
+            return False
+    kept = 0
+    next_bucket = _NEVER
+    for i in range(count):
+        if buckets[i] - base < _BUCKETS:
+            slot = buckets[i] & (_BUCKETS - 1)
+            cells[slot, sizes[slot]], keys[slot, sizes[slot]] = apart_cells[i], apart_keys[i]
+            sizes[slot] += 1
+            state[_WAITING] += 1
+        else:
+            apart_cells[kept], apart_keys[kept] = apart_cells[i], apart_keys[i]
+            kept += 1
+            next_bucket = min(next_bucket, buckets[i])
+    state[_APART] = kept
+    state[_NEXT_SPREAD] = next_bucket  # not sooner: each spread then brings a whole ring of buckets
+    return True
+
+
+@kernel("int64(float32[:,::1], int64[::1], int32[:,::1], float32[:,::1], int32[::1], float32[::1], int64[::1])")
+def set_apart(field, sizes, cells, keys, apart_cells, apart_keys, state):
+    """Empty the ring into the store, for a new aim; what is out of date is dropped. Return how many wait there.
+
+    The store must have room for all that wait; a negative result is minus the room it needs, and nothing was moved.
+    """
+    if state[_APART] + state[_WAITING] > apart_cells.shape[0]:
+        return -(state[_APART] + state[_WAITING])
+    count = state[_APART]
+    for slot in range(_BUCKETS):
+        first = state[_TAKEN] if slot == (state[_BASE] & (_BUCKETS - 1)) else 0
+        for i in range(first, sizes[slot]):
+            apart_cells[count], apart_keys[count] = cells[slot, i], keys[slot, i]
+            count += 1
+        sizes[slot] = 0
+    kept = 0
+    for i in range(count):
+        if field[apart_cells[i] >> 16, apart_cells[i] & 65535] == apart_keys[i]:
+            apart_cells[kept], apart_keys[kept] = apart_cells[i], apart_keys[i]
+            kept += 1
+    state[_APART] = kept
+    state[_WAITING] = 0
+    state[_TAKEN] = 0
+    return kept
+
+
+@kernel("int64(float32[:,::1], int32[:,::1], int32[::1], int64, int32[::1], float32[::1], int64[::1])")
+def requeue(field, changed, forgotten, count, apart_cells, apart_keys, state):
+    """Put into the store every known cell in or next to cells that changed or were forgotten.
+
+    Args:
+        field: The field, forgotten cells holding 0.
+        changed: Shape (N, 2): columns and rows of cells whose costs changed.
+        forgotten: The first `count` are cells that lost their value, row * 65536 + column.
+        apart_cells, apart_keys, state: The store, with room for 9 entries for each of these cells, and the counters.
+    """
+    height, width = field.shape
+    waiting = state[_APART]
+    for n in range(count + changed.shape[0]):
+        if n < count:
+            middle_x, middle_y = np.int64(forgotten[n] & 65535), np.int64(forgotten[n] >> 16)
+        else:
+            middle_x, middle_y = np.int64(changed[n - count, 0]), np.int64(changed[n - count, 1])
+        for y in range(max(middle_y - 1, 0), min(middle_y + 2, height)):  # type: ignore[call-overload]
+            for x in range(max(middle_x - 1, 0), min(middle_x + 2, width)):  # type: ignore[call-overload]
+                if field[y, x] > 0:
+                    apart_cells[waiting], apart_keys[waiting] = y * 65536 + x, field[y, x]
+                    waiting += 1
+    state[_APART] = waiting
+    return waiting

@@ -1,0 +1,117 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""Compiled floods: which cells can be reached, and which of them lies nearest to a goal."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mbf_relay.kernels import kernel
+
+_CANCEL_CHECK = 8191  # cells between two looks at the flag, less one
+
+
+@kernel("UniTuple(int64, 2)(uint8[:,::1], boolean[::1], int64, int64, float64, float64, float64, float64, uint8[:,::1],"
+        " uint8[::1])")
+def nearest_reachable(costs, free, start_x, start_y, goal_x, goal_y, radius, enough, reached, cancelled):
+    """Flood the free cells connected to a start and return the one whose centre is nearest to a goal.
+
+    Args:
+        costs: Shape (height, width).
+        free: Shape (256,): whether cells of each cost may be entered.
+        start_x, start_y: A free cell.
+        goal_x, goal_y: A point in cells, centres at halves; it may lie outside.
+        radius: Cells farther from the goal (in cells) do not count.
+        enough: The flood ends at a cell no farther than this.
+        reached: Scratch of `costs`' shape, all 0.
+        cancelled: Shape (1,), non-zero to stop.
+
+    Returns:
+        Column and row; (-1, -1) where none is near enough, (-2, -2) where cancelled.
+    """
+    height, width = costs.shape
+    nearest = radius * radius * (1.0 + 1e-12) + 1e-9
+    best_x, best_y = -1, -1
+    queue = np.empty(1024, np.int64)
+    queue[0] = start_y * width + start_x
+    reached[start_y, start_x] = 1
+    done, count = 0, 1
+    while done < count:
+        if done & _CANCEL_CHECK == 0 and cancelled[0] != 0:
+            return -2, -2
+        y, x = queue[done] // width, queue[done] % width
+        done += 1
+        distance = (x + 0.5 - goal_x) ** 2 + (y + 0.5 - goal_y) ** 2
+        if distance <= nearest and (best_x < 0 or distance < nearest):
+            nearest = distance
+            best_x, best_y = x, y
+            if distance <= enough * enough:
+                break
+        if count + 4 > queue.shape[0]:
+            if done > queue.shape[0] // 2:  # the front half is done with
+                queue[:count - done] = queue[done:count].copy()
+                count -= done
+                done = 0
+            else:
+                longer = np.empty(2 * queue.shape[0], np.int64)
+                longer[:count] = queue[:count]
+                queue = longer
+        for side in range(4):
+            near_x = x + (side * 2 - 1 if side < 2 else 0)
+            near_y = y + (side * 2 - 5 if side > 1 else 0)
+            if 0 <= near_x < width and 0 <= near_y < height and reached[near_y, near_x] == 0:
+                if free[costs[near_y, near_x]]:
+                    reached[near_y, near_x] = 1
+                    queue[count] = near_y * width + near_x
+                    count += 1
+    return best_x, best_y
+
+
+@kernel("int64(uint8[:,::1], boolean[::1], boolean[::1], int64, int64, int64, int32[:,::1])")
+def way_out(costs, free, passable, start_x, start_y, reach, path):
+    """Find the shortest way (4-connected) from a cell that is not free over passable ones to the nearest free cell.
+
+    Args:
+        costs: Shape (height, width).
+        free, passable: Shape (256,): whether cells of each cost are free, and may be left over.
+        start_x, start_y: The cell to leave.
+        reach: How many cells away the free cell may lie, each way.
+        path: Shape (M, 2), M at least (2 reach + 1)²; filled with the way, the free cell last.
+
+    Returns:
+        How many cells the way has, 0 where there is none.
+    """
+    height, width = costs.shape
+    side = 2 * reach + 1
+    before = np.full((side, side), -2, np.int64)
+    queue = np.empty(side * side, np.int64)
+    queue[0] = reach * side + reach
+    before[reach, reach] = -1
+    done, count = 0, 1
+    found = -1
+    while done < count and found < 0:
+        here = queue[done]
+        done += 1
+        row, column = here // side, here % side
+        if free[costs[start_y + row - reach, start_x + column - reach]]:
+            found = here
+            break
+        for k in range(4):
+            to_column = column + (k * 2 - 1 if k < 2 else 0)
+            to_row = row + (k * 2 - 5 if k > 1 else 0)
+            if not (0 <= to_column < side and 0 <= to_row < side) or before[to_row, to_column] != -2:
+                continue
+            x, y = start_x + to_column - reach, start_y + to_row - reach
+            if 0 <= x < width and 0 <= y < height and (passable[costs[y, x]] or free[costs[y, x]]):
+                before[to_row, to_column] = here
+                queue[count] = to_row * side + to_column
+                count += 1
+    length = 0
+    while found >= 0:
+        path[length, 0] = start_x + found % side - reach
+        path[length, 1] = start_y + found // side - reach
+        length += 1
+        found = before[found // side, found % side]
+    for n in range(length // 2):
+        for axis in range(2):
+            path[n, axis], path[length - 1 - n, axis] = path[length - 1 - n, axis], path[n, axis]
+    return length

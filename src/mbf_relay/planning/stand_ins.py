@@ -1,0 +1,26 @@
+"""Planners that take the place of those of other packages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, List, Mapping
+
+from mbf_relay.planning.navfn import NavfnParameters, NavfnPlanner
+
+
+@dataclass(frozen=True)
+class StandInParameters(NavfnParameters):
+    """NavfnPlanner's, where the group of another planner holds any."""
+
+    @classmethod
+    def unknown_names(cls, values: Mapping[str, Any]) -> List[str]:
+        """Return nothing; see `stands_in` of the planner."""
+        return []
+
+
+class NavfnStandIn(NavfnPlanner):
+    """Plans as navfn does where a planner of another package is asked for."""
+
+    Parameters = StandInParameters
+    parameters: StandInParameters
+    stands_in = "the planner in navfn's place finds the path, and controllers see to how the robot can turn"

@@ -1,0 +1,118 @@
+"""amcl --run-from-bag: the node fed from a recorded bag, as fast as it goes."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import List, Optional, Protocol
+
+import rosbag
+import rospy
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.ros.common.bags import find_scan_topic, open_bag, read_messages, sound_transforms
+from mbf_relay.ros.common.transforms import Transforms
+
+BAG_CACHE_TIME = 10.0
+"""Seconds of transforms that tf2 remembers: a scan that waits longer will never have its own."""
+
+
+class BagFed(Protocol):
+    """What a node offers to be fed from a bag instead of from topics."""
+
+    transforms: Transforms
+
+    def open(self) -> None:
+        """Take up services and publishers."""
+
+    def globalize(self) -> None:
+        """Spread the belief all over the map."""
+
+    def is_ready(self, message: LaserScan) -> bool:
+        """Return whether the scan's transform is there."""
+
+    def process(self, message: LaserScan) -> None:
+        """Take a scan whose transform is there."""
+
+    def pose(self) -> Optional[Pose2D]:
+        """Return where the robot is believed to be."""
+
+
+
+def run_from_bag(node: BagFed, arguments: List[str]) -> None:
+    """Play a bag's transforms and scans into the filter, publish them along, and say where the robot ended.
+
+    Args:
+        node: The node, not opened yet.
+        arguments: What follows the program's name on the command line.
+
+    Raises:
+        OSError: The bag cannot be read.
+        ValueError: It holds no scan.
+    """
+    parser = argparse.ArgumentParser(prog="amcl", description="Without options: run on topics.")
+    parser.add_argument(
+        "--run-from-bag", dest="bag", required=True, metavar="BAG", help="bag with /tf and one topic of scans"
+    )
+    parser.add_argument("--global-localization", action="store_true", help="start with particles all over the map")
+    options = parser.parse_args(arguments)
+    pause = float(rospy.get_param("~bag_scan_period", -1.0))
+    began = time.monotonic()
+    with open_bag(options.bag) as bag:
+        scan_topic = find_scan_topic(bag)
+        node.open()
+        if options.global_localization:
+            node.globalize()
+        scans = _Player(node, scan_topic, pause).play(bag)
+    rospy.loginfo("%d scans of %s took %.1f s", scans, options.bag, time.monotonic() - began)
+    pose = node.pose()
+    rospy.loginfo("final location %s", "unknown" if pose is None else "{:.3f}, {:.3f}, {:.3f}".format(*pose))
+    rospy.signal_shutdown("the bag has ended")
+
+
+class _Player:
+    """Hands a bag's messages to the node: transforms at once, scans when their transform has come."""
+
+    def __init__(self, node: BagFed, scan_topic: str, pause: float) -> None:
+        self._node, self._scan_topic, self._pause = node, scan_topic, pause
+        self._scan_publisher = rospy.Publisher("scan", LaserScan, queue_size=100)
+        self._tf_publisher = rospy.Publisher("/tf", TFMessage, queue_size=100)
+        self._waiting: List[LaserScan] = []
+
+    def play(self, bag: rosbag.Bag) -> int:
+        """Play it all; return the number of scans."""
+        count = 0
+        for topic, message, _ in read_messages(bag, ["tf", "/tf", "tf_static", "/tf_static", self._scan_topic]):
+            if rospy.is_shutdown():
+                break
+            if topic == self._scan_topic:
+                count += 1
+                self._waiting.append(message)
+                self._scan_publisher.publish(message)
+                if self._pause > 0.0:
+                    time.sleep(self._pause)
+            else:
+                self._take_transforms(message, static=topic.endswith("static"))
+            self._work()
+        return count
+
+    def _take_transforms(self, message: TFMessage, static: bool) -> None:
+        buffer = self._node.transforms.buffer
+        setter = buffer.set_transform_static if static else buffer.set_transform
+        transforms = list(sound_transforms(message.transforms))
+        for transform in transforms:
+            setter(transform, "bag")
+        self._tf_publisher.publish(TFMessage(transforms))
+
+    def _work(self) -> None:
+        """Process what has its transform; what waits for longer than tf remembers will never have it."""
+        while self._waiting and self._node.is_ready(self._waiting[0]):
+            self._node.process(self._waiting.pop(0))
+        newest = self._waiting[-1].header.stamp if self._waiting else rospy.Time(0)
+        while self._waiting and (newest - self._waiting[0].header.stamp).to_sec() > BAG_CACHE_TIME:
+            rospy.logwarn(
+                "no transform at the time of a scan (%.3f s); it is left out",
+                self._waiting.pop(0).header.stamp.to_sec(),
+            )

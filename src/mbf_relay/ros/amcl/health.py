@@ -1,0 +1,93 @@
+"""What the amcl node says of its health: deviations and scans among the diagnostics, and warnings where no scan comes.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Mapping, Optional
+
+import numpy as np
+import rospy
+
+from mbf_relay.localization.distance_field import DOUBTFUL
+from mbf_relay.localization.node_parameters import AmclParameters
+from mbf_relay.ros.amcl.scan_queue import ScanQueue
+from mbf_relay.ros.common import diagnostics
+
+SILENCE = 15.0
+"""Wall seconds without a scan that are worth a warning, and from one warning to the next."""
+LATE = 2.0
+"""Seconds without a scan, and three of its periods, after which that is an error."""
+
+
+def deviation_report(
+    values: AmclParameters, covariance: np.ndarray, details: Mapping[str, object]
+) -> diagnostics.Report:
+    """Return amcl's report of the estimate's deviations, from the covariance, shape (3, 3), and further details."""
+    deviations = np.sqrt(np.diag(covariance))
+    levels = (values.std_warn_level_x, values.std_warn_level_y, values.std_warn_level_yaw)
+    report = {
+        "std_x": deviations[0], "std_y": deviations[1], "std_yaw": deviations[2], "std_warn_level_x": levels[0],
+        "std_warn_level_y": levels[1], "std_warn_level_yaw": levels[2], **details,
+    }
+    if (deviations > levels).any():
+        return diagnostics.WARN, "Too large", report
+    return diagnostics.OK, "OK", report
+
+
+class ScanWatch:
+    """Knows when scans could be used; warns where none could for long, and tells what is missing."""
+
+    def __init__(self) -> None:
+        self._last = time.monotonic()
+        self._scans = diagnostics.RateMeter()
+
+    def saw(self, now: float) -> None:
+        """Note that a scan came through at `now` (s, ROS time)."""
+        self._last = time.monotonic()
+        self._scans.tick(now)
+
+    def report(self, now: float, has_map: bool, match: Optional[float], waiting: bool) -> diagnostics.Report:
+        """Return the part of the diagnostics about scans.
+
+        Args:
+            now: ROS time (s).
+            has_map: Whether there is a map.
+            match: Share of the newest scan, 0 to 1, that the map explains from the estimated pose; None where unknown.
+            waiting: Whether a scan waits for its transform.
+        """
+        age, rate = self._scans.age(now), self._scans.rate()
+        values = {
+            "scans [Hz]": f"{rate:.1f}", "age of the last scan [s]": "none came" if age is None else f"{age:.2f}",
+            "scan waits for its transform": waiting,
+            "share of the scan on the map's walls [%]": "unknown" if match is None else f"{100.0 * match:.0f}",
+        }
+        patience = max(LATE, 3.0 / rate if rate > 0.0 else 0.0)
+        if not has_map:
+            return diagnostics.ERROR, "no map yet", values
+        if age is None or age > patience:
+            since = "yet" if age is None else f"for {age:.1f} s"
+            why = "the transform at its time is missing" if waiting else "none comes"
+            return diagnostics.ERROR, f"no scan {since}: {why}", values
+        if match is not None and match < DOUBTFUL:
+            return (
+                diagnostics.WARN,
+                f"only {100.0 * match:.0f} % of the scan lies on the map's walls; is the pose right?",
+                values,
+            )
+        return diagnostics.OK, "scans are used", values
+
+    def look(self, queue: ScanQueue, values: AmclParameters) -> None:
+        """Warn where it is time to; call it often."""
+        silence = time.monotonic() - self._last
+        if silence < SILENCE:
+            return
+        waiting, topic = queue.oldest(), rospy.resolve_name("scan")
+        if waiting is None:
+            rospy.logwarn_throttle(SILENCE, f"no scan on {topic} for {silence:.0f} s; no pose comes without")
+        else:
+            rospy.logwarn_throttle(
+                SILENCE,
+                f"scans on {topic} wait for {silence:.0f} s: no transform from '{waiting.header.frame_id}' by "
+                f"'{values.base_frame_id}' to '{values.odom_frame_id}' at their time",
+            )

@@ -1,0 +1,58 @@
+"""Initial poses out of messages: in the right frame, finite, and moved by what odometry has seen since their stamp."""
+
+from __future__ import annotations
+
+from typing import Tuple
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import PoseWithCovarianceStamped
+
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.conversions import pose_from_message, transform_from_message
+from mbf_relay.ros.common.transforms import Transforms
+
+
+def check_frame(message: PoseWithCovarianceStamped, global_frame: str) -> None:
+    """Raise InvalidMessage where a pose is in another frame than the map's; without a frame it is taken, as in amcl."""
+    frame = message.header.frame_id.lstrip("/")
+    if not frame:
+        rospy.logwarn("initial pose without a frame, taken in '%s'; always give one", global_frame)
+    elif frame != global_frame:
+        raise InvalidMessage(f"it is in frame '{frame}'; it must be in '{global_frame}'")
+
+
+def initial_pose_from_message(message: PoseWithCovarianceStamped, motion: Pose2D) -> Tuple[Pose2D, np.ndarray]:
+    """Return the pose the robot has now, and the covariance, shape (3, 3).
+
+    Args:
+        message: Where the robot was.
+        motion: Of the base since then.
+
+    Raises:
+        InvalidMessage: The pose is not finite.
+    """
+    covariance = np.array(message.pose.covariance, dtype=float).reshape(6, 6)[np.ix_((0, 1, 5), (0, 1, 5))]
+    covariance[:2, 2] = covariance[2, :2] = 0.0  # amcl reads no more of it
+    return pose_from_message(message.pose.pose).compose(motion), covariance
+
+
+def motion_since(stamp: rospy.Time, transforms: Transforms, odom_frame: str, base_frame: str) -> Pose2D:
+    """Return the base's motion from `stamp` to now; none, with a warning, where odometry does not reach back so far.
+
+    A stamp ahead of odometry, as RViz gives it, is now.
+    """
+    try:
+        newest = transforms.lookup_message(odom_frame, base_frame)
+    except TransformError:
+        return IDENTITY  # no odometry yet: the robot has not been seen to move
+    if stamp.is_zero() or stamp >= newest.header.stamp:
+        return IDENTITY
+    try:
+        then = transforms.lookup(odom_frame, base_frame, stamp.to_sec())
+    except TransformError as error:
+        rospy.logwarn("initial pose taken for the present one, as odometry does not reach back to its time: %s", error)
+        return IDENTITY
+    return transform_from_message(newest.transform).relative_to(then)

@@ -1,0 +1,82 @@
+"""The transform map -> odom: dated ahead at every scan, and kept alive while scans pause."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from typing import Deque, Optional
+
+import rospy
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.ros.common.transforms import TransformPublisher
+
+KEEP_ALIVE_PERIOD = 0.02
+REMEMBERED = 50
+"""Stamps sent lately that are not used again."""
+PAUSE = 0.3
+"""Time (s) without a scan from which the transform is sent on its own."""
+
+
+class MapToOdom:
+    """Sends map -> odom with a stamp so far ahead that odometry until the next scan can be related to the map.
+
+    A thread on the wall clock looks whether the newest stamp is about to fall behind ROS time and sends it on: a
+    rospy.Timer would die with a time that jumps back, and stand still with a clock that does.
+    """
+
+    def __init__(self, publisher: TransformPublisher) -> None:
+        self._lock = threading.Lock()  # guards all below; nothing else is locked while it is held
+        self._publisher = publisher
+        self._map_from_odom: Optional[Pose2D] = None
+        self._parent, self._child = "map", "odom"
+        self._tolerance, self._enabled = 0.1, True
+        self._sent = rospy.Time(0)
+        self._stamps: Deque[rospy.Time] = deque(maxlen=REMEMBERED)
+        self._updated = self._taken_at = rospy.Time(0)
+        self._stop = threading.Event()
+        rospy.on_shutdown(self.close)
+        threading.Thread(target=self._keep_alive, name="map_to_odom", daemon=True).start()
+
+    def close(self) -> None:
+        """Keep it alive no longer."""
+        self._stop.set()
+
+    def configure(self, parent: str, child: str, tolerance: float, enabled: bool) -> None:
+        """Take the names of map and odometry frame, how far to date ahead (s), and whether to send at all."""
+        with self._lock:
+            self._parent, self._child, self._tolerance, self._enabled = parent, child, tolerance, enabled
+
+    def update(self, map_from_odom: Pose2D, stamp: rospy.Time) -> None:
+        """Send the transform as of a scan's stamp."""
+        with self._lock:
+            self._map_from_odom, self._updated, self._taken_at = map_from_odom, stamp, rospy.get_rostime()
+            self._send(stamp + rospy.Duration(self._tolerance))
+
+    def age(self) -> float:
+        """Return the time (s) since the scan the transform is from, 0 before the first."""
+        with self._lock:
+            return (rospy.get_rostime() - self._updated).to_sec() if self._map_from_odom is not None else 0.0
+
+    def _send(self, stamp: rospy.Time) -> None:
+        while stamp in self._stamps:
+            stamp += rospy.Duration(0, 1000)  # tf refuses two transforms of one stamp, and not only in a row
+        if self._enabled and self._map_from_odom is not None:
+            self._publisher.send(self._parent, self._child, self._map_from_odom, stamp)
+            self._sent = stamp
+            self._stamps.append(stamp)
+
+    def _keep_alive(self) -> None:
+        while not self._stop.wait(KEEP_ALIVE_PERIOD):
+            self.look(rospy.get_rostime())
+
+    def look(self, now: rospy.Time) -> None:
+        """Send the transform on where no scan has for a while and its stamp is about to fall behind `now`."""
+        with self._lock:
+            ahead = rospy.Duration(self._tolerance)
+            if self._map_from_odom is None or now.is_zero():
+                return
+            if now < self._taken_at:
+                self._taken_at, self._sent = now, rospy.Time(0)  # time was set back
+            if now - self._taken_at > rospy.Duration(PAUSE) and now + ahead * 0.5 > self._sent:
+                self._send(now + ahead)

@@ -1,0 +1,393 @@
+"""The amcl node: the particle filter under amcl's topics, services and parameters."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from typing import Any, Callable, List, Optional, Tuple
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
+from nav_msgs.msg import OccupancyGrid
+from nav_msgs.srv import SetMap, SetMapRequest, SetMapResponse
+from sensor_msgs.msg import LaserScan as LaserScanMessage
+from std_srvs.srv import Empty, EmptyRequest, EmptyResponse, Trigger, TriggerRequest, TriggerResponse
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.beams import pick_beams
+from mbf_relay.localization.estimate import Estimate
+from mbf_relay.localization.kept_pose import KeptPose
+from mbf_relay.localization.localizer import Localizer, check_initial_pose
+from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.outcomes import TransformError
+from mbf_relay.parameters import convert
+from mbf_relay.ros.amcl.belief import BeliefPublisher, describe_places
+from mbf_relay.ros.amcl.health import ScanWatch, deviation_report
+from mbf_relay.ros.amcl.initial_pose import check_frame, initial_pose_from_message, motion_since
+from mbf_relay.ros.amcl.map_to_odom import MapToOdom
+from mbf_relay.ros.amcl.particle_cloud import ParticleCloud
+from mbf_relay.ros.amcl.saved_pose import SavedPose
+from mbf_relay.ros.amcl.scan_queue import ScanQueue
+from mbf_relay.ros.common import diagnostics, parameters
+from mbf_relay.ros.common.checks import InvalidMessage, check_stamp
+from mbf_relay.ros.common.conversions import header, map_from_message, pose_to_message
+from mbf_relay.ros.common.lidar_geometry import LidarGeometry
+from mbf_relay.ros.common.map_client import request_map
+from mbf_relay.ros.common.node import spare_what_stays
+from mbf_relay.ros.common.transforms import TransformPublisher, Transforms
+from mbf_relay.scan import LaserScan
+
+USAGE = """usage: amcl [--run-from-bag BAG [--global-localization]]
+
+The particle filter under amcl's topics, services and parameters; with a bag, on its scans and /tf."""
+
+
+class AmclNode:
+    """Feeds the filter and tells what it finds.
+
+    Threads: callbacks put scans into the queue; one worker takes them and runs the filter; services and topics for the
+    pose and the map change the filter. `_lock` is held for every use of the filter; while it is held the lock of
+    MapToOdom may be taken, never the other way round.
+    """
+
+    def __init__(self) -> None:
+        values = parameters.read_namespace("~")
+        self._parameters: AmclParameters = parameters.fill(
+            AmclParameters, values, "~", tuple(INITIAL) + NODE_ONLY
+        ).without_slashes()
+        seed = convert("seed", values.get("seed", time.time_ns() % 2 ** 31), int)
+        if seed < 0:
+            raise ValueError(f"parameter seed is {seed}; it must be at least 0")
+        rospy.loginfo("localizing with seed %d", seed)
+        self._rng = np.random.default_rng(seed)
+        self._lock = threading.RLock()
+        self._localizer: Optional[Localizer] = None
+        self._pending_pose: Optional[PoseWithCovarianceStamped] = None
+        self._odom_pose: Optional[Pose2D] = None
+        self._odom_stamp = 0.0
+        self._kept: Optional[KeptPose] = None  # until the first scan tells how far the robot has got since
+        self._covariance = np.diag([INITIAL["initial_cov_xx"], INITIAL["initial_cov_yy"], INITIAL["initial_cov_aa"]])
+        self._saved_pose = SavedPose()
+        self._scan_watch = ScanWatch()
+        self._newest_scan: Optional[Tuple[LaserScan, Pose2D]] = None
+        self._update_seconds = 0.0
+        self._reliability: Optional[float] = None
+        self.transforms = Transforms()
+        self._queue = ScanQueue()
+        self._geometry = LidarGeometry(self.transforms)
+        self._map_to_odom = MapToOdom(TransformPublisher())
+        self._pose_publisher = rospy.Publisher("amcl_pose", PoseWithCovarianceStamped, queue_size=2, latch=True)
+        self._cloud_publisher = rospy.Publisher("particlecloud", PoseArray, queue_size=2, latch=True)
+        self._belief_publisher = BeliefPublisher()
+        self._start_anywhere = convert("start_anywhere", values.get("start_anywhere", False), bool)
+
+    def open(self) -> None:
+        """Get the map and offer everything the node has."""
+        self._subscribers = [
+            rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._take_initial_pose, queue_size=2),
+        ]
+        if self._parameters.use_map_topic:
+            self._subscribers.append(
+                rospy.Subscriber("map", OccupancyGrid, self._take_map, queue_size=1, buff_size=1 << 24)
+            )
+        else:
+            self._use_map(request_map())
+        self._services = [
+            rospy.Service("global_localization", Empty, self._globalize),
+            rospy.Service("request_nomotion_update", Empty, self._request_update),
+            rospy.Service("set_map", SetMap, self._set_map),
+            rospy.Service("~relocalize", Trigger, self._relocalize),
+        ]
+        self._reconfigure_server = self._serve_reconfigure()
+        self._diagnostics = diagnostics.Diagnostics()
+        self._diagnostics.add("Standard deviation", self._report)
+        self._diagnostics.add("scans", self._report_scans)
+        rospy.on_shutdown(lambda: self._save_pose(self._saved_pose.save))
+
+    def run(self) -> None:
+        """Subscribe to scans and work until shutdown."""
+        self._subscribers.append(
+            rospy.Subscriber(
+                "scan", LaserScanMessage, self._take_scan, queue_size=10, buff_size=1 << 20, tcp_nodelay=True
+            )
+        )
+        while not rospy.is_shutdown():
+            for message in self._queue.take(self.is_ready, timeout=0.1):
+                self.process(message)
+            self._scan_watch.look(self._queue, self._parameters)
+
+    def _serve_reconfigure(self) -> Any:
+        from mbf_relay.cfg import AMCLConfig
+        from mbf_relay.ros.common import reconfigure
+
+        return reconfigure.serve(AMCLConfig, self._parameters, self._reconfigure)
+
+    def _reconfigure(self, wanted: AmclParameters) -> None:
+        wanted = wanted.without_slashes()
+        with self._lock:
+            if self._localizer is not None:
+                self._localizer.reconfigure(wanted)
+            if wanted.base_frame_id != self._parameters.base_frame_id:
+                self._geometry.forget()
+            self._parameters = wanted
+            self._configure_broadcast()
+
+    def _configure_broadcast(self) -> None:
+        values = self._parameters
+        self._map_to_odom.configure(
+            values.global_frame_id, values.odom_frame_id, values.transform_tolerance, values.tf_broadcast
+        )
+
+    # --- map ------------------------------------------------------------------------------------------------------
+
+    def _take_map(self, message: OccupancyGrid) -> None:
+        with self._lock:
+            if self._localizer is not None and self._parameters.first_map_only:
+                return
+        frame = message.header.frame_id.lstrip("/")
+        if frame != self._parameters.global_frame_id:
+            rospy.logwarn(
+                "the map is in frame '%s', not in global_frame_id '%s'", frame, self._parameters.global_frame_id
+            )
+        try:
+            self._use_map(map_from_message(message))
+        except ValueError as error:
+            rospy.logwarn("map refused: %s", error)
+
+    def _use_map(self, occupancy: OccupancyMap) -> None:
+        """Give the filter a map, its first or another; ValueError where it is none to localize on."""
+        with self._lock:
+            if self._localizer is not None:
+                self._localizer.set_map(occupancy)
+            else:
+                self._start_on(occupancy)
+        height, width = occupancy.data.shape
+        rospy.loginfo("localizing on a map of %d x %d cells of %.3f m", width, height, occupancy.resolution)
+
+    def _start_on(self, occupancy: OccupancyMap) -> None:
+        """Make the filter, at the pose of the parameters or at one that came before the map."""
+        self._localizer = Localizer(self._parameters, occupancy, self._rng)
+        self._configure_broadcast()
+        pose, covariance, self._kept = self._saved_pose.load()
+        try:
+            self._localizer.set_initial_pose(pose, covariance)
+            self._covariance = covariance
+        except ValueError as error:
+            rospy.logwarn("%s; starting with particles all over the map", error)
+        if self._start_anywhere:
+            self.globalize()
+        pending, self._pending_pose = self._pending_pose, None
+        if pending is not None:
+            self._take_initial_pose(pending)
+
+    def _set_map(self, request: SetMapRequest) -> SetMapResponse:
+        """Take a map and a pose on it: both, or none of them."""
+        try:
+            occupancy, (pose, covariance) = map_from_message(request.map), self._read_pose(request.initial_pose)
+            check_initial_pose(pose, covariance, occupancy)
+            with self._lock:
+                self._use_map(occupancy)
+                self._start_at(pose, covariance, self._parameters.force_update_after_set_map)
+        except ValueError as error:
+            rospy.logwarn("set_map refused: %s", error)
+            return SetMapResponse(False)
+        return SetMapResponse(True)
+
+    # --- pose -----------------------------------------------------------------------------------------------------
+
+    def _take_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
+        try:
+            with self._lock:
+                if self._localizer is None:
+                    self._pending_pose = message
+                else:
+                    self._start_at(*self._read_pose(message), self._parameters.force_update_after_initialpose)
+        except ValueError as error:
+            rospy.logwarn("initial pose refused: %s", error)
+
+    def _read_pose(self, message: PoseWithCovarianceStamped) -> Tuple[Pose2D, np.ndarray]:
+        """Return where a message says the robot is now, and how surely; ValueError where it cannot be used."""
+        values = self._parameters
+        check_frame(message, values.global_frame_id)
+        motion = motion_since(message.header.stamp, self.transforms, values.odom_frame_id, values.base_frame_id)
+        return initial_pose_from_message(message, motion)
+
+    def _start_at(self, pose: Pose2D, covariance: np.ndarray, forced: bool) -> None:
+        assert self._localizer is not None
+        self._localizer.set_initial_pose(pose, covariance)
+        self._kept = None
+        if forced:
+            self._localizer.request_update()
+        rospy.loginfo("starting at x %.3f, y %.3f, yaw %.3f", *pose)
+
+    def _globalize(self, _request: EmptyRequest) -> EmptyResponse:
+        self.globalize()
+        return EmptyResponse()
+
+    def globalize(self) -> None:
+        """Spread the particles over the map, where there is one."""
+        with self._lock:
+            if self._localizer is not None:
+                try:
+                    self._localizer.globalize()
+                    self._kept = None
+                    rospy.loginfo("particles spread over the whole map")
+                except ValueError as error:
+                    rospy.logwarn("global_localization: %s", error)
+
+    def _relocalize(self, _request: TriggerRequest) -> TriggerResponse:
+        """Start anew at the places the newest scan fits, and answer with them."""
+        with self._lock:
+            if self._localizer is None or self._newest_scan is None:
+                return TriggerResponse(False, "there is no map or no scan yet")
+            try:
+                places = self._localizer.find(*self._newest_scan)
+                if len(places.poses):
+                    self._localizer.globalize()
+            except ValueError as error:
+                return TriggerResponse(False, str(error))
+        if not len(places.poses):
+            return TriggerResponse(False, "the newest scan fits nowhere on the map; the pose is left as it is")
+        return TriggerResponse(True, describe_places(places))
+
+    def pose(self) -> Optional[Pose2D]:
+        """Return where the robot is on the map by the newest scan and estimate, None before them."""
+        with self._lock:
+            if self._localizer is None or self._localizer.map_from_odom is None or self._odom_pose is None:
+                return None
+            return self._localizer.map_from_odom.compose(self._odom_pose)
+
+    def _request_update(self, _request: EmptyRequest) -> EmptyResponse:
+        with self._lock:
+            if self._localizer is not None:
+                self._localizer.request_update()
+        return EmptyResponse()
+
+    # --- scans ----------------------------------------------------------------------------------------------------
+
+    def _take_scan(self, message: LaserScanMessage) -> None:
+        try:
+            check_stamp(message.header.stamp.to_sec(), rospy.get_time())
+            self._queue.put(message)
+        except InvalidMessage as error:
+            rospy.logwarn_throttle(5.0, f"scan refused: {error}")
+
+    def is_ready(self, message: LaserScanMessage) -> bool:
+        """Return whether odometry is known at a scan's time, and where its lidar sits."""
+        values = self._parameters
+        return self.transforms.can_transform(
+            values.odom_frame_id, values.base_frame_id, message.header.stamp.to_sec()
+        ) and self.transforms.buffer.can_transform(
+            values.base_frame_id, message.header.frame_id.lstrip("/"), rospy.Time(0), rospy.Duration(0)
+        )
+
+    def process(self, message: LaserScanMessage) -> None:
+        """Run the filter on one scan whose transform is there, and publish what comes out."""
+        stamp = message.header.stamp
+        self._scan_watch.saw(stamp.to_sec())
+        with self._lock:
+            if self._localizer is None:
+                return
+            values, began = self._parameters, time.perf_counter()
+            try:
+                scan, laser_pose = self._geometry.scan_in_base(message, values.base_frame_id)
+                self._odom_pose = self.transforms.lookup(values.odom_frame_id, values.base_frame_id, stamp.to_sec())
+                self._odom_stamp = stamp.to_sec()
+                self._newest_scan = scan, laser_pose
+                self._resume()
+                estimate = self._localizer.process(self._odom_pose, scan, laser_pose)
+            except (ValueError, TransformError) as error:
+                rospy.logwarn_throttle(5.0, f"scan ignored: {error}")
+                return
+            map_from_odom, particles = self._localizer.map_from_odom, self._localizer.poses
+            if map_from_odom is not None:
+                self._map_to_odom.update(map_from_odom, stamp)
+            if estimate is not None:
+                self._update_seconds = time.perf_counter() - began
+                self._covariance = estimate.covariance
+                hypotheses, self._reliability = self._localizer.hypotheses(), self._localizer.reliability()
+        if estimate is not None:
+            self._publish(estimate, particles, stamp)
+            if self._reliability is not None:
+                self._belief_publisher.publish(hypotheses, self._reliability, values.global_frame_id, stamp)
+        if self._saved_pose.is_due(stamp.to_sec(), values.save_pose_rate):
+            self._save_pose(self._saved_pose.save_soon)
+
+    def _resume(self) -> None:
+        """Start where the robot has got since the last amcl saved its pose, by odometry; once, at the first scan."""
+        kept, self._kept = self._kept, None
+        if kept is None:
+            return
+        assert self._localizer is not None and self._odom_pose is not None
+        pose, sentence = kept.resume(self._odom_pose, self._odom_stamp, self._fit)
+        self._localizer.set_initial_pose(pose, self._covariance)
+        rospy.loginfo("starting %s", sentence)
+
+    def _publish(self, estimate: Estimate, particles: np.ndarray, stamp: rospy.Time) -> None:
+        message = PoseWithCovarianceStamped(header=header(self._parameters.global_frame_id, stamp))
+        message.pose.pose = pose_to_message(estimate.pose)
+        covariance = np.zeros((6, 6))
+        covariance[np.ix_((0, 1, 5), (0, 1, 5))] = estimate.covariance
+        message.pose.covariance = covariance.ravel().tolist()
+        self._pose_publisher.publish(message)
+        self._cloud_publisher.publish(ParticleCloud(header(self._parameters.global_frame_id, stamp), particles))
+
+    # --- what is kept and told ------------------------------------------------------------------------------------
+
+    def _save_pose(self, save: Callable[[KeptPose, np.ndarray], None]) -> None:
+        with self._lock:
+            pose, odom_pose, stamp, covariance = self.pose(), self._odom_pose, self._odom_stamp, self._covariance
+        if pose is not None and odom_pose is not None:
+            save(KeptPose(pose, odom_pose, stamp), covariance)
+
+    def _report(self) -> diagnostics.Report:
+        with self._lock:
+            values, covariance = self._parameters, self._covariance
+            details = {
+                "particles": 0 if self._localizer is None else len(self._localizer.poses),
+                "last update [ms]": f"{1e3 * self._update_seconds:.2f}",
+                "map -> odom age [s]": f"{self._map_to_odom.age():.2f}",
+                "reliability": "unknown" if self._reliability is None else f"{self._reliability:.3f}",
+            }
+        return deviation_report(values, covariance, details)
+
+    def _report_scans(self) -> diagnostics.Report:
+        with self._lock:
+            match, has_map = self._match(), self._localizer is not None
+        waiting = self._queue.oldest() is not None
+        return self._scan_watch.report(rospy.get_time(), has_map, match, waiting)
+
+    def _match(self) -> Optional[float]:
+        """Return how well the newest scan fits the map from the estimated pose; None where one is missing."""
+        pose = self.pose()
+        return None if pose is None else self._fit(pose)
+
+    def _fit(self, pose: Pose2D) -> Optional[float]:
+        """Return which share of the newest scan, 0 to 1, the map explains from a pose; None where there is none."""
+        if self._newest_scan is None:
+            return None
+        scan, laser_pose = self._newest_scan
+        values = self._parameters
+        try:
+            hits = pick_beams(scan, laser_pose, 1, values.laser_min_range, values.laser_max_range).hits
+        except ValueError:
+            return None
+        assert self._localizer is not None
+        return self._localizer.field.share_on_map(pose, hits)
+
+
+def main() -> None:
+    """Run the node on topics, or with --run-from-bag BAG [--global-localization] on a recorded bag."""
+    arguments: List[str] = rospy.myargv(sys.argv)[1:]
+    node = AmclNode()
+    if arguments:
+        from mbf_relay.ros.amcl.bag import run_from_bag
+
+        run_from_bag(node, arguments)
+        return
+    node.open()
+    spare_what_stays()
+    node.run()

@@ -1,0 +1,66 @@
+"""The pose kept on the parameter server, with odometry's beside it, where a restarted amcl finds them."""
+
+from __future__ import annotations
+
+import math
+import queue
+import threading
+from typing import Optional, Tuple
+
+import numpy as np
+import rospy
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.kept_pose import SAVED_ODOM, KeptPose, kept_pose_from
+from mbf_relay.localization.node_parameters import INITIAL, initial_pose_as_parameters, initial_pose_from
+from mbf_relay.ros.common import parameters
+
+
+class SavedPose:
+    """Reads and writes `~initial_pose_*`, `~initial_cov_*` and `~saved_odom`.
+
+    While the node runs a thread of its own writes. Were it the main thread, an interrupt in the middle of a call would
+    run the shutdown hooks on top of it, and theirs would wait for ever for the lock rospy holds during a call.
+    """
+
+    def __init__(self) -> None:
+        self._saved_at = -math.inf
+        self._waiting: queue.Queue[Tuple[KeptPose, np.ndarray]] = queue.Queue()
+        threading.Thread(target=self._work, name="saved_pose", daemon=True).start()
+
+    @staticmethod
+    def load() -> Tuple[Pose2D, np.ndarray, Optional[KeptPose]]:
+        """Return the pose to start at and its covariance, shape (3, 3), and the last amcl's own where they are that.
+
+        A value that is no number is warned about.
+        """
+        values = parameters.read_namespace("~")
+        pose, covariance, refused = initial_pose_from(values)
+        for name in refused:
+            rospy.logwarn("parameter ~%s is no finite number and is ignored; %s is used", name, INITIAL[name])
+        return pose, covariance, kept_pose_from(values.get(SAVED_ODOM), pose)
+
+    def is_due(self, now: float, rate: float) -> bool:
+        """Tell, once a period, that it is time to save: ROS time in seconds, rate in Hz, never where not above 0."""
+        if rate <= 0.0 or 0.0 <= now - self._saved_at < 1.0 / rate:
+            return False
+        self._saved_at = now
+        return True
+
+    def save_soon(self, kept: KeptPose, covariance: np.ndarray) -> None:
+        """Hand a pose and its covariance, shape (3, 3), to the thread that writes."""
+        self._waiting.put((kept, covariance))
+
+    def _work(self) -> None:
+        while True:
+            self.save(*self._waiting.get())
+
+    @staticmethod
+    def save(kept: KeptPose, covariance: np.ndarray) -> None:
+        """Write a pose and its covariance, shape (3, 3), at once; quietly not, where the server is gone at shutdown."""
+        try:
+            for name, value in initial_pose_as_parameters(kept.pose, covariance).items():
+                rospy.set_param(f"~{name}", value)
+            rospy.set_param(f"~{SAVED_ODOM}", kept.as_parameters())
+        except (OSError, rospy.ROSException):
+            rospy.logdebug("the pose could not be saved: the parameter server is gone")

@@ -1,0 +1,59 @@
+"""Scans wait here until the odometry of their time is known."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from typing import Callable, Deque, Dict, List, Optional
+
+import rospy
+from sensor_msgs.msg import LaserScan as LaserScanMessage
+
+_ONE_SECOND = rospy.Duration(1.0)
+
+
+class ScanQueue:
+    """Scans in the order of their coming, given out once their transform is there.
+
+    Callbacks put, one worker takes. Of several scans of one lidar that are ready together only the newest is given:
+    the filter moves by odometry, and a scan it is late for would only make it later.
+    """
+
+    def __init__(self, length: int = 100) -> None:
+        self._changed = threading.Condition()  # guards the deque; nothing else is locked while it is held
+        self._waiting: Deque[LaserScanMessage] = deque(maxlen=length)
+
+    def put(self, message: LaserScanMessage) -> None:
+        """Add a scan; the oldest goes where there is no room."""
+        with self._changed:
+            if self._waiting and message.header.stamp + _ONE_SECOND < self._waiting[-1].header.stamp:
+                self._waiting.clear()  # time was set back: what waits belongs to a world that is over
+            self._waiting.append(message)
+            self._changed.notify()
+
+    def take(self, is_ready: Callable[[LaserScanMessage], bool], timeout: float) -> List[LaserScanMessage]:
+        """Return the newest ready scan of each frame, or nothing after `timeout` seconds of wall time without one."""
+        with self._changed:
+            if not self._waiting:
+                self._changed.wait(timeout)
+            waiting = list(self._waiting)
+        ready: Dict[str, LaserScanMessage] = {
+            message.header.frame_id: message for message in waiting if is_ready(message)
+        }
+        with self._changed:
+            newest = {frame: message.header.stamp for frame, message in ready.items()}
+            left = [
+                m
+                for m in self._waiting
+                if m.header.frame_id not in newest or m.header.stamp > newest[m.header.frame_id]
+            ]
+            self._waiting.clear()
+            self._waiting.extend(left)
+            if not ready and left:
+                self._changed.wait(min(timeout, 0.005))  # tf tells nobody of its changes
+        return sorted(ready.values(), key=lambda message: message.header.stamp)
+
+    def oldest(self) -> Optional[LaserScanMessage]:
+        """Return the scan that has waited longest, None where none waits."""
+        with self._changed:
+            return self._waiting[0] if self._waiting else None

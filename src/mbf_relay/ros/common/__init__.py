@@ -1,0 +1,1 @@
+"""What every node needs: conversions, transforms, parameters, diagnostics, node life, actions."""

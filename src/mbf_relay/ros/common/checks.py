@@ -1,0 +1,141 @@
+"""The door: what messages from outside must keep before anything is built from them.
+
+Of this time, finite, within what robots and floors measure, and of the size they say. One function per message; each
+returns nothing and raises InvalidMessage, whose one line has the value and what is allowed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Optional
+
+from mbf_relay.maps import COARSEST, FINEST, LARGEST_SIDE, MOST_CELLS
+
+AHEAD = 2.5
+"""Seconds a stamp may be ahead of the clock: amcl post-dates its transform by up to 2 s, as upstream's range allows."""
+TF2_END = 2 ** 31 - 1000
+"""Seconds from which tf2 ends the process, less what its caches add to a stamp."""
+FARTHEST = 1e7
+"""Metres from a frame's origin: a quarter of the way round the earth, for those who navigate in UTM."""
+FASTEST = 1000.0
+"""Metres or radians per second; nothing on wheels is faster."""
+LONGEST_RANGE = 1e4
+"""Metres that a range sensor may claim to reach."""
+MOST_BEAMS = 100000
+"""Beams of a scan: a hundred times what planar lidars have."""
+MOST_POINTS = 4000000
+"""Points of a cloud: four megapixels of a depth camera."""
+MOST_POSES = 1000000
+"""Poses of a path: 50 km at 5 cm."""
+
+
+class InvalidMessage(ValueError):
+    """A message holds values that mean nothing; the text names them."""
+
+
+def check_finite(**values: float) -> None:
+    """Refuse numbers, by their names, that are infinite or none."""
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise InvalidMessage(f"{name} is {value}; it must be finite")
+
+
+def check_place(*place: float) -> None:
+    """Refuse a position (m) that is not finite or farther away than anything navigated to."""
+    if not all(abs(value) <= FARTHEST for value in place):  # False for NaN
+        raise InvalidMessage(f"position {place} is not within {FARTHEST:g} m of its frame's origin")
+
+
+def check_speed(*parts: float) -> None:
+    """Refuse parts of a velocity (m/s, rad/s) that are not finite or faster than any robot."""
+    if not all(abs(part) <= FASTEST for part in parts):
+        raise InvalidMessage(f"velocity {parts} is not finite or above {FASTEST:g} m/s or rad/s")
+
+
+def check_stamp(stamp: float, now: float, max_age: Optional[float] = None) -> None:
+    """Refuse what is not of this time.
+
+    Args:
+        stamp: When it was measured (s); 0 stands for now, as in tf.
+        now: The clock (s).
+        max_age: Oldest age (s) that is still news; None where its user judges that.
+    """
+    if not 0.0 <= stamp < TF2_END:
+        raise InvalidMessage(f"its stamp {stamp:.2f} s is no time a clock of ROS shows")
+    if stamp - now > AHEAD:
+        raise InvalidMessage(
+            f"its stamp {stamp:.2f} s is {stamp - now:.2f} s ahead of the clock; at most {AHEAD} s allowed"
+        )
+    if max_age is not None and stamp > 0.0 and now - stamp > max_age:
+        raise InvalidMessage(f"its stamp {stamp:.2f} s is {now - stamp:.2f} s old; at most {max_age:g} s allowed")
+
+
+def check_transform(message: Any) -> None:
+    """Refuse a TransformStamped whose numbers mean nothing; its stamp is judged by `check_stamp`."""
+    if not (message.header.frame_id.strip("/") and message.child_frame_id.strip("/")):
+        raise InvalidMessage(
+            f"it goes from '{message.header.frame_id}' to '{message.child_frame_id}'; a frame must have a name"
+        )
+    moved, turned = message.transform.translation, message.transform.rotation
+    check_place(moved.x, moved.y, moved.z)
+    squared = sum(min(abs(part), 1e9) ** 2 for part in (turned.x, turned.y, turned.z, turned.w))
+    if not abs(squared - 1.0) <= 0.01:  # tf2's own limit; there the reason goes to a stream nobody reads
+        raise InvalidMessage(
+            f"quaternion ({turned.x}, {turned.y}, {turned.z}, {turned.w}) has length {math.sqrt(squared):.3g}; a "
+            "rotation's is 1"
+        )
+
+
+def check_scan(message: Any) -> None:
+    """Refuse a LaserScan without sense; what its readings are worth is judged by `scan_monitor`."""
+    beams = len(message.ranges)
+    if not 0 < beams <= MOST_BEAMS:
+        raise InvalidMessage(f"scan of {beams} beams; it must have 1 to {MOST_BEAMS}")
+    if not (math.isfinite(message.angle_min) and abs(message.angle_increment) * beams <= 4.0 * math.pi):
+        raise InvalidMessage(
+            f"scan of {beams} beams from angle {message.angle_min} by {message.angle_increment} rad; "
+            "both must be finite, and at most two turns together")
+    if not 0.0 <= message.range_min < message.range_max:
+        raise InvalidMessage(
+            f"scan with range_min {message.range_min} m and range_max {message.range_max} m; "
+            "they must be 0 <= range_min < range_max")
+
+
+def check_cloud(message: Any) -> None:
+    """Refuse a PointCloud2 that is larger than what it holds, or larger than anybody needs."""
+    count, step = message.width * message.height, message.point_step
+    if not 0 <= count <= MOST_POINTS:
+        raise InvalidMessage(
+            f"point cloud of {message.height} x {message.width} points; at most {MOST_POINTS} are taken"
+        )
+    ends = [
+        field.offset + (8 if field.datatype == 8 else 4) for field in message.fields if field.name in ("x", "y", "z")
+    ]
+    if step < max(ends, default=1):
+        raise InvalidMessage(f"point cloud of {step} bytes a point with coordinates up to byte {max(ends, default=1)}")
+    if message.row_step * message.height > len(message.data) or step * message.width > message.row_step:
+        raise InvalidMessage(
+            f"point cloud of {message.height} rows of {message.row_step} bytes with {len(message.data)} bytes of data")
+
+
+def check_map(info: Any, cells: int) -> None:
+    """Refuse a map by its MapMetaData and the number of cells that came with it."""
+    if info.width == 0 or info.height == 0 or cells != info.width * info.height:
+        raise InvalidMessage(
+            f"map of {info.width} x {info.height} cells with {cells} values: it must have width x height, and some")
+    check_cells(info.width, info.height)
+    if not FINEST <= round(info.resolution, 9) <= COARSEST:
+        raise InvalidMessage(f"map with a resolution of {info.resolution} m; it must be {FINEST:g} to {COARSEST:g} m")
+
+
+def check_cells(width: int, height: int) -> None:
+    """Refuse a number of cells no planner takes."""
+    if max(width, height) > LARGEST_SIDE or width * height > MOST_CELLS:
+        raise InvalidMessage(
+            f"map of {width} x {height} cells; at most {LARGEST_SIDE} each way and {MOST_CELLS} in all are taken")
+
+
+def check_count(count: int, most: int, what: str) -> None:
+    """Refuse a list, named in the plural, that is longer than `most`."""
+    if count > most:
+        raise InvalidMessage(f"{count} {what}; at most {most} are taken")

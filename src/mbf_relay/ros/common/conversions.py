@@ -1,0 +1,145 @@
+"""Messages to the package's own types and back; each message is converted here, once, and checked on its way in."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, Twist, Vector3
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+from nav_msgs.msg import Path as PathMessage
+from sensor_msgs.msg import LaserScan as LaserScanMessage
+from std_msgs.msg import Header
+
+from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.planning.path import Path
+from mbf_relay.ros.common import checks
+from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.quick_grids import QuickGrid
+from mbf_relay.scan import LaserScan
+
+
+def yaw_from_quaternion(quaternion: Quaternion) -> float:
+    """Return the yaw (rad) of a quaternion of any length above zero.
+
+    Raises:
+        InvalidMessage: A component is not finite, or all are zero.
+    """
+    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
+    norm = math.sqrt(x * x + y * y + z * z + w * w)
+    if not math.isfinite(norm) or norm < 1e-6:
+        raise InvalidMessage(f"quaternion ({x}, {y}, {z}, {w}) is no rotation: it must be finite and not all zero")
+    x, y, z, w = x / norm, y / norm, z / norm, w / norm
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def quaternion_from_yaw(yaw: float) -> Quaternion:
+    """Return the rotation about z by `yaw` (rad)."""
+    return Quaternion(0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0))
+
+
+def pose_from_message(pose: Pose) -> Pose2D:
+    """Return a message's pose in the plane.
+
+    Raises:
+        InvalidMessage: It holds NaN, infinity, a place out of reach or a quaternion of length zero.
+    """
+    checks.check_place(pose.position.x, pose.position.y)
+    return Pose2D(pose.position.x, pose.position.y, yaw_from_quaternion(pose.orientation))
+
+
+def pose_to_message(pose: Pose2D) -> Pose:
+    """Return a pose in the plane as a message."""
+    return Pose(Point(pose.x, pose.y, 0.0), quaternion_from_yaw(pose.theta))
+
+
+def pose_stamped(pose: Pose2D, frame: str, stamp: Any) -> PoseStamped:
+    """Return a pose with its frame and time (seconds or rospy.Time) as a message."""
+    return PoseStamped(header(frame, stamp), pose_to_message(pose))
+
+
+def header(frame: str, stamp: Any) -> Header:
+    """Return a header; `stamp` in seconds or as rospy.Time."""
+    return Header(frame_id=frame, stamp=rospy.Time.from_sec(stamp) if isinstance(stamp, (int, float)) else stamp)
+
+
+def transform_from_message(transform: Transform) -> Pose2D:
+    """Return a transform as the pose in the plane it means."""
+    return Pose2D(transform.translation.x, transform.translation.y, yaw_from_quaternion(transform.rotation))
+
+
+def transform_to_message(pose: Pose2D) -> Transform:
+    """Return a pose in the plane as a transform message."""
+    return Transform(Vector3(pose.x, pose.y, 0.0), quaternion_from_yaw(pose.theta))
+
+
+def twist_from_message(twist: Twist) -> Twist2D:
+    """Return the planar part of a twist; raise InvalidMessage where it is not finite or beyond any robot."""
+    velocity = Twist2D(twist.linear.x, twist.linear.y, twist.angular.z)
+    checks.check_speed(*velocity)
+    return velocity
+
+
+def twist_to_message(velocity: Twist2D) -> Twist:
+    """Return a planar velocity as a message."""
+    return Twist(Vector3(velocity.x, velocity.y, 0.0), Vector3(0.0, 0.0, velocity.theta))
+
+
+def path_from_message(message: PathMessage) -> Path:
+    """Return a path; each pose is taken in the path's own frame.
+
+    Raises:
+        InvalidMessage: A pose is not finite or has no rotation, and the text says which; or there are too many.
+    """
+    checks.check_count(len(message.poses), checks.MOST_POSES, "poses in a path")
+    poses = np.empty((len(message.poses), 3))
+    for index, stamped in enumerate(message.poses):
+        try:
+            poses[index] = pose_from_message(stamped.pose)
+        except InvalidMessage as error:
+            raise InvalidMessage(f"pose {index} of the path: {error}") from error
+    return Path(poses, message.header.frame_id)
+
+
+def path_to_message(path: Path, stamp: Any) -> PathMessage:
+    """Return a path as a message; `stamp` in seconds or as rospy.Time."""
+    top = header(path.frame, stamp)
+    return PathMessage(top, [PoseStamped(top, pose_to_message(Pose2D(*map(float, pose)))) for pose in path.poses])
+
+
+def map_from_message(message: OccupancyGrid) -> OccupancyMap:
+    """Return an occupancy map.
+
+    Raises:
+        InvalidMessage: It is empty, too large or too fine, or its size does not fit its data.
+    """
+    info = message.info
+    checks.check_map(info, len(message.data))
+    data = np.array(message.data, dtype=np.int8).reshape(info.height, info.width)
+    # the message holds a float32; 0.05 shall be 0.05 again
+    resolution = float(str(np.float32(info.resolution)))
+    return OccupancyMap(data, resolution, pose_from_message(info.origin))
+
+
+def map_to_message(occupancy: OccupancyMap, frame: str, stamp: Any) -> OccupancyGrid:
+    """Return an occupancy map as a message; `stamp` in seconds or as rospy.Time."""
+    top = header(frame, stamp)
+    height, width = occupancy.data.shape
+    info = MapMetaData(top.stamp, occupancy.resolution, width, height, pose_to_message(occupancy.origin))
+    return QuickGrid(top, info, occupancy.data.ravel())
+
+
+def scan_from_message(message: LaserScanMessage) -> LaserScan:
+    """Return a laser scan.
+
+    Raises:
+        InvalidMessage: It has no beams, or its angles or limits mean nothing.
+    """
+    checks.check_scan(message)
+    return LaserScan(
+        np.array(message.ranges, dtype=np.float64), message.angle_min, message.angle_increment, message.range_min,
+        min(message.range_max, checks.LONGEST_RANGE), message.header.stamp.to_sec(), message.header.frame_id,
+    )

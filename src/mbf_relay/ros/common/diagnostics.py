@@ -1,0 +1,117 @@
+"""What a node says of itself on /diagnostics, once a second."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from typing import Callable, Dict, List, Mapping, Optional, Tuple
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+OK = DiagnosticStatus.OK
+WARN = DiagnosticStatus.WARN
+ERROR = DiagnosticStatus.ERROR
+STALE = DiagnosticStatus.STALE
+
+Report = Tuple[int, str, Mapping[str, object]]
+"""Level, one line for a person, and values by name."""
+
+
+class Diagnostics:
+    """Publishes the reports of a node's parts on the wall clock, so that it goes on when /clock stands still."""
+
+    def __init__(self, hardware_id: str = "mbf_relay", period: float = 1.0) -> None:
+        self._hardware_id = hardware_id
+        self._reporters: Dict[str, Callable[[], Report]] = {}
+        self._cpu = CpuShare()
+        self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
+        self._stop = threading.Event()
+        self._period = period
+        self._thread = threading.Thread(target=self._loop, name="diagnostics", daemon=True)
+        rospy.on_shutdown(self._stop.set)
+        self._thread.start()
+
+    def add(self, name: str, reporter: Callable[[], Report]) -> None:
+        """Ask `reporter` for its report once a period; it must be quick and safe to call from another thread."""
+        self._reporters[name] = reporter
+
+    def _loop(self) -> None:
+        while not self._stop.wait(self._period):
+            self._publish()
+
+    def _publish(self) -> None:
+        share = self._cpu.percent()
+        statuses: List[DiagnosticStatus] = []
+        for name, reporter in list(self._reporters.items()):
+            level, message, values = reporter()
+            pairs = [KeyValue(key, str(value)) for key, value in {**values, "cpu [%]": f"{share:.1f}"}.items()]
+            statuses.append(
+                DiagnosticStatus(level, f"{rospy.get_name().lstrip('/')}: {name}", message, self._hardware_id, pairs)
+            )
+        if statuses and not rospy.is_shutdown():
+            array = DiagnosticArray(status=statuses)
+            array.header.stamp = rospy.get_rostime()
+            try:
+                self._publisher.publish(array)
+            except rospy.ROSException:
+                self._stop.set()
+
+
+class CpuShare:
+    """The share of one core this process used since it was asked last."""
+
+    def __init__(self) -> None:
+        self._wall, self._cpu = time.monotonic(), time.process_time()
+
+    def percent(self) -> float:
+        """Return the share in percent of one core."""
+        wall, cpu = time.monotonic(), time.process_time()
+        share = 100.0 * (cpu - self._cpu) / max(1e-6, wall - self._wall)
+        self._wall, self._cpu = wall, cpu
+        return share
+
+
+class RateMeter:
+    """Counts events and gives their rate on the clock handed in, over the last twenty.
+
+    Args:
+        pause: Time (s) without an event after which it counts anew, for what happens only now and then.
+    """
+
+    LATE = 0.8
+    """Share of the rate asked for below which something lags."""
+    ENOUGH = 10
+    """Events before lagging is spoken of."""
+
+    def __init__(self, pause: float = math.inf) -> None:
+        self._pause = pause
+        self._lock = threading.Lock()
+        self._stamps: List[float] = []
+
+    def tick(self, now: float) -> None:
+        """Note one event at `now` (s)."""
+        with self._lock:
+            if self._stamps and not 0.0 <= now - self._stamps[-1] <= self._pause:
+                self._stamps.clear()
+            self._stamps = self._stamps[-19:] + [now]
+
+    def rate(self) -> float:
+        """Return events per second, 0 before the second one."""
+        with self._lock:
+            return self._rate()
+
+    def age(self, now: float) -> Optional[float]:
+        """Return the time (s) since the last event, None before the first."""
+        with self._lock:
+            return now - self._stamps[-1] if self._stamps else None
+
+    def lags(self, asked: float) -> bool:
+        """Return whether the events come clearly slower than `asked` (1/s), by now for some time."""
+        with self._lock:
+            return len(self._stamps) > self.ENOUGH and self._rate() < self.LATE * asked
+
+    def _rate(self) -> float:
+        span = self._stamps[-1] - self._stamps[0] if len(self._stamps) > 1 else 0.0
+        return (len(self._stamps) - 1) / span if span > 0.0 else 0.0

@@ -1,0 +1,81 @@
+"""Signals that end a node, taken by a thread that does nothing else.
+
+A signal handler runs in the middle of whatever the main thread does: of an import, which then ends in a traceback, or
+of a registration, whose locks rospy's shutdown waits for within the handler, for ever. So signals are blocked in every
+thread, and one waits for them. It ends the node as it would end by itself, while all others finish what they are at;
+and where somebody never finishes, as with a master that hangs, it ends the process without. Nothing here imports ROS: a
+node can be ended while it still imports.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from typing import Callable, Optional
+
+PATIENCE = 2.5
+"""Wall seconds a node gets for its last words and its goodbye to the master."""
+
+
+class NodeEnding:
+    """The end of this process; make it first of all, in the main thread.
+
+    Args:
+        interrupted: Exit status where a signal ends it.
+
+    Attributes:
+        begun: Whether a signal has come.
+    """
+
+    def __init__(self, interrupted: int = 0) -> None:
+        self.interrupted = interrupted
+        numbers = {signal.SIGINT, signal.SIGTERM}
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup
+            numbers.add(signal.SIGHUP)
+        self._numbers = numbers
+        self._lock = threading.Lock()
+        self._shut_down: Optional[Callable[[str], None]] = None
+        self._done = threading.Event()
+        self.begun = False
+        signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
+        waiting = threading.Thread(target=self._wait, name="ending", daemon=True)
+        waiting.start()
+        for number in numbers:  # may reach a thread that a library started before: it passes them on
+            signal.signal(number, lambda number, _frame: signal.pthread_kill(waiting.ident or 0, number))
+
+    def use(self, shut_down: Callable[[str], None]) -> None:
+        """Have `shut_down` called with a reason when a signal comes; until now the process just ended."""
+        with self._lock:
+            self._shut_down = shut_down
+
+    def leave(self, status: int) -> None:
+        """End the process, after a shutdown that has begun is done.
+
+        What Python does at its end is left out: threads of C++ libraries still run then, and crash now and then.
+        """
+        if self.begun:
+            self._done.wait(PATIENCE)
+        for stream in (sys.stdout, sys.stderr):
+            try:
+                stream.flush()
+            except (OSError, ValueError):
+                pass
+        os._exit(status)
+
+    def _wait(self) -> None:
+        number = signal.sigwait(self._numbers)
+        with self._lock:
+            self.begun = True
+            shut_down = self._shut_down
+        if shut_down is None:
+            os._exit(self.interrupted)
+        threading.Thread(target=self._end_anyway, name="late ending", daemon=True).start()
+        shut_down(f"signal {int(number)}")
+        self._done.set()
+
+    def _end_anyway(self) -> None:
+        time.sleep(PATIENCE)
+        os._exit(self.interrupted)

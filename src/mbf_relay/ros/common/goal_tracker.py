@@ -1,0 +1,295 @@
+"""The goals of an action server, held to actionlib's transitions by one table; neither topics nor threads.
+
+This stands in for the bookkeeping of actionlib's ActionServer, which lets a finished goal begin anew (a cancel, its
+goal and the cancel again), forgets on the ROS clock, which may stand or be set back, and cannot tell that a client is
+gone.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import threading
+from typing import Any, Callable, Dict, FrozenSet, List, Mapping, Optional, Protocol
+
+from actionlib_msgs.msg import GoalID, GoalStatus
+from genpy import Time
+
+from mbf_relay.ros.common.goal_lease import DURATION, is_leased
+
+PENDING, ACTIVE, PREEMPTED, SUCCEEDED, ABORTED, REJECTED, PREEMPTING, RECALLING, RECALLED = range(9)
+"""actionlib_msgs/GoalStatus' numbers."""
+TRANSITIONS: Mapping[str, Mapping[int, int]] = {
+    "accept": {PENDING: ACTIVE, RECALLING: PREEMPTING},
+    "reject": {PENDING: REJECTED, RECALLING: REJECTED},
+    "request cancel": {PENDING: RECALLING, ACTIVE: PREEMPTING},
+    "cancel": {PENDING: RECALLED, RECALLING: RECALLED, ACTIVE: PREEMPTED, PREEMPTING: PREEMPTED},
+    "abort": {ACTIVE: ABORTED, PREEMPTING: ABORTED},
+    "succeed": {ACTIVE: SUCCEEDED, PREEMPTING: SUCCEEDED},
+}
+"""actionlib's: what may happen to a goal, in which states, and where it leads (actionlib/DetailedDescription)."""
+TERMINAL: FrozenSet[int] = frozenset((PREEMPTED, SUCCEEDED, ABORTED, REJECTED, RECALLED))
+
+LIST_FOR = 5.0
+"""Wall time (s) for which the status tells of a finished goal, or of a cancel without its goal: actionlib's default."""
+REMEMBER_FOR = 60.0
+"""Wall time (s) for which it is remembered, so that neither a late cancel nor the goal sent again begins it anew."""
+REMEMBER_AT_MOST = 2000
+"""Number of finished goals remembered, the oldest of which are forgotten first."""
+LIST_AT_MOST = 600
+"""Number of finished goals in the status, the newest. A client of actionlib's takes a goal for lost that ended and is
+not in the status when its result still waits to be looked at; of twenty clients at 20 Hz, each has 1.5 s for that."""
+LONGEST_LOOK = 0.3
+"""Wall time (s) that a lease loses in one look at most.
+
+A server that was stopped itself does not hold it against clients.
+"""
+STAMPED_BEFORE = (
+    "This goal handle was canceled by the action server because its timestamp is before the timestamp of the last "
+    "cancel request"
+)
+"""actionlib's text."""
+
+
+class GoalSink(Protocol):
+    """Where a tracker's words go."""
+
+    def publish_result(self, status: GoalStatus, result: Any) -> None:
+        """Send a goal's result."""
+
+    def publish_feedback(self, status: GoalStatus, feedback: Any) -> None:
+        """Send feedback of a goal."""
+
+    def status_changed(self) -> None:
+        """Note that the status is not what it was."""
+
+
+class TrackedGoal:
+    """One goal at the server, with the methods of actionlib's ServerGoalHandle.
+
+    Attributes:
+        status: Its GoalStatus.
+        client: Name of the node that sent it.
+        has_come: Whether the goal is there, and not its cancel alone.
+        lapse: Why it was cancelled though nobody asked for that, its client being gone; empty where it was not.
+        finished_at: Wall time (s) of its end, or of a cancel whose goal has not come; None before.
+    """
+
+    def __init__(self, tracker: GoalTracker, goal_id: GoalID, goal: Optional[Any], client: str) -> None:
+        self.status = GoalStatus(goal_id=goal_id, status=PENDING)
+        self.client, self.lapse = client, ""
+        self.lease_left = DURATION
+        self.finished_at: Optional[float] = None
+        self.has_come = goal is not None
+        self._tracker, self._goal = tracker, goal
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether its state is a terminal one."""
+        return self.status.status in TERMINAL
+
+    def get_goal(self) -> Any:
+        """Return the goal message, None once it ended."""
+        return self._goal
+
+    def drop_goal(self) -> None:
+        """Let go of the message, which may be a long path."""
+        self._goal = None
+
+    def get_goal_id(self) -> GoalID:
+        """Return its id."""
+        return self.status.goal_id
+
+    def get_goal_status(self) -> GoalStatus:
+        """Return its status."""
+        return self.status
+
+    def set_accepted(self, text: str = "") -> None:
+        """Go over to ACTIVE, or to PREEMPTING where a cancel came before."""
+        self._tracker.move(self, "accept", text)
+
+    def set_rejected(self, result: Any = None, text: str = "") -> None:
+        """End it as refused."""
+        self._tracker.finish(self, "reject", result, text)
+
+    def set_canceled(self, result: Any = None, text: str = "") -> None:
+        """End it as called off."""
+        self._tracker.finish(self, "cancel", result, text)
+
+    def set_aborted(self, result: Any = None, text: str = "") -> None:
+        """End it as failed."""
+        self._tracker.finish(self, "abort", result, text)
+
+    def set_succeeded(self, result: Any = None, text: str = "") -> None:
+        """End it as reached."""
+        self._tracker.finish(self, "succeed", result, text)
+
+    def publish_feedback(self, feedback: Any) -> None:
+        """Send feedback, unless it ended."""
+        self._tracker.feed_back(self, feedback)
+
+
+class GoalTracker:
+    """Takes goals, cancels and renewals as they arrive, and gives each goal one end.
+
+    One lock, re-entrant: the callbacks run under it, goals take it.
+    """
+
+    def __init__(
+        self, sink: GoalSink, on_goal: Callable[[TrackedGoal], None], on_cancel: Callable[[TrackedGoal], None],
+        empty_result: Callable[[], Any], clock: Callable[[], float], ros_now: Callable[[], Any],
+        recalled: Optional[Callable[[], Any]] = None,
+    ) -> None:
+        """Begin without goals.
+
+        Args:
+            sink: Where status, results and feedback go.
+            on_goal, on_cancel: Called with each new goal, and with each goal of which a cancel is to be heard.
+            empty_result: Makes a result that says nothing.
+            clock: Gives wall time (s).
+            ros_now: Gives ROS time, as a message has it.
+            recalled: Makes the result of a goal whose cancel came before it; actionlib's empty one says 0, which is
+                SUCCESS to whoever looks at the outcome alone.
+        """
+        self.lock = threading.RLock()
+        self._sink, self._on_goal, self._on_cancel = sink, on_goal, on_cancel
+        self._empty_result, self._recalled = empty_result, recalled or empty_result
+        self._clock, self._ros_now = clock, ros_now
+        self._goals: Dict[str, TrackedGoal] = {}  # oldest first
+        self._last_cancel = Time()
+        self._looked_at = clock()
+        self._numbers = itertools.count(1)
+
+    # what arrives
+
+    def take_goal(self, goal_id: GoalID, goal: Any, client: str = "") -> None:
+        """Take a goal message; one that is known already changes nothing.
+
+        Args:
+            goal_id: Its id; given one here where it is empty.
+            goal: The goal.
+            client: Name of the node it came from.
+        """
+        with self.lock:
+            now, stamp = self._ros_now(), goal_id.stamp
+            goal_id = GoalID(
+                stamp=stamp or now,
+                id=goal_id.id or f"{client}-unnamed-{next(self._numbers)}-{now.to_sec():.3f}",
+            )
+            known = self._goals.get(goal_id.id)
+            if known is not None and (known.has_come or known.has_ended):
+                return
+            tracked = self._goals[goal_id.id] = TrackedGoal(self, goal_id, goal, client)
+            if known is not None:
+                tracked.status.status = RECALLING
+                tracked.set_canceled(self._recalled(), known.status.text)
+                return
+            if self._last_cancel > now:
+                self._last_cancel = Time()  # the clock was set back since, and else every goal would be older
+            if stamp and stamp <= self._last_cancel:  # none says nothing of age; it is also a simulation's first
+                tracked.set_canceled(self._recalled(), STAMPED_BEFORE)
+            else:
+                self._on_goal(tracked)
+                self._sink.status_changed()
+
+    def take_cancel(self, goal_id: GoalID) -> None:
+        """Take a cancel message: of one goal, of all up to a time, or of all."""
+        with self.lock:
+            everything = not goal_id.id and not goal_id.stamp
+            for tracked in list(self._goals.values()):
+                until = bool(goal_id.stamp) and tracked.status.goal_id.stamp <= goal_id.stamp
+                if everything or until or tracked.status.goal_id.id == goal_id.id:
+                    self._request_cancel(tracked)
+            if goal_id.id and goal_id.id not in self._goals:
+                early = self._goals[goal_id.id] = TrackedGoal(self, goal_id, None, "")
+                early.status.status, early.finished_at = RECALLING, self._clock()
+                self._sink.status_changed()
+            self._last_cancel = max(self._last_cancel, goal_id.stamp)
+
+    def renew(self, goal_id: str) -> None:
+        """Take the renewal of a goal's lease."""
+        tracked = self._goals.get(goal_id)
+        if tracked is not None:
+            tracked.lease_left = DURATION
+
+    # what goals do
+
+    def move(self, tracked: TrackedGoal, event: str, text: str) -> bool:
+        """Let something happen to a goal; return whether its state allowed that."""
+        with self.lock:
+            state = TRANSITIONS[event].get(tracked.status.status)
+            if state is None:
+                logging.getLogger("rosout").error(
+                    "goal %s cannot %s in state %d", tracked.status.goal_id.id, event, tracked.status.status)
+                return False
+            tracked.status.status, tracked.status.text = state, text
+            self._sink.status_changed()
+            return True
+
+    def finish(self, tracked: TrackedGoal, event: str, result: Any, text: str) -> None:
+        """End a goal and send its result."""
+        with self.lock:
+            if self.move(tracked, event, text):
+                tracked.finished_at = self._clock()
+                tracked.drop_goal()
+                self._sink.publish_result(tracked.status, self._empty_result() if result is None else result)
+
+    def feed_back(self, tracked: TrackedGoal, feedback: Any) -> None:
+        """Send feedback of a goal that has not ended."""
+        with self.lock:
+            if not tracked.has_ended:
+                self._sink.publish_feedback(tracked.status, feedback)
+
+    # the passing of time
+
+    def look(self, connected: Optional[Callable[[str], bool]] = None, client_timeout: float = 0.0) -> None:
+        """Forget what ended long ago, and cancel what nobody answers for; call a few times a second.
+
+        Args:
+            connected: Tells whether the node of that name is connected, which renews its goals without a lease.
+            client_timeout: Wall time (s) after which such goals of a client that is not connected end; 0 for never.
+        """
+        with self.lock:
+            now = self._clock()
+            passed, self._looked_at = min(LONGEST_LOOK, now - self._looked_at), now
+            self._forget(now)
+            for goal_id, tracked in list(self._goals.items()):
+                if not tracked.has_come or tracked.status.status not in (PENDING, ACTIVE):
+                    continue  # it ended, or a cancel is heard already
+                if is_leased(goal_id):
+                    tracked.lease_left -= passed
+                    gone = "" if tracked.lease_left > 0.0 else f"has not renewed it for {DURATION:g} s"
+                elif client_timeout > 0.0 and connected is not None:
+                    tracked.lease_left = DURATION if connected(tracked.client) else tracked.lease_left - passed
+                    gone = "" if tracked.lease_left > DURATION - client_timeout else "is not connected any more"
+                else:
+                    continue
+                if gone:
+                    tracked.lapse = f"ended because its client {tracked.client or 'of no name'} {gone}"
+                    self._request_cancel(tracked)
+
+    def listed(self) -> List[GoalStatus]:
+        """Return what the status tells: every goal that has not ended, and those that ended lately."""
+        with self.lock:
+            since, statuses, room = self._clock() - LIST_FOR, [], LIST_AT_MOST
+            for tracked in reversed(list(self._goals.values())):
+                if tracked.finished_at is None:
+                    statuses.append(tracked.status)
+                elif tracked.finished_at >= since and room > 0:
+                    room -= 1
+                    statuses.append(tracked.status)
+            return statuses[::-1]
+
+    def _request_cancel(self, tracked: TrackedGoal) -> None:
+        state = TRANSITIONS["request cancel"].get(tracked.status.status)
+        if state is not None:
+            tracked.status.status = state
+            self._sink.status_changed()
+            self._on_cancel(tracked)
+
+    def _forget(self, now: float) -> None:
+        ended = [(name, goal.finished_at) for name, goal in self._goals.items() if goal.finished_at is not None]
+        surplus = len(ended) - REMEMBER_AT_MOST
+        for place, (name, finished_at) in enumerate(ended):
+            if place < surplus or now - finished_at > REMEMBER_FOR:
+                del self._goals[name]

@@ -1,0 +1,150 @@
+"""How every node starts and ends: one line for what is wrong, no traceback for what a user can mend."""
+
+from __future__ import annotations
+
+import gc
+import importlib
+import os
+import sys
+import time
+import traceback
+from typing import Any, Callable
+
+from mbf_relay.ros.common.ending import NodeEnding
+
+INTERRUPTED = 130
+"""Exit status of a program that was interrupted, as shells have it: it did not do what it was asked to."""
+FLUSH_TIME = 0.2
+"""Wall seconds that rospy's sending threads need for last words."""
+ALGEBRA_THREADS = "OPENBLAS_NUM_THREADS"
+"""Environment variable: OpenBLAS keeps as many threads, which spin after each call, and took two thirds of amcl's time.
+"""
+
+
+def run_node(name: str, place: str, **arguments: Any) -> None:
+    """Register a node, run its main function until it returns, and end the process.
+
+    The exit status is 0 after the function returned or ROS was shut down, be it by a signal at any moment from here on,
+    and 1 after an error a user can mend, which is logged as one line, and where there is a new master, so that whoever
+    started the node starts it again. A programming error keeps its traceback. `--help` prints what the module says of
+    itself (its USAGE where it has one, else the executable's docstring or its own) and needs no ROS master.
+
+    Args:
+        name: Of the node.
+        place: The function, with its module: "mbf_relay.ros.amcl.node.main". It is imported here, so that a signal
+            finds the node ready to end.
+        arguments: For the function.
+    """
+    ending = NodeEnding()
+    os.environ.setdefault(ALGEBRA_THREADS, "1")  # before NumPy is imported
+    import rospy  # here and below: only what comes after the line above can be interrupted without harm
+
+    module_name, _, function = place.rpartition(".")
+    importlib.import_module("mbf_relay.ros.common.reconfigure")  # quietens dynamic_reconfigure
+    module = importlib.import_module(module_name)
+    if {"-h", "--help"} & set(rospy.myargv(sys.argv)[1:]):
+        print(str(getattr(module, "USAGE", sys.modules["__main__"].__doc__ or module.__doc__)).strip())
+        ending.leave(0)
+    ending.use(rospy.signal_shutdown)
+    ending.leave(_live(name, lambda: getattr(module, function)(**arguments), ending))
+
+
+def run_program(place: str) -> None:
+    """Run a program that does one thing and tells by its exit status whether it did.
+
+    It reads its arguments, starts a node of its own and ends by sys.exit. A signal ends it at any moment from here on
+    as it ends a node, with INTERRUPTED, for whatever a shell's && has after it must not be done then.
+
+    Args:
+        place: The function, with its module, as for `run_node`.
+    """
+    ending = NodeEnding(INTERRUPTED)
+    import rospy
+
+    module_name, _, function = place.rpartition(".")
+    module = importlib.import_module(module_name)
+    ending.use(rospy.signal_shutdown)
+    status: Any = 0
+    try:
+        getattr(module, function)()
+    except SystemExit as end:
+        status = end.code or 0
+    except Exception:  # rospy's own at a shutdown that has begun are none
+        if not rospy.is_shutdown():
+            traceback.print_exc()
+        status = 1
+    if ending.begun:
+        status = INTERRUPTED
+    elif rospy.core.is_initialized():
+        rospy.signal_shutdown("done")
+    ending.leave(status)
+
+
+def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
+    """Return the exit status of a node's life."""
+    import rospy
+
+    from mbf_relay.kernels import reason_in_process
+    from mbf_relay.outcomes import StaleDataError, TransformError
+    from mbf_relay.ros.common.master_watch import MasterWatch
+
+    status = 0
+
+    def start_again(reason: str) -> None:
+        nonlocal status
+        status = 1
+        rospy.logfatal("%s", reason)
+        rospy.signal_shutdown(reason)
+        ending.leave(1)
+
+    try:
+        rospy.init_node(name, disable_signals=True)
+        MasterWatch(start_again)
+        reason = reason_in_process()
+        if reason:
+            rospy.logwarn("numba compiles kernels in this process, which takes 100 MiB of it: %s", reason)
+        main()
+    except rospy.ROSInterruptException:
+        pass
+    except rospy.ROSInitException:
+        if not rospy.is_shutdown():
+            traceback.print_exc()
+            return 1
+    # a wrong parameter, a missing file, an absent node
+    except (ValueError, OSError, TransformError, StaleDataError) as error:
+        if not rospy.is_shutdown():
+            rospy.logfatal("%s", one_line(error))
+            rospy.signal_shutdown(one_line(error))
+            return 1
+    except Exception as error:
+        if not rospy.is_shutdown():
+            traceback.print_exc()
+            rospy.signal_shutdown(one_line(error))
+            return 1
+    rospy.signal_shutdown("done")
+    return status
+
+
+def on_shutdown(last_words: Callable[[], None]) -> None:
+    """Have `last_words` called when the node ends, while it can still publish, and what it publishes sent."""
+    import rospy
+
+    def speak() -> None:
+        last_words()
+        time.sleep(FLUSH_TIME)
+
+    rospy.on_shutdown(speak)
+
+
+def spare_what_stays() -> None:
+    """Keep what a node has made by now, its libraries above all, out of garbage collection; call when it is ready.
+
+    A collection of all that stops every thread for a tenth of a second, in the middle of a drive.
+    """
+    gc.collect()
+    gc.freeze()
+
+
+def one_line(error: BaseException) -> str:
+    """Return an exception's text on one line."""
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,78 @@
+"""Declared parameters (mbf_relay.parameters) filled from the parameter server."""
+
+from __future__ import annotations
+
+from typing import Any, Iterable, Mapping, Type, TypeVar
+
+import rospy
+
+from mbf_relay.parameters import ParameterSet, did_you_mean
+from mbf_relay.ros.common.reconfigure import RESTORE_DEFAULTS
+
+T = TypeVar("T", bound=ParameterSet)
+
+
+def load(parameter_set: Type[T], namespace: str = "~", known_elsewhere: Iterable[str] = ()) -> T:
+    """Read a parameter set from a namespace of the parameter server.
+
+    Args:
+        parameter_set: The dataclass to fill.
+        namespace: Where its names stand; "~" for the node's own.
+        known_elsewhere: Further names of that namespace that somebody else reads.
+
+    Raises:
+        ValueError: A value is of the wrong type or out of range; the text names parameter, value and what is allowed.
+    """
+    return fill(parameter_set, read_namespace(namespace), namespace, known_elsewhere)
+
+
+def fill(parameter_set: Type[T], values: Mapping[str, Any], where: str, known_elsewhere: Iterable[str] = ()) -> T:
+    """Fill a parameter set from `values`, warning once about each name that is unknown, old or not as allowed.
+
+    Args:
+        parameter_set: The dataclass to fill.
+        values: Names and values.
+        where: Named in warnings and errors.
+        known_elsewhere: Names that somebody else reads.
+    """
+    warn_of_unknown(parameter_set, values, where, known_elsewhere)
+    try:
+        result, notes = parameter_set.read(values)
+    except ValueError as error:
+        raise ValueError(f"{error} (in {rospy.resolve_name(where)})") from error
+    warn_of(notes, where)
+    return result
+
+
+def warn_of(notes: Iterable[str], where: str) -> None:
+    """Warn of what was made of values that could not be taken as they are."""
+    for note in notes:
+        rospy.logwarn("%s: %s", rospy.resolve_name(where), note)
+
+
+def warn_of_unknown(
+    parameter_set: Type[ParameterSet], values: Mapping[str, Any], where: str, known_elsewhere: Iterable[str] = ()
+) -> None:
+    """Warn about each name in `values` that is unknown or out of date; arguments as for `fill`."""
+    for name in parameter_set.unknown_names(values):
+        # dynamic_reconfigure leaves its button on the server, where the next start of the node finds it.
+        if name not in known_elsewhere and name != RESTORE_DEFAULTS:
+            hint = did_you_mean(parameter_set.nearest_name(name))
+            rospy.logwarn(
+                "parameter %s is not known here and is ignored%s", rospy.resolve_name(join(where, name)), hint
+            )
+    for old, new in parameter_set.deprecated_names(values).items():
+        rospy.logwarn("parameter %s has an old name; use '%s'", rospy.resolve_name(join(where, old)), new)
+
+
+def read_namespace(namespace: str) -> Mapping[str, Any]:
+    """Return everything under a namespace as a dictionary, empty where there is nothing."""
+    values = rospy.get_param(namespace if namespace != "~" else rospy.get_name(), {})
+    if not isinstance(values, Mapping):
+        raise ValueError(f"parameter {rospy.resolve_name(namespace)} is {values!r}; it must be a group of parameters")
+    return values
+
+
+def join(namespace: str, name: str) -> str:
+    """Return the name of a parameter inside a namespace."""
+    return f"{namespace}{name}" if namespace in ("", "~") or namespace.endswith("/") else f"{namespace}/{name}"

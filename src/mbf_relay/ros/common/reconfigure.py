@@ -1,0 +1,130 @@
+"""dynamic_reconfigure over declared parameters: one declaration makes the .cfg and takes the changes.
+
+The `config/*.cfg` files call `add_parameters` at build time; nodes call `serve` at run time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import typing
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, Optional, Type
+
+from mbf_relay.parameters import ParameterSet
+
+if TYPE_CHECKING:
+    from mbf_relay.navigation.registry import Registry
+
+try:
+    import roslib.launcher
+except ImportError:
+    pass
+else:
+    # dynamic_reconfigure's modules call load_manifest(), which under catkin has nothing to do but reads manifests and
+    # complains on stderr wherever `rosdep init` was never run. Told that it was called already, it returns at once.
+    roslib.launcher._bootstrapped.append("dynamic_reconfigure")
+
+RESTORE_DEFAULTS = "restore_defaults"
+
+
+def add_parameters(
+    generator: Any, parameter_set: Type[ParameterSet], names: Optional[Iterable[str]] = None, restore: bool = True
+) -> None:
+    """Add a parameter set's numbers, texts and switches to a dynamic_reconfigure ParameterGenerator.
+
+    Args:
+        generator: dynamic_reconfigure.parameter_generator_catkin.ParameterGenerator.
+        parameter_set: The dataclass; lists, which dynamic_reconfigure has no type for, are left out.
+        names: Only these, where given.
+        restore: Add `restore_defaults`, which brings back the values the node was started with.
+    """
+    from dynamic_reconfigure.parameter_generator_catkin import bool_t, double_t, int_t, str_t
+
+    types = {bool: bool_t, int: int_t, float: double_t, str: str_t}
+    limits = {int: (-(2 ** 31) + 1, 2 ** 31 - 1), float: (-1e9, 1e9)}
+    hints = typing.get_type_hints(parameter_set)
+    for field in dataclasses.fields(parameter_set):
+        hint = hints[field.name]
+        if hint not in types or (names is not None and field.name not in names):
+            continue
+        meta = field.metadata
+        unit = f" ({meta['unit']})" if meta.get("unit") else ""
+        arguments = [field.name, types[hint], 0, meta.get("description", "") + unit, field.default]
+        if hint in limits:
+            lowest = meta["minimum"] if meta["minimum"] is not None else meta["above"]
+            arguments.append(limits[hint][0] if lowest is None else lowest)
+            arguments.append(limits[hint][1] if meta["maximum"] is None else meta["maximum"])
+        if meta.get("choices"):
+            constants = [generator.const(_constant(field.name, c), types[hint], c, str(c)) for c in meta["choices"]]
+            generator.add(*arguments, edit_method=generator.enum(constants, f"choices of {field.name}"))
+        else:
+            generator.add(*arguments)
+    if restore:
+        generator.add(RESTORE_DEFAULTS, bool_t, 0, "Bring back the values the node was started with", False)
+
+
+def _constant(name: str, choice: Any) -> str:
+    text = "".join(letter if letter.isalnum() else "_" for letter in f"{name}_{choice}")
+    return text if text[0].isalpha() else f"c_{text}"
+
+
+def load(path: str) -> Any:
+    """Return the module a plugin names as its `dynamic_config`, e.g. mbf_relay.cfg.DwaConfig."""
+    return importlib.import_module(path)
+
+
+def serve_plugin(registry: Registry[Any], name: str) -> List[Any]:
+    """Offer a plugin's parameters for change at run time where it has any such, in every slot; keep the result."""
+    plugin = registry.plugin(name)
+    if not plugin.dynamic_config:
+        return []
+
+    def apply(parameters: Any) -> None:
+        registry.reconfigure(name, parameters)
+
+    return [serve(load(plugin.dynamic_config), plugin.parameters, apply, namespace=name)]
+
+
+def serve(
+    config_type: Any, parameters: ParameterSet, apply: Callable[[Any], None], namespace: str = "",
+    defaults: Optional[Callable[[], Any]] = None,
+) -> Any:
+    """Offer a parameter set's values for change at run time.
+
+    Args:
+        config_type: Generated module, e.g. mbf_relay.cfg.AmclConfig.
+        parameters: The values in force; they become the server's first state, over the .cfg's defaults.
+        apply: Called with the new set after every change; not called at start.
+        namespace: Below the node's own, e.g. "DWAPlannerROS"; empty for the node itself.
+        defaults: Gives the set that `restore_defaults` brings back, where that is not `parameters`.
+
+    Returns:
+        The dynamic_reconfigure server; keep it.
+    """
+    import rospy
+    from dynamic_reconfigure.server import Server
+
+    state: Dict[str, Any] = {"current": parameters, "started": False}
+
+    def take(config: Any, _level: int) -> Any:
+        names = [name for name in parameters.names() if name in config]
+        if not state["started"]:
+            state["started"] = True
+            config.update({name: getattr(parameters, name) for name in names})
+            return config
+        try:
+            if config.get(RESTORE_DEFAULTS):
+                wanted = parameters if defaults is None else defaults()
+            else:
+                changes = {n: config[n] for n in names if config[n] != getattr(state["current"], n)}
+                wanted = state["current"].replace(**changes)
+            apply(wanted)
+            state["current"] = wanted
+        except ValueError as error:
+            rospy.logerr("reconfigure refused: %s", error)
+        config.update({name: getattr(state["current"], name) for name in names})
+        if RESTORE_DEFAULTS in config:
+            config[RESTORE_DEFAULTS] = False
+        return config
+
+    return Server(config_type, take, namespace=namespace)

@@ -1,0 +1,166 @@
+"""Is the action server still there? Asked on the wall clock, whatever the ROS clock does.
+
+A living server publishes its status several times a second of ROS time. A closed connection is the first sign of its
+end. Silence is the second, and then its node is asked directly: one that answers may stay silent while the ROS clock
+stands still, one that refuses is gone, one that does not answer is given `silence_timeout`. The master is asked only
+where no connection tells the node's address, and for no longer than a node: it may hang itself.
+"""
+
+from __future__ import annotations
+
+import http.client
+import math
+import time
+import xmlrpc.client  # nosec B411: what the ROS master speaks
+from typing import Any, Callable, Dict, Optional
+
+import rosgraph
+import rospy
+from actionlib_msgs.msg import GoalStatusArray
+
+from mbf_relay.ros.common.impatient_proxy import impatient_proxy
+
+DISCONNECTED_FOR = 0.3
+"""Wall time (s) without a connection after which a server that was there counts as gone."""
+SILENT_FOR = 0.5
+"""Wall time (s) without a status message, which comes five times a second, after which the node is asked."""
+CLOCK_RAN = 1.0
+"""ROS time (s) without a status message that its clock does not explain."""
+ASK_TIMEOUT = 0.3
+"""Wall time (s) a node has for its answer."""
+
+
+class ServerWatch:
+    """Watches one action server through its status topic.
+
+    Attributes:
+        is_up: Whether it is there.
+        loss: How it was lost last; empty where it never was.
+    """
+
+    def __init__(
+        self, name: str, takes_goals: Callable[[str], bool], silence_timeout: float,
+        on_status: Callable[[GoalStatusArray], None],
+    ) -> None:
+        """Expect a server.
+
+        Args:
+            name: The action's name.
+            takes_goals: Tells whether a node listens to goals; a node that does not is no server, whatever it says.
+            silence_timeout: Wall time (s) of silence after which a server that is connected counts as gone.
+            on_status: Called with each status message of the server's.
+        """
+        self.is_up = False
+        self.loss = ""
+        self._name = name
+        self._takes_goals, self._on_status = takes_goals, on_status
+        self._silence_timeout = silence_timeout
+        self._node = self._address = ""
+        self._heard_at = self._connected_at = self._asked_at = 0.0
+        self._heard_at_ros_time = 0.0
+        self._subscriber = rospy.Subscriber(f"{name}/status", GoalStatusArray, self._hear, tcp_nodelay=True)
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether somebody publishes the status."""
+        return bool(self._subscriber.get_num_connections())
+
+    @property
+    def silence(self) -> float:
+        """Wall time (s) since the server's last word, infinite before the first."""
+        return time.monotonic() - self._heard_at if self._node else math.inf
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._subscriber.unregister()
+
+    def why_lost(self, now: float) -> Optional[str]:
+        """Return why the server is gone, None while it is there (or never was, or its loss is already known).
+
+        Args:
+            now: Wall time (s), of time.monotonic.
+        """
+        if not self.is_up:
+            self._look_for_a_silent_one(now)
+            return None
+        reason = self._find_reason(now)
+        if reason is None:
+            return None
+        self.is_up = False
+        self.loss = f"action server {self._name} {reason}"
+        return self.loss
+
+    def _hear(self, message: GoalStatusArray) -> None:
+        node = message._connection_header["callerid"]
+        if self._takes_goals(node):
+            self._note_life(node)
+            self._on_status(message)
+
+    def _note_life(self, node: str) -> None:
+        self._node, self._address = node, self._connections().get(node, self._address if node == self._node else "")
+        self._heard_at = self._connected_at = time.monotonic()
+        self._heard_at_ros_time = rospy.get_rostime().to_sec()
+        self.is_up = True
+
+    def _look_for_a_silent_one(self, now: float) -> None:
+        """Find a server that is connected and says nothing, because the ROS clock stands still."""
+        nodes = [node for node in self._connections() if self._takes_goals(node)]
+        if nodes and now - self._asked_at > SILENT_FOR / 2.0:
+            self._asked_at = now
+            if ask_node(nodes[-1], self._connections().get(nodes[-1], "")) == THERE:
+                self._note_life(nodes[-1])
+
+    def _connections(self) -> Dict[str, str]:
+        """Return the addresses of the nodes that publish the status, by name, newest last."""
+        connections = self._subscriber.impl.connections if self._subscriber.impl else []
+        return {link.callerid_pub: link.endpoint_id for link in connections if link.callerid_pub}
+
+    def _find_reason(self, now: float) -> Optional[str]:
+        if self.is_connected:
+            self._connected_at = now
+        elif now - self._connected_at > DISCONNECTED_FOR:
+            return f"died: its node {self._node} closed the connection"
+        silence = now - self._heard_at
+        if silence < SILENT_FOR or now - self._asked_at < SILENT_FOR / 2.0:
+            return None
+        self._asked_at = now
+        answer = ask_node(self._node, self._address)
+        if answer == GONE:
+            return f"died: its node {self._node} does not exist any more"
+        silence = time.monotonic() - self._heard_at  # asking took its time
+        clock_ran = rospy.get_rostime().to_sec() - self._heard_at_ros_time > CLOCK_RAN
+        if silence > self._silence_timeout and (answer == MUTE or clock_ran):
+            return f"hangs: its node {self._node} has been silent for {silence:.1f} s"
+        return None
+
+
+THERE, MUTE, GONE = "there", "mute", "gone"
+
+
+def ask_node(node: str, address: str = "", timeout: float = ASK_TIMEOUT) -> str:
+    """Ask a node for a sign of life.
+
+    Args:
+        node: Its name.
+        address: Its URI; the master is asked for it where it is empty.
+        timeout: Wall time (s) that each of them has for its answer.
+
+    Returns:
+        THERE, MUTE (no answer in time) or GONE (refused, or unknown to the master).
+    """
+    here = rospy.get_name()
+    try:
+        if not address:
+            answer: Any = impatient_proxy(rosgraph.get_master_uri(), timeout).lookupNode(here, node)
+            code, _, address = answer
+            if code != 1:
+                return GONE
+    except (OSError, http.client.HTTPException, xmlrpc.client.Error):
+        return MUTE  # no master to ask: that says nothing about the node
+    try:
+        impatient_proxy(address, timeout).getPid(here)
+    except ConnectionRefusedError:
+        return GONE
+    except (OSError, http.client.HTTPException, xmlrpc.client.Error):
+        return MUTE
+    return THERE

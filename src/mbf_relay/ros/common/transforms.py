@@ -1,0 +1,153 @@
+"""Frames: tf lookups as planar poses, with errors that name the stale frame and its age."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any, Dict, List, Optional
+
+import rospy
+import tf2_ros
+from geometry_msgs.msg import TransformStamped
+from tf2_msgs.msg import TFMessage
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.common.checks import TF2_END, InvalidMessage, check_stamp, check_transform
+from mbf_relay.ros.common.conversions import header, transform_from_message, transform_to_message
+from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
+
+MOST_TROUBLES = 64
+"""Frames whose refused transforms are warned of each by itself; a flood of names is warned of as one."""
+
+
+class CheckedListener(tf2_ros.TransformListener):
+    """A tf listener that hands tf2 only what it survives: its C++ core ends the process on stamps near 2^32.
+
+    What is ahead of the clock is refused too, or it would stay the newest relation until the clock has caught up.
+
+    Args:
+        buffer: Takes the transforms.
+        cache_time: Age (s) beyond which the buffer keeps nothing.
+    """
+
+    def __init__(self, buffer: Any, cache_time: float) -> None:
+        self._cache_time = cache_time
+        self._trouble: Dict[str, ThrottledWarnings] = {}  # by child frame; a busy machine's hiccup is worth no warning
+        super().__init__(buffer, buff_size=1 << 20, tcp_nodelay=True)
+
+    def callback(self, data: TFMessage) -> None:
+        """Take a message of /tf."""
+        data.transforms = [transform for transform in data.transforms if self._is_sound(transform, self._cache_time)]
+        super().callback(data)
+
+    def static_callback(self, data: TFMessage) -> None:
+        """Take a message of /tf_static, whose stamps say nothing."""
+        data.transforms = [transform for transform in data.transforms if self._is_sound(transform, None)]
+        super().static_callback(data)
+
+    def _is_sound(self, message: TransformStamped, max_age: Optional[float]) -> bool:
+        try:
+            check_transform(message)
+            if max_age is not None:
+                check_stamp(message.header.stamp.to_sec(), rospy.get_time(), max_age)
+            elif message.header.stamp.to_sec() >= TF2_END:
+                message.header.stamp = rospy.Time()
+        except InvalidMessage as error:
+            child = message.child_frame_id if len(self._trouble) < MOST_TROUBLES else ""
+            relation = f"'{message.header.frame_id}' to '{message.child_frame_id}'"
+            self._trouble.setdefault(child, ThrottledWarnings()).say(f"refused a transform from {relation}: {error}")
+            return False
+        if message.child_frame_id in self._trouble:
+            self._trouble[message.child_frame_id].worked()
+        return True
+
+
+class Transforms:
+    """A tf buffer that gives planar poses."""
+
+    def __init__(self, cache_time: float = 10.0) -> None:
+        self.buffer = tf2_ros.Buffer(rospy.Duration(cache_time))
+        self._listener = CheckedListener(self.buffer, cache_time)
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._listener.unregister()
+
+    def lookup(
+        self, target_frame: str, source_frame: str, stamp: Optional[float] = None, timeout: float = 0.0,
+        max_age: Optional[float] = None,
+    ) -> Pose2D:
+        """Return the transform that takes poses in `source_frame` to `target_frame`.
+
+        Args:
+            target_frame, source_frame: Frame names, with or without a leading slash.
+            stamp: Time (s) to look at; the newest where None.
+            timeout: Time (s) to wait for it; call with 0 from callbacks.
+            max_age: Age (s) beyond which the newest relation is refused; no limit where None.
+
+        Raises:
+            TransformError: Naming the frames, and the age of the relation where it is too old.
+        """
+        return transform_from_message(
+            self.lookup_message(target_frame, source_frame, stamp, timeout, max_age).transform
+        )
+
+    def lookup_message(
+        self, target_frame: str, source_frame: str, stamp: Optional[float] = None, timeout: float = 0.0,
+        max_age: Optional[float] = None,
+    ) -> TransformStamped:
+        """Return the transform as a message, for whoever needs all three dimensions; arguments as for `lookup`."""
+        if not target_frame.strip("/") or not source_frame.strip("/"):
+            raise TransformError(f"no transform from '{source_frame}' to '{target_frame}': a frame must have a name")
+        time = _tf2_time(stamp)
+        frames = target_frame.lstrip("/"), source_frame.lstrip("/")
+        try:
+            if timeout > 0.0:  # else the look whether it is there would be one more, forty times a second
+                self.buffer.can_transform(*frames, time, rospy.Duration(timeout))
+            message = self.buffer.lookup_transform_core(*frames, time)
+        except tf2_ros.TransformException as error:
+            raise TransformError(
+                f"no transform from '{source_frame}' to '{target_frame}': {' '.join(str(error).split())}"
+            ) from error
+        age = (rospy.get_rostime() - message.header.stamp).to_sec()
+        if max_age is not None and message.header.stamp.to_sec() > 0.0 and age > max_age:
+            raise TransformError(
+                f"the transform from '{source_frame}' to '{target_frame}' is {age:.2f} s old; at most {max_age:.2f} s "
+                "allowed"
+            )
+        return message
+
+    def can_transform(self, target_frame: str, source_frame: str, stamp: float) -> bool:
+        """Return whether the relation is known at `stamp` (s)."""
+        try:
+            time = _tf2_time(stamp)
+        except TransformError:
+            return False
+        return bool(
+            self.buffer.can_transform(target_frame.lstrip("/"), source_frame.lstrip("/"), time, rospy.Duration(0)))
+
+
+def _tf2_time(stamp: Optional[float]) -> rospy.Time:
+    """Return a time (s), the newest where None, as tf2 survives it."""
+    if stamp is None:
+        return rospy.Time(0)
+    if not 0.0 <= stamp < TF2_END:
+        raise TransformError(f"there is no transform at {stamp:.2f} s, which is no time a clock of ROS shows")
+    return rospy.Time.from_sec(stamp)
+
+
+class TransformPublisher:
+    """Sends planar transforms on /tf; one per process, whatever threads use it."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._publisher = rospy.Publisher("/tf", TFMessage, queue_size=100, tcp_nodelay=True)
+
+    def send(self, parent: str, child: str, child_in_parent: Pose2D, stamp: Any) -> None:
+        """Publish one transform; `stamp` in seconds or as rospy.Time."""
+        self.send_messages([TransformStamped(header(parent, stamp), child, transform_to_message(child_in_parent))])
+
+    def send_messages(self, messages: List[TransformStamped]) -> None:
+        """Publish ready messages in one."""
+        with self._lock:
+            self._publisher.publish(TFMessage(messages))

@@ -1,0 +1,1 @@
+"""Costmaps under ROS; part of the server."""

@@ -1,0 +1,255 @@
+"""What feeds a costmap: scans and point clouds, each turned into the costmap's frame once its transform is there."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+from dataclasses import replace
+from typing import Any, Callable, Deque, List, Optional, Tuple
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import LaserScan as LaserScanMessage
+from sensor_msgs.msg import PointCloud, PointCloud2, PointField
+
+from mbf_relay.costmap.costmap import Costmap
+from mbf_relay.costmap.observation import Observation, observation_from_points, scan_points
+from mbf_relay.costmap.obstacle_layer import SourceParameters
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.common import checks
+from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.conversions import map_from_message, scan_from_message
+from mbf_relay.ros.common.lidar_geometry import mounting_of, seen_from_above
+from mbf_relay.ros.common.quick_grids import QuickGrid, QuickGridUpdate
+from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
+from mbf_relay.ros.common.transforms import Transforms
+from mbf_relay.scan_monitor import ScanMonitor
+
+BUFFER_BYTES = 1 << 24
+WARN_PERIOD = 5.0
+"""Seconds between two warnings about the same source."""
+
+MESSAGE_TYPES = {"LaserScan": LaserScanMessage, "PointCloud": PointCloud, "PointCloud2": PointCloud2}
+
+FLOATS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
+
+
+class SensorInput:
+    """One observation source: its callback keeps messages, the costmap's thread takes what can be transformed.
+
+    Args:
+        name: The source's name.
+        parameters: Its parameters.
+        costmap: What it feeds.
+        transforms: Where frames are looked up.
+        patience: Time (s) a message waits for its transform before it is given up.
+        max_age: Age (s) at which what was measured says nothing any more; 0 for never.
+    """
+
+    def __init__(
+        self, name: str, parameters: SourceParameters, costmap: Costmap, transforms: Transforms, patience: float,
+        max_age: float,
+    ) -> None:
+        self._name, self._parameters, self._costmap, self._transforms = name, parameters, costmap, transforms
+        self._patience, self._max_age = patience, max_age or None
+        self._lock = threading.Lock()  # guards the messages that wait; nothing else is locked while it is held
+        self._waiting: Deque[Tuple[float, Any]] = deque(maxlen=50 if parameters.observation_persistence > 0.0 else 5)
+        self._trouble: Optional[str] = None
+        self._warnings = ThrottledWarnings()
+        self._monitor = ScanMonitor(parameters.largest_gap)
+        self._used_since = math.inf
+        self._used_last: Optional[float] = None
+        self._subscriber = rospy.Subscriber(
+            parameters.topic, MESSAGE_TYPES[parameters.data_type], self._keep, queue_size=1, buff_size=BUFFER_BYTES,
+            tcp_nodelay=True)
+
+    @property
+    def trouble(self) -> Optional[str]:
+        """What kept the last message from being used, None where nothing did."""
+        return self._trouble
+
+    def age(self, now: float) -> Optional[float]:
+        """Return the time (s) since the last message that was used came, None before the first."""
+        return None if self._used_last is None else max(0.0, now - self._used_last)
+
+    def close(self) -> None:
+        """Listen no longer."""
+        self._subscriber.unregister()
+
+    def _keep(self, message: Any) -> None:
+        now = rospy.get_time()
+        try:
+            checks.check_stamp(message.header.stamp.to_sec(), now, self._max_age)
+        except InvalidMessage as error:
+            self._complain(f"refused: {error}")
+            return
+        with self._lock:
+            if self._waiting and now < self._waiting[-1][0]:
+                self._waiting.clear()  # time was set back: what waits belongs to a world that is over
+            self._waiting.append((now, message))
+
+    def feed(self, now: float) -> None:
+        """Hand the costmap every message whose transform is there; drop those that waited too long."""
+        with self._lock:
+            waiting = list(self._waiting)
+        done: List[Any] = []
+        for arrived, message in waiting:
+            try:
+                observation = self._observation(message)
+                measured = min(observation.stamp, arrived) if observation.stamp > 0.0 else arrived
+                self._costmap.observe(self._name, replace(observation, stamp=measured), now)
+                self._trouble = None
+                self._warnings.worked()
+                self._used_since = min(self._used_since, arrived)
+                self._used_last = measured
+            except TransformError as error:
+                if now - arrived <= self._patience:
+                    continue
+                if arrived >= self._used_since or self._used_since == math.inf:  # what is older came before tf did
+                    self._complain(f"dropped after {now - arrived:.2f} s: {error}")
+            except BlindSensor as error:
+                self._costmap.refuse(self._name, str(error))
+                self._complain(f"cannot be relied on: {error}")
+            except InvalidMessage as error:
+                self._complain(f"refused: {error}")
+            done.append(message)
+        with self._lock:
+            kept = [entry for entry in self._waiting if not any(entry[1] is message for message in done)]
+            self._waiting.clear()
+            self._waiting.extend(kept)
+
+    def _complain(self, reason: str) -> None:
+        self._trouble = f"source '{self._name}' on topic '{self._subscriber.resolved_name}': message {reason}"
+        self._warnings.say(f"{self._costmap.name}: {self._trouble}")
+
+    def _observation(self, message: Any) -> Observation:
+        points, hits = points_from_message(message, self._parameters.inf_is_valid)
+        frame = message.header.frame_id
+        stamp = message.header.stamp.to_sec()
+        when = stamp if stamp > 0.0 else None
+        sensor = self._transforms.lookup_message(self._costmap.frame, frame, when)
+        if isinstance(message, LaserScanMessage):
+            self._require_sight(message, sensor)
+        rotation, translation = rigid(sensor)
+        seen = observation_from_points(points, hits, rotation, translation, stamp)
+        origin_frame = self._parameters.sensor_frame
+        if not origin_frame or origin_frame.lstrip("/") == frame.lstrip("/"):
+            return seen
+        _, origin = rigid(self._transforms.lookup_message(self._costmap.frame, origin_frame, when))
+        return Observation(tuple(float(value) for value in origin), seen.points, seen.hits, stamp)
+
+    def _require_sight(self, message: LaserScanMessage, sensor: TransformStamped) -> None:
+        """Raise BlindSensor where a scan shows nothing; `sensor` takes its points to the costmap's frame."""
+        pose, upside_down = mounting_of(sensor.transform)
+        base = self._transforms.lookup_message(self._costmap.robot_frame, message.header.frame_id)
+        mounting, _ = mounting_of(base.transform)
+        trouble = self._monitor.trouble(seen_from_above(scan_from_message(message), upside_down), -mounting.theta, pose)
+        if trouble is not None:
+            raise BlindSensor(trouble)
+
+
+class BlindSensor(InvalidMessage):
+    """A scan in order by its numbers, of a lidar that sees nothing."""
+
+
+def rigid(message: TransformStamped) -> Tuple[np.ndarray, np.ndarray]:
+    """Return a transform as a rotation matrix (3, 3) and a translation (3,) in metres."""
+    q, t = message.transform.rotation, message.transform.translation
+    x, y, z, w = q.x, q.y, q.z, q.w
+    rotation = np.array([
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+    ])
+    return rotation, np.array([t.x, t.y, t.z])
+
+
+def points_from_message(message: Any, inf_is_valid: bool) -> Tuple[np.ndarray, Optional[np.ndarray]]:
+    """Return what a scan or cloud holds in its own frame: points, (N, 2) or (N, 3) in metres, and which are hits.
+
+    Raises:
+        InvalidMessage: The message cannot be read.
+    """
+    if isinstance(message, LaserScanMessage):
+        return scan_points(scan_from_message(message), inf_is_valid)
+    if isinstance(message, PointCloud):
+        checks.check_count(len(message.points), checks.MOST_POINTS, "points in a cloud")
+        return np.array([(point.x, point.y, point.z) for point in message.points]).reshape(-1, 3), None
+    return cloud_points(message), None
+
+
+def cloud_points(message: PointCloud2) -> np.ndarray:
+    """Return the x, y and z of a point cloud, shape (N, 3) in metres; rows with NaN stay.
+
+    Raises:
+        InvalidMessage: A coordinate is missing, is no float, or the data is shorter than its size says.
+    """
+    fields = {field.name: field for field in message.fields}
+    missing = [name for name in "xyz" if name not in fields]
+    if missing:
+        raise InvalidMessage(f"point cloud without field {', '.join(missing)}; it has {', '.join(fields) or 'none'}")
+    order = ">" if message.is_bigendian else "<"
+    formats = []
+    for name in "xyz":
+        if fields[name].datatype not in FLOATS:
+            raise InvalidMessage(f"field {name} of a point cloud has type {fields[name].datatype}; it must be a float")
+        formats.append(order + FLOATS[fields[name].datatype])
+    checks.check_cloud(message)
+    point = np.dtype({
+        "names": list("xyz"), "formats": formats, "offsets": [fields[name].offset for name in "xyz"],
+        "itemsize": message.point_step})
+    rows = [
+        np.frombuffer(message.data, point, message.width, row * message.row_step) for row in range(message.height)
+    ] if message.width else []
+    points = np.concatenate(rows) if rows else np.zeros(0, point)
+    return np.column_stack([points[name].astype(np.float64) for name in "xyz"])
+
+
+class MapInput:
+    """The map and its changes for a costmap with a static layer.
+
+    Args:
+        parameters: The static layer's.
+        costmap: What it feeds.
+        on_map: Called after each map, from rospy's thread.
+    """
+
+    def __init__(self, parameters: Any, costmap: Costmap, on_map: Callable[[], None]) -> None:
+        self._parameters, self._costmap, self._on_map = parameters, costmap, on_map
+        self.frame: Optional[str] = None
+        self._subscribers = [
+            rospy.Subscriber(parameters.map_topic, QuickGrid, self._take_map, queue_size=1, buff_size=BUFFER_BYTES)]
+        if parameters.subscribe_to_updates:
+            self._subscribers.append(rospy.Subscriber(
+                f"{parameters.map_topic}_updates", QuickGridUpdate, self._take_update, queue_size=10,
+                buff_size=BUFFER_BYTES))
+
+    def close(self) -> None:
+        """Listen no longer."""
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+    def _take_map(self, message: Any) -> None:
+        if self.frame is not None and self._parameters.first_map_only:
+            return
+        try:
+            notice = self._costmap.set_map(map_from_message(message))
+        except ValueError as error:
+            rospy.logerr_throttle(
+                WARN_PERIOD, f"{self._costmap.name}: map on topic '{self._parameters.map_topic}' refused: {error}")
+            return
+        if notice:
+            rospy.logwarn("%s", notice)
+        self.frame = message.header.frame_id
+        self._on_map()
+
+    def _take_update(self, message: Any) -> None:
+        try:
+            if message.width * message.height != len(message.data):
+                raise InvalidMessage(f"{message.width} x {message.height} cells with {len(message.data)} values")
+            data = np.array(message.data, dtype=np.int8).reshape(message.height, message.width)
+            self._costmap.update_map(message.x, message.y, data)
+        except ValueError as error:
+            rospy.logwarn_throttle(WARN_PERIOD, f"{self._costmap.name}: map update refused: {error}")

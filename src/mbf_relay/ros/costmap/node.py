@@ -1,0 +1,198 @@
+"""A costmap under ROS: fed from topics and tf, updated at its rate on a thread of its own, and published."""
+
+from __future__ import annotations
+
+from typing import Any, Dict, List, Mapping, Optional
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import Polygon
+
+from mbf_relay.costmap import factory
+from mbf_relay.costmap.layer import tracks_of
+from mbf_relay.costmap.outline import MOST_CORNERS
+from mbf_relay.geometry import Pose2D
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.common import parameters as ros_parameters
+from mbf_relay.ros.common.checks import check_count
+from mbf_relay.ros.common.diagnostics import ERROR, OK, WARN, RateMeter, Report
+from mbf_relay.ros.common.node import one_line
+from mbf_relay.ros.common.stepper import Stepper
+from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
+from mbf_relay.ros.common.transforms import Transforms
+from mbf_relay.ros.costmap.inputs import WARN_PERIOD, MapInput, SensorInput
+from mbf_relay.ros.costmap.publisher import CostmapPublisher
+from mbf_relay.ros.costmap.reconfigure import serve_costmap
+from mbf_relay.ros.costmap.tracks import TracksPublisher
+
+
+class CostmapNode:
+    """One costmap of a node: `~NAME/costmap`, `~NAME/costmap_updates`, `~NAME/footprint`, and what it listens to.
+
+    Args:
+        name: "global_costmap" or "local_costmap": the group of its parameters and the namespace of its topics.
+        config: The node's parameters.
+        transforms: Where frames are looked up.
+
+    Raises:
+        ValueError: A parameter is wrong; the text names it, its value and what is allowed.
+    """
+
+    def __init__(self, name: str, config: Mapping[str, Any], transforms: Transforms) -> None:
+        group = config.get(name, {})
+        for unknown in factory.unknown_names(group):
+            rospy.logwarn("parameter %s is not known here and is ignored", rospy.resolve_name(f"~{name}/{unknown}"))
+        self.costmap = factory.build_costmap(name, group, config)
+        ros_parameters.warn_of(self.costmap.notes, f"~{name}")
+        for layer_name, reason in self.costmap.failed.items():
+            rospy.logerr("%s: layer '%s' is left out: %s", name, layer_name, reason)
+        for layer in self.costmap.layers:
+            if layer.notice:
+                rospy.loginfo("%s: layer '%s' %s", name, layer.name, layer.notice)
+        self._name, self._transforms = name, transforms
+        self._stepper = Stepper(self._step)
+        self._updates = RateMeter()
+        self._resting = False
+        self._next_publication = 0.0
+        self._last: Optional[float] = None
+        self._pose_trouble: Optional[str] = None
+        self._pose_warnings = ThrottledWarnings()
+        parameters = self.costmap.parameters
+        self._publisher = CostmapPublisher(
+            name, parameters.published_footprint_topic, parameters.always_send_full_costmap
+        )
+        self._tracks = TracksPublisher(name)
+        self._maps: List[MapInput] = []
+        self._sensors: Dict[str, SensorInput] = {}
+        self._reconfigure: List[Any] = []
+
+    def start(self) -> None:
+        """Listen, update and publish from now on."""
+        for layer in self.costmap.layers:
+            if layer.map_source is not None:
+                self._maps.append(MapInput(layer.map_source, self.costmap, self._stepper.wake))
+            for source, parameters in layer.sources.items():
+                if source in self._sensors:  # another layer's as well; the costmap hands what comes to both
+                    continue
+                patience = max(layer.sensor_patience, self.costmap.parameters.transform_tolerance)
+                self._sensors[source] = SensorInput(
+                    source, parameters, self.costmap, self._transforms, patience, layer.max_age(source))
+        topic = rospy.resolve_name(f"~{self._name}/{self.costmap.parameters.footprint_topic}")
+        if topic != self._publisher.footprint_topic:  # costmap_2d's default names both alike, with different types
+            self._outline = rospy.Subscriber(topic, Polygon, self._take_footprint, queue_size=1)
+        self._reconfigure = serve_costmap(self.costmap, self._stepper.wake)
+        self._stepper.start()
+
+    def close(self) -> None:
+        """End updating and listen no longer."""
+        self._stepper.stop()
+        for map_input in self._maps:
+            map_input.close()
+        for sensor in self._sensors.values():
+            sensor.close()
+
+    def missing_input(self) -> str:
+        """Return what was missing for a first picture since the start, empty where there was one."""
+        missing = [layer.missing_input() for layer in self.costmap.layers]
+        if self.costmap.updates == 0:
+            missing.append(self._pose_trouble or f"{self._name} was not updated yet")
+        return "; ".join(reason for reason in missing if reason)
+
+    def rest(self) -> None:
+        """Update no more until `resume`; what rests is stale."""
+        self._resting = True
+
+    def resume(self) -> None:
+        """Update again, at once."""
+        self._resting = False
+        self._updates = RateMeter()  # it rested, which is no lag
+        self._stepper.wake()
+
+    def report(self) -> Report:
+        """Return the costmap's part of the node's diagnostics."""
+        now = rospy.get_time()
+        snapshot = self.costmap.snapshot()
+        asked = self.costmap.parameters.update_frequency
+        values = {
+            "update rate asked for [Hz]": f"{asked:g}",
+            "update rate [Hz]": f"{self._updates.rate():.1f}",
+            "size [cells]": f"{snapshot.grid.width} x {snapshot.grid.height}",
+            "changes": snapshot.revision,
+        }
+        for name, sensor in self._sensors.items():
+            age = sensor.age(now)
+            values[f"age of {name} [s]"] = "none came" if age is None else f"{age:.2f}"
+        if self.costmap.failed:
+            values["layers left out"] = ", ".join(self.costmap.failed)
+        if self._resting:
+            return OK, "resting until the next goal", values
+        stale = self.costmap.stale_reason(now)
+        if stale is None and self._updates.lags(asked):
+            return (
+                WARN,
+                f"updated at {self._updates.rate():.1f} Hz, asked for {asked:g} Hz: the machine is too slow for it",
+                values,
+            )
+        if stale is None and self.costmap.failed:
+            return WARN, f"up to date without {', '.join(self.costmap.failed)}, of unknown type", values
+        if stale is None:
+            return OK, "up to date", values
+        reasons = [self._pose_trouble] + [sensor.trouble for sensor in self._sensors.values()]
+        return ERROR, "; ".join([stale] + [reason for reason in reasons if reason]), values
+
+    def _take_footprint(self, message: Polygon) -> None:
+        try:
+            check_count(len(message.points), MOST_CORNERS, "corners")
+            self.costmap.set_footprint(np.array([(point.x, point.y) for point in message.points]))
+        except ValueError as error:
+            rospy.logerr_throttle(WARN_PERIOD, f"{self._name}: footprint refused: {one_line(error)}")
+
+    def _step(self, now: float) -> float:
+        """Update once; returns when to come back."""
+        if self._last is not None and now < self._last:
+            self._next_publication = 0.0  # time was set back
+        self._last = now
+        try:
+            if not self._resting:
+                self._update(now)
+        except Exception as error:  # the thread must outlive a mistake; staleness then stops the robot
+            rospy.logerr_throttle(WARN_PERIOD, f"{self._name}: update failed: {type(error).__name__}: {error}")
+        frequency = self.costmap.parameters.update_frequency
+        return now + 1.0 / frequency if frequency > 0.0 else float("inf")
+
+    def _update(self, now: float) -> None:
+        pose = self._robot_pose()
+        if pose is None:
+            return
+        for sensor in self._sensors.values():
+            sensor.feed(now)
+        for source in self._maps:
+            self._place_map(source)
+        self.costmap.update(now, pose)
+        self._updates.tick(now)
+        self._publisher.publish_footprint(self.costmap.oriented_footprint(pose), self.costmap.frame, now)
+        self._tracks.publish(tracks_of(self.costmap.layers), self.costmap.frame)
+        frequency = self.costmap.parameters.publish_frequency
+        if frequency > 0.0 and now >= self._next_publication - 0.001:
+            self._next_publication = now + 1.0 / frequency
+            self._publisher.publish(self.costmap.snapshot())
+
+    def _robot_pose(self) -> Optional[Pose2D]:
+        costmap = self.costmap
+        try:
+            pose = self._transforms.lookup(
+                costmap.frame, costmap.robot_frame, max_age=costmap.parameters.transform_tolerance)
+            self._pose_trouble = None
+            self._pose_warnings.worked()
+            return pose
+        except TransformError as error:
+            self._pose_trouble = str(error)
+            self._pose_warnings.say(f"{self._name} waits for the robot's pose: {error}")
+            return None
+
+    def _place_map(self, source: MapInput) -> None:
+        if self.costmap.parameters.rolling_window and source.frame is not None:
+            try:
+                self.costmap.set_map_from_costmap(self._transforms.lookup(source.frame, self.costmap.frame))
+            except TransformError as error:
+                self._pose_warnings.say(f"{self._name} cannot place the map: {error}")

@@ -1,0 +1,127 @@
+"""The map_server node: a map from a file, latched on a topic and given on request."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from typing import List
+
+import rospy
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+from nav_msgs.srv import GetMap, GetMapResponse, LoadMap, LoadMapRequest, LoadMapResponse
+
+from mbf_relay.maps import (
+    MapFileError,
+    MapFileParameters,
+    MapImageError,
+    OccupancyMap,
+    load_map,
+    load_map_image,
+    read_map_file,
+)
+from mbf_relay.ros.common.conversions import map_to_message
+from mbf_relay.ros.common.diagnostics import OK, Diagnostics, Report
+
+USAGE = "usage: map_server MAP.yaml (or, as it was long ago: map_server IMAGE RESOLUTION)"
+
+
+class MapServer:
+    """Serves one map at a time under map_server's names: `map`, `map_metadata`, `static_map`, `change_map`."""
+
+    def __init__(self, occupancy: OccupancyMap) -> None:
+        self._frame = str(rospy.get_param("~frame_id", "map"))
+        self._folder = str(rospy.get_param("~map_folder", ""))
+        self._lock = threading.Lock()  # services run in threads of their own; one map is current for all of them
+        self._map_publisher = rospy.Publisher("map", OccupancyGrid, queue_size=1, latch=True)
+        self._metadata_publisher = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)
+        self._publish(occupancy)
+        self._services = [
+            rospy.Service("static_map", GetMap, self._give),
+            rospy.Service("change_map", LoadMap, self._change),
+        ]
+        self._diagnostics = Diagnostics()
+        self._diagnostics.add("map", self._report)
+
+    def _publish(self, occupancy: OccupancyMap) -> None:
+        message = map_to_message(occupancy, self._frame, rospy.get_rostime())
+        with self._lock:
+            self._message = message
+            self._metadata_publisher.publish(message.info)
+            self._map_publisher.publish(message)
+        height, width = occupancy.data.shape
+        rospy.loginfo("serving a map of %d x %d cells of %.3f m", width, height, occupancy.resolution)
+
+    def _report(self) -> Report:
+        with self._lock:
+            info = self._message.info
+        values = {
+            "cells": f"{info.width} x {info.height}", "resolution [m]": f"{info.resolution:.3f}",
+            "subscribers": self._map_publisher.get_num_connections(),
+        }
+        return OK, "serving a map", values
+
+    def _give(self, _request: object) -> GetMapResponse:
+        with self._lock:
+            return GetMapResponse(self._message)
+
+    def _change(self, request: LoadMapRequest) -> LoadMapResponse:
+        path = request.map_url[len("file://"):] if request.map_url.startswith("file://") else request.map_url
+        if self._folder and not is_below(path, self._folder):
+            return self._refuse(
+                LoadMapResponse.RESULT_MAP_DOES_NOT_EXIST,
+                f"{path} does not lie below {self._folder}, which parameter ~map_folder allows")
+        try:
+            occupancy = load_map(path)
+        except OSError as error:
+            return self._refuse(LoadMapResponse.RESULT_MAP_DOES_NOT_EXIST, error)
+        except MapImageError as error:
+            return self._refuse(LoadMapResponse.RESULT_INVALID_MAP_DATA, error)
+        except MapFileError as error:
+            return self._refuse(LoadMapResponse.RESULT_INVALID_MAP_METADATA, error)
+        self._publish(occupancy)
+        with self._lock:
+            return LoadMapResponse(self._message, LoadMapResponse.RESULT_SUCCESS)
+
+    @staticmethod
+    def _refuse(result: int, error: object) -> LoadMapResponse:
+        rospy.logerr("the map stays as it is: %s", error)
+        return LoadMapResponse(result=result)
+
+
+def is_below(path: str, folder: str) -> bool:
+    """Return whether a file lies below a folder, links followed, and so does what it names if it is a map's YAML file.
+    """
+    root = os.path.realpath(folder)
+    paths = [os.path.realpath(path)]
+    try:
+        paths.append(os.path.realpath(os.path.join(os.path.dirname(paths[0]), read_map_file(paths[0]).image)))
+    except (OSError, ValueError):
+        pass  # whoever loads it says what is wrong with it
+    return all(os.path.commonpath((root, found)) == root for found in paths)
+
+
+def read_arguments(arguments: List[str]) -> OccupancyMap:
+    """Load the map the command line names.
+
+    Raises:
+        ValueError: The arguments are not understood, or the map is wrong.
+        OSError: A file cannot be read.
+    """
+    if len(arguments) == 1:
+        return load_map(arguments[0])
+    if len(arguments) != 2:
+        raise ValueError(f"{len(arguments)} arguments given; {USAGE}")
+    rospy.logwarn("an image with a resolution is the old way to name a map; give a YAML file instead")
+    values = dict(rospy.get_param("~", {}) or {})
+    values.update(image=arguments[0], resolution=float(arguments[1]), mode="trinary")
+    if values.get("negate") in (0, 1):
+        values["negate"] = bool(values["negate"])
+    return load_map_image(arguments[0], MapFileParameters.from_mapping(values))
+
+
+def main() -> None:
+    """Serve the map named on the command line until ROS shuts down."""
+    server = MapServer(read_arguments(rospy.myargv(sys.argv)[1:]))
+    rospy.spin()
+    del server

@@ -1,0 +1,50 @@
+"""The map_saver node: waits for one map on a topic and writes it to files."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Optional
+
+import rospy
+from nav_msgs.msg import OccupancyGrid
+
+from mbf_relay.maps import save_map
+from mbf_relay.ros.common.conversions import map_from_message
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return what reads the command line; it exits with its usage where that is wrong."""
+    parser = argparse.ArgumentParser(
+        prog="map_saver", description="Write the map on the topic 'map' to NAME.pgm and NAME.yaml."
+    )
+    parser.add_argument("-f", dest="name", metavar="NAME", default="map", help="files to write, without ending")
+    parser.add_argument("--occ", type=int, default=65, help="cells from this value on are occupied, 1 to 100")
+    parser.add_argument("--free", type=int, default=25, help="cells up to this value are free, 0 to 100")
+    return parser
+
+
+USAGE = make_parser().format_help()
+
+
+def wait_for_map() -> Optional[OccupancyGrid]:
+    """Return the first map that comes on `map`, saying each ten seconds what is missing; None at shutdown."""
+    while not rospy.is_shutdown():
+        try:
+            return rospy.wait_for_message("map", OccupancyGrid, timeout=10.0)
+        except rospy.ROSException:
+            rospy.logwarn("no map on %s yet; is a map server or a mapping node running?", rospy.resolve_name("map"))
+    return None
+
+
+def main() -> None:
+    """Save one map."""
+    options = make_parser().parse_args(rospy.myargv(sys.argv)[1:])
+    if not 0 <= options.free < options.occ <= 100:
+        raise ValueError(f"--occ is {options.occ} and --free is {options.free}; they must be 0 <= free < occ <= 100")
+    rospy.loginfo("waiting for a map on %s", rospy.resolve_name("map"))
+    message = wait_for_map()
+    if message is None:
+        return
+    yaml_path, image_path = save_map(options.name, map_from_message(message), options.occ, options.free)
+    rospy.loginfo("wrote %s and %s", yaml_path, image_path)

@@ -1,0 +1,70 @@
+"""move_base's own parameters where the server is in the same process: changed there, with nothing to forward."""
+
+from __future__ import annotations
+
+from typing import Any, Tuple
+
+import rospy
+
+from mbf_relay.navigation.move_base_files import SERVER_NAMES, default_recoveries, plugin_name
+from mbf_relay.ros.common import reconfigure
+from mbf_relay.ros.relay.reconfigure import WITHOUT_COUNTERPART, MoveBaseParameters
+from mbf_relay.ros.server.node import MoveBaseFlex
+
+
+class OwnSettings:
+    """Offers move_base's parameters for change and makes the changes in the server beside it.
+
+    Attributes:
+        values: The parameters in force.
+        recoveries: The order of recovery behaviours; empty for that of the user's list.
+        knows_server: Whether it is known what the server calls its plugins; it is the same list here.
+    """
+
+    knows_server = True
+
+    def __init__(self, values: MoveBaseParameters, lists_recoveries: bool) -> None:
+        """Start with the file's values.
+
+        Args:
+            values: Those.
+            lists_recoveries: Whether the file has a list of recovery behaviours.
+        """
+        self.values = values
+        self.recoveries: Tuple[str, ...] = () if lists_recoveries else default_recoveries(values)
+        self._server: Any = None
+        self._front: Any = None
+
+    def serve(self, server: MoveBaseFlex) -> None:
+        """Offer the parameters for change."""
+        from mbf_relay.cfg import MoveBaseConfig
+
+        self._server = server
+        self._front = reconfigure.serve(MoveBaseConfig, self.values, self._change)
+
+    def plugin_names(self) -> Tuple[str, str]:
+        """Return the names of the planner and the controller in use."""
+        return plugin_name(self.values.base_global_planner), plugin_name(self.values.base_local_planner)
+
+    def _change(self, new: MoveBaseParameters) -> None:
+        """Take new values from dynamic_reconfigure.
+
+        Raises:
+            ValueError: A plugin of that type cannot be made.
+        """
+        old = self.values
+        for kind, name in (("planners", "base_global_planner"), ("controllers", "base_local_planner")):
+            if getattr(new, name) != getattr(old, name):
+                self._server.add_plugin(kind, plugin_name(getattr(new, name)), getattr(new, name))
+        for name in WITHOUT_COUNTERPART:
+            if getattr(new, name) != getattr(old, name):
+                rospy.logwarn("%s holds from the next start on", name)
+        changes = {
+            server_name: getattr(new, name) for name, server_name in SERVER_NAMES.items()
+            if getattr(new, name) != getattr(old, name)
+        }
+        if changes:
+            parameters, _notes = type(self._server.navigator.parameters).read(
+                {**self._server.navigator.parameters.as_dict(), **changes})
+            self._server.reconfigure(parameters)
+        self.values = new

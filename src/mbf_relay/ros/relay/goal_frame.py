@@ -1,0 +1,98 @@
+"""~current_goal in the global frame, as move_base shows it, without listening to tf all the time.
+
+A goal in another frame is rare, and a Python tf listener costs more than the rest of the relay together. So one is
+opened for such goals alone, by one thread, which looks only at the newest and ends when there is none.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from typing import Callable, Optional
+
+import rospy
+from geometry_msgs.msg import Pose, PoseStamped, Quaternion
+
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.conversions import pose_from_message, pose_stamped
+from mbf_relay.ros.common.transforms import Transforms
+
+TF_TIMEOUT = 2.0
+"""Wall time (s) to wait for the transform, after which the goal is shown as it came, as move_base does."""
+LOOK_PERIOD = 0.02
+"""Wall time (s) between two looks at tf."""
+
+
+class GoalFrame:
+    """Hands goals on in one frame, the newest last."""
+
+    def __init__(
+        self, frame: str, publish: Callable[[PoseStamped], None], open_transforms: Callable[[], Transforms] = Transforms
+    ) -> None:
+        """Show nothing yet.
+
+        Args:
+            frame: The frame.
+            publish: Called with each goal to show.
+            open_transforms: Begins to listen to tf.
+        """
+        self._frame, self._publish, self._open_transforms = frame.lstrip("/"), publish, open_transforms
+        self._lock = threading.Lock()  # guards what follows
+        self._newest: Optional[PoseStamped] = None
+        self._taken_at = 0.0
+        self._thread: Optional[threading.Thread] = None
+
+    def show(self, pose: PoseStamped) -> None:
+        """Hand a goal on: at once where it is in the frame, else as soon as tf knows, unless a newer one came."""
+        with self._lock:
+            if pose.header.frame_id.lstrip("/") in ("", self._frame):
+                self._newest = None
+                self._publish(with_unit_quaternion(pose))
+                return
+            self._newest, self._taken_at = pose, time.monotonic()
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._work, name="goal to the global frame", daemon=True)
+                self._thread.start()
+
+    def _work(self) -> None:
+        transforms = self._open_transforms()
+        try:
+            while self._look(transforms):
+                time.sleep(LOOK_PERIOD)
+        finally:
+            transforms.close()
+
+    def _look(self, transforms: Transforms) -> bool:
+        """Show the newest goal if that is possible by now; return whether one is left."""
+        with self._lock:
+            pose = self._newest
+            if pose is not None:
+                try:
+                    shown = transformed(pose, self._frame, transforms)
+                except (TransformError, InvalidMessage) as error:
+                    if time.monotonic() - self._taken_at < TF_TIMEOUT and not rospy.is_shutdown():
+                        return True
+                    rospy.logwarn("goal shown in its own frame: %s", error)
+                    shown = pose
+                self._newest = None
+                self._publish(shown)
+            self._thread = None
+            return False
+
+
+def transformed(pose: PoseStamped, frame: str, transforms: Transforms) -> PoseStamped:
+    """Return a pose in another frame by the newest transform; raise TransformError where there is none."""
+    frame_from_pose = transforms.lookup(frame, pose.header.frame_id)
+    return pose_stamped(frame_from_pose.compose(pose_from_message(pose.pose)), frame, pose.header.stamp)
+
+
+def with_unit_quaternion(pose: PoseStamped) -> PoseStamped:
+    """Return a pose whose quaternion has length 1, as it has after move_base's transform; RViz warns of any other."""
+    turn = pose.pose.orientation
+    length = math.hypot(turn.x, turn.y, turn.z, turn.w)
+    if length == 0.0 or not math.isfinite(length) or abs(length - 1.0) < 1e-9:
+        return pose
+    unit = Quaternion(turn.x / length, turn.y / length, turn.z / length, turn.w / length)
+    return PoseStamped(pose.header, Pose(pose.pose.position, unit))

@@ -1,0 +1,249 @@
+"""The node `move_base`: topics, services and the action around the relay."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from typing import Any, Dict, Optional
+
+import rospy
+from actionlib_msgs.msg import GoalID, GoalStatus
+from geometry_msgs.msg import PoseStamped, Twist
+from mbf_msgs.msg import MoveBaseAction, MoveBaseActionResult, MoveBaseGoal, MoveBaseResult
+from move_base_msgs import msg as move_base_msgs
+
+from mbf_relay.navigation.move_base_parameters import OTHER_MOVE_BASE_NAMES
+from mbf_relay.ros.common import parameters as ros_parameters
+from mbf_relay.ros.common.action_client import ActionClient
+from mbf_relay.ros.common.action_server import ActionServer
+from mbf_relay.ros.common.diagnostics import ERROR, OK, WARN, Diagnostics, Report
+from mbf_relay.ros.common.node import on_shutdown
+from mbf_relay.ros.relay.answers import Answer
+from mbf_relay.ros.relay.goal_frame import GoalFrame
+from mbf_relay.ros.relay.reconfigure import (
+    MoveBaseParameters,
+    MoveBaseSettings,
+    tell_of_misplaced,
+    wishes,
+)
+from mbf_relay.ros.relay.relay import ClientGoal, Observer, Relay, RelayParameters
+from mbf_relay.ros.relay.services import ClearCostmaps, MakePlan
+from mbf_relay.ros.relay.topics import RecoveryTopic, pass_through
+
+CHECK_PERIOD = 0.1
+"""Wall time (s) between looks at the server and at what has waited too long."""
+
+
+def serve(action: bool = True, topic: bool = True, own: Optional[Any] = None) -> None:
+    """Stand in for move_base until the node ends.
+
+    Args:
+        action: Serve the action move_base.
+        topic: Take goals from move_base_simple/goal.
+        own: The server, where it is in this process and has move_base's topics and services itself: `settings`,
+            `global_frame` and `start`, which returns when goals can be carried out.
+    """
+    namespace = wishes(ros_parameters.read_namespace("~"))
+    known = MoveBaseParameters.names() + OTHER_MOVE_BASE_NAMES
+    if own is None:
+        parameters = ros_parameters.fill(RelayParameters, namespace, "~", known)
+    else:
+        given, _notes = RelayParameters.read(namespace)
+        parameters = given.replace(server=rospy.get_name(), global_frame=own.global_frame)
+    client = ActionClient(
+        f"{parameters.server}/move_base",
+        MoveBaseAction,
+        parameters.server_timeout,
+        parameters.silence_timeout,
+        leased=True,
+    )
+    settings: Any
+    if own is not None:
+        own.start()
+        settings = own.settings
+    else:
+        values = ros_parameters.fill(MoveBaseParameters, MoveBaseParameters.known(namespace), "~")
+        tell_of_misplaced(namespace, parameters.server)
+        settings = MoveBaseSettings(parameters.server, values)
+    publishers = Publishers(parameters)
+
+    def compose(pose: PoseStamped) -> MoveBaseGoal:
+        planner, controller = settings.plugin_names()
+        return MoveBaseGoal(
+            target_pose=pose, planner=planner, controller=controller, recovery_behaviors=list(settings.recoveries))
+
+    server = ActionServer(
+        "move_base", move_base_msgs.MoveBaseAction,
+        lambda goal: relay.take_goal(goal, rospy.get_time()), lambda goal: relay.take_cancel(goal),
+    ) if action else None
+    relay = Relay(
+        KnownServer(client, settings), compose, parameters, publishers, server.lock if server else threading.RLock()
+    )
+    on_shutdown(relay.shut_down)  # before the first goal can come
+    if server is not None:
+        server.start()
+    if topic:
+        SimpleGoals(relay, through_action=action)
+    if own is None:
+        MakePlan(parameters, settings)
+        ClearCostmaps(parameters.server, parameters.service_timeout)
+        pass_through(parameters.server, settings.server_name)
+        RecoveryTopic(parameters.server, lambda: publishers.robot_pose)
+        settings.serve()
+    diagnostics = Diagnostics()
+    diagnostics.add("relay", lambda: report(relay, client, parameters.server, publishers))
+    rospy.loginfo("move_base is here, carried out by %s", rospy.resolve_name(parameters.server))
+    was_up = False
+    # nothing here may wait for anybody: it renews the lease of what the robot drives for
+    while not rospy.is_shutdown():
+        client.check()
+        is_up = client.server_is_up
+        if is_up and not was_up and own is None:
+            settings.server_came()
+        was_up = is_up
+        relay.check()
+        time.sleep(CHECK_PERIOD)
+
+
+class KnownServer:
+    """The server as the relay sees it: up once it is known what it calls the plugins that were asked for."""
+
+    def __init__(self, client: ActionClient, settings: MoveBaseSettings) -> None:
+        self._client, self._settings = client, settings
+        self.send = client.send
+
+    @property
+    def server_is_up(self) -> bool:
+        """Whether a goal can be composed for it and will arrive."""
+        return self._client.server_is_up and self._settings.knows_server
+
+
+def report(relay: Relay, client: ActionClient, server: str, publishers: Publishers) -> Report:
+    """Say on /diagnostics whether goals can be carried out, and what came of those so far."""
+    is_up, silence = client.server_is_up, client.server_silence
+    values = {
+        "server": server,
+        "server there": is_up,
+        "server's last word [s]": "none" if math.isinf(silence) else f"{silence:.1f}",
+        "goal running": relay.is_pursuing,
+        **publishers.endings,
+    }
+    if is_up:
+        return OK, "driving to a goal" if relay.is_pursuing else "ready for goals", values
+    level = ERROR if relay.is_pursuing else WARN
+    return level, f"the Move Base Flex server {rospy.resolve_name(server)} is not there", values
+
+
+class Publishers(Observer):
+    """Publishes what the relay brings about."""
+
+    def __init__(self, parameters: RelayParameters) -> None:
+        publisher = rospy.Publisher
+        self._goal = publisher("~current_goal", PoseStamped, queue_size=10)
+        self._outcome = publisher("~navigation_outcome", MoveBaseActionResult, queue_size=50, tcp_nodelay=True)
+        stops = parameters.stop_on_server_loss
+        self._velocity = publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True) if stops else None
+        self._frame = GoalFrame(parameters.global_frame, self._goal.publish)
+        self.robot_pose = PoseStamped()
+        self.endings: Dict[str, Any] = {
+            "goals reached": 0,
+            "goals preempted": 0,
+            "goals aborted": 0,
+            "last outcome": "",
+        }
+
+    def goal_taken(self, pose: PoseStamped) -> None:
+        """Publish ~current_goal."""
+        self._frame.show(pose)
+
+    def goal_ended(self, client_goal: ClientGoal, answer: Answer, result: Optional[MoveBaseResult]) -> None:
+        """Publish ~navigation_outcome and say in the log what move_base's text leaves out."""
+        goal_id = client_goal.get_goal_id()
+        ended = {GoalStatus.SUCCEEDED: "goals reached", GoalStatus.ABORTED: "goals aborted"}
+        self.endings[ended.get(answer.status, "goals preempted")] += 1
+        self.endings["last outcome"] = answer.reason or answer.text
+        if answer.status == GoalStatus.ABORTED:
+            rospy.logwarn("goal %s aborted: %s", goal_id.id, answer.reason)
+        elif answer.reason:
+            rospy.loginfo("goal %s ended: %s", goal_id.id, answer.reason)
+        outcome = MoveBaseActionResult(result=result if result is not None else nothing_known(answer))
+        outcome.header.stamp = rospy.get_rostime()
+        outcome.status = GoalStatus(goal_id=goal_id, status=answer.status, text=answer.text)
+        self._outcome.publish(outcome)
+
+    def robot_seen(self, pose: PoseStamped) -> None:
+        """Keep the robot's pose."""
+        self.robot_pose = pose
+
+    def stop_robot(self) -> None:
+        """Publish zero velocity, where that is wanted."""
+        if self._velocity is not None:
+            self._velocity.publish(Twist())
+
+
+def nothing_known(answer: Answer) -> MoveBaseResult:
+    """Return a result for a goal the server said nothing of."""
+    outcome = MoveBaseResult.CANCELED if answer.status == GoalStatus.PREEMPTED else MoveBaseResult.INTERNAL_ERROR
+    return MoveBaseResult(outcome=outcome, message=answer.reason or answer.text)
+
+
+class SimpleGoals:
+    """move_base_simple/goal: poses that become goals."""
+
+    def __init__(self, relay: Relay, through_action: bool) -> None:
+        """Subscribe.
+
+        Args:
+            relay: Who pursues them where there is no action.
+            through_action: Publish them as action goals, for everyone to see and cancel, as move_base does.
+        """
+        self._relay, self._count = relay, 0
+        self._goals = None
+        if through_action:
+            self._goals = rospy.Publisher(
+                "move_base/goal", move_base_msgs.MoveBaseActionGoal, queue_size=10, tcp_nodelay=True
+            )
+        rospy.Subscriber("move_base_simple/goal", PoseStamped, self._take, queue_size=10, tcp_nodelay=True)
+
+    def _take(self, pose: PoseStamped) -> None:
+        if self._goals is not None:
+            message = move_base_msgs.MoveBaseActionGoal(goal=move_base_msgs.MoveBaseGoal(target_pose=pose))
+            message.header.stamp = rospy.get_rostime()
+            self._goals.publish(message)
+        else:
+            self._count += 1
+            self._relay.take_goal(TopicGoal(pose, self._count), rospy.get_time())
+
+
+class TopicGoal:
+    """A goal that came as a bare pose, for a relay without the action: nobody to answer but ~navigation_outcome.
+
+    Has the methods of actionlib's ServerGoalHandle. Its stamp is not before the pose's, by which its sender may know
+    it.
+    """
+
+    def __init__(self, pose: PoseStamped, number: int) -> None:
+        # what came last is newest, whatever its sender's clock says
+        stamp = max(pose.header.stamp, rospy.get_rostime())
+        self._goal = move_base_msgs.MoveBaseGoal(target_pose=pose)
+        self._id = GoalID(stamp=stamp, id=f"{rospy.get_name()}-topic-{number}-{stamp.to_sec():.3f}")
+
+    def get_goal(self) -> move_base_msgs.MoveBaseGoal:
+        """Return the goal."""
+        return self._goal
+
+    def get_goal_id(self) -> GoalID:
+        """Return the id it was given here."""
+        return self._id
+
+    def publish_feedback(self, feedback: Any) -> None:
+        """Do nothing: nobody listens."""
+
+    def set_accepted(self, text: str = "") -> None:
+        """Do nothing: nobody listens; so for the other states."""
+
+    def set_succeeded(self, result: Any = None, text: str = "") -> None:
+        """See set_accepted."""
+
+    set_canceled = set_aborted = set_succeeded

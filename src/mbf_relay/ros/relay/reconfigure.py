@@ -1,0 +1,242 @@
+"""move_base's own parameters, and what they are called at the Move Base Flex server.
+
+The server has settings of its own. What a user set for move_base is forwarded, what merely stands at its default is
+not: a relay that starts, or starts again, must not undo the server's configuration.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
+
+import rospy
+from dynamic_reconfigure.encoding import decode_config, encode_config
+from dynamic_reconfigure.msg import Config
+from dynamic_reconfigure.srv import Reconfigure
+
+from mbf_relay.navigation.move_base_files import SERVER_NAMES
+from mbf_relay.navigation.move_base_parameters import MoveBaseParameters as MoveBaseParameters
+from mbf_relay.ros.common import reconfigure
+
+WITHOUT_COUNTERPART = ("conservative_reset_dist", "clearing_rotation_allowed", "make_plan_clear_costmap")
+"""move_base's parameters that the server has nothing like; its recovery behaviours are configured on the server."""
+
+MIRRORED = "mirrored"
+"""Parameter that holds what others hold only because the server has it so: nobody's wish, whoever reads them next."""
+RETRY_AFTER = 1.0
+"""Wall time (s) after which a change the server did not take is sent again."""
+
+
+def wishes(values: Mapping[str, Any]) -> Dict[str, Any]:
+    """Return the node's parameters without those that a relay which was killed has left there, showing the server's."""
+    mirrored = values.get(MIRRORED, {})
+    mirrored = mirrored if isinstance(mirrored, Mapping) else {}
+    return {
+        name: value for name, value in values.items()
+        if name != MIRRORED and not (name in mirrored and mirrored[name] == value)
+    }
+
+
+def server_changes(old: MoveBaseParameters, new: MoveBaseParameters) -> Dict[str, Any]:
+    """Return what to change at the server, by its names, when move_base's parameters go from `old` to `new`."""
+    return {
+        server_name: getattr(new, name)
+        for name, server_name in SERVER_NAMES.items()
+        if getattr(old, name) != getattr(new, name)
+    }
+
+
+def plugin_name(wanted: str, plugins: Sequence[Mapping[str, str]]) -> Optional[str]:
+    """Return the server's name for the plugin that move_base calls by its type, None where it has none such.
+
+    Args:
+        wanted: A type such as "navfn/NavfnROS", or one of the server's names.
+        plugins: The server's list: name and type each.
+    """
+    for plugin in plugins:
+        if wanted in (plugin["name"], plugin["type"]):
+            return plugin["name"]
+    return None
+
+
+class MoveBaseSettings:
+    """move_base's parameters in force: offered for change, forwarded to the server, and shown as the server has them.
+
+    A worker thread talks to the server, so that neither goals nor dynamic_reconfigure wait for it; `_lock` guards what
+    it shares with their threads.
+    """
+
+    recoveries: Tuple[str, ...] = ()
+    """The order of recovery behaviours: that of the server's list."""
+
+    def __init__(self, server: str, values: MoveBaseParameters) -> None:
+        """Start with what the parameter server held; what differs from move_base's defaults was somebody's wish.
+
+        Args:
+            server: Name of the server's node.
+            values: The parameters in force.
+        """
+        defaults = MoveBaseParameters()
+        self.values = self._started_with = values
+        self._server = rospy.resolve_name(server)
+        self._planner = values.base_global_planner if values.base_global_planner != defaults.base_global_planner else ""
+        self._controller = values.base_local_planner if values.base_local_planner != defaults.base_local_planner else ""
+        self._lock = threading.Lock()
+        self._wanted = server_changes(defaults, values)
+        self._to_send = dict(self._wanted)
+        self._wake = threading.Event()
+        self._dynamic: Any = None
+        self._plugins: Dict[str, List[Mapping[str, str]]] = {}
+        self._plugins_wanted = False
+
+    def serve(self) -> None:
+        """Offer the parameters for change and follow the server's."""
+        from mbf_relay.cfg import MoveBaseConfig
+
+        self._dynamic = reconfigure.serve(
+            MoveBaseConfig, self.values, self._change, defaults=lambda: self._started_with
+        )
+        rospy.Subscriber(f"{self._server}/parameter_updates", Config, self._mirror)
+        threading.Thread(target=self._forward, name="forward to server", daemon=True).start()
+        rospy.on_shutdown(self._forget_shown)
+
+    def server_came(self) -> None:
+        """Send the server, which starts with its own configuration, what was wished for, and learn what plugins it has.
+        """
+        with self._lock:
+            self._to_send = dict(self._wanted)
+            self._plugins_wanted = True
+        self._wake.set()
+
+    @property
+    def knows_server(self) -> bool:
+        """Whether plugins that were asked for are known by the server's names, so that a goal can be composed."""
+        return not (self._planner or self._controller) or bool(self._plugins and not self._plugins_wanted)
+
+    def plugin_names(self) -> Tuple[str, str]:
+        """Return the server's names of the planner and controller to use, empty for its first; asks nobody."""
+        return self._name("planners", self._planner), self._name("controllers", self._controller)
+
+    def server_name(self, kind: str, name: str) -> str:
+        """Return what the server calls the plugin whose topics move_base has under `name`, a class such as NavfnROS.
+
+        Args:
+            kind: "planners" or "controllers".
+            name: The last part of the plugin's type.
+        """
+        plugins = server_plugins(self._server, kind)
+        for plugin in plugins:
+            if plugin["type"].rsplit("/", 1)[-1] == name:
+                return plugin["name"]
+        return name
+
+    def _name(self, kind: str, wanted: str) -> str:
+        return plugin_name(wanted, self._plugins.get(kind, ())) or ""
+
+    def _learn_plugins(self) -> None:
+        """Ask the master what plugins the server has; here alone, as a master that hangs must not keep a goal waiting.
+        """
+        for kind, wanted in (("planners", self._planner), ("controllers", self._controller)):
+            plugins = server_plugins(self._server, kind)
+            if wanted and plugin_name(wanted, plugins) is None:
+                rospy.logwarn("%s", _no_such_plugin(wanted, plugins, self._server))
+            self._plugins[kind] = plugins
+
+    def _change(self, new: MoveBaseParameters) -> None:
+        """Take new values from dynamic_reconfigure.
+
+        Raises:
+            ValueError: The server has no such plugin; move_base too refuses one it cannot load.
+        """
+        old = self.values
+        for name, kind in (("base_global_planner", "planners"), ("base_local_planner", "controllers")):
+            wanted = getattr(new, name)
+            if wanted != getattr(old, name):
+                plugins = server_plugins(self._server, kind)
+                if plugin_name(wanted, plugins) is None:
+                    raise ValueError(_no_such_plugin(wanted, plugins, self._server))
+                self._plugins[kind] = plugins
+                setattr(self, "_planner" if kind == "planners" else "_controller", wanted)
+        for name in WITHOUT_COUNTERPART:
+            if getattr(new, name) != getattr(old, name):
+                rospy.logwarn("%s has no counterpart at the server; configure its recovery behaviours instead", name)
+        changes = server_changes(old, new)
+        with self._lock:
+            self.values = new
+            self._wanted.update(changes)
+            self._to_send.update(changes)
+        self._wake.set()
+
+    def _mirror(self, message: Config) -> None:
+        """Show the server's values, except where a wish is still on its way there."""
+        theirs = decode_config(message)
+        with self._lock:
+            shown = {
+                name: theirs[server_name] for name, server_name in SERVER_NAMES.items()
+                if server_name in theirs and server_name not in self._to_send
+            }
+            try:
+                values = self.values.replace(**shown)
+            except ValueError as error:
+                rospy.logwarn("the server's settings are not move_base's: %s", error)
+                return
+            untouched = {name: value for name, value in shown.items() if SERVER_NAMES[name] not in self._wanted}
+            self._started_with = self._started_with.replace(**untouched)
+            changed, self.values = values != self.values, values
+        if changed:
+            # first, so that whoever is killed has told what was nobody's wish
+            rospy.set_param(f"~{MIRRORED}", untouched)
+            self._dynamic.update_configuration(shown)
+
+    def _forget_shown(self) -> None:
+        """Take what only shows the server's values off the parameter server, where dynamic_reconfigure put it.
+
+        The next relay of this master would take it for wishes, and undo what was changed in the server's own file.
+        """
+        shown = [name for name, server_name in SERVER_NAMES.items() if server_name not in self._wanted]
+        for name in (*shown, MIRRORED):
+            try:
+                rospy.delete_param(f"~{name}")
+            except (KeyError, OSError, rospy.ROSException):
+                pass  # it was never put there, or the master has ended first
+
+    def _forward(self) -> None:
+        """Send wishes as they come; where the server is not there, keep them."""
+        service = rospy.ServiceProxy(f"{self._server}/set_parameters", Reconfigure)
+        while not rospy.is_shutdown():
+            self._wake.wait(RETRY_AFTER if self._to_send else None)
+            self._wake.clear()
+            with self._lock:
+                changes, self._to_send = self._to_send, {}
+                learn, self._plugins_wanted = self._plugins_wanted, False
+            try:
+                if learn:
+                    self._learn_plugins()
+                if not changes:
+                    continue
+                service(encode_config(changes))
+                rospy.loginfo("forwarded to %s: %s", self._server, changes)
+            except (rospy.ServiceException, rospy.ROSException, OSError):
+                with self._lock:
+                    self._to_send = {**changes, **self._to_send}
+                    self._plugins_wanted |= learn
+
+
+def tell_of_misplaced(values: Mapping[str, Any], server: str) -> None:
+    """Say in the log which of move_base's parameters, costmaps' and plugins', the server has to be given instead."""
+    groups = sorted(
+        name for name, value in values.items() if isinstance(value, Mapping) or name == "recovery_behaviors"
+    )
+    if groups:
+        rospy.logwarn("of no use to the relay, load them for %s: %s", rospy.resolve_name(server), ", ".join(groups))
+
+
+def server_plugins(server: str, kind: str) -> List[Mapping[str, str]]:
+    """Return the server's list of planners or controllers, empty where there is none."""
+    plugins = rospy.get_param(f"{server}/{kind}", [])
+    return [p for p in plugins if isinstance(p, Mapping) and "name" in p and "type" in p]
+
+
+def _no_such_plugin(wanted: str, plugins: Sequence[Mapping[str, str]], server: str) -> str:
+    known = ", ".join(f"{p['name']} ({p['type']})" for p in plugins) or "none"
+    return f"{server} has no plugin '{wanted}'; it has: {known}"

@@ -1,0 +1,333 @@
+"""The relay's core: move_base's goals, carried out by a Move Base Flex server.
+
+It pursues one goal at a time, as move_base does. What the goal's client sees:
+
+    goal arrives ----------> ACTIVE --- the server ends it ------------> SUCCEEDED or ABORTED
+      |  |                     |------- a newer goal arrives ----------> PREEMPTED, at once
+      |  |                     |------- no server in `server_timeout` -> ABORTED
+      |  |                     |------- the server dies ---------------> ABORTED
+      |  |                     `-- cancel --> PREEMPTING -- the server ends it --> PREEMPTED (or what came first)
+      |  `-- not finite: ABORTED, and what runs goes on
+      `-- older than the newest goal seen ---------------------------------------> RECALLED
+
+What the server is asked follows from two things alone: the goal pursued, and the goals sent that have not ended there.
+
+- The server replaces a running goal when the next one comes, without stopping the robot. So a replaced goal is not
+  cancelled, but neither forgotten: until the server has ended it, it may be what the robot drives for.
+- Where no goal is pursued, or the one that is was cancelled, every goal sent is cancelled, again and again until it
+  ends.
+- A goal waits while a cancel is under way, because a late one would hit it in servers that cancel whatever runs.
+- When the last goal sent has ended, however it did, the robot is told to stand, as move_base tells it.
+
+Nothing here knows topics: goals, the server's client and an observer are handed in.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass
+from typing import Any, Callable, ContextManager, List, Optional, Protocol
+
+from actionlib_msgs.msg import GoalID
+from move_base_msgs.msg import MoveBaseFeedback, MoveBaseGoal
+
+from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.ros.common.client_goals import ActionEnding
+from mbf_relay.ros.relay import answers
+from mbf_relay.ros.relay.answers import Answer
+
+CANCEL_REPEATED_AFTER = 1.0
+"""Wall time (s) without an answer after which a cancel is sent again."""
+SUCCESSOR_PATIENCE = 2.0
+"""Wall time (s) a goal waits for the end of a cancelled predecessor."""
+
+
+@dataclass(frozen=True)
+class RelayParameters(ParameterSet):
+    """Parameters of the relay itself; move_base's own are in relay_reconfigure."""
+
+    server: str = parameter("move_base_flex", "name of the Move Base Flex node")
+    server_timeout: float = parameter(20.0, "how long a goal waits for the server to appear", unit="s", minimum=0.0)
+    silence_timeout: float = parameter(
+        0.7, "silence after which a connected server counts as hung", unit="s", above=0.0
+    )
+    service_timeout: float = parameter(5.0, "how long services wait for a server that is there", unit="s", above=0.0)
+    cancel_timeout: float = parameter(20.0, "how long a cancelled goal waits for the server", unit="s", above=0.0)
+    arrival_tolerance: float = parameter(
+        0.5,
+        "distance to the goal, by the server's own account, beyond which no arrival is believed",
+        unit="m",
+        above=0.0,
+    )
+    stop_on_server_loss: bool = parameter(
+        True, "send zero velocity when a goal has ended and none follows, be it that the server was lost")
+    global_frame: str = parameter("map", "frame of ~current_goal")
+
+
+class ClientGoal(Protocol):
+    """A client's goal; the methods of actionlib's ServerGoalHandle that the relay uses."""
+
+    def get_goal(self) -> MoveBaseGoal:
+        """Return the goal."""
+
+    def get_goal_id(self) -> GoalID:
+        """Return its id and stamp."""
+
+    def set_accepted(self, text: str = "") -> None:
+        """Go over to ACTIVE."""
+
+    def set_canceled(self, result: Any = None, text: str = "") -> None:
+        """End it PREEMPTED, or RECALLED where it was not accepted."""
+
+    def set_aborted(self, result: Any = None, text: str = "") -> None:
+        """End it ABORTED."""
+
+    def set_succeeded(self, result: Any = None, text: str = "") -> None:
+        """End it SUCCEEDED."""
+
+    def publish_feedback(self, feedback: MoveBaseFeedback) -> None:
+        """Tell the client where the robot is."""
+
+
+class ServerGoal(Protocol):
+    """A goal at the server."""
+
+    def cancel(self) -> None:
+        """Ask the server to cancel it."""
+
+
+class ServerClient(Protocol):
+    """The way to the server.
+
+    Attributes:
+        server_is_up: Whether a goal sent now will arrive.
+    """
+
+    @property
+    def server_is_up(self) -> bool:
+        """See above."""
+
+    def send(
+        self, goal: Any, on_feedback: Callable[[Any], None], on_end: Callable[[ActionEnding], None]
+    ) -> ServerGoal:
+        """Send a goal; each callback may come before this has returned."""
+
+
+class Observer:
+    """Told what the relay does besides answering its clients; does nothing by itself."""
+
+    def goal_taken(self, pose: Any) -> None:
+        """Note that a goal is pursued from now on; `pose` is its PoseStamped."""
+
+    def goal_ended(self, client_goal: ClientGoal, answer: Answer, result: Optional[Any]) -> None:
+        """Note that a goal has its answer; `result` is the server's result message where there is one."""
+
+    def robot_seen(self, pose: Any) -> None:
+        """Note that the server said where the robot is; `pose` is a PoseStamped."""
+
+    def stop_robot(self) -> None:
+        """Have the robot stand: nothing is left that it drives for."""
+
+
+class Relay:
+    """Takes goals and cancels from move_base's side, asks the server, and answers.
+
+    Every method may be called from any thread. The one lock is the action server's own, because goal callbacks already
+    hold it and goals take it.
+    """
+
+    def __init__(
+        self, server: ServerClient, compose: Callable[[Any], Any], parameters: RelayParameters, observer: Observer,
+        lock: Optional[ContextManager[Any]] = None, clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Make a relay that pursues nothing.
+
+        Args:
+            server: A client of the server's move_base action.
+            compose: Makes the server's goal message of a PoseStamped; must not wait for anybody.
+            parameters: Timeouts.
+            observer: Told what happens.
+            lock: Re-entrant; the action server's where there is one.
+            clock: Gives wall time (s).
+        """
+        self._server, self._compose = server, compose
+        self._parameters, self._observer = parameters, observer
+        self._lock, self._clock = lock or threading.RLock(), clock
+        self._current: Optional[_ActiveGoal] = None
+        self._at_server: List[_Errand] = []  # oldest first
+        self._zeros_due = 0
+        self._newest_stamp = 0.0
+
+    def take_goal(self, client_goal: ClientGoal, now: float) -> None:
+        """Pursue a goal in place of the present one.
+
+        Args:
+            client_goal: The goal.
+            now: ROS time (s), to know a clock that was set back.
+        """
+        with self._lock:
+            stamp, pose = client_goal.get_goal_id().stamp.to_sec(), client_goal.get_goal().target_pose
+            if stamp < self._newest_stamp <= now:
+                client_goal.set_canceled(None, answers.REPLACED)
+                return
+            nonsense = answers.not_finite(pose.pose)
+            if nonsense is not None:
+                client_goal.set_accepted(answers.ACCEPTED)
+                self._give(client_goal, nonsense)
+                return
+            self._newest_stamp = stamp
+            self._end(answers.preempted(answers.REPLACED))
+            client_goal.set_accepted(answers.ACCEPTED)
+            self._current = _ActiveGoal(client_goal, self._clock())
+            self._observer.goal_taken(pose)
+            if not answers.is_upright(pose.pose.orientation):
+                self._end(answers.aborted(answers.INVALID_QUATERNION))
+            self._advance()
+
+    def take_cancel(self, client_goal: ClientGoal) -> None:
+        """Cancel a goal, if it is the one pursued; any other has its answer already."""
+        with self._lock:
+            active = self._current
+            if active is None or active.client_goal.get_goal_id().id != client_goal.get_goal_id().id:
+                return
+            active.cancelled_at = self._clock()
+            if active.errand is None:
+                self._end(answers.preempted())
+            self._advance()
+
+    def check(self) -> None:
+        """Let time pass: give up waiting where it took too long. Call a few times a second."""
+        with self._lock:
+            active, now, parameters = self._current, self._clock(), self._parameters
+            if self._zeros_due:
+                self._stop_robot(self._zeros_due - 1)
+            self._advance()
+            if active is None:
+                pass
+            elif active.errand is None and now - active.taken_at > parameters.server_timeout:
+                self._end(answers.server_absent(parameters))
+            elif active.cancelled_at is not None and now - active.cancelled_at > parameters.cancel_timeout:
+                self._end(answers.preempted(reason="the server did not answer the cancel"))
+            for errand in list(self._at_server):
+                if errand.is_given_up(now, parameters.cancel_timeout) and not errand.cancel_is_under_way(now):
+                    self._leave(errand)
+            self._advance()
+
+    def shut_down(self) -> None:
+        """Cancel at the server and abort, because this node ends."""
+        with self._lock:
+            self._end(answers.aborted(answers.NODE_KILLED))
+            self._advance()
+
+    @property
+    def is_pursuing(self) -> bool:
+        """Whether there is a goal without its answer."""
+        return self._current is not None
+
+    def _advance(self) -> None:
+        """Do what follows from the goal pursued and the goals at the server: cancel them, send it, or neither."""
+        active, now = self._current, self._clock()
+        if active is None or active.cancelled_at is not None:
+            for errand in list(self._at_server):
+                if not errand.is_given_up(now, self._parameters.cancel_timeout):
+                    errand.press_cancel(now)
+        elif active.errand is None and self._server.server_is_up:
+            if not any(errand.cancel_is_under_way(now) for errand in self._at_server):
+                self._send(active)
+
+    def _send(self, active: _ActiveGoal) -> None:
+        errand = active.errand = _Errand()
+        self._at_server.append(errand)
+        self._zeros_due = 0
+        errand.goal = self._server.send(
+            self._compose(active.client_goal.get_goal().target_pose),
+            on_feedback=lambda feedback: self._take_feedback(errand, feedback),
+            on_end=lambda ending: self._take_ending(errand, ending),
+        )
+
+    def _take_feedback(self, errand: _Errand, feedback: Any) -> None:
+        with self._lock:
+            active = self._current
+            if active is not None and errand is active.errand:
+                self._observer.robot_seen(feedback.current_pose)
+                active.client_goal.publish_feedback(MoveBaseFeedback(base_position=feedback.current_pose))
+
+    def _take_ending(self, errand: _Errand, ending: ActionEnding) -> None:
+        with self._lock:
+            active = self._current
+            self._leave(errand)
+            if active is not None and errand is active.errand:
+                target = active.client_goal.get_goal().target_pose
+                doubt = answers.doubt_of_arrival(ending, target, self._parameters.arrival_tolerance)
+                if not doubt:
+                    self._end(answers.answer_to(ending, active.cancelled_at is not None), ending.result)
+                elif active.was_doubted or active.cancelled_at is not None:
+                    self._end(answers.not_arrived(doubt, active.cancelled_at is not None), ending.result)
+                else:
+                    active.was_doubted, active.errand = True, None  # asked again, the server speaks of this goal
+            self._advance()
+
+    def _leave(self, errand: _Errand) -> None:
+        """Take off what has ended at the server, or never answers; with nothing else there, the robot is to stand.
+
+        What was given up before may end yet, and have driven the robot until then.
+        """
+        if errand in self._at_server:
+            self._at_server.remove(errand)
+        if not self._at_server:
+            self._stop_robot(again=1)
+
+    def _stop_robot(self, again: int) -> None:
+        """Send zero velocity, and as often again.
+
+        What the server sent last may be on its way for longer than its answer.
+        """
+        self._zeros_due = again
+        self._observer.stop_robot()
+
+    def _end(self, answer: Answer, result: Optional[Any] = None) -> None:
+        """Give the goal pursued its one terminal state, if there is one."""
+        if self._current is not None:
+            active, self._current = self._current, None
+            self._give(active.client_goal, answer, result)
+
+    def _give(self, client_goal: ClientGoal, answer: Answer, result: Optional[Any] = None) -> None:
+        answer.give(client_goal)
+        self._observer.goal_ended(client_goal, answer, result)
+
+
+class _ActiveGoal:
+    """The client's goal that is pursued."""
+
+    def __init__(self, client_goal: ClientGoal, now: float) -> None:
+        self.client_goal, self.taken_at = client_goal, now
+        self.errand: Optional[_Errand] = None
+        self.cancelled_at: Optional[float] = None
+        self.was_doubted = False
+
+
+class _Errand:
+    """What the server was sent: a goal there that has not ended."""
+
+    def __init__(self) -> None:
+        self.goal: Optional[ServerGoal] = None
+        self.cancelled_at: Optional[float] = None
+        self._cancel_sent_at = 0.0
+
+    def press_cancel(self, now: float) -> None:
+        """Cancel it, or again where the server has not answered."""
+        if self.goal is None or (self.cancelled_at is not None and now - self._cancel_sent_at <= CANCEL_REPEATED_AFTER):
+            return
+        self._cancel_sent_at = now
+        if self.cancelled_at is None:
+            self.cancelled_at = now
+        self.goal.cancel()
+
+    def is_given_up(self, now: float, timeout: float) -> bool:
+        """Return whether the server was asked to cancel it, and for so many seconds (`timeout`) has not."""
+        return self.cancelled_at is not None and now - self.cancelled_at > timeout
+
+    def cancel_is_under_way(self, now: float) -> bool:
+        """Return whether the server was asked to cancel it and may still be expected to."""
+        return self.cancelled_at is not None and now - self._cancel_sent_at < SUCCESSOR_PATIENCE

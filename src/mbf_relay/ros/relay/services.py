@@ -1,0 +1,165 @@
+"""move_base's services: ~make_plan and ~clear_costmaps."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any, Optional
+
+import rosgraph
+import rospy
+from actionlib_msgs.msg import GoalStatus
+from mbf_msgs.msg import GetPathAction, GetPathGoal
+from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
+from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
+
+from mbf_relay.ros.common.action_client import ActionClient
+from mbf_relay.ros.common.get_plan import append_goal, turned
+from mbf_relay.ros.common.outcome_codes import name_of
+from mbf_relay.ros.common.server_watch import GONE, MUTE, ask_node
+
+PLAN_SLOT = 255
+"""The server's concurrency slot for ~make_plan: not the one its move_base plans in, so that both go on."""
+PLAN_PATIENCE = 60.0
+"""Wall time (s) a plan may take."""
+
+
+class MakePlan:
+    """~make_plan by the server's, where it has one, else by its get_path; also while driving, which move_base refuses.
+
+    get_path tries again until its patience ends, which is seconds for a goal in an obstacle; a service of one try is
+    done as soon as that is known.
+    """
+
+    def __init__(self, parameters: Any, settings: Any) -> None:
+        """Offer the service.
+
+        Args:
+            parameters: RelayParameters: the server and its timeouts.
+            settings: MoveBaseSettings: `plugin_names()`, `values.make_plan_add_unreachable_goal`.
+        """
+        self._settings, self._server = settings, parameters.server
+        # comes first, because it can tell a server that hangs from one that is slow
+        silence = parameters.silence_timeout
+        self._client = ActionClient(
+            f"{parameters.server}/get_path", GetPathAction, 2.0 * parameters.service_timeout, silence
+        )
+        self._plan_once = rospy.ServiceProxy(f"{parameters.server}/make_plan", GetPlan)
+        self._one_at_a_time = threading.Lock()
+        self._service = rospy.Service("~make_plan", GetPlan, self._answer)
+
+    def _answer(self, request: GetPlanRequest) -> GetPlanResponse:
+        """Return the plan; an empty one where there is none."""
+        with self._one_at_a_time:
+            self._client.check()
+            if not self._client.server_is_up:
+                raise rospy.ServiceException(f"no plan: {self._client.why_down}")
+            if self._serves_plans():
+                return self._answer_at_once(request)
+            sent = self._client.send(path_goal(request, self._settings.plugin_names()[0]))
+            ending = sent.wait(PLAN_PATIENCE)
+        if ending is None:
+            sent.cancel()
+            raise rospy.ServiceException(f"no plan within {PLAN_PATIENCE:g} s")
+        if ending.status == GoalStatus.LOST:
+            raise rospy.ServiceException(f"no plan: {ending.text}")
+        response = GetPlanResponse()
+        if ending.status == GoalStatus.SUCCEEDED and ending.result is not None:
+            response.plan = ending.result.path
+            if self._settings.values.make_plan_add_unreachable_goal:
+                append_goal(response.plan, request.goal)
+        else:
+            outcome = name_of(ending.result.outcome, type(ending.result)) if ending.result is not None else ""
+            rospy.logwarn("make_plan found no path: %s %s", outcome, ending.text)
+        return response
+
+
+    def _serves_plans(self) -> bool:
+        """Return whether the server has a service of the planner asked for; C++'s has none."""
+        name = self._settings.plugin_names()[0]
+        wanted = rospy.resolve_name(f"{self._server}/{name}/make_plan" if name else f"{self._server}/make_plan")
+        if self._plan_once.resolved_name != wanted:
+            self._plan_once = rospy.ServiceProxy(wanted, GetPlan)
+        try:
+            return bool(rosgraph.Master(rospy.get_name()).lookupService(wanted))
+        except (OSError, rosgraph.MasterException):
+            return False
+
+    def _answer_at_once(self, request: GetPlanRequest) -> GetPlanResponse:
+        call = ServiceCall(self._plan_once, request)
+        call.join(PLAN_PATIENCE)
+        if call.is_alive():
+            raise rospy.ServiceException(f"no plan within {PLAN_PATIENCE:g} s")
+        if call.error is not None:
+            raise rospy.ServiceException(f"no plan: {call.error}")
+        if self._settings.values.make_plan_add_unreachable_goal:
+            append_goal(call.response.plan, request.goal)
+        return call.response
+
+
+def path_goal(request: GetPlanRequest, planner: str) -> GetPathGoal:
+    """Return the server's goal for a request.
+
+    An empty start frame means the robot's pose. Planners of move_base ignore orientations, so that callers leave them
+    zero; the server refuses those, and gets the identity instead.
+    """
+    goal = GetPathGoal(
+        use_start_pose=bool(request.start.header.frame_id), start_pose=turned(request.start),
+        target_pose=turned(request.goal), tolerance=request.tolerance, planner=planner,
+    )
+    if hasattr(goal, "concurrency_slot"):
+        goal.concurrency_slot = PLAN_SLOT
+    return goal
+
+
+class ClearCostmaps:
+    """~clear_costmaps by the server's, which is waited for no longer than `patience` wall seconds."""
+
+    def __init__(self, server: str, patience: float) -> None:
+        self._node, self._patience = rospy.resolve_name(server), patience
+        self._clear = rospy.ServiceProxy(f"{server}/clear_costmaps", Empty)
+        self._lock = threading.Lock()  # guards `_hanging`
+        self._hanging: Optional[ServiceCall] = None
+        self._service = rospy.Service("~clear_costmaps", Empty, self._answer)
+
+    def _answer(self, _request: EmptyRequest) -> EmptyResponse:
+        """Have the server clear; what it was asked before and still is to do need not be asked again."""
+        with self._lock:
+            call = self._hanging if self._hanging is not None and self._hanging.is_alive() else ServiceCall(self._clear)
+        call.join(self._patience)
+        if call.is_alive():
+            with self._lock:
+                self._hanging = call
+            raise rospy.ServiceException(no_answer(self._clear.resolved_name, self._node, self._patience))
+        if call.error is not None:
+            raise rospy.ServiceException(f"service {self._clear.resolved_name}: {call.error}")
+        return call.response
+
+
+class ServiceCall(threading.Thread):
+    """A service called on a thread of its own, since rospy's calls wait for ever; `join` it for as long as you like.
+
+    Attributes:
+        response: What came back.
+        error: What was raised instead.
+    """
+
+    def __init__(self, service: rospy.ServiceProxy, *arguments: Any) -> None:
+        super().__init__(name=f"call of {service.resolved_name}", daemon=True)
+        self._call, self._arguments = service, arguments
+        self.response: Any = None
+        self.error: Optional[Exception] = None
+        self.start()
+
+    def run(self) -> None:
+        """Call it."""
+        try:
+            self.response = self._call(*self._arguments)
+        except Exception as error:  # whoever joins raises it
+            self.error = error
+
+
+def no_answer(service: str, node: str, patience: float) -> str:
+    """Return what to say of a service that has not answered: the service, and what its node is at."""
+    states = {MUTE: "hangs: it answers nobody", GONE: "does not exist any more"}
+    state = states.get(ask_node(node), "is there, but busy")
+    return f"service {service} did not answer within {patience:g} s; its node {node} {state}"

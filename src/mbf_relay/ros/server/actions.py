@@ -1,0 +1,267 @@
+"""The four actions on goal handles: requests in from any thread, everything else on the stepping thread."""
+
+from __future__ import annotations
+
+import collections
+import threading
+from enum import Enum
+from typing import Any, Callable, Deque, Dict, List, Optional, Type
+
+import rospy
+from mbf_msgs.msg import (
+    ExePathAction,
+    ExePathResult,
+    GetPathAction,
+    GetPathResult,
+    MoveBaseAction,
+    MoveBaseResult,
+    RecoveryAction,
+    RecoveryResult,
+)
+
+from mbf_relay.navigation.goals import NavigateOutcome
+from mbf_relay.navigation.navigator import Navigator
+from mbf_relay.navigation.task import Ending, Task
+from mbf_relay.navigation.worker import InlineWorker, Job, Worker
+from mbf_relay.outcomes import ControlOutcome, NavigationError, PlanOutcome, RecoveryOutcome
+from mbf_relay.ros.common.action_server import ActionServer
+from mbf_relay.ros.common.goal_tracker import TrackedGoal
+from mbf_relay.ros.server import messages
+
+AT_ONCE = 5
+"""Goals begun in one step of navigation."""
+
+
+class Request:
+    """A goal handle, its goal being read, and once it was taken up, its task."""
+
+    def __init__(self, handle: TrackedGoal, reading: Job) -> None:
+        self.handle, self.reading = handle, reading
+        self.goal_id: str = handle.get_goal_id().id
+        self.cancelled = False
+        self.task: Optional[Task[Any]] = None
+
+
+class Action:
+    """One action server: what it takes, whom it asks, what it answers.
+
+    Args:
+        name: Name below the node's.
+        action_type: Generated message class.
+        result_type: Generated class of its result.
+        outcomes: The enumeration of its outcomes.
+        read: Converts a goal message; raises NavigationError for nonsense. Runs on the worker, as a long path takes
+            its time.
+        begin: Hands the goal to the navigator.
+        result: Converts a task's result, given a stamp.
+        feedback: Converts feedback, given stamp and robot frame; None where the action has none.
+        make_server: Makes the action server; constructor as ActionServer's.
+        ros_now: Gives ROS time, as a message has it.
+    """
+
+    def __init__(
+        self, name: str, action_type: Any, result_type: Any, outcomes: Type[Enum], read: Callable[[Any], Any],
+        begin: Callable[[Any], Task[Any]], result: Callable[[Any, Any], Any],
+        feedback: Optional[Callable[[Any, Any, str], Any]] = None, make_server: Callable[..., Any] = ActionServer,
+        ros_now: Callable[[], Any] = rospy.get_rostime,
+    ) -> None:
+        self.name, self._read, self._begin_goal, self._result, self._feedback = name, read, begin, result, feedback
+        self._result_type, self._outcomes = result_type, outcomes
+        self.wake: Callable[[], None] = lambda: None
+        self.worker: Worker = InlineWorker()
+        self.robot_frame = ""
+        self.is_alive: Callable[[], bool] = lambda: True
+        # guards the two below; taken inside the action server's lock, so never that one inside this
+        self._lock = threading.Lock()
+        self._inbox: Deque[Request] = collections.deque()
+        self._requests: Dict[str, Request] = {}
+        self._running: List[Request] = []
+        self._ros_now = ros_now
+        self._server = make_server(f"~{name}", action_type, self._on_goal, self._on_cancel, self._recalled)
+
+    def start(self) -> None:
+        """Advertise."""
+        self._server.is_alive = self.is_alive
+        self._server.start()
+
+    # callbacks: they note what was asked and wake the stepper
+
+    def _on_goal(self, handle: TrackedGoal) -> None:
+        goal = handle.get_goal()
+        request = Request(handle, self.worker.start(lambda: self._read(goal)))
+        with self._lock:
+            self._requests[request.goal_id] = request
+            self._inbox.append(request)
+        self.wake()
+
+    def _on_cancel(self, handle: TrackedGoal) -> None:
+        goal_id = handle.get_goal_id().id
+        with self._lock:
+            request = self._requests.get(goal_id)
+            if request is None:
+                return
+            request.cancelled = True
+            if request.task is not None:
+                request.task.cancel()
+        self.wake()
+
+    # the stepping thread
+
+    def take_up(self) -> bool:
+        """Begin what was asked for since the last call, in the order it came; returns whether there is more to begin.
+
+        Of many at once only some are begun, so that a step of navigation stays short and a driving robot is looked
+        after.
+        """
+        taken: List[Request] = []
+        with self._lock:
+            while self._is_ready() and len(taken) < AT_ONCE:
+                taken.append(self._inbox.popleft())
+            more = self._is_ready()
+        for request in taken:
+            self._begin(request)
+        return more
+
+    def _is_ready(self) -> bool:
+        return bool(self._inbox) and (self._inbox[0].reading.done or self._inbox[0].cancelled)
+
+    def report(self) -> None:
+        """Send what running goals have to say, and how they ended."""
+        stamp = self._ros_now()
+        still_running: List[Request] = []
+        with self._lock:
+            running = [request for request in self._running if self._requests.get(request.goal_id) is request]
+        for request in running:
+            task = request.task
+            assert task is not None
+            for feedback in task.take_feedback():
+                if self._feedback is not None:
+                    request.handle.publish_feedback(self._feedback(feedback, stamp, self.robot_frame))
+            if task.ending is not None:
+                self._end(request, task.ending, self._result(task.result, stamp))
+            else:
+                still_running.append(request)
+        self._running = still_running
+
+    def abort_all(self, outcome: str, message: str) -> None:
+        """End every goal that is left, for when stepping itself failed or the node goes down."""
+        with self._lock:
+            waiting = list(self._inbox)
+            self._inbox.clear()
+        for request in waiting:
+            request.handle.set_accepted()
+        running, self._running = self._running, []
+        for request in running + waiting:
+            self._end(request, Ending.ABORTED, self._failure(self._outcomes[outcome], message))
+
+    def abort_running(self, outcome: str, message: str) -> None:
+        """End every goal in pursuit, from any thread, while the stepping thread hangs; what waits to begin may go on.
+        """
+        with self._lock:
+            begun = [request for request in self._requests.values() if request.cancelled or request not in self._inbox]
+        for request in begun:
+            if request.task is None:
+                request.handle.set_accepted()
+            self._end(request, Ending.ABORTED, self._failure(self._outcomes[outcome], message))
+
+    def _begin(self, request: Request) -> None:
+        if request.cancelled:
+            self._end(request, Ending.CANCELED, self._recalled())
+            return
+        try:
+            goal = request.reading.result()
+        except NavigationError as error:
+            request.handle.set_accepted()
+            self._end(request, Ending.ABORTED, self._failure(error.outcome, error.message))
+            return
+        except Exception as error:  # a goal nobody foresaw ends alone
+            request.handle.set_accepted()
+            text = f"the goal could not be read: {type(error).__name__}: {error}"
+            self._end(request, Ending.ABORTED, self._failure(self._outcomes["INTERNAL_ERROR"], text))
+            return
+        task = self._begin_goal(goal)
+        if task.ending is not Ending.REJECTED:
+            request.handle.set_accepted()
+        with self._lock:
+            request.task = task
+            if request.cancelled:
+                task.cancel()
+        self._running.append(request)
+
+    def _recalled(self) -> Any:
+        return self._failure(self._outcomes["CANCELED"], "Goal cancelled before it began")
+
+    def _failure(self, outcome: Enum, message: str) -> Any:
+        return self._result_type(outcome=messages.outcome_code(outcome, self._result_type), message=message)
+
+    def _end(self, request: Request, ending: Ending, result: Any) -> None:
+        handle = request.handle
+        with self._lock:
+            if self._requests.pop(request.goal_id, None) is None:
+                return  # it was ended while the stepping thread hung
+        if ending is Ending.CANCELED and handle.lapse:
+            result.message = handle.lapse
+        finish = {
+            Ending.SUCCEEDED: handle.set_succeeded, Ending.ABORTED: handle.set_aborted,
+            Ending.CANCELED: handle.set_canceled, Ending.REJECTED: handle.set_rejected,
+        }[ending]
+        finish(result, result.message)
+        log = rospy.loginfo if ending in (Ending.SUCCEEDED, Ending.CANCELED) else rospy.logwarn
+        log("%s %s: %s", self.name, ending.name.lower(), result.message)
+
+
+def make_actions(
+    navigator: Navigator, make_server: Callable[..., Any] = ActionServer, ros_now: Callable[[], Any] = rospy.get_rostime
+) -> List[Action]:
+    """Make the four action servers over a navigator, not yet advertised.
+
+    Args:
+        navigator: Carries out the goals.
+        make_server: Makes an action server; constructor as ActionServer's.
+        ros_now: Gives ROS time, as a message has it.
+    """
+    servers: Dict[str, Any] = {"make_server": make_server, "ros_now": ros_now}
+    return [
+        Action(
+            "get_path",
+            GetPathAction,
+            GetPathResult,
+            PlanOutcome,
+            messages.plan_goal,
+            navigator.get_path,
+            messages.plan_result,
+            **servers,
+        ),
+        Action(
+            "exe_path",
+            ExePathAction,
+            ExePathResult,
+            ControlOutcome,
+            messages.follow_goal,
+            navigator.exe_path,
+            messages.follow_result,
+            messages.follow_feedback,
+            **servers,
+        ),
+        Action(
+            "recovery",
+            RecoveryAction,
+            RecoveryResult,
+            RecoveryOutcome,
+            messages.recover_goal,
+            navigator.recovery,
+            messages.recover_result,
+            **servers,
+        ),
+        Action(
+            "move_base",
+            MoveBaseAction,
+            MoveBaseResult,
+            NavigateOutcome,
+            messages.navigate_goal,
+            navigator.move_base,
+            messages.navigate_result,
+            messages.navigate_feedback,
+            **servers,
+        ),
+    ]

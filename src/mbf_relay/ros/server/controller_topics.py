@@ -1,0 +1,94 @@
+"""A controller's topics and its parameters at run time: global_plan, local_plan, the clouds, dynamic reconfigure."""
+
+from __future__ import annotations
+
+from typing import Any, List, Sequence
+
+import numpy as np
+import rospy
+from nav_msgs.msg import Path as PathMessage
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import String
+
+from mbf_relay.control.controller import Controller
+from mbf_relay.control.report import CycleReport
+from mbf_relay.navigation.registry import Registry
+from mbf_relay.planning.path import Path
+from mbf_relay.ros.common import reconfigure
+from mbf_relay.ros.common.conversions import header, path_to_message
+
+
+class ControllerTopics:
+    """Publishes each cycle of one controller under ~NAME/, each message only while somebody listens.
+
+    Topics: `global_plan` (the path ahead, within the local costmap), `local_plan` (where the command leads; empty while
+    the robot turns), `cost_cloud` and `trajectory_cloud` (with publish_cost_grid_pc and publish_traj_pc), all as
+    dwa_local_planner's, and `explanation`.
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        name = controller.name
+        self._global_plan = rospy.Publisher(f"~{name}/global_plan", PathMessage, queue_size=1)
+        self._local_plan = rospy.Publisher(f"~{name}/local_plan", PathMessage, queue_size=1)
+        self._cost_cloud = rospy.Publisher(f"~{name}/cost_cloud", PointCloud2, queue_size=1)
+        self._trajectory_cloud = rospy.Publisher(f"~{name}/trajectory_cloud", PointCloud2, queue_size=1)
+        self._explanation = rospy.Publisher(f"~{name}/explanation", String, queue_size=1)
+        controller.watcher = self.publish
+
+    def publish(self, report: CycleReport) -> None:
+        """Publish a cycle; called in the controller's thread."""
+        frame = report.costmap.frame
+        if _heard(self._global_plan):
+            self._global_plan.publish(path_to_message(Path(report.path_ahead(), frame), report.now))
+        if _heard(self._local_plan):
+            self._local_plan.publish(path_to_message(Path(report.trajectory, frame), report.now))
+        if report.explanation and _heard(self._explanation):
+            self._explanation.publish(report.explanation)
+        if report.cost_weights is not None and _heard(self._cost_cloud):
+            self._cost_cloud.publish(_cost_cloud(report))
+        if report.shows_trajectories and report.trajectories is not None and _heard(self._trajectory_cloud):
+            self._trajectory_cloud.publish(_trajectory_cloud(report))
+
+
+def serve_controllers(controllers: Registry[Controller]) -> List[Any]:
+    """Give every controller its topics, and its reconfigure server where it has one; keep the result."""
+    return [part for name in controllers.names for part in serve_controller(controllers, name)]
+
+
+def serve_controller(controllers: Registry[Controller], name: str) -> List[Any]:
+    """Give one controller its topics, and its reconfigure server where it has one; keep the result."""
+    return [ControllerTopics(controllers.plugin(name)), *reconfigure.serve_plugin(controllers, name)]
+
+
+def _heard(publisher: rospy.Publisher) -> bool:
+    return bool(publisher.get_num_connections())
+
+
+def _cost_cloud(report: CycleReport) -> PointCloud2:
+    """Return what being in each free cell costs: x, y, z, path_cost, goal_cost, occ_cost, total_cost."""
+    centers, costs = report.cell_costs()
+    points = np.column_stack((centers, np.zeros(len(centers)), costs, costs @ np.array(report.cost_weights)))
+    return point_cloud(("x", "y", "z", "path_cost", "goal_cost", "occ_cost", "total_cost"), points, report)
+
+
+def _trajectory_cloud(report: CycleReport) -> PointCloud2:
+    """Return the poses of all trajectories that were not ruled out: x, y, z, theta, cost."""
+    batch, totals = report.trajectories, report.totals
+    assert batch is not None and totals is not None
+    kept = np.flatnonzero(np.isfinite(totals))
+    counts = batch.free[kept]
+    rows = np.repeat(kept, counts)
+    steps = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
+    poses = batch.poses[rows, steps]
+    points = np.column_stack((poses[:, :2], np.zeros(len(poses)), poses[:, 2], totals[rows]))
+    return point_cloud(("x", "y", "z", "theta", "cost"), points, report)
+
+
+def point_cloud(names: Sequence[str], points: np.ndarray, report: CycleReport) -> PointCloud2:
+    """Return an unordered cloud of float32 fields: points of shape (M, len(names))."""
+    fields = [PointField(name, 4 * index, PointField.FLOAT32, 1) for index, name in enumerate(names)]
+    return PointCloud2(
+        header=header(report.costmap.frame, report.now), height=1, width=len(points), fields=fields, is_bigendian=False,
+        point_step=4 * len(names), row_step=4 * len(names) * len(points), is_dense=True,
+        data=points.astype(np.float32).tobytes(),
+    )

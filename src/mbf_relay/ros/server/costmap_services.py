@@ -1,0 +1,177 @@
+"""The server's services about its costmaps: what lies there, where the robot would fit, update, clear."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from typing import Any, Callable, List, Mapping
+
+import numpy as np
+import rospy
+from mbf_msgs import srv
+from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
+
+from mbf_relay.costmap import inspection
+from mbf_relay.costmap.costmap import Costmap
+from mbf_relay.costmap.footprint import padded
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.common.conversions import pose_from_message, pose_stamped
+from mbf_relay.ros.common.transforms import Transforms
+from mbf_relay.ros.costmap.node import CostmapNode
+
+TF_TIMEOUT = 0.5
+"""Time (s) a request waits for a transform, as upstream."""
+
+UPDATE_TIMEOUT = 2.0
+"""Wall seconds `update_costmaps` waits for the updates it asked for."""
+
+SIDES = {1: "local", 2: "global"}
+"""LOCAL_COSTMAP and GLOBAL_COSTMAP of the requests, the same in all versions of mbf_msgs."""
+
+
+class CostmapServices:
+    """Answers the services about costmaps, in the threads of rospy's services.
+
+    They are `~check_point_cost`, `~check_pose_cost`, `~check_path_cost`, `~find_valid_pose`, `~update_costmaps` and
+    `~clear_costmaps`.
+
+    Args:
+        nodes: "global" and "local"; each wakes for the request where it rests.
+        transforms: Where frames are looked up.
+        robot_frame: The robot's base.
+        wake: Called before a request looks at a costmap; tells whether they rested.
+    """
+
+    def __init__(
+        self, nodes: Mapping[str, CostmapNode], transforms: Transforms, robot_frame: str, wake: Callable[[], bool]
+    ) -> None:
+        self._nodes, self._transforms, self._robot_frame, self._wake = nodes, transforms, robot_frame, wake
+        self._services: List[rospy.Service] = [
+            self._serve("check_point_cost", srv.CheckPoint, self._check_point),
+            self._serve("check_pose_cost", srv.CheckPose, self._check_pose),
+            self._serve("check_path_cost", srv.CheckPath, self._check_path),
+            self._serve("update_costmaps", Empty, self._update),
+            self._serve("clear_costmaps", Empty, self._clear),
+        ]
+        if hasattr(srv, "FindValidPose"):  # not in mbf_msgs 0.4.0
+            self._services.append(self._serve("find_valid_pose", srv.FindValidPose, self._find_valid_pose))
+
+    def _serve(self, name: str, service_type: Any, answer: Callable[[Any], Any]) -> rospy.Service:
+        def handle(request: Any) -> Any:
+            try:
+                return answer(request)
+            except (ValueError, TransformError) as error:
+                rospy.logwarn("%s: %s", name, error)
+                raise rospy.ServiceException(str(error)) from error
+
+        return rospy.Service(f"~{name}", service_type, handle)
+
+    def _check_point(self, request: Any) -> Any:
+        costmap = self._costmap(request.costmap)
+        point = request.point.point
+        _require_finite(x=point.x, y=point.y)
+        x, y = self._to_costmap(costmap, request.point.header).transform_points(np.array([[point.x, point.y]]))[0]
+        verdict = inspection.check_point(costmap.snapshot(), x, y)
+        return srv.CheckPointResponse(state=int(verdict.state), cost=_cost(verdict.cost))
+
+    def _check_pose(self, request: Any) -> Any:
+        costmap = self._costmap(request.costmap)
+        outline = _outline(costmap, request)
+        pose = self._pose(costmap, request)
+        verdict = inspection.check_poses(costmap.snapshot(), np.array([pose]), outline, _multipliers(request))[0]
+        return srv.CheckPoseResponse(state=int(verdict.state), cost=_cost(verdict.cost))
+
+    def _check_path(self, request: Any) -> Any:
+        costmap = self._costmap(request.costmap)
+        outline = inspection.POINT if request.path_cells_only else _outline(costmap, request)
+        poses = np.array([
+            self._to_costmap(costmap, stamped.header if stamped.header.frame_id else request.path.header).compose(
+                pose_from_message(stamped.pose))
+            for stamped in request.path.poses
+        ]).reshape(-1, 3)
+        verdict, last = inspection.check_path(
+            costmap.snapshot(), poses, outline, _multipliers(request), request.return_on, request.skip_poses
+        )
+        return srv.CheckPathResponse(last_checked=last, state=int(verdict.state), cost=_cost(verdict.cost))
+
+    def _find_valid_pose(self, request: Any) -> Any:
+        costmap = self._costmap(request.costmap)
+        tolerances = {"dist_tolerance": request.dist_tolerance, "angle_tolerance": request.angle_tolerance}
+        _require_finite(**tolerances)
+        for name, value in tolerances.items():
+            if value < 0.0:
+                raise ValueError(f"{name} is {value}; it must be 0 or above")
+        outline = _outline(costmap, request)
+        found = inspection.find_valid_pose(
+            costmap.snapshot(), self._pose(costmap, request), outline, request.dist_tolerance, request.angle_tolerance
+        )
+        response = srv.FindValidPoseResponse(state=int(found.verdict.state), cost=_cost(found.verdict.cost))
+        response.pose = pose_stamped(found.pose, costmap.frame, rospy.get_rostime())
+        return response
+
+    def _update(self, _request: EmptyRequest) -> EmptyResponse:
+        self._wake()
+        self._await_updates()
+        return EmptyResponse()
+
+    def _await_updates(self) -> None:
+        """Have every costmap updated and wait for it; raise ValueError where one is not in time."""
+        asked = {side: node.costmap.updates for side, node in self._nodes.items()}
+        for node in self._nodes.values():
+            node.resume()
+        end, pause = time.monotonic() + UPDATE_TIMEOUT, threading.Event()
+        for side, node in self._nodes.items():
+            while node.costmap.updates == asked[side]:
+                if time.monotonic() > end:
+                    reason = node.costmap.stale_reason(rospy.get_time())
+                    raise ValueError(f"the {side} costmap did not update within {UPDATE_TIMEOUT} s: {reason}")
+                pause.wait(0.01)
+
+    def _clear(self, _request: EmptyRequest) -> EmptyResponse:
+        for node in self._nodes.values():
+            node.costmap.clear()
+        return EmptyResponse()
+
+    def _costmap(self, number: int) -> Costmap:
+        if number not in SIDES:
+            raise ValueError(f"costmap is {number}; it must be LOCAL_COSTMAP (1) or GLOBAL_COSTMAP (2)")
+        if self._wake():
+            self._await_updates()
+        return self._nodes[SIDES[number]].costmap
+
+    def _pose(self, costmap: Costmap, request: Any) -> Pose2D:
+        if request.current_pose:
+            return self._transforms.lookup(costmap.frame, self._robot_frame, timeout=TF_TIMEOUT)
+        return self._to_costmap(costmap, request.pose.header).compose(pose_from_message(request.pose.pose))
+
+    def _to_costmap(self, costmap: Costmap, header: Any) -> Pose2D:
+        if header.frame_id.lstrip("/") == costmap.frame:
+            return IDENTITY
+        return self._transforms.lookup(costmap.frame, header.frame_id, timeout=TF_TIMEOUT)
+
+
+def _outline(costmap: Costmap, request: Any) -> np.ndarray:
+    _require_finite(safety_dist=request.safety_dist)
+    return padded(
+        costmap.footprint if getattr(request, "use_padded_fp", False) else costmap.outline, request.safety_dist
+    )
+
+
+def _multipliers(request: Any) -> inspection.Multipliers:
+    values = (request.lethal_cost_mult, request.inscrib_cost_mult, request.unknown_cost_mult)
+    _require_finite(lethal_cost_mult=values[0], inscrib_cost_mult=values[1], unknown_cost_mult=values[2])
+    return inspection.Multipliers(*values)
+
+
+def _require_finite(**values: float) -> None:
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise ValueError(f"{name} is {value}; it must be finite")
+
+
+def _cost(cost: float) -> int:
+    """Return a cost as the uint32 of the responses."""
+    return int(min(max(cost, 0.0), 2 ** 32 - 1))
+

@@ -1,0 +1,263 @@
+"""The Move Base Flex server: navigation stepped by one thread, with actions, services and costmaps around it."""
+
+from __future__ import annotations
+
+import functools
+import math
+import threading
+import warnings
+from typing import Any, Callable, Dict, List, Mapping
+
+import rospy
+
+from mbf_relay.geometry import STOP
+from mbf_relay.navigation.examination import READ_BY_THE_NODE, stray_groups
+from mbf_relay.navigation.navigator import Navigator
+from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.navigation.registry import Registry
+from mbf_relay.navigation.sanity import doubts
+from mbf_relay.navigation.worker import ThreadWorker
+from mbf_relay.planning.path import Path
+from mbf_relay.ros.common import parameters as ros_parameters
+from mbf_relay.ros.common import reconfigure
+from mbf_relay.ros.common.action_server import ActionServer
+from mbf_relay.ros.common.diagnostics import ERROR, OK, WARN, Diagnostics, RateMeter, Report
+from mbf_relay.ros.common.node import spare_what_stays
+from mbf_relay.ros.common.stepper import Stepper
+from mbf_relay.ros.common.transforms import Transforms
+from mbf_relay.ros.costmap.node import CostmapNode
+from mbf_relay.ros.server.actions import make_actions
+from mbf_relay.ros.server.controller_topics import serve_controller, serve_controllers
+from mbf_relay.ros.server.costmap_rest import CostmapRest
+from mbf_relay.ros.server.costmap_services import CostmapServices
+from mbf_relay.ros.server.plan_services import PlanServices
+from mbf_relay.ros.server.planner_potential import serve_planners
+from mbf_relay.ros.server.planner_topics import PlannerTopics
+from mbf_relay.ros.server.robot import COMMANDS_PAUSE, RosRobot
+from mbf_relay.ros.server.topics import NavigationTopics
+from mbf_relay.ros.server.watchdog import Watchdog
+
+FLUSH_TIME = 0.1
+"""Wall seconds given to rospy's sending threads before the node goes down."""
+
+
+class MoveBaseFlex:
+    """The server's parts, wired.
+
+    Args:
+        config: The node's parameters.
+        costmaps: "global" and "local", live.
+        transforms: Where frames are looked up.
+        costmap_nodes: What feeds the costmaps; empty where somebody else does.
+        is_move_base: Whether the node is move_base, whose own parameters and `~current_goal` somebody else offers.
+        planner: Gives the planner of `~make_plan`; empty for the first.
+    """
+
+    def __init__(
+        self, config: Mapping[str, Any], costmaps: Mapping[str, Any], transforms: Transforms,
+        costmap_nodes: Mapping[str, CostmapNode], is_move_base: bool = False, planner: Callable[[], str] = lambda: "",
+    ) -> None:
+        self._is_move_base, self._planner = is_move_base, planner
+        parameters = ros_parameters.fill(NavigatorParameters, config, "~", READ_BY_THE_NODE)
+        self.robot = RosRobot(
+            transforms, parameters.robot_frame, parameters.odom_topic, parameters.pose_timeout,
+            parameters.odom_timeout,
+        )
+        self._stepper = Stepper(self._step)
+        worker = ThreadWorker(self._stepper.wake)
+        self.navigator = Navigator(config, self.robot, costmaps, worker)
+        registries = (self.navigator.planners, self.navigator.controllers, self.navigator.recoveries)
+        for registry in registries:
+            _log_plugins(registry)
+        _warn_of_stray_groups(config, [name for registry in registries for name in (*registry.names, *registry.failed)])
+        for name, doubt in doubts(config):
+            rospy.logwarn("parameter %s %s", rospy.resolve_name(f"~{name}"), doubt)
+        self._topics = NavigationTopics(self.navigator, current_goal=not is_move_base)
+        self._planner_topics = topics = PlannerTopics(self.navigator.planners.names)
+
+        def publish_plan(name: str, path: Path) -> None:
+            worker.start(lambda: topics.publish(name, path))
+
+        self.navigator.plan_watcher = publish_plan
+        self._actions = make_actions(
+            self.navigator, functools.partial(ActionServer, client_timeout=parameters.client_timeout))
+        for action in self._actions:
+            action.wake, action.worker, action.robot_frame = self._stepper.wake, worker, parameters.robot_frame
+        self._watchdog = Watchdog(self._stepper, self.robot, self._end_running)
+        for action in self._actions:
+            action.is_alive = self._watchdog.is_alive
+        self._costmap_nodes, self._transforms = costmap_nodes, transforms
+        self._rest = CostmapRest(costmap_nodes, parameters.clear_on_shutdown)
+        self._trouble = ""
+        self._steps = RateMeter()
+        self._closing = threading.Lock()
+
+    def start(self) -> None:
+        """Offer everything and begin stepping."""
+        rospy.on_shutdown(self.close)
+        if not self._is_move_base:
+            self._reconfigure_server = _serve_reconfigure(self.navigator, self.reconfigure)
+        self._controllers = serve_controllers(self.navigator.controllers)
+        self._planners = serve_planners(self.navigator.planners)
+        for node in self._costmap_nodes.values():
+            node.start()
+        if self._costmap_nodes:
+            self._services = CostmapServices(
+                self._costmap_nodes, self._transforms, self.navigator.parameters.robot_frame, self._ask_costmaps
+            )
+        self._plan_services = PlanServices(self.navigator, self._planner)
+        self._stepper.start()
+        self._watchdog.start()
+        for action in self._actions:
+            action.start()
+        self._diagnostics = Diagnostics()
+        self._diagnostics.add("navigation", self._report)
+        for side, node in self._costmap_nodes.items():
+            self._diagnostics.add(f"{side} costmap", node.report)
+
+    def add_plugin(self, kind: str, name: str, type_name: str) -> None:
+        """Load a planner or a controller at run time, where there is none of that name yet.
+
+        Args:
+            kind: "planners" or "controllers".
+            name: The name under which its parameters stand.
+            type_name: Its type.
+
+        Raises:
+            PluginError: It cannot be made.
+        """
+        registry: Any = self.navigator.planners if kind == "planners" else self.navigator.controllers
+        if name in registry.names:
+            return
+        registry.add(name, type_name)
+        if kind == "planners":
+            self._planner_topics.add(name)
+            self._plan_services.add(name)
+        else:
+            self._controllers += serve_controller(registry, name)
+
+    def reconfigure(self, parameters: NavigatorParameters) -> None:
+        """Take new parameters at run time."""
+        self.navigator.reconfigure(parameters)
+        self._stepper.wake()
+
+    def close(self) -> None:
+        """Leave the robot standing and every goal ended; nothing is sent to the wheels afterwards."""
+        with self._closing:
+            self.robot.close()  # before all that may take its time
+            self._watchdog.stop()
+            self._stepper.stop()
+            for action in self._actions:
+                action.abort_all("STOPPED", "move_base_flex is shutting down")
+            for node in self._costmap_nodes.values():
+                node.close()
+        threading.Event().wait(FLUSH_TIME)
+
+    def _step(self, now: float) -> float:
+        try:
+            hung = self._watchdog.settle()
+            if hung:
+                self._trouble = hung
+                self.robot.command(STOP)
+                self.navigator.drop_all()
+                self._end_running(hung)
+            more = [action.take_up() for action in self._actions]
+            self.navigator.update(now)
+            if not self.navigator.idle:
+                self._trouble = ""  # goals are carried out again
+            self._topics.publish(now)
+            for action in self._actions:
+                action.report()
+            self._end_without_clock()
+            self._steps.tick(now)
+            rest = self._rest.attend(now, self.navigator.idle, self.navigator.parameters)
+            return now if any(more) else min(self.navigator.due, rest)
+        except Exception as error:  # a mistake here must neither let the robot roll on nor end the server
+            rospy.logfatal(
+                "navigation failed and stopped the robot: %s: %s", type(error).__name__, error, exc_info=True
+            )
+            self._trouble = f"{type(error).__name__}: {error}"
+            self._start_over(f"Internal error: {self._trouble}")
+            return math.inf
+
+    def _end_without_clock(self) -> None:
+        """End all goals where the simulated clock was lost: on it no patience ever ends and no pose ever gets old."""
+        loss = "" if self.navigator.idle else self._stepper.clock_loss
+        if loss:
+            rospy.logerr("stopped the robot and ended its goals: %s", loss)
+            self._start_over(loss)
+
+    def _end_running(self, message: str) -> None:
+        for action in self._actions:
+            action.abort_running("INTERNAL_ERROR", message)
+
+    def _start_over(self, message: str) -> None:
+        self.robot.command(STOP)
+        self.navigator.drop_all()
+        for action in self._actions:
+            action.abort_all("INTERNAL_ERROR", message)
+
+    def _ask_costmaps(self) -> bool:
+        rested = self._rest.wake()
+        self._stepper.wake()  # so that it looks again when they may rest
+        return rested
+
+    def _report(self) -> Report:
+        asked, commands = self.navigator.parameters.controller_frequency, self.robot.commands
+        age = commands.age(rospy.get_time())
+        driving = not self.navigator.idle and age is not None and age <= COMMANDS_PAUSE
+        values: Dict[str, object] = {
+            "goal running": not self.navigator.idle,
+            "steps [Hz]": f"{self._steps.rate():.1f}",
+            "velocities asked for [Hz]": f"{asked:g}",
+            "velocities [Hz]": f"{commands.rate():.1f}" if driving else "none",
+        }
+        if not self._watchdog.is_alive():
+            return ERROR, self._watchdog.trouble or "navigation hangs", values
+        if self._trouble:
+            return ERROR, f"last internal error: {self._trouble}", values
+        if driving and commands.lags(asked):
+            return (
+                WARN,
+                f"velocities at {commands.rate():.1f} Hz, asked for {asked:g} Hz: the machine is too slow for it",
+                values,
+            )
+        return OK, "waiting for goals" if self.navigator.idle else "navigating", values
+
+
+def _log_plugins(registry: Registry[Any]) -> None:
+    for name in registry.names:
+        made = registry.class_of(name)
+        rospy.loginfo("%s: loaded '%s' of type %s (%s.%s)", registry.kind, name, registry.type_of(name),
+                      made.__module__, made.__name__)
+        ros_parameters.warn_of_unknown(made.Parameters, registry.values(name), f"~{name}")
+        ros_parameters.warn_of(registry.plugin(name).notes, f"~{name}")
+    for name, reason in registry.failed.items():
+        rospy.logerr("%s: '%s' is not there, and goals that need it will be rejected: %s", registry.kind, name, reason)
+    if not registry.names and not registry.failed:
+        rospy.logwarn("%s: none are configured; goals that need one will be rejected", registry.kind)
+
+
+def _warn_of_stray_groups(config: Mapping[str, Any], plugins: List[str]) -> None:
+    for name, hint in stray_groups(config, plugins).items():
+        rospy.logwarn("parameters under %s belong to no plugin that is loaded and are ignored%s",
+                      rospy.resolve_name(f"~{name}"), hint)
+
+
+def _serve_reconfigure(navigator: Navigator, apply: Callable[[NavigatorParameters], None]) -> Any:
+    from mbf_relay.cfg import MoveBaseFlexConfig
+
+    return reconfigure.serve(MoveBaseFlexConfig, navigator.parameters, apply)
+
+
+def main() -> None:
+    """Run the server until ROS goes down."""
+    warnings.showwarning = lambda message, *_, **__: rospy.logwarn("%s", message)
+    config = ros_parameters.read_namespace("~")
+    transforms = Transforms()
+    nodes = {side: CostmapNode(f"{side}_costmap", config, transforms) for side in ("global", "local")}
+    server = MoveBaseFlex(config, {side: node.costmap for side, node in nodes.items()}, transforms, nodes)
+    server.start()
+    spare_what_stays()
+    rospy.loginfo("move_base_flex is ready")
+    rospy.spin()

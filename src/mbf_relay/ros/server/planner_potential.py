@@ -1,0 +1,84 @@
+"""The planners' potentials on topics, and their parameters at run time."""
+
+from __future__ import annotations
+
+from typing import Any, List
+
+import numpy as np
+import rospy
+from nav_msgs.msg import OccupancyGrid
+from sensor_msgs.msg import PointCloud2, PointField
+
+from mbf_relay.costmap.cost_grid import CostGrid
+from mbf_relay.geometry import Pose2D
+from mbf_relay.maps import UNKNOWN, OccupancyMap
+from mbf_relay.navigation.registry import Registry
+from mbf_relay.planning.planner import Planner, PotentialWatcher
+from mbf_relay.ros.common import reconfigure
+from mbf_relay.ros.common.conversions import header, map_to_message
+
+CLOUD_SCALE = 20.0
+"""Height (m) of the start's point in navfn's cloud, by which the others are scaled."""
+
+
+class PotentialCloud(PotentialWatcher):
+    """Publishes `~NAME/potential` as navfn does with visualize_potential: points x, y, z and pot."""
+
+    def __init__(self, planner: Planner) -> None:
+        self._planner = planner
+        self._publisher = rospy.Publisher(f"~{planner.name}/potential", PointCloud2, queue_size=1)
+        planner.potential_watcher = self
+
+    def is_watching(self) -> bool:
+        display = self._planner.potential_display
+        return display is not None and display.wanted and self._publisher.get_num_connections() > 0
+
+    def take(self, costmap: CostGrid, potential: np.ndarray, start: Pose2D) -> None:
+        rows, columns = np.nonzero(potential)
+        values = potential[rows, columns]
+        column, row = costmap.grid.cell_at(start.x, start.y)
+        points = np.empty((len(values), 4), dtype=np.float32)
+        points[:, :2] = costmap.grid.centers_of(np.column_stack((columns, rows)))
+        points[:, 2] = values / max(float(potential[row, column]), 1e-6) * CLOUD_SCALE
+        points[:, 3] = values
+        fields = [PointField(name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(("x", "y", "z", "pot"))]
+        self._publisher.publish(PointCloud2(
+            header(costmap.frame, rospy.get_rostime()), 1, len(points), fields, False, 16, 16 * len(points),
+            points.tobytes(), True))
+
+
+class PotentialGrid(PotentialWatcher):
+    """Publishes `~NAME/potential` as global_planner does with publish_potential: an occupancy grid."""
+
+    def __init__(self, planner: Planner) -> None:
+        self._planner = planner
+        self._publisher = rospy.Publisher(f"~{planner.name}/potential", OccupancyGrid, queue_size=1)
+        planner.potential_watcher = self
+
+    def is_watching(self) -> bool:
+        display = self._planner.potential_display
+        return display is not None and display.wanted and self._publisher.get_num_connections() > 0
+
+    def take(self, costmap: CostGrid, potential: np.ndarray, start: Pose2D) -> None:
+        highest = max(float(potential.max()), 1e-6)
+        assert self._planner.potential_display is not None
+        scaled = (potential * (self._planner.potential_display.highest / highest)).astype(np.int8)
+        values = np.where(potential > 0.0, scaled, np.int8(UNKNOWN))
+        grid = costmap.grid
+        occupancy = OccupancyMap(values, grid.resolution, Pose2D(grid.origin_x, grid.origin_y, 0.0))
+        self._publisher.publish(map_to_message(occupancy, costmap.frame, rospy.get_rostime()))
+
+
+PUBLISHERS = {"cloud": PotentialCloud, "grid": PotentialGrid}
+"""By the form a planner's `potential_display` names."""
+
+
+def serve_planners(planners: Registry[Planner]) -> List[Any]:
+    """Give planners their potential's topic and their reconfigure server, each that has one; keep the result."""
+    served: List[Any] = []
+    for name in planners.names:
+        planner = planners.plugin(name)
+        if planner.potential_display is not None:
+            served.append(PUBLISHERS[planner.potential_display.form](planner))
+        served.extend(reconfigure.serve_plugin(planners, name))
+    return served

@@ -1,0 +1,150 @@
+"""The robot as ROS shows it: tf, odometry and cmd_vel."""
+
+from __future__ import annotations
+
+import math
+import threading
+from typing import Any, Callable, Optional
+
+import genpy
+import rospy
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+
+from mbf_relay.geometry import STOP, Pose2D, Twist2D
+from mbf_relay.navigation.odometry_monitor import OdometryMonitor
+from mbf_relay.navigation.robot import Robot
+from mbf_relay.outcomes import StaleDataError
+from mbf_relay.ros.common.checks import InvalidMessage, check_stamp
+from mbf_relay.ros.common.conversions import twist_from_message, twist_to_message
+from mbf_relay.ros.common.diagnostics import RateMeter
+from mbf_relay.ros.common.transforms import Transforms
+
+COMMANDS_PAUSE = 1.0
+"""Seconds without a velocity after which a drive is over, and the next one's rate is measured anew."""
+
+
+class RawOdometry(rospy.AnyMsg):
+    """An Odometry message as it came, to be read when it is needed."""
+
+    _md5sum, _type = Odometry._md5sum, Odometry._type
+    _full_text, _has_header = Odometry._full_text, False
+
+    def read(self) -> Odometry:
+        """Return the message."""
+        return Odometry().deserialize(self._buff)
+
+
+class _Wheels(rospy.SubscribeListener):
+    """Tells whoever connects to `cmd_vel` to stand, unless the robot is being driven.
+
+    What a server that died sent last may still stand at the wheels; the one that takes its place knows of no goal.
+    """
+
+    def __init__(self, robot: RosRobot) -> None:
+        self._robot = robot
+
+    def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Callable[[Twist], None]) -> None:
+        """Send zero to who has come, where nothing else was sent last."""
+        if self._robot.commanded in (None, STOP):
+            peer_publish(twist_to_message(STOP))
+
+
+class RosRobot(Robot):
+    """Reads the robot's pose from tf and its velocity from odometry; sends velocities on `cmd_vel`.
+
+    Args:
+        transforms: Where frames are looked up.
+        base_frame: The robot's frame.
+        odom_topic: Odometry; where empty, the last command stands in for the velocity.
+        pose_timeout: Age (s) beyond which a transform is refused.
+        odom_timeout: Age (s) beyond which odometry is refused.
+
+    Attributes:
+        commands: The velocities sent, as events.
+    """
+
+    def __init__(
+        self, transforms: Transforms, base_frame: str, odom_topic: str, pose_timeout: float, odom_timeout: float
+    ) -> None:
+        self._transforms, self._base_frame = transforms, base_frame
+        self._pose_timeout, self._odom_timeout = pose_timeout, odom_timeout
+        self._odometry: Optional[RawOdometry] = None
+        self._monitor = OdometryMonitor()
+        self.commands = RateMeter(pause=COMMANDS_PAUSE)
+        self._publisher = rospy.Publisher("cmd_vel", Twist, _Wheels(self), queue_size=1, tcp_nodelay=True)
+        self._closing = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
+        self._closed = self._blocked = False
+        self._topic = rospy.resolve_name(odom_topic) if odom_topic else ""
+        if odom_topic:
+            # kept as bytes until somebody asks: most of thirty messages a second are never looked at
+            rospy.Subscriber(
+                odom_topic, RawOdometry, self._on_odometry, queue_size=1, buff_size=1 << 18, tcp_nodelay=True
+            )
+
+    def pose_in(self, frame: str) -> Pose2D:
+        """Return the newest pose of the base in `frame`; raise TransformError where it is unknown or too old."""
+        return self._transforms.lookup(frame, self._base_frame, max_age=self._pose_timeout)
+
+    def transform(self, target_frame: str, source_frame: str) -> Pose2D:
+        """Return the newest transform to `target_frame`; raise TransformError where it is unknown or too old."""
+        return self._transforms.lookup(target_frame, source_frame, max_age=self._pose_timeout)
+
+    def velocity(self) -> Twist2D:
+        """Return the newest velocity, body frame; raise StaleDataError where there is none or it is too old."""
+        if not self._topic:
+            return self.commanded or STOP
+        if self._odometry is None:
+            raise StaleDataError(f"no odometry on {self._topic} yet")
+        try:
+            odometry = self._odometry.read()
+            stamp, now = odometry.header.stamp.to_sec(), rospy.get_time()
+            if now - stamp > self._odom_timeout:
+                raise StaleDataError(
+                    f"odometry on {self._topic} is {now - stamp:.2f} s old; at most {self._odom_timeout:.2f} s allowed")
+            check_stamp(stamp, now)
+            velocity = twist_from_message(odometry.twist.twist)
+        except genpy.DeserializationError as error:
+            raise StaleDataError(f"odometry on {self._topic} cannot be read: {error}") from error
+        except InvalidMessage as error:
+            raise StaleDataError(f"odometry on {self._topic}: {error}") from error
+        position, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
+        # as it is: a driver that fills in velocities alone is none to refuse
+        pose = Pose2D(position.x, position.y, 2.0 * math.atan2(turn.z, turn.w))
+        trouble = self._monitor.trouble(stamp, pose, velocity)
+        if trouble is not None:
+            raise StaleDataError(f"{trouble} ({self._topic})")
+        return velocity
+
+    def command(self, velocity: Twist2D) -> None:
+        """Send a velocity; one that is not finite becomes a stop."""
+        if not velocity.is_finite():
+            rospy.logerr("refused to send velocity %s: it is not finite", tuple(velocity))
+            velocity = STOP
+        with self._closing:
+            if not (self._closed or self._blocked):
+                self.commanded = velocity
+                self.commands.tick(rospy.get_time())
+                self._publisher.publish(twist_to_message(velocity))
+
+    def block(self) -> None:
+        """Send a zero velocity, after which nothing goes out until `release`; from any thread."""
+        with self._closing:
+            if not self._closed:
+                self._blocked, self.commanded = True, STOP
+                self._publisher.publish(twist_to_message(STOP))
+
+    def release(self) -> None:
+        """Let velocities go out again."""
+        with self._closing:
+            self._blocked = False
+
+    def close(self) -> None:
+        """Send a zero velocity, after which nothing more goes out."""
+        with self._closing:
+            if not self._closed:
+                self._closed = True
+                self._publisher.publish(twist_to_message(STOP))
+
+    def _on_odometry(self, message: RawOdometry) -> None:
+        self._odometry = message

@@ -1,0 +1,47 @@
+"""What the server tells of its work beside the actions: the goals in pursuit, and the recoveries it begins."""
+
+from __future__ import annotations
+
+from typing import Optional
+
+import rospy
+from geometry_msgs.msg import PoseStamped
+from move_base_msgs.msg import RecoveryStatus
+
+from mbf_relay.navigation.goals import FramedPose
+from mbf_relay.navigation.navigator import Navigator
+from mbf_relay.ros.common.conversions import pose_stamped
+
+
+class NavigationTopics:
+    """Publishes `~planner_goal` and `~controller_goal`, and both also as `~current_goal`, which mbf_msgs 0.4.0 has.
+
+    `~recovery_status` tells of each recovery that move_base begins, as the node move_base does, and so does the log.
+
+    Args:
+        navigator: Whose work it tells of.
+        current_goal: Publish `~current_goal`; False where that is move_base's, which means another thing by it.
+    """
+
+    def __init__(self, navigator: Navigator, current_goal: bool = True) -> None:
+        self._navigator = navigator
+        self._goals = {
+            kind: rospy.Publisher(f"~{kind}_goal", PoseStamped, queue_size=1) for kind in ("planner", "controller")
+        }
+        self._current_goal = rospy.Publisher("~current_goal", PoseStamped, queue_size=1) if current_goal else None
+        self._recovery_status = rospy.Publisher("~recovery_status", RecoveryStatus, queue_size=10)
+        navigator.recovery_watcher = self._tell_recovery
+
+    def publish(self, now: float) -> None:
+        """Publish what happened since the last call; `now` in seconds."""
+        for kind, goal in self._navigator.take_announced():
+            message = pose_stamped(goal.pose, goal.frame, now)
+            self._goals[kind].publish(message)
+            if self._current_goal is not None:
+                self._current_goal.publish(message)
+
+    def _tell_recovery(self, name: str, number: int, total: int, robot: Optional[FramedPose], why: str) -> None:
+        pose = PoseStamped() if robot is None else pose_stamped(robot.pose, robot.frame, rospy.get_rostime())
+        where = "an unknown place" if robot is None else "x {:.2f}, y {:.2f}, yaw {:.2f}".format(*robot.pose)
+        rospy.logwarn("recovering by '%s' (%d of %d) at %s after %s", name, number + 1, total, where, why)
+        self._recovery_status.publish(RecoveryStatus(pose, number, total, name))

@@ -1,0 +1,69 @@
+"""Sees to it that a server whose navigation hangs neither drives on nor looks alive."""
+
+from __future__ import annotations
+
+import threading
+from typing import Callable
+
+import rospy
+
+from mbf_relay.ros.common.stepper import STEP_PATIENCE, Stepper
+from mbf_relay.ros.server.robot import RosRobot
+
+PERIOD = 0.1
+"""Wall seconds between two looks at the stepper."""
+
+
+class Watchdog:
+    """Stops the robot and ends the goals in pursuit where one step takes longer than a second of the wall clock.
+
+    A thread of its own, which waits for no lock that navigation or a costmap holds. What the step still commands is
+    dropped until the next step begins, and that one starts from nothing (`settle`).
+
+    Args:
+        stepper: The stepping thread.
+        robot: What is stopped.
+        end_goals: Ends, with a text, the goals in pursuit; called from the watchdog's thread.
+    """
+
+    def __init__(self, stepper: Stepper, robot: RosRobot, end_goals: Callable[[str], None]) -> None:
+        self._stepper, self._robot, self._end_goals = stepper, robot, end_goals
+        self._stop = threading.Event()
+        # held while it stops the robot and while a step begins, or a robot let go would be stopped once more, for good;
+        # taken before the locks of robot and actions
+        self._lock = threading.Lock()
+        self.trouble = ""
+
+    def start(self) -> None:
+        """Watch from now on."""
+        threading.Thread(target=self._loop, name="watchdog", daemon=True).start()
+
+    def stop(self) -> None:
+        """Watch no longer."""
+        self._stop.set()
+
+    def is_alive(self) -> bool:
+        """Return whether navigation is stepped; whoever tells others that it is asks here."""
+        return self._stepper.step_time <= STEP_PATIENCE
+
+    def settle(self) -> str:
+        """Let the robot drive again, at the beginning of a step; returns what was wrong with the last one, or empty."""
+        with self._lock:
+            trouble, self.trouble = self.trouble, ""
+            if trouble:
+                self._robot.release()
+            return trouble
+
+    def _loop(self) -> None:
+        while not self._stop.wait(PERIOD):
+            with self._lock:
+                if not self.is_alive():
+                    self._bark()
+
+    def _bark(self) -> None:
+        if not self.trouble:
+            self.trouble = f"navigation hangs: a step has taken more than {STEP_PATIENCE:g} s; the robot was stopped"
+            rospy.logerr("%s", self.trouble)
+        self._robot.block()
+        self._end_goals(self.trouble)
+        self._stepper.wake()  # a next step, in which everything begins anew, shall follow at once

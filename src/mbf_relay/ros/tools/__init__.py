@@ -1,0 +1,1 @@
+"""The demo, the clients, and what records and reports drives."""

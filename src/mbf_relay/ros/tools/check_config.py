@@ -1,0 +1,116 @@
+"""The check command: what becomes of somebody's launch file or parameter files, told without a robot or a master."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any, Dict, List, Mapping, Optional, Sequence, TextIO
+
+from mbf_relay.navigation import examination as exam
+from mbf_relay.navigation.examination import Examination, Finding
+from mbf_relay.ros.tools.parameter_source import LaunchedNode, ParameterSource, read_launch, read_yaml
+
+TROUBLE = (exam.REFUSED, exam.DOUBTFUL)
+"""What makes the exit status 1; with --strict, everything but what is used."""
+
+
+def main(arguments: Optional[Sequence[str]] = None, out: TextIO = sys.stdout) -> int:
+    """Run the command; return the exit status: 0, 1 where something needs a human, 2 where nothing could be read."""
+    options = _parse(sys.argv[1:] if arguments is None else arguments)
+    try:
+        nodes = _nodes(options)
+    except (ValueError, OSError) as error:
+        print(f"check_config.py: {error}", file=sys.stderr)
+        return 2
+    if not nodes:
+        print("check_config.py: no node of type move_base, move_base_flex or mbf_costmap_nav is launched there",
+              file=sys.stderr)
+        return 2
+    worst = 0
+    for node in nodes:
+        found = examine(node)
+        tell(node, found, out, options.quiet)
+        bad = [f for f in found.findings if f.kind in TROUBLE or (options.strict and f.kind != exam.USED)]
+        worst = max(worst, 1 if bad else 0)
+    return worst
+
+
+def examine(node: LaunchedNode) -> Examination:
+    """Return the examination of a node's parameters, with what its files themselves give cause for."""
+    values = node.source.values
+    is_move_base = node.type == "move_base"
+    found = exam.examine_move_base(values) if is_move_base else exam.examine_server(values)
+    found.findings[:0] = [Finding(exam.DOUBTFUL, name, text) for name, text in node.source.trouble]
+    return found
+
+
+def tell(node: LaunchedNode, found: Examination, out: TextIO, quiet: bool) -> None:
+    """Print what was found, a line each, those in one file in the order of its lines.
+
+    Args:
+        node: Whose.
+        found: That.
+        out: Where to.
+        quiet: Leave out what is used as it stands.
+    """
+    print(f"{node.name} ({node.type})", file=out)
+    for kind in exam.KINDS:
+        if quiet and kind == exam.USED:
+            continue
+        for finding in found.of(kind):
+            place = node.source.place(finding.name)
+            name = f"{finding.name}: " if finding.name and "parameter " not in finding.text else ""
+            print(f"  {kind}: {name}{finding.text}{f'  [{place}]' if place else ''}", file=out)
+    counts = ", ".join(f"{len(found.of(kind))} {kind}" for kind in exam.KINDS if found.of(kind))
+    print(f"  {counts or 'nothing to say'}", file=out)
+
+
+def _nodes(options: argparse.Namespace) -> List[LaunchedNode]:
+    launch = [name for name in options.files if name.endswith((".launch", ".xml"))]
+    if launch:
+        nodes: List[LaunchedNode] = []
+        for name in launch:
+            nodes += read_launch(name, dict(_pair(text) for text in options.arg))
+        return nodes
+    source = ParameterSource()
+    for name in options.files:
+        path, _, namespace = name.partition("@")
+        read_yaml(path, namespace, source)
+    if not source.values:
+        raise ValueError("the files hold no parameters")
+    return [LaunchedNode("the files", _type_of(source.values, options.node), source)]
+
+
+def _type_of(values: Mapping[str, Any], wanted: str) -> str:
+    if wanted:
+        return wanted
+    lists: Dict[str, Any] = {name: values[name] for name in ("planners", "controllers") if name in values}
+    return "move_base_flex" if lists else "move_base"
+
+
+def _pair(text: str) -> List[str]:
+    name, equals, value = text.partition(":=")
+    if not equals:
+        raise ValueError(f"'{text}' is no argument of a launch file; it must have the form name:=value")
+    return [name, value]
+
+
+def _parse(arguments: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="check_config.py",
+        description="Tell what of a launch file or of parameter files is used, changed, stood in for and ignored.",
+    )
+    parser.add_argument(
+        "files", nargs="+", metavar="FILE",
+        help="launch files, or YAML files in the order they are loaded; FILE@NS for one loaded with ns=NS",
+    )
+    parser.add_argument(
+        "--arg", action="append", default=[], metavar="NAME:=VALUE", help="an argument of the launch file"
+    )
+    parser.add_argument(
+        "--node", default="", choices=("", "move_base", "move_base_flex"),
+        help="what reads the YAML files; told by the plugin lists in them where not given",
+    )
+    parser.add_argument("--strict", action="store_true", help="exit status 1 also for what is changed or ignored")
+    parser.add_argument("--quiet", action="store_true", help="leave out what is used as it stands")
+    return parser.parse_args(arguments)

@@ -1,0 +1,219 @@
+"""The tutorials' clients: drive somewhere, say how it went, exit with 0 only if the robot got there, 130 on a signal.
+
+mb_relay_client.py   the circle, through move_base's action, or its goal topic where there is no action
+movebase_client.py   one goal through move_base's action
+mbf_goal_client.py   the circle through Move Base Flex's move_base
+mbf_path_client.py   the circle through Move Base Flex's get_path and exe_path
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from typing import Any, Callable, List, NoReturn, Optional, Sequence
+
+import rospy
+from actionlib_msgs.msg import GoalStatus
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from mbf_msgs import msg as mbf_msgs
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+
+from mbf_relay.ros.common.action_client import ActionClient
+from mbf_relay.ros.common.client_goals import ActionEnding
+from mbf_relay.ros.common.conversions import quaternion_from_yaw
+from mbf_relay.ros.common.node import on_shutdown
+from mbf_relay.ros.common.outcome_codes import name_of
+from mbf_relay.simulation.arena import CIRCLE
+
+CLOCK_SKEW = 0.5
+"""How far (s) this program's simulated clock may be ahead of the relay's."""
+
+Drive = Callable[[PoseStamped], bool]
+"""Drives to a pose and tells whether the robot got there."""
+
+
+def mb_relay_client() -> None:
+    """Drive the tutorial's circle through move_base."""
+    options = parse(circle_arguments(mb_relay_client.__doc__, "move_base", via=True))
+    rospy.init_node("mb_relay_client", anonymous=True, disable_signals=True)
+    drive_circle(move_base_drive(options), options)
+
+
+def mbf_goal_client() -> None:
+    """Drive the tutorial's circle through Move Base Flex's move_base action."""
+    options = parse(circle_arguments(mbf_goal_client.__doc__, "move_base_flex"))
+    rospy.init_node("mbf_goal_client", anonymous=True, disable_signals=True)
+    client = connect(f"{options.server}/move_base", mbf_msgs.MoveBaseAction, options.timeout)
+    drive_circle(lambda pose: succeeded(run(client, mbf_msgs.MoveBaseGoal(target_pose=pose))), options)
+
+
+def mbf_path_client() -> None:
+    """Drive the tutorial's circle through Move Base Flex: ask for each path, then have it followed."""
+    options = parse(circle_arguments(mbf_path_client.__doc__, "move_base_flex"))
+    rospy.init_node("mbf_path_client", anonymous=True, disable_signals=True)
+    get_path = connect(f"{options.server}/get_path", mbf_msgs.GetPathAction, options.timeout)
+    exe_path = connect(f"{options.server}/exe_path", mbf_msgs.ExePathAction, options.timeout)
+
+    def drive(pose: PoseStamped) -> bool:
+        planned = run(get_path, mbf_msgs.GetPathGoal(use_start_pose=False, target_pose=pose, tolerance=0.2))
+        if not succeeded(planned):
+            return False
+        path = planned.result.path  # type: ignore[union-attr] # succeeded
+        return succeeded(run(exe_path, mbf_msgs.ExePathGoal(path=path)))
+
+    drive_circle(drive, options)
+
+
+def movebase_client() -> None:
+    """Send one goal to move_base and wait until the robot is there."""
+    arguments = argparse.ArgumentParser(description=movebase_client.__doc__)
+    arguments.add_argument("x", type=finite, nargs="?", default=0.5, help="metres in `map`, default %(default)s")
+    arguments.add_argument("y", type=finite, nargs="?", default=0.0, help="metres in `map`, default %(default)s")
+    arguments.add_argument("yaw", type=finite, nargs="?", default=0.0, help="radians, default %(default)s")
+    common_arguments(arguments, "move_base")
+    options = parse(arguments)
+    rospy.init_node("movebase_client", anonymous=True, disable_signals=True)
+    client = connect(options.server, MoveBaseAction, options.timeout)
+    reached = succeeded(run(client, MoveBaseGoal(pose_in_map(options.x, options.y, quaternion_from_yaw(options.yaw)))))
+    rospy.loginfo("Goal execution done!" if reached else "The goal was not reached.")
+    sys.exit(0 if reached else 1)
+
+
+def drive_circle(drive: Drive, options: argparse.Namespace) -> None:
+    """Visit the circle's goals in order, say how it went, and exit."""
+    goals = CIRCLE * options.laps
+    result = True
+    for number, (x, y, z, w) in enumerate(goals, 1):
+        rospy.loginfo("goal %d of %d: (%.2f, %.2f)", number, len(goals), x, y)
+        result = drive(pose_in_map(x, y, Quaternion(0.0, 0.0, z, w)))
+        if not result:
+            break
+    print(f"Drove circle with result: {result}", flush=True)
+    sys.exit(0 if result else 1)
+
+
+def move_base_drive(options: argparse.Namespace) -> Drive:
+    """Return how to drive by move_base: by its action where it has one, else by its goal topic."""
+    client = ActionClient(options.server, MoveBaseAction)
+    on_shutdown(client.cancel_all)
+    topic = GoalTopic(options.server)
+    deadline, topic_since = time.monotonic() + options.timeout, None
+    while not rospy.is_shutdown() and time.monotonic() < deadline:
+        client.check()
+        if options.via != "topic" and client.server_is_up:
+            return lambda pose: succeeded(run(client, MoveBaseGoal(pose)))
+        topic_since = (topic_since or time.monotonic()) if topic.is_connected else None
+        if topic_since and (options.via == "topic" or options.via == "auto" and time.monotonic() - topic_since > 2.0):
+            return topic.drive
+        time.sleep(0.05)
+    return give_up(f"no {options.server} within {options.timeout:g} s; is a relay running?")
+
+
+class GoalTopic:
+    """Drives by move_base_simple/goal, and learns from the relay's ~navigation_outcome how it went."""
+
+    def __init__(self, server: str) -> None:
+        self._goals = rospy.Publisher("move_base_simple/goal", PoseStamped, queue_size=1)
+        self._outcomes: List[mbf_msgs.MoveBaseActionResult] = []
+        self._subscriber = rospy.Subscriber(
+            f"{server}/navigation_outcome", mbf_msgs.MoveBaseActionResult, self._outcomes.append, tcp_nodelay=True)
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether somebody takes goals and tells outcomes."""
+        return bool(self._goals.get_num_connections() and self._subscriber.get_num_connections())
+
+    def drive(self, pose: PoseStamped) -> bool:
+        """Send a pose; wait for the outcome of a goal at least as new."""
+        pose.header.stamp = rospy.get_rostime()
+        newer_than = pose.header.stamp.to_sec() - CLOCK_SKEW
+        self._outcomes.clear()
+        self._goals.publish(pose)
+        while not rospy.is_shutdown():
+            for outcome in list(self._outcomes):
+                if outcome.status.goal_id.stamp.to_sec() > newer_than:
+                    return succeeded(ActionEnding(outcome.status.status, outcome.status.text, outcome.result))
+            if not self.is_connected:
+                give_up("the relay is gone")
+            time.sleep(0.05)
+        sys.exit(130)
+
+
+def connect(name: str, action_type: Any, timeout: float) -> ActionClient:
+    """Return a client whose server is there, or end the program."""
+    client = ActionClient(name, action_type)
+    on_shutdown(client.cancel_all)
+    if not client.wait_for_server(timeout):
+        give_up(f"no action server {client.name} within {timeout:g} s; is it running?")
+    return client
+
+
+def run(client: ActionClient, goal: Any) -> ActionEnding:
+    """Send a goal and wait for its end, or for the program's."""
+    ending = client.send(goal).wait()
+    if ending is None:
+        sys.exit(130)
+    return ending
+
+
+def succeeded(ending: ActionEnding) -> bool:
+    """Return whether a goal ended well, and say why where it did not.
+
+    Move Base Flex gives its outcome beside the state; both must say so.
+    """
+    outcome = getattr(ending.result, "outcome", 0)
+    if ending.status == GoalStatus.SUCCEEDED and outcome == 0:
+        return True
+    name = f", {name_of(outcome, type(ending.result))}" if outcome else ""
+    message = getattr(ending.result, "message", "")
+    rospy.logerr("%s%s: %s %s", name_of(ending.status, GoalStatus), name, ending.text, message)
+    return False
+
+
+def pose_in_map(x: float, y: float, orientation: Quaternion) -> PoseStamped:
+    """Return a pose in `map`, stamped now."""
+    pose = PoseStamped(pose=Pose(Point(x, y, 0.0), orientation))
+    pose.header.frame_id, pose.header.stamp = "map", rospy.get_rostime()
+    return pose
+
+
+def circle_arguments(description: Optional[str], server: str, via: bool = False) -> argparse.ArgumentParser:
+    """Return the arguments of the clients that drive the circle."""
+    arguments = argparse.ArgumentParser(description=description)
+    arguments.add_argument("--laps", type=int, default=1, help="rounds to drive, default %(default)s")
+    if via:
+        arguments.add_argument("--via", choices=("auto", "action", "topic"), default="auto",
+                               help="how to send goals, default: the action where there is one")
+    common_arguments(arguments, server)
+    return arguments
+
+
+def common_arguments(arguments: argparse.ArgumentParser, server: str) -> None:
+    """Add what every client takes."""
+    arguments.add_argument("--server", default=server, help="name of the node to ask, default %(default)s")
+    arguments.add_argument("--timeout", type=finite, default=60.0,
+                           help="seconds to wait for it to appear, default %(default)s")
+
+
+def parse(arguments: argparse.ArgumentParser, argv: Optional[Sequence[str]] = None) -> argparse.Namespace:
+    """Return the options, without roslaunch's own arguments."""
+    options = arguments.parse_args(rospy.myargv(argv if argv is not None else sys.argv)[1:])
+    if getattr(options, "laps", 1) < 1:
+        arguments.error(f"--laps is {options.laps}; it must be at least 1")
+    return options
+
+
+def finite(text: str) -> float:
+    """Return a finite number."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not finite")
+    return value
+
+
+def give_up(text: str) -> NoReturn:
+    """Say what is wrong and end the program with 1."""
+    rospy.logfatal("%s", text)
+    sys.exit(1)

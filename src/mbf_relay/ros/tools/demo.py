@@ -1,0 +1,268 @@
+"""The demo: the tutorial's circle, driven in the simulated arena through the relay, with a report of it.
+
+Exits 0 only if every goal was reached without a contact, 130 when interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import math
+import os
+import platform
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import webbrowser
+from typing import Any, Dict, List, Optional, Sequence
+
+from defusedxml import ElementTree
+
+from mbf_relay.report.drive import Drive
+from mbf_relay.report.terminal import Terminal
+from mbf_relay.ros.tools.demo_graph import ENDING_SIGNALS, DemoGraph, GraphError, free_port, last_complaints
+
+GOALS_PER_LAP = 8
+START_PATIENCE = 60.0
+PROGRESS_PERIOD = 0.2
+NODES = ("simulator", "map_server", "amcl", "move_base_flex", "move_base")
+
+
+def main(arguments: Optional[Sequence[str]] = None) -> int:
+    """Drive as the command line says and return the exit status."""
+    options = parse(arguments)
+    for number in ENDING_SIGNALS:
+        signal.signal(number, _interrupt)
+    try:
+        drive = run(options)
+    except KeyboardInterrupt:
+        print("\ninterrupted; everything the demo started has ended", file=sys.stderr)
+        return 130
+    except (GraphError, OSError) as error:
+        print(f"\n{error}", file=sys.stderr)
+        return 1
+    return 0 if drive.summary()["success"] else 1
+
+
+def parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:
+    """Return the options, checked."""
+    parser = argparse.ArgumentParser(prog="demo", description="Drive the tutorial's circle in the simulated arena.")
+    parser.add_argument("--laps", type=int, default=1, metavar="N", help="rounds to drive (default: %(default)s)")
+    parser.add_argument(
+        "--speed", type=float, default=1.0, metavar="F", help="simulated seconds per second (default: 1)"
+    )
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all chance (default: %(default)s)")
+    parser.add_argument(
+        "--rviz", dest="rviz", action="store_true", default=None, help="open RViz (default: where there is a display)"
+    )
+    parser.add_argument("--no-rviz", dest="rviz", action="store_false", help="do not open RViz")
+    parser.add_argument("--web", action="store_true", help="show it in a browser instead of RViz, and take goals there")
+    parser.add_argument(
+        "--relay", choices=("server", "subscriber", "both"), default="both",
+        help="which relay takes the goals: the action, the topic, or one with both (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--report", default="demo_report", metavar="DIR",
+        help="where report.json, report.png, report.html and the logs go (default: %(default)s)",
+    )
+    options = parser.parse_args(arguments)
+    if options.laps < 1:
+        parser.error(f"--laps is {options.laps}; it must be at least 1")
+    if not (math.isfinite(options.speed) and options.speed > 0.0):
+        parser.error(f"--speed is {options.speed}; it must be above 0")
+    if options.seed < 0:
+        parser.error(f"--seed is {options.seed}; it must not be below 0")
+    if options.rviz and not has_display():
+        parser.error("--rviz needs a display, and neither DISPLAY nor WAYLAND_DISPLAY is set")
+    if options.rviz is None:
+        options.rviz = has_display() and not options.web
+    return options
+
+
+def run(options: argparse.Namespace) -> Drive:
+    """Start the graph, drive, report, and end the graph.
+
+    Raises:
+        GraphError: The nodes did not come up, or ended on the way.
+        KeyboardInterrupt: Ctrl-C, or a request to terminate.
+    """
+    folder = os.path.abspath(options.report)
+    logs = os.path.join(folder, "log")
+    if os.path.exists(logs) and not os.path.isdir(logs):
+        raise GraphError(f"{logs} is a file, and the logs go into a folder of that name; give another --report")
+    print(
+        f"starting simulator, localization, navigation and relay (seed {options.seed}, {options.speed:g} x real time)",
+        flush=True,
+    )
+    launch = [
+        "mbf_relay", "demo.launch", f"relay:={options.relay}", f"real_time_factor:={options.speed}",
+        f"seed:={options.seed}", f"rviz:={str(options.rviz).lower()}", f"web:={str(options.web).lower()}",
+    ]
+    if options.web:
+        port = free_port()
+        launch.append(f"web_port:={port}")
+    with DemoGraph(launch, logs) as graph:
+        graph.wait_for_parameter("/use_sim_time", START_PATIENCE)
+        if options.web:
+            show_in_browser(graph, port, START_PATIENCE)
+        drive = watch(graph, options, logs)
+        print("writing the report", flush=True)
+        from mbf_relay.ros.tools.drive_report import write_report
+
+        paths = write_report(drive, folder)
+    for path in paths:
+        print(path)
+    return drive
+
+
+def show_in_browser(graph: DemoGraph, port: int, timeout: float) -> None:
+    """Tell the page's address and, where there is a display, open it.
+
+    Args:
+        graph: The demo's processes.
+        port: Where the node web_view listens.
+        timeout: Wall seconds it may take to come up.
+
+    Raises:
+        GraphError: It does not.
+    """
+    deadline = time.monotonic() + timeout
+    while True:
+        graph.check()
+        try:
+            socket.create_connection(("127.0.0.1", port), 1.0).close()
+            break
+        except OSError as error:
+            if time.monotonic() > deadline:
+                raise GraphError(f"web_view did not come up within {timeout:.0f} s") from error
+            time.sleep(PROGRESS_PERIOD)
+    address = f"http://127.0.0.1:{port}/"
+    print(f"see it at {address}", flush=True)
+    if has_display():
+        webbrowser.open(address)
+
+
+def has_display() -> bool:
+    """Return whether there is a screen to open windows on."""
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def watch(graph: DemoGraph, options: argparse.Namespace, logs: str) -> Drive:
+    """Start the client, show its progress until it ends, and return the drive."""
+    os.environ.update(graph.environment)
+    import rospy
+
+    from mbf_relay.ros.tools.drive_recorder import DriveRecorder
+
+    rospy.init_node("demo", disable_signals=True)
+    planners = rospy.get_param("/move_base_flex/planners", [])
+    recorder = DriveRecorder([f"move_base_flex/{planner['name']}/plan" for planner in planners])
+    terminal = Terminal(sys.stdout, GOALS_PER_LAP * options.laps, os.environ)
+    log = os.path.join(logs, "client.log")
+    wait_for_server(graph, START_PATIENCE)
+    client = graph.start(["rosrun", "mbf_relay", "mb_relay_client.py", "--laps", str(options.laps)], log)
+    started = time.monotonic()
+    ended = 0
+    while client.poll() is None:
+        graph.check()
+        ended = show(recorder, terminal, ended, rospy.get_time())
+        time.sleep(PROGRESS_PERIOD)
+    wall_time = time.monotonic() - started
+    settle(recorder, client, wall_time)
+    show(recorder, terminal, ended, rospy.get_time())
+    say_last_word(terminal, client, log, os.path.join(logs, "roslaunch.log"))
+    drive = recorder.drive()
+    drive.wall_time, drive.seed, drive.goals_asked = wall_time, options.seed, GOALS_PER_LAP * options.laps
+    drive.parameters = {node: rospy.get_param(f"/{node}", {}) for node in NODES}
+    drive.versions = versions()
+    terminal.table(drive)
+    recorder.close()
+    rospy.signal_shutdown("the drive is over")
+    return drive
+
+
+def wait_for_server(graph: DemoGraph, timeout: float) -> None:
+    """Return once goals are carried out, so that the first one's time is that of a drive and not of a start.
+
+    Raises:
+        GraphError: That takes more than `timeout` wall seconds, or a node ended.
+    """
+    from mbf_msgs.msg import MoveBaseAction
+
+    from mbf_relay.ros.common.action_client import ActionClient
+
+    server = ActionClient("move_base_flex/move_base", MoveBaseAction)
+    deadline = time.monotonic() + timeout
+    try:
+        while not server.wait_for_server(PROGRESS_PERIOD):
+            graph.check()
+            if time.monotonic() > deadline:
+                raise GraphError(f"{server.name} did not come up within {timeout:.0f} s")
+    finally:
+        server.close()
+
+
+def show(recorder: Any, terminal: Terminal, ended: int, now: float) -> int:
+    """Show goals that ended beyond the first `ended`, and where the running one stands; return how many ended."""
+    goals = recorder.goals()
+    for number, goal in enumerate(goals[ended:], ended + 1):
+        if goal.ended is None:
+            terminal.progress(number, recorder.distance_left, recorder.speed, now - goal.started, len(goal.recoveries))
+            break
+        terminal.ended(number, goal)
+        ended = number
+    return ended
+
+
+def settle(recorder: Any, client: subprocess.Popen, patience: float) -> None:
+    """Wait a moment for the last goal's result, which reaches the client and the recorder each in its time."""
+    deadline = time.monotonic() + min(2.0, patience)
+    while client.returncode == 0 and time.monotonic() < deadline:
+        goals = recorder.goals()
+        if goals and goals[-1].ended is not None:
+            return
+        time.sleep(0.02)
+
+
+def say_last_word(terminal: Terminal, client: subprocess.Popen, log: str, nodes_log: str) -> None:
+    """Pass on the client's verdict, and where it is no good one, why: its own warnings and the relay's reasons."""
+    with open(log, encoding="utf-8", errors="replace") as stream:
+        verdicts = [line.strip() for line in stream if line.startswith("Drove circle")]
+    for line in verdicts:
+        terminal.line(line)
+    if client.returncode != 0:
+        terminal.line(f"the client ended with status {client.returncode}:\n{last_complaints(log)}")
+        for reason in reasons_of_aborts(nodes_log):
+            terminal.line(f"the reason: {reason}")
+
+
+def reasons_of_aborts(log: str) -> List[str]:
+    """Return what the relay said, in a log of the nodes, of goals it aborted; move_base's status texts leave that out.
+    """
+    with open(log, encoding="utf-8", errors="replace") as stream:
+        return re.findall(r"\bgoal \S+ aborted: ([^\x1b\n]+)", stream.read())
+
+
+def versions() -> Dict[str, str]:
+    """Return what drove: names and versions."""
+    import rospkg
+
+    found = {"python": platform.python_version(), "ROS": os.environ.get("ROS_DISTRO", "unknown")}
+    for name in ("numpy", "numba", "cv2", "scipy", "matplotlib"):
+        found[name] = str(getattr(importlib.import_module(name), "__version__", "unknown"))
+    packages = rospkg.RosPack()
+    for name in ("mbf_relay", "mbf_msgs", "rospy", "actionlib"):
+        try:
+            manifest = os.path.join(packages.get_path(name), "package.xml")
+            found[name] = ElementTree.parse(manifest).findtext("version", "unknown").strip()
+        except (rospkg.ResourceNotFound, OSError, ElementTree.ParseError):
+            found[name] = "unknown"
+    return found
+
+
+def _interrupt(_number: int, _frame: Any) -> None:
+    raise KeyboardInterrupt
+

@@ -1,0 +1,163 @@
+"""Messages of a running graph, or of a bag, to the events of a drive: one table serves both."""
+
+from __future__ import annotations
+
+import contextlib
+from functools import partial
+from typing import Any, Callable, Dict, List, Optional, Tuple
+
+import numpy as np
+import rospy
+import tf2_ros
+from actionlib_msgs.msg import GoalStatus
+from geometry_msgs.msg import TransformStamped
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.report.drive import Drive, GoalRecord
+from mbf_relay.report.drive_log import DriveLog
+from mbf_relay.ros.common import conversions
+from mbf_relay.ros.common.bags import open_bag, read_messages, sound_transforms
+from mbf_relay.ros.common.checks import InvalidMessage
+
+STATES: Dict[int, str] = {
+    value: name for name, value in vars(GoalStatus).items() if name.isupper() and value in range(10)
+}
+GOAL_ACTIONS = ("move_base", "move_base_flex/move_base", "move_base_flex/exe_path")
+"""Actions that drive. A relayed goal shows in two of them, so the one that saw most tells the goals:
+a client's first goal can be gone before a recorder has connected to it."""
+SCAN_PERIOD = 0.5
+
+
+class DriveEvents:
+    """Turns messages into the events of a drive; `handle` takes them in their order, from one thread at a time."""
+
+    def __init__(self, map_frame: str = "map", odom_frame: str = "odom", base_frame: str = "base_footprint") -> None:
+        self.frames = (map_frame, odom_frame, base_frame)
+        self._log = DriveLog()
+        self._goal_logs = {action: DriveLog() for action in GOAL_ACTIONS}
+        self._buffer = tf2_ros.BufferCore(rospy.Duration(30.0))
+        self._last_scan = -np.inf
+        self.handlers: Dict[str, Callable[[Any, float], None]] = {
+            "map": self._map,
+            "tf": self._tf,
+            "tf_static": self._tf_static,
+            "odom": self._odom,
+            "scan": self._scan,
+            "cmd_vel": self._command,
+            "ground_truth": self._truth,
+            "contacts": self._contacts,
+            "move_base/recovery_status": self._recovery,
+        }
+        for action in GOAL_ACTIONS:
+            self.handlers[f"{action}/goal"] = partial(self._goal, action)
+            self.handlers[f"{action}/result"] = partial(self._result, action)
+
+    def handle(self, topic: str, message: Any, now: float) -> None:
+        """Take one message that came at `now` (s); topics it does not know and messages that mean nothing are left out.
+        """
+        handler = self.handlers.get(topic.lstrip("/"), self._plan if topic.endswith("/plan") else None)
+        if handler is not None:
+            with contextlib.suppress(InvalidMessage):
+                handler(message, now)
+
+    def drive(self) -> Drive:
+        """Return the drive so far."""
+        drive = self._log.drive()
+        drive.goals = self.goals()
+        return drive
+
+    def goals(self) -> List[GoalRecord]:
+        """Return the goals so far."""
+        return max((log.goals for log in self._goal_logs.values()), key=len)
+
+    def _map(self, message: Any, _now: float) -> None:
+        self._log.map = conversions.map_from_message(message)
+
+    def _tf(self, message: Any, now: float, static: bool = False) -> None:
+        map_frame, odom_frame, base_frame = self.frames
+        for stamped in sound_transforms(message.transforms):
+            parent, child = stamped.header.frame_id, stamped.child_frame_id
+            stamp = stamped.header.stamp.to_sec()
+            pose = conversions.transform_from_message(stamped.transform)
+            # Messages out of a bag are of classes made for it, which tf2 warns of; the planar part is all that is used.
+            planar = TransformStamped(conversions.header(parent, stamp), child, conversions.transform_to_message(pose))
+            (self._buffer.set_transform_static if static else self._buffer.set_transform)(planar, "drive")
+            if (parent, child) == (map_frame, odom_frame):
+                # Localization dates its correction ahead; it counts from now on.
+                self._log.add_correction(min(stamp, now), pose)
+            elif (parent, child) == (odom_frame, base_frame):
+                self._log.add_odometry(stamp, pose)
+
+    def _tf_static(self, message: Any, now: float) -> None:
+        self._tf(message, now, static=True)
+
+    def _odom(self, message: Any, _now: float) -> None:
+        self._log.add_velocity(message.header.stamp.to_sec(), conversions.twist_from_message(message.twist.twist))
+
+    def _scan(self, message: Any, now: float) -> None:
+        if now - self._last_scan < SCAN_PERIOD:
+            return
+        map_from_laser = self._lookup(self.frames[0], message.header.frame_id)
+        if map_from_laser is not None:
+            self._last_scan = now
+            scan = conversions.scan_from_message(message)
+            hit = np.isfinite(scan.ranges) & (scan.ranges < scan.range_max)
+            ranges, angles = scan.ranges[hit], scan.angles[hit]
+            points = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles)))
+            self._log.add_seen(map_from_laser.transform_points(points))
+
+    def _command(self, message: Any, now: float) -> None:
+        self._log.add_command(now, conversions.twist_from_message(message))
+
+    def _truth(self, message: Any, _now: float) -> None:
+        self._log.add_truth(message.header.stamp.to_sec(), conversions.pose_from_message(message.pose.pose))
+
+    def _contacts(self, message: Any, now: float) -> None:
+        # The simulator tells contacts as markers, which every system has messages for; `text` names the body.
+        for marker in message.markers:
+            self._log.add_contact(now, marker.pose.position.x, marker.pose.position.y, marker.text)
+
+    def _recovery(self, message: Any, _now: float) -> None:
+        for log in self._goal_logs.values():
+            log.add_recovery(message.recovery_behavior_name)
+
+    def _plan(self, message: Any, now: float) -> None:
+        path = conversions.path_from_message(message)
+        if len(path) and path.frame.lstrip("/") == self.frames[0]:
+            self._log.add_plan(now, path.poses)
+
+    def _goal(self, action: str, message: Any, now: float) -> None:
+        stamped = message.goal.path.poses[-1:] if hasattr(message.goal, "path") else [message.goal.target_pose]
+        for pose_stamped in stamped:
+            pose = conversions.pose_from_message(pose_stamped.pose)
+            frame = pose_stamped.header.frame_id.lstrip("/") or self.frames[0]
+            map_from_frame = Pose2D(0.0, 0.0, 0.0) if frame == self.frames[0] else self._lookup(self.frames[0], frame)
+            if map_from_frame is not None:
+                self._goal_logs[action].start_goal(now, message.goal_id.id, map_from_frame.compose(pose))
+
+    def _result(self, action: str, message: Any, now: float) -> None:
+        state = STATES.get(message.status.status, str(message.status.status))
+        self._goal_logs[action].end_goal(now, message.status.goal_id.id, state, message.status.text)
+
+    def _lookup(self, target: str, source: str) -> Optional[Pose2D]:
+        try:
+            found = self._buffer.lookup_transform_core(target, source.lstrip("/"), rospy.Time(0))
+        except tf2_ros.TransformException:
+            return None
+        return conversions.transform_from_message(found.transform)
+
+
+def read_bag(path: str) -> Tuple[Drive, List[str]]:
+    """Return the drive recorded in a bag and the topics it was made of.
+
+    Raises:
+        OSError, ValueError: The file is missing, or no bag or a broken one.
+    """
+    events = DriveEvents()
+    used = set()
+    with open_bag(path) as bag:
+        for topic, message, stamp in read_messages(bag):
+            if topic.lstrip("/") in events.handlers or topic.endswith("/plan"):
+                used.add(topic)
+                events.handle(topic, message, stamp.to_sec())
+    return events.drive(), sorted(used)

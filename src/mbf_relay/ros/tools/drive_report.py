@@ -1,0 +1,51 @@
+"""The command that makes a report of any bag of a drive."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import sys
+from typing import List, Optional, Sequence
+
+from mbf_relay.report import page, picture
+from mbf_relay.report.drive import Drive
+from mbf_relay.ros.tools.drive_events import read_bag
+
+
+def main(arguments: Optional[Sequence[str]] = None) -> None:
+    """Read a bag and leave report.json, report.png and report.html; exit 1 with one line where that cannot be done."""
+    parser = argparse.ArgumentParser(
+        description="Make a report (report.json, report.png, report.html) of a recorded drive. The bag needs tf; map, "
+        "scan, odom, cmd_vel, plans, ground_truth and the goals and results of move_base or move_base_flex are shown "
+        "where it has them."
+    )
+    parser.add_argument("bag", help="the bag file")
+    parser.add_argument("--out", metavar="DIR", help="folder for the report (default: beside the bag)")
+    options = parser.parse_args(arguments)
+    try:
+        drive, topics = read_bag(options.bag)
+    except (OSError, ValueError) as error:
+        sys.exit(f"{options.bag} cannot be read: {error}")
+    if not len(drive.path):
+        sys.exit(
+            f"{options.bag} shows no drive: it needs /tf with map -> odom and odom -> base_footprint, or ground_truth; "
+            f"found {', '.join(topics) or 'nothing known'}"
+        )
+    drive.versions = {"python": platform.python_version(), "bag": os.path.basename(options.bag)}
+    folder = options.out or os.path.dirname(os.path.abspath(options.bag))
+    for path in write_report(drive, folder):
+        print(path)
+
+
+def write_report(drive: Drive, folder: str) -> List[str]:
+    """Write the three files of a report into a folder, made where it is missing, and return their paths."""
+    os.makedirs(folder, exist_ok=True)
+    paths = [os.path.join(folder, f"report.{ending}") for ending in ("json", "png", "html")]
+    with open(paths[0], "w", encoding="utf-8") as stream:
+        json.dump(drive.summary(), stream, indent=2)
+        stream.write("\n")
+    picture.draw(drive, paths[1])
+    page.write(drive, paths[2])
+    return paths

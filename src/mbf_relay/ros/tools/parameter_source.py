@@ -1,0 +1,264 @@
+"""Parameters out of YAML and launch files, each with the place it was read from."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass, field
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple
+from xml.etree.ElementTree import Element
+
+import yaml
+
+from mbf_relay import files
+
+TYPES = {"move_base": "move_base", "mbf_costmap_nav": "move_base_flex", "move_base_flex": "move_base_flex"}
+"""Executables of the servers, each with the one here that takes its place."""
+DEEPEST_INCLUDE = 20
+CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f]")
+
+
+@dataclass
+class ParameterSource:
+    """What stands under a node, and where each value was read.
+
+    Attributes:
+        values: Nested as in the files.
+        places: "FILE:LINE" by the parameter's name, its parts joined by slashes.
+        trouble: What the files give cause for: name and text each.
+    """
+
+    values: Dict[str, Any] = field(default_factory=dict)
+    places: Dict[str, str] = field(default_factory=dict)
+    trouble: List[Tuple[str, str]] = field(default_factory=list)
+
+    def put(self, name: str, value: Any, place: str) -> None:
+        """Set a value, as the parameter server does: groups are merged, all else is replaced."""
+        *groups, last = [part for part in name.split("/") if part]
+        here = self.values
+        for group in groups:
+            there = here.setdefault(group, {})
+            if not isinstance(there, dict):
+                there = here[group] = {}
+            here = there
+        here[last] = value
+        self.places["/".join([*groups, last])] = place
+
+    def place(self, name: str) -> str:
+        """Return where a parameter was read; where it has no place of its own, that of the group it is in."""
+        while name:
+            if name in self.places:
+                return self.places[name]
+            below = [place for known, place in self.places.items() if known.startswith(name + "/")]
+            if below:
+                return below[0]
+            name = name.rpartition("/")[0]
+        return ""
+
+
+class LaunchedNode(NamedTuple):
+    """A node that is launched: its name, its type here, and its parameters."""
+
+    name: str
+    type: str
+    source: ParameterSource
+
+
+def read_yaml(
+    path: str, namespace: str, source: ParameterSource, substitute: Optional[Callable[[str], str]] = None
+) -> None:
+    """Add a YAML file's values to a source, with their lines.
+
+    Args:
+        path: The file.
+        namespace: Below the node; empty for its own.
+        source: Takes them.
+        substitute: Of $(…) in the text.
+
+    Raises:
+        ValueError: It is no YAML, or holds no group; the text names file and line.
+        OSError: It cannot be read.
+    """
+    text = files.read_text(path)
+    add_yaml(substitute(text) if substitute else text, path, namespace, source)
+
+
+def add_yaml(text: str, path: str, namespace: str, source: ParameterSource) -> None:
+    """Add the values of a YAML text to a source; arguments and errors as for `read_yaml`."""
+    for number, line in enumerate(text.splitlines(), 1):
+        if "\t" in line[: len(line) - len(line.lstrip())]:
+            raise ValueError(f"{path}:{number}: the line begins with a tab; YAML is indented with blanks")
+    loader = yaml.SafeLoader(CONTROL.sub(" ", text))
+    try:
+        root = loader.get_single_node()
+        if root is None:
+            return
+        values = files.parse_yaml(text)  # within its bounds
+        if not isinstance(values, Mapping):
+            raise ValueError(f"{path}:{root.start_mark.line + 1}: it holds {values!r} and no names")
+        _add(root, loader, namespace, path, source)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f":{mark.line + 1}" if mark is not None else ""
+        raise ValueError(f"{path}{line}: {getattr(error, 'problem', None) or error}") from error
+    finally:
+        loader.dispose()
+
+
+def _add(node: Any, loader: Any, namespace: str, path: str, source: ParameterSource) -> None:
+    """Add what stands in a mapping, group by group.
+
+    Args:
+        node: The mapping.
+        loader: Makes values of what is in it.
+        namespace: Of the mapping.
+        path: Of the file.
+        source: Takes the values.
+    """
+    seen: Dict[str, int] = {}
+    loader.flatten_mapping(node)
+    for key, value in node.value:
+        name = str(loader.construct_object(key, deep=True)).strip("/")
+        full, line = f"{namespace}/{name}".strip("/"), key.start_mark.line + 1
+        if name in seen:
+            text = f"stands twice, in lines {seen[name]} and {line}; the last one holds"
+            source.trouble.append((full, text))
+        seen[name] = line
+        if isinstance(value, yaml.MappingNode) and value.value:
+            _add(value, loader, full, path, source)
+        else:
+            source.put(full, loader.construct_object(value, deep=True), f"{path}:{line}")
+
+
+def read_launch(path: str, given: Mapping[str, str]) -> List[LaunchedNode]:
+    """Return the servers that a launch file launches, its includes' among them.
+
+    Args:
+        path: The file.
+        given: Arguments by name.
+
+    Raises:
+        ValueError: It cannot be understood; the text names the file.
+        OSError: It or a file it names cannot be read.
+    """
+    return _LaunchReader(path, dict(given), 0, {}).nodes
+
+
+class _LaunchReader:
+    """Reads one launch file, as roslaunch does, as far as parameters of servers go."""
+
+    def __init__(self, path: str, arguments: Dict[str, str], depth: int, above: Dict[str, ParameterSource]) -> None:
+        """Read it.
+
+        Args:
+            path: The file.
+            arguments: Given from outside; defaults in the file come second.
+            depth: Of includes.
+            above: What was loaded for a node from outside of it, by the node's name.
+        """
+        if depth > DEEPEST_INCLUDE:
+            raise ValueError(f"{path}: includes are nested deeper than {DEEPEST_INCLUDE}")
+        self._path, self._arguments, self._depth, self._above = path, arguments, depth, above
+        self.nodes: List[LaunchedNode] = []
+        self._walk(files.read_xml(path), "")
+
+    def _walk(self, parent: Element, namespace: str) -> None:
+        for element in parent:
+            if not isinstance(element.tag, str) or not self._applies(element):
+                continue
+            inner = self._text(element, "ns")
+            if element.tag == "arg":
+                self._take_argument(element)
+            elif element.tag == "group":
+                self._walk(element, f"{namespace}/{inner}".strip("/"))
+            elif element.tag == "include":
+                self._include(element)
+            elif element.tag in ("param", "rosparam"):
+                self._take_outside(element, namespace)
+            elif element.tag == "node" and self._text(element, "type") in TYPES:
+                self._take_node(element)
+
+    def _take_node(self, element: Element) -> None:
+        name = self._text(element, "name")
+        source = self._above.get(name, ParameterSource())
+        for child in element:
+            if isinstance(child.tag, str) and self._applies(child):
+                self._take_values(child, source, self._text(child, "ns"))
+        self.nodes.append(LaunchedNode(name, TYPES[self._text(element, "type")], source))
+
+    def _take_outside(self, element: Element, namespace: str) -> None:
+        """Take parameters set outside of the node they are for, by their full names."""
+        full = f"{namespace}/{self._text(element, 'ns')}/{self._text(element, 'name')}"
+        parts = [part for part in full.split("/") if part]
+        if len(parts) > 1 or (element.tag == "rosparam" and parts):
+            self._take_values(element, self._above.setdefault(parts[0], ParameterSource()), "/".join(parts[1:]), True)
+
+    def _take_values(
+        self, element: Element, source: ParameterSource, namespace: str, named: bool = False
+    ) -> None:
+        """Add what a <param> or <rosparam> says.
+
+        Args:
+            element: That.
+            source: Takes it.
+            namespace: Below the node.
+            named: Whether `namespace` holds a <param>'s name already.
+        """
+        if element.tag == "param" and element.get("value") is not None:
+            name = namespace if named else f"{namespace}/{self._text(element, 'name')}"
+            text = self._text(element, "value")
+            source.put(name, text if element.get("type") in ("str", "string") else _typed(text), self._path)
+        elif element.tag == "rosparam" and element.get("command", "load") == "load":
+            target = f"{namespace}/{self._text(element, 'param')}".strip("/")
+            if element.get("file"):
+                substitute = self._substituted if element.get("subst_value", "").lower() == "true" else None
+                read_yaml(self._text(element, "file"), target, source, substitute)
+            elif element.text and element.get("param"):
+                source.put(target, _typed(element.text), self._path)
+            elif element.text:
+                add_yaml(element.text, self._path, target, source)
+
+    def _take_argument(self, element: Element) -> None:
+        name = self._text(element, "name")
+        if element.get("value") is not None:
+            self._arguments[name] = self._text(element, "value")
+        elif name not in self._arguments and element.get("default") is not None:
+            self._arguments[name] = self._text(element, "default")
+
+    def _include(self, element: Element) -> None:
+        passed = dict(self._arguments) if element.get("pass_all_args", "").lower() == "true" else {}
+        for child in element:
+            if child.tag == "arg" and self._applies(child):
+                passed[self._text(child, "name")] = self._text(child, "value") or self._text(child, "default")
+        path = self._text(element, "file")
+        if not os.path.isfile(path):
+            return  # another package's, of a robot that is not here
+        self.nodes += _LaunchReader(path, passed, self._depth + 1, self._above).nodes
+
+    def _applies(self, element: Element) -> bool:
+        wanted, unwanted = element.get("if"), element.get("unless")
+        return (wanted is None or self._is_true(wanted)) and (unwanted is None or not self._is_true(unwanted))
+
+    def _is_true(self, text: str) -> bool:
+        return self._substituted(text).strip().lower() in ("true", "1")
+
+    def _text(self, element: Element, name: str) -> str:
+        return self._substituted(element.get(name) or "")
+
+    def _substituted(self, text: str) -> str:
+        from roslaunch.substitution_args import SubstitutionException, resolve_args
+        from rospkg import ResourceNotFound
+
+        try:
+            made = resolve_args(text, {"arg": self._arguments, "filename": self._path}, resolve_anon=True)
+        except (SubstitutionException, ResourceNotFound, ValueError) as error:
+            raise ValueError(f"{self._path}: {text!r} cannot be resolved: {error}") from error
+        return str(made)
+
+
+def _typed(text: str) -> Any:
+    """Return the value roslaunch makes of a text where no type is given."""
+    try:
+        return files.parse_yaml(text)
+    except ValueError:
+        return text

@@ -1,0 +1,1 @@
+"""The guard between whoever drives and the wheels."""

@@ -1,0 +1,144 @@
+"""The velocity_guard node: passes `cmd_vel_raw` on to `cmd_vel` while the lidar shows room to brake.
+
+Mbf_relay.control.velocity_guard judges.
+
+One thread, the main one, does everything. Callbacks leave the newest velocity and the newest scan and wake it.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from typing import Dict, Optional
+
+import rospy
+from geometry_msgs.msg import Twist
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import String
+
+from mbf_relay.control.velocity_guard import NO_SCAN, PASSING, STANDING, VelocityGuard, Verdict
+from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
+from mbf_relay.geometry import STOP, Twist2D
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.common import diagnostics, parameters
+from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.conversions import twist_to_message
+from mbf_relay.ros.common.lidar_geometry import LidarGeometry
+from mbf_relay.ros.common.node import on_shutdown, spare_what_stays
+from mbf_relay.ros.common.transforms import Transforms
+
+LOOK_PERIOD = 0.02
+"""Wall seconds between two looks at the clock while the robot is driven; simulated clocks may run fast."""
+JUDGE_PERIOD = 0.1
+"""Seconds of ROS time after which a velocity is judged again, though neither another one nor a scan has come."""
+IDLE_PERIOD = 0.5
+"""Wall seconds between two looks while the robot stands."""
+
+
+class VelocityGuardNode:
+    """The guard's topics."""
+
+    def __init__(self, settings: VelocityGuardParameters) -> None:
+        self._settings = settings
+        self._guard = VelocityGuard(settings)
+        self._transforms: Optional[Transforms] = Transforms()
+        self._lidars = LidarGeometry(self._transforms)
+        self._trouble = ""  # why scans are of no use
+        self._woken = threading.Event()
+        self._command: Optional[Twist] = None
+        self._scan: Optional[LaserScan] = None
+        self._sending = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
+        self._closed = False
+        self._verdict = Verdict(STOP, STANDING, "standing: no velocity is asked for")
+        self._judged_at = -math.inf
+        self._counts: Dict[str, int] = {}
+        self._state = rospy.Publisher("~state", String, queue_size=1, latch=True)
+        self._state.publish(self._verdict.text)
+        self._velocity = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
+        on_shutdown(self.close)
+        self._commands = rospy.Subscriber("cmd_vel_raw", Twist, self._take_command, queue_size=1, tcp_nodelay=True)
+        rospy.Subscriber("scan", LaserScan, self._take_scan, queue_size=1, buff_size=1 << 18, tcp_nodelay=True)
+        self._diagnostics = diagnostics.Diagnostics()
+        self._diagnostics.add("velocities", self._report)
+
+    def run(self) -> None:
+        """Pass velocities on until ROS is shut down."""
+        while not rospy.is_shutdown():
+            self._woken.wait(IDLE_PERIOD if self._verdict.velocity == STOP else LOOK_PERIOD)
+            self._woken.clear()
+            self._step(rospy.get_time())
+
+    def close(self) -> None:
+        """Leave the robot standing."""
+        with self._sending:
+            self._closed = True
+            self._velocity.publish(twist_to_message(STOP))
+
+    def _take_command(self, message: Twist) -> None:
+        self._command = message
+        self._woken.set()
+
+    def _take_scan(self, message: LaserScan) -> None:
+        self._scan = message
+        self._woken.set()
+
+    def _step(self, now: float) -> None:
+        """Judge what came; publish each velocity that was asked for, and what becomes of the last one."""
+        scan, self._scan = self._scan, None
+        command, self._command = self._command, None
+        if scan is not None:
+            self._see(scan)
+        if command is not None:
+            asked = Twist2D(command.linear.x, command.linear.y, command.angular.z)
+            self._guard.take_command(now, asked)
+        elif self._commands.get_num_connections() == 0:
+            self._guard.forget_command()
+        elif scan is None and 0.0 <= now - self._judged_at < JUDGE_PERIOD:
+            return
+        self._judged_at = now
+        before, self._verdict = self._verdict, self._guard.verdict(now)
+        if command is not None:
+            self._counts[self._verdict.cause] = self._counts.get(self._verdict.cause, 0) + 1
+        if command is not None or self._verdict.velocity != before.velocity:
+            self._send(self._verdict.velocity)
+        if (self._verdict.cause, self._verdict.velocity == STOP) != (before.cause, before.velocity == STOP):
+            self._tell()
+
+    def _see(self, message: LaserScan) -> None:
+        try:
+            self._guard.take_scan(*self._lidars.scan_in_base(message, self._settings.base_frame))
+        except (InvalidMessage, TransformError) as error:
+            self._trouble = str(error)
+            return
+        self._trouble = ""
+        if self._transforms is not None:  # lidars do not move on a robot
+            self._transforms.close()
+            self._transforms = None
+
+    def _send(self, velocity: Twist2D) -> None:
+        with self._sending:
+            if not self._closed:
+                self._velocity.publish(twist_to_message(velocity))
+
+    def _tell(self) -> None:
+        """Say what the guard does from now on and why; each reason once, when it begins."""
+        text = self._text()
+        self._state.publish(text)
+        if self._verdict.cause not in (PASSING, STANDING):
+            rospy.loginfo_throttle(2.0, text)
+
+    def _text(self) -> str:
+        trouble = f" ({self._trouble})" if self._verdict.cause == NO_SCAN and self._trouble else ""
+        return self._verdict.text + trouble
+
+    def _report(self) -> diagnostics.Report:
+        values = {f"velocities, {cause}": count for cause, count in sorted(dict(self._counts).items())}
+        fine = self._verdict.cause in (PASSING, STANDING)
+        return diagnostics.OK if fine else diagnostics.WARN, self._text(), values
+
+
+def main() -> None:
+    """Run the node until ROS is shut down."""
+    node = VelocityGuardNode(parameters.load(VelocityGuardParameters))
+    spare_what_stays()
+    node.run()

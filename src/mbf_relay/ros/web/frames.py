@@ -1,0 +1,88 @@
+"""Frames as the view needs them: the newest relations, and those at a message's time."""
+
+from __future__ import annotations
+
+import math
+import threading
+from typing import Callable, List, Optional
+
+import rospy
+import tf2_py
+from tf2_msgs.msg import TFMessage
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.conversions import transform_from_message
+
+KEPT = 10.0
+"""Seconds of /tf to look back on."""
+LATEST_STAMP = 2 ** 31
+"""Seconds from which on tf2's core would end the process."""
+
+
+class Frames:
+    """Listens to /tf while it is open. Lookups are made from any thread."""
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        """Listen; `changed` is called, in rospy's threads, whenever something came."""
+        self._changed = changed
+        self._lock = threading.Lock()
+        self._newest: Optional[rospy.Time] = None
+        self._buffer = tf2_py.BufferCore(rospy.Duration(KEPT))
+        self._subscribers = [
+            rospy.Subscriber("/tf", TFMessage, self._take, False, queue_size=100, buff_size=1 << 20, tcp_nodelay=True),
+            rospy.Subscriber("/tf_static", TFMessage, self._take, True, queue_size=100, buff_size=1 << 20),
+        ]
+
+    def close(self) -> None:
+        """Stop listening."""
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+    def lookup(
+        self, target: str, source: str, stamp: Optional[rospy.Time] = None, or_newest: bool = True
+    ) -> Optional[Pose2D]:
+        """Return the transform from one frame to another, None where there is none.
+
+        Args:
+            target, source: Frame names, with or without a leading slash.
+            stamp: Time to look at; the newest where None.
+            or_newest: Whether the newest will do where there is none at that time.
+        """
+        target, source = target.lstrip("/"), source.lstrip("/")
+        if not target or not source:
+            return None
+        times = [stamp, rospy.Time(0)] if or_newest else [stamp]
+        for time in times:
+            if time is None or not 0 <= time.secs < LATEST_STAMP:
+                continue
+            try:
+                return transform_from_message(self._buffer.lookup_transform_core(target, source, time).transform)
+            except (tf2_py.TransformException, InvalidMessage):
+                continue
+        return None
+
+    def names(self) -> List[str]:
+        """Return the frames that are known."""
+        return [line.split()[1] for line in self._buffer.all_frames_as_string().splitlines() if len(line.split()) > 1]
+
+    def _take(self, message: TFMessage, is_static: bool) -> None:
+        for transform in message.transforms:
+            stamp = transform.header.stamp
+            shift = transform.transform.translation
+            if not (0 <= stamp.secs < LATEST_STAMP and math.isfinite(shift.x + shift.y + shift.z)):
+                continue
+            with self._lock:
+                if not is_static:
+                    if self._newest is not None and stamp + rospy.Duration(KEPT) < self._newest:
+                        self._buffer.clear()  # time began anew
+                        self._newest = None
+                    self._newest = stamp if self._newest is None else max(stamp, self._newest)
+            try:
+                if is_static:
+                    self._buffer.set_transform_static(transform, "web_view")
+                else:
+                    self._buffer.set_transform(transform, "web_view")
+            except tf2_py.TransformException:
+                continue
+        self._changed()

@@ -1,0 +1,196 @@
+"""What a browser's wishes bring about in ROS: goals, cancels, poses, velocities, services."""
+
+from __future__ import annotations
+
+import threading
+import time
+import uuid
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Callable, Dict, Hashable, Optional
+
+import rospy
+from actionlib_msgs.msg import GoalID
+from geometry_msgs.msg import Point, PoseStamped, PoseWithCovarianceStamped, Twist, Vector3
+from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseGoal
+from std_srvs.srv import Empty
+from visualization_msgs.msg import Marker, MarkerArray
+
+from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.ros.common.conversions import header, pose_stamped, pose_to_message, twist_to_message
+from mbf_relay.view.dead_man import DeadMan
+from mbf_relay.view.wishes import Refused
+
+COMMAND_PERIOD = 0.05
+"""Wall seconds between two velocities while a stick is held."""
+SERVICE_PATIENCE = 2.0
+"""Wall seconds to wait for a service to be there."""
+OBSTACLES = "web_view"
+"""Namespace of the markers set down from a browser."""
+
+
+class Hands:
+    """Publishers and services of one robot.
+
+    Goals and poses bear no time, which means the newest: what a person pointed at holds now, whatever the clocks say.
+    `open` and `close` talk to the master and may block; the rest is called from the thread that serves browsers. A
+    thread of its own sends velocities, so that the dead man's switch works however busy the other is; `_lock` stands
+    between them.
+
+    Args:
+        namespace: The robot's, with a slash at both ends.
+        map_frame: Frame of goals and poses.
+        told: Called from any thread with the words on how a service ended.
+    """
+
+    def __init__(self, namespace: str, map_frame: str, told: Callable[[str], None]) -> None:
+        self._namespace, self._map_frame, self._told = namespace, map_frame, told
+        self._publishers: Dict[str, rospy.Publisher] = {}
+        self._services = ThreadPoolExecutor(2, thread_name_prefix="web service")
+        self._busy: Dict[str, Any] = {}
+        self._obstacles = 0
+        self._lock = threading.Lock()
+        self._dead_man = DeadMan()
+        self._driving: Optional[threading.Thread] = None
+
+    def open(self) -> None:
+        """Advertise."""
+        for name, kind in (
+            ("move_base/goal", MoveBaseActionGoal),
+            ("move_base/cancel", GoalID),
+            ("move_base_simple/goal", PoseStamped),
+            ("initialpose", PoseWithCovarianceStamped),
+            ("cmd_vel", Twist),
+            ("simulator/set_obstacles", MarkerArray),
+        ):
+            self._publishers[name] = rospy.Publisher(f"{self._namespace}{name}", kind, queue_size=10, tcp_nodelay=True)
+
+    def close(self) -> None:
+        """Stop the robot if a hand is on the stick, withdraw what was advertised, and end for good."""
+        self.let_go(self.holder)
+        publishers, self._publishers = self._publishers, {}
+        for publisher in publishers.values():
+            publisher.unregister()
+        self._services.shutdown(wait=False)
+
+    def goal(self, pose: Pose2D) -> str:
+        """Send the robot somewhere and return the goal's id, empty where move_base takes goals from the topic alone."""
+        message = pose_stamped(pose, self._map_frame, rospy.Time())
+        action, topic = self._publishers.get("move_base/goal"), self._publishers.get("move_base_simple/goal")
+        if action is not None and action.get_num_connections():
+            goal_id = f"{rospy.get_name()}-{uuid.uuid4().hex[:12]}"
+            action.publish(MoveBaseActionGoal(header("", rospy.Time()), GoalID(id=goal_id), MoveBaseGoal(message)))
+            return goal_id
+        if topic is not None and topic.get_num_connections():
+            topic.publish(message)
+            return ""
+        raise Refused(f"nobody takes goals: no node listens to {self._namespace}move_base/goal")
+
+    def cancel(self) -> None:
+        """End whatever goal the robot has."""
+        self._publish("move_base/cancel", GoalID())
+
+    def estimate(self, pose: Pose2D, spread: float, turn_spread: float) -> None:
+        """Tell localization where the robot is.
+
+        Args:
+            pose: In the map.
+            spread: Standard deviation of x and of y (m).
+            turn_spread: Of the heading (rad).
+        """
+        message = PoseWithCovarianceStamped(header=header(self._map_frame, rospy.Time()))
+        message.pose.pose = pose_to_message(pose)
+        covariance = [0.0] * 36
+        covariance[0] = covariance[7] = spread ** 2
+        covariance[35] = turn_spread ** 2
+        message.pose.covariance = covariance
+        self._publish("initialpose", message)
+
+    def set_obstacle(self, x: float, y: float, size: float) -> None:
+        """Set a box down in the simulated world, its middle at (x, y) in the map, `size` wide (m)."""
+        self._obstacles += 1
+        box = Marker(header=header(self._map_frame, rospy.Time()), ns=OBSTACLES, id=self._obstacles, type=Marker.CUBE)
+        box.pose = pose_to_message(Pose2D(x, y, 0.0))
+        box.pose.position = Point(x, y, 0.25)
+        box.scale = Vector3(size, size, 0.5)
+        box.color.r, box.color.g, box.color.b, box.color.a = 0.85, 0.45, 0.1, 1.0
+        self._publish("simulator/set_obstacles", MarkerArray([box]))
+
+    def remove_obstacles(self) -> None:
+        """Take away what was set down from browsers."""
+        markers = [Marker(ns=OBSTACLES, id=number + 1, action=Marker.DELETE) for number in range(self._obstacles)]
+        self._obstacles = 0
+        self._publish("simulator/set_obstacles", MarkerArray(markers))
+
+    def clear_costmaps(self) -> None:
+        """Have the costmaps forget what sensors saw."""
+        self._call("move_base/clear_costmaps", "the costmaps are cleared")
+
+    def reset_world(self) -> None:
+        """Begin the simulated world anew."""
+        self._call("simulator/reset", "the simulated world begins anew")
+
+    # --- velocities ---
+
+    @property
+    def holder(self) -> Optional[Hashable]:
+        """Whose hand is on the stick."""
+        with self._lock:
+            return self._dead_man.holder
+
+    def push(self, who: Hashable, velocity: Twist2D) -> None:
+        """Drive, for as long as this is repeated; raise Refused where another hand is on the stick."""
+        if "cmd_vel" not in self._publishers or not self._publishers["cmd_vel"].get_num_connections():
+            raise Refused(f"nobody listens to {self._namespace}cmd_vel")
+        with self._lock:
+            if not self._dead_man.push(who, velocity, time.monotonic()):
+                raise Refused("another browser is driving")
+            if self._driving is None:
+                self._driving = threading.Thread(target=self._drive, name="web stick", daemon=True)
+                self._driving.start()
+
+    def let_go(self, who: Optional[Hashable]) -> None:
+        """Stop, if this hand is on the stick."""
+        with self._lock:
+            stop = self._dead_man.release(who) if who is not None else None
+            if stop is not None:  # within the lock, so that no velocity follows it
+                self._send(stop)
+
+    def _drive(self) -> None:
+        """Send the stick's velocity until nobody holds it any more; the zero goes last."""
+        while True:
+            with self._lock:
+                velocity = self._dead_man.command(time.monotonic())
+                if velocity is None:
+                    self._driving = None
+                    return
+                self._send(velocity)
+            time.sleep(COMMAND_PERIOD)
+
+    def _send(self, velocity: Twist2D) -> None:
+        publisher = self._publishers.get("cmd_vel")
+        if publisher is not None:
+            publisher.publish(twist_to_message(velocity))
+
+    # --- what they share ---
+
+    def _publish(self, name: str, message: Any) -> None:
+        publisher = self._publishers.get(name)
+        if publisher is None or not publisher.get_num_connections():
+            raise Refused(f"nobody listens to {self._namespace}{name}")
+        publisher.publish(message)
+
+    def _call(self, name: str, words: str) -> None:
+        """Call a service without arguments, elsewhere, and tell how it ended."""
+        if name in self._busy and not self._busy[name].done():
+            raise Refused(f"{self._namespace}{name} is still being called")
+
+        def call() -> None:
+            service = f"{self._namespace}{name}"
+            try:
+                rospy.wait_for_service(service, SERVICE_PATIENCE)
+                rospy.ServiceProxy(service, Empty)()
+                self._told(words)
+            except (rospy.ROSException, rospy.ServiceException, OSError) as error:
+                self._told(f"{service}: {error}")
+
+        self._busy[name] = self._services.submit(call)

@@ -1,0 +1,208 @@
+"""Where browsers and robots meet: who looks at what, what is due to whom, and which topics that takes."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Callable, Dict, FrozenSet, List, Optional
+
+import rosgraph
+import rospkg
+import rospy
+
+from mbf_relay.ros.web.recording import Recording
+from mbf_relay.ros.web.robot import Onlooker, ViewedRobot
+from mbf_relay.ros.web.sources import robots_of
+from mbf_relay.view.parameters import WebViewParameters
+from mbf_relay.view.wishes import DRIVING, Refused, Wish
+
+PUMP_PERIOD = 0.066
+"""Wall seconds between two rounds at least: as often as a person sees, and no oftener than a phone likes."""
+IDLE_PERIOD = 0.25
+"""Wall seconds between two rounds at most, while anybody looks."""
+LOOK_PERIOD = 2.0
+"""Wall seconds between two looks at what the master knows, while anybody looks."""
+MASTER_PATIENCE = 6.0
+
+
+class Hub:
+    """Belongs to one event loop's thread; only `changed` and what `_graph` runs is called from others.
+
+    `_graph` is one thread for everything that talks to the master, which may hang.
+    """
+
+    def __init__(self, settings: WebViewParameters, loop: asyncio.AbstractEventLoop) -> None:
+        self.settings = settings
+        self._loop = loop
+        folder = settings.record_folder or os.path.join(rospkg.get_ros_home(), "web_view")
+        self._recording = Recording(folder, settings.record_minutes)
+        self._graph = ThreadPoolExecutor(1, thread_name_prefix="web graph")
+        self._master = rosgraph.Master(rospy.get_name())
+        self.robots: Dict[str, ViewedRobot] = {}
+        self.browsers: List[Onlooker] = []
+        self._known_robots: List[str] = []
+        self._published: Dict[str, str] = {}
+        self._master_seen = time.monotonic()
+        self._looking = False
+        self._next_look = 0.0
+        self._pump_handle: Optional[asyncio.TimerHandle] = None
+        self._last_pump = 0.0
+        self._wake_lock = threading.Lock()
+        self._woken = False
+
+    # --- browsers come and go ---
+
+    def join(self, browser: Onlooker, namespace: str) -> None:
+        """Let a browser look at a robot, instead of the one it looked at."""
+        self.leave_robot(browser)
+        robot = self.robots.get(namespace)
+        if robot is None:
+            robot = ViewedRobot(namespace, self.settings, self._recording, self.changed, self._teller(namespace))
+            self.robots[namespace] = robot
+            self._graph.submit(logged(robot.listening.open))
+            self._graph.submit(logged(robot.hands.open))
+        robot.lookers.add(browser)
+        browser.robot = robot
+        browser.feed.forget()
+        self.reconcile()
+        self._pump_soon(0.0)
+
+    def leave_robot(self, browser: Onlooker) -> None:
+        """Take a browser away from its robot: its hand off the stick, its layers off the list."""
+        robot = browser.robot
+        browser.robot = None
+        if robot is not None:
+            robot.hands.let_go(browser)
+            robot.lookers.discard(browser)
+            self.reconcile()
+
+    def reconcile(self) -> None:
+        """Look soon at what must be listened to; call it when what is shown has changed."""
+        self._next_look = 0.0
+        self._pump_soon(PUMP_PERIOD)
+
+    def choose(self, name: str) -> str:
+        """Return the namespace a browser means by a robot's name; its own namespace's or the first one's where empty.
+        """
+        wanted = f"/{name.strip('/')}/".replace("//", "/")
+        if name and wanted in self._known_robots + list(self.robots):
+            return wanted
+        own = rospy.get_namespace()
+        return own if own in self._known_robots or not self._known_robots else self._known_robots[0]
+
+    def carry_out(self, browser: Onlooker, wish: Wish) -> None:
+        """Do what a browser asks that needs its robot; raise Refused where that cannot be."""
+        if wish.name in DRIVING and not browser.rights.drive:
+            raise Refused("this browser may look but not drive; that takes the drive token")
+        assert browser.robot is not None  # it said hello
+        browser.robot.do(browser, wish)
+        self._pump_soon(0.0)
+
+    def close(self) -> None:
+        """Stop what moves, end what is recorded."""
+        for robot in self.robots.values():
+            robot.hands.close()
+        self._recording.close()
+
+    # --- news ---
+
+    def changed(self) -> None:
+        """Take note, from any thread, that something came."""
+        with self._wake_lock:
+            if self._woken:
+                return
+            self._woken = True
+        try:
+            self._loop.call_soon_threadsafe(self._pump_soon, 0.0)
+        except RuntimeError:
+            pass  # the loop has ended, as the node does
+
+    def _teller(self, namespace: str) -> Callable[[str], None]:
+        def tell(words: str) -> None:
+            def say() -> None:
+                for browser in list(self.robots[namespace].lookers) if namespace in self.robots else ():
+                    browser.say("told", text=words)
+
+            self._loop.call_soon_threadsafe(say)
+
+        return tell
+
+    def _pump_soon(self, delay: float) -> None:
+        """Make a round after a delay (s), or sooner where one is planned, and not too soon after the last."""
+        due = max(self._loop.time() + delay, self._last_pump + PUMP_PERIOD)
+        if self._pump_handle is not None:
+            if self._pump_handle.when() <= due:
+                return
+            self._pump_handle.cancel()
+        self._pump_handle = self._loop.call_at(due, self._pump)
+
+    def _pump(self) -> None:
+        """Bring every robot up to date and give every browser what is due; plan the next round, if anybody looks."""
+        self._pump_handle, self._last_pump = None, self._loop.time()
+        with self._wake_lock:
+            self._woken = False
+        now = time.monotonic()
+        for namespace, robot in list(self.robots.items()):
+            if not robot.is_needed:
+                del self.robots[namespace]
+                robot.hands.let_go(robot.hands.holder)
+                self._graph.submit(logged(robot.listening.close))
+                self._graph.submit(logged(robot.hands.close))
+                continue
+            robot.update(now)
+            robot.tell(
+                now,
+                {
+                    "robots": self._known_robots,
+                    "browsers": len(self.browsers),
+                    "master": now - self._master_seen < MASTER_PATIENCE,
+                    "simulator": f"{namespace}simulator/obstacles" in self._published,
+                },
+            )
+            for browser in robot.lookers:
+                browser.send_due(robot.view.layers, now)
+        if self.robots:
+            if now >= self._next_look and not self._looking:
+                self._looking, self._next_look = True, now + LOOK_PERIOD
+                shown = {robot: robot.shown for robot in self.robots.values()}
+                self._graph.submit(logged(lambda: self._look(shown)))
+            self._pump_soon(IDLE_PERIOD)
+
+    # --- the graph ---
+
+    def _look(self, shown: Dict[ViewedRobot, FrozenSet[str]]) -> None:
+        """Ask the master what there is and listen to what is wanted; in the graph's thread."""
+        found: Optional[Dict[str, str]] = None
+        try:
+            found = {str(topic): str(kind) for topic, kind in self._master.getPublishedTopics("")}
+            for robot, layers in shown.items():
+                robot.listening.reconcile(layers, found)
+        except (OSError, rosgraph.MasterException):
+            pass  # the page tells that the master is not there
+        finally:
+            self._loop.call_soon_threadsafe(self._looked, found)
+
+    def _looked(self, published: Optional[Dict[str, str]]) -> None:
+        self._looking = False
+        if published is None:
+            return
+        self._master_seen = time.monotonic()
+        self._published = published
+        self._known_robots = robots_of(published)
+        for robot in self.robots.values():
+            robot.view.look_for_others()
+        self._pump_soon(0.0)
+
+
+def logged(work: Callable[[], Any]) -> Callable[[], None]:
+    """Return work that logs what goes wrong, which a pool of threads keeps to itself."""
+    def do() -> None:
+        try:
+            work()
+        except (OSError, rospy.ROSException, rosgraph.MasterException, ValueError, KeyError) as error:
+            rospy.logwarn("web view: %s: %s", type(error).__name__, error)
+
+    return do

@@ -1,0 +1,37 @@
+// Where the map lies on the screen: metres to pixels, y up.
+
+export class Camera {
+  constructor() {
+    this.x = 0;
+    this.y = 0;
+    this.scale = 60;  // pixels per metre
+    this.width = this.height = 1;
+  }
+
+  toScreen(x, y) {
+    return [this.width / 2 + (x - this.x) * this.scale, this.height / 2 - (y - this.y) * this.scale];
+  }
+
+  toMap(column, row) {
+    return [this.x + (column - this.width / 2) / this.scale, this.y - (row - this.height / 2) / this.scale];
+  }
+
+  pan(columns, rows) {
+    this.x -= columns / this.scale;
+    this.y += rows / this.scale;
+  }
+
+  zoom(factor, column = this.width / 2, row = this.height / 2) {
+    const [x, y] = this.toMap(column, row);
+    this.scale = Math.min(2000, Math.max(1, this.scale * factor));
+    const [newX, newY] = this.toMap(column, row);
+    this.x += x - newX;
+    this.y += y - newY;
+  }
+
+  fit([left, bottom, right, top], margin = 0.86) {
+    this.x = (left + right) / 2;
+    this.y = (bottom + top) / 2;
+    this.scale = Math.min(400, Math.max(1, margin * Math.min(this.width / (right - left || 1), this.height / (top - bottom || 1))));
+  }
+}

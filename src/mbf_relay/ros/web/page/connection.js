@@ -1,0 +1,102 @@
+// The WebSocket, and how it comes back: after a restart of the node or the master, and after the laptop slept.
+
+import { decode } from "./batch.js";
+
+const FIRST_WAIT = 500, LONGEST_WAIT = 5000, PING = 2000, SILENCE = 7000;  // ms
+
+export class Connection {
+  // `on` holds functions: state(name, words), say(message), batch(parts), which may return a promise.
+  constructor(on) {
+    this.on = on;
+    this.wait = FIRST_WAIT;
+    this.robot = "";
+    this.token = "";
+    this.layers = {};
+    this.socket = null;
+    this.retry = 0;
+    this.shown = Promise.resolve();
+    setInterval(() => this.watch(), PING);
+    for (const event of ["online", "pageshow"]) addEventListener(event, () => this.hurry());
+    document.addEventListener("visibilitychange", () => { if (!document.hidden) this.hurry(); });
+  }
+
+  open() {
+    clearTimeout(this.retry);
+    this.on.state("busy", "connecting");
+    const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/socket`);
+    socket.binaryType = "arraybuffer";
+    this.socket = socket;
+    this.reason = "";
+    this.heard = performance.now();
+    socket.onopen = () => socket.send(JSON.stringify({ do: "hello", token: this.token, robot: this.robot }));
+    socket.onmessage = (event) => this.take(socket, event.data);
+    socket.onclose = (event) => { if (socket === this.socket) this.lost(event); };
+  }
+
+  take(socket, data) {
+    this.heard = performance.now();
+    if (typeof data === "string") {
+      const message = JSON.parse(data);
+      if (message.say === "welcome") {
+        this.wait = FIRST_WAIT;
+        this.robot = message.robot;
+        this.show(this.layers);
+        this.on.state("good", "live");
+      } else if (message.say === "goodbye") this.reason = message.why;
+      this.on.say(message);
+      return;
+    }
+    this.shown = this.shown.then(() => this.showBatch(socket, data));  // one after the other, as they came
+  }
+
+  async showBatch(socket, data) {
+    const { number, parts } = decode(data);
+    try {
+      await this.on.batch(parts);
+    } catch (error) {
+      console.error(error);
+    }
+    // Only now the next one may come.
+    if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ do: "ack", number }));
+  }
+
+  send(wish) {
+    if (this.socket?.readyState !== WebSocket.OPEN) return false;
+    this.socket.send(JSON.stringify(wish));
+    return true;
+  }
+
+  show(layers) {
+    this.layers = layers;
+    this.send({ do: "show", layers });
+  }
+
+  lost() {
+    this.socket = null;
+    if (/token/.test(this.reason)) {
+      this.on.state("bad", "no access");
+      return;
+    }
+    this.on.state("bad", this.reason || "connection lost");
+    this.retry = setTimeout(() => this.open(), this.wait);
+    this.wait = Math.min(LONGEST_WAIT, this.wait * 1.6);
+  }
+
+  // A connection that died without a word, as when a laptop sleeps, is only known by its silence.
+  watch() {
+    if (!this.socket) return;
+    if (performance.now() - this.heard > SILENCE) {
+      const old = this.socket;
+      this.socket = null;
+      old.onclose = old.onmessage = null;
+      old.close();
+      this.lost();
+    } else this.send({ do: "ping", time: Math.round(performance.now()) });
+  }
+
+  hurry() {
+    this.wait = FIRST_WAIT;
+    if (!this.socket && !/token/.test(this.reason || "")) this.open();
+    else this.watch();
+  }
+}

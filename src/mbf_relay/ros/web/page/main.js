@@ -1,0 +1,252 @@
+// Wires the page together.
+
+import { Camera } from "./camera.js";
+import { Chart } from "./chart.js";
+import { palette } from "./colours.js";
+import { Connection } from "./connection.js";
+import { Painter } from "./painter.js";
+import { $, Panel } from "./panel.js";
+import { Scene } from "./scene.js";
+import { Stick } from "./stick.js";
+import { Tools } from "./tools.js";
+
+const HINTS = {
+  goal: "Press where the robot shall go, drag where it shall look.",
+  waypoint: "Press and drag for each place; then drive the list.",
+  pose: "Press where the robot stands, drag where it looks.",
+  obstacle: "Press where a box shall stand.",
+};
+const SKETCH = { goal: "goal", waypoint: "goal", pose: "particles", obstacle: "warn" };
+const KEYS = { g: "goal", w: "waypoint", p: "pose", o: "obstacle", Escape: "look" };
+const WAIT_FOR_MAP = 4000;  // ms
+
+const dark = matchMedia("(prefers-color-scheme: dark)");
+function applyTheme() {
+  document.documentElement.dataset.theme = localStorage.getItem("theme") || (dark.matches ? "dark" : "light");
+}
+applyTheme();
+
+const camera = new Camera();
+const painter = new Painter($("canvas"), camera);
+const scene = new Scene(palette());
+const sketch = { arrow: null, waypoints: [], colour: "goal", radius: 0, square: 0 };
+const chart = new Chart($("chart"));
+const panel = new Panel(() => { connection.show(panel.rates()); redraw(); });
+let fitted = false, following = false, state = null, dirty = true, drives = false, welcomed = 0;
+
+function redraw() {
+  dirty = true;
+}
+
+function follow(on) {
+  following = on;
+  $("follow").setAttribute("aria-pressed", on);
+  redraw();
+}
+
+const tools = new Tools($("canvas"), camera, sketch, () => scene.robot.pose, {
+  changed: redraw, moved: () => follow(false), placed,
+});
+
+function choose(tool) {
+  if (tool !== "look" && !drives) return;
+  tools.take(tool);
+  for (const button of $("tools").children) button.setAttribute("aria-pressed", button.dataset.tool === tool);
+  sketch.colour = SKETCH[tool] || "goal";
+  sketch.radius = tool === "pose" ? Number($("spread").value) : 0;
+  sketch.square = tool === "obstacle" ? Number($("size").value) : 0;
+  $("hint").hidden = !(tool in HINTS);
+  $("hint-text").textContent = HINTS[tool] || "";
+  $("spread-field").hidden = tool !== "pose";
+  $("size-field").hidden = tool !== "obstacle";
+}
+
+function placed(tool, [x, y, theta]) {
+  if (tool === "goal") wish({ do: "goal", x, y, theta });
+  if (tool === "pose") wish({ do: "pose", x, y, theta, spread: Number($("spread").value), turn_spread: 0.26 });
+  if (tool === "obstacle") wish({ do: "obstacle", x, y, size: Number($("size").value) });
+  if (tool === "waypoint") {
+    if (scene.tour || sketch.waypoints.length >= 50) return;
+    sketch.waypoints.push([x, y, theta]);
+    showWaypoints();
+  } else choose("look");
+}
+
+function showWaypoints() {
+  panel.waypoints(scene.tour ? scene.tour.waypoints : sketch.waypoints, scene.tour, (index) => {
+    sketch.waypoints.splice(index, 1);
+    showWaypoints();
+  });
+  redraw();
+}
+
+function wish(message) {
+  if (!connection.send(message)) panel.toast("Not connected: nothing was sent.", true);
+}
+
+const connection = new Connection({
+  state(name, words) {
+    const pill = $("connection");
+    pill.dataset.state = name;
+    pill.textContent = words;
+    document.body.classList.toggle("away", name !== "good");
+    if (name === "bad" && words !== "no access") {
+      panel.banner(`${words[0].toUpperCase()}${words.slice(1)}. What you see is old; trying again.`);
+    } else if (name === "good") panel.banner("");
+    if (name !== "good") stick.release();
+  },
+  say(message) {
+    if (message.say === "welcome") welcome(message);
+    if (message.say === "pong") $("round-trip").textContent = `${Math.max(0, Math.round(performance.now() - message.time))} ms`;
+    if (message.say === "told") panel.toast(message.text);
+    if (message.say === "refused") panel.toast(message.why, true);
+    if (message.say === "goodbye" && /token/.test(message.why)) askForToken(connection.token ? message.why : "");
+  },
+  async batch(parts) {
+    for (const part of parts) {
+      await scene.take(part);
+      take(part.header);
+    }
+    redraw();
+  },
+});
+
+const stick = new Stick($("stick"), $("knob"), (message) => connection.send(message));
+
+function welcome({ drive, robot }) {
+  drives = drive;
+  welcomed = performance.now();
+  document.body.classList.toggle("look-only", !drive);
+  const chooser = $("robot");
+  if (chooser.dataset.chosen !== robot) {
+    scene.clear(palette());
+    chart.clear();
+    fitted = false;
+  }
+  chooser.dataset.chosen = robot;
+  chooser.value = robot;
+  document.title = robot === "/" ? "Robot" : robot.replace(/^\/|\/$/g, "");
+  if ($("token-dialog").open) $("token-dialog").close();
+  if (connection.token) sessionStorage.setItem("token", connection.token);
+}
+
+function take(header) {
+  if (header.layer === "robot") {
+    panel.figures(header, state ? state.error : null);
+  } else if (header.layer === "state") {
+    state = header;
+    panel.state(state);
+    showWaypoints();
+    chart.add(scene.robot.speed[0], state.error);
+    chart.draw(scene.colours);
+    tellWhatIsMissing();
+  } else if (header.layer === "diagnostics") panel.diagnostics(header.entries);
+  else if (header.layer === "log") panel.log(header.entries);
+  else if (header.layer === "map" && !fitted) fit();
+}
+
+function tellWhatIsMissing() {
+  if (performance.now() - welcomed < WAIT_FOR_MAP) return;
+  if (!state.master) panel.banner("The ROS master does not answer. Waiting for it.");
+  else if (!state.has_map && !scene.robot.pose) panel.banner("Connected, but there is neither a map nor a robot yet.");
+  else panel.banner("");
+}
+
+function fit() {
+  const { map } = scene.grids;
+  if (map.shape) {
+    camera.fit(map.bounds());
+    if (!fitted) performance.mark("map");
+    fitted = true;
+  } else if (scene.robot.pose) [camera.x, camera.y] = scene.robot.pose;
+  follow(false);
+}
+
+function scaleBar() {
+  const length = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200].find((size) => size * camera.scale >= 70) || 500;
+  $("scale-bar").style.width = `${Math.round(length * camera.scale)}px`;
+  $("scale-text").textContent = length < 1 ? `${Math.round(length * 100)} cm` : `${length} m`;
+}
+
+function frame() {
+  if (dirty) {
+    dirty = false;
+    if (following && scene.robot.pose) [camera.x, camera.y] = scene.robot.pose;
+    painter.draw(scene, panel.shown, sketch);
+    scaleBar();
+    page.frames += 1;
+  }
+  requestAnimationFrame(frame);
+}
+
+function askForToken(words) {
+  $("token-wrong").textContent = words;
+  if (!$("token-dialog").open) $("token-dialog").showModal();
+}
+
+function press(id, action) {
+  $(id).addEventListener("click", action);
+}
+
+for (const button of $("tools").children) button.addEventListener("click", () => choose(button.dataset.tool));
+addEventListener("keydown", (event) => {
+  if (event.target.matches("input, select, textarea") || event.ctrlKey || event.metaKey || event.altKey || $("token-dialog").open) return;
+  if (event.key in KEYS && !(event.key === "o" && !(state && state.simulator))) choose(KEYS[event.key]);
+});
+press("cancel", () => wish({ do: "cancel" }));
+press("clear", () => wish({ do: "clear" }));
+press("record", () => wish({ do: "record", on: !(state && state.recording) }));
+press("reset", () => { scene.trail = []; wish({ do: "reset" }); });
+press("remove-obstacles", () => wish({ do: "remove_obstacles" }));
+press("tour", () => wish({ do: "tour", waypoints: sketch.waypoints, loop: $("loop").checked, pause: Number($("pause").value) || 0 }));
+press("forget", () => { sketch.waypoints.length = 0; showWaypoints(); });
+press("zoom-in", () => { camera.zoom(1.3); redraw(); });
+press("zoom-out", () => { camera.zoom(1 / 1.3); redraw(); });
+press("fit", fit);
+press("follow", () => follow(!following));
+press("handle", () => {
+  const open = $("panel").classList.toggle("open");
+  $("handle").setAttribute("aria-expanded", open);
+});
+press("theme", () => {
+  localStorage.setItem("theme", document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+  retheme();
+});
+function retheme() {
+  applyTheme();
+  scene.recolour(palette());
+  chart.draw(scene.colours);
+  redraw();
+}
+dark.addEventListener("change", retheme);
+for (const [id, key, unit] of [["spread", "radius", "m"], ["size", "square", "m"]]) {
+  $(id).addEventListener("input", () => {
+    sketch[key] = Number($(id).value);
+    $(`${id}-value`).textContent = `${$(id).value} ${unit}`;
+  });
+}
+$("goto").addEventListener("submit", (event) => {
+  event.preventDefault();
+  const form = new FormData(event.target);
+  wish({ do: "goal", x: Number(form.get("x")), y: Number(form.get("y")), theta: ((Number(form.get("heading")) + 180) % 360 - 180) * Math.PI / 180 });
+});
+$("robot").addEventListener("change", (event) => wish({ do: "robot", name: event.target.value }));
+$("token-form").addEventListener("submit", (event) => {
+  event.preventDefault();
+  connection.token = $("token").value.trim();
+  connection.open();
+});
+
+new ResizeObserver(() => { painter.resize(); redraw(); }).observe($("canvas"));
+painter.resize();
+
+// The token comes after the # of the address, which no server is told, and does not stay there.
+const given = new URLSearchParams(location.hash.slice(1)).get("token");
+connection.token = given || sessionStorage.getItem("token") || "";
+if (given) history.replaceState(null, "", location.pathname);
+connection.layers = panel.rates();
+
+// For tests and figures: what the page knows and has drawn.
+const page = window.page = { frames: 0, scene, camera, connection, get state() { return state; }, redraw };
+connection.open();
+requestAnimationFrame(frame);

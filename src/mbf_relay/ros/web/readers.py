@@ -1,0 +1,141 @@
+"""Messages as what the view's layers hold; each is judged here, once."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Dict, List, Optional
+
+import numpy as np
+from geometry_msgs.msg import PolygonStamped, PoseArray
+from nav_msgs.msg import Path
+from sensor_msgs.msg import LaserScan, PointCloud2, PointField
+from visualization_msgs.msg import Marker, MarkerArray
+
+from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.conversions import pose_from_message, scan_from_message
+from mbf_relay.view.tiles import GridShape
+
+LARGEST_GRID = 1 << 26
+"""Cells of a grid at most, 64 MiB: above it the page's memory, not the network, gives way."""
+OUTLINE = 24
+"""Corners by which a round obstacle is drawn."""
+
+
+def grid_shape(message: Any) -> GridShape:
+    """Return where an OccupancyGrid lies.
+
+    Raises:
+        InvalidMessage: Its size, resolution or origin means nothing, or it is too large to show.
+    """
+    info = message.info
+    if info.width * info.height > LARGEST_GRID:
+        raise InvalidMessage(f"grid of {info.width} x {info.height} cells; {LARGEST_GRID} can be shown")
+    resolution = float(str(np.float32(info.resolution)))
+    if not (math.isfinite(resolution) and resolution > 0.0):
+        raise InvalidMessage(f"grid with cells of {info.resolution} m")
+    return GridShape(
+        info.width, info.height, resolution, pose_from_message(info.origin), message.header.frame_id.lstrip("/")
+    )
+
+
+def scan_points(message: LaserScan) -> np.ndarray:
+    """Return where a scan's beams ended, shape (N, 2), in the scanner's frame."""
+    scan = scan_from_message(message)
+    angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
+    hit = np.isfinite(scan.ranges) & (scan.ranges >= scan.range_min) & (scan.ranges < scan.range_max)
+    ends: np.ndarray = np.column_stack((np.cos(angles), np.sin(angles)))[hit] * scan.ranges[hit, None]
+    return ends
+
+
+def path_points(message: Path) -> np.ndarray:
+    """Return a path's positions, shape (N, 2), in its frame."""
+    positions = [(stamped.pose.position.x, stamped.pose.position.y) for stamped in message.poses]
+    points = np.array(positions, dtype=float).reshape(-1, 2)
+    finite: np.ndarray = points[np.isfinite(points).all(axis=1)]
+    return finite
+
+
+def particle_poses(message: PoseArray) -> np.ndarray:
+    """Return particles as rows of x, y, heading, shape (N, 3), in their frame."""
+    values = [(p.position.x, p.position.y, p.orientation.z, p.orientation.w) for p in message.poses]
+    rows = np.array(values, dtype=float).reshape(-1, 4)
+    sine, cosine = rows[:, 2].copy(), rows[:, 3].copy()
+    return np.column_stack((rows[:, :2], np.arctan2(2.0 * sine * cosine, cosine ** 2 - sine ** 2)))
+
+
+def polygon_points(message: PolygonStamped) -> np.ndarray:
+    """Return a polygon's corners, shape (N, 2), in its frame."""
+    points = np.array([(corner.x, corner.y) for corner in message.polygon.points], dtype=float).reshape(-1, 2)
+    finite: np.ndarray = points[np.isfinite(points).all(axis=1)]
+    return finite
+
+
+def cloud_points(message: PointCloud2) -> np.ndarray:
+    """Return a cloud's points as rows of x, y and, from 0 for the cheapest to 1, what each costs; shape (N, 3).
+
+    Raises:
+        InvalidMessage: It has no x, y and cost of 32 bits, or its size does not fit its data.
+    """
+    offsets = {field.name: field.offset for field in message.fields if field.datatype == PointField.FLOAT32}
+    names = ("x", "y", "cost" if "cost" in offsets else "total_cost")
+    count = message.width * message.height
+    if message.is_bigendian or not all(name in offsets for name in names):
+        raise InvalidMessage("cloud without x, y and cost of 32 bits, the lowest byte first")
+    if len(message.data) != count * message.point_step or any(offsets[name] + 4 > message.point_step for name in names):
+        raise InvalidMessage(f"cloud of {count} points of {message.point_step} bytes with {len(message.data)} bytes")
+    kind = np.dtype(
+        {
+            "names": names,
+            "formats": ["<f4"] * 3,
+            "offsets": [offsets[name] for name in names],
+            "itemsize": message.point_step,
+        }
+    )
+    records = np.frombuffer(bytes(message.data), dtype=kind)
+    points = np.column_stack([records[name].astype(float) for name in names]) if count else np.empty((0, 3))
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points):
+        low, high = points[:, 2].min(), points[:, 2].max()
+        points[:, 2] = (points[:, 2] - low) / (high - low) if high > low else 0.0
+    return points
+
+
+def obstacle_outlines(message: MarkerArray, map_frame: str) -> List[List[List[float]]]:
+    """Return the outlines on the ground, lists of [x, y] in the map, of markers that are boxes, cylinders or spheres.
+    """
+    outlines: List[List[List[float]]] = []
+    for marker in message.markers:
+        if marker.action != Marker.ADD or marker.header.frame_id.lstrip("/") != map_frame:
+            continue
+        half_x, half_y = marker.scale.x / 2.0, marker.scale.y / 2.0
+        if marker.type == Marker.CUBE:
+            corners = np.array([(half_x, half_y), (-half_x, half_y), (-half_x, -half_y), (half_x, -half_y)])
+        elif marker.type in (Marker.CYLINDER, Marker.SPHERE):
+            turns = np.linspace(0.0, 2.0 * math.pi, OUTLINE, endpoint=False)
+            corners = np.column_stack((half_x * np.cos(turns), half_y * np.sin(turns)))
+        else:
+            continue
+        try:
+            placed = pose_from_message(marker.pose).transform_points(corners)
+        except InvalidMessage:
+            continue
+        if np.isfinite(placed).all():
+            outlines.append(placed.round(3).tolist())
+    return outlines
+
+
+def short(text: str, longest: int) -> str:
+    """Return a text on one line, shortened where it is too long."""
+    line = " ".join(str(text).split())
+    return line if len(line) <= longest else line[:longest - 1] + "…"
+
+
+def log_entry(message: Any) -> Optional[Dict[str, Any]]:
+    """Return what the page tells of a line of the log; None of lines that are no warnings."""
+    if message.level < message.WARN:
+        return None
+    return {
+        "level": "warn" if message.level == message.WARN else "error",
+        "node": short(message.name, 60),
+        "text": short(message.msg, 300),
+    }

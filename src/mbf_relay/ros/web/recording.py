@@ -1,0 +1,80 @@
+"""Recording a drive with rosbag, on and off from a browser."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from typing import List, Optional
+
+TOPICS = (
+    "/tf",
+    "/tf_static",
+    "/clock",
+    "map",
+    "odom",
+    "scan",
+    "cmd_vel",
+    "ground_truth",
+    "contacts",
+    "initialpose",
+    "move_base/goal",
+    "move_base/result",
+    "move_base/cancel",
+    "move_base/recovery_status",
+    "move_base_flex/move_base/goal",
+    "move_base_flex/move_base/result",
+)
+"""What drive_report.py needs, and what a person did; those without a slash are the robot's own."""
+PLANS = "move_base(_flex)?/[^/]+/plan"
+END_PATIENCE = 5.0
+
+
+class Recording:
+    """At most one rosbag at a time. The browser chooses neither name nor topics.
+
+    Args:
+        folder: Where bags go.
+        minutes: Length after which a recording ends by itself.
+    """
+
+    def __init__(self, folder: str, minutes: float) -> None:
+        self._folder, self._minutes = folder, minutes
+        self._process: Optional[subprocess.Popen] = None
+        self.path = ""
+
+    @property
+    def is_on(self) -> bool:
+        """Whether a bag is being written."""
+        return self._process is not None and self._process.poll() is None
+
+    def start(self, namespace: str) -> str:
+        """Begin a bag of a robot's topics, `namespace` with a slash at both ends, and return its path."""
+        if not self.is_on:
+            os.makedirs(self._folder, exist_ok=True)
+            self.path = os.path.join(self._folder, time.strftime("web_%Y-%m-%d-%H-%M-%S.bag"))
+            self._process = subprocess.Popen(
+                self._command(namespace), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            )
+        return self.path
+
+    def stop(self) -> None:
+        """End the bag, if there is one; rosbag gives it its name on an interrupt."""
+        if self._process is not None and self._process.poll() is None:
+            self._process.send_signal(signal.SIGINT)
+
+    def close(self) -> None:
+        """End the bag and wait until it is whole."""
+        self.stop()
+        if self._process is not None:
+            try:
+                self._process.wait(END_PATIENCE)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+
+    def _command(self, namespace: str) -> List[str]:
+        names = [topic if topic.startswith("/") else namespace + topic for topic in TOPICS]
+        pattern = "|".join([f"{name}$" for name in names] + [f"{namespace}{PLANS}$"])
+        return ["rosbag", "record", "-O", self.path, "--lz4", f"--duration={self._minutes:g}m", "-e", f"({pattern})"]

@@ -1,0 +1,113 @@
+"""Whether a scan shows anything: a lidar that delivers nothing must not count as seeing nothing in the way."""
+
+from __future__ import annotations
+
+import math
+from typing import Optional
+
+import numpy as np
+
+from mbf_relay.geometry import Pose2D, angle_between
+from mbf_relay.scan import LaserScan
+
+LARGEST_GAP = 0.35
+"""Radians side by side in which a lidar may measure nothing: they hide 6 cm where the robot must have stopped."""
+AHEAD = math.pi / 3.0
+"""Radians to either side of straight ahead in which there must be no such gap; what masks a robot's rear may be wider.
+"""
+NEAR = 0.1
+"""Metres beyond range_min: between beams that read so little, those that read nothing look at something nearer still.
+"""
+USABLE = 0.1
+"""Share of the beams that must measure something, wherever they look."""
+MOVED = 0.03
+"""Metres or radians after which the same readings again are old ones."""
+SEEN_BEFORE = 0.25
+"""Share of beams with a return after which a scan without any is not believed: a robot does not leave walls at once."""
+
+
+class ScanMonitor:
+    """Judges the scans of one lidar, one after the other.
+
+    A beam measured something where it reads range_min or more, infinity included: that says nothing is there.
+
+    Args:
+        largest_gap: See LARGEST_GAP; 0 for a lidar whose zeros say that nothing is there. Its gaps are then not looked
+            at.
+    """
+
+    def __init__(self, largest_gap: float = LARGEST_GAP) -> None:
+        self._largest_gap = largest_gap
+        self._first: Optional[LaserScan] = None  # of those with the same readings
+        self._first_pose: Optional[Pose2D] = None
+        self._share_of_returns = 0.0  # in the last scan that was believed
+
+    def trouble(self, scan: LaserScan, forward: float, sensor_pose: Optional[Pose2D]) -> Optional[str]:
+        """Return why a scan must not be driven on, or None.
+
+        Args:
+            scan: The scan, seen from above.
+            forward: Direction (rad) of the robot's front among the scan's angles.
+            sensor_pose: The sensor in a frame that stands, which tells whether it has moved; None where unknown.
+        """
+        with np.errstate(invalid="ignore"):
+            usable = scan.ranges >= scan.range_min
+            returns = usable & (scan.ranges < scan.range_max)
+        found = self._frozen(scan, returns, sensor_pose) or self._blind(scan, usable, forward)
+        share = float(returns.mean())
+        if found is None and share == 0.0 and self._share_of_returns >= SEEN_BEFORE:
+            found = "the lidar sees nothing at all any more, and there were walls in the last scan"
+        if found is None:
+            self._share_of_returns = share
+        return found
+
+    def _frozen(self, scan: LaserScan, returns: np.ndarray, pose: Optional[Pose2D]) -> Optional[str]:
+        first = self._first
+        if first is None or self._first_pose is None or first.ranges.tobytes() != scan.ranges.tobytes():
+            self._first, self._first_pose = scan, pose
+            return None
+        if pose is None or not returns.any():
+            return None
+        moved = pose.distance_to(self._first_pose)
+        turned = abs(angle_between(pose.theta, self._first_pose.theta))
+        if max(moved, turned) <= MOVED:
+            return None
+        return f"the lidar repeats the same readings although it moved {moved:.2f} m and {turned:.2f} rad"
+
+    def _blind(self, scan: LaserScan, usable: np.ndarray, forward: float) -> Optional[str]:
+        if self._largest_gap <= 0.0:
+            return None
+        share = float(usable.mean())
+        if share < USABLE:
+            return f"the lidar measures nothing in {100.0 * (1.0 - share):.0f} % of its beams"
+        step = abs(scan.angle_increment)
+        allowed = math.floor(self._largest_gap / step) if step > 0.0 else len(usable)
+        for first, count in gaps(usable, closed=len(usable) * step > 2.0 * math.pi - 1.5 * step):
+            if count <= allowed or _explained(scan, usable, first, count):
+                continue
+            middle = scan.angle_min + scan.angle_increment * (first + (count - 1) / 2.0)
+            off = abs(math.remainder(middle - forward, 2.0 * math.pi))
+            if off - count * step / 2.0 < AHEAD:
+                return (f"the lidar measures nothing in {math.degrees(count * step):.0f} degrees ahead; "
+                        f"at most {math.degrees(self._largest_gap):.0f} are allowed")
+        return None
+
+
+def gaps(usable: np.ndarray, closed: bool) -> list[tuple[int, int]]:
+    """Return runs of beams that are not usable as (first, count); over the end of a scan of a full turn where `closed`.
+    """
+    size = len(usable)
+    if not usable.any():
+        return [(0, size)]
+    start = int(np.argmax(usable)) if closed else 0
+    rolled = np.concatenate((np.roll(usable, -start), [True]))
+    edges = np.diff(np.concatenate(([1], rolled.astype(np.int8))))
+    firsts, ends = np.flatnonzero(edges == -1), np.flatnonzero(edges == 1)
+    return [((int(first) + start) % size, int(end - first)) for first, end in zip(firsts, ends)]
+
+
+def _explained(scan: LaserScan, usable: np.ndarray, first: int, count: int) -> bool:
+    """Return whether a gap lies between beams that see something near: then it hides what is nearer than range_min."""
+    size, limit = len(usable), scan.range_min + NEAR
+    sides = [scan.ranges[index % size] for index in (first - 1, first + count)]
+    return bool(all(side <= limit for side in sides))

@@ -1,0 +1,99 @@
+"""A robot's description for RViz and robot_state_publisher: a URDF made of the robot's file, so that the two agree."""
+
+from __future__ import annotations
+
+import math
+from typing import Dict, Tuple
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+from mbf_relay.simulation.frames import Frame
+from mbf_relay.simulation.robot import BASE_FRAME, FOOTPRINT_FRAME, IMU_FRAME, SCAN_FRAME, RobotModel
+from mbf_relay.simulation.shapes import Box, Cylinder, Shape, Sphere
+
+COLOURS: Dict[str, str] = {"dark": "0.25 0.25 0.27 1.0", "black": "0.08 0.08 0.08 1.0"}
+
+
+def urdf_of(robot: RobotModel) -> str:
+    """Return the URDF: base_footprint, base_link, a link for each wheel, and the sensors' frames."""
+    root = Element("robot", name=robot.name)
+    for name, rgba in COLOURS.items():
+        SubElement(SubElement(root, "material", name=name), "color", rgba=rgba)
+    SubElement(root, "link", name=FOOTPRINT_FRAME)
+    _joint(root, "base_joint", (FOOTPRINT_FRAME, BASE_FRAME), Frame.of(0.0, 0.0, robot.base_height))
+    base = SubElement(root, "link", name=BASE_FRAME)
+    for index, part in enumerate(robot.body):
+        _solid(base, part.shape, part.frame, "black" if index else "dark")
+    for caster in robot.casters:
+        _solid(
+            base, Sphere(caster.radius), Frame.of(caster.x, caster.y, caster.radius - robot.base_height), "black"
+        )
+    _inertial(base, robot)
+    tyre = Cylinder(robot.wheels.radius, robot.wheels.width)
+    names = list(robot.joints) + [f"wheel_front_{side}_joint" for side in ("left", "right")]  # the last two a car's
+    for name, (x, y) in zip(names, robot.wheel_places()):
+        link = name.replace("_joint", "_link")
+        hub = Frame.of(x, y, robot.axle_height)
+        _joint(root, name, (BASE_FRAME, link), hub, name in robot.joints)
+        _solid(SubElement(root, "link", name=link), tyre, Frame.of(0.0, 0.0), "black")
+    for name, frame, place in (
+        ("imu_joint", IMU_FRAME, robot.imu_in_base), ("scan_joint", SCAN_FRAME, robot.scan_in_base)
+    ):
+        _joint(root, name, (BASE_FRAME, frame), place)
+        SubElement(root, "link", name=frame)
+    return '<?xml version="1.0"?>\n' + tostring(root, encoding="unicode") + "\n"
+
+
+def _joint(root: Element, name: str, ends: Tuple[str, str], place: Frame, turns: bool = False) -> None:
+    """Add a joint.
+
+    Args:
+        root: Of the description.
+        name: Its own.
+        ends: Parent and child link.
+        place: Of the child in the parent.
+        turns: Whether it is a driven wheel's, about an axis to the left.
+    """
+    joint = SubElement(root, "joint", name=name, type="continuous" if turns else "fixed")
+    SubElement(joint, "parent", link=ends[0])
+    SubElement(joint, "child", link=ends[1])
+    wheel = name.startswith("wheel")
+    roll = -math.pi / 2.0 if wheel else 0.0
+    yaw = place.flat().theta
+    SubElement(joint, "origin", xyz=_words(place.position), rpy=f"{roll:.9g} 0 {yaw:.9g}")
+    if turns:
+        SubElement(joint, "axis", xyz="0 0 1")
+
+
+def _solid(link: Element, shape: Shape, place: Frame, material: str) -> None:
+    """Show a solid of a link and let others meet it.
+
+    Args:
+        link: Whose.
+        shape, place: What, and where in the link.
+        material: One of COLOURS.
+    """
+    for kind in ("visual", "collision"):
+        element = SubElement(link, kind)
+        SubElement(element, "origin", xyz=_words(place.position), rpy=f"0 0 {place.flat().theta:.9g}")
+        geometry = SubElement(element, "geometry")
+        if isinstance(shape, Cylinder):
+            SubElement(geometry, "cylinder", radius=f"{shape.radius:.9g}", length=f"{shape.height:.9g}")
+        elif isinstance(shape, Sphere):
+            SubElement(geometry, "sphere", radius=f"{shape.radius:.9g}")
+        else:  # a prism is shown as the box it fits in, which needs no mesh file
+            size = shape.size if isinstance(shape, Box) else (shape.faces.reshape(-1, 3).max(axis=0) * 2.0)
+            SubElement(geometry, "box", size=_words(size))
+        if kind == "visual":
+            SubElement(element, "material", name=material)
+
+
+def _inertial(link: Element, robot: RobotModel) -> None:
+    inertial = SubElement(link, "inertial")
+    SubElement(inertial, "origin", xyz=_words(robot.body[0].frame.position), rpy="0 0 0")
+    SubElement(inertial, "mass", value=f"{sum(part.mass for part in robot.body):.9g}")
+    x, y, z = robot.inertia
+    SubElement(inertial, "inertia", ixx=f"{x:.9g}", iyy=f"{y:.9g}", izz=f"{z:.9g}", ixy="0", ixz="0", iyz="0")
+
+
+def _words(numbers: object) -> str:
+    return " ".join(f"{float(number):.9g}" for number in numbers)  # type: ignore[attr-defined]

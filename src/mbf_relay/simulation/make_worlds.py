@@ -1,0 +1,109 @@
+"""The make_worlds command: a worlds file of generated worlds, or of Gazebo worlds such as BARN's."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any, Dict, Optional, Sequence
+
+import numpy as np
+
+from mbf_relay.simulation.difficulty import CELL, difficulty_of
+from mbf_relay.simulation.generators import KINDS, generate
+from mbf_relay.simulation.sdf import read_sdf
+from mbf_relay.simulation.shapes import Box, Cylinder
+from mbf_relay.simulation.world import World
+
+BARN_START, BARN_GOAL = (-2.25, 3.0, math.pi / 2), (-2.25, 13.0, math.pi / 2)
+"""Where the BARN challenge starts its robot in each of its worlds, and where it sends it (x, y, yaw)."""
+BARN_TIME = 100.0
+"""Seconds the challenge allows."""
+
+
+def main(arguments: Optional[Sequence[str]] = None) -> int:
+    """Run the command; return its exit status: 0, or 1 for what a user can mend."""
+    options = _parse(sys.argv[1:] if arguments is None else arguments)
+    try:
+        if options.worlds:
+            entries = [barn_entry(path, options.start, options.goal) for path in options.worlds]
+        else:
+            entries = [generate(options.kind, options.seed + number) for number in range(options.count)]
+        options.out.write_text(json.dumps({"worlds": entries}) + "\n", encoding="utf-8")
+    except (OSError, ValueError) as error:
+        print(f"make_worlds.py: {error}", file=sys.stderr)
+        return 1
+    print(f"{len(entries)} worlds are in {options.out}")
+    return 0
+
+
+def barn_entry(
+    path: Path, start: Sequence[float] = BARN_START, goal: Sequence[float] = BARN_GOAL
+) -> Dict[str, Any]:
+    """Return an entry of a worlds file for a Gazebo world of upright cylinders and boxes.
+
+    Args:
+        path: The world's file; its name becomes the world's.
+        start, goal: x, y, yaw in metres and radians.
+
+    Raises:
+        ValueError: It holds another shape, or has no way through; the text names it.
+        OSError: It cannot be opened.
+    """
+    world = read_sdf(str(path))
+    entry: Dict[str, Any] = {
+        "name": path.stem, "start": list(start), "goal": list(goal), "goal_radius": 1.0, "time_limit": BARN_TIME,
+        "cylinders": [], "boxes": [],
+    }
+    for body in world.bodies:
+        pose, top = body.frame.flat(), 2.0 * float(body.frame.position[2])
+        if isinstance(body.shape, Cylinder):
+            entry["cylinders"].append([pose.x, pose.y, body.shape.radius, max(top, body.shape.height)])
+        elif isinstance(body.shape, Box):
+            length, width, height = body.shape.size
+            entry["boxes"].append([pose.x, pose.y, pose.theta, length, width, max(top, height)])
+        else:
+            raise ValueError(f"{path}: '{body.name}' is a {type(body.shape).__name__.lower()}, no cylinder and no box")
+    measured = _measured(world, start, goal)
+    if measured is None:
+        raise ValueError(f"{path}: no way for the robot leads from {tuple(start[:2])} to {tuple(goal[:2])}")
+    entry["reference_path_length"] = round(measured["path_length"], 3)
+    entry["difficulty"] = measured
+    return entry
+
+
+def _measured(world: World, start: Sequence[float], goal: Sequence[float]) -> Optional[Dict[str, float]]:
+    """Return the measures of a world's way, its walls drawn into cells of CELL."""
+    segments = world.outline(0.2)
+    points = np.concatenate((segments.reshape(-1, 2), [start[:2], goal[:2]]))
+    lower = points.min(axis=0) - 1.0
+    columns, rows = np.ceil((points.max(axis=0) + 1.0 - lower) / CELL).astype(int)
+    walls = np.zeros((rows, columns), bool)
+    for one, other in segments:
+        shares = np.linspace(0.0, 1.0, 2 + int(4.0 * math.dist(one, other) / CELL))[:, None]
+        cells = ((one + shares * (other - one) - lower) / CELL).astype(int)
+        walls[cells[:, 1], cells[:, 0]] = True
+    found = difficulty_of(walls, tuple(np.array(start[:2]) - lower), tuple(np.array(goal[:2]) - lower))
+    return None if found is None else {name: round(value, 3) for name, value in found._asdict().items()}
+
+
+def _parse(arguments: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="make_worlds.py", description="Write a worlds file for batch.py.")
+    parser.add_argument("worlds", nargs="*", type=Path, metavar="FILE.world", help="Gazebo worlds, such as BARN's")
+    parser.add_argument("--kind", choices=sorted(KINDS), default="barn", help="what is generated without a file")
+    parser.add_argument("--count", type=_positive, default=100, metavar="N", help="how many (default 100)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the first; equal seeds give equal worlds")
+    for name, pose in (("start", BARN_START), ("goal", BARN_GOAL)):
+        parser.add_argument(f"--{name}", type=float, nargs=3, default=pose, metavar=("X", "Y", "YAW"),
+                            help="in the given files (default: the BARN challenge's)")
+    parser.add_argument("--out", type=Path, default=Path("worlds.json"), metavar="FILE", help="default worlds.json")
+    return parser.parse_args(arguments)
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{value} is below 1")
+    return value

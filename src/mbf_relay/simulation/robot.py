@@ -1,0 +1,194 @@
+"""A robot as the simulation needs to know it: body, wheels, sensors' places, and what it takes up seen from above."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, List, Mapping, NamedTuple, Tuple
+
+import numpy as np
+
+from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.simulation.frames import Frame
+from mbf_relay.simulation.shapes import Body, Box, Cylinder, Shape
+
+DIFFERENTIAL, OMNIDIRECTIONAL, CAR = DRIVES = ("differential", "omnidirectional", "car")
+
+SCAN_FRAME, IMU_FRAME, BASE_FRAME, FOOTPRINT_FRAME, ODOM_FRAME = (
+    "base_scan",
+    "imu_link",
+    "base_link",
+    "base_footprint",
+    "odom",
+)
+AXLE = Frame.of(0.0, 0.0, roll=-math.pi / 2.0)
+"""Turns a wheel's axis from z to y."""
+
+LOWEST_LOOK, STEP_BETWEEN_LOOKS = 0.005, 0.04
+"""Heights (m) at which the robot's outline is compared with the world's: from the ground, and at most so far apart."""
+
+
+@dataclass(frozen=True)
+class Wheels(ParameterSet):
+    """Wheels: two on one axle, or four at the corners of a rectangle, the front ones of a car steering."""
+
+    radius: float = parameter(0.05, "of each", unit="m", above=0.0)
+    width: float = parameter(0.02, "of each", unit="m", above=0.0)
+    mass: float = parameter(0.05, "of each", unit="kg", above=0.0)
+    separation: float = parameter(0.2, "between left and right, middle to middle", unit="m", above=0.0)
+    base: float = parameter(0.0, "between front and rear axle; 0 for a differential drive's one", unit="m", minimum=0.0)
+    turning_radius: float = parameter(
+        0.0, "smallest circle of a car's rear axle's middle; 0 for what turns on the spot", unit="m", minimum=0.0
+    )
+    steering_rate: float = parameter(1.5, "how fast a car's front wheels swing", unit="rad/s", above=0.0)
+
+
+class Part(NamedTuple):
+    """A solid of the body: its shape, where its middle is in base_link, and its mass (kg)."""
+
+    shape: Shape
+    frame: Frame
+    mass: float
+
+
+class Caster(NamedTuple):
+    """A ball that glides on the ground: x, y in base_link and radius (m), mass (kg)."""
+
+    x: float
+    y: float
+    radius: float
+    mass: float
+
+
+@dataclass(frozen=True, eq=False)
+class RobotModel:
+    """What a robot is made of. Places are in base_link, `base_height` above base_footprint, which is on the ground.
+
+    A differential drive has base_link between its two wheels, an omnidirectional one between its four, a car between
+    its rear wheels.
+
+    Attributes:
+        name: For people.
+        drive: One of DRIVES.
+        base_height: Metres.
+        body: Its solids.
+        inertia: Of body and sensors about x, y, z (kg m^2).
+        wheels: Two or four of them.
+        casters: What else stands on the ground.
+        outline: What it takes up, wheels included, seen from above: a convex polygon, shape (K, 2) in metres,
+            counter-clockwise, in base_footprint.
+        footprint: What navigation is to keep free, likewise.
+        scan_in_base, imu_in_base: Where the sensors are.
+        settings: Parameters of SimulationParameters that belong to it.
+    """
+
+    name: str
+    drive: str
+    base_height: float
+    body: Tuple[Part, ...]
+    inertia: Tuple[float, float, float]
+    wheels: Wheels
+    casters: Tuple[Caster, ...]
+    outline: np.ndarray
+    footprint: np.ndarray
+    scan_in_base: Frame
+    imu_in_base: Frame
+    settings: Mapping[str, Any]
+
+    @property
+    def axle_height(self) -> float:
+        """Height (m) of the wheels' axes above base_link."""
+        return round(self.wheels.radius - self.base_height, 9)  # as a file would say it, not a last bit beside that
+
+    @property
+    def scan_height(self) -> float:
+        """Height (m) above the ground at which the lidar looks."""
+        return self.base_height + float(self.scan_in_base.position[2])
+
+    @property
+    def height(self) -> float:
+        """Height (m) of its highest point above the ground."""
+        tops = [part.frame.transform_points(part.shape.triangles().reshape(-1, 3))[:, 2].max() for part in self.body]
+        return self.base_height + float(max(tops))
+
+    @property
+    def joints(self) -> Tuple[str, ...]:
+        """Names of the driven wheels' joints."""
+        if self.drive == OMNIDIRECTIONAL:
+            return tuple(f"wheel_{end}_{side}_joint" for end in ("front", "rear") for side in ("left", "right"))
+        return "wheel_left_joint", "wheel_right_joint"
+
+    def wheel_places(self) -> List[Tuple[float, float]]:
+        """Return x, y (m) of every wheel: the driven ones first, in the order of `joints`."""
+        half, base = self.wheels.separation / 2.0, self.wheels.base
+        if self.drive == OMNIDIRECTIONAL:
+            return [(x, y) for x in (base / 2.0, -base / 2.0) for y in (half, -half)]
+        driven = [(0.0, half), (0.0, -half)]
+        return driven + [(base, half), (base, -half)] if self.drive == CAR else driven
+
+    def heights(self) -> np.ndarray:
+        """Return the heights (m) above the ground at which to look whether there is room for it."""
+        highest = 0.95 * self.height
+        return np.linspace(LOWEST_LOOK, highest, 1 + math.ceil((highest - LOWEST_LOOK) / STEP_BETWEEN_LOOKS))
+
+    def solids(self, base: Frame, colours: Mapping[str, Tuple[float, float, float, float]]) -> List[Body]:
+        """Return everything of it that can be seen, with base_link at `base` in the world.
+
+        Args:
+            base: There.
+            colours: Of the first part of its body, of "wheel"; the body's further parts have the wheels'.
+        """
+        shown = [
+            Body(self.name, part.shape, base.compose(part.frame), colour=colours["wheel" if index else "body"])
+            for index, part in enumerate(self.body)
+        ]
+        tyre = Cylinder(self.wheels.radius, self.wheels.width)
+        for x, y in self.wheel_places():
+            hub = Frame.of(x, y, self.axle_height).compose(AXLE)
+            shown.append(Body(self.name, tyre, base.compose(hub), colour=colours["wheel"]))
+        return shown
+
+
+def box_inertia(parts: Tuple[Part, ...]) -> Tuple[float, float, float]:
+    """Return the inertia (kg m^2) of a body of even density as large as these parts together."""
+    points = np.concatenate([part.frame.transform_points(part.shape.triangles().reshape(-1, 3)) for part in parts])
+    x, y, z = np.ptp(points, axis=0)
+    share = sum(part.mass for part in parts) / 12.0
+    return share * (y * y + z * z), share * (x * x + z * z), share * (x * x + y * y)
+
+
+def seen_from_above(parts: Tuple[Part, ...], wheels: Wheels, places: List[Tuple[float, float]]) -> np.ndarray:
+    """Return the convex outline of body and wheels, shape (K, 2) in metres, counter-clockwise.
+
+    Args:
+        parts: The body.
+        wheels, places: The wheels, and x, y (m) of each.
+    """
+    points = [part.frame.transform_points(part.shape.triangles().reshape(-1, 3))[:, :2] for part in parts]
+    tyre = Box((2.0 * wheels.radius, wheels.width, 1.0)).triangles().reshape(-1, 3)[:, :2]
+    return convex_hull(np.concatenate(points + [tyre + place for place in places]))
+
+
+def convex_hull(points: np.ndarray) -> np.ndarray:
+    """Return the corners of the convex hull of points (N, 2), counter-clockwise, shape (K, 2).
+
+    By the monotone chain, A. M. Andrew, "Another efficient algorithm for convex hulls in two dimensions", 1979.
+    """
+    ordered = np.unique(np.round(points, 6), axis=0)
+    if len(ordered) < 3:
+        raise ValueError(f"{len(ordered)} points make no outline")
+
+    def chain(sequence: np.ndarray) -> List[np.ndarray]:
+        kept: List[np.ndarray] = []
+        for point in sequence:
+            while len(kept) > 1 and _turn(kept[-2], kept[-1], point) <= 1e-12:
+                kept.pop()
+            kept.append(point)
+        return kept[:-1]
+
+    return np.array(chain(ordered) + chain(ordered[::-1]))
+
+
+def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
+    """Return twice the area of a triangle, above zero where it turns left."""
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))

@@ -1,0 +1,158 @@
+"""Everything in the physics but the robot: the fixed surface, loose bodies, movers and obstacles added on the way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Dict, Hashable, Iterator, List, Mapping, Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.simulation import clearance
+from mbf_relay.simulation.contacts import Contact, Contacts
+from mbf_relay.simulation.physics import FIXED, LOOSE, ROBOT, Physics
+from mbf_relay.simulation.robot import RobotModel
+from mbf_relay.simulation.shapes import Body, subdivided
+from mbf_relay.simulation.surface import Surface
+from mbf_relay.simulation.world import Mover, World
+
+MOST_TRIANGLES = 2000000
+"""In the fixed surface; what is beyond would fill the memory."""
+LONGEST_EDGE = 0.8
+"""Of a triangle (m) in the surface that bodies bump into."""
+REACHED = 1.0
+"""Height (m) above which nothing bumps into anything."""
+LEVEL = 0.999999
+"""Upward part of a normal beyond which a surface lies flat."""
+SEEN_BAND = 0.5
+"""How far (m) above and below the lidar a surface can be and still be met by a beam of a robot that tilts a little."""
+
+
+class Scene:
+    """The bodies of a world in one physics client."""
+
+    def __init__(self, physics: Physics, world: World, robot: RobotModel) -> None:
+        """Build the world.
+
+        Args:
+            physics: Where.
+            world: What stands and moves.
+            robot: Who is to look at it, and needs room.
+
+        Raises:
+            ValueError: It has more triangles than can be handled.
+        """
+        self._physics, self._world, self._robot = physics, world, robot
+        triangles, owners = world.fixed_triangles()
+        if len(triangles) > MOST_TRIANGLES:
+            raise ValueError(
+                f"world '{world.name}' has {len(triangles)} triangles; at most {MOST_TRIANGLES} are possible"
+            )
+        physics.add_fixed(subdivided(low_enough(triangles), LONGEST_EDGE), FIXED, ROBOT | LOOSE)
+        self._seen = Surface(seen_by_level_rays(triangles, robot.scan_height))
+        self._triangles, self._owners = triangles, owners
+        self._contacts = Contacts(triangles, owners, [body.name for body in world.bodies])
+        self._loose = [(physics.add_loose(b.shape, b.frame, b.mass), b) for b in world.bodies if b.mass > 0.0]
+        self._movers: List[Tuple[int, Mover]] = [
+            (physics.add_loose(mover.body.shape, mover.frame_at(0.0), 0.0), mover) for mover in world.movers
+        ]
+        self._obstacles: Dict[Hashable, Tuple[int, Body]] = {}
+        self._names = {number: body.name for number, body in self._loose}
+        self._names.update({number: mover.body.name for number, mover in self._movers})
+
+    @property
+    def restless(self) -> bool:
+        """Return whether something here moves, or was put here, and may push the robot."""
+        return bool(self._names)
+
+    @property
+    def obstacles(self) -> Mapping[Hashable, Body]:
+        """The obstacles added on the way, by their key."""
+        return {key: body for key, (_, body) in self._obstacles.items()}
+
+    def set_obstacle(self, key: Hashable, body: Body) -> None:
+        """Put an obstacle here, in place of the one of that key if there is one."""
+        known = self._obstacles.get(key)
+        if known is not None and known[1].shape == body.shape:
+            self._physics.place(known[0], body.frame)
+            self._obstacles[key] = (known[0], body)
+            return
+        self.remove_obstacle(key)
+        number = self._physics.add_loose(body.shape, body.frame, 0.0)
+        self._obstacles[key] = (number, body)
+        self._names[number] = body.name
+
+    def remove_obstacle(self, key: Hashable) -> bool:
+        """Take an obstacle away; return whether there was one of that key."""
+        known = self._obstacles.pop(key, None)
+        if known is None:
+            return False
+        self._physics.remove(known[0])
+        del self._names[known[0]]
+        return True
+
+    def advance(self, elapsed: float) -> None:
+        """Bring the movers to where they are `elapsed` seconds after the start."""
+        for number, mover in self._movers:
+            self._physics.place(number, mover.frame_at(elapsed))
+
+    def reset(self) -> None:
+        """Take the obstacles away and put everything else back to where it was at first."""
+        for key in list(self._obstacles):
+            self.remove_obstacle(key)
+        for number, body in self._loose:
+            self._physics.place(number, body.frame)
+        self.advance(0.0)
+
+    def contacts_of(self, robot: int) -> Tuple[Contact, ...]:
+        """Return what the robot touches at this moment."""
+        return self._contacts.find(self._physics, robot, self._names)
+
+    def cast(self, start: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Cast rays from `start`, shape (3,), to `ends`, shape (B, 3), in metres; they never meet robot and ground.
+
+        Returns:
+            Shape (B,): the share of its way each ray went before it hit something, 1 where it hit nothing.
+        """
+        shares = self._seen.cast(start, ends)
+        return np.minimum(shares, self._physics.cast(start, ends)) if self._names else shares
+
+    def obstruction_at(self, pose: Pose2D) -> Optional[str]:
+        """Return the name of what the robot would stand in at `pose`, None where there is room."""
+        owner = clearance.obstruction(self._triangles, self._owners, pose, self._robot)
+        if owner is not None:
+            return self._world.bodies[owner].name
+        blocking = (body.name for body in self._moved_bodies() if self.obstructs(body, pose))
+        return next(blocking, None)
+
+    def obstructs(self, body: Body, pose: Pose2D) -> bool:
+        """Return whether a body leaves no room for the robot at `pose`."""
+        return clearance.surface_obstructs(body.triangles(), pose, self._robot)
+
+    def bodies(self) -> List[Body]:
+        """Return everything that stands here, where it is now."""
+        return [body for body in self._world.bodies if body.mass == 0.0] + list(self._moved_bodies())
+
+    def _moved_bodies(self) -> Iterator[Body]:
+        """Yield loose bodies, movers and obstacles where they are now."""
+        for number, body in self._loose + [(n, m.body) for n, m in self._movers] + list(self._obstacles.values()):
+            yield replace(body, frame=self._physics.frame_of(number))
+
+
+def low_enough(triangles: np.ndarray) -> np.ndarray:
+    """Return the triangles, shape (N, 3, 3), that a body on the ground can bump into."""
+    heights = triangles[:, :, 2]
+    low: np.ndarray = triangles[(heights.min(axis=1) < REACHED) & (heights.max(axis=1) > 0.0)]
+    return low
+
+
+def seen_by_level_rays(triangles: np.ndarray, height: float) -> np.ndarray:
+    """Return the triangles, shape (N, 3, 3), without those that lie flat or far above and below the lidar's height (m).
+    """
+    heights = triangles[:, :, 2]
+    near = (heights.min(axis=1) < height + SEEN_BAND) & (heights.max(axis=1) > height - SEEN_BAND)
+    triangles = triangles[near]
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    sizes = np.linalg.norm(normals, axis=1)
+    seen: np.ndarray = triangles[(np.abs(normals[:, 2]) < LEVEL * sizes) & (sizes > 1e-15)]
+    return seen

@@ -1,0 +1,185 @@
+"""The tracker: which clusters of each scan are the things of the last one, and which of them move."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Deque, List, Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.tracking.clusters import Cluster, Rays, find_clusters, rays_of
+from mbf_relay.tracking.parameters import TrackerParameters
+from mbf_relay.tracking.track import Track
+
+GATE = 9.0  # squared deviations within which a cluster may be a thing seen before
+FIRST_SPEED = 0.5  # m/s: deviation of the velocity of a thing seen for the first time
+SEEN_EMPTY = 0.25  # share of its readings where there was nothing before, from which on a thing may have come there
+DEPTH = 0.08  # m behind a place that must have been seen for it to have been empty
+SURE = 2.0  # deviations of the velocity by which it must differ from zero
+CONVINCED, MOST_CONVINCED = 2, 5  # scans in favour, less those against: when a thing moves, and the most that counts
+HIDDEN_NOISE = 4.0  # factor on the deviation where only a part is seen
+
+
+class Tracker:
+    """Follows what is seen in scans by constant-velocity Kalman filters, and tells what moves.
+
+    Each coordinate has the same filter, as a disc has no sides. A thing moves if its velocity differs from zero for
+    sure *and* it stands where a while ago the lidar saw through: what merely comes into view, or seems to move because
+    more of it does, passes the first test and not the second. What moves straight away from the lidar passes neither:
+    it hid where it goes to.
+
+    Source: Arras, Grzonka, Luber, Burgard, "Efficient people tracking in laser range data" (2008), for segments and
+    filters; Wang, Thorpe, Thrun, "Online simultaneous localization and mapping with detection and tracking of moving
+    objects" (2003), for what was seen to be free.
+
+    Attributes:
+        parameters: The values in force.
+    """
+
+    def __init__(self, parameters: TrackerParameters) -> None:
+        self.parameters = parameters
+        self._next_number = 1
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything; numbers are not used again."""
+        self._stamp: Optional[float] = None
+        self._history: Deque[Tuple[float, Rays]] = deque()
+        self._numbers = np.zeros(0, np.int64)
+        self._states = np.zeros((0, 4))  # x, y, vx, vy
+        self._variances = np.zeros((0, 3))  # of position, position with velocity, velocity; alike for x and y
+        self._radii = np.zeros(0)
+        self._seen = np.zeros(0)
+        self._belief = np.zeros(0, np.int64)
+
+    @property
+    def tracks(self) -> Tuple[Track, ...]:
+        """What moves, as of the last scan."""
+        sure = self._belief >= CONVINCED
+        return tuple(
+            Track(int(number), float(self._stamp or 0.0), x, y, vx, vy, float(radius), *variances)
+            for number, (x, y, vx, vy), radius, variances in zip(
+                self._numbers[sure], self._states[sure].tolist(), self._radii[sure], self._variances[sure].tolist())
+        )
+
+    def update(self, x: float, y: float, ends: np.ndarray, hits: np.ndarray, stamp: float) -> None:
+        """Take a scan.
+
+        A scan that is older than the last one, or much younger, begins anew: a clock was set.
+
+        Args:
+            x, y: Where the sensor was (m), in a frame that stands still.
+            ends: Shape (N, 2), where its rays end (m), in the order of the beams; finite.
+            hits: Shape (N,), bool: whether anything was there.
+            stamp: Time (s).
+        """
+        elapsed = None if self._stamp is None else stamp - self._stamp
+        if elapsed is not None and elapsed == 0.0:
+            return
+        if elapsed is not None and not 0.0 < elapsed <= self.parameters.track_patience:
+            self.reset()
+            elapsed = None
+        self._stamp = stamp
+        rays = rays_of(x, y, np.ascontiguousarray(ends[:, :2]), hits)
+        self._predict(elapsed or 0.0)
+        clusters = find_clusters(rays, self.parameters.track_gap, self.parameters.track_largest)
+        was_empty = self._was_empty(rays, stamp)
+        taken = self._associate(clusters)
+        for index, cluster in enumerate(clusters):
+            if taken[index] >= 0:
+                self._correct(taken[index], cluster, was_empty, stamp)
+        self._begin([cluster for index, cluster in enumerate(clusters) if taken[index] < 0], stamp)
+        self._forget(stamp)
+        self._history.append((stamp, rays))
+
+    def _predict(self, elapsed: float) -> None:
+        q = self.parameters.track_acceleration ** 2
+        position, cross, velocity = self._variances.T
+        self._states[:, :2] += elapsed * self._states[:, 2:]
+        self._variances = np.column_stack((
+            position + 2.0 * elapsed * cross + elapsed ** 2 * velocity + 0.25 * q * elapsed ** 4,
+            cross + elapsed * velocity + 0.5 * q * elapsed ** 3,
+            velocity + q * elapsed ** 2,
+        ))
+
+    def _noise(self, cluster: Cluster) -> float:
+        """Return the variance (m^2) of a cluster's centre."""
+        deviation = self.parameters.track_noise * (1.0 if cluster.is_whole else HIDDEN_NOISE)
+        return deviation * deviation
+
+    def _associate(self, clusters: List[Cluster]) -> List[int]:
+        """Return for each cluster the thing it is, -1 for none: the nearest pairs first, by deviations."""
+        taken = [-1] * len(clusters)
+        if not clusters or not len(self._numbers):
+            return taken
+        centers = np.array([(cluster.x, cluster.y) for cluster in clusters])
+        noises = np.array([self._noise(cluster) for cluster in clusters])
+        off = self._states[:, None, :2] - centers
+        distances = (off ** 2).sum(axis=2) / (self._variances[:, 0][:, None] + noises)
+        free = np.ones(len(self._numbers), dtype=bool)
+        for pair in np.argsort(distances, axis=None, kind="stable"):
+            thing, cluster = divmod(int(pair), len(clusters))
+            if distances[thing, cluster] > GATE:
+                break
+            if free[thing] and taken[cluster] < 0:
+                taken[cluster], free[thing] = thing, False
+        return taken
+
+    def _correct(self, thing: int, cluster: Cluster, was_empty: np.ndarray, stamp: float) -> None:
+        position, cross, velocity = self._variances[thing]
+        total = position + self._noise(cluster)
+        off = np.array([cluster.x, cluster.y]) - self._states[thing, :2]
+        self._states[thing, :2] += position / total * off
+        self._states[thing, 2:] += cross / total * off
+        self._variances[thing] = (
+            position - position * position / total, cross - position * cross / total, velocity - cross * cross / total)
+        if cluster.is_whole:
+            self._radii[thing] += 0.3 * (cluster.radius - self._radii[thing])
+        self._radii[thing] = max(self._radii[thing], cluster.radius)
+        self._seen[thing] = stamp
+        speed = float(np.hypot(*self._states[thing, 2:]))
+        is_fast = speed >= max(self.parameters.track_slowest, SURE * float(np.sqrt(self._variances[thing, 2])))
+        came = float(was_empty[cluster.readings].mean()) >= SEEN_EMPTY
+        change = 1 if is_fast and came else -1
+        self._belief[thing] = min(MOST_CONVINCED, max(0, self._belief[thing] + change))
+
+    def _was_empty(self, rays: Rays, stamp: float) -> np.ndarray:
+        """Return for each ray whether the lidar saw beyond where it ends, `track_memory` ago: shape (N,), bool."""
+        while len(self._history) > 1 and stamp - self._history[1][0] >= self.parameters.track_memory - 1e-6:
+            self._history.popleft()
+        if not self._history or stamp - self._history[0][0] < self.parameters.track_memory - 1e-6:
+            return np.zeros(len(rays.hits), dtype=bool)
+        before = self._history[0][1]
+        if not len(before.bearings):
+            return np.zeros(len(rays.hits), dtype=bool)
+        order = np.argsort(before.bearings, kind="stable")
+        sorted_bearings, depths = before.bearings[order], before.ranges[order]
+        least = np.minimum(depths, np.minimum(np.roll(depths, 1), np.roll(depths, -1)))  # an edge sees past itself
+        across, up = rays.ends[:, 0] - before.x, rays.ends[:, 1] - before.y
+        bearings, distances = np.arctan2(up, across), np.hypot(across, up)
+        index = np.searchsorted(sorted_bearings, bearings) % len(order)
+        turn = np.abs(sorted_bearings[index] - bearings)
+        in_view = np.minimum(turn, 2.0 * np.pi - turn) < 0.1
+        passed: np.ndarray = in_view & (least[index] > distances + DEPTH)
+        return passed
+
+    def _begin(self, clusters: List[Cluster], stamp: float) -> None:
+        count = len(clusters)
+        if not count:
+            return
+        rows = np.array([(cluster.x, cluster.y, 0.0, 0.0) for cluster in clusters])
+        variances = np.array([(self._noise(cluster), 0.0, FIRST_SPEED ** 2) for cluster in clusters])
+        self._numbers = np.append(self._numbers, np.arange(self._next_number, self._next_number + count))
+        self._next_number += count
+        self._states = np.vstack((self._states, rows))
+        self._variances = np.vstack((self._variances, variances))
+        self._radii = np.append(self._radii, [cluster.radius for cluster in clusters])
+        self._seen = np.append(self._seen, np.full(count, stamp))
+        self._belief = np.append(self._belief, np.zeros(count, np.int64))
+
+    def _forget(self, stamp: float) -> None:
+        kept = stamp - self._seen < self.parameters.track_patience
+        if kept.all():
+            return
+        self._numbers, self._states, self._variances = self._numbers[kept], self._states[kept], self._variances[kept]
+        self._radii, self._seen, self._belief = self._radii[kept], self._seen[kept], self._belief[kept]

@@ -1,0 +1,58 @@
+"""Points, poses and lines as 16-bit numbers about an origin: a scan of 360 beams is 1.4 kB."""
+
+from __future__ import annotations
+
+from typing import Any, Dict
+
+import numpy as np
+
+from mbf_relay.view.batch import part
+
+FINEST = 0.001
+"""Metres a unit stands for at least; finer is not seen."""
+TURN_UNIT = 1e-4
+"""Radians of one unit of heading, so that half a turn fits into 16 bits."""
+LARGEST = 32767
+
+
+def points_part(layer: str, points: np.ndarray, limit: int, **more: Any) -> bytes:
+    """Return points as a part.
+
+    Args:
+        layer: The layer's name.
+        points: Shape (N, 2) as x, y (m), or (N, 3) with a heading (rad) in [-pi, pi]; rows that are not finite are left
+            out.
+        limit: Points at most; of more, evenly spread ones.
+        more: Further entries of the header.
+    """
+    points = np.asarray(points, dtype=float)
+    points = thinned(points[np.isfinite(points).all(axis=1)], limit)
+    header: Dict[str, Any] = {"layer": layer, "count": len(points), **more}
+    if not len(points):
+        return part(header)
+    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    origin = (low + high) / 2.0
+    unit = max(FINEST, float(np.abs(high - origin).max()) / LARGEST)
+    scaled = points.copy()
+    scaled[:, :2] = (points[:, :2] - origin) / unit
+    scaled[:, 2:] /= TURN_UNIT
+    header.update(origin=[float(value) for value in origin.round(6)], unit=unit, columns=points.shape[1])
+    return part(header, np.clip(np.rint(scaled), -LARGEST, LARGEST).astype("<i2").tobytes())
+
+
+def points_from(header: Dict[str, Any], payload: bytes) -> np.ndarray:
+    """Return the points of a part, as the page does: shape (N, columns)."""
+    if not header["count"]:
+        return np.empty((0, 2))
+    points = np.frombuffer(payload, dtype="<i2").reshape(-1, header["columns"]).astype(float)
+    points[:, :2] = points[:, :2] * header["unit"] + header["origin"]
+    points[:, 2:] *= TURN_UNIT
+    return points
+
+
+def thinned(points: np.ndarray, limit: int) -> np.ndarray:
+    """Return at most `limit` rows, evenly spread, the first and the last among them."""
+    if len(points) <= limit:
+        return points
+    chosen: np.ndarray = points[np.linspace(0, len(points) - 1, limit).round().astype(int)]
+    return chosen

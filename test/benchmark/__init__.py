@@ -1,0 +1,20 @@
+"""Every metric the package states about itself, one module per part of it with `metrics(quick) -> Iterator[Metric]`."""
+
+NAMES = (
+    "yardstick",
+    "simulation",
+    "localization",
+    "costmap",
+    "planning",
+    "control",
+    "server",
+    "relay",
+    "footprint",
+    "circle",
+    "worlds",
+    "web",
+    "reliability",
+)
+"""The benchmarks, in the order in which they run; each is the module of that name beside this file."""
+ONLY_BY_NAME = ("reliability",)
+"""Those that take an hour, and run where they are asked for."""

@@ -1,0 +1,172 @@
+"""What the demo's nodes take of the robot's own computer: memory, processor time and time to start.
+
+Memory is taken at rest, half-way round the tutorial's circle and after it; what processes share counts once in the
+proportional set size (PSS). The graph runs at real time, with all its nodes; the navigation is all but the simulator
+and robot_state_publisher.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import defaultdict
+from typing import Any, Dict, Iterator, List, Mapping
+
+from benchmark.metric import Metric, NotMeasurable, metric_of
+from benchmark.processes import cpu_seconds, memory_mebibytes, node_pid
+from mbf_relay.simulation.arena import CIRCLE
+
+NAVIGATION = ("map_server", "amcl", "move_base_flex", "move_base")
+"""move_base is the relay."""
+OTHERS = ("velocity_guard", "simulator")
+MODULES = {
+    "map_server": "mbf_relay.ros.map_server.node", "amcl": "mbf_relay.ros.amcl.node",
+    "move_base_flex": "mbf_relay.ros.server.node", "move_base": "mbf_relay.ros.relay.node",
+}
+IMPORTS, QUICK_IMPORTS = 5, 1
+STAGES = 6
+"""Libraries whose share of a node's imports is told, the longest first."""
+SETTLED = 5.0
+"""Wall time (s) from the first plan until a graph that has just come up only does what it does for ever."""
+PATIENCE = 300.0
+"""Wall time (s) after which a circle counts as not driven."""
+REFERENCE = {
+    "RSS": {"map_server": 17, "amcl": 22, "move_base_flex": 29, "sum": 68},
+    "CPU of a circle": {"navigation": 8.5, "amcl": 2.7, "map_server": 0.5, "sum": 11.6},
+    "launch to first velocity": 3.3,
+}
+"""The C++ stack's, built from source, on the same drive (MiB, s)."""
+
+
+def metrics(quick: bool) -> Iterator[Metric]:
+    """Measure imports, then a graph that is sent off at once, then one that rests, drives the circle and rests again.
+    """
+    if shutil.which("roslaunch") is None:
+        raise NotMeasurable("there is no ROS here")
+    for node, module in MODULES.items():
+        yield from _imports(node, module, QUICK_IMPORTS if quick else IMPORTS)
+    from mbf_relay.ros.tools.demo_graph import DemoGraph
+
+    with tempfile.TemporaryDirectory() as folder, DemoGraph(["mbf_relay", "demo.launch"], folder) as graph:
+        began = time.monotonic()
+        graph.wait_for_parameter("/use_sim_time", 60.0)
+        os.environ.update(graph.environment)
+        watch = Watch()
+        try:
+            client = ["rosrun", "mbf_relay", "mb_relay_client.py", "--laps", "1"]
+            graph.start(client, os.path.join(folder, "client.log"))
+            moved = watch.wait_for_velocity()
+            yield Metric(
+                "launch to first velocity", moved - began, "s",
+                parameters={"reference": REFERENCE["launch to first velocity"]},
+            )
+            yield from _drive(watch)
+        finally:
+            watch.close()
+
+
+def _imports(node: str, module: str, repeats: int) -> Iterator[Metric]:
+    """Yield how long a node's imports take, and which libraries take most of it, by `python -X importtime`."""
+    totals, shares = [], defaultdict(list)
+    for _ in range(repeats):
+        command = [sys.executable, "-X", "importtime", "-c", f"import {module}"]
+        text = subprocess.run(command, stderr=subprocess.PIPE, check=True, text=True).stderr
+        of_library: Dict[str, float] = defaultdict(float)
+        for line in text.splitlines()[1:]:
+            if not line.startswith("import time:") or line.count("|") != 2:
+                continue  # a library's own words
+            own, _, name = line[len("import time:"):].split("|")
+            of_library[name.strip().split(".")[0]] += 1e-3 * float(own)
+        totals.append(sum(of_library.values()))
+        for library, share in of_library.items():
+            shares[library].append(share)
+    yield metric_of("import", totals, "ms", node=node)
+    longest = sorted(shares, key=lambda library: -max(shares[library]))[:STAGES]
+    for library in longest:
+        yield metric_of(f"import: {library}", shares[library], "ms", node=node)
+
+
+def _drive(watch: Watch) -> Iterator[Metric]:
+    """Yield what nodes take while the client, which has just set out, drives its circle, and afterwards."""
+    pids = {node: node_pid(f"/{node}", watch.name) for node in NAVIGATION + OTHERS}
+    started = {node: cpu_seconds(pid) for node, pid in pids.items()}
+    for node in pids:
+        yield Metric("CPU until the first velocity", started[node], "s", parameters={"node": node})
+    watch.wait_for_goals(len(CIRCLE) // 2)
+    yield from _memory("driving", pids)
+    watch.wait_for_goals(len(CIRCLE))
+    used = {node: cpu_seconds(pid) - started[node] for node, pid in pids.items()}
+    reference: Mapping[str, Any] = REFERENCE["CPU of a circle"]  # type: ignore[assignment]
+    for node, seconds in used.items():
+        yield Metric("CPU of a circle", seconds, "s", parameters=_with_reference(node, reference))
+    total = sum(used[node] for node in NAVIGATION)
+    yield Metric("CPU of a circle", total, "s", parameters=_with_reference("sum", reference))
+    time.sleep(SETTLED)
+    yield from _memory("at rest after a circle", pids)
+
+
+def _memory(when: str, pids: Mapping[str, int]) -> Iterator[Metric]:
+    """Yield resident, proportional and private dirty memory of each node, and their sums over the navigation."""
+    taken = {node: memory_mebibytes(pid) for node, pid in pids.items()}
+    for kind in ("RSS", "PSS", "private dirty"):
+        reference: Mapping[str, Any] = REFERENCE.get(kind, {})  # type: ignore[assignment]
+        for node in pids:
+            yield Metric(f"{kind}, {when}", taken[node][kind], "MiB", parameters=_with_reference(node, reference))
+        total = sum(taken[node][kind] for node in NAVIGATION)
+        yield Metric(f"{kind}, {when}", total, "MiB", parameters=_with_reference("sum", reference))
+
+
+def _with_reference(node: str, reference: Mapping[str, Any]) -> Dict[str, Any]:
+    return {"node": node, **({"reference": reference[node]} if node in reference else {})}
+
+
+class Watch:
+    """Notes when the robot first moves, and counts the goals it reaches."""
+
+    def __init__(self) -> None:
+        import rospy
+        from geometry_msgs.msg import Twist
+        from move_base_msgs.msg import MoveBaseActionResult
+
+        rospy.init_node("footprint_benchmark", anonymous=True, disable_signals=True)
+        self.name = rospy.get_name()
+        self._rospy = rospy
+        self._changed = threading.Condition()
+        self._moved, self._reached = 0.0, 0
+        self._subscribers: List[Any] = [
+            rospy.Subscriber("cmd_vel", Twist, self._take_velocity, tcp_nodelay=True),
+            rospy.Subscriber("move_base/result", MoveBaseActionResult, self._take_result),
+        ]
+
+    def wait_for_velocity(self) -> float:
+        """Return the wall time (s) of the first velocity that is not zero."""
+        with self._changed:
+            if not self._changed.wait_for(lambda: self._moved > 0.0, PATIENCE):
+                raise RuntimeError(f"waited {PATIENCE:g} s for a velocity, in vain")
+            return self._moved
+
+    def wait_for_goals(self, count: int) -> None:
+        """Return once so many goals were reached."""
+        with self._changed:
+            if not self._changed.wait_for(lambda: self._reached >= count, PATIENCE):
+                raise RuntimeError(f"waited {PATIENCE:g} s for {count} goals, in vain")
+
+    def close(self) -> None:
+        """Leave ROS."""
+        self._rospy.signal_shutdown("measured")
+
+    def _take_velocity(self, twist: Any) -> None:
+        with self._changed:
+            if not self._moved and (twist.linear.x or twist.angular.z):
+                self._moved = time.monotonic()
+                self._changed.notify_all()
+
+    def _take_result(self, message: Any) -> None:
+        with self._changed:
+            self._reached += message.status.status == 3
+            self._changed.notify_all()

@@ -1,0 +1,39 @@
+"""What a node's process costs."""
+
+from __future__ import annotations
+
+import xmlrpc.client
+from pathlib import Path
+from typing import Dict
+
+import psutil
+
+
+def node_pid(node: str, asker: str) -> int:
+    """Return the process of a running node; `asker` is the name of who asks."""
+    import rosgraph
+
+    uri = rosgraph.Master(asker).lookupNode(node)
+    return int(xmlrpc.client.ServerProxy(uri).getPid(asker)[2])  # type: ignore[index, arg-type]
+
+
+def cpu_seconds(pid: int) -> float:
+    """Return the processor time (s) a process has used."""
+    times = psutil.Process(pid).cpu_times()
+    return float(times.user + times.system)
+
+
+def resident_bytes(pid: int) -> int:
+    """Return the memory a process holds."""
+    return int(psutil.Process(pid).memory_info().rss)
+
+
+def memory_mebibytes(pid: int) -> Dict[str, float]:
+    """Return the memory (MiB) of a process: resident, its share where it is shared, and what is its own alone."""
+    names = {"Rss": "RSS", "Pss": "PSS", "Private_Dirty": "private dirty"}
+    found = {}
+    for line in Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii").splitlines():
+        name, _, value = line.partition(":")
+        if name in names:
+            found[names[name]] = float(value.split()[0]) / 1024.0
+    return found

@@ -1,0 +1,133 @@
+"""The metrics in the READMEs: those a newcomer asks for in the repository's, all of them in this folder's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Dict, List, NamedTuple, Sequence, Tuple
+
+from benchmark.metric import Metric, machine_line, round_for_people, table
+
+MARKER_BEGIN = "<!-- made by `scripts/benchmark --write` -->"
+MARKER_END = "<!-- end of benchmark -->"
+
+HERE = Path(__file__).resolve().parent
+
+Results = Sequence[Tuple[str, Metric]]
+
+
+class Headline(NamedTuple):
+    """One line of the short table: what it says, and the metric that says it.
+
+    Attributes:
+        text: What the metric means to somebody who has not read the benchmark.
+        benchmark: Its benchmark's name.
+        metric: Its name.
+        where: Parameters that tell it from others of that name.
+        of: The parameter that says out of how many it is; empty where it is no count.
+    """
+
+    text: str
+    benchmark: str
+    metric: str
+    where: Dict[str, Any] = {}
+    of: str = ""
+
+    def fits(self, benchmark: str, metric: Metric) -> bool:
+        """Return whether a metric is the one meant."""
+        here = (benchmark, metric.name) == (self.benchmark, self.metric)
+        return here and all(metric.parameters.get(name) == value for name, value in self.where.items())
+
+
+DWA = {"controller": "DWAPlannerROS"}
+HEADLINES = (
+    Headline(
+        "the tutorial's circle: drives that reached all eight goals without a touch",
+        "circle",
+        "circles with all goals reached and no contact",
+        of="seeds",
+    ),
+    Headline("time of a circle", "circle", "time"),
+    Headline("clearance to the nearest surface, smallest of a circle", "circle", "smallest clearance"),
+    Headline("localization error on the circle, mean", "localization", "circle: position error, mean"),
+    Headline("localization error on the circle, largest", "localization", "circle: position error, max"),
+    Headline("robot carried off: found again", "localization", "kidnapping: found"),
+    Headline(
+        "obstacle fields of the BARN challenge driven through", "worlds", "worlds driven to the goal", DWA, of="worlds"
+    ),
+    Headline("contacts there", "worlds", "contacts", DWA),
+    Headline("first velocity of the server after a goal", "server", "goal to first velocity"),
+    Headline("idle server, share of a core", "server", "idle server, share of one core"),
+    Headline("goal handed on by the relay", "relay", "goal through the relay"),
+    Headline("cancel handed on by the relay", "relay", "cancel through the relay"),
+    Headline("idle relay, share of a core", "relay", "idle relay, share of one core"),
+    Headline("a plan on a map of 384 x 384 cells", "planning", "plan 384 x 384, navfn"),
+    Headline("a plan on a map of 3840 x 3840 cells", "planning", "plan 3840 x 3840, navfn"),
+    Headline(
+        "one cycle of DWA, 20 x 40 velocities", "control", "one cycle of DWA", {"sampled": "20 x 40", "turn": 0.0}
+    ),
+    Headline("one update of the local costmap, scan and inflation", "costmap", "update of the local costmap"),
+    Headline("one update of the particle filter, 3000 particles, 180 beams", "localization", "whole update, robust"),
+    Headline(
+        "simulation alone, times real time, one core", "simulation", "real time factor, driving", {"world": "arena"}
+    ),
+    Headline("whole stack without ROS, times real time, one core", "circle", "real-time factor on one core"),
+    Headline("circles driven per minute, without ROS", "circle", "circles per minute"),
+)
+
+
+def write_sections(machine: Dict[str, Any], results: Results) -> List[Path]:
+    """Write the headlines into the repository's README.md and every metric into this folder's; return the two.
+
+    Raises:
+        ValueError: A README lacks the markers, or a headline's metric is not among its benchmark's.
+    """
+    texts = {HERE.parents[1] / "README.md": headline_table(results), HERE / "README.md": whole_tables(results)}
+    for path, text in texts.items():
+        made = rewrite_section(path.read_text(encoding="utf-8"), f"{machine_line(machine)}\n\n{text}")
+        path.write_text(made, encoding="utf-8")
+    return list(texts)
+
+
+def rewrite_section(readme: str, text: str) -> str:
+    """Return a README with `text` between its two markers.
+
+    Raises:
+        ValueError: It lacks the markers.
+    """
+    before, begin, rest = readme.partition(MARKER_BEGIN)
+    _, end, after = rest.partition(MARKER_END)
+    if not (begin and end):
+        raise ValueError(f"the README has no section between '{MARKER_BEGIN}' and '{MARKER_END}'; add these two lines")
+    return f"{before}{begin}\n{text}\n{end}{after}"
+
+
+def whole_tables(results: Results) -> str:
+    """Return one Markdown table a benchmark."""
+    parts = []
+    for benchmark in dict.fromkeys(name for name, _ in results):
+        parts.append(f"### {benchmark}\n\n{table([metric for name, metric in results if name == benchmark])}")
+    return "\n\n".join(parts)
+
+
+def headline_table(results: Results) -> str:
+    """Return the short table as Markdown; benchmarks that were not run are left out of it.
+
+    Raises:
+        ValueError: A benchmark was run, and has no metric a headline names, or several.
+    """
+    ran = {name for name, _ in results}
+    lines: List[str] = ["| what | metric |", "|---|---|"]
+    for headline in HEADLINES:
+        if headline.benchmark not in ran:
+            continue
+        found = [metric for name, metric in results if headline.fits(name, metric)]
+        if len(found) != 1:
+            raise ValueError(
+                f"{len(found)} metrics of {headline.benchmark} are '{headline.metric}' with {headline.where}; a "
+                "headline names one"
+            )
+        words = [round_for_people(found[0].value), found[0].unit]
+        if headline.of:
+            words += ["of", str(found[0].parameters[headline.of])]
+        lines.append(f"| {headline.text} | {' '.join(word for word in words if word)} |")
+    return "\n".join(lines)

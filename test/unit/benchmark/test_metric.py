@@ -1,0 +1,132 @@
+"""Metrics: medians, tables, JSON and the README's section."""
+
+import json
+
+import pytest
+from benchmark import command, metric, report
+from benchmark.metric import Metric
+
+
+def test_value_is_the_median_and_p95_the_percentile():
+    taken = metric.metric_of("plan", [1.0, 2.0, 3.0, 4.0, 100.0], "ms", cells=9)
+    assert taken.value == taken.median == 3.0
+    assert taken.p95 == pytest.approx(80.8)
+    assert (taken.repeats, taken.parameters) == (5, {"cells": 9})
+
+
+def test_single_sample_has_no_spread():
+    assert metric.metric_of("plan", [7.0], "ms").p95 is None
+
+
+def test_time_call_calls_as_often_as_told():
+    calls = []
+    taken = metric.time_call("call", lambda: calls.append(1), repeats=5, warm_up=2)
+    assert len(calls) == 7
+    assert taken.repeats == 5 and taken.value >= 0.0
+
+
+def test_no_repeats_is_an_error():
+    with pytest.raises(ValueError, match="taken 0 times"):
+        Metric("plan", 1.0, repeats=0)
+
+
+@pytest.mark.parametrize(
+    "value, text",
+    [
+        (None, "-"),
+        (float("nan"), "-"),
+        (0.0, "0"),
+        (0.01234, "0.0123"),
+        (1.5, "1.50"),
+        (123.4, "123"),
+        (98765.4, "98765"),
+        (3, "3"),
+    ],
+)
+def test_numbers_for_people(value, text):
+    assert metric.round_for_people(value) == text
+
+
+def test_table_has_one_row_per_metric_and_equal_widths():
+    lines = metric.table([Metric("a", 1.5, "ms"), Metric("longer", 2.0)]).splitlines()
+    assert len(lines) == 4
+    assert len({len(line) for line in lines}) == 1
+
+
+def test_json_carries_every_field():
+    text = command.as_json({"cores": 2}, [("planning", Metric("a", 1.5, "ms", parameters={"n": 1}))])
+    parsed = json.loads(text)
+    assert parsed["machine"] == {"cores": 2}
+    assert parsed["metrics"] == [
+        {"benchmark": "planning", "name": "a", "value": 1.5, "unit": "ms", "median": 1.5, "p95": None, "repeats": 1,
+         "parameters": {"n": 1}}
+    ]
+
+
+SECTION = f"top\n{report.MARKER_BEGIN}\nold\n{report.MARKER_END}\nbottom\n"
+
+
+def test_a_section_is_replaced_and_the_rest_kept():
+    assert report.rewrite_section(SECTION, "new") == SECTION.replace("old", "new")
+    with pytest.raises(ValueError, match="no section"):
+        report.rewrite_section("nothing", "new")
+
+
+def test_both_readmes_have_the_section():
+    for readme in (report.HERE / "README.md", report.HERE.parents[1] / "README.md"):
+        assert report.rewrite_section(readme.read_text(encoding="utf-8"), "new")
+
+
+def test_headlines_are_few_and_the_whole_table_has_all():
+    relay = [
+        Metric("goal through the relay", 0.7071, "ms"), Metric("cancel through the relay", 0.2, "ms"),
+        Metric("idle relay, share of one core", 0.4, "%"), Metric("something else", 3.0),
+    ]
+    results = [("relay", each) for each in relay]
+    short, whole = report.headline_table(results), report.whole_tables(results)
+    assert "| goal handed on by the relay | 0.707 ms |" in short and "something else" not in short
+    assert "something else" in whole and "goal through the relay" in whole
+
+
+@pytest.mark.parametrize("metrics", [[], ["one cycle of DWA", "one cycle of DWA"]])
+def test_a_headline_without_its_one_metric_is_named(metrics):
+    results = [("control", Metric(name, 1.0, "ms", parameters={"sampled": "20 x 40", "turn": 0.0})) for name in metrics]
+    with pytest.raises(ValueError, match=f"{len(metrics)} metrics of control are 'one cycle of DWA'"):
+        report.headline_table([*results, ("control", Metric("another", 1.0))])
+
+
+def test_a_count_says_out_of_how_many():
+    parameters = {"controller": "DWAPlannerROS", "worlds": 18}
+    metrics = [
+        ("worlds", Metric(name, 16.0, parameters=parameters)) for name in ("worlds driven to the goal", "contacts")
+    ]
+    assert "driven through | 16 of 18 |" in report.headline_table(metrics)
+
+
+def test_unknown_benchmark_names_the_nearest(capsys):
+    with pytest.raises(SystemExit):
+        command.main(["plannning"])
+    assert "did you mean 'planning'" in capsys.readouterr().err
+
+
+def test_metrics_taken_one_after_the_other_make_one_table(tmp_path, capsys):
+    for name, benchmark in (("late", "worlds"), ("early", "planning")):
+        text = command.as_json({"cores": 2}, [(benchmark, Metric(name, 1.5, "ms", parameters={"n": 1}))])
+        (tmp_path / f"{name}.json").write_text(text, encoding="utf-8")
+    machine, results = command.read_taken([str(tmp_path / "late.json"), str(tmp_path / "early.json")])
+    assert machine == {"cores": 2}
+    assert [(benchmark, taken.name) for benchmark, taken in results] == [("planning", "early"), ("worlds", "late")]
+
+
+def test_metrics_of_two_machines_are_not_mixed(tmp_path):
+    for cores in (2, 4):
+        text = command.as_json({"cores": cores}, [("planning", Metric("a", 1.0))])
+        (tmp_path / f"{cores}.json").write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match="another machine"):
+        command.read_taken([str(tmp_path / "2.json"), str(tmp_path / "4.json")])
+
+
+def test_a_file_without_metrics_is_named(tmp_path):
+    (tmp_path / "odd.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(SystemExit, match="odd.json"):
+        command.main(["--taken", str(tmp_path / "odd.json")])

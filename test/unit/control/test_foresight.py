@@ -1,0 +1,116 @@
+"""Foresight: what moves is met nowhere the robot could have braked before, and it does not stay in anybody's way."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from kinematics import BURGER, TURTLEBOT3, PaperRobot, costmap_round, path_through
+
+from mbf_relay.control import CONTROLLERS
+from mbf_relay.control.braking import arc, stopping_time
+from mbf_relay.control.controller import Controller
+from mbf_relay.control.foresight import Foresight
+from mbf_relay.control.state import ControlState
+from mbf_relay.costmap.footprint_checker import FootprintChecker
+from mbf_relay.geometry import IDENTITY, STOP, Pose2D
+from mbf_relay.outcomes import ControlError
+from mbf_relay.plugins import create
+from mbf_relay.tracking.track import Track
+
+DWA, PURSUIT = "dwa_local_planner/DWAPlannerROS", "regulated_pure_pursuit"
+START = Pose2D(0.0, 0.0, 0.0)
+
+
+def make(name, **changes):
+    extra = {"desired_linear_vel": 0.22} if name == PURSUIT else {}
+    return create(name, name, {**TURTLEBOT3, **extra, **changes}, Controller, CONTROLLERS)
+
+
+def mover(x, y, vx, vy, radius=0.1, now=0.0):
+    return Track(1, now, x, y, vx, vy, radius, 1e-4, 0.0, 1e-4)
+
+
+def state(pose, velocity, now, *tracks):
+    costmap = dataclasses.replace(costmap_round(pose, now=now), tracks=tracks)
+    return ControlState(now, pose, velocity, costmap, IDENTITY, 0.1)
+
+
+def gap(pose, track):
+    """Return the distance (m) from the burger's outline to a track's disc, by small boxes."""
+    local = Pose2D(track.x, track.y, 0.0).relative_to(pose)
+    dx = max(BURGER[:, 0].min() - local.x, 0.0, local.x - BURGER[:, 0].max())
+    dy = max(BURGER[:, 1].min() - local.y, 0.0, local.y - BURGER[:, 1].max())
+    return math.hypot(dx, dy) - track.radius
+
+
+def drive(controller, track, seconds=12.0):
+    """Return gaps and poses of a drive along x while a track goes on as it does."""
+    robot, gaps, poses = PaperRobot(START), [], []
+    controller.set_path(path_through((0, 0), (2.0, 0)), True)
+    for cycle in range(int(seconds / 0.1)):
+        now = 0.1 * cycle
+        try:
+            command = controller.compute_velocity(state(robot.pose, robot.velocity, now, track.at(now)))
+        except ControlError:
+            command = STOP
+        robot.move(command, 0.1)
+        gaps.append(gap(robot.pose, track.at(now + 0.1)))
+        poses.append(robot.pose)
+    return gaps, poses
+
+
+@pytest.mark.parametrize("track", [
+    mover(0.8, 0.9, 0.0, -0.25), mover(0.9, -1.0, 0.0, 0.25), mover(0.6, 0.8, 0.05, -0.2),
+])
+def test_a_lane_is_crossed_before_or_after_who_comes_along_it(track):
+    gaps, poses = drive(make(DWA, foresight=True), track)
+    assert min(gaps) > 0.0 and poses[-1].x > 1.5
+
+
+def test_without_foresight_the_robot_drives_into_who_comes():
+    gaps, _ = drive(make(DWA, foresight=False), mover(0.8, 0.75, 0.0, -0.2))
+    assert min(gaps) <= 0.0
+
+
+def test_a_robot_in_somebodys_lane_gets_out_of_it():
+    track = mover(0.05, 0.9, 0.0, -0.2)
+    gaps, _ = drive(make(DWA, foresight=True), track, seconds=9.0)
+    standing = min(gap(START, track.at(0.1 * cycle)) for cycle in range(90))
+    assert standing < 0.0 < min(gaps)
+
+
+@pytest.mark.parametrize("name", [DWA, PURSUIT, "mppi"])
+def test_no_command_is_one_from_which_the_robot_braking_would_touch_what_is_tracked(name):
+    rng = np.random.default_rng(4)
+    controller = make(name, foresight=True)
+    for number in range(40):
+        angle, speed = rng.uniform(-math.pi, math.pi), rng.uniform(0.05, 0.4)
+        track = mover(*rng.uniform(-0.6, 0.6, 2), speed * math.cos(angle), speed * math.sin(angle))
+        now = 10.0 * number
+        controller.set_path(path_through((0, 0), tuple(rng.uniform(-1.0, 1.0, 2))), True)
+        seen = state(START, STOP, now, track._replace(stamp=now))
+        try:
+            command = controller.compute_velocity(seen)
+        except ControlError:
+            continue
+        if command == STOP:
+            continue
+        duration = stopping_time(controller.parameters, command, 0.1)
+        poses = arc(FootprintChecker(seen.costmap), seen, command, duration)
+        foresight = Foresight(seen.costmap, now, controller.parameters)
+        met = foresight.meetings(poses[None], np.array([len(poses)]), np.array([duration / len(poses)]))[0]
+        assert met > duration or met > foresight.meeting_of_standing(START), number
+
+
+def test_the_time_of_a_meeting_is_when_it_happens():
+    foresight = Foresight(
+        state(START, STOP, 0.0, mover(0.6, 0.0, -0.2, 0.0)).costmap, 0.0, make(DWA, foresight=True).parameters
+    )
+    expected = (0.6 - 0.041 - 0.1) / 0.2
+    blind = Foresight(state(START, STOP, 0.0).costmap, 0.0, make(DWA, foresight=True).parameters)
+    assert foresight.meeting_of_standing(START) == math.inf or foresight.meeting_of_standing(START) <= expected + 0.1
+    assert Foresight(
+        state(START, STOP, 0.0, mover(0.4, 0.0, -0.2, 0.0)).costmap, 0.0, make(DWA, foresight=True).parameters
+    ).meeting_of_standing(START) == pytest.approx((0.4 - 0.141) / 0.2, abs=0.2)
+    assert blind.is_blind and blind.meeting_of_standing(START) == math.inf

@@ -1,0 +1,193 @@
+"""MPPI: imagined drives against plain references, its critics, its motion models, and Nav2's names."""
+
+import math
+
+import numpy as np
+import pytest
+from kinematics import TURTLEBOT3, boxes, costmap_round, drive, nowhere, path_through
+
+from mbf_relay.control import CONTROLLERS
+from mbf_relay.control.controller import Controller
+from mbf_relay.control.mppi import CRITICS, rollout_kernels
+from mbf_relay.control.mppi.controller import MppiController
+from mbf_relay.control.mppi.critic import CriticFunction
+from mbf_relay.control.mppi.parameters import MppiParameters
+from mbf_relay.control.state import ControlState
+from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
+from mbf_relay.lockstep.settings import config_folder, load_settings
+from mbf_relay.outcomes import ControlError
+from mbf_relay.plugins import PluginError, create, find_class
+
+START = Pose2D(0.0, 0.0, 0.0)
+BURGER = load_settings(config_folder())["move_base_flex"]["MPPI"]
+
+
+def make(**changes):
+    return create("mppi", "mppi", {**TURTLEBOT3, **BURGER, **changes}, Controller, CONTROLLERS)
+
+
+def state(pose=START, velocity=STOP, now=0.0, occupied=nowhere):
+    return ControlState(now, pose, velocity, costmap_round(pose, occupied), IDENTITY, 0.1)
+
+
+class Shy(CriticFunction):
+    """A user's own critic: a drive that ever turns left is dear."""
+
+    def score(self, rollouts):
+        return 1e4 * (rollouts.velocities[:, :, 2] > 1e-9).any(axis=1)
+
+
+def plain_roll_out(pose, velocity, samples, low, high, accelerations, radius, step):
+    """Return poses (T, 3) of one drive by small steps."""
+    poses, now, at = [], np.array(velocity, dtype=float), np.array(pose, dtype=float)
+    for control in samples:
+        wanted = np.clip(control, low, high)
+        now = np.clip(wanted, now - accelerations * step, now + accelerations * step)
+        if radius > 0.0:
+            now[2] = np.clip(now[2], -abs(now[0]) / radius, abs(now[0]) / radius)
+        for _ in range(200):
+            cos, sin = math.cos(at[2]), math.sin(at[2])
+            at = at + np.array([cos * now[0] - sin * now[1], sin * now[0] + cos * now[1], now[2]]) * step / 200
+        poses.append(at)
+    return np.array(poses)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.3])
+def test_imagined_drives_are_those_of_a_robot_with_these_limits(radius):
+    rng = np.random.default_rng(3)
+    controls, noises = rng.normal(0.0, 0.2, (12, 3)), rng.normal(0.0, 0.8, (5, 12, 3)).astype(np.float32)
+    low, high, limits = np.array([-0.2, -0.1, -1.5]), np.array([0.4, 0.1, 1.5]), np.array([2.0, 1.0, 3.0])
+    samples, velocities, poses = (np.empty((5, 12, 3)) for _ in range(3))
+    pose, velocity = np.array([0.3, -0.2, 2.0]), np.array([0.1, 0.0, 0.4])
+    rollout_kernels.roll_out(
+        pose, velocity, controls, noises, low, high, limits, radius, 0.05, samples, velocities, poses
+    )
+    assert np.allclose(samples, controls + noises, atol=1e-6)
+    for one, driven in zip(samples, poses):
+        assert np.allclose(plain_roll_out(pose, velocity, one, low, high, limits, radius, 0.05), driven, atol=2e-4)
+
+
+def test_the_mean_is_of_drives_by_their_worth_and_within_limits():
+    samples = np.array([[[0.5, 0.0, 1.0]], [[0.1, 0.0, -1.0]], [[9.0, 0.0, 0.0]]])
+    costs, controls = np.array([0.0, 1.0, 50.0]), np.zeros((1, 3))
+    low, high = np.array([-1.0, 0.0, -1.0]), np.array([0.4, 0.0, 1.0])
+    number = rollout_kernels.blend(costs, samples, np.ones(3), 1.0, 0.0, low, high, controls)
+    share = 1.0 / (1.0 + math.exp(-1.0))
+    assert controls[0] == pytest.approx([min(0.4, 0.5 * share + 0.1 * (1 - share)), 0.0, 2 * share - 1.0])
+    assert 1.0 < number < 2.0
+
+
+def test_noise_leans_to_neither_side_and_is_the_same_for_one_seed():
+    one, two, other = make(), make(), make(seed=1)
+    noises = one._noises.copy()
+    assert np.array_equal(noises, two._noises) and not np.array_equal(noises, other._noises)
+    half = len(noises) // 2
+    assert np.array_equal(noises[:half], -noises[half:]) and not noises[0].any()
+    assert noises[:, :, 0].std() == pytest.approx(0.1, rel=0.1) and not noises[:, :, 1].any()
+
+
+def test_a_car_never_turns_tighter_than_its_circle_and_arrives():
+    controller = make(
+        motion_model="Ackermann",
+        AckermannConstraints={"min_turning_r": 0.3},
+        critics=[*BURGER["critics"], "GoalAngleCritic"],
+    )
+    ended = drive(controller, path_through((0, 0), (1.2, 0.0), (1.2, 1.0)), START, seconds=40.0)
+    commands = np.array(ended.commands)
+    assert (np.abs(commands[:, 2]) * 0.3 <= np.abs(commands[:, 0]) + 1e-9).all()
+    assert ended.reached or ended.poses[-1].distance_to(Pose2D(1.2, 1.0, 0.0)) < 0.1
+
+
+def test_an_omnidirectional_robot_goes_aside_without_turning():
+    controller = make(
+        motion_model="Omni", vy_max=0.22, acc_lim_y=2.5, turn_to_path_angle=4.0, PathAngleCritic={"enabled": False}
+    )
+    controller.set_path(path_through((0, 0), (0, 1.0), end_heading=0.0), True)
+    commands = [controller.compute_velocity(state(now=0.1 * cycle)) for cycle in range(10)]
+    assert commands[-1].y > 0.1 and abs(commands[-1].theta) < 0.5
+
+
+def test_names_of_nav2s_files_mean_what_they_mean_there():
+    values = {
+        "vx_max": 0.4,
+        "vx_min": -0.1,
+        "vy_max": 0.3,
+        "wz_max": 1.2,
+        "ax_max": 2.0,
+        "ax_min": -1.5,
+        "motion_model": "Omni",
+    }
+    parameters = MppiParameters.from_mapping(values)
+    assert (parameters.max_vel_x, parameters.min_vel_x, parameters.max_vel_theta) == (0.4, -0.1, 1.2)
+    assert (parameters.min_vel_y, parameters.max_vel_y, parameters.acc_lim_x) == (-0.3, 0.3, 1.5)
+    assert parameters.max_vel_trans == pytest.approx(0.5)
+    assert MppiParameters.unknown_names({**values, "visualize": True, "vx_maks": 1.0}) == ["vx_maks"]
+
+
+@pytest.mark.parametrize("changes, word", [
+    ({"critics": ["PathCritic"]}, "PathCritic"), ({"motion_model": "Crab"}, "motion_model"),
+    ({"CostCritic": {"cost_weight": "dear"}}, "cost_weight"),
+])
+def test_what_cannot_be_is_named(changes, word):
+    with pytest.raises(PluginError, match=word):
+        make(**changes)
+
+
+def test_a_critic_of_ones_own_is_heard():
+    path = path_through((0, 0), (0.5, 0), (1.0, 0.5))
+    plain, shy = make(), make(critics=[*BURGER["critics"], f"{__name__}.Shy"])
+    ways = [drive(controller, path, START, seconds=4.0).commands for controller in (plain, shy)]
+    assert max(command.theta for command in ways[0]) > 0.2 > max(command.theta for command in ways[1])
+
+
+def test_every_critic_gives_each_drive_a_finite_cost():
+    controller = make(critics=sorted(CRITICS), motion_model="Ackermann")
+    controller.set_path(path_through((0, 0), (0.4, 0.1)), True)
+    controller.compute_velocity(state(occupied=boxes((0.3, -0.3, 0.35, -0.1))))
+    assert np.isfinite(controller.costs).all() and controller.costs.shape == (1000,)
+    for name in CRITICS:
+        assert issubclass(find_class(name, CriticFunction, CRITICS), CriticFunction)
+
+
+def test_no_command_is_given_from_which_the_robot_could_not_brake():
+    rng = np.random.default_rng(5)
+    for number in range(12):
+        walls = boxes(*[(x, y, x + 0.1, y + 0.3) for x, y in rng.uniform(-0.6, 0.6, (6, 2))])
+        controller = make(seed=number)
+        ended = drive(
+            controller,
+            path_through((0, 0), (1.0, rng.uniform(-0.5, 0.5))),
+            Pose2D(0.0, 0.0, rng.uniform(-3, 3)),
+            walls,
+            seconds=8.0,
+        )
+        touching_at_first = ended.contacts and not any(command != STOP for command in ended.commands[:1])
+        assert ended.contacts == 0 or touching_at_first or _starts_inside(walls), number
+
+
+def _starts_inside(walls):
+    x, y = np.meshgrid(np.linspace(-0.17, 0.17, 30), np.linspace(-0.17, 0.17, 30))
+    return bool(walls(x, y).any())
+
+
+def test_where_every_drive_is_worse_than_standing_the_reason_is_told():
+    controller = make()
+    controller.set_path(path_through((0, 0), (1.0, 0.0)), True)
+    around = boxes((-0.3, -0.3, 0.3, -0.13), (-0.3, 0.13, 0.3, 0.3), (-0.3, -0.3, -0.13, 0.3), (0.07, -0.3, 0.3, 0.3))
+    with pytest.raises(ControlError, match="standing|without touching"):
+        for cycle in range(10):
+            controller.compute_velocity(state(now=0.1 * cycle, occupied=around))
+
+
+def test_a_batch_as_small_as_allowed_still_drives():
+    ended = drive(make(batch_size=1), path_through((0, 0), (0.3, 0.0)), START, seconds=10.0)
+    assert ended.contacts == 0 and ended.poses[-1].x > 0.1
+
+
+def test_new_parameters_resize_the_batch():
+    controller = make()
+    controller.set_path(path_through((0, 0), (1.0, 0.0)), True)
+    controller.compute_velocity(state())
+    controller.reconfigure(controller.parameters.replace(batch_size=200, time_steps=30))
+    assert isinstance(controller, MppiController) and isinstance(controller.compute_velocity(state(now=0.1)), Twist2D)
+    assert controller.controls.shape == (30, 3) and controller.costs.shape == (200,)

@@ -1,0 +1,75 @@
+"""Stand-ins drive another package's robot: its speeds, its tolerances, and a line that says who drives."""
+
+import numpy as np
+import pytest
+from kinematics import PaperRobot, drive, path_through
+
+from mbf_relay.control import CONTROLLERS
+from mbf_relay.control.controller import Controller
+from mbf_relay.geometry import Pose2D
+from mbf_relay.plugins import create
+
+TEB, EBAND, FOLLOWER = (
+    "teb_local_planner/TebLocalPlannerROS",
+    "eband_local_planner/EBandPlannerROS",
+    "pose_follower/PoseFollower",
+)
+CASES = [
+    (
+        TEB,
+        dict(
+            max_vel_x=0.8,
+            max_vel_x_backwards=0.2,
+            max_vel_theta=1.0,
+            acc_lim_x=1.5,
+            acc_lim_y=0.0,
+            acc_lim_theta=2.0,
+            xy_goal_tolerance=0.03,
+            yaw_goal_tolerance=0.08,
+            weight_obstacle=50.0,
+        ),
+        0.8,
+        1.0,
+        0.03,
+    ),
+    (TEB, dict(max_vel_x=0.3), 0.3, 0.3, 0.2),
+    (
+        EBAND,
+        dict(max_vel_lin=0.75, max_vel_th=1.0, min_vel_lin=0.1, xy_goal_tolerance=0.1, costmap_weight=10),
+        0.75,
+        1.0,
+        0.1,
+    ),
+    (FOLLOWER, dict(max_vel_lin=0.4, max_vel_th=0.8, tolerance_trans=0.06, k_trans=2.0), 0.4, 0.8, 0.06),
+]
+
+
+@pytest.mark.parametrize("type_name, values, speed, turn, tolerance", CASES)
+def test_limits_and_tolerances_are_the_file_s(type_name, values, speed, turn, tolerance):
+    controller = create("planner", type_name, values, Controller, CONTROLLERS)
+    assert controller.parameters.unknown_names(values) == [], "one line says that the rest has no counterpart"
+    assert len(controller.notes) == 1 and type_name in controller.notes[0] and "dynamic window" in controller.notes[0]
+    path, robot = path_through((0, 0), (1.5, 0), end_heading=1.5), PaperRobot(Pose2D(0.0, 0.0, -2.0))
+    ended = drive(controller, path, robot.pose, seconds=60.0, robot=robot)
+    commands = np.array(ended.commands)
+    assert ended.reached, ended.error
+    assert robot.pose.distance_to(path.goal) <= tolerance
+    assert 0.5 * speed < commands[:, 0].max() <= speed + 1e-9 and np.abs(commands[:, 2]).max() <= turn + 1e-9
+
+
+def test_a_robot_that_drives_sideways_does():
+    values = dict(max_vel_x=0.5, max_vel_y=0.4, acc_lim_x=1.0, acc_lim_y=1.0)
+    controller = create("planner", TEB, values, Controller, CONTROLLERS)
+    path, robot = path_through((0, 0), (1.5, 0)), PaperRobot(Pose2D(0.0, 0.25, 0.0))
+    ended = drive(controller, path, robot.pose, seconds=30.0, robot=robot)
+    assert ended.reached and np.abs(np.array(ended.commands)[:, 1]).max() > 0.05
+
+
+def test_a_car_is_driven_round_nothing_smaller_than_its_circle():
+    values = dict(max_vel_x=0.5, max_vel_theta=1.0, min_turning_radius=0.6, xy_goal_tolerance=0.2)
+    controller = create("planner", TEB, values, Controller, CONTROLLERS)
+    path, robot = path_through((0, 0), (1.0, 0), (2.2, 0.8)), PaperRobot(Pose2D(0.0, 0.0, 0.0))
+    ended = drive(controller, path, robot.pose, seconds=30.0, robot=robot)
+    commands = np.array(ended.commands)
+    assert ended.reached, ended.error
+    assert (np.abs(commands[:, 2]) * 0.6 <= np.abs(commands[:, 0]) + 0.02).all()

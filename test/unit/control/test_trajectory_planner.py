@@ -1,0 +1,122 @@
+"""TrajectoryPlannerROS: its own words, said in those of the controller that drives."""
+
+import math
+
+import numpy as np
+import pytest
+from kinematics import PaperRobot, boxes, costmap_round, drive, path_through
+
+from mbf_relay.control import CONTROLLERS
+from mbf_relay.control.controller import Controller
+from mbf_relay.control.state import ControlState
+from mbf_relay.control.trajectory_planner import as_dwa
+from mbf_relay.control.trajectory_planner_parameters import DYNAMIC, TrajectoryPlannerParameters
+from mbf_relay.geometry import IDENTITY, STOP, Pose2D
+from mbf_relay.plugins import PluginError, create
+
+NAME = "base_local_planner/TrajectoryPlannerROS"
+ROBOT = dict(
+    acc_lim_x=1.0, acc_lim_theta=2.0, max_vel_x=0.5, min_vel_x=0.1, max_vel_theta=1.5, min_vel_theta=-1.5,
+    min_in_place_vel_theta=0.3, holonomic_robot=False, meter_scoring=True,
+)
+UPSTREAM = {
+    "acc_lim_x": (2.5, 0, 20),
+    "acc_lim_y": (2.5, 0, 20),
+    "acc_lim_theta": (3.2, 0, 20),
+    "max_vel_x": (0.55, 0, 20),
+    "min_vel_x": (0.0, 0, 20),
+    "max_vel_theta": (1.0, 0, 20),
+    "min_vel_theta": (-1.0, -20, 0),
+    "min_in_place_vel_theta": (0.4, 0, 20),
+    "sim_time": (1.7, 0, 10),
+    "sim_granularity": (0.025, 0, 5),
+    "angular_sim_granularity": (0.025, 0, math.pi / 2),
+    "path_distance_bias": (0.6, 0, 5),
+    "goal_distance_bias": (0.8, 0, 5),
+    "occdist_scale": (0.01, 0, 5),
+    "oscillation_reset_dist": (0.05, 0, 5),
+    "escape_reset_dist": (0.1, 0, 5),
+    "escape_reset_theta": (math.pi / 2, 0, 5),
+    "vx_samples": (20, 1, 300),
+    "vtheta_samples": (20, 1, 300),
+    "heading_lookahead": (0.325, 0, 5),
+    "holonomic_robot": (True, None, None),
+    "escape_vel": (-0.1, -2, 2),
+    "dwa": (False, None, None),
+    "heading_scoring": (False, None, None),
+    "heading_scoring_timestep": (0.1, 0, 1),
+    "simple_attractor": (False, None, None),
+    "y_vels": ("-0.3,-0.1,0.1,-0.3", None, None),
+}
+"""Name, default and range of what base_local_planner's BaseLocalPlanner.cfg (ROS Noetic) declares."""
+
+
+def made(**changes):
+    return create("TrajectoryPlannerROS", NAME, {**ROBOT, **changes}, Controller, CONTROLLERS)
+
+
+def test_names_defaults_and_ranges_for_dynamic_reconfigure_are_upstreams():
+    assert sorted(DYNAMIC) == sorted(UPSTREAM)
+    fields = TrajectoryPlannerParameters.__dataclass_fields__
+    for name, (default, lowest, highest) in UPSTREAM.items():
+        meta = fields[name].metadata
+        lower = meta["above"] if meta["minimum"] is None else meta["minimum"]
+        assert (fields[name].default, lower, meta["maximum"]) == (default, lowest, highest), name
+
+
+def test_a_robot_that_never_said_it_drives_sideways_is_not_driven_sideways():
+    values = {key: value for key, value in ROBOT.items() if key != "holonomic_robot"}
+    controller = create("T", NAME, values, Controller, CONTROLLERS)
+    assert controller.parameters.holonomic_robot is False
+    assert any("holonomic_robot" in note for note in controller.notes)
+
+
+def test_the_weights_count_cells_or_metres():
+    metres = as_dwa(TrajectoryPlannerParameters(**ROBOT), 0.025)
+    cells = as_dwa(TrajectoryPlannerParameters(**{**ROBOT, "meter_scoring": False}), 0.025)
+    assert cells.path_distance_bias == pytest.approx(40.0 * metres.path_distance_bias)
+    assert cells.goal_distance_bias == pytest.approx(40.0 * metres.goal_distance_bias)
+    assert cells.occdist_scale == metres.occdist_scale
+
+
+@pytest.mark.parametrize("name, value", [("pdist_scale", 0.75), ("acc_lim_th", 1.25), ("max_rotational_vel", 0.7)])
+def test_older_names_are_read(name, value):
+    present = TrajectoryPlannerParameters.deprecated_names({name: value})[name]
+    assert getattr(TrajectoryPlannerParameters.from_mapping({name: value}), present) == value
+
+
+@pytest.mark.parametrize("dwa", [True, False])
+@pytest.mark.parametrize("heading_scoring", [True, False])
+def test_it_drives_round_a_bend_within_the_file_s_limits(dwa, heading_scoring):
+    path = path_through((0, 0), (1.0, 0), (1.0, 1.0))
+    robot = PaperRobot(Pose2D(0.0, 0.0, 0.0))
+    controller = made(dwa=dwa, heading_scoring=heading_scoring, heading_scoring_timestep=0.8)
+    ended = drive(controller, path, Pose2D(0.0, 0.0, 0.0), boxes((0.3, 0.6, 0.6, 1.0)), seconds=40.0, robot=robot)
+    commands = np.array(ended.commands)
+    assert ended.reached and not ended.contacts, ended.error
+    assert 0.4 < commands[:, 0].max() <= 0.5 + 1e-9 and np.abs(commands[:, 2]).max() <= 1.5 + 1e-9
+    assert not commands[:, 1].any() and commands[:, 0].min() >= -0.1 - 1e-9
+
+
+def test_a_robot_that_drives_sideways_does():
+    controller = made(holonomic_robot=True, y_vels="-0.3, 0.3", acc_lim_y=1.0)
+    path = path_through((0, 0), (1.5, 0.0))
+    robot = PaperRobot(Pose2D(0.0, 0.25, 0.0))
+    ended = drive(controller, path, robot.pose, seconds=30.0, robot=robot)
+    commands = np.array(ended.commands)
+    assert ended.reached and np.abs(commands[:, 1]).max() > 0.05 and np.abs(commands[:, 1]).max() <= 0.3 + 1e-9
+
+
+def test_velocities_sideways_that_are_no_numbers_are_named():
+    with pytest.raises(PluginError, match="y_vels.*fast"):
+        made(holonomic_robot=True, y_vels="0.1, fast")
+
+
+def test_sideways_drift_of_a_robot_that_cannot_brake_it_is_no_reason_to_stop():
+    """Skid-steered odometry shows some; with acc_lim_y 0 it used to fill the memory with poses."""
+    controller = made(acc_lim_y=0.0, dwa=True)
+    controller.set_path(path_through((0, 0), (1.5, 0)), True)
+    drifting = STOP._replace(x=0.2, y=0.03)
+    command = controller.compute_velocity(
+        ControlState(0.0, Pose2D(0.0, 0.0, 0.0), drifting, costmap_round(Pose2D(0.0, 0.0, 0.0)), IDENTITY, 0.1))
+    assert command.x > 0.1 and command.y == 0.0

@@ -1,0 +1,240 @@
+"""What passes to the wheels, and what does not: for any scan, footprint and velocity."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mbf_relay.control import velocity_guard as guards
+from mbf_relay.control.velocity_guard import VelocityGuard
+from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
+from mbf_relay.costmap.outline import clearances
+from mbf_relay.geometry import STOP, Pose2D, Twist2D
+from mbf_relay.scan import LaserScan
+
+BURGER = [[-0.105, -0.105], [-0.105, 0.105], [0.041, 0.105], [0.041, -0.105]]
+TEE = [[-0.3, -0.1], [-0.3, 0.1], [0.1, 0.1], [0.1, 0.3], [0.2, 0.3], [0.2, -0.3], [0.1, -0.3], [0.1, -0.1]]
+LASER = Pose2D(-0.032, 0.0, 0.0)
+BEAMS = 360
+AHEAD = Twist2D(0.22, 0.0, 0.0)
+
+
+def parameters(**values):
+    return VelocityGuardParameters(**{"footprint": BURGER, "base_frame": "base_footprint", **values})
+
+
+def scan_of(ranges, stamp=0.0, angle_min=0.0, increment=2.0 * math.pi / BEAMS):
+    return LaserScan(np.array(ranges, dtype=float), angle_min, increment, 0.12, 3.5, stamp)
+
+
+def scan_with(distance, start, end, stamp=0.0):
+    """Return a scan that reads `distance` (m) between two directions (degrees) and nothing elsewhere."""
+    ranges = np.full(BEAMS, np.inf)
+    ranges[np.arange(start, end) % BEAMS] = distance
+    return scan_of(ranges, stamp)
+
+
+def guard_that_saw(scan, outline=BURGER, **values):
+    guard = VelocityGuard(parameters(footprint=outline, **values))
+    guard.take_scan(scan, LASER)
+    return guard
+
+
+def judged(guard, velocity, now=0.0):
+    guard.take_command(now, velocity)
+    return guard.verdict(now)
+
+
+def test_a_velocity_with_room_to_brake_passes_unchanged():
+    verdict = judged(guard_that_saw(scan_with(1.0, -30, 30)), AHEAD)
+    assert verdict == (AHEAD, guards.PASSING, "passing")
+
+
+def test_a_robot_before_a_wall_is_slowed_and_then_stopped_but_may_back_away():
+    shares = []
+    for distance in (0.5, 0.15, 0.13, 0.11, 0.095):
+        guard = guard_that_saw(scan_with(distance, -40, 41))
+        shares.append(judged(guard, AHEAD).velocity.x / AHEAD.x)
+        assert judged(guard, Twist2D(-0.22, 0.0, 0.0)).velocity.x == -0.22
+    assert shares[0] == 1.0 and 0.0 < shares[1] < 1.0 and shares[-1] == 0.0 and shares == sorted(shares, reverse=True)
+
+
+def test_a_slowed_arc_is_the_same_arc():
+    asked = Twist2D(0.22, 0.0, 0.9)
+    slowed = judged(guard_that_saw(scan_with(0.16, -60, 60)), asked).velocity
+    assert 0.0 < slowed.x < asked.x and slowed.theta / slowed.x == pytest.approx(asked.theta / asked.x)
+
+
+@pytest.mark.parametrize("velocity", [Twist2D(math.nan, 0.0, 0.0), Twist2D(0.1, 0.0, math.inf)])
+def test_what_is_no_number_becomes_a_stop(velocity):
+    verdict = judged(guard_that_saw(scan_with(3.0, 0, 10)), velocity)
+    assert verdict.velocity == STOP and verdict.cause == guards.NOT_FINITE
+
+
+def test_a_sender_that_fell_silent_stops_the_robot():
+    guard = guard_that_saw(scan_with(3.0, 0, 10))
+    assert judged(guard, AHEAD).velocity == AHEAD
+    assert guard.verdict(0.4).velocity == AHEAD
+    verdict = guard.verdict(0.51)
+    assert verdict.velocity == STOP and verdict.cause == guards.SILENT
+    assert judged(guard, AHEAD, 0.55).velocity == AHEAD
+
+
+def test_without_a_fresh_scan_nothing_moves_not_even_away():
+    guard = VelocityGuard(parameters())
+    assert judged(guard, AHEAD).cause == guards.NO_SCAN
+    guard.take_scan(scan_with(3.0, 0, 10, stamp=1.0), LASER)
+    assert judged(guard, AHEAD, 1.1).velocity == AHEAD
+    for now in (1.7, 300.0, 0.3):  # too old, far too old, and from the future
+        verdict = judged(guard, Twist2D(-0.1, 0.0, 0.0), now)
+        assert verdict.velocity == STOP and verdict.cause == guards.NO_SCAN, now
+
+
+def test_a_frozen_lidar_is_no_lidar_while_the_robot_drives():
+    guard = guard_that_saw(scan_with(2.0, 0, 90))
+    for tick in range(1, 13):
+        guard.take_scan(scan_with(2.0, 0, 90, stamp=0.1 * tick), LASER)
+        verdict = judged(guard, AHEAD, 0.1 * tick)
+    assert verdict.velocity == STOP and verdict.cause == guards.NO_SCAN
+    judged(guard, STOP, 1.2)
+    guard.take_scan(scan_with(2.0, 0, 90, stamp=1.3), LASER)
+    assert judged(guard, AHEAD, 1.3).velocity == AHEAD, "a robot that stands sees the same twice"
+
+
+def test_a_lidar_that_reads_nothing_but_errors_lets_nothing_near_pass():
+    guard = guard_that_saw(scan_of(np.zeros(BEAMS)))
+    for velocity in (AHEAD, Twist2D(-0.2, 0.0, 0.0)):
+        assert judged(guard, velocity).velocity.speed() < 1e-6, "what it cannot see may touch it"
+
+
+def test_dead_beams_ahead_stop_a_robot_and_a_dead_one_here_and_there_does_not():
+    ranges = np.full(BEAMS, 2.0)
+    ranges[::7] = 0.0
+    assert judged(guard_that_saw(scan_of(ranges)), AHEAD).velocity == AHEAD
+    ranges[np.arange(-40, 40)] = np.nan
+    verdict = judged(guard_that_saw(scan_of(ranges)), AHEAD)
+    assert verdict.velocity.x < 1e-6 and verdict.cause == guards.OBSTACLE
+    assert judged(guard_that_saw(scan_of(ranges)), Twist2D(-0.2, 0.0, 0.0)).velocity.x == -0.2
+    assert judged(guard_that_saw(scan_of(ranges), blind_sector=0.0), AHEAD).velocity == AHEAD
+
+
+def test_dead_beams_of_a_lidar_inside_of_a_large_robot_stand_for_what_touches_it():
+    square = [[-1, -1], [-1, 1], [1, 1], [1, -1]]
+    ranges = np.full(BEAMS, 3.0)
+    ranges[np.arange(-40, 40)] = 0.0
+    assert judged(guard_that_saw(scan_of(ranges), square), AHEAD).velocity.x < 1e-6
+
+
+def test_one_beam_that_says_too_near_is_enough():
+    ranges = np.full(BEAMS, 2.0)
+    ranges[0] = -np.inf
+    assert judged(guard_that_saw(scan_of(ranges)), AHEAD).velocity.x < 1e-6
+
+
+def test_a_robot_backs_slowly_where_its_lidar_does_not_look():
+    ahead_only = scan_of(np.full(181, 3.0), angle_min=-math.pi / 2, increment=math.pi / 180)
+    guard = guard_that_saw(ahead_only)
+    verdict = judged(guard, Twist2D(-0.22, 0.0, 0.0))
+    assert verdict.velocity.x == pytest.approx(-0.1) and verdict.cause == guards.UNSEEN
+    assert judged(guard, AHEAD).velocity == AHEAD
+    assert judged(guard, Twist2D(0.0, 0.0, 1.0)).velocity.theta == 1.0
+
+
+def test_a_lidar_that_looks_backwards_sees_behind_what_is_before_it():
+    guard = VelocityGuard(parameters())
+    guard.take_scan(scan_with(0.2, -40, 41), Pose2D(0.0, 0.0, math.pi))
+    assert judged(guard, AHEAD).velocity == AHEAD
+    assert judged(guard, Twist2D(-0.22, 0.0, 0.0)).velocity.x > -0.22
+
+
+def test_what_the_robot_drove_since_the_scan_counts():
+    guard = guard_that_saw(scan_with(0.27, -50, 50))
+    shares = []
+    for tick in range(6):
+        shares.append(judged(guard, AHEAD, 0.1 * tick).velocity.x / AHEAD.x)
+    assert shares[0] == 1.0 and shares[-1] < 1.0
+
+
+def test_a_velocity_beyond_all_measure_is_a_stop():
+    verdict = judged(guard_that_saw(scan_of(np.full(BEAMS, np.inf))), Twist2D(1e12, 0.0, 1e9))
+    assert verdict.velocity == STOP and "way to a stop is longer than" in verdict.text
+
+
+def test_a_fast_robot_of_a_metre_drives_at_full_speed_where_nothing_is_in_its_way():
+    outline = ((-0.6, -0.5), (-0.6, 0.5), (0.6, 0.5), (0.6, -0.5))
+    guard = VelocityGuard(VelocityGuardParameters(footprint=outline, acc_lim_x=0.8))
+    guard.take_scan(scan_of(np.full(BEAMS, np.inf)), LASER)
+    assert judged(guard, Twist2D(3.0, 0.0, 0.0)).velocity.x == 3.0
+
+
+def test_time_set_back_stops_until_all_is_new():
+    guard = guard_that_saw(scan_with(3.0, 0, 10, stamp=100.0))
+    assert judged(guard, AHEAD, 100.0).velocity == AHEAD
+    assert guard.verdict(1.0).velocity == STOP
+    guard.take_scan(scan_with(3.1, 0, 10, stamp=1.1), LASER)
+    assert judged(guard, AHEAD, 1.1).velocity == AHEAD
+
+
+OUTLINES = st.sampled_from([BURGER, TEE, [[0.2 * math.cos(a), 0.2 * math.sin(a)] for a in np.arange(16) * math.pi / 8]])
+SCANS = st.builds(
+    lambda seed, low, high: np.random.default_rng(seed).uniform(low, low + high, BEAMS),
+    st.integers(0, 10_000), st.floats(0.1, 0.6), st.floats(0.0, 2.0),
+)
+VELOCITIES = st.builds(Twist2D, st.floats(-0.5, 0.5), st.just(0.0) | st.floats(-0.3, 0.3), st.floats(-3.0, 3.0))
+
+
+def way_to_a_stop(velocity, limits, count=60):
+    """Return the poses on which a robot reacts and brakes, by small steps."""
+    braking = max(velocity.speed() / limits.acc_lim_x, abs(velocity.theta) / limits.acc_lim_theta)
+    pose, poses, step = Pose2D(0.0, 0.0, 0.0), [], (limits.reaction_time + braking) / count
+    for index in range(count):
+        left = limits.reaction_time + braking - (index + 0.5) * step
+        share = 1.0 if left >= braking else left / braking
+        turn = share * velocity.theta * step
+        half = pose.compose(Pose2D(0.0, 0.0, turn / 2.0))
+        moved = half.compose(Pose2D(share * velocity.x * step, share * velocity.y * step, turn / 2.0))
+        poses.append(moved)
+        pose = moved
+    return poses
+
+
+def clearances_on_the_way(velocity, limits, points):
+    outline = limits.outline()
+    before = clearances(points, outline)
+    kept = before > -guards.SELF
+    return before[kept], np.array([
+        clearances(pose.inverse().transform_points(points[kept]), outline) for pose in way_to_a_stop(velocity, limits)
+    ])
+
+
+@settings(max_examples=40)
+@given(OUTLINES, SCANS, VELOCITIES)
+def test_what_passes_never_brings_the_footprint_to_a_point_of_the_scan(outline, ranges, velocity):
+    guard = guard_that_saw(scan_of(ranges), outline)
+    passed = judged(guard, velocity).velocity
+    assert passed.speed() <= velocity.speed() + 1e-9 and abs(passed.theta) <= abs(velocity.theta) + 1e-9
+    limits = parameters(footprint=outline)
+    before, after = clearances_on_the_way(passed, limits, guard._points)
+    if len(before):
+        free = before > limits.margin
+        assert (after[:, free] > 0.0).all(), "it touches what it did not"
+        assert (after[:, ~free] > before[~free] - 0.003).all(), "it comes nearer to what is near"
+
+
+@settings(max_examples=40)
+@given(OUTLINES, SCANS, VELOCITIES)
+def test_a_velocity_away_from_all_that_is_near_always_passes(outline, ranges, velocity):
+    guard = guard_that_saw(scan_of(ranges), outline)
+    _, after = clearances_on_the_way(velocity, parameters(footprint=outline), guard._points)
+    before, _ = clearances_on_the_way(STOP, parameters(footprint=outline), guard._points)
+    if not len(before) or (after >= np.minimum(before, 0.02)).all():
+        assert judged(guard, velocity).velocity == velocity
+
+
+@settings(max_examples=25)
+@given(SCANS, st.integers(-1000, 1000))
+def test_a_stop_always_passes(ranges, now):
+    guard = guard_that_saw(scan_of(ranges, stamp=5.0))
+    assert judged(guard, STOP, float(now)).velocity == STOP

@@ -1,0 +1,75 @@
+"""Costmaps out of people's parameter files, whatever form those have."""
+
+import pytest
+
+from mbf_relay.costmap.factory import build_costmap, unknown_names
+from mbf_relay.costmap.obstacle_layer import ObstacleLayer, VoxelLayer
+
+SCAN = {"observation_sources": "scan", "scan": {"data_type": "LaserScan", "topic": "front/scan", "marking": True}}
+
+
+def listed(**types):
+    return [{"name": name, "type": type_name} for name, type_name in types.items()]
+
+
+def test_an_unknown_layer_is_left_out_and_named_and_the_others_do_their_work():
+    costmap = build_costmap(
+        "global_costmap",
+        {
+            "plugins": listed(
+                explore_boundary="frontier_exploration::BoundedExploreLayer", sonar="costmap_2d::InflationLayer"
+            ),
+            "explore_boundary": {"resize_to_boundary": False},
+        },
+    )
+    assert [layer.name for layer in costmap.layers] == ["sonar"]
+    assert "BoundedExploreLayer" in costmap.failed["explore_boundary"]
+    assert unknown_names({"plugins": listed(explore_boundary="frontier_exploration::BoundedExploreLayer")}) == []
+
+
+@pytest.mark.parametrize("extra, kind", [({}, ObstacleLayer), ({"z_voxels": 16}, VoxelLayer)])
+def test_an_unknown_layer_that_lists_sensors_still_marks_what_they_see(extra, kind):
+    costmap = build_costmap("local_costmap", {
+        "plugins": listed(obstacles="costmap_2d::FetchDepthLayer"), "obstacles": {**SCAN, **extra},
+    })
+    assert type(costmap.layers[0]) is kind and costmap.sources["scan"].topic == "front/scan"
+    assert any("costmap_2d::FetchDepthLayer is not available here" in note for note in costmap.notes)
+    assert not costmap.failed
+
+
+def test_static_map_true_beside_a_layer_of_that_name_is_passed_over_as_upstream_does():
+    costmap = build_costmap(
+        "global_costmap", {"plugins": listed(static_map="costmap_2d::StaticLayer"), "static_map": True}
+    )
+    assert [layer.name for layer in costmap.layers] == ["static_map"]
+    assert any("static_map is True" in note for note in costmap.notes)
+
+
+def test_values_out_of_range_are_taken_to_it_wherever_they_stand():
+    costmap = build_costmap(
+        "local_costmap",
+        {
+            "update_frequency": 500.0,
+            "plugins": listed(obstacles="costmap_2d::ObstacleLayer", inflation="costmap_2d::InflationLayer"),
+            "obstacles": {"observation_sources": "scan", "scan": {"data_type": "LaserScan", "obstacle_range": -1.0}},
+            "inflation": {"cost_scaling_factor": 258.0},
+        },
+    )
+    assert costmap.parameters.update_frequency == 100.0
+    assert costmap.sources["scan"].obstacle_range == 0.0
+    assert costmap.layers[1].parameters.cost_scaling_factor == 100.0
+    for words in (
+        ("update_frequency", "500.0"),
+        ("obstacles", "scan", "obstacle_range"),
+        ("inflation", "258.0", "100.0 is used"),
+    ):
+        assert any(all(word in note for word in words) for note in costmap.notes), words
+
+
+def test_a_costmap_that_could_not_see_is_refused():
+    """A known layer with a value nobody can make sense of: without it the robot would drive blind."""
+    with pytest.raises(ValueError, match="local_costmap.*obstacles.*data_type"):
+        build_costmap("local_costmap", {
+            "plugins": listed(obstacles="costmap_2d::ObstacleLayer"),
+            "obstacles": {"observation_sources": "scan", "scan": {"data_type": "Lidar"}},
+        })

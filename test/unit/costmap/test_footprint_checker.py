@@ -1,0 +1,158 @@
+"""The footprint on a costmap: contacts, free stretches, sight and clearance, against plain references."""
+
+import dataclasses
+import math
+import os
+import sys
+
+import numpy as np
+import pytest
+import scipy.ndimage
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", ".."))
+from kinematics import BURGER  # noqa: E402
+from plain_footprint import contacts, random_costmap  # noqa: E402
+
+from mbf_relay.costmap.footprint_checker import FootprintChecker, distances_to_obstacles  # noqa: E402
+from mbf_relay.geometry import Pose2D  # noqa: E402
+
+
+def with_overlap(costmap, overlap):
+    return FootprintChecker(dataclasses.replace(costmap, obstacle_overlap=overlap))
+
+
+def test_poses_asked_together_touch_as_each_alone_does():
+    rng = np.random.default_rng(3)
+    checker = FootprintChecker(random_costmap(rng, obstacles=60))
+    poses = rng.uniform((-1.55, -1.55, -7.0), (1.55, 1.55, 7.0), (500, 3))
+    assert checker.touches(poses).tolist() == [checker.contacts_at(Pose2D(*pose)) > 0 for pose in poses]
+
+
+def test_unknown_cells_and_the_grids_edge_may_be_no_obstacle():
+    costmap = random_costmap(np.random.default_rng(1), obstacles=0)
+    costmap.costs[:] = 0
+    costmap.costs[:, 40:] = 255
+    unknown, outside, lethal = Pose2D(0.6, 0.0, 0.0), Pose2D(-1.49, 0.0, 0.0), Pose2D(0.0, 0.6, 0.0)
+    costmap.costs[42:45, 20:40] = 254
+    for strict in (True, False):
+        checker = FootprintChecker(costmap, unknown_touches=strict)
+        assert checker.touches(np.array([unknown, outside, lethal])).tolist() == [strict, strict, True]
+
+
+def test_a_large_robots_corners_are_turned_as_finely_as_a_small_ones():
+    costmap = random_costmap(np.random.default_rng(1), obstacles=0, footprint=6.0 * BURGER)
+    costmap.costs[:] = 0
+    costmap.costs[30, 48] = 254
+    checker = FootprintChecker(costmap)
+    headings = np.linspace(-math.pi, math.pi, 2000)
+    poses = np.column_stack((np.zeros((2000, 2)), headings))
+    expected = [contacts(costmap, Pose2D(*pose), headings=100_000) > 0 for pose in poses]
+    assert (checker.touches(poses) == expected).mean() > 0.99
+
+
+@pytest.mark.parametrize("overlap", [0.0, 0.25])
+def test_contacts_are_those_of_a_walk_round_the_outline(overlap):
+    rng = np.random.default_rng(5)
+    agreed = total = touching = 0
+    for _ in range(20):
+        costmap = random_costmap(rng, obstacles=60)
+        checker = with_overlap(costmap, overlap)
+        for _ in range(20):
+            pose = Pose2D(*rng.uniform((-1.55, -1.55, -7.0), (1.55, 1.55, 7.0)))
+            scale = float(rng.choice([1.0, 1.2]))
+            found, expected = checker.contacts_at(pose, scale), contacts(checker.costmap, pose, scale)
+            agreed, total, touching = agreed + (found == expected), total + 1, touching + (expected > 0)
+            assert abs(found - expected) <= 2, "a point on the edge of a cell may round either way"
+    assert agreed >= 0.97 * total and touching > 50
+
+
+def test_a_cell_is_nearly_full_only_without_overlap():
+    costmap = random_costmap(np.random.default_rng(1), obstacles=0)
+    costmap.costs[:] = 0
+    costmap.costs[30, 40] = 254  # x from 0.50 to 0.55, y from 0 to 0.05
+    ahead = Pose2D(0.47, 0.025, 0.0)  # the front edge at 0.511, a fifth of the cell inside
+    assert with_overlap(costmap, 0.0).contacts_at(ahead) > 0
+    assert with_overlap(costmap, 0.25).contacts_at(ahead) == 0
+    assert with_overlap(costmap, 0.25).contacts_at(Pose2D(0.48, 0.025, 0.0)) > 0
+
+
+def test_first_contacts_count_free_poses_and_sum_the_costs_under_them():
+    rng = np.random.default_rng(7)
+    costmap = random_costmap(rng, obstacles=80)
+    checker = FootprintChecker(costmap)
+    poses = rng.uniform((-1.4, -1.4, -3.0), (1.4, 1.4, 3.0), (40, 10, 3))
+    counts = rng.integers(1, 11, 40)
+    free, highest, summed = checker.first_contacts(poses, counts, np.ones(40))
+    for n in range(40):
+        touching = [checker.contacts_at(Pose2D(*pose)) > 0 for pose in poses[n, : counts[n]]]
+        expected = touching.index(True) if True in touching else counts[n]
+        cells = costmap.grid.cells_at(poses[n, :expected, :2])
+        costs = costmap.costs[cells[:, 1], cells[:, 0]].astype(float)
+        assert free[n] == expected
+        assert highest[n] == (costs.max() if expected else 0.0) and summed[n] == pytest.approx(costs.sum())
+
+
+def test_what_touches_already_may_be_left_and_not_entered_further():
+    costmap = random_costmap(np.random.default_rng(1), obstacles=0)
+    costmap.costs[:] = 0
+    costmap.costs[:, 42:] = 254  # from x = 0.6 on
+    checker = FootprintChecker(costmap)
+    inside = Pose2D(0.60, 0.0, 0.0)
+    allowed = checker.contacts_at(inside)
+    assert allowed > 0
+    steps = 0.01 * np.arange(1, 6)
+    back = np.column_stack((inside.x - steps, np.zeros((5, 2))))
+    turned = np.column_stack((np.full((5, 2), (inside.x, 0.0)), 0.2 * np.arange(1, 6)))
+    assert checker.free_steps(back, allowed) == 5
+    assert checker.free_steps(back, 0) == 0
+    assert checker.free_steps(turned, allowed) < 5
+
+
+def test_distances_are_to_the_nearest_lethal_or_unknown_cell():
+    rng = np.random.default_rng(2)
+    costs = rng.choice([0, 252, 253, 254, 255], (20, 30), p=[0.7, 0.1, 0.17, 0.02, 0.01]).astype(np.uint8)
+    rows, columns = np.nonzero(costs >= 254)
+    y, x = np.mgrid[:20, :30]
+    expected = np.hypot(x[..., None] - columns, y[..., None] - rows).min(axis=2)
+    assert np.allclose(distances_to_obstacles(costs), expected, atol=1e-4)
+    assert (distances_to_obstacles(np.zeros((5, 5), np.uint8)) > 1e5).all()
+
+
+def test_sight_ends_at_obstacles_and_is_not_judged_outside():
+    costmap = random_costmap(np.random.default_rng(1), obstacles=0)
+    costmap.costs[:] = 0
+    costmap.costs[25:35, 40] = 254
+    checker = FootprintChecker(costmap)
+    points = np.array([[0.4, 0.0], [0.8, 0.0], [0.8, 1.0], [5.0, 5.0]])
+    assert checker.in_sight(Pose2D(0.0, 0.0, 0.0), points).tolist() == [True, False, True, True]
+
+
+def test_a_point_robot_has_an_outline_of_one_point():
+    costmap = random_costmap(np.random.default_rng(1), obstacles=0, footprint=np.zeros((0, 2)))
+    costmap.costs[:] = 0
+    costmap.costs[30, 40] = 254
+    checker = with_overlap(costmap, 0.0)
+    assert checker.contacts_at(Pose2D(0.52, 0.02, 1.0)) == 1 and checker.contacts_at(Pose2D(0.48, 0.02, 1.0)) == 0
+    assert BURGER.shape == (4, 2)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_clearance_is_interpolated_between_cells(seed):
+    rng = np.random.default_rng(seed)
+    costmap = random_costmap(rng)
+    checker, distances = FootprintChecker(costmap), distances_to_obstacles(costmap.costs)
+    points = rng.uniform(-1.7, 1.7, (30, 2))
+    places = (points + 1.5) / 0.05 - 0.5
+    inside = ((places >= 0.0) & (places < 59.0)).all(axis=1)
+    expected = scipy.ndimage.map_coordinates(distances.astype(float), places[inside].T[::-1], order=1)
+    for point, clearance in zip(points[inside], expected):
+        assert checker.clearance_along(point[None]) == pytest.approx(0.05 * (clearance - 0.5) - 0.105, abs=1e-6)
+    assert checker.clearance_along(points) == pytest.approx(0.05 * (expected.min() - 0.5) - 0.105, abs=1e-6)
+    assert checker.clearance_along(points[~inside][:1]) == math.inf
+
+
+def test_clearance_does_not_jump_where_a_path_lies_a_hair_aside():
+    checker = FootprintChecker(random_costmap(np.random.default_rng(2)))
+    line = np.column_stack((np.linspace(-0.4, 0.4, 30), np.zeros(30)))
+    clearances = [checker.clearance_along(line + (0.0, aside)) for aside in np.arange(-0.2, 0.2, 0.001)]
+    assert np.ptp(clearances) > 0.03 and np.abs(np.diff(clearances)).max() < 0.0015

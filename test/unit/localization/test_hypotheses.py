@@ -1,0 +1,137 @@
+import math
+
+import numpy as np
+import pytest
+from synthetic_room import ORIGIN, room, scan_at
+
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.localization.beams import pick_beams
+from mbf_relay.localization.distance_field import DistanceField
+from mbf_relay.localization.evidence import Evidence
+from mbf_relay.localization.gaussians import PoseGaussian
+from mbf_relay.localization.hypotheses import PROVEN_SCANS, Hypotheses
+from mbf_relay.localization.localizer import Localizer
+from mbf_relay.localization.parameters import LocalizerParameters
+from mbf_relay.localization.scan_likelihood import ScanLikelihood, thin_out
+from mbf_relay.maps import OccupancyMap
+
+NARROW = np.diag([0.05, 0.05, 0.02]) ** 2
+TRUTH = Pose2D(1.5, 0.5, 0.3)
+ELSEWHERE = Pose2D(-1.5, 2.5, 2.0)
+LASER = np.zeros(2)
+
+
+class Room:
+    """A room with its models and hypotheses, one of which is held."""
+
+    def __init__(self, occupancy, held):
+        field = DistanceField(occupancy, 2.0)
+        self.likelihood, self.evidence = ScanLikelihood(field, 0.2), Evidence(field, 0.2)
+        self.hypotheses, self.held = Hypotheses(), np.array(held)
+
+    def add(self, *places):
+        self.hypotheses.add(np.array(places), np.array([NARROW] * len(places)), self.held, -7.0)
+
+    def see(self, occupancy, truth, way=1.0):
+        beams = pick_beams(scan_at(occupancy, truth, np.random.default_rng(1)), IDENTITY, 1)
+        self.hypotheses.predict(lambda belief: belief, way)
+        return self.hypotheses.correct(self.held, self.likelihood, self.evidence, thin_out(beams.hits), LASER, way)
+
+
+def test_a_rival_never_wins_on_one_scan_however_well_it_fits():
+    made = Room(room(), ELSEWHERE)
+    made.add(TRUTH)
+    scans, winner = 0, None
+    while winner is None and scans < 40:
+        made.see(room(), TRUTH, way=5.0)
+        winner, scans = made.hypotheses.challenge(PoseGaussian(made.held, NARROW)), scans + 1
+    assert winner is not None
+    assert scans >= PROVEN_SCANS
+    assert winner.mean == pytest.approx(np.array(TRUTH), abs=0.05)
+    assert len(made.hypotheses.rivals) == 1  # who was deposed may come back
+
+
+def test_standing_still_proves_nothing():
+    """The same scan again and again says what it said, not more."""
+    made = Room(room(), ELSEWHERE)
+    made.add(TRUTH)
+    before = made.hypotheses.rivals[0].log_weight
+    for _ in range(50):
+        made.see(room(), TRUTH, way=0.0)
+    assert made.hypotheses.rivals[0].log_weight == pytest.approx(before)
+    assert made.hypotheses.challenge(PoseGaussian(made.held, NARROW)) is None
+
+
+def test_equal_evidence_gives_equal_weight():
+    one = room().data
+    twins = OccupancyMap(np.hstack((one, one)), 0.05, ORIGIN)
+    made = Room(twins, TRUTH)
+    beliefs = [PoseGaussian(np.array([TRUTH.x + dx, TRUTH.y, TRUTH.theta]), NARROW) for dx in (0.0, 8.0)]
+    made.hypotheses.start(beliefs, np.zeros(2))
+    for _ in range(10):
+        made.see(room(), TRUTH)
+    assert made.hypotheses.share_held == pytest.approx(0.5, abs=0.05)
+    assert math.exp(made.hypotheses.rivals[0].log_weight) == pytest.approx(0.5, abs=0.05)
+
+
+def test_weights_sum_to_one_and_places_are_told_once():
+    made = Room(room(), TRUTH)
+    made.add(
+        ELSEWHERE, Pose2D(ELSEWHERE.x + 0.05, ELSEWHERE.y, ELSEWHERE.theta), Pose2D(TRUTH.x + 0.1, TRUTH.y, TRUTH.theta)
+    )
+    assert len(made.hypotheses.rivals) == 1
+    for _ in range(3):
+        made.see(room(), TRUTH, way=0.3)
+        total = made.hypotheses.share_held + sum(math.exp(rival.log_weight) for rival in made.hypotheses.rivals)
+        assert total == pytest.approx(1.0)
+    assert made.hypotheses.share_held > 0.9
+
+
+def test_a_beam_through_a_wall_says_more_than_one_that_ends_on_nothing():
+    """A person or a new rack is common, a wall that vanished is not."""
+    wall = np.zeros((100, 200), dtype=np.int8)
+    wall[:, 100] = 100
+    evidence = Evidence(DistanceField(OccupancyMap(wall, 0.05, IDENTITY), 2.0), 0.2)
+    ends = np.column_stack((np.full(20, 4.0), np.linspace(-0.5, 0.5, 20)))
+    judged = evidence.judge(np.array([[0.4, 2.5, 0.0], [4.0, 2.5, 0.0]]), ends, LASER)
+    assert judged.through == pytest.approx([0.0, 1.0])
+    assert judged.log_likelihoods[0] > judged.log_likelihoods[1] + 5.0
+
+
+def test_what_the_map_lacks_is_learnt_over_metres_and_never_all():
+    evidence = Evidence(DistanceField(room(), 2.0), 0.2)
+    evidence.learn(0.0, 0.0)
+    assert evidence.unmapped == 0.2
+    for _ in range(1000):
+        evidence.learn(0.5, 1.0)
+    assert evidence.unmapped == pytest.approx(0.5, abs=0.01)
+    for _ in range(1000):
+        evidence.learn(0.0, 1.0)
+    assert evidence.unmapped == pytest.approx(0.6)
+
+
+def test_where_two_rooms_look_alike_the_robot_says_so():
+    one = room().data
+    twins = OccupancyMap(np.hstack((one, one)), 0.05, ORIGIN)
+    made = Localizer(LocalizerParameters(), twins, np.random.default_rng(1))
+    made.globalize()
+    estimate = made.process(IDENTITY, scan_at(room(), TRUTH), IDENTITY)
+    assert estimate.weight < 0.6
+    assert made.reliability() < 0.6
+    assert math.sqrt(estimate.covariance[0, 0]) > 2.0
+    (first, _), (second, _) = made.hypotheses()[:2]
+    assert abs(first.x - second.x) == pytest.approx(8.0, abs=0.2)
+    made.set_initial_pose(TRUTH, NARROW)
+    assert made.process(IDENTITY, scan_at(room(), TRUTH), IDENTITY).weight > 0.9
+
+
+def test_reliability_falls_at_a_wrong_pose_and_is_high_at_the_right_one():
+    values = {}
+    for name, believed in (("right", TRUTH), ("wrong", ELSEWHERE)):
+        made = Localizer(LocalizerParameters(), room(), np.random.default_rng(1))
+        assert made.reliability() is None
+        made.set_initial_pose(believed, NARROW)
+        made.process(IDENTITY, scan_at(room(), TRUTH), IDENTITY)
+        values[name] = made.reliability()
+    assert values["right"] > 0.9
+    assert values["wrong"] < 0.3

@@ -1,0 +1,72 @@
+import math
+
+import numpy as np
+import pytest
+from synthetic_room import ORIGIN, room, scan_at
+
+from mbf_relay.geometry import IDENTITY, Pose2D, angle_between
+from mbf_relay.localization.beams import pick_beams
+from mbf_relay.localization.distance_field import DistanceField
+from mbf_relay.localization.scan_search import ScanSearch
+from mbf_relay.localization.search_kernels import bound_all
+from mbf_relay.maps import OccupancyMap
+
+
+def hits(occupancy, pose):
+    return pick_beams(scan_at(occupancy, pose, np.random.default_rng(1)), IDENTITY, 1).hits
+
+
+def is_near(pose, truth):
+    return truth.distance_to(Pose2D(*pose)) < 0.25 and abs(angle_between(pose[2], truth.theta)) < 0.15
+
+
+@pytest.mark.parametrize("origin", [ORIGIN, Pose2D(1.0, 2.0, 0.7)])
+@pytest.mark.parametrize("place", [(1.5, 2.5, 0.3), (6.5, 4.0, -2.0), (4.0, 5.0, 3.1)])
+def test_a_robot_switched_on_anywhere_is_found_by_its_first_scan(origin, place):
+    occupancy = room(origin)
+    truth = origin.compose(Pose2D(*place))
+    found = ScanSearch(DistanceField(occupancy, 2.0)).search(hits(occupancy, truth))
+    assert is_near(found.poses[0], truth)
+    assert (np.diff(found.scores) <= 0.0).all()
+
+
+def test_two_rooms_alike_are_both_found():
+    one = room().data
+    twins = OccupancyMap(np.hstack((one, one)), 0.05, ORIGIN)
+    truth = ORIGIN.compose(Pose2D(1.5, 2.5, 0.3))
+    twin = Pose2D(truth.x + 8.0, truth.y, truth.theta)
+    found = ScanSearch(DistanceField(twins, 2.0)).search(hits(room(), truth))
+    assert any(is_near(pose, truth) for pose in found.poses[:2])
+    assert any(is_near(pose, twin) for pose in found.poses[:2])
+    assert found.scores[1] == pytest.approx(found.scores[0], abs=0.1)
+
+
+def test_nothing_to_see_is_found_nowhere():
+    search = ScanSearch(DistanceField(room(), 2.0))
+    assert len(search.search(np.empty((0, 2))).poses) == 0
+    walls = OccupancyMap(np.full((40, 40), 100, dtype=np.int8), 0.05, ORIGIN)
+    assert len(ScanSearch(DistanceField(walls, 2.0)).search(hits(room(), Pose2D(1.5, 0.5, 0.3))).poses) == 0
+
+
+def test_no_block_holds_a_better_place_than_its_bound_says():
+    """Else the search would leave the right place out."""
+    search = ScanSearch(DistanceField(room(), 2.0))
+    rng = np.random.default_rng(3)
+    offsets = rng.integers(-60, 60, (1, 30, 2)).astype(np.int32)
+    for level in (1, 2, 3, 4):
+        for _ in range(20):
+            row, column = rng.integers(0, 120 >> level), rng.integers(0, 160 >> level)
+            below = [[level - 1, 2 * row + y, 2 * column + x, 0] for y in (0, 1) for x in (0, 1)]
+            bounds = np.empty(5)
+            nodes = np.array([[level, row, column, 0]] + below, dtype=np.int64)
+            inside = [i for i in range(1, 5) if nodes[i, 1] < 120 >> (level - 1) and nodes[i, 2] < 160 >> (level - 1)]
+            bound_all(nodes, offsets, search._scores, search._levels, bounds)
+            assert all(bounds[i] <= bounds[0] for i in inside)
+
+
+def test_every_heading_is_tried():
+    occupancy = room()
+    search = ScanSearch(DistanceField(occupancy, 2.0))
+    for heading in np.linspace(-math.pi, math.pi, 7):
+        truth = Pose2D(1.5, 0.5, float(heading))
+        assert is_near(search.search(hits(occupancy, truth)).poses[0], truth)

@@ -1,0 +1,142 @@
+"""Dask clusters: workers that die, stop, come late or have other sources, and schedulers that are not there."""
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("pybullet")
+distributed = pytest.importorskip("distributed")
+sys.path.insert(0, str(Path(__file__).parent))
+
+import small_worlds  # noqa: E402
+
+from mbf_relay.lockstep import batch  # noqa: E402
+from mbf_relay.lockstep.cluster import ClusterError, connected  # noqa: E402
+from mbf_relay.lockstep.episodes import EpisodeJob, InProcess, drive_all  # noqa: E402
+from mbf_relay.lockstep.settings import config_folder  # noqa: E402
+from mbf_relay.lockstep.setup import make_setup  # noqa: E402
+from mbf_relay.lockstep.sources import sources  # noqa: E402
+from mbf_relay.lockstep.tasks import load_tasks  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[3]
+LONG = os.environ.get("MBF_RELAY_LONG") == "1"
+SHORT = {**small_worlds.FREE, "goal": [0.4, 0.0, 0.0], "reference_path_length": 0.4}
+PATIENCE = 300
+
+
+class Processes:
+    """A scheduler and workers in processes of their own; nothing of it is left in the end."""
+
+    def __init__(self, folder):
+        self._folder, self._all = folder, []
+        self.file = folder / "scheduler.json"
+
+    def _start(self, module, *arguments, source=ROOT / "src"):
+        environment = {
+            **os.environ, "PYTHONPATH": str(source), "DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": "5s",
+            "DASK_TEMPORARY_DIRECTORY": str(self._folder),
+        }
+        with open(self._folder / f"{len(self._all)}.log", "w") as log:
+            self._all.append(subprocess.Popen(
+                [sys.executable, "-m", f"distributed.cli.dask_{module}", "--scheduler-file", self.file, *arguments],
+                env=environment, stdout=log, stderr=log, cwd=str(self._folder),
+            ))
+        return self._all[-1]
+
+    def scheduler(self):
+        process = self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+        until(self.file.is_file)
+        return process
+
+    def worker(self, name, source=ROOT / "src"):
+        arguments = ("--name", name, "--nthreads", "1", "--no-nanny", "--no-dashboard", "--memory-limit", "0")
+        return self._start("worker", *arguments, source=source)
+
+    def end(self):
+        for process in self._all:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def processes(tmp_path):
+    made = Processes(tmp_path)
+    yield made
+    made.end()
+
+
+def until(condition):
+    for _ in range(10 * PATIENCE):
+        if condition():
+            return
+        pytest.importorskip("select").select([], [], [], 0.1)
+    raise AssertionError(f"waited {PATIENCE} s in vain")
+
+
+def jobs_of(tmp_path, seeds, *worlds):
+    tasks = load_tasks(small_worlds.write(tmp_path / "worlds.json", *worlds))
+    setup = make_setup(config_folder(), has_map=False)
+    return [EpisodeJob(task, setup, seed) for seed in seeds for task in tasks]
+
+
+def test_workers_that_die_stop_and_come_change_no_result(tmp_path, processes):
+    worlds = [small_worlds.BENT, small_worlds.FREE] if LONG else [SHORT]
+    jobs = jobs_of(tmp_path, range(1, 31 if LONG else 25), *worlds)
+    processes.scheduler()
+    first, second, third = (processes.worker(name) for name in ("one", "two", "three"))
+    ended = {}
+    with connected(sources([]), 0, scheduler_file=processes.file, say=lambda line: None) as cluster:
+        until(lambda: len(cluster._client.nthreads()) == 3)
+        for job, result in drive_all(jobs, cluster, 900.0):
+            assert (job.task.name, job.seed) not in ended, "nothing is counted twice"
+            ended[job.task.name, job.seed] = result.drive()
+            if len(ended) == 5:
+                first.kill()
+            if len(ended) == 10:
+                second.send_signal(signal.SIGSTOP)
+                processes.worker("late")
+    assert len(ended) == len(jobs) == (60 if LONG else 24) and third.poll() is None
+    alone = {(job.task.name, job.seed): result.drive() for job, result in drive_all(jobs, InProcess(), 900.0)}
+    assert ended == alone, "one seed is one drive, wherever it is driven"
+
+
+def test_a_worker_of_other_sources_and_one_without_the_package_get_no_work(tmp_path, processes):
+    other = tmp_path / "other"
+    for name in ("src/mbf_relay", "config"):
+        shutil.copytree(ROOT / name, other / name, ignore=shutil.ignore_patterns("__pycache__", "ros", "maps"))
+    shutil.copy(ROOT / "package.xml", other)
+    with open(other / "src" / "mbf_relay" / "geometry.py", "a", encoding="utf-8") as file:
+        file.write("# changed\n")
+    told = []
+    processes.scheduler()
+    processes.worker("other", source=other / "src")
+    processes.worker("bare", source=tmp_path)
+    jobs = jobs_of(tmp_path, [1, 2], SHORT)
+    with connected(sources([]), 0, scheduler_file=processes.file, say=told.append) as cluster:
+        until(lambda: len(cluster._client.nthreads()) == 2)
+        with pytest.raises(ClusterError, match="no worker is fit"):
+            list(drive_all(jobs, cluster, 900.0))
+        processes.worker("good")
+        until(lambda: len(cluster._client.nthreads()) == 3)
+        results = [result for _, result in drive_all(jobs, cluster, 900.0)]
+    assert len(results) == 2 and all(result.success for result in results), [result.message for result in results]
+    text = "\n".join(told)
+    assert "has other sources of version" in text and "cannot work: No module named 'mbf_relay'" in text
+
+
+@pytest.mark.parametrize("option", ["--scheduler", "--scheduler-file"])
+def test_a_scheduler_that_is_not_there_is_named(tmp_path, capsys, option, monkeypatch):
+    monkeypatch.setattr("mbf_relay.lockstep.cluster.CONNECTING", 1.0)
+    worlds = small_worlds.write(tmp_path / "worlds.json", SHORT)
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        where = f"tcp://127.0.0.1:{taken.getsockname()[1]}" if option == "--scheduler" else str(tmp_path / "none.json")
+        assert batch.main([worlds, option, where, "--out", str(tmp_path / "out")]) == 1
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("batch.py:")]
+    assert len(lines) == 1 and where in lines[0]

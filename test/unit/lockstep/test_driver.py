@@ -1,0 +1,71 @@
+"""A driver: work that throws, dies, computes for ever or waits for ever costs itself alone."""
+
+import os
+import pickle
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from odd_work import act  # noqa: E402
+
+import mbf_relay  # noqa: E402
+from mbf_relay.lockstep.driver import DONE, LOST, THREW, Driver, packed  # noqa: E402
+from mbf_relay.lockstep.episodes import Hung, InProcess, Lost  # noqa: E402
+
+
+@pytest.fixture
+def driver():
+    made = Driver()
+    yield made
+    made.end()
+
+
+def value(answer):
+    assert answer[0] == DONE, answer
+    return pickle.loads(answer[1])
+
+
+def test_one_process_does_one_thing_after_another(driver):
+    assert value(driver.run(packed(act, 21), 60.0)) == 42
+    one = value(driver.run(packed(act, "who"), 60.0))
+    assert value(driver.run(packed(act, "who"), 60.0)) == one != os.getpid()
+    assert value(driver.run(packed(act, "print"), 60.0)) == "printed", "what is printed is not taken for an answer"
+    assert value(driver.run(packed(act, "threads"), 60.0)) == "1"
+    assert value(driver.run(packed(act, "x" * 1_000_000), 60.0)) == "x" * 2_000_000
+
+
+def test_its_process_finds_the_package_where_this_one_does(driver):
+    """A built package stands in front of its sources, and has the kernels."""
+    assert value(driver.run(packed(act, "package"), 60.0)) == mbf_relay.__file__
+
+
+def test_what_throws_or_dies_says_so_and_the_next_work_is_done(driver):
+    kind, text = driver.run(packed(act, "throw"), 60.0)
+    assert kind == THREW and b"ValueError: a plugin's mistake (act, line" in text
+    kind, text = driver.run(packed(act, "die"), 60.0)
+    assert kind == LOST and b"signal SIGKILL" in text
+    assert value(driver.run(packed(act, 2), 60.0)) == 4
+
+
+@pytest.mark.parametrize("task", ["compute", "wait"])
+def test_what_never_ends_is_ended(driver, task):
+    kind, text = driver.run(packed(act, task), 1.0)
+    assert kind == LOST and b"hung: no result within 1 s" in text
+    assert value(driver.run(packed(act, 2), 60.0)) == 4
+
+
+def test_a_process_that_ended_for_want_of_work_is_no_failure(driver):
+    value(driver.run(packed(act, 1), 60.0))
+    driver._process.stdin.close()
+    driver._process.wait()
+    assert value(driver.run(packed(act, 3), 60.0)) == 6
+
+
+def test_work_here_is_interrupted_by_its_own_computing_alone():
+    assert list(InProcess().run(act, [1, 2], 60.0)) == [(1, 2), (2, 4)]
+    (task, lost), (_, last) = InProcess().run(act, ["compute", 3], 0.2)
+    assert task == "compute" and isinstance(lost, Lost) and "hung" in str(lost) and last == 6
+    assert not issubclass(Hung, Exception), "a plugin that keeps every exception cannot keep this one"

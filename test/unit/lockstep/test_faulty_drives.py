@@ -1,0 +1,204 @@
+"""What a robot does when its sensors fail on the way.
+
+It stands before it touches anything, says why, and goes on after.
+"""
+
+import os
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pybullet")
+
+from mbf_relay.geometry import STOP, Pose2D  # noqa: E402
+from mbf_relay.lockstep.graph import Graph  # noqa: E402
+from mbf_relay.lockstep.settings import config_folder  # noqa: E402
+from mbf_relay.lockstep.setup import make_setup  # noqa: E402
+from mbf_relay.lockstep.stages import Stages  # noqa: E402
+from mbf_relay.lockstep.tasks import circle  # noqa: E402
+from mbf_relay.navigation.goals import FramedPose, NavigateGoal  # noqa: E402
+from mbf_relay.navigation.task import Ending  # noqa: E402
+from mbf_relay.simulation.faults import NO_FAULTS, Faults  # noqa: E402
+from mbf_relay.simulation.frames import Frame  # noqa: E402
+from mbf_relay.simulation.shapes import Body, Box, Cylinder  # noqa: E402
+
+SETUP = make_setup(config_folder())
+SEEDS = range(1, 6) if os.environ.get("MBF_RELAY_LONG") == "1" else (1,)
+
+
+class FaultyDrive(Graph):
+    """A drive to the circle's second goal, whose scans a test can change on their way."""
+
+    def __init__(self, seed):
+        self.change_scan = lambda scan: scan
+        self.commands = []
+        super().__init__(
+            circle(), SETUP, seed, Stages(None), lambda now, velocity: self.commands.append((now, velocity))
+        )
+        self.said = set()
+        self.step_until(lambda: self.waits_for() is None, 5.0)
+        self.goal = self.navigate(NavigateGoal(FramedPose(circle().goals[1], self.map_frame)))
+
+    def _take_scan(self, scan):
+        changed = self.change_scan(scan)
+        if changed is not None:
+            super()._take_scan(changed)
+
+    def step_until(self, condition, seconds):
+        """Step until the condition holds; returns whether it came to hold within so many seconds."""
+        end = self.now + seconds
+        while not condition() and self.now < end:
+            contacts = self.step().contacts
+            assert not contacts, f"the robot touched {contacts[0].name} at {self.now:.2f} s"
+            if hasattr(self, "goal"):
+                self.said.update(feedback.message for feedback in self.goal.take_feedback())
+        return bool(condition())
+
+    def set_down_ahead(self, distance):
+        """Set a box down on the robot's way, so far (m) ahead of its middle."""
+        there = self.simulation.true_pose.compose(Pose2D(distance, 0.0, 0.0))
+        body = Body("box", Box((0.2, 0.2, 0.4)), Frame.of(there.x, there.y, 0.2))
+        self.simulation.scene.set_obstacle("box", body)
+
+    def arrive(self):
+        """Go on to the goal, sent again where it has ended meanwhile."""
+        if self.goal.done and self.goal.ending is not Ending.SUCCEEDED:
+            self.goal = self.navigate(NavigateGoal(FramedPose(circle().goals[1], self.map_frame)))
+        assert self.step_until(lambda: self.goal.done, 90.0), "it never arrived"
+        assert self.goal.ending is Ending.SUCCEEDED, self.goal.result
+        assert self.simulation.true_pose.distance_to(circle().goals[1]) < 0.35
+
+    def is_driving(self):
+        return bool(self.commands) and self.commands[-1][1].x > 0.15
+
+
+@pytest.fixture(params=SEEDS)
+def drive(request):
+    made = FaultyDrive(request.param)
+    yield made
+    made.close()
+
+
+def all_read(value):
+    return lambda scan: scan.__class__(**{**vars(scan), "ranges": np.full(len(scan.ranges), value)})
+
+
+LIDAR_FAULTS = {
+    "frozen": (Faults(lidar_frozen=True), None), "half dead": (Faults(dead_beams=0.5), None),
+    "sector dead": (Faults(dead_beams=0.1, dead_beams_start=-0.3), None), "all zero": (Faults(dead_beams=1.0), None),
+    "all at range_max": (NO_FAULTS, all_read(3.5)), "all infinite": (NO_FAULTS, all_read(np.inf)),
+    "all NaN": (NO_FAULTS, all_read(np.nan)),
+}
+
+
+@pytest.mark.parametrize("name", LIDAR_FAULTS)
+def test_a_robot_whose_lidar_fails_stands_before_the_box_it_cannot_see_and_goes_on_later(drive, name):
+    assert drive.step_until(drive.is_driving, 20.0), "it never drove"
+    began = drive.now
+    drive.simulation.faults, change = LIDAR_FAULTS[name]
+    drive.change_scan = change or drive.change_scan
+    drive.set_down_ahead(0.6)
+    assert drive.step_until(lambda: drive.commands[-1][1] == STOP, 2.0), "it drove on blindly"
+    assert drive.now - began <= 0.5 + 1e-6
+    drive.step_until(lambda: False, 3.0)
+    assert all(velocity == STOP for now, velocity in drive.commands if now > began + 0.6)
+    assert any("lidar" in text for text in drive.said), drive.said
+    drive.simulation.scene.remove_obstacle("box")
+    drive.simulation.faults, drive.change_scan = NO_FAULTS, lambda scan: scan
+    assert drive.step_until(lambda: drive.goal.done, 60.0)
+    assert drive.goal.ending is Ending.SUCCEEDED, drive.goal.result
+
+
+def test_a_robot_whose_lidar_falls_silent_stands_within_half_a_second(drive):
+    assert drive.step_until(drive.is_driving, 20.0)
+    began, drive.simulation.faults = drive.now, Faults(lidar_silent=True)
+    assert drive.step_until(lambda: drive.commands[-1][1] == STOP, 2.0)
+    assert drive.now - began <= 0.5 + 1e-6
+    drive.step_until(lambda: False, 0.5)
+    assert any("lidar" in text for text in drive.said), drive.said
+    drive.simulation.faults = NO_FAULTS
+    assert drive.step_until(lambda: drive.goal.done, 60.0)
+    assert drive.goal.ending is Ending.SUCCEEDED, drive.goal.result
+
+
+@pytest.mark.parametrize("name", ["half the rate", "slip", "a dead rear", "every second beam"])
+def test_a_robot_drives_on_with_what_harms_little(drive, name):
+    kept = []
+
+    def every_second(scan):
+        kept.append(scan)
+        return scan if len(kept) % 2 else None
+
+    def thinned(scan):
+        ranges = scan.ranges.copy()
+        ranges[::2] = 0.0
+        return scan.__class__(**{**vars(scan), "ranges": ranges})
+
+    drive.simulation.faults = {
+        "slip": Faults(slip=0.3), "a dead rear": Faults(dead_beams=0.25, dead_beams_start=2.4),
+    }.get(name, NO_FAULTS)
+    drive.change_scan = {"half the rate": every_second, "every second beam": thinned}.get(name, drive.change_scan)
+    assert drive.step_until(lambda: drive.goal.done, 120.0)
+    assert drive.goal.ending is Ending.SUCCEEDED, drive.goal.result
+
+
+def test_a_robot_whose_commands_come_late_touches_nothing_and_arrives_once_they_come_in_time(drive):
+    assert drive.step_until(drive.is_driving, 20.0)
+    drive.simulation.faults = Faults(command_delay=0.3)
+    drive.set_down_ahead(0.8)
+    drive.step_until(lambda: drive.goal.done, 10.0)
+    assert not drive.goal.done, drive.goal.result
+    drive.simulation.scene.remove_obstacle("box")
+    drive.simulation.faults = NO_FAULTS
+    assert drive.step_until(lambda: drive.goal.done, 60.0)
+    assert drive.goal.ending is Ending.SUCCEEDED, drive.goal.result
+
+
+@pytest.mark.parametrize("distance", [0.35, 0.5, 0.8])
+def test_a_robot_before_which_something_is_set_down_does_not_push_it(drive, distance):
+    assert drive.step_until(drive.is_driving, 20.0)
+    drive.set_down_ahead(distance)
+    drive.step_until(lambda: drive.goal.done, 60.0)
+    assert drive.goal.done
+
+
+ODOMETRY_FAULTS = {
+    "late by 0.2 s": (Faults(odom_delay=0.2), None), "late by 1 s": (Faults(odom_delay=1.0), "s old"),
+    "late by 5 s": (Faults(odom_delay=5.0), "s old"), "silent": (Faults(odom_silent=True), "s old"),
+    "frozen": (Faults(odom_frozen=True), "odometry repeats"), "jumping": (Faults(odom_jump=2.0), None),
+}
+"""Each with words that the goal or its feedback must say, None where the robot may well drive on."""
+
+
+@pytest.mark.parametrize("name", ODOMETRY_FAULTS)
+def test_a_robot_whose_odometry_fails_touches_nothing_says_why_and_goes_on_later(drive, name):
+    fault, words = ODOMETRY_FAULTS[name]
+    assert drive.step_until(drive.is_driving, 20.0), "it never drove"
+    drive.simulation.faults = fault
+    drive.step_until(lambda: drive.goal.done, 8.0)
+    if words is not None:
+        said = drive.said | ({drive.goal.result.message} if drive.goal.done else set())
+        assert any(words in text for text in said), said
+    drive.simulation.faults = NO_FAULTS
+    drive.arrive()
+
+
+@pytest.mark.parametrize("seconds", [100.0, -0.9])
+def test_a_robot_whose_clock_is_set_touches_nothing_and_goes_on(drive, seconds):
+    assert drive.step_until(drive.is_driving, 20.0), "it never drove"
+    parameters = drive.simulation.parameters
+    drive.simulation.parameters = parameters.replace(start_time=parameters.start_time + seconds)
+    drive.arrive()
+
+
+def test_a_robot_before_which_people_cross_touches_nobody_and_arrives(drive):
+    assert drive.step_until(drive.is_driving, 20.0), "it never drove"
+    for side in (1.0, -1.0):
+        robot, began = drive.simulation.true_pose, drive.now
+        while drive.now - began < 3.0:
+            there = robot.compose(Pose2D(0.8, side * (0.9 - 0.6 * (drive.now - began)), 0.0))
+            person = Body("person", Cylinder(0.15, 1.0), Frame.of(*there[:2], 0.5))
+            drive.simulation.scene.set_obstacle("person", person)
+            drive.step_until(lambda: False, 0.1)
+        drive.simulation.scene.remove_obstacle("person")
+    drive.arrive()

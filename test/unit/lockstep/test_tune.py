@@ -1,0 +1,76 @@
+"""The tune command: better parameters from a bad start, resumed as if never interrupted, and what is refused."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("pybullet")
+pytest.importorskip("optuna")
+sys.path.insert(0, str(Path(__file__).parent))
+
+import small_worlds  # noqa: E402
+import yaml  # noqa: E402
+
+from mbf_relay.lockstep import tune, tune_picture  # noqa: E402
+
+SHORT = {**small_worlds.FREE, "goal": [0.6, 0.0, 0.0], "goal_radius": 0.2, "reference_path_length": 0.6}
+SLOW = ["--set", "controllers=[{name: mine, type: small_worlds.Slow}]", "--set", "mine.pace=0.03", "--jobs", "1"]
+
+
+def worlds(folder, count):
+    return small_worlds.write(folder / "worlds.json", *({**SHORT, "name": f"w{i}"} for i in range(count)))
+
+
+def trials(folder):
+    import optuna
+
+    study = optuna.load_study(study_name="mbf_relay", storage=f"sqlite:///{folder / 'study.db'}")
+    return [(trial.params, trial.value) for trial in study.get_trials() if trial.state.is_finished()]
+
+
+def test_a_bad_start_is_beaten_and_a_resumed_study_is_that_of_one_go(tmp_path, capsys):
+    common = [worlds(tmp_path, 2), *SLOW, "--param", "mine.pace=0.03:0.2"]
+    assert tune.main([*common, "--trials", "3", "--out", str(tmp_path / "parts")]) == 0
+    assert tune.main([*common, "--trials", "6", "--out", str(tmp_path / "parts")]) == 0
+    assert tune.main([*common, "--trials", "6", "--out", str(tmp_path / "whole")]) == 0
+    assert len(trials(tmp_path / "whole")) == 6
+    assert trials(tmp_path / "parts") == trials(tmp_path / "whole")
+    best = yaml.safe_load((tmp_path / "whole" / "best" / "move_base_flex.yaml").read_text())
+    assert best["mine"]["pace"] > 0.1
+    assert (tmp_path / "whole" / "study.png").read_bytes().startswith(b"\x89PNG")
+    assert "  score: +" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        ([], "nothing to tune"),
+        (["--param", "mine.pace=0.2:0.1"], "the range of mine.pace, 0.2 to 0.1, is empty"),
+        (["--param", "mine.pace=fast"], "it must be two numbers"),
+        (["--param", "mine.pase=0.1:0.2"], "did you mean 'move_base_flex.mine.pace'"),
+    ],
+)
+def test_what_cannot_be_tuned_is_named(tmp_path, capsys, arguments, words):
+    assert tune.main([worlds(tmp_path, 1), *SLOW, *arguments, "--out", str(tmp_path / "out")]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+
+
+def test_a_study_of_other_parameters_is_not_continued(tmp_path, capsys):
+    common = [worlds(tmp_path, 1), *SLOW, "--trials", "1", "--out", str(tmp_path / "out")]
+    assert tune.main([*common, "--param", "mine.pace=0.1:0.2"]) == 0
+    assert tune.main([*common, "--param", "mine.pace=0.1:0.3"]) == 1
+    assert "holds a study with other space" in capsys.readouterr().err
+
+
+def test_what_matters_is_told_from_what_does_not():
+    tried = [({"a.much": float(i), "a.none": float((i * 7) % 10)}, 2.0 * i) for i in range(10)]
+    found = tune_picture.importances(tried)
+    assert list(found) == ["a.much", "a.none"] and found["a.much"] == pytest.approx(1.0) and found["a.none"] < 0.5
+    assert tune_picture.importances([({"a": 1.0}, 0.0), ({"a": 2.0}, 0.0), ({"a": 3.0}, 0.0)]) == {"a": 0.0}
+
+
+def test_worlds_of_the_verdict_are_none_of_the_tuning():
+    seen, unseen = tune.split(list(range(7)))
+    assert unseen == [2, 5] and seen == [0, 1, 3, 4, 6]

@@ -1,0 +1,96 @@
+"""One way or another: which replans a drive takes when several ways lead to its goal."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scripted import FORWARD, GOAL, bowed_path, failing
+
+from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.navigation.path_hysteresis import PathHysteresis, is_same_way
+from mbf_relay.outcomes import ControlError, ControlOutcome
+
+WAYS = {side: bowed_path(side * 0.4) for side in (-1, 1)}
+
+
+@pytest.fixture
+def flipping_bench(make_bench):
+    """A robot 0.2 m wide whose replans lead alternately round two sides."""
+    bench = make_bench(planner_frequency=10.0)
+    sides = itertools.cycle([1, 1, -1])
+    bench.script.plan = lambda start, goal: WAYS[next(sides)]
+    bench.script.velocity = Twist2D(0.02, 0.0, 0.0)
+    return bench
+
+
+def sides_taken(bench):
+    return [1 if path.poses[5, 1] > 0.0 else -1 for path, _new in bench.script.paths]
+
+
+def test_replans_that_flip_between_two_ways_do_not_turn_the_robot(flipping_bench):
+    flipping_bench.navigator.move_base(GOAL)
+    for _ in range(50):
+        flipping_bench.step()
+    assert len(sides_taken(flipping_bench)) > 20 and set(sides_taken(flipping_bench)) == {1}
+
+
+def test_a_way_found_again_and_again_is_taken(flipping_bench):
+    flipping_bench.navigator.move_base(GOAL)
+    flipping_bench.step()
+    flipping_bench.script.plan = lambda start, goal: WAYS[-1]
+    count = len(flipping_bench.script.paths)
+    for _ in range(9):
+        flipping_bench.step()
+    taken = sides_taken(flipping_bench)[count:]
+    assert taken and set(taken) == {-1}
+
+
+def test_another_way_is_taken_at_once_where_the_last_is_blocked(flipping_bench):
+    flipping_bench.navigator.move_base(GOAL)
+    flipping_bench.step()
+    x, y = WAYS[1].poses[5, :2]
+    column, row = flipping_bench.costmaps["global"].snapshot().grid.cell_at(x, y)
+    flipping_bench.costmaps["global"].costs[row, column] = 254
+    flipping_bench.script.plan = lambda start, goal: WAYS[-1]
+    flipping_bench.step()
+    flipping_bench.step()
+    assert sides_taken(flipping_bench)[-1] == -1
+
+
+def test_after_a_recovery_any_way_is_taken(flipping_bench):
+    bench = flipping_bench
+    bench.navigator.move_base(GOAL)
+    bench.step()
+    bench.script.plan = lambda start, goal: WAYS[-1]
+    bench.script.velocity = failing(ControlError(ControlOutcome.BLOCKED_GOAL, "a chair"), 1, FORWARD)
+    bench.run(lambda: bench.script.calls.get("R1"))
+    bench.step()
+    assert sides_taken(bench)[-1] == -1
+
+
+def test_each_change_near_the_last_takes_longer():
+    keeper, robot, changes = PathHysteresis(), Pose2D(0.0, 0.0, 0.0), []
+    side, now = 1, 0.0
+    for step in range(200):
+        now = 0.1 * step
+        if keeper.wants(now, WAYS[side].poses, WAYS[-side].poses, robot, 0.2):
+            side = -side
+            changes.append(now)
+    waits = np.diff(changes)
+    assert len(changes) >= 4 and (waits[1:] > 1.5 * waits[:-1]).all()
+    keeper.restart()
+    elsewhere = Pose2D(1.0, 0.0, 0.0)
+    assert not keeper.wants(now + 1.0, WAYS[side].poses, WAYS[-side].poses, elsewhere, 0.2)
+    assert keeper.wants(now + 2.0, WAYS[side].poses, WAYS[-side].poses, elsewhere, 0.2)
+
+
+def test_a_robot_off_its_path_takes_any():
+    assert PathHysteresis().wants(0.0, WAYS[1].poses, WAYS[-1].poses, Pose2D(0.5, -0.4, 0.0), 0.2)
+
+
+def test_ways_are_the_same_up_to_the_robots_width():
+    assert is_same_way(bowed_path(0.4).poses, bowed_path(0.25).poses, 0.2)
+    assert not is_same_way(bowed_path(0.4).poses, bowed_path(0.15).poses, 0.2)
+    longer = np.vstack((bowed_path(0.4).poses, [[6.0, 0.0, 0.0]]))
+    assert not is_same_way(bowed_path(0.4).poses, longer, 0.2)  # it leads on past where the other one ends
+    assert is_same_way(np.zeros((1, 3)), np.array([[0.0, 0.1, 0.0]]), 0.2)

@@ -1,0 +1,143 @@
+"""The compiled searches against plain ones: the same algorithm, cell for cell and bit for bit."""
+
+import ast
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mbf_relay.planning.planner import Cancellation
+from mbf_relay.planning.search import cost_to_go_kernels, fast_marching_kernels, queue_kernels
+from mbf_relay.planning.search.incremental_field import CostToGo, FastMarchingPotential
+from mbf_relay.planning.weights import navfn_weights
+
+F = np.float32
+SIDES = ((-1, 0), (1, 0), (0, -1), (0, 1))
+CORNERS = ((-1, -1), (1, -1), (-1, 1), (1, 1))
+
+
+def plain_grow(shape, goal, start, inverse_width, neighbours, key_of):
+    """Grow a field as the docstrings of the kernels' `grow` say; return it and how many cells were expanded.
+
+    Args:
+        shape: Rows and columns.
+        goal, start: Column and row.
+        inverse_width: One over the width of a bucket.
+        neighbours: Called with field and cell; yields the neighbours and what they hold through the cell.
+        key_of: Called with a cell and its value; what it is sorted into buckets by.
+    """
+    field = np.zeros(shape, dtype=F)
+    field[goal[1], goal[0]] = F(queue_kernels.ROOT_VALUE)
+    base = int(key_of(goal, field[goal[1], goal[0]]) * inverse_width)
+    buckets, expanded = {base: [(goal, field[goal[1], goal[0]])]}, 0
+    while True:
+        entries = buckets.get(base, [])
+        if not entries:
+            reached = field[start[1], start[0]]
+            if (reached > 0.0 and F(base + 1) > reached * inverse_width) or not any(buckets.values()):
+                return field, expanded
+            base += 1
+            continue
+        (x, y), value = entries.pop(0)
+        if value != field[y, x]:
+            continue
+        expanded += 1
+        for (near_x, near_y), through in list(neighbours(field, x, y)):
+            if field[near_y, near_x] == 0.0 or through < field[near_y, near_x]:
+                field[near_y, near_x] = through
+                bucket = max(int(key_of((near_x, near_y), through) * inverse_width), base)
+                buckets.setdefault(bucket, []).append(((near_x, near_y), through))
+
+
+def random_map(seed):
+    rng = np.random.default_rng(seed)
+    costs = rng.integers(0, 200, rng.integers(2, 40, 2)).astype(np.uint8)
+    costs[rng.random(costs.shape) < 0.25] = 254
+    rows, columns = np.nonzero(costs < 254)
+    goal, start = ((int(columns[i]), int(rows[i])) for i in rng.integers(len(rows), size=2))
+    return costs, goal, start
+
+
+def inverse_width_of(field, weights, slope):
+    widest = F(1.5) * (weights.max() + slope) / F(queue_kernels.BUCKETS - 3)
+    return F(1.0) / max(field._slope * field.bucket, widest)
+
+
+@pytest.mark.parametrize("seed", range(15))
+def test_cost_to_go_grows_as_its_docstring_says(seed):
+    costs, goal, start = random_map(seed)
+    weights = navfn_weights(allow_unknown=True)
+    halves = CostToGo.table_of(weights)[costs]
+    field = CostToGo()
+    field.reach(costs, weights, start, goal, Cancellation())
+    slope, diagonal = field._slope, F(math.sqrt(2.0))
+
+    def neighbours(known, x, y):
+        def may_enter(to_x, to_y):
+            inside = 0 <= to_x < costs.shape[1] and 0 <= to_y < costs.shape[0]
+            return inside and halves[to_y, to_x] < np.inf
+
+        for dx, dy in SIDES + CORNERS:
+            if may_enter(x + dx, y + dy) and may_enter(x + dx, y) and may_enter(x, y + dy):
+                both = halves[y, x] + halves[y + dy, x + dx]
+                yield (x + dx, y + dy), known[y, x] + (both * diagonal if dx and dy else both)
+
+    def key_of(cell, value):
+        far, near = sorted((abs(cell[0] - start[0]), abs(cell[1] - start[1])), reverse=True)
+        return value + slope * (F(far) + F(math.sqrt(2.0) - 1.0) * F(near))
+
+    expected, expanded = plain_grow(
+        costs.shape, goal, start, inverse_width_of(field, weights, slope), neighbours, key_of
+    )
+    assert np.array_equal(field.field(), expected) and field.expanded == expanded
+
+
+@pytest.mark.parametrize("seed", range(15))
+def test_fast_marching_grows_as_its_docstring_says(seed):
+    costs, goal, start = random_map(seed)
+    weights = navfn_weights(allow_unknown=True)
+    table = FastMarchingPotential.table_of(weights)[costs]
+    field = FastMarchingPotential()
+    field.reach(costs, weights, start, goal, Cancellation(), all_around=True)
+
+    def value_at(known, x, y):
+        inside = 0 <= x < costs.shape[1] and 0 <= y < costs.shape[0]
+        return known[y, x] if inside and known[y, x] > 0.0 else F(np.inf)
+
+    def neighbours(known, x, y):
+        found = []
+        for dx, dy in SIDES:
+            to_x, to_y = x + dx, y + dy
+            if not (0 <= to_x < costs.shape[1] and 0 <= to_y < costs.shape[0]) or table[to_y, to_x] == np.inf:
+                continue
+            other = min(value_at(known, to_x + dy, to_y + dx), value_at(known, to_x - dy, to_y - dx))
+            cost, gap = table[to_y, to_x], abs(known[y, x] - other)
+            arrival = min(known[y, x], other) + cost
+            if gap < cost:
+                root = F(math.sqrt(max(F(2.0) * cost * cost - gap * gap, F(0.0))))
+                arrival = F(0.5) * (known[y, x] + other + root)
+            found.append(((to_x, to_y), arrival))
+        return found
+
+    inverse_width = inverse_width_of(field, weights, F(0.0))
+    expected, expanded = plain_grow(costs.shape, goal, start, inverse_width, neighbours, lambda cell, value: value)
+    assert np.array_equal(field.field(), expected) and field.expanded == expanded
+
+
+@pytest.mark.parametrize("module", [cost_to_go_kernels, fast_marching_kernels, queue_kernels])
+def test_copies_of_the_layout_are_like_the_original(module):
+    layout = {f"_{name}": value for name, value in vars(queue_kernels).items() if name.isupper() and name[0] != "_"}
+    layout["_ROOT"] = layout.pop("_ROOT_VALUE")
+    copies = {name: value for name, value in vars(module).items() if name in layout}
+    assert copies == {name: layout[name] for name in copies} and len(copies) >= 7
+
+
+def test_functions_both_searches_need_are_alike():
+    def source_of(module, name):
+        path = Path(module.__file__)
+        functions = [node for node in ast.parse(path.read_text()).body if getattr(node, "name", "") == name]
+        return ast.dump(functions[0])
+
+    for name in ("_make_room", "_is_full"):
+        assert source_of(cost_to_go_kernels, name) == source_of(fast_marching_kernels, name)

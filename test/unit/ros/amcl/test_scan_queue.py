@@ -1,0 +1,142 @@
+"""Scans are given out once, when they are ready, and the newest of each lidar alone."""
+
+import math
+
+import numpy as np
+import pytest
+
+rospy = pytest.importorskip("rospy")
+
+from geometry_msgs.msg import Transform  # noqa: E402
+from hypothesis import given  # noqa: E402
+from hypothesis import strategies as st  # noqa: E402
+from sensor_msgs.msg import LaserScan as LaserScanMessage  # noqa: E402
+
+from mbf_relay.ros.amcl.scan_queue import ScanQueue  # noqa: E402
+from mbf_relay.ros.common.lidar_geometry import LidarGeometry, mounting_of, seen_from_above  # noqa: E402
+from mbf_relay.scan import LaserScan  # noqa: E402
+
+
+def message(stamp, frame="front"):
+    made = LaserScanMessage(ranges=[1.0, 2.0], angle_increment=0.1, range_max=5.0)
+    made.header.stamp, made.header.frame_id = rospy.Time.from_sec(stamp), frame
+    return made
+
+
+def stamps(messages):
+    return [(m.header.frame_id, m.header.stamp.to_sec()) for m in messages]
+
+
+def filled(*scans, length=100):
+    queue = ScanQueue(length)
+    for stamp, frame in scans:
+        queue.put(message(stamp, frame))
+    return queue
+
+
+def take(queue, is_ready=lambda _: True):
+    return stamps(queue.take(is_ready, timeout=0.0))
+
+
+def test_the_newest_ready_scan_of_each_lidar_comes_in_order_of_time():
+    queue = filled((1.0, "front"), (1.0625, "rear"), (1.25, "front"), (1.125, "rear"))
+    assert take(queue) == [("rear", 1.125), ("front", 1.25)]
+    assert take(queue) == []
+    assert queue.oldest() is None
+
+
+def test_a_scan_waits_until_its_transform_is_there():
+    queue = filled((1.0, "front"), (1.125, "front"), (1.25, "front"))
+    assert take(queue, lambda m: m.header.stamp.to_sec() < 1.2) == [("front", 1.125)]
+    assert stamps([queue.oldest()]) == [("front", 1.25)]
+    assert take(queue, lambda _: False) == []
+    assert take(queue) == [("front", 1.25)]
+
+
+def test_one_lidar_does_not_hold_up_another():
+    queue = filled((1.0, "nowhere"), (1.125, "front"))
+    assert take(queue, lambda m: m.header.frame_id == "front") == [("front", 1.125)]
+    assert stamps([queue.oldest()]) == [("nowhere", 1.0)]
+
+
+def test_the_oldest_goes_where_there_is_no_room():
+    queue = filled(*((float(index), "front") for index in range(5)), length=3)
+    assert stamps([queue.oldest()]) == [("front", 2.0)]
+
+
+def test_time_set_back_ends_what_waits():
+    queue = filled((100.0, "front"), (2.0, "front"))
+    assert take(queue, lambda m: m.header.stamp.to_sec() > 50.0) == []
+    assert take(queue) == [("front", 2.0)]
+
+
+def test_a_scan_that_comes_while_others_are_looked_at_is_kept():
+    queue = filled((1.0, "front"))
+
+    def is_ready(_):
+        queue.put(message(1.125))
+        return True
+
+    assert take(queue, is_ready) == [("front", 1.0)]
+    assert take(queue) == [("front", 1.125)]
+
+
+@given(st.lists(st.tuples(st.integers(0, 20), st.sampled_from(["front", "rear"]), st.booleans()), max_size=30))
+def test_every_scan_is_given_once_at_most_and_never_an_older_one_after_a_newer(steps):
+    """Whatever comes when: of each lidar, what is given has ever newer stamps."""
+    queue, given_out = ScanQueue(), {"front": [-1.0], "rear": [-1.0]}
+    clock = 0.0
+    for ahead, frame, look in steps:
+        clock += ahead * 0.01
+        queue.put(message(clock, frame))
+        if look:
+            for name, stamp in take(queue, lambda m: m.header.stamp.to_sec() <= clock - 0.05):
+                given_out[name].append(stamp)
+    for given_stamps in given_out.values():
+        assert given_stamps == sorted(given_stamps)
+
+
+def rotation(roll, yaw):
+    """Return a transform turned by roll, then by yaw."""
+    made = Transform()
+    made.translation.x, made.translation.y = 0.1, -0.2
+    half_roll, half_yaw = roll / 2.0, yaw / 2.0
+    made.rotation.x = math.sin(half_roll) * math.cos(half_yaw)
+    made.rotation.y = math.sin(half_roll) * math.sin(half_yaw)
+    made.rotation.z = math.cos(half_roll) * math.sin(half_yaw)
+    made.rotation.w = math.cos(half_roll) * math.cos(half_yaw)
+    return made
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7, math.pi, -2.5])
+@pytest.mark.parametrize("roll", [0.0, math.pi])
+def test_beams_point_where_the_mounting_turns_them(roll, yaw):
+    """A beam at angle b, rolled by half a turn, points to -b; backwards, to b + pi: amcl's angles in the base."""
+    pose, upside_down = mounting_of(rotation(roll, yaw))
+    scan = seen_from_above(LaserScan(np.ones(3), 0.3, 0.2, 0.1, 5.0, 0.0), upside_down)
+    sign = -1.0 if roll else 1.0
+    got = scan.angles + pose.theta
+    wanted = yaw + sign * np.array([0.3, 0.5, 0.7])
+    assert np.exp(1j * got) == pytest.approx(np.exp(1j * wanted), abs=1e-12)
+    assert (pose.x, pose.y) == (0.1, -0.2)
+
+
+def test_the_mounting_is_looked_up_once_until_it_is_forgotten():
+    class Lookups:
+        def __init__(self):
+            self.asked = []
+
+        def lookup_message(self, base, frame):
+            self.asked.append((base, frame))
+            return type("Stamped", (), {"transform": rotation(math.pi, 0.5)})
+
+    lookups = Lookups()
+    geometry = LidarGeometry(lookups)
+    for _ in range(2):
+        scan, pose = geometry.scan_in_base(message(1.0), "base_link")
+    assert lookups.asked == [("base_link", "front")]
+    assert scan.angle_increment == -message(1.0).angle_increment
+    assert pose.theta == pytest.approx(0.5)
+    geometry.forget()
+    geometry.scan_in_base(message(1.0), "base_link")
+    assert len(lookups.asked) == 2

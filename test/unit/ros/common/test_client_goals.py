@@ -1,0 +1,118 @@
+"""A client's goals: leases, what an earlier life left, and what is lost."""
+
+import pytest
+
+pytest.importorskip("mbf_msgs.msg")
+
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray  # noqa: E402
+from genpy import Time  # noqa: E402
+from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult, MoveBaseGoal  # noqa: E402
+
+from mbf_relay.ros.common.client_goals import ClientGoals  # noqa: E402
+
+
+class Links:
+    """The way to a server, with what was sent on it."""
+
+    def __init__(self, takes_leases=True):
+        self.takes_leases, self.goals, self.cancels, self.renewed, self.now = takes_leases, [], [], [], 100.0
+        self.publish_goal = self.goals.append
+
+    def publish_cancel(self, goal_id):
+        self.cancels.append(goal_id.id)
+
+    def renew(self, goal_id):
+        self.renewed.append(goal_id.id)
+
+
+def make(links, life="00000002"):
+    return ClientGoals(
+        "/server/drive",
+        "/relay",
+        MoveBaseActionGoal,
+        links,
+        10.0,
+        lambda: links.now,
+        lambda: Time.from_sec(links.now),
+        life=life,
+    )
+
+
+def status(*pairs):
+    return GoalStatusArray(status_list=[GoalStatus(goal_id=GoalID(id=name), status=state) for name, state in pairs])
+
+
+def test_a_goal_is_renewed_until_it_is_cancelled():
+    links = Links()
+    goals = make(links)
+    sent = goals.send(MoveBaseGoal())
+    goals.check()
+    assert links.renewed == [sent.goal_id] and sent.goal_id.endswith("+lease")
+    sent.cancel()
+    goals.check()
+    assert links.renewed == [sent.goal_id] and links.cancels == [sent.goal_id]
+
+
+def test_a_server_that_knows_of_no_leases_gets_goals_as_actionlib_s_clients_send_them():
+    links = Links(takes_leases=False)
+    goals = make(links)
+    assert "+" not in goals.send(MoveBaseGoal()).goal_id
+    goals.check()
+    assert links.renewed == []
+
+
+@pytest.mark.parametrize("mark", ["", "+lease"])
+def test_what_an_earlier_life_of_the_node_left_driving_is_called_back(mark):
+    links = Links()
+    goals = make(links)
+    mine = goals.send(MoveBaseGoal())
+    left = f"/relay-00000001-7{mark}"
+    goals.take_status(status(
+        (left, GoalStatus.ACTIVE), (f"/relay-00000001-6{mark}", GoalStatus.ABORTED), (mine.goal_id, GoalStatus.ACTIVE),
+        ("/relay2-00000001-5", GoalStatus.ACTIVE), ("/relay-1-1604.25", GoalStatus.ACTIVE)))
+    assert links.cancels == [left]
+
+
+def test_a_goal_is_sent_again_until_it_is_heard_of_and_lost_where_it_never_is():
+    links = Links()
+    goals, endings = make(links), []
+    sent = goals.send(MoveBaseGoal(), on_end=endings.append)
+    for _ in range(120):
+        links.now += 0.1
+        goals.check()
+    assert len(links.goals) > 5 and [ending.status for ending in endings] == [GoalStatus.LOST]
+    assert links.cancels == [sent.goal_id], "a server that only was slow must not go on with what was given up"
+
+
+def test_a_goal_that_was_called_off_is_not_sent_again_before_its_cancel_is_known():
+    links = Links()
+    goals, endings = make(links), []
+    sent = goals.send(MoveBaseGoal(), on_end=endings.append)
+    sent.cancel()
+    for _ in range(30):
+        links.now += 0.1
+        goals.check()
+    assert len(links.goals) == 1 and len(links.cancels) >= 3
+    for _ in range(30):  # the server got the cancel, and waits for the goal to end it
+        links.now += 0.1
+        goals.take_status(status((sent.goal_id, GoalStatus.RECALLING)))
+    assert 2 <= len(links.goals) <= 4
+    ended = GoalStatus(goal_id=GoalID(id=sent.goal_id), status=GoalStatus.RECALLED)
+    goals.take_result(MoveBaseActionResult(status=ended))
+    assert [ending.status for ending in endings] == [GoalStatus.RECALLED]
+
+
+def test_an_end_comes_once_whatever_arrives_twice_or_not_at_all():
+    links = Links()
+    goals, endings = make(links), []
+    sent = goals.send(MoveBaseGoal(), on_end=endings.append)
+    result = MoveBaseActionResult(status=GoalStatus(goal_id=GoalID(id=sent.goal_id), status=GoalStatus.SUCCEEDED))
+    goals.take_result(result), goals.take_result(result)
+    other = goals.send(MoveBaseGoal(), on_end=endings.append)
+    goals.take_status(status((other.goal_id, GoalStatus.ABORTED)))
+    links.now += 3.0
+    goals.check()
+    assert [ending.status for ending in endings] == [
+        GoalStatus.SUCCEEDED,
+        GoalStatus.ABORTED,
+    ] and goals.open_goals == []

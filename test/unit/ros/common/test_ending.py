@@ -1,0 +1,106 @@
+"""A signal ends every node: at any moment, with status 0, without a traceback, whatever the master does."""
+
+import os
+import random
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("mbf_msgs", reason="needs the built package")
+
+from ros_testing import wait_until
+
+from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[4]
+NODES = {
+    "amcl": [], "map_server": [str(ROOT / "config" / "maps" / "turtlebot3_world.yaml")], "mb_relay_server.py": [],
+    "mb_relay_subscriber.py": [], "move_base_flex": [], "move_base_relay": [], "simulator": [], "velocity_guard": [],
+    "map_saver": [], "web_view": ["_port:=0"],
+}
+CLIENTS = {"mb_relay_client.py": [], "mbf_path_client.py": [], "mbf_goal_client.py": [], "movebase_client.py": []}
+LONG = bool(os.environ.get("MBF_RELAY_LONG"))
+TRIED = list(NODES) + list(CLIENTS)[:4 if LONG else 2]
+CASES = [(index, name) for index, name in enumerate(TRIED * (20 if LONG else 1))]
+STARTED = 4.0
+"""Wall seconds after which a node has long come up, on a machine that is not busy."""
+
+
+@pytest.fixture(scope="module")
+def masters():
+    """Ports of a master that works, one that hangs, and one that is not there."""
+    working, absent = free_port(), free_port()
+    process = subprocess.Popen(
+        [sys.executable, "-c", "import rosmaster; rosmaster.rosmaster_main()", "--core", "-p", str(working)],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )
+    hanging = socket.socket()
+    hanging.bind(("localhost", 0))
+    hanging.listen(100)
+    try:
+        yield {"working": working, "hanging": hanging.getsockname()[1], "absent": absent}
+    finally:
+        hanging.close()
+        process.kill()
+        process.wait()
+
+
+def start(name, arguments, port, folder):
+    environment = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}", ROS_LOG_DIR=str(folder))
+    with open(str(folder / "output"), "wb") as log:
+        return subprocess.Popen(
+            ["rosrun", "mbf_relay", name, *arguments], env=environment, stdout=log, stderr=subprocess.STDOUT
+        )
+
+
+def is_ready_to_end(process):
+    """Return whether a process has blocked SIGTERM, which is the first thing a node does."""
+    assert process.poll() is None, "it ended by itself"
+    if "python" not in os.path.basename(os.readlink(f"/proc/{process.pid}/exe")):
+        return False  # rosrun, which is a shell and blocks signals now and then
+    with open(f"/proc/{process.pid}/status", encoding="ascii") as stream:
+        blocked = next(line for line in stream if line.startswith("SigBlk"))
+    return int(blocked.split()[1], 16) >> (signal.SIGTERM - 1) & 1
+
+
+@pytest.mark.parametrize("index, name", CASES)
+def test_a_signal_ends_a_node_at_any_moment(index, name, masters, tmp_path):
+    chance = random.Random(index)
+    master = chance.choice(sorted(masters))
+    process = start(name, {**NODES, **CLIENTS}[name], masters[master], tmp_path)
+    try:
+        wait_until(lambda: is_ready_to_end(process), f"{name} to begin")
+        # no condition to wait for: the moment itself is what is tried
+        time.sleep(chance.uniform(0.0, STARTED) * chance.random())
+        process.send_signal(chance.choice((signal.SIGINT, signal.SIGTERM)))
+        status = process.wait(20.0)
+    finally:
+        process.kill()
+        process.wait()
+    output = (tmp_path / "output").read_text(errors="replace")
+    # 0 of a client says that the robot arrived
+    assert status == (130 if name in CLIENTS else 0), (master, output)
+    assert "Traceback" not in output, (master, output)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_a_node_that_nobody_can_shut_down(number, tmp_path):
+    code = (
+        "import signal, threading\nsignal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run under nohup\n"
+        "from mbf_relay.ros.common.ending import NodeEnding\n"
+        "ending = NodeEnding()\nending.use(lambda reason: threading.Event().wait())\n"
+        "print('ready', flush=True)\nthreading.Event().wait()\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
+    try:
+        assert process.stdout.readline() == b"ready\n"
+        process.send_signal(number)
+        assert process.wait(20.0) == 0
+    finally:
+        process.kill()
+        process.communicate()

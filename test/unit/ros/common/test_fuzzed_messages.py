@@ -1,0 +1,150 @@
+"""What any node on the network may send: each message becomes something sound, or one line that refuses it."""
+
+import os
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mbf_msgs.msg")
+pytest.importorskip("tf2_ros")
+
+import genpy  # noqa: E402
+import rosbag  # noqa: E402
+from geometry_msgs.msg import Pose, TransformStamped, Twist  # noqa: E402
+from hypothesis import HealthCheck, given, settings  # noqa: E402
+from hypothesis import strategies as st  # noqa: E402
+from mbf_msgs.msg import ExePathGoal, GetPathGoal, MoveBaseGoal, RecoveryGoal  # noqa: E402
+from nav_msgs.msg import OccupancyGrid  # noqa: E402
+from nav_msgs.msg import Path as PathMessage  # noqa: E402
+from roslib.message import get_message_class  # noqa: E402
+from sensor_msgs.msg import LaserScan, PointCloud, PointCloud2, PointField  # noqa: E402
+
+from mbf_relay.outcomes import NavigationError  # noqa: E402
+from mbf_relay.ros.common import bags, checks, conversions  # noqa: E402
+from mbf_relay.ros.costmap.inputs import points_from_message  # noqa: E402
+from mbf_relay.ros.server import messages  # noqa: E402
+
+EXAMPLES = 5000 if os.environ.get("MBF_RELAY_LONG") == "1" else 30
+INTEGERS = {"int8": (-128, 127), "uint8": (0, 255), "byte": (-128, 127), "char": (0, 255), "bool": (0, 1),
+            "int16": (-2**15, 2**15 - 1), "uint16": (0, 2**16 - 1), "int32": (-2**31, 2**31 - 1),
+            "uint32": (0, 2**32 - 1), "int64": (-2**63, 2**63 - 1), "uint64": (0, 2**64 - 1)}
+TIMES = st.builds(genpy.Time, st.sampled_from([0, 1, 100, 2**31 - 1, 2**31, 2**32 - 1]), st.integers(0, 10**9 - 1))
+NUMBERS = st.one_of(
+    st.sampled_from([0.0, 1.0, -1.0, 0.05, 1e-6, 1e10, 1e300, -1e300, 5e-324]),
+    st.sampled_from([float("nan"), float("inf"), float("-inf")]),
+    st.floats(-10.0, 10.0))
+WORDS = st.one_of(st.sampled_from(["", "map", "/map", "odom", "base_link", "a" * 1000, "\0", "é"]), st.text(max_size=5))
+OWN = {
+    PointField: st.builds(PointField, st.sampled_from(["x", "y", "z", "q"]), st.sampled_from([0, 4, 8, 2**32 - 1]),
+                          st.sampled_from([0, 7, 8, 99]), st.sampled_from([0, 1, 2**32 - 1])),
+}
+"""Grammars of types of which blind chance would make nothing that gets beyond the first check."""
+
+
+def values(kind):
+    """Return a strategy for a field of a message definition's type."""
+    if kind.endswith("]"):
+        item, _, size = kind[:-1].partition("[")
+        if item in ("uint8", "char"):
+            return st.binary(min_size=int(size or 0), max_size=int(size or 64))
+        return st.lists(values(item), min_size=int(size or 0), max_size=int(size or 6))
+    if kind in INTEGERS:
+        low, high = INTEGERS[kind]
+        return st.one_of(st.integers(max(low, 0), min(high, 8)), st.sampled_from([low, high]))
+    if kind in ("float32", "float64"):
+        return NUMBERS
+    if kind in ("time", "duration"):
+        return TIMES
+    return WORDS if kind == "string" else message(get_message_class("std_msgs/Header" if kind == "Header" else kind))
+
+
+def message(kind):
+    """Return a strategy for messages of a class."""
+    if kind in OWN:
+        return OWN[kind]
+    fields = {name: values(slot) for name, slot in zip(kind.__slots__, kind._slot_types)}
+    return st.fixed_dictionaries(fields).map(lambda made: kind(**made))
+
+
+def fitting_grid(grid):
+    """Return a grid with as many cells as it says, where those are few."""
+    cells = grid.info.width * grid.info.height
+    if cells <= 64:
+        grid.data = [-1, 0, 100][:cells] + [50] * max(0, cells - 3)
+    return grid
+
+
+def is_sound(made):
+    """Return whether what came of a message can be reckoned with."""
+    for name in ("poses", "data", "angles"):
+        if hasattr(made, name) and not np.isfinite(np.asarray(getattr(made, name), dtype=float)).all():
+            return False
+    return made.is_finite() if hasattr(made, "is_finite") else True
+
+
+def checked_transform(transform):
+    """Return a transform as it comes out of tf, which is handed only what was checked."""
+    checks.check_transform(transform)
+    return conversions.transform_from_message(transform.transform)
+
+
+CONVERSIONS = {
+    "pose": (message(Pose), conversions.pose_from_message),
+    "transform": (message(TransformStamped), checked_transform),
+    "velocity": (message(Twist), conversions.twist_from_message),
+    "path": (message(PathMessage), conversions.path_from_message),
+    "grid": (message(OccupancyGrid), conversions.map_from_message),
+    "grid that fits": (message(OccupancyGrid).map(fitting_grid), conversions.map_from_message),
+    "scan": (message(LaserScan), conversions.scan_from_message),
+    "scan as points": (message(LaserScan), lambda scan: points_from_message(scan, True)),
+    "cloud": (message(PointCloud), lambda cloud: points_from_message(cloud, True)),
+    "cloud of bytes": (message(PointCloud2), lambda cloud: points_from_message(cloud, True)),
+    "goal of move_base": (message(MoveBaseGoal), messages.navigate_goal),
+    "goal of get_path": (message(GetPathGoal), messages.plan_goal),
+    "goal of exe_path": (message(ExePathGoal), messages.follow_goal),
+    "goal of recovery": (message(RecoveryGoal), messages.recover_goal),
+}
+
+
+@pytest.mark.parametrize("name", CONVERSIONS)
+def test_a_node_outlives_whatever_is_sent(name):
+    strategy, convert = CONVERSIONS[name]
+
+    @given(strategy)
+    @settings(max_examples=EXAMPLES, suppress_health_check=list(HealthCheck))
+    def converted_or_refused(sent):
+        try:
+            made = convert(sent)
+        except (ValueError, NavigationError) as error:
+            assert str(error) and len(str(error)) < 2000
+        else:
+            assert is_sound(made)
+
+    converted_or_refused()
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bags") / "sound.bag"
+    with rosbag.Bag(str(path), "w") as made:
+        for count in range(3):
+            scan = LaserScan(ranges=[1.0] * 8, angle_increment=0.1, range_max=5.0)
+            scan.header.stamp = genpy.Time(10 + count)
+            made.write("scan", scan, scan.header.stamp)
+    return path.read_bytes()
+
+
+@settings(max_examples=EXAMPLES, suppress_health_check=list(HealthCheck))
+@given(changes=st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), max_size=4), end=st.integers(0, 10**6))
+def test_a_broken_bag_is_read_or_refused_in_a_sentence(bag, tmp_path_factory, changes, end):
+    data = bytearray(bag)
+    for place, value in changes:
+        data[place % len(data)] = value
+    path = tmp_path_factory.getbasetemp() / "broken.bag"
+    path.write_bytes(bytes(data[:end % (2 * len(data))]))
+    try:
+        with bags.open_bag(str(path)) as opened:
+            for read in bags.read_messages(opened):
+                assert read.topic
+    except (ValueError, OSError) as error:
+        assert str(error)

@@ -1,0 +1,273 @@
+"""The goals of an action server, under goals, cancels, resends and ends in any order, judged by actionlib's own client.
+"""
+
+import copy
+
+import pytest
+
+pytest.importorskip("mbf_msgs.msg")
+
+import actionlib.action_client as stock  # noqa: E402
+from actionlib_msgs.msg import GoalID, GoalStatusArray  # noqa: E402
+from genpy import Time  # noqa: E402
+from hypothesis import settings  # noqa: E402
+from hypothesis import strategies as st  # noqa: E402
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule  # noqa: E402
+from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult, MoveBaseResult  # noqa: E402
+
+from mbf_relay.ros.common import goal_lease  # noqa: E402
+from mbf_relay.ros.common.goal_tracker import (  # noqa: E402
+    ACTIVE,
+    PENDING,
+    PREEMPTING,
+    RECALLED,
+    RECALLING,
+    REMEMBER_FOR,
+    TERMINAL,
+    TRANSITIONS,
+    GoalTracker,
+)
+
+FOLLOWS = {state: {after for way in TRANSITIONS.values() for before, after in way.items() if before == state}
+           for state in range(9)}
+"""The states that may come after each one."""
+
+
+class Server:
+    """A tracker, what it sent, and a clock."""
+
+    def __init__(self):
+        self.now, self.taken, self.cancelled, self.results, self.feedback = 100.0, [], [], [], []
+        self.on_status = lambda: None
+        self.tracker = GoalTracker(
+            self,
+            self.taken.append,
+            self.cancelled.append,
+            MoveBaseResult,
+            lambda: self.now,
+            lambda: Time.from_sec(self.now),
+        )
+
+    def publish_result(self, status, result):
+        self.results.append(copy.deepcopy(status))
+
+    def publish_feedback(self, status, feedback):
+        self.feedback.append(status.goal_id.id)
+
+    def status_changed(self):
+        self.on_status()
+
+    def goal(self, name, client="client", stamp=None):
+        self.tracker.take_goal(GoalID(Time.from_sec(self.now if stamp is None else stamp), name), "goal", client)
+        return next((goal for goal in reversed(self.taken) if goal.get_goal_id().id == name), None)
+
+    def wait(self, seconds, renew=(), connected=None, client_timeout=0.0):
+        end = self.now + seconds
+        while self.now < end - 1e-9:
+            self.now += 0.1
+            for name in renew:
+                self.tracker.renew(name)
+            self.tracker.look(connected, client_timeout)
+
+    def state(self, name):
+        return next((status.status for status in self.tracker.listed() if status.goal_id.id == name), None)
+
+
+def test_a_goal_recalled_is_not_begun_anew_by_another_cancel_and_its_goal_again():
+    server = Server()
+    server.tracker.take_cancel(GoalID(id="a"))
+    assert server.state("a") == RECALLING
+    server.goal("a")
+    for _ in range(2):
+        server.tracker.take_cancel(GoalID(id="a"))
+        assert server.state("a") == RECALLED
+        server.goal("a")
+    assert [status.status for status in server.results] == [RECALLED] and server.taken == []
+
+
+def test_goals_of_a_busy_server_stay_in_the_status_until_slow_clients_have_their_results():
+    server = Server()
+    for number in range(500):
+        goal = server.goal(f"goal {number}")
+        goal.set_accepted()
+        goal.set_succeeded()
+    server.tracker.look()
+    assert server.state("goal 0") is not None
+
+
+def test_a_robot_whose_client_renews_nothing_any_more_is_called_back_within_a_second():
+    server = Server()
+    name = "goal" + goal_lease.MARK
+    goal = server.goal(name, client="/move_base")
+    goal.set_accepted()
+    server.wait(5.0, renew=[name])
+    assert server.state(name) == ACTIVE
+    server.wait(0.8)
+    assert server.state(name) == PREEMPTING and server.cancelled == [goal]
+    assert "/move_base" in goal.lapse and "0.6 s" in goal.lapse
+
+
+def test_a_server_that_was_stopped_itself_does_not_hold_it_against_its_clients():
+    server = Server()
+    server.goal("goal" + goal_lease.MARK).set_accepted()
+    server.now += 30.0
+    server.tracker.look()
+    assert server.cancelled == []
+
+
+def test_goals_of_other_clients_end_with_their_connection_only_where_that_is_asked_for():
+    for client_timeout, state in ((0.0, ACTIVE), (2.0, PREEMPTING)):
+        server = Server()
+        server.goal("goal", client="/shell").set_accepted()
+        server.wait(10.0, connected=lambda node: node == "/shell", client_timeout=client_timeout)
+        assert server.state("goal") == ACTIVE
+        server.wait(1.5, connected=lambda node: False, client_timeout=client_timeout)
+        assert server.state("goal") == ACTIVE
+        server.wait(1.0, connected=lambda node: False, client_timeout=client_timeout)
+        assert server.state("goal") == state
+
+
+def test_a_client_s_own_cancel_is_no_lapse():
+    server = Server()
+    goal = server.goal("goal" + goal_lease.MARK)
+    goal.set_accepted()
+    server.tracker.take_cancel(goal.get_goal_id())
+    server.wait(3.0)
+    assert goal.lapse == "" and len(server.cancelled) == 1
+
+
+def test_cancels_by_stamp_hit_what_is_as_old_now_and_later():
+    server = Server()
+    old, new = server.goal("old", stamp=90.0), server.goal("new", stamp=110.0)
+    server.tracker.take_cancel(GoalID(stamp=Time.from_sec(95.0)))
+    assert (server.state("old"), server.state("new")) == (RECALLING, PENDING)
+    server.goal("late", stamp=94.0)
+    assert server.state("late") == RECALLED and old is not new
+
+
+def test_a_robot_takes_the_goal_of_a_client_that_has_no_clock_yet():
+    server = Server()
+    server.now = 0.0
+    server.goal("first", stamp=0.0)
+    assert len(server.taken) == 1 and not server.results
+
+
+def test_goals_without_a_name_are_told_apart():
+    server = Server()
+    server.tracker.take_goal(GoalID(), "goal"), server.tracker.take_goal(GoalID(), "goal")
+    assert len({goal.get_goal_id().id for goal in server.taken}) == 2
+
+
+class Judge:
+    """actionlib's client state machine for one goal; complains of what actionlib calls invalid."""
+
+    def __init__(self, name):
+        self.machine = stock.CommStateMachine(MoveBaseActionGoal(goal_id=GoalID(id=name)), None, None, None, None)
+
+    def hear_status(self, statuses):
+        self.machine.update_status(GoalStatusArray(status_list=copy.deepcopy(statuses)))
+
+    def hear_result(self, status):
+        self.machine.update_result(MoveBaseActionResult(status=status))
+
+
+class TrackerMachine(RuleBasedStateMachine):
+    """Clients and an application that do as they please."""
+
+    def __init__(self):
+        super().__init__()
+        self.server, self.states, self.judges, self.sent = Server(), {}, {}, []
+        self.server.on_status = self.look_at_status
+        self.heard = 0
+        self.complaints = []
+        self.patch = pytest.MonkeyPatch()
+        self.patch.setattr(
+            stock.rospy, "logerr", lambda text, *words: self.complaints.append(text % words if words else text)
+        )
+
+    def teardown(self):
+        self.patch.undo()
+
+    def look_at_status(self):
+        for status in self.server.tracker.listed():
+            name, before = status.goal_id.id, self.states.get(status.goal_id.id)
+            assert before in (None, status.status) or status.status in FOLLOWS[before], (
+                f"{name}: {before} to {status.status}"
+            )
+            self.states[name] = status.status
+
+    @rule(name=st.sampled_from("abcdef"), stamp=st.sampled_from([None, None, 0.0, 95.0, 1e6]))
+    def goal_or_the_same_again(self, name, stamp):
+        if name not in self.judges:
+            self.judges[name] = Judge(name)
+        self.server.goal(name, stamp=stamp)
+
+    @rule(name=st.sampled_from("abcdefgh"), stamp=st.sampled_from([0.0, 0.0, 0.0, 95.0]))
+    def cancel(self, name, stamp):
+        self.server.tracker.take_cancel(GoalID(Time.from_sec(stamp), name))
+
+    @rule(stamp=st.sampled_from([0.0, 50.0, 99.0, 100.0]))
+    def cancel_many(self, stamp):
+        self.server.tracker.take_cancel(GoalID(stamp=Time.from_sec(stamp)))
+
+    @precondition(lambda self: self.server.taken)
+    @rule(
+        data=st.data(),
+        what=st.sampled_from(["accepted", "accepted", "accepted", "rejected", "canceled", "aborted", "succeeded"]),
+    )
+    def application(self, data, what):
+        goal = data.draw(st.sampled_from(self.server.taken))
+        ended = goal.has_ended
+        getattr(goal, f"set_{what}")(text=what)
+        if ended:
+            assert goal.status.text != what or self.states[goal.get_goal_id().id] in TERMINAL
+
+    @precondition(lambda self: self.server.taken)
+    @rule(data=st.data())
+    def feedback(self, data):
+        goal = data.draw(st.sampled_from(self.server.taken))
+        count = len(self.server.feedback)
+        goal.publish_feedback(None)
+        assert len(self.server.feedback) == count or not goal.has_ended
+
+    @rule()
+    def the_status_arrives(self):
+        for judge in self.judges.values():
+            judge.hear_status(self.server.tracker.listed())
+
+    @rule()
+    def results_arrive(self):
+        for status in self.server.results[self.heard:]:
+            if status.goal_id.id in self.judges:
+                self.judges[status.goal_id.id].hear_result(status)
+        self.heard = len(self.server.results)
+
+    @rule(seconds=st.sampled_from([0.1, 1.0]))
+    def time_passes(self, seconds):
+        # what is forgotten may come again, and is another goal then
+        if self.server.now + seconds < 100.0 + REMEMBER_FOR:
+            self.server.wait(seconds)
+
+    @invariant()
+    def each_goal_has_one_result_which_is_its_last_state(self):
+        names = [status.goal_id.id for status in self.server.results]
+        assert len(names) == len(set(names))
+        for status in self.server.results:
+            assert self.states[status.goal_id.id] == status.status and status.status in TERMINAL
+        assert {goal.get_goal_id().id for goal in self.server.taken if goal.has_ended} <= set(names)
+
+    @invariant()
+    def the_application_hears_of_each_goal_and_of_each_cancel_once(self):
+        for heard in (self.server.taken, self.server.cancelled):
+            assert len({goal.get_goal_id().id for goal in heard}) == len(heard)
+
+    @invariant()
+    def actionlib_s_client_finds_nothing_to_complain_of(self):
+        assert self.complaints == []
+        for name, judge in self.judges.items():
+            lost = judge.machine.latest_goal_status.status == stock.GoalStatus.LOST
+            assert not lost, f"{name} is lost to its client"
+
+
+TrackerMachine.TestCase.settings = settings(max_examples=200, stateful_step_count=40)
+TestTracker = TrackerMachine.TestCase

@@ -1,0 +1,31 @@
+"""A client whose connection for results stands late still hears how its goal ended."""
+
+import pytest
+
+pytest.importorskip("actionlib_msgs", reason="needs ROS")
+
+from mbf_relay.ros.common import action_server  # noqa: E402
+
+
+def heard_by(late_comers):
+    heard = []
+    late_comers.peer_subscribe("result", None, heard.append)
+    return heard
+
+
+def test_a_result_sent_just_before_a_client_was_connected_reaches_it():
+    late_comers = action_server._LateComers()
+    late_comers.note("first")
+    late_comers.note("second")
+    assert heard_by(late_comers) == ["first", "second"]
+
+
+def test_a_client_that_comes_later_hears_nothing_of_old_goals(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(action_server.time, "monotonic", lambda: now[0])
+    late_comers = action_server._LateComers()
+    late_comers.note("old")
+    now[0] += action_server.LATE + 0.1
+    assert heard_by(late_comers) == []
+    late_comers.note("new")
+    assert heard_by(late_comers) == ["new"]

@@ -1,0 +1,51 @@
+"""Names in a user's file that nobody reads are told of, whoever should have read them."""
+
+import pytest
+
+rospy = pytest.importorskip("rospy")
+pytest.importorskip("mbf_msgs", reason="needs the built package")
+
+from mbf_relay.control.dwa_parameters import DwaParameters  # noqa: E402
+from mbf_relay.navigation.registry import Registry  # noqa: E402
+from mbf_relay.planning.planner import Planner  # noqa: E402
+from mbf_relay.ros.common import parameters
+from mbf_relay.ros.server import node  # noqa: E402
+
+
+@pytest.fixture
+def said(monkeypatch):
+    lines = []
+    monkeypatch.setattr(rospy, "logwarn", lambda text, *values: lines.append(text % values))
+    monkeypatch.setattr(rospy, "loginfo", lambda text, *values: None)
+    return lines
+
+
+def test_a_misspelt_parameter_of_a_plugin_is_told_of(said):
+    config = {
+        "planners": [{"name": "navfn", "type": "navfn/NavfnROS"}],
+        "navfn": {"alow_unknown": False, "default_tolerance": 0.1},
+    }
+    known = {"navfn/NavfnROS": "mbf_relay.planning.navfn.NavfnPlanner"}
+    node._log_plugins(Registry("planners", config, Planner, known, None, "global"))
+    assert len(said) == 1
+    assert "navfn/alow_unknown" in said[0] and "'allow_unknown'" in said[0]
+
+
+def test_an_older_name_of_a_plugin_s_parameter_is_told_of(said):
+    parameters.warn_of_unknown(DwaParameters, {"max_trans_vel": 0.2, "max_vel_x": 0.2}, "~DWAPlannerROS")
+    assert len(said) == 1
+    assert "DWAPlannerROS/max_trans_vel" in said[0] and "'max_vel_trans'" in said[0]
+
+
+def test_parameters_under_a_name_no_plugin_has_are_told_of(said):
+    config = {
+        "DWAPlanerROS": {"max_vel_x": 0.2},
+        "DWAPlannerROS": {},
+        "local_costmap": {},
+        "global_costmp": {},
+        "planners": [],
+    }
+    node._warn_of_stray_groups(config, ["DWAPlannerROS"])
+    assert len(said) == 2
+    assert "DWAPlanerROS" in said[0] and "'DWAPlannerROS'" in said[0]
+    assert "global_costmp" in said[1] and "'global_costmap'" in said[1]

@@ -1,0 +1,70 @@
+"""The goal as it is shown: in the global frame, with a quaternion of length 1."""
+
+import threading
+
+import pytest
+
+pytest.importorskip("tf2_ros")
+
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from ros_testing import wait_until
+
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.relay.goal_frame import GoalFrame
+
+
+def shown(*quaternion):
+    goals = []
+    goal = PoseStamped(pose=Pose(Point(1.0, 2.0, 0.3), Quaternion(*quaternion)))
+    goal.header.frame_id = "map"
+    GoalFrame("map", goals.append).show(goal)
+    return goal, goals
+
+
+def test_the_tutorial_s_rounded_quaternion_is_shown_at_length_one():
+    _, goals = shown(0.0, 0.0, -0.112, 0.999)
+    turn = goals[0].pose.orientation
+    assert turn.z ** 2 + turn.w ** 2 == pytest.approx(1.0, abs=1e-12)
+    assert turn.z / turn.w == pytest.approx(-0.112 / 0.999)
+    assert (goals[0].header.frame_id, goals[0].pose.position.z) == ("map", 0.3)
+
+
+@pytest.mark.parametrize("quaternion", [(0.0, 0.0, 0.6, 0.8), (0.0, 0.0, 0.0, 0.0)])
+def test_what_is_right_or_past_mending_stays_as_it_is(quaternion):
+    goal, goals = shown(*quaternion)
+    assert goals == [goal] and goals[0].pose.orientation == Quaternion(*quaternion)
+
+
+class NoTransforms:
+    """tf that never knows."""
+
+    opened = 0
+
+    def __init__(self):
+        NoTransforms.opened += 1
+
+    def lookup(self, target, source):
+        raise TransformError(f"no transform from '{source}' to '{target}'")
+
+    def close(self):
+        pass
+
+
+def test_hundreds_of_goals_in_a_frame_nobody_knows_take_one_thread():
+    goals, before = [], threading.active_count()
+    frame = GoalFrame("map", goals.append, NoTransforms)
+    goal = PoseStamped()
+    goal.header.frame_id = "atlantis"
+    for _ in range(300):
+        frame.show(goal)
+    assert threading.active_count() <= before + 1 and NoTransforms.opened <= 1
+    goal = PoseStamped()
+    goal.header.frame_id = "map"
+    frame.show(goal)
+    assert goals == [goal], "the newest is shown, and those before it no more"
+    wait_until(lambda: threading.active_count() <= before, "the thread to end")
+
+
+def test_a_quaternion_too_long_to_square_is_shown_at_length_one():
+    _, goals = shown(0.0, 0.0, 1e200, 1e200)
+    assert goals[0].pose.orientation.w == pytest.approx(0.5 ** 0.5)

@@ -1,0 +1,201 @@
+"""The whole life of a goal, from client through relay and server to the wheels, whatever is lost, late or dead.
+
+Two things hold at every moment: each goal ends once, and a robot for which nobody has a goal stands within a second.
+"""
+
+import os
+
+import pytest
+
+pytest.importorskip("mbf_msgs.msg")
+
+from actionlib_msgs.msg import GoalStatus  # noqa: E402
+from hypothesis import HealthCheck, settings  # noqa: E402
+from hypothesis import strategies as st  # noqa: E402
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule  # noqa: E402
+from paper_graph import Graph, scripted, steer  # noqa: E402
+
+from mbf_relay.geometry import STOP  # noqa: E402
+from mbf_relay.outcomes import ControlError, ControlOutcome  # noqa: E402
+
+RUNS = int(os.environ.get("MBF_RELAY_RUNS", "10000" if os.environ.get("MBF_RELAY_LONG") == "1" else "60"))
+TOPICS = st.sampled_from(["goal", "cancel", "lease", "status", "result", "feedback", "cmd_vel"])
+PLANS = st.sampled_from([scripted.line, scripted.line, scripted.line, scripted.NO_WAY, RuntimeError("broken")])
+DRIVES = st.sampled_from([
+    steer, steer, steer, scripted.FORWARD, scripted.STUCK, ValueError("broken"),
+    ControlError(ControlOutcome.TF_ERROR, "lost")])
+
+
+@pytest.fixture
+def graph():
+    graph = Graph()
+    graph.goal("a", x=50.0)
+    graph.run(1.0)
+    assert graph.wheels != STOP
+    return graph
+
+
+def stands(graph):
+    graph.run(1.0)
+    return graph.wheels == STOP
+
+
+def test_a_robot_whose_relay_was_killed_stands_within_a_second(graph):
+    graph.kill_relay()
+    assert stands(graph)
+
+
+def test_a_robot_whose_relay_was_stopped_stands_within_a_second_and_its_client_hears_why(graph):
+    graph.stop(graph.relay)
+    assert stands(graph)
+    graph.go_on(graph.relay)
+    graph.run(1.0)
+    assert graph.relay.results == [("a", GoalStatus.PREEMPTED)]
+
+
+def test_a_robot_whose_relay_is_behind_a_cut_cable_stands_within_a_second(graph):
+    graph.cut(True)
+    assert stands(graph)
+
+
+def test_a_relay_that_starts_calls_back_the_robot_its_predecessor_sent_out(graph):
+    graph.kill_relay()
+    graph.start_relay()
+    graph.run(0.4)
+    assert graph.wheels == STOP
+
+
+def test_a_robot_whose_server_is_stopped_is_stopped_within_a_second_by_the_relay(graph):
+    graph.stop(graph.server)
+    assert stands(graph) and graph.relay.results == [("a", GoalStatus.ABORTED)]
+
+
+def test_a_robot_whose_server_was_killed_is_stopped_by_the_relay_and_the_next_goal_works(graph):
+    graph.kill_server()
+    assert stands(graph) and graph.relay.results == [("a", GoalStatus.ABORTED)]
+    graph.start_server()
+    graph.run(0.5)
+    graph.goal("b")
+    graph.run(20.0)
+    assert graph.relay.results[-1] == ("b", GoalStatus.SUCCEEDED)
+
+
+def test_a_robot_whose_cancel_got_lost_stands_within_a_second(graph):
+    graph.cancel("a")
+    graph.network.lose("cancel")
+    assert stands(graph)
+
+
+def test_a_robot_whose_goal_and_cancel_got_lost_is_not_sent_out_before_the_cancel_is_known(graph):
+    graph.cancel()
+    graph.run(1.0)
+    graph.cut(True)
+    graph.goal("b", x=50.0)
+    graph.cancel("b")
+    graph.run(0.1)
+    graph.network.delays["cancel"] = 0.3
+    graph.cut(False)
+    for _ in range(60):
+        graph.run(0.1)
+        assert graph.wheels == STOP
+    assert graph.relay.results[-1] == ("b", GoalStatus.PREEMPTED)
+
+
+@pytest.mark.parametrize("broken", [{"x": float("nan")}, {"x": float("inf")}])
+def test_a_robot_sent_into_nowhere_goes_on_where_it_was_sent_and_can_be_called_back(graph, broken):
+    graph.goal("b", **broken)
+    graph.run(1.0)
+    assert graph.relay.results == [("b", GoalStatus.ABORTED)] and graph.wheels != STOP
+    graph.cancel()
+    assert stands(graph) and ("a", GoalStatus.PREEMPTED) in graph.relay.results
+
+
+def test_a_robot_whose_next_goal_the_server_refuses_is_called_back(graph):
+    graph.server.bench.script.plan = scripted.NO_WAY
+    graph.server.bench.navigator.parameters = graph.server.bench.navigator.parameters.replace(recovery_enabled=False)
+    graph.goal("b", w=0.0)
+    assert stands(graph)
+    assert graph.relay.results == [("a", GoalStatus.PREEMPTED), ("b", GoalStatus.ABORTED)]
+
+
+class GoalLife(RuleBasedStateMachine):
+    """Clients, processes and a network that do as they please."""
+
+    def __init__(self):
+        super().__init__()
+        self.graph, self.count = Graph(), 0
+
+    @rule(
+        x=st.sampled_from([1.0, 1.0, 40.0, 40.0, float("nan"), float("-inf"), 1e300]),
+        w=st.sampled_from([1.0, 1.0, 1.0, 0.0]),
+    )
+    def goal(self, x, w):
+        self.count += 1
+        self.graph.goal(f"goal {self.count}", x, w)
+
+    @rule(back=st.integers(0, 3))
+    def cancel(self, back):
+        self.graph.cancel(f"goal {max(1, self.count - back)}")
+
+    @rule()
+    def cancel_everything(self):
+        self.graph.cancel()
+
+    @rule(seconds=st.sampled_from([0.1, 0.2, 0.3, 0.7, 1.5, 3.0]))
+    def time_passes(self, seconds):
+        self.graph.run(seconds)
+
+    @rule(topic=TOPICS)
+    def messages_are_lost(self, topic):
+        self.graph.network.lose(topic)
+
+    @rule(topic=TOPICS, delay=st.sampled_from([0.0, 0.1, 0.3]))
+    def messages_are_late(self, topic, delay):
+        self.graph.network.delays[topic] = delay
+
+    @rule(is_cut=st.booleans())
+    def the_cable(self, is_cut):
+        self.graph.cut(is_cut)
+
+    @rule(what=st.sampled_from(["kill_relay", "kill_server", "start_relay", "start_server"]))
+    def a_process(self, what):
+        getattr(self.graph, what)()
+
+    @rule(whose=st.sampled_from(["relay", "server"]), is_stopped=st.booleans())
+    def a_signal(self, whose, is_stopped):
+        (self.graph.stop if is_stopped else self.graph.go_on)(getattr(self.graph, whose))
+
+    @rule(plan=PLANS, drive=DRIVES)
+    def plugins(self, plan, drive):
+        script = scripted.SCRIPT
+        script.plan, script.velocity = plan, drive
+
+    @invariant()
+    def each_goal_has_one_terminal_state(self):
+        for life in self.graph.lives:
+            names = [name for name, _state in life.results]
+            assert len(names) == len(set(names))
+
+    def teardown(self):
+        """When everything is mended, all goals end, the robot stands, and the next goal is reached."""
+        graph = self.graph
+        graph.network.delays.clear()
+        graph.cut(False)
+        for process in (graph.relay, graph.server):
+            graph.go_on(process)
+        graph.start_relay()
+        graph.start_server()
+        scripted.SCRIPT.plan, scripted.SCRIPT.velocity = scripted.line, steer
+        graph.run(2.0)
+        graph.cancel()
+        graph.run(6.0)
+        assert graph.wheels == STOP
+        assert {name for name, _state in graph.relay.results} == set(graph.relay.sent), "a goal never ended"
+        graph.goal("the next goal", x=graph.server.bench.robot.pose.x + 0.2)
+        graph.run(4.0)
+        assert graph.relay.results[-1] == ("the next goal", GoalStatus.SUCCEEDED)
+
+
+GoalLife.TestCase.settings = settings(
+    max_examples=RUNS, stateful_step_count=30, suppress_health_check=list(HealthCheck))
+TestGoalLife = GoalLife.TestCase

@@ -1,0 +1,71 @@
+"""A server whose navigation hangs stands; one that goes on drives again."""
+
+import threading
+
+import pytest
+from ros_testing import wait_until
+
+from mbf_relay.ros.common import stepper
+from mbf_relay.ros.server import watchdog
+from mbf_relay.ros.server.watchdog import Watchdog
+
+
+class PaperStepper:
+    step_time = 0.0
+
+    def wake(self):
+        pass
+
+
+class PaperRobot:
+    """A robot on which whatever the watchdog does takes effect with a turn of the test's in between."""
+
+    def __init__(self):
+        self.blocked, self.before_block = False, lambda: None
+
+    def block(self):
+        self.before_block()
+        self.blocked = True
+
+    def release(self):
+        self.blocked = False
+
+
+@pytest.fixture
+def watched(monkeypatch):
+    monkeypatch.setattr(watchdog, "PERIOD", 0.001)
+    stepping, robot, ended = PaperStepper(), PaperRobot(), []
+    dog = Watchdog(stepping, robot, ended.append)
+    dog.start()
+    yield stepping, robot, ended, dog
+    dog.stop()
+
+
+def test_a_step_that_takes_too_long_stops_the_robot_and_ends_goals_until_the_next_one(watched):
+    stepping, robot, ended, dog = watched
+    assert dog.is_alive()
+    stepping.step_time = stepper.STEP_PATIENCE + 0.1
+    assert not dog.is_alive()
+    wait_until(lambda: robot.blocked and ended, "the robot to be stopped")
+    assert "hangs" in ended[0]
+    stepping.step_time = 0.0
+    assert "hangs" in dog.settle() and not robot.blocked
+    assert dog.settle() == ""
+
+
+def test_a_robot_let_go_by_a_new_step_is_not_stopped_for_the_old_one(watched):
+    stepping, robot, _, dog = watched
+    settled = []
+
+    def begin_a_step():
+        robot.before_block = lambda: None
+        stepping.step_time = 0.0
+        thread = threading.Thread(target=lambda: settled.append(dog.settle()), daemon=True)
+        thread.start()
+        thread.join(0.05)  # it may only come through once the robot is stopped
+
+    robot.before_block = begin_a_step
+    stepping.step_time = stepper.STEP_PATIENCE + 0.1
+    wait_until(lambda: settled, "the next step")
+    assert settled[0]
+    wait_until(lambda: not robot.blocked, "the robot to be let go")

@@ -1,0 +1,96 @@
+"""What a human is told of parameter and launch files, with file and line, before a robot drives by them."""
+
+import io
+
+import pytest
+
+pytest.importorskip("roslaunch", reason="there is no roslaunch for this interpreter")
+
+from mbf_relay.ros.tools.check_config import main  # noqa: E402
+
+GOOD = """
+base_local_planner: dwa_local_planner/DWAPlannerROS
+local_costmap: {robot_radius: 0.2, global_frame: odom, rolling_window: true}
+global_costmap: {robot_radius: 0.2}
+DWAPlannerROS:
+  max_vel_x: 0.3
+"""
+
+
+def check(tmp_path, text, *options, name="params.yaml"):
+    """Return exit status and what was told."""
+    path = tmp_path / name
+    path.write_text(text)
+    out = io.StringIO()
+    return main([str(path), *options], out), out.getvalue()
+
+
+def test_a_sound_file_passes_and_what_drives_is_named(tmp_path):
+    status, told = check(tmp_path, GOOD)
+    assert status == 0 and "dwa_local_planner/DWAPlannerROS by DwaController" in told
+
+
+def test_a_misspelt_name_is_told_with_its_line_and_fails_the_strict(tmp_path):
+    text = GOOD + "  max_vel_xx: 0.4\n"
+    status, told = check(tmp_path, text)
+    assert status == 0 and "DWAPlannerROS/max_vel_xx" in told and "params.yaml:7]" in told
+    assert check(tmp_path, text, "--strict")[0] == 1
+
+
+@pytest.mark.parametrize("change, said, line", [
+    ("  acc_lim_x: 0.0\n", "acc_lim_x is 0", ":7]"),
+    ("  max_vel_x: 55.0\n", "m/s", ":7]"),
+    ("  max_vel_theta: 90.0\n", "rad/s", ":7]"),
+    ("  max_vel_trans: fast\n", "max_vel_trans is 'fast'", ":7]"),
+    ("  sim_time: [1.0]\n", "sim_time is [1.0]", ":7]"),
+])
+def test_values_no_robot_could_mean_fail_with_value_and_line(tmp_path, change, said, line):
+    status, told = check(tmp_path, GOOD + change)
+    assert said in told and line in told, told
+    assert status == 1
+
+
+@pytest.mark.parametrize("footprint, said", [
+    ("[[0.3, 0.2], [-0.3, -0.2], [0.3, -0.2], [-0.3, 0.2]]", "crosses itself"),
+    ("[[0.1, 0.2], [0.5, 0.2], [0.5, -0.2], [0.1, -0.2]]", "base frame's origin"),
+    ("[[0.1, 0.2], [0.5, 0.2]]", "at least 3"),
+])
+def test_footprints_that_would_hurt_are_refused(tmp_path, footprint, said):
+    status, told = check(tmp_path, GOOD.replace("robot_radius: 0.2, global", f"footprint: {footprint}, global"))
+    assert status == 1 and "refused" in told and said in told and "params.yaml:3]" in told
+
+
+def test_of_a_name_that_stands_twice_both_lines_are_told(tmp_path):
+    status, told = check(tmp_path, GOOD + "  max_vel_x: 0.2\n")
+    assert status == 1 and "lines 6 and 7" in told
+
+
+@pytest.mark.parametrize("text, said", [
+    ("a:\n\tb: 1\n", "params.yaml:2: the line begins with a tab"),
+    ("a: [1, 2\nb: 3\n", "params.yaml:2"),
+    ("just words\n", "no names"),
+])
+def test_what_is_no_yaml_is_told_with_its_line(tmp_path, capsys, text, said):
+    status, _ = check(tmp_path, text)
+    assert status == 2 and said in capsys.readouterr().err
+
+
+def test_a_launch_file_is_read_with_its_arguments_includes_and_namespaces(tmp_path):
+    (tmp_path / "common.yaml").write_text("footprint: [[-0.2, -0.2], [-0.2, 0.2], [0.2, 0.2], [0.2, -0.2]]\nrobot: 1\n")
+    (tmp_path / "inner.launch").write_text(f"""<launch><arg name="speed"/>
+      <node pkg="move_base" type="move_base" name="move_base">
+        <rosparam file="{tmp_path}/common.yaml" command="load" ns="local_costmap"/>
+        <param name="DWAPlannerROS/max_vel_x" value="$(arg speed)" if="$(eval speed != '')"/>
+        <param name="base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>
+      </node></launch>""")
+    launch = f"""<launch><arg name="speed" default="0.3"/>
+      <include file="{tmp_path}/inner.launch"><arg name="speed" value="$(arg speed)"/></include></launch>"""
+    status, told = check(tmp_path, launch, name="outer.launch")
+    assert status == 0 and "local_costmap/robot" in told and "common.yaml:2]" in told
+    status, told = check(tmp_path, launch, "--arg", "speed:=70", name="outer.launch")
+    assert status == 1 and "max_vel_x" in told and "inner.launch]" in told
+
+
+def test_a_launch_file_without_a_server_is_told(tmp_path, capsys):
+    assert check(tmp_path, "<launch/>", name="none.launch")[0] == 2
+    assert "no node of type move_base" in capsys.readouterr().err

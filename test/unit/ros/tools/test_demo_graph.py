@@ -1,0 +1,79 @@
+"""The demo's hold on its processes."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip("rospy")
+
+PARENT_THAT_DIES = """
+import os, subprocess, sys
+from mbf_relay.ros.tools import demo_graph
+demo_graph.adopt_orphans()
+code = "import subprocess; print(subprocess.Popen(['sleep', '600'], stdout=subprocess.DEVNULL).pid, flush=True)"
+parent = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, universal_newlines=True)
+orphan = int(parent.stdout)
+assert demo_graph.descendants(os.getpid()) == [orphan]
+demo_graph.kill_descendants()
+assert demo_graph.descendants(os.getpid()) == []
+try:
+    os.kill(orphan, 0)
+except ProcessLookupError:
+    print("gone")
+"""
+
+
+def test_a_process_whose_parent_died_is_found_and_ended():
+    run = subprocess.run([sys.executable, "-c", PARENT_THAT_DIES], stdout=subprocess.PIPE, text=True)
+    assert run.stdout == "gone\n" and run.returncode == 0
+
+
+def test_a_request_to_end_waits_for_the_block():
+    from mbf_relay.ros.tools.demo_graph import uninterrupted
+
+    steps, before = [], signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt), uninterrupted():
+        signal.raise_signal(signal.SIGINT)
+        steps.append("finished")
+    assert steps == ["finished"]
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_an_interrupt_while_the_graph_starts_leaves_no_process(tmp_path):
+    from mbf_relay.ros.tools.demo_graph import DemoGraph
+
+    class Interrupted(DemoGraph):
+        """A graph whose process is interrupted the moment it runs."""
+
+        def start(self, command, log):
+            super().start(["sleep", "600"], log)
+            raise KeyboardInterrupt
+
+    graph = Interrupted(["mbf_relay", "demo.launch"], str(tmp_path))
+    with pytest.raises(KeyboardInterrupt), graph:
+        pytest.fail("it went on after an interrupt")
+    assert [process.poll() is not None for process in graph._processes] == [True]
+
+
+def test_complaints_come_before_the_last_lines(tmp_path):
+    from mbf_relay.ros.tools.demo_graph import last_complaints
+
+    log = tmp_path / "log"
+    log.write_text("one\n[FATAL] the map is missing\ntwo\n\n")
+    assert last_complaints(str(log)) == "[FATAL] the map is missing"
+    log.write_text("one\ntwo\n")
+    assert last_complaints(str(log)) == "one\ntwo"
+
+
+def test_the_relay_s_reasons_are_found_in_the_log_of_the_nodes(tmp_path):
+    from mbf_relay.ros.tools.demo import reasons_of_aborts
+
+    log = tmp_path / "roslaunch.log"
+    log.write_text(
+        "[INFO] [1.0, 2.0]: goal /client-1 ended: SUCCESS: fine\n"
+        "\x1b[33m[WARN] [1.5, 3.0]: goal /client-2 aborted: ExePath TF_ERROR: the transform is 2.07 s old\x1b[0m\n"
+        "\x1b[33m[WARN] [1.5, 3.0]: move_base aborted: the transform is 2.07 s old\x1b[0m\n"
+    )
+    assert reasons_of_aborts(str(log)) == ["ExePath TF_ERROR: the transform is 2.07 s old"]

@@ -1,0 +1,47 @@
+"""Frames as the browser's view keeps them."""
+
+import pytest
+
+pytest.importorskip("tf2_msgs.msg", reason="needs ROS's messages")
+
+import rospy  # noqa: E402
+from geometry_msgs.msg import TransformStamped  # noqa: E402
+from tf2_msgs.msg import TFMessage  # noqa: E402
+
+from mbf_relay.ros.web import frames as web_frames  # noqa: E402
+
+
+@pytest.fixture
+def frames(monkeypatch):
+    class Subscriber:
+        """Hears nothing; the test hands messages in."""
+
+        def __init__(self, *_args, **_details):
+            pass
+
+    monkeypatch.setattr(web_frames.rospy, "Subscriber", Subscriber)
+    return web_frames.Frames(lambda: None)
+
+
+def seen(frames, seconds, x):
+    message = TransformStamped()
+    message.header.stamp, message.header.frame_id = rospy.Time.from_sec(seconds), "map"
+    message.child_frame_id, message.transform.translation.x = "base_footprint", x
+    message.transform.rotation.w = 1.0
+    frames._take(TFMessage([message]), False)
+    return frames.lookup("map", "base_footprint")
+
+
+def test_a_robot_is_shown_from_a_simulation_s_first_second_on(frames):
+    for number in range(1, 30):
+        assert seen(frames, 0.5 * number, float(number)).x == number
+
+
+def test_a_robot_is_shown_after_its_clock_was_set_back(frames):
+    seen(frames, 100.0, 1.0)
+    assert seen(frames, 1.0, 2.0).x == 2.0
+
+
+def test_a_transform_somewhat_late_does_not_make_the_view_forget(frames):
+    seen(frames, 100.0, 1.0)
+    assert seen(frames, 95.0, 2.0).x == 1.0

@@ -1,0 +1,81 @@
+"""Where scripts/run builds: a folder of the user's own, because what lies there is run."""
+
+import os
+import re
+import stat
+import subprocess
+from pathlib import Path
+
+import pytest
+
+RUN = Path(__file__).resolve().parents[3] / "scripts" / "run"
+FALLBACK = Path(f"/var/tmp/mbf_relay-{os.getuid()}")
+NOBODY = 65534
+
+
+def is_own(folder):
+    """Ask the script's own function."""
+    function = re.search(
+        r"^is_own_folder\(\) \{.*?^\}", RUN.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+    ).group()
+    return subprocess.run(["bash", "-uc", f'{function}\nis_own_folder "$1"', "bash", str(folder)]).returncode == 0
+
+
+def where(**environment):
+    left = {name: value for name, value in os.environ.items() if name not in ("HOME", "XDG_CACHE_HOME")}
+    existed = FALLBACK.exists()
+    try:
+        return subprocess.run(
+            [str(RUN), "--where"], env={**left, **environment}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            text=True, timeout=60.0,
+        )
+    finally:
+        if not existed and FALLBACK.is_dir() and not FALLBACK.is_symlink():
+            for path in FALLBACK.iterdir():
+                path.rmdir()
+            FALLBACK.rmdir()
+
+
+def test_a_new_folder_is_open_to_its_owner_alone(tmp_path):
+    folder = tmp_path / "cache" / "mbf_relay"
+    assert is_own(folder)
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+
+
+def test_a_folder_others_could_only_read_is_closed_to_them(tmp_path):
+    tmp_path.chmod(0o755)
+    assert is_own(tmp_path)
+    assert stat.S_IMODE(tmp_path.stat().st_mode) == 0o700
+
+
+def test_a_folder_that_anybody_could_write_to_is_not_trusted(tmp_path):
+    tmp_path.chmod(0o1777)
+    assert not is_own(tmp_path)
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can give a folder away")
+def test_a_folder_that_another_user_planted_is_not_trusted(tmp_path):
+    os.chown(str(tmp_path), NOBODY, NOBODY)
+    assert not is_own(tmp_path)
+
+
+def test_the_build_lies_under_the_users_cache(tmp_path):
+    assert where(XDG_CACHE_HOME=str(tmp_path)).stdout.startswith(f"{tmp_path}/mbf_relay/")
+    assert where(HOME=str(tmp_path)).stdout.startswith(f"{tmp_path}/.cache/mbf_relay/")
+
+
+@pytest.mark.skipif(FALLBACK.exists() or FALLBACK.is_symlink(), reason=f"{FALLBACK} is in use")
+@pytest.mark.parametrize("environment", [{}, {"HOME": "/proc/none"}, {"HOME": "/proc"}, {"HOME": "/dev/null"}])
+def test_without_a_home_that_can_be_written_it_lies_beside(environment):
+    found = where(**environment)
+    assert found.returncode == 0 and found.stdout.startswith(f"{FALLBACK}/"), found.stdout
+
+
+@pytest.mark.skipif(FALLBACK.exists() or FALLBACK.is_symlink(), reason=f"{FALLBACK} is in use")
+def test_a_link_in_the_place_of_the_folder_beside_is_refused_in_words(tmp_path):
+    FALLBACK.symlink_to(tmp_path)
+    try:
+        found = where()
+        assert found.returncode == 1 and "is a link" in found.stdout and not list(tmp_path.iterdir())
+    finally:
+        FALLBACK.unlink()

@@ -1,0 +1,88 @@
+"""Generated worlds: solvable, repeatable, measured, and read back; BARN's kind of file read."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+
+from mbf_relay.simulation import make_worlds
+from mbf_relay.simulation.difficulty import difficulty_of
+from mbf_relay.simulation.generators import KINDS, generate
+from mbf_relay.simulation.worlds_file import load_worlds_file
+
+COUNT = 1000 if os.environ.get("MBF_RELAY_LONG") == "1" else 30
+BARN = """<sdf version="1.6"><world name="default">{models}<state world_name="default">{states}</state></world></sdf>"""
+MODEL = """<model name="unit_cylinder_{i}"><static>1</static><link name="link"><collision name="collision"><geometry>
+<cylinder><radius>0.075</radius><length>1</length></cylinder></geometry></collision></link></model>"""
+STATE = """<model name="unit_cylinder_{i}"><pose>{x} {y} 0.5 0 0 0</pose></model>"""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_world_has_a_way_that_is_found_in_what_was_written(tmp_path, kind):
+    count = -(-COUNT // len(KINDS))
+    out = tmp_path / "worlds.json"
+    assert make_worlds.main(["--kind", kind, "--count", str(count), "--out", str(out)]) == 0
+    entries = json.loads(out.read_text())["worlds"]
+    worlds = load_worlds_file(out)
+    assert len(worlds) == count and not any(world.warnings for world in worlds)
+    for entry, world in zip(entries, worlds):
+        corners = world.outline(0.2).reshape(-1, 2)
+        assert (corners.min(axis=0) >= -1e-6).all() and world.goal is not None
+        walls = drawn(entry["boxes"])
+        measured = difficulty_of(walls, world.start[:2], world.goal[:2])
+        assert measured is not None, f"{world.name} has no way"
+        assert measured.path_length == pytest.approx(entry["reference_path_length"], abs=1e-3)
+        assert measured.path_length_ratio >= 1.0 and measured.narrowest_passage >= 0.3
+
+
+def drawn(boxes):
+    """Draw boxes along the axes into a grid, without what made them."""
+    cells = np.array([[round((x - a / 2) / 0.15), round((y - b / 2) / 0.15), round(a / 0.15), round(b / 0.15)]
+                      for x, y, _, a, b, _ in boxes])
+    end = (cells[:, :2] + cells[:, 2:]).max(axis=0) + 60
+    walls = np.zeros((end[1], end[0]), bool)
+    for column, row, columns, rows in cells:
+        walls[row:row + rows, column:column + columns] = True
+    return walls
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_seed_is_one_world(kind):
+    assert generate(kind, 7) == generate(kind, 7) != generate(kind, 8)
+
+
+def test_a_door_is_measured_and_a_wall_has_no_way():
+    walls = np.zeros((20, 21), bool)
+    walls[10] = True
+    assert difficulty_of(walls, (1.5, 0.7), (1.5, 2.3)) is None
+    walls[10, 9:12] = False
+    measured = difficulty_of(walls, (1.575, 0.7), (1.575, 2.3))
+    assert measured.narrowest_passage == pytest.approx(0.45, abs=0.06)
+    assert measured.path_length_ratio == pytest.approx(1.0, abs=0.05)
+
+
+def test_worlds_in_barns_form_are_read(tmp_path):
+    places = [(-4.5, 0.3 * i) for i in range(50)] + [(0.0, 0.3 * i) for i in range(50)] + [(-2.25, 8.0)]
+    path = tmp_path / "world_7.world"
+    path.write_text(BARN.format(
+        models="".join(MODEL.format(i=i) for i in range(len(places))),
+        states="".join(STATE.format(i=i, x=x, y=y) for i, (x, y) in enumerate(places)),
+    ))
+    assert make_worlds.main([str(path), "--out", str(tmp_path / "barn.json")]) == 0
+    (world,) = load_worlds_file(tmp_path / "barn.json")
+    assert world.name == "world_7" and len(world.bodies) == 101 and world.start[:2] == (-2.25, 3.0)
+    assert 10.0 <= world.reference_path_length < 10.5
+
+
+def test_a_blocked_or_missing_world_is_named(tmp_path, capsys):
+    places = [(-5.0 + 0.1 * i, 8.0) for i in range(60)]
+    path = tmp_path / "blocked.world"
+    path.write_text(BARN.format(
+        models="".join(MODEL.format(i=i) for i in range(len(places))),
+        states="".join(STATE.format(i=i, x=x, y=y) for i, (x, y) in enumerate(places)),
+    ))
+    assert make_worlds.main([str(path), "--goal", "-2.25", "8.0", "0", "--out", str(tmp_path / "a.json")]) == 1
+    assert "blocked.world: no way for the robot leads" in capsys.readouterr().err
+    assert make_worlds.main([str(tmp_path / "none.world"), "--out", str(tmp_path / "a.json")]) == 1
+    assert "none.world" in capsys.readouterr().err

@@ -1,0 +1,109 @@
+"""Kernels that were compiled when the package was built: what they refuse, and when they are not taken."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mbf_relay import kernels
+
+TEST = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture
+def built():
+    return pytest.importorskip("mbf_relay._kernels", reason="needs the built package")
+
+
+@pytest.fixture
+def forgetful():
+    """Have kernels.py look anew, before and after."""
+    def forget():
+        kernels._extension.cache_clear()
+        kernels._built.cache_clear()
+        del kernels._reasons[:]
+
+    forget()
+    yield
+    forget()
+
+
+def test_every_kernel_of_the_package_was_built_from_its_present_source(built):
+    assert sorted(built.KERNELS) == kernels.module_names()
+    for module, of_module in built.KERNELS.items():
+        path = TEST.parent / "src" / (module.replace(".", "/") + ".py")
+        assert built.SOURCES[module] == kernels.digest(str(path))
+        assert set(of_module) == {
+            line[4:line.index("(")] for line in path.read_text().splitlines() if line.startswith("def ")
+        }
+
+
+@pytest.mark.parametrize("cells, distances", [
+    (np.zeros((3, 4), np.int8), np.zeros((3, 4), np.float32)),
+    (np.zeros((3, 4), np.uint8), np.zeros((3, 4))),
+    (np.zeros(12, np.uint8), np.zeros((3, 4), np.float32)),
+    (np.zeros((3, 8), np.uint8)[:, ::2], np.zeros((3, 4), np.float32)),
+    (np.zeros((3, 4), np.uint8), np.broadcast_to(np.float32(0.0), (3, 4))),
+    ([[0]], np.zeros((1, 1), np.float32)),
+])
+def test_an_array_of_another_kind_is_refused_and_never_read_past_its_end(built, cells, distances):
+    with pytest.raises(TypeError, match="distances_to_zeros takes as (cells|distances)"):
+        built.KERNELS["mbf_relay.distance_kernels"]["distances_to_zeros"](cells, distances)
+
+
+def test_arguments_too_few_too_many_or_no_numbers_are_refused(built):
+    axis = built.KERNELS["mbf_relay.control.trajectory_kernels"]["axis"]
+    values = np.zeros(10)
+    for arguments in ((0.0, 1.0, 3), (0.0, 1.0, 3, values, 1), (0.0, "1", 3, values), (0.0, 1.0, 3.0, values)):
+        with pytest.raises(TypeError):
+            axis(*arguments)
+    with pytest.raises(ZeroDivisionError, match="division by zero"):
+        axis(0.0, 1.0, 1, values)
+
+
+def test_a_kernel_changed_since_the_build_is_compiled_anew_and_says_so_once(forgetful, monkeypatch, tmp_path):
+    source = tmp_path / "late_kernels.py"
+    source.write_text('@kernel("float64(float64)")\ndef twice(x):\n    return 2.0 * x\n')
+    old = SimpleNamespace(SOURCES={"mbf_relay.late_kernels": "0"}, KERNELS={"mbf_relay.late_kernels": {"twice": float}})
+    monkeypatch.setitem(sys.modules, "mbf_relay._kernels", old)
+
+    def imported():
+        namespace = {"__name__": "mbf_relay.late_kernels", "kernel": kernels.kernel}
+        exec(compile(source.read_text(), str(source), "exec"), namespace)
+        return namespace["twice"]
+
+    assert imported()(2.0) == imported()(2.0) == 4.0
+    assert kernels._reasons == [
+        "mbf_relay.late_kernels has changed since the kernels were built: build the package again"
+    ]
+    old.SOURCES["mbf_relay.late_kernels"] = kernels.digest(str(source))
+    kernels._built.cache_clear()
+    assert imported() is float
+
+
+@pytest.mark.parametrize("error", [ImportError("undefined symbol"), RuntimeError("compiled against another numpy")])
+def test_an_extension_of_another_python_or_numpy_is_not_the_end(forgetful, monkeypatch, error):
+    def fail(name):
+        raise error
+
+    monkeypatch.setattr(kernels.importlib, "import_module", fail)
+    assert kernels._built("mbf_relay.distance_kernels", __file__) == {}
+    assert str(error) in kernels.reason_in_process()
+
+
+@pytest.mark.skipif(not os.environ.get("MBF_RELAY_LONG"), reason="numba compiles every kernel: minutes")
+def test_built_kernels_are_equal_to_numbas_to_the_last_bit(built):
+    rooms = ["control", "costmap", "localization", "planning", "tracking", "simulation", "test_distances.py"]
+    folders = [f"unit/{room}" for room in rooms] + ["contract"]
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "shadow_kernels", *folders], cwd=TEST,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=dict(os.environ, PYTHONPATH=os.pathsep.join(
+            [str(TEST), os.environ.get("PYTHONPATH", "")])),
+    )
+    text = done.stdout.decode(errors="replace")
+    assert done.returncode == 0, text[-4000:]
+    assert "kernels compared" in text

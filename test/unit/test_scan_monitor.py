@@ -1,0 +1,108 @@
+"""A lidar that delivers nothing must not count as seeing nothing in the way."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.scan import LaserScan
+from mbf_relay.scan_monitor import ScanMonitor, gaps
+
+ROOM = 1.5 + 0.5 * np.sin(np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False))
+
+
+def scan(ranges, stamp=1.0, angle_min=0.0, width=2.0 * math.pi):
+    return LaserScan(np.asarray(ranges, dtype=float), angle_min, width / len(ranges), 0.12, 3.5, stamp)
+
+
+def changed(beams, value, ranges=ROOM):
+    result = ranges.copy()
+    result[np.arange(*beams) % len(ranges)] = value
+    return scan(result)
+
+
+def trouble(reading, forward=0.0, monitor=None, pose=IDENTITY):
+    return (monitor or ScanMonitor()).trouble(reading, forward, pose)
+
+
+@pytest.mark.parametrize("value", [0.0, math.nan, -1.0, 0.05, -math.inf])
+def test_a_robot_whose_lidar_reads_nothing_anywhere_does_not_drive(value):
+    assert "100 %" in trouble(scan(np.full(360, value)))
+
+
+@pytest.mark.parametrize("beams", [(0, 25), (-12, 12), (-25, 0), (30, 60), (0, 180), (-180, 0), (40, 200)])
+def test_a_robot_that_is_blind_in_a_sector_ahead_does_not_drive(beams):
+    assert "ahead" in trouble(changed(beams, 0.0))
+
+
+@pytest.mark.parametrize("beams", [(0, 20), (100, 260), (70, 120), (-120, -70)])
+def test_a_small_gap_and_a_masked_rear_are_driven_with(beams):
+    assert trouble(changed(beams, math.nan)) is None
+
+
+def test_ahead_is_where_the_robot_goes_not_where_the_lidar_looks():
+    assert "ahead" in trouble(changed((160, 200), 0.0), forward=math.pi)
+    assert trouble(changed((-20, 20), 0.0), forward=math.pi) is None
+
+
+def test_a_lidar_that_looks_only_ahead_need_not_see_its_rear():
+    assert trouble(scan(ROOM[:180], angle_min=-math.pi / 2.0, width=math.pi)) is None
+    half = scan(np.where(np.arange(180) < 90, 0.0, ROOM[:180]), angle_min=-math.pi / 2.0, width=math.pi)
+    assert "ahead" in trouble(half)
+
+
+def test_a_wall_nearer_than_the_lidar_can_read_does_not_make_it_blind():
+    angles = np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False)
+    with np.errstate(divide="ignore"):
+        wall = np.where(np.cos(angles) > 0.1, 0.09 / np.cos(angles), 3.0)
+    assert np.count_nonzero(wall < 0.12) > 60
+    assert trouble(scan(np.where(wall < 0.12, 0.0, wall))) is None
+
+
+def test_an_open_place_is_seen_to_be_open():
+    assert trouble(scan(np.full(360, math.inf))) is None
+
+
+def test_a_lidar_that_loses_all_walls_at_once_is_not_believed():
+    monitor = ScanMonitor()
+    assert trouble(scan(ROOM), monitor=monitor) is None
+    for _ in range(3):
+        assert "nothing at all" in trouble(scan(np.full(360, math.inf)), monitor=monitor)
+        assert "nothing at all" in trouble(scan(np.full(360, 3.5)), monitor=monitor)
+    assert trouble(scan(ROOM), monitor=monitor) is None
+
+
+def test_a_robot_that_drives_out_into_the_open_drives_on():
+    monitor = ScanMonitor()
+    for count in (90, 60, 30, 10, 0, 0):
+        ranges = np.full(360, math.inf)
+        ranges[:count] = 2.0
+        assert trouble(scan(ranges), monitor=monitor) is None
+
+
+def test_the_same_readings_again_are_old_ones_once_the_robot_has_moved():
+    monitor = ScanMonitor()
+    for x in (0.0, 0.01, 0.02):
+        assert trouble(scan(ROOM), monitor=monitor, pose=Pose2D(x, 0.0, 0.0)) is None
+    assert "same readings" in trouble(scan(ROOM), monitor=monitor, pose=Pose2D(0.04, 0.0, 0.0))
+    assert "same readings" in trouble(scan(ROOM), monitor=monitor, pose=Pose2D(0.04, 0.0, 0.0)), "until it sees again"
+    assert trouble(scan(ROOM + 0.015), monitor=monitor, pose=Pose2D(0.04, 0.0, 0.0)) is None
+
+
+def test_a_standing_robot_may_see_the_same_for_ever():
+    monitor = ScanMonitor()
+    for _ in range(50):
+        assert trouble(scan(ROOM), monitor=monitor) is None
+
+
+def test_a_lidar_whose_zeros_mean_nothing_is_there_can_be_told_so():
+    assert ScanMonitor(0.0).trouble(changed((-40, 40), 0.0), 0.0, IDENTITY) is None
+
+
+def test_gaps_of_a_full_turn_go_over_its_end():
+    usable = np.array([0, 0, 1, 1, 0, 1, 0], dtype=bool)
+    assert sorted(gaps(usable, closed=True)) == [(4, 1), (6, 3)]
+    assert sorted(gaps(usable, closed=False)) == [(0, 2), (4, 1), (6, 1)]
+    assert gaps(np.zeros(4, dtype=bool), closed=True) == [(0, 4)]
+    assert gaps(np.ones(4, dtype=bool), closed=True) == []

@@ -1,0 +1,111 @@
+"""The tracker on made scans: what moves is found with its velocity, and what only seems to move is not."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mbf_relay.tracking.clusters import find_clusters, rays_of
+from mbf_relay.tracking.parameters import TrackerParameters
+from mbf_relay.tracking.track import as_array
+from mbf_relay.tracking.tracker import Tracker
+
+BEAMS, REACH = 360, 3.5
+
+
+def scan(x, y, discs, rng, theta=0.0):
+    """Return ends and hits of a lidar at (x, y) among discs (x, y, radius), within a square room of 5 m."""
+    angles = theta + np.arange(BEAMS) * 2.0 * math.pi / BEAMS
+    dx, dy = np.cos(angles), np.sin(angles)
+    walls = [
+        (np.where(way > 0, 2.5, -2.5) - at) / np.where(np.abs(way) < 1e-9, 1e-9, way) for way, at in ((dx, x), (dy, y))
+    ]
+    ranges = np.abs(walls).min(axis=0)
+    for cx, cy, radius in discs:
+        along = (cx - x) * dx + (cy - y) * dy
+        inside = along ** 2 - (cx - x) ** 2 - (cy - y) ** 2 + radius ** 2
+        ranges = np.minimum(
+            ranges, np.where((inside > 0) & (along > 0), along - np.sqrt(np.maximum(0, inside)), np.inf)
+        )
+    hits = ranges < REACH
+    ranges = np.where(hits, ranges + rng.normal(0.0, 0.01, BEAMS), REACH)
+    return np.column_stack((x + ranges * dx, y + ranges * dy)), hits
+
+
+def follow(world, seconds=4.0, robot=lambda t: (0.0, 0.0), period=0.2, seed=1):
+    """Return the tracker after a while, and how many tracks it had after each scan."""
+    tracker, rng, counts = Tracker(TrackerParameters()), np.random.default_rng(seed), []
+    for step in range(int(seconds / period)):
+        t = step * period
+        x, y = robot(t)
+        tracker.update(x, y, *scan(x, y, world(t), rng), 10.0 + t)
+        counts.append(len(tracker.tracks))
+    return tracker, counts
+
+
+@pytest.mark.parametrize("velocity", [(-0.2, 0.0), (0.0, -0.25), (-0.15, 0.15), (0.0, 0.15)])
+def test_a_thing_that_moves_is_found_with_its_velocity_and_size(velocity):
+    tracker, _ = follow(lambda t: [(1.0 + (t - 2.0) * velocity[0], 0.5 + (t - 2.0) * velocity[1], 0.12)])
+    (track,) = tracker.tracks
+    assert (track.vx, track.vy) == pytest.approx(velocity, abs=0.05)
+    assert math.hypot(track.x - (1.0 + 1.8 * velocity[0]), track.y - (0.5 + 1.8 * velocity[1])) < 0.06
+    assert 0.08 < track.radius < 0.18 and 0.0 < track.velocity_variance < 0.02
+
+
+def test_what_stands_is_no_track_though_the_robot_passes_and_uncovers_it():
+    posts = [
+        (0.8, 0.4, 0.05),
+        (1.1, 0.5, 0.05),
+        (0.9, -0.5, 0.1),
+        (1.5, -0.2, 0.06),
+        (1.6, 0.6, 0.05),
+        (-0.5, 0.9, 0.2),
+    ]
+    _, counts = follow(lambda t: posts, seconds=8.0, robot=lambda t: (-1.5 + 0.22 * t, 0.05))
+    assert max(counts) == 0
+
+
+def test_a_thing_that_stops_is_no_longer_one_that_moves():
+    tracker, counts = follow(lambda t: [(1.0, -1.0 + 0.25 * min(t, 4.0), 0.12)], seconds=8.0)
+    assert max(counts) == 1 and not tracker.tracks
+
+
+def test_two_that_cross_keep_their_numbers():
+    world = lambda t: [(1.2, -0.8 + 0.2 * t, 0.1), (0.7, 0.8 - 0.2 * t, 0.1)]  # noqa: E731
+    rng, tracker, numbers = np.random.default_rng(2), Tracker(TrackerParameters()), []
+    for step in range(40):
+        tracker.update(0.0, 0.0, *scan(0.0, 0.0, world(0.2 * step), rng), 1.0 + 0.2 * step)
+        numbers.append({track.number for track in tracker.tracks})
+    assert len(set.union(*numbers)) <= 3
+
+
+def test_a_track_that_jumps_and_a_clock_set_back_leave_nothing_wrong():
+    tracker, _ = follow(lambda t: [(1.0, -0.5 + 0.25 * t, 0.12)])
+    rng = np.random.default_rng(3)
+    for step in range(6):
+        tracker.update(0.0, 0.0, *scan(0.0, 0.0, [(-1.0, 1.5, 0.12)], rng), 14.0 + 0.2 * step)
+    assert all(track.speed < 0.4 for track in tracker.tracks)
+    tracker.update(0.0, 0.0, *scan(0.0, 0.0, [(1.0, 0.0, 0.12)], rng), 3.0)
+    assert tracker.tracks == ()
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 5])
+def test_scans_with_little_in_them_are_no_trouble(count):
+    tracker = Tracker(TrackerParameters())
+    for stamp in range(1, 10):
+        tracker.update(0.0, 0.0, np.full((count, 2), 1.0), np.ones(count, dtype=bool), 0.2 * stamp)
+    assert tracker.tracks == ()
+
+
+def test_a_disc_is_measured_where_it_is():
+    ends, hits = scan(0.0, 0.0, [(1.0, 0.3, 0.15)], np.random.default_rng(0))
+    (cluster,) = find_clusters(rays_of(0.0, 0.0, ends, hits), 0.1, 0.8)
+    assert (cluster.x, cluster.y, cluster.radius) == pytest.approx((1.0, 0.3, 0.15), abs=0.04) and cluster.is_whole
+
+
+def test_tracks_go_on_as_they_do():
+    tracker, _ = follow(lambda t: [(1.0, -0.5 + 0.25 * t, 0.12)])
+    (track,) = tracker.tracks
+    later = track.at(track.stamp + 2.0)
+    assert later.y == pytest.approx(track.y + 2.0 * track.vy) and later.position_variance > track.position_variance
+    assert as_array((track,), track.stamp + 2.0)[0, :2] == pytest.approx((later.x, later.y))
