@@ -221,6 +221,24 @@ def test_a_new_path_to_the_same_goal_keeps_what_was_reached(name):
     assert not controller.is_goal_reached(state(drifted))
 
 
+class SlipperyGoal(PaperRobot):
+    """A robot that slides on by 6 cm when it brakes for the goal of `STRAIGHT`, as where commands come late."""
+
+    slid = False
+
+    def move(self, command, seconds, step=0.01):
+        super().move(command, seconds, step)
+        if not self.slid and abs(self.pose.x - 1.0) < 0.014:
+            self.slid = True
+            self.pose = self.pose.compose(Pose2D(0.06, 0.0, 0.0))
+
+
+def test_a_robot_that_slid_out_of_tolerance_at_the_goal_does_not_stand_there_for_ever(name):
+    robot = SlipperyGoal(START)
+    ended = drive(make(name), path_through((0, 0), (1, 0)), START, robot=robot)
+    assert robot.slid and ended.reached, f"it stands at {tuple(robot.pose)}"
+
+
 def test_a_speed_limit_holds_for_its_distance(name):
     controller = make(name)
     controller.limit_speed(SpeedLimit(0.05, 0.3, 0.3))

@@ -12,6 +12,7 @@ from mbf_relay.geometry import Pose2D, Twist2D, angle_between
 from mbf_relay.outcomes import ControlError, ControlOutcome
 
 HYSTERESIS = 1.5  # times the tolerance: how far a robot that turns at the goal may drift before it drives again
+FACING = 0.5  # times the tolerance: where a turn to the goal's heading ends
 CLOSE_ENOUGH = 0.3  # times the tolerance: so near nothing is gained by creeping on
 CREEPING = 0.05  # of the top speed: slower than this is standing, whatever the parameters call so
 PASSED = 0.35  # rad short of abeam: where the goal counts as beside the robot
@@ -42,16 +43,19 @@ class GoalChecker:
         """Return whether the robot has come near enough to stop and turn to the goal's heading.
 
         Within tolerance it drives on as long as that brings it nearer; once it turns it turns, until it has drifted
-        well out of tolerance, or with latch_xy_goal_tolerance until the goal changes.
+        well out of tolerance, or with latch_xy_goal_tolerance until the goal changes. One that has turned and does not
+        stand within tolerance drives again: nothing else would bring it there.
         """
-        tolerance = self.tolerance_of(parameters).distance
+        tolerance = self.tolerance_of(parameters)
         distance = pose.distance_to(goal)
         if self._turns:
-            self._turns = parameters.latch_xy_goal_tolerance or distance <= HYSTERESIS * tolerance
-        elif distance <= tolerance:
+            has_turned = abs(angle_between(pose.theta, goal.theta)) <= FACING * tolerance.angle
+            drift = 1.0 if has_turned else HYSTERESIS
+            self._turns = parameters.latch_xy_goal_tolerance or distance <= drift * tolerance.distance
+        elif distance <= tolerance.distance:
             ahead = goal.relative_to(pose)
             passed = ahead.x <= PASSED * distance
-            self._turns = passed or distance <= CLOSE_ENOUGH * tolerance
+            self._turns = passed or distance <= CLOSE_ENOUGH * tolerance.distance
         return self._turns
 
     def is_reached(self, state: ControlState, goal: Pose2D, parameters: FollowerParameters) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 
 from mbf_relay.control.back_out import BackOut
 from mbf_relay.control.braking import arc, stopping_time
-from mbf_relay.control.checkers import BlockedGoalChecker, GoalChecker, StuckChecker
+from mbf_relay.control.checkers import FACING, BlockedGoalChecker, GoalChecker, StuckChecker
 from mbf_relay.control.controller import Controller
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.foresight import Foresight
@@ -306,7 +306,7 @@ class PathFollower(Controller, abc.ABC):
         state, p = cycle.state, self.parameters
         error = angle_between(state.pose.theta, cycle.path.goal.theta)
         still = cycle.window.clip(STOP)
-        if abs(error) <= 0.5 * self._goal_checker.tolerance_of(p).angle:
+        if abs(error) <= FACING * self._goal_checker.tolerance_of(p).angle:
             return still
         way = free_way_round(cycle.checker, state.pose, error)
         if way is None:
