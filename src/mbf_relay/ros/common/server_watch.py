@@ -120,6 +120,8 @@ class ServerWatch:
             self._connected_at = now
         elif now - self._connected_at > DISCONNECTED_FOR:
             return f"died: its node {self._node} closed the connection"
+        if self._connections().get(self._node, self._address) != self._address:
+            self._note_life(self._node)  # started again meanwhile: the silence was the one's before it
         silence = now - self._heard_at
         if silence < SILENT_FOR or now - self._asked_at < SILENT_FOR / 2.0:
             return None
