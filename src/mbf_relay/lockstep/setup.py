@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Dict, Iterable, List, Optional, Tuple
 
-from mbf_relay.control import CONTROLLERS
-from mbf_relay.control.controller import Controller
 from mbf_relay.costmap import LAYERS
 from mbf_relay.costmap.factory import build_costmap, layer_groups
 from mbf_relay.costmap.layer import Layer
@@ -20,11 +18,8 @@ from mbf_relay.lockstep.settings import Settings, change, flatten, load_own, loa
 from mbf_relay.lockstep.tasks import MAP_RESOLUTION, EpisodeTask
 from mbf_relay.maps import COARSEST, FINEST
 from mbf_relay.navigation.parameters import NavigatorParameters
-from mbf_relay.planning import PLANNERS
-from mbf_relay.planning.planner import Planner
+from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS
 from mbf_relay.plugins import create, find_class
-from mbf_relay.recovery import RECOVERIES
-from mbf_relay.recovery.recovery import Recovery
 from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.robot import RobotModel
 from mbf_relay.simulation.robot_file import load_robot
@@ -33,11 +28,6 @@ AMCL, ODOMETRY, TRUTH = LOCALIZATIONS = ("amcl", "odometry", "truth")
 KNOWN, NONE = MAPS = ("known", "none")
 
 SERVER = "move_base_flex"
-PLUGIN_LISTS = (
-    ("planners", Planner, PLANNERS),
-    ("controllers", Controller, CONTROLLERS),
-    ("recovery_behaviors", Recovery, RECOVERIES),
-)
 MARGIN = 3.0
 """Metres around start and goals that the global costmap covers where there is no map."""
 
@@ -113,9 +103,9 @@ def _check_values(settings: Settings) -> None:
     for name in ("global_costmap", "local_costmap"):
         build_costmap(name, server.get(name, {}), server)
     NavigatorParameters.from_mapping(server)
-    for kind, base, known in PLUGIN_LISTS:
-        for entry in server.get(kind, []):
-            create(entry["name"], entry["type"], server.get(entry["name"], {}), base, known)
+    for listed in PLUGIN_LISTS:
+        for entry in server.get(listed.kind, []):
+            create(entry["name"], entry["type"], server.get(entry["name"], {}), listed.base, listed.known)
 
 
 def known_names(settings: Settings) -> List[str]:
@@ -125,9 +115,9 @@ def known_names(settings: Settings) -> List[str]:
     names.update(f"simulator.{name}" for name in SimulationParameters.names())
     names.update(f"amcl.{name}" for name in AmclParameters.names())
     names.update(f"{SERVER}.{name}" for name in NavigatorParameters.names())
-    for kind, base, known in PLUGIN_LISTS:
-        for entry in server.get(kind, []):
-            parameters = find_class(entry["type"], base, known).Parameters
+    for listed in PLUGIN_LISTS:
+        for entry in server.get(listed.kind, []):
+            parameters = find_class(entry["type"], listed.base, listed.known).Parameters
             names.update(f"{SERVER}.{entry['name']}.{name}" for name in parameters.names())
     for costmap in ("global_costmap", "local_costmap"):
         group = server.get(costmap, {})

@@ -13,18 +13,16 @@ import re
 from pathlib import Path
 from typing import Dict, Iterator, List, NamedTuple, Sequence
 
-from mbf_relay.control import CONTROLLERS
 from mbf_relay.control.critics import CRITICS
 from mbf_relay.costmap import LAYERS
 from mbf_relay.costmap.factory import layer_groups
 from mbf_relay.lockstep.settings import config_folder
-from mbf_relay.lockstep.setup import PLUGIN_LISTS, SERVER, Setup
-from mbf_relay.planning import PLANNERS
-from mbf_relay.recovery import RECOVERIES
+from mbf_relay.lockstep.setup import SERVER, Setup
+from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS
 
 NOT_DRIVEN = ("ros", "view", "report")
 """Rooms of the package that no lockstep drive enters."""
-BUILT_IN = {**PLANNERS, **CONTROLLERS, **RECOVERIES, **LAYERS, **CRITICS}
+BUILT_IN = {*LAYERS, *CRITICS, *(name for listed in PLUGIN_LISTS for name in listed.known)}
 
 
 class Sources(NamedTuple):
@@ -91,8 +89,8 @@ def _plugin_digest(name: str) -> str:
 
 def _types(setup: Setup) -> Iterator[str]:
     server = setup.settings[SERVER]
-    for kind, _, _ in PLUGIN_LISTS:
-        for entry in server.get(kind, []):
+    for listed in PLUGIN_LISTS:
+        for entry in server.get(listed.kind, []):
             yield entry["type"]
             yield from map(str, server.get(entry["name"], {}).get("critics", []))
     for costmap in ("global_costmap", "local_costmap"):

@@ -11,6 +11,7 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import yaml
 
+from mbf_relay.files import parse_yaml, read_text
 from mbf_relay.lockstep import tune_picture
 from mbf_relay.lockstep.batch import settings_of
 from mbf_relay.lockstep.command import without_remappings
@@ -85,9 +86,9 @@ def read_space(texts: Sequence[str], file: Optional[Path], setup: Setup) -> Spac
     ranges: List[Tuple[str, Any, Any]] = []
     if file is not None:
         try:
-            content = yaml.safe_load(file.read_text(encoding="utf-8"))
+            content = parse_yaml(read_text(str(file)))
             ranges += [(str(name), low, high) for name, (low, high) in content.items()]
-        except (OSError, yaml.YAMLError, AttributeError, TypeError, ValueError) as error:
+        except (OSError, AttributeError, TypeError, ValueError) as error:
             raise ValueError(f"space file {file} holds no ranges {{NAME: [LOW, HIGH]}}: {error}") from error
     for text in texts:
         name, _, between = text.partition("=")

@@ -5,22 +5,17 @@ from __future__ import annotations
 import re
 import warnings
 from dataclasses import dataclass, field
-from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Tuple, Type
+from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Type
 
-from mbf_relay.control import CONTROLLERS
-from mbf_relay.control.controller import Controller
 from mbf_relay.costmap.factory import SEARCHED_NAMES, build_costmap, unknown_names
 from mbf_relay.navigation.move_base_files import server_config
 from mbf_relay.navigation.move_base_parameters import OTHER_MOVE_BASE_NAMES, MoveBaseParameters
 from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS, PluginList
 from mbf_relay.navigation.registry import entries_of, group_of
 from mbf_relay.navigation.sanity import doubts
 from mbf_relay.parameters import ParameterSet, did_you_mean, nearest_of
-from mbf_relay.planning import PLANNERS
-from mbf_relay.planning.planner import Planner
-from mbf_relay.plugins import Plugin, PluginError, create
-from mbf_relay.recovery import RECOVERIES
-from mbf_relay.recovery.recovery import Recovery
+from mbf_relay.plugins import PluginError, create
 
 USED, STOOD_IN, CLAMPED, IGNORED, DOUBTFUL, REFUSED = KINDS = (
     "used", "stood in for", "changed", "ignored", "doubtful", "refused"
@@ -31,14 +26,9 @@ PARAMETER = re.compile(r"\bparameter ([A-Za-z_]\w*)")
 """Where messages of parameters name the one they are about."""
 
 SIDES = ("global_costmap", "local_costmap")
-PLUGIN_LISTS: Tuple[Tuple[str, Type[Any], Mapping[str, str], str], ...] = (
-    ("planners", Planner, PLANNERS, "global"),
-    ("controllers", Controller, CONTROLLERS, "local"),
-    ("recovery_behaviors", Recovery, RECOVERIES, "local"),
-)
 READ_BY_THE_NODE = (
-    "planners", "controllers", "recovery_behaviors", "planner_lock_costmap", "controller_lock_costmap",
-    "restore_defaults", *SEARCHED_NAMES,
+    *(plugins.kind for plugins in PLUGIN_LISTS), "planner_lock_costmap", "controller_lock_costmap", "restore_defaults",
+    *SEARCHED_NAMES,
 )
 """Parameters of the server's own namespace that are no NavigatorParameters."""
 
@@ -110,8 +100,8 @@ def _examine(found: Examination) -> None:
     for side in SIDES:
         _examine_costmap(found, side)
     names: List[str] = []
-    for kind, base, known, costmap in PLUGIN_LISTS:
-        names += _examine_plugins(found, kind, base, known, costmap)
+    for plugins in PLUGIN_LISTS:
+        names += _examine_plugins(found, plugins)
     for name, hint in stray_groups(found.config, names).items():
         found.add(IGNORED, name, f"belongs to no plugin that is loaded{hint}")
     for name, text in doubts(found.config):
@@ -138,29 +128,19 @@ def _examine_costmap(found: Examination, side: str) -> None:
         found.add(USED, f"{side}/{layer.name}", f"{type(layer).__name__}")
 
 
-def _examine_plugins(
-    found: Examination, kind: str, base: Type[Plugin], known: Mapping[str, str], costmap: str
-) -> List[str]:
-    """Make every plugin of a list once; return their names.
-
-    Args:
-        found: Takes what there is to say.
-        kind: The list's name.
-        base: What they are.
-        known: The types there are.
-        costmap: Which one they use where they do not say.
-    """
+def _examine_plugins(found: Examination, listed: PluginList[Any]) -> List[str]:
+    """Make every plugin of a list once; return their names."""
     try:
-        entries = entries_of(kind, found.config.get(kind, []), costmap)
+        entries = entries_of(listed.kind, found.config.get(listed.kind, []), listed.costmap)
     except PluginError as error:
-        found.add(REFUSED, kind, str(error))
+        found.add(REFUSED, listed.kind, str(error))
         return []
     for name, (type_name, _costmap) in entries.items():
         try:
             values = group_of(found.config, name)
             with warnings.catch_warnings(record=True) as said:
                 warnings.simplefilter("always")
-                plugin = create(name, type_name, values, base, known)
+                plugin = create(name, type_name, values, listed.base, listed.known)
         except PluginError as error:
             found.add(REFUSED, _named_in(str(error), name), str(error))
             continue
@@ -185,7 +165,7 @@ def stray_groups(config: Mapping[str, Any], plugins: Iterable[str]) -> Dict[str,
     """
     known = [*plugins, *SIDES]
     first_parts = [name.split("/")[0] for name in known]
-    others = {name.rpartition("/")[2] for _kind, _base, types, _costmap in PLUGIN_LISTS for name in types}
+    others = {name.rpartition("/")[2] for listed in PLUGIN_LISTS for name in listed.known}
     return {
         name: "" if name in others else did_you_mean(nearest_of(name, known)) for name, values in config.items()
         if isinstance(values, Mapping) and name not in [*known, *first_parts]

@@ -7,8 +7,6 @@ from collections import deque
 from enum import Enum
 from typing import Any, Deque, Dict, List, Mapping, Optional, Tuple
 
-from mbf_relay.control import CONTROLLERS
-from mbf_relay.control.controller import Controller
 from mbf_relay.navigation.controller_execution import ControllerExecution
 from mbf_relay.navigation.goals import (
     FollowGoal,
@@ -24,17 +22,14 @@ from mbf_relay.navigation.goals import (
 from mbf_relay.navigation.move_base import MoveBase, RecoveryWatcher
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.planner_execution import PlannerExecution, PlanWatcher
+from mbf_relay.navigation.plugin_lists import CONTROLLER_LIST, PLANNER_LIST, RECOVERY_LIST
 from mbf_relay.navigation.recovery_execution import RecoveryExecution
 from mbf_relay.navigation.registry import Registry
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.worker import InlineWorker, Worker
 from mbf_relay.outcomes import ControlOutcome, PlanOutcome, RecoveryOutcome
-from mbf_relay.planning import PLANNERS
-from mbf_relay.planning.planner import Planner
 from mbf_relay.plugins import PluginError
-from mbf_relay.recovery import RECOVERIES
-from mbf_relay.recovery.recovery import Recovery
 
 OWN_INSTANCE = "move_base"
 """The instance of planners and recoveries that move_base uses, so that goals of the slots do not disturb it."""
@@ -66,13 +61,9 @@ class Navigator:
         values.setdefault("global_frame", config.get("map_frame", "map"))
         self.parameters, _notes = NavigatorParameters.read(values)  # told of where they are read for users
         self.robot, self.costmaps = robot, costmaps
-        self.planners: Registry[Planner] = Registry("planners", config, Planner, PLANNERS, worker, "global")
-        self.controllers: Registry[Controller] = Registry(
-            "controllers", config, Controller, CONTROLLERS, worker, "local"
-        )
-        self.recoveries: Registry[Recovery] = Registry(
-            "recovery_behaviors", config, Recovery, RECOVERIES, worker, "global"
-        )
+        self.planners = PLANNER_LIST.registry(config, worker)
+        self.controllers = CONTROLLER_LIST.registry(config, worker)
+        self.recoveries = RECOVERY_LIST.registry(config, worker)
         self._plans: Dict[int, PlannerExecution] = {}
         self._drives: Dict[int, ControllerExecution] = {}
         self._recovery_runs: Dict[int, RecoveryExecution] = {}

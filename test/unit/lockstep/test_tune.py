@@ -57,6 +57,18 @@ def test_what_cannot_be_tuned_is_named(tmp_path, capsys, arguments, words):
     assert words in line
 
 
+@pytest.mark.parametrize("content, words", [("[1, 2]", "holds no ranges"), ("mine.pace: fast", "holds no ranges"), (
+    "\n".join(["a0: &a0 [1, 1]"] + [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 12)]),
+    "aliases unfold")], ids=["a list", "a word", "a bomb of aliases"])
+def test_a_space_file_that_holds_no_ranges_is_refused_before_it_fills_the_memory(tmp_path, capsys, content, words):
+    file = tmp_path / "space.yaml"
+    file.write_text(content)
+    common = [worlds(tmp_path, 1), *SLOW, "--space", str(file)]
+    assert tune.main([*common, "--out", str(tmp_path / "out")]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line and str(file) in line
+
+
 def test_a_study_of_other_parameters_is_not_continued(tmp_path, capsys):
     common = [worlds(tmp_path, 1), *SLOW, "--trials", "1", "--out", str(tmp_path / "out")]
     assert tune.main([*common, "--param", "mine.pace=0.1:0.2"]) == 0
