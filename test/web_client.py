@@ -3,6 +3,7 @@
 import asyncio
 import collections
 import json
+import socket
 import threading
 import zlib
 
@@ -145,3 +146,23 @@ class WebClient:
             self._socket.close()
 
         Loop.run(call())
+
+
+class StalledClient:
+    """A browser whose machine has gone to sleep: it asks for everything, and then reads nothing any more."""
+
+    def __init__(self, port):
+        self._socket = socket.create_connection(("127.0.0.1", port), 10.0)
+        self._socket.sendall((
+            f"GET /socket HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n").encode())
+        assert b" 101 " in self._socket.recv(4096).split(b"\r\n")[0]
+        shown = dict.fromkeys(EVERYTHING, 30)
+        for wish in ({"do": "hello", "token": "", "robot": ""}, {"do": "show", "layers": shown}):
+            text = json.dumps(wish).encode()
+            size = bytes([0x80 | len(text)]) if len(text) < 126 else bytes([0x80 | 126]) + len(text).to_bytes(2, "big")
+            self._socket.sendall(b"\x81" + size + bytes(4) + text)  # a masked text frame (RFC 6455), masked by zeros
+
+    def close(self):
+        """Wake up and leave."""
+        self._socket.close()

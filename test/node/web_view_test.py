@@ -22,19 +22,13 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."
 
 from node.web_view_stack import PaperRobot, ViewProcess  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
-from web_client import WebClient  # noqa: E402
+from web_client import StalledClient, WebClient  # noqa: E402
 
 from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
 from mbf_relay.view.feed import WINDOW  # noqa: E402
 
 MALFORMED = (
-    "",
-    "{",
-    "[]",
-    "nonsense",
-    '{"do": "goal", "x": NaN, "y": 0, "theta": 0}',
-    '{"do": "goal"}',
-    '{"do": 7}',
+    "", "{", "[]", "nonsense", '{"do": "goal", "x": NaN, "y": 0, "theta": 0}', '{"do": "goal"}', '{"do": 7}',
     "[" * 4000,
 )
 MARKUP = "<img src=x onerror=alert(1)>"
@@ -191,6 +185,21 @@ class WebViewTest(unittest.TestCase):
             self.robot.where = (0.5 * step, 0.0)
             watcher.layer("robot", lambda robot: robot["pose"] == [0.5 * step, 0.0, 0.0], f"at {0.5 * step} m")
         self.assertLessEqual(deaf.count["robot"], WINDOW)
+
+    def test_a_machine_that_went_to_sleep_with_its_page_open_is_not_waited_for(self):
+        """Nothing reads what the system has taken in for it, and no end of the connection comes."""
+        wait_until(lambda: self.open.subscriptions() == [], "the other tests' browsers to be gone")
+        asleep = StalledClient(self.open.port)
+        try:
+            wait_until(self.open.subscriptions, "web_view to listen for it")
+            awake = self.connect(layers=["robot"])
+            for step in range(5):
+                self.robot.where = (0.5 * step, 1.0)
+                awake.layer("robot", lambda robot: robot["pose"] == [0.5 * step, 1.0, 0.0], f"at {0.5 * step} m")
+            awake.close()
+            wait_until(lambda: self.open.subscriptions() == [], "web_view to give it up", 60.0)
+        finally:
+            asleep.close()
 
     def test_a_change_of_one_cell_sends_one_tile(self):
         client = self.driver()

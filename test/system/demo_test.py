@@ -3,6 +3,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -17,6 +18,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 from ros_testing import wait_until  # noqa: E402
 from running_stack import OF_THE_MACHINE  # noqa: E402
+from web_client import WebClient  # noqa: E402
 
 from mbf_relay.ros.tools.demo_graph import descendants  # noqa: E402
 
@@ -125,6 +127,16 @@ class TestDemo(unittest.TestCase):
         }
         self.interrupt(demo, signal.SIGINT)
         self.assertEqual(listening, {"127.0.0.1"})
+
+    def test_4_a_page_shows_the_robot_drive(self):
+        demo = Demo("--speed", "4", "--web")
+        demo.wait_for("see it at http://127.0.0.1:")
+        port = int(re.search(r"see it at http://127.0.0.1:(\d+)/", demo.output).group(1))
+        client = WebClient(port)
+        client.layer("map", timeout=PATIENCE)
+        client.layer("state", lambda state: state["goal"]["driving"], "of a drive", PATIENCE)
+        client.close()
+        self.interrupt(demo, signal.SIGINT)
 
     def interrupt(self, demo, number):
         demo.process.send_signal(number)
