@@ -97,7 +97,27 @@ class ClockTest(unittest.TestCase):
         self.assertEqual(sent.wait(10.0).status, GoalStatus.PREEMPTED)
         wait_until(lambda: not moves(self.velocity.last), "a zero as the last velocity")
 
-    def test_3_without_anybody_who_publishes_the_clock_the_robot_is_stopped_and_the_client_told(self):
+    def test_3_while_the_clock_stands_the_robot_does_and_the_drive_goes_on_with_it(self):
+        sent = self.drive()
+        count = len(self.velocity.messages)
+        type(self).running = False
+        try:
+            wait_until(lambda: self.velocity.messages[count:] and not moves(self.velocity.last), "a zero")
+            wait_until(lambda: self.odometry.last.twist.twist.linear.x == 0.0, "the wheels to stand")
+            stopped_at = self.odometry.last.pose.pose.position.x
+            more = len(self.odometry.messages) + 50
+            wait_until(lambda: len(self.odometry.messages) > more, "a second and a half to go by")
+            self.assertEqual(self.odometry.last.pose.pose.position.x, stopped_at)
+            self.assertIsNone(sent.ending)
+        finally:
+            type(self).running = True
+        wait_until(lambda: self.odometry.last.pose.pose.position.x > stopped_at + 0.05, "the drive to go on")
+        self.assertIsNone(sent.ending)
+        sent.cancel()
+        self.assertEqual(sent.wait(10.0).status, GoalStatus.PREEMPTED)
+        wait_until(lambda: not moves(self.velocity.last), "a zero as the last velocity")
+
+    def test_4_without_anybody_who_publishes_the_clock_the_robot_is_stopped_and_the_client_told(self):
         sent = self.drive()
         type(self).running = False
         wait_until(lambda: rospy.get_time() >= self.time - 1e-6, "the last tick")

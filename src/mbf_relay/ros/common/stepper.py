@@ -15,6 +15,10 @@ STILL_CLOCK = 1.0
 """Wall seconds between two steps while /clock stands still, so that nothing depends on its going on."""
 STEP_PATIENCE = 1.0
 """Wall seconds a step may take before whoever watches it must take it for hung."""
+CLOCK_STANDS = 0.5
+"""Wall seconds without simulated time after which the wheels must not go on by what was sent before."""
+TICKS_LATE = 3.0
+"""Times as long as the last tick took to come, as far as that is more: simulations far below real time tick slowly."""
 CLOCK_PATIENCE = 2.0
 """Wall seconds a simulator may take to come back before the clock it published counts as lost."""
 
@@ -38,6 +42,7 @@ class Stepper:
         self._thread = threading.Thread(target=self._loop, name="stepper", daemon=True)
         self._clock: Optional[rospy.Subscriber] = None
         self._ticked_at: Optional[float] = None
+        self._time_shown, self._ran_at, self._tick_period = -math.inf, math.inf, 0.0
 
     def start(self) -> None:
         """Begin stepping."""
@@ -54,6 +59,14 @@ class Stepper:
         """Wall seconds the running step has taken so far; 0 between two steps, for sleeping is no hanging."""
         began = self._began
         return 0.0 if began is None else time.monotonic() - began
+
+    @property
+    def clock_stands(self) -> bool:
+        """Whether the simulated clock ran and now shows one time for much longer than it took from tick to tick.
+
+        It may be paused, or whoever publishes it may hang; a wheel on the wall clock knows nothing of either.
+        """
+        return time.monotonic() - self._ran_at > max(CLOCK_STANDS, TICKS_LATE * self._tick_period)
 
     @property
     def clock_loss(self) -> str:
@@ -78,6 +91,9 @@ class Stepper:
     def _on_clock(self, message: Clock) -> None:
         self._ticked_at = time.monotonic()
         now = message.clock.to_sec()
+        if now != self._time_shown:
+            self._tick_period = max(0.0, self._ticked_at - self._ran_at)
+            self._time_shown, self._ran_at = now, self._ticked_at
         if now >= self._due or (now < self._last and math.isfinite(self._due)):
             self._wake.set()
 

@@ -74,7 +74,7 @@ class RosRobot(Robot):
         self.commands = RateMeter(pause=COMMANDS_PAUSE)
         self._publisher = rospy.Publisher("cmd_vel", Twist, _Wheels(self), queue_size=1, tcp_nodelay=True)
         self._closing = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
-        self._closed = self._blocked = False
+        self._closed = self._blocked = self._held = False
         self._topic = rospy.resolve_name(odom_topic) if odom_topic else ""
         if odom_topic:
             # kept as bytes until somebody asks: most of thirty messages a second are never looked at
@@ -125,7 +125,16 @@ class RosRobot(Robot):
             if not (self._closed or self._blocked):
                 self.commanded = velocity
                 self.commands.tick(rospy.get_time())
-                self._publisher.publish(twist_to_message(velocity))
+                self._publisher.publish(twist_to_message(STOP if self._held else velocity))
+
+    def hold(self, is_held: bool) -> None:
+        """Let the wheels stand, whatever velocity is in force, or give it back to them; from any thread."""
+        with self._closing:
+            if is_held == self._held or self._closed or self._blocked:
+                return
+            self._held = is_held
+            if self.commanded is not None and self.commanded != STOP:
+                self._publisher.publish(twist_to_message(STOP if is_held else self.commanded))
 
     def block(self) -> None:
         """Send a zero velocity, after which nothing goes out until `release`; from any thread."""

@@ -18,7 +18,8 @@ class Watchdog:
     """Stops the robot and ends the goals in pursuit where one step takes longer than a second of the wall clock.
 
     A thread of its own, which waits for no lock that navigation or a costmap holds. What the step still commands is
-    dropped until the next step begins, and that one starts from nothing (`settle`).
+    dropped until the next step begins, and that one starts from nothing (`settle`). While the simulated clock stands,
+    no step comes that could send another velocity: the wheels stand, and the drive goes on with the clock.
 
     Args:
         stepper: The stepping thread.
@@ -59,6 +60,7 @@ class Watchdog:
             with self._lock:
                 if not self.is_alive():
                     self._bark()
+            self._robot.hold(self._stepper.clock_stands)
 
     def _bark(self) -> None:
         if not self.trouble:

@@ -11,7 +11,7 @@ from mbf_relay.ros.server.watchdog import Watchdog
 
 
 class PaperStepper:
-    step_time = 0.0
+    step_time, clock_stands = 0.0, False
 
     def wake(self):
         pass
@@ -21,7 +21,10 @@ class PaperRobot:
     """A robot on which whatever the watchdog does takes effect with a turn of the test's in between."""
 
     def __init__(self):
-        self.blocked, self.before_block = False, lambda: None
+        self.blocked, self.held, self.before_block = False, False, lambda: None
+
+    def hold(self, is_held):
+        self.held = is_held
 
     def block(self):
         self.before_block()
@@ -69,3 +72,12 @@ def test_a_robot_let_go_by_a_new_step_is_not_stopped_for_the_old_one(watched):
     wait_until(lambda: settled, "the next step")
     assert settled[0]
     wait_until(lambda: not robot.blocked, "the robot to be let go")
+
+
+def test_wheels_stand_while_the_clock_does(watched):
+    stepping, robot, ended, _ = watched
+    stepping.clock_stands = True
+    wait_until(lambda: robot.held, "the wheels to be held")
+    stepping.clock_stands = False
+    wait_until(lambda: not robot.held, "the wheels to be let go")
+    assert not ended

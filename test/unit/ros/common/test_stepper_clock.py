@@ -1,0 +1,56 @@
+"""A robot under a simulated clock: is time going on?"""
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import rospy  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
+
+from mbf_relay.ros.common import stepper  # noqa: E402
+from mbf_relay.ros.common.stepper import Stepper  # noqa: E402
+
+
+class Watched:
+    """A stepper on a wall clock that the test moves."""
+
+    def __init__(self, monkeypatch):
+        self.wall = 100.0
+        monkeypatch.setattr(stepper.time, "monotonic", lambda: self.wall)
+        monkeypatch.setattr(stepper.rospy.rostime, "is_wallclock", lambda: False)
+        self.stepper = Stepper(lambda now: now)
+
+    def tick(self, now, after):
+        self.wall += after
+        self.stepper._on_clock(Clock(rospy.Time.from_sec(now)))
+
+    def stands_after(self, seconds):
+        self.wall += seconds
+        return self.stepper.clock_stands
+
+
+@pytest.fixture
+def watched(monkeypatch):
+    return Watched(monkeypatch)
+
+
+def test_a_clock_that_never_ran_does_not_stand(watched):
+    assert not watched.stands_after(1e4)
+
+
+def test_a_robot_whose_clock_is_paused_is_told_within_half_a_second_also_where_the_time_is_told_on_and_on(watched):
+    for count in range(20):
+        watched.tick(1.0 + count / 60.0, after=1.0 / 60.0)
+    assert not watched.stands_after(0.4)
+    watched.tick(1.0 + 19 / 60.0, after=0.05)
+    assert watched.stands_after(0.1)
+    watched.tick(2.0, after=3.0)
+    assert not watched.stands_after(0.4)
+
+
+def test_a_robot_in_a_simulation_far_below_real_time_is_not_stopped_between_two_ticks(watched):
+    for count in range(5):
+        watched.tick(1.0 + count / 60.0, after=1.0)
+        assert count == 0 or not watched.stands_after(1.0)
+        watched.wall -= 1.0 if count else 0.0
+    assert watched.stands_after(3.1)
