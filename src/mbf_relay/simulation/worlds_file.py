@@ -45,7 +45,7 @@ def load_worlds_file(path: Path) -> List[World]:
     Raises:
         ValueError: The file is missing or malformed; the text names file, world and entry.
     """
-    worlds = [_world(path, index, entry) for index, entry in enumerate(_entries(path))]
+    worlds = [world_of(path, index, entry) for index, entry in enumerate(_entries(path))]
     names = [world.name for world in worlds]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -83,7 +83,17 @@ def read_worlds_file(path: str, world_name: str = "") -> World:
     return worlds[world_name] if world_name else next(iter(worlds.values()))
 
 
-def _world(path: Path, index: int, entry: Any) -> World:
+def world_of(path: Path, index: int, entry: Any) -> World:
+    """Return the world of an entry of a file.
+
+    Args:
+        path: The file.
+        index: Of the entry in it.
+        entry: See `load_worlds_file`.
+
+    Raises:
+        ValueError: It is malformed; the text names file, world and entry.
+    """
     if not isinstance(entry, Mapping):
         raise ValueError(f"worlds file {path}: world {index} is {type(entry).__name__}, not an object")
     name = entry.get("name")

@@ -1,0 +1,90 @@
+"""An example of learning to drive: the cross-entropy method on a linear policy, with numpy alone.
+
+Policies are drawn from a normal distribution, each drives the same episodes, and the distribution is fitted to the best
+fifth of them; again and again (Rubinstein 1999; Szita and Lorincz 2006, whose added noise keeps it from narrowing too
+soon). Worlds kept from the training tell what was learnt.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any, Callable, List, Optional, Sequence, Tuple
+
+import numpy as np
+
+Tell = Callable[[str], None]
+SECTORS, NEAR = 12, 0.3
+"""Sectors of the scan, and the distance (m) that reads 1 to the policy."""
+ELITE, EXTRA_NOISE = 0.2, 0.3
+
+
+def act(weights: np.ndarray, seen: Any) -> np.ndarray:
+    """Return the action of a policy, weights of shape (A, SECTORS + 3), on what it sees."""
+    towards = seen["goal"] / max(1e-6, float(np.hypot(*seen["goal"])))
+    action: np.ndarray = np.tanh(weights @ np.concatenate((towards, NEAR / np.maximum(seen["scan"], 0.1), [1.0])))
+    return action
+
+
+def drive(environment: Any, weights: np.ndarray, seeds: Sequence[int]) -> Tuple[float, float]:
+    """Return a policy's mean return and share of successes over episodes of these seeds."""
+    total, successes = 0.0, 0
+    for seed in seeds:
+        seen, info = environment.reset(seed=seed)
+        over = False
+        while not over:
+            seen, reward, terminated, truncated, info = environment.step(act(weights, seen))
+            total, over = total + reward, terminated or truncated
+        successes += info["success"]
+    return total / len(seeds), successes / len(seeds)
+
+
+def train(
+    environment: Any, generations: int, policies: int, episodes: int, seed: int, tell: Tell
+) -> Tuple[np.ndarray, List[float]]:
+    """Return the policy learnt, and the mean return of each generation's policies.
+
+    Args:
+        environment: See NavigationEnvironment.
+        generations: How often to draw and fit.
+        policies: Drawn in each.
+        episodes: That each of them drives.
+        seed: Of policies and episodes.
+        tell: Takes a line per generation.
+    """
+    rng = np.random.default_rng(seed)
+    mean = np.zeros((environment.action_space.shape[0], SECTORS + 3))
+    spread, returns = np.ones_like(mean), []
+    for generation in range(generations):
+        drawn = mean + spread * rng.standard_normal((policies, *mean.shape))
+        seeds = rng.integers(2**31, size=episodes).tolist()
+        found = np.array([drive(environment, weights, seeds)[0] for weights in drawn])
+        best = drawn[np.argsort(found)[-max(2, round(ELITE * policies)):]]
+        mean, spread = best.mean(axis=0), best.std(axis=0) + EXTRA_NOISE * (1.0 - generation / generations)
+        returns.append(float(found.mean()))
+        tell(f"generation {generation + 1} of {generations}: return {found.mean():+.2f}, best {found.max():+.2f}")
+    return mean, returns
+
+
+def main(arguments: Optional[Sequence[str]] = None) -> int:
+    """Run the command; return its exit status: 0, or 1 for what a user can mend."""
+    parser = argparse.ArgumentParser(prog="train_policy.py", description="Teach a linear policy to drive.")
+    parser.add_argument("--worlds", default="barn", help="a kind of make_worlds.py, or a worlds file (default barn)")
+    for name, value in (("generations", 15), ("policies", 20), ("episodes", 3), ("seed", 1)):
+        parser.add_argument(f"--{name}", type=int, default=value, metavar="N", help=f"default {value}")
+    options = parser.parse_args(arguments)
+    try:
+        from mbf_relay.lockstep.environment import NavigationEnvironment
+
+        training, held_out = (
+            NavigationEnvironment(options.worlds, seeds=seeds, beams=SECTORS) for seeds in ((1000, 100000), (0, 1000))
+        )
+        test = range(20)
+        before = drive(held_out, np.zeros((training.action_space.shape[0], SECTORS + 3)), test)
+        weights, _ = train(training, options.generations, options.policies, options.episodes, options.seed, print)
+        for name, (mean, share) in (("before", before), ("after", drive(held_out, weights, test))):
+            print(f"{name}, {len(test)} episodes not trained on: return {mean:+.2f}, {100.0 * share:.0f} % at the goal")
+    except (ImportError, ValueError) as error:
+        print(f"train_policy.py: {error}", file=sys.stderr)
+        return 1
+    return 0

@@ -1,0 +1,288 @@
+"""A gymnasium environment: what a policy that is to drive the robot sees, does and earns.
+
+    import gymnasium
+
+    environment = gymnasium.make("mbf_relay.lockstep.environment:mbf_relay/Navigation-v0", worlds="barn")
+    observation, info = environment.reset(seed=1)
+
+The policy takes the place of planner and controller: it is told the scan and where the goal is, and gives velocities.
+World, lidar, wheels and contacts are those of every drive, so one seed and one row of actions give one episode, to the
+last bit. Only this module needs gymnasium, and nothing of the package needs this module.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.lockstep.settings import config_folder
+from mbf_relay.lockstep.setup import ODOMETRY, TRUTH, make_setup
+from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks, task_of
+from mbf_relay.parameters import ParameterSet, did_you_mean, parameter
+from mbf_relay.scan import LaserScan
+from mbf_relay.simulation import Simulation
+from mbf_relay.simulation.drive import Odometry
+from mbf_relay.simulation.generators import KINDS, generate
+from mbf_relay.simulation.observations import Observations
+from mbf_relay.simulation.parameters import SimulationParameters, steps_between
+from mbf_relay.simulation.robot import OMNIDIRECTIONAL
+from mbf_relay.simulation.robot_file import load_robot
+from mbf_relay.simulation.worlds_file import world_of
+
+ID = "mbf_relay/Navigation-v0"
+FARTHEST = 1000.0
+"""Metres up to which a goal's place is told."""
+Observed = Dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class EnvironmentParameters(ParameterSet):
+    """Parameters of `NavigationEnvironment`: how often it is asked, what it is shown and what it earns."""
+
+    control_rate: float = parameter(5.0, "actions per second of simulated time", unit="Hz", above=0.0)
+    beams: int = parameter(36, "sectors of the scan; each tells its nearest reading", minimum=1, maximum=16384)
+    goal_radius: float = parameter(0.3, "distance at which a goal counts as reached, where its world states none",
+                                   unit="m", above=0.0)
+    reward_progress: float = parameter(1.0, "for each metre nearer to the goal, in a straight line")
+    reward_goal: float = parameter(5.0, "for each goal reached")
+    reward_contact: float = parameter(-5.0, "for touching something, which ends the episode")
+    reward_time: float = parameter(-0.02, "for each second")
+
+
+class NavigationEnvironment(gymnasium.Env):
+    """Drive to the goal, touch nothing.
+
+    An observation holds, as 32 bit numbers:
+
+    - `scan`: the nearest reading (m) of each sector, the first one ahead, counter-clockwise; the lidar's range where a
+      sector has none;
+    - `goal`: x, y (m) in the robot's frame;
+    - `velocity`: x, y (m/s) and yaw (rad/s) as odometry measured them.
+
+    An action is a velocity in shares of the robot's top ones, each from -1 to 1: x and yaw; x, y and yaw for an
+    omnidirectional robot. What is beyond is taken to the limit. The episode ends with the last goal or a contact, and
+    is cut off at the world's time limit.
+
+    Attributes:
+        parameters: See EnvironmentParameters.
+        top_velocity: Shape (A,), what an action of ones is (m/s, rad/s).
+    """
+
+    metadata: Dict[str, Any] = {"render_modes": []}
+
+    def __init__(
+        self, worlds: str = "barn", seeds: Sequence[int] = (0, 100000), robot: str = "", localization: str = TRUTH,
+        changes: Sequence[str] = (), **parameters: Any,
+    ) -> None:
+        """Make it; a world is built by `reset`.
+
+        Args:
+            worlds: A kind of `make_worlds.py` (each episode in a new one), the path of a worlds file (each in one of
+                its worlds), or "circle".
+            seeds: First of the seeds that worlds are generated from, and the first that is not; what is kept from
+                training can be tested on.
+            robot: What drives, as for `batch.py --robot`; the simulator's own where empty.
+            localization: Where the robot is thought to be: "truth", or "odometry" from the true start on.
+            changes: Changes "simulator.scan_noise=0" to the simulator's parameters.
+            parameters: Of EnvironmentParameters.
+
+        Raises:
+            ValueError: A file, a name or a value is wrong; the text says which.
+        """
+        for name in EnvironmentParameters.unknown_names(parameters):
+            hint = did_you_mean(EnvironmentParameters.nearest_name(name))
+            raise ValueError(f"the environment has no parameter '{name}'{hint}")
+        if localization not in (TRUTH, ODOMETRY):
+            raise ValueError(f"localization is '{localization}'; it must be '{TRUTH}' or '{ODOMETRY}'")
+        self.parameters = EnvironmentParameters.from_mapping(parameters)
+        settings = make_setup(config_folder(), localization, changes=changes, robot=robot, has_map=False).settings
+        self._simulator = SimulationParameters.from_mapping(settings["simulator"]).replace(
+            imu_rate=0.0, joint_state_rate=0.0, cmd_vel_timeout=0.0  # an action holds until the next one
+        )
+        if not self._simulator.scan_rate or not self._simulator.odom_rate:
+            raise ValueError("the simulator's scan_rate or odom_rate is 0 Hz; the environment needs lidar and odometry")
+        self._steps = steps_between("control_rate", self.parameters.control_rate, self._simulator.physics_rate)
+        self._worlds = _Worlds(worlds, seeds)
+        self._follows_truth = localization == TRUTH
+        self._simulation: Optional[Simulation] = None
+        self._distance = 0.0
+        self._robot = load_robot(self._simulator.robot)
+        self._make_spaces()
+
+    def _make_spaces(self) -> None:
+        limits, robot = self._simulator, self._robot
+        speed, turn = limits.max_speed, limits.max_turn_rate
+        self.top_velocity = np.array([speed, speed, turn] if robot.drive == OMNIDIRECTIONAL else [speed, turn])
+        self.action_space = spaces.Box(-1.0, 1.0, self.top_velocity.shape)
+        moving = np.array([2.0 * speed, 2.0 * speed, 2.0 * turn], np.float32)  # what is measured may be beyond limits
+        sight = np.full(self.parameters.beams, limits.scan_range_max, np.float32)
+        place = np.full(2, FARTHEST, np.float32)
+        self.observation_space = spaces.Dict({
+            "scan": spaces.Box(np.zeros_like(sight), sight), "goal": spaces.Box(-place, place),
+            "velocity": spaces.Box(-moving, moving),
+        })
+        directions = robot.scan_in_base.flat().theta + 2.0 * math.pi / limits.scan_beams * np.arange(limits.scan_beams)
+        sectors = np.round(directions / (2.0 * math.pi / self.parameters.beams)).astype(int)
+        self._sectors = sectors % self.parameters.beams
+
+    def reset(
+        self, *, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None
+    ) -> Tuple[Observed, Dict[str, Any]]:
+        """Begin an episode and return its first observation, and what else is known.
+
+        Args:
+            seed: Of this episode and those after it; as they come where None.
+            options: {"world": name} to choose one of a file, or {"world_seed": number} of what is generated.
+
+        Raises:
+            ValueError: There is no such world, or the robot cannot stand at its start.
+        """
+        super().reset(seed=seed)
+        self.close()
+        self._task = self._worlds.choose(self.np_random, options or {})
+        chance = int(self.np_random.integers(2**31))
+        self._simulation = Simulation(self._task.world, self._simulator, chance, robot=self._robot)
+        self._began = self._simulation.now
+        self._reached = 0
+        self._scan: Optional[LaserScan] = None
+        self._odometry: Optional[Odometry] = None
+        while self._scan is None or self._odometry is None:
+            self._take(self._simulation.step())
+        self._distance = self._distance_to_goal()
+        return self._observed(), self._info(False)
+
+    def step(self, action: Any) -> Tuple[Observed, float, bool, bool, Dict[str, Any]]:
+        """Drive at a velocity for a period and return observation, reward, terminated, truncated and more.
+
+        Raises:
+            ValueError: The velocity is not finite, or has another shape than the action space.
+        """
+        simulation = self._require_simulation()
+        wanted = np.asarray(action, dtype=float)
+        if wanted.shape != self.action_space.shape:
+            raise ValueError(f"an action has shape {wanted.shape}; it must be {self.action_space.shape}")
+        x, *aside, yaw = (np.clip(wanted, -1.0, 1.0) * self.top_velocity).tolist()
+        simulation.set_command(Twist2D(x, aside[0] if aside else 0.0, yaw))
+        touched = False
+        for _ in range(self._steps):
+            observations = simulation.step()
+            self._take(observations)
+            if observations.contacts:
+                touched = True
+                break
+        reward, success = self._reward(touched)
+        late = simulation.now - self._began > self._task.time_limit
+        return self._observed(), reward, touched or success, late and not (touched or success), self._info(success)
+
+    def close(self) -> None:
+        """Free the physics."""
+        if self._simulation is not None:
+            self._simulation.close()
+            self._simulation = None
+
+    def _reward(self, touched: bool) -> Tuple[float, bool]:
+        """Return what the step earned, and whether the last goal is reached; go on to the next goal."""
+        parameters = self.parameters
+        before, self._distance = self._distance, self._distance_to_goal()
+        earned = parameters.reward_progress * (before - self._distance)
+        earned += parameters.reward_time / parameters.control_rate
+        if touched:
+            return earned + parameters.reward_contact, False
+        radius = self._task.goal_radius or parameters.goal_radius
+        if self._distance > radius:
+            return earned, False
+        self._reached += 1
+        success = self._reached == len(self._task.goals)
+        if not success:
+            self._distance = self._distance_to_goal()
+        return earned + parameters.reward_goal, success
+
+    def _goal(self) -> Pose2D:
+        return self._task.goals[min(self._reached, len(self._task.goals) - 1)]
+
+    def _distance_to_goal(self) -> float:
+        """Return the true distance (m), by which rewards are given whatever the robot believes."""
+        return self._require_simulation().true_pose.distance_to(self._goal())
+
+    def _take(self, observations: Observations) -> None:
+        self._scan = observations.scan or self._scan
+        self._odometry = observations.odometry or self._odometry
+
+    def _observed(self) -> Observed:
+        simulation, scan, odometry = self._require_simulation(), self._scan, self._odometry
+        assert scan is not None and odometry is not None
+        believed = simulation.true_pose if self._follows_truth else self._task.world.start.compose(odometry.pose)
+        place = np.array(self._goal().relative_to(believed)[:2])
+        nearest = np.full(self.parameters.beams, scan.range_max)
+        measured = (scan.ranges >= scan.range_min) & (scan.ranges <= scan.range_max)
+        np.minimum.at(nearest, self._sectors[measured], scan.ranges[measured])
+        parts = {"scan": nearest, "goal": place, "velocity": np.array(odometry.velocity)}
+        return {name: np.clip(value.astype(np.float32), self.observation_space[name].low,
+                              self.observation_space[name].high) for name, value in parts.items()}
+
+    def _info(self, success: bool) -> Dict[str, Any]:
+        simulation = self._require_simulation()
+        return {
+            "world": self._task.name, "time": simulation.now - self._began, "distance": self._distance,
+            "goals_reached": self._reached, "success": success,
+        }
+
+    def _require_simulation(self) -> Simulation:
+        if self._simulation is None:
+            raise ValueError("the environment has no episode; call reset() first")
+        return self._simulation
+
+
+class _Worlds:
+    """Where episodes' worlds come from."""
+
+    def __init__(self, source: str, seeds: Sequence[int]) -> None:
+        self._kind = source if source in KINDS else None
+        self._seeds = int(seeds[0]), int(seeds[1])
+        if not 0 <= self._seeds[0] < self._seeds[1]:
+            raise ValueError(f"seeds are {tuple(seeds)}; they must be a first one, 0 or more, and one above it")
+        self._tasks: List[EpisodeTask] = [] if self._kind else load_tasks(source)
+
+    def choose(self, chance: np.random.Generator, options: Mapping[str, Any]) -> EpisodeTask:
+        """Return the task asked for, else one by chance.
+
+        Raises:
+            ValueError: There is none.
+        """
+        if self._kind:
+            seed = options.get("world_seed", int(chance.integers(*self._seeds)))
+            return _generated(self._kind, int(seed))
+        index = int(chance.integers(len(self._tasks)))
+        name = options.get("world", self._tasks[index].name)
+        found = [task for task in self._tasks if task.name == name]
+        if not found:
+            raise ValueError(f"there is no world '{name}'; there are {', '.join(t.name for t in self._tasks)}")
+        return found[0]
+
+
+@functools.lru_cache(maxsize=256)
+def _generated(kind: str, seed: int) -> EpisodeTask:
+    return task_of(world_of(Path("generated worlds"), 0, generate(kind, seed)))
+
+
+def vectorised(count: int, **arguments: Any) -> Any:
+    """Return gymnasium's vector environment of `count` environments, each in a process of its own.
+
+    Args:
+        count: How many; as many as there are cores is the fastest.
+        arguments: Of NavigationEnvironment.
+    """
+    made = functools.partial(NavigationEnvironment, **arguments)
+    return gymnasium.vector.AsyncVectorEnv([made] * count, context="spawn")
+
+
+if ID not in gymnasium.registry:
+    gymnasium.register(ID, entry_point=f"{__name__}:NavigationEnvironment")
