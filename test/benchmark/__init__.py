@@ -12,6 +12,7 @@ NAMES = (
     "footprint",
     "circle",
     "worlds",
+    "cluster",
     "environment",
     "web",
     "reliability",
