@@ -161,6 +161,12 @@ class ParameterSet:
         return [field.name for field in dataclasses.fields(cls)]
 
     @classmethod
+    def types(cls) -> Dict[str, Any]:
+        """Return the declared type of each parameter by its name."""
+        hints = typing.get_type_hints(cls)
+        return {name: hints[name] for name in cls.names()}
+
+    @classmethod
     def nearest_name(cls, name: str) -> Optional[str]:
         """Return the parameter whose name looks most like `name`, for error messages."""
         return nearest_of(name, cls.names())

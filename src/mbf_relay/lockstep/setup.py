@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Dict, Iterable, List, Optional, Tuple
+from typing import Any, Dict, Iterable, List, Optional, Tuple, Type
 
 from mbf_relay.costmap import LAYERS
 from mbf_relay.costmap.factory import build_costmap, layer_groups
@@ -19,6 +19,7 @@ from mbf_relay.lockstep.tasks import MAP_RESOLUTION, EpisodeTask
 from mbf_relay.maps import COARSEST, FINEST
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS
+from mbf_relay.parameters import ParameterSet
 from mbf_relay.plugins import create, find_class
 from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.robot import RobotModel
@@ -108,24 +109,33 @@ def _check_values(settings: Settings) -> None:
             create(entry["name"], entry["type"], server.get(entry["name"], {}), listed.base, listed.known)
 
 
-def known_names(settings: Settings) -> List[str]:
-    """Return the full name of every parameter there is: what the files say, and what the parts declare beside it."""
+def known_types(settings: Settings) -> Dict[str, Any]:
+    """Return the type of every parameter there is by its full name: as the parts declare it, else as the files say."""
     server = settings[SERVER]
-    names = set(flatten(settings))
-    names.update(f"simulator.{name}" for name in SimulationParameters.names())
-    names.update(f"amcl.{name}" for name in AmclParameters.names())
-    names.update(f"{SERVER}.{name}" for name in NavigatorParameters.names())
+    found: Dict[str, Any] = {name: type(value) for name, value in flatten(settings).items()}
+
+    def declare(prefix: str, parameters: Type[ParameterSet]) -> None:
+        found.update({f"{prefix}.{name}": declared for name, declared in parameters.types().items()})
+
+    declare("simulator", SimulationParameters)
+    declare("amcl", AmclParameters)
+    declare(SERVER, NavigatorParameters)
     for listed in PLUGIN_LISTS:
         for entry in server.get(listed.kind, []):
             parameters = find_class(entry["type"], listed.base, listed.known).Parameters
-            names.update(f"{SERVER}.{entry['name']}.{name}" for name in parameters.names())
+            declare(f"{SERVER}.{entry['name']}", parameters)
     for costmap in ("global_costmap", "local_costmap"):
         group = server.get(costmap, {})
-        names.update(f"{SERVER}.{costmap}.{name}" for name in CostmapParameters.names())
+        declare(f"{SERVER}.{costmap}", CostmapParameters)
         for layer, type_name, _ in layer_groups(group):
-            prefix = f"{SERVER}.{costmap}." + (f"{layer}." if "plugins" in group else "")
-            names.update(prefix + name for name in find_class(type_name, Layer, LAYERS).Parameters.names())
-    return sorted(names)
+            prefix = f"{SERVER}.{costmap}" + (f".{layer}" if "plugins" in group else "")
+            declare(prefix, find_class(type_name, Layer, LAYERS).Parameters)
+    return found
+
+
+def known_names(settings: Settings) -> List[str]:
+    """Return the full name of every parameter there is: what the files say, and what the parts declare beside it."""
+    return sorted(known_types(settings))
 
 
 def without_map(server: Dict[str, Any], task: EpisodeTask) -> Dict[str, Any]:

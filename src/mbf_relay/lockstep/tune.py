@@ -16,23 +16,19 @@ from mbf_relay.lockstep import tune_picture
 from mbf_relay.lockstep.batch import settings_of
 from mbf_relay.lockstep.command import without_remappings
 from mbf_relay.lockstep.compare_many import contrasts
-from mbf_relay.lockstep.episodes import EpisodeJob, Workers, drive_all
 from mbf_relay.lockstep.options import add_setup_options, add_worker_options, positive, seeds
-from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.settings import config_folder, full_name
-from mbf_relay.lockstep.setup import Setup, known_names, make_setup
+from mbf_relay.lockstep.setup import Setup, known_types, make_setup
 from mbf_relay.lockstep.sources import plugins_of
 from mbf_relay.lockstep.summary import MEASURES
 from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks
-from mbf_relay.lockstep.workers import workers_for
+from mbf_relay.lockstep.trials import Parameters, Plan, Range, Space, TrialDrives, search
+from mbf_relay.lockstep.workers import tell, workers_for
 
-Space = Dict[str, Tuple[float, float]]
 HELD_OUT = 3
 """Every so-manieth world is kept from the tuning, for the verdict."""
 OTHER_SEEDS = 1000
 """Added to the seeds for the verdict."""
-FIRST_LOOK = 3
-"""A losing trial is given up after one in so many of its worlds."""
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
@@ -44,10 +40,16 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         setup = _setup(options, tasks, [])
         space = read_space(options.param, options.space, setup)
         study = open_study(options, space, setup, tasks)
-        count = len(seen) * len(options.seeds)
+        count = len(seen) * len(options.seeds) * options.together
         where = options.scheduler, options.scheduler_file
+
+        def setup_of(parameters: Parameters) -> Setup:
+            return _setup(options, tasks, changes_of(parameters))
+
         with workers_for(count, options.jobs, plugins_of(setup), *where) as workers:
-            search(study, space, options, tasks, seen, workers)
+            drive = TrialDrives(workers, options.seeds, options.time_limit, setup_of)
+            plan = Plan(options.trials, options.together, options.seed, options.metric)
+            search(study, space, plan, seen, drive, tell)
             best = dict(study.best_params)
             write_best(options.out / "best", best)
             tune_picture.draw(
@@ -55,7 +57,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
                 [(trial.params, trial.value) for trial in study.get_trials() if trial.value is not None],
             )
             print("\n".join(f"{name}: {value:g}" for name, value in best.items()))
-            print(verdict(options, tasks, unseen, best, workers))
+            print(verdict(unseen, best, drive))
     except ValueError as error:
         print(f"tune.py: {error}", file=sys.stderr)
         return 1
@@ -96,17 +98,37 @@ def read_space(texts: Sequence[str], file: Optional[Path], setup: Setup) -> Spac
         ranges.append((name, low, high))
     if not ranges:
         raise ValueError("nothing to tune: give --param NAME=LOW:HIGH or --space FILE")
-    known = known_names(setup.settings)
+    types = known_types(setup.settings)
     space: Space = {}
     for name, first, last in ranges:
-        try:
-            bounds = float(first), float(last)
-        except (TypeError, ValueError):
-            raise ValueError(f"the range of {name} is {first} to {last}; it must be two numbers, LOW:HIGH") from None
-        if not bounds[0] < bounds[1] or not math.isfinite(bounds[1] - bounds[0]):
-            raise ValueError(f"the range of {name}, {bounds[0]:g} to {bounds[1]:g}, is empty")
-        space[full_name(name, known)] = bounds
+        full = full_name(name, sorted(types))
+        space[full] = _range(name, first, last, types[full])
     return dict(sorted(space.items()))
+
+
+def _range(name: str, first: Any, last: Any, declared: Any) -> Range:
+    """Return a parameter's range.
+
+    Args:
+        name: Of the parameter, for people.
+        first, last: Its ends, as somebody wrote them.
+        declared: The parameter's type.
+
+    Raises:
+        ValueError: It is none, or not one of that type.
+    """
+    try:
+        low, high = float(first), float(last)
+    except (TypeError, ValueError):
+        raise ValueError(f"the range of {name} is {first} to {last}; it must be two numbers, LOW:HIGH") from None
+    if not low < high or not math.isfinite(high - low):
+        raise ValueError(f"the range of {name}, {low:g} to {high:g}, is empty")
+    whole = declared in (int, Optional[int])
+    if not whole and declared not in (float, Optional[float]):
+        raise ValueError(f"{name} is no number; only numbers have a range")
+    if whole and not (low.is_integer() and high.is_integer()):
+        raise ValueError(f"the range of {name} is {low:g} to {high:g}; it is a whole number, and so must its ends be")
+    return Range(low, high, whole)
 
 
 def open_study(options: argparse.Namespace, space: Space, setup: Setup, tasks: Sequence[EpisodeTask]) -> Any:
@@ -123,11 +145,12 @@ def open_study(options: argparse.Namespace, space: Space, setup: Setup, tasks: S
     options.out.mkdir(parents=True, exist_ok=True)
     about = {
         "space": {name: list(bounds) for name, bounds in space.items()}, "metric": options.metric,
-        "seeds": options.seeds, "seed": options.seed, **settings_of(Path(options.worlds).name, tasks, setup),
+        "seeds": options.seeds, "seed": options.seed, "together": options.together,
+        **settings_of(Path(options.worlds).name, tasks, setup),
     }
     study = optuna.create_study(
         storage=f"sqlite:///{(options.out / 'study.db').resolve()}", study_name="mbf_relay", load_if_exists=True,
-        direction="maximize", pruner=optuna.pruners.MedianPruner(n_startup_trials=5),
+        direction="maximize",
     )
     before, now = study.user_attrs.get("about"), json.loads(json.dumps(about))
     if before is None:
@@ -138,56 +161,12 @@ def open_study(options: argparse.Namespace, space: Space, setup: Setup, tasks: S
     return study
 
 
-def search(
-    study: Any, space: Space, options: argparse.Namespace, tasks: Sequence[EpisodeTask],
-    seen: Sequence[EpisodeTask], workers: Workers,
-) -> None:
-    """Try parameters until there are as many trials as asked for.
-
-    Each trial's sampler is seeded by how many trials ended before it, so that a study that was interrupted goes on as
-    if it had not been.
-
-    Args:
-        study: See `open_study`.
-        space: Ranges by name.
-        options: Of the command.
-        tasks, seen: All worlds, and those to tune on.
-        workers: Who drive.
-    """
-    import optuna
-
-    ended = (optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED)
-    for trial in study.get_trials(states=(optuna.trial.TrialState.RUNNING,)):
-        study.tell(trial.number, state=optuna.trial.TrialState.FAIL)  # of a run that was killed
-    distributions = {name: optuna.distributions.FloatDistribution(*bounds) for name, bounds in space.items()}
-    while True:
-        number = len(study.get_trials(deepcopy=False, states=ended))
-        if number >= options.trials:
-            return
-        study.sampler = optuna.samplers.TPESampler(seed=options.seed + number, n_startup_trials=8)
-        trial = study.ask(distributions)
-        setup = _setup(options, tasks, [f"{name}={value!r}" for name, value in trial.params.items()])
-        results: List[EpisodeResult] = []
-        parts = [seen[0::FIRST_LOOK], [task for i, task in enumerate(seen) if i % FIRST_LOOK]]
-        for step, part in enumerate(filter(None, parts)):
-            results += _driven(part, setup, options.seeds, workers, options.time_limit)
-            trial.report(value_of(results, options.metric), step)
-            if step == 0 and trial.should_prune():
-                break
-        pruned = len(results) < len(seen) * len(options.seeds)
-        state = optuna.trial.TrialState.PRUNED if pruned else optuna.trial.TrialState.COMPLETE
-        value = value_of(results, options.metric)
-        study.tell(trial, None if pruned else value, state=state)
-        print(f"trial {number + 1}/{options.trials}: {value:.3f}{' (given up)' if pruned else ''}", file=sys.stderr)
+def changes_of(parameters: Parameters) -> List[str]:
+    """Return parameters as changes to settings."""
+    return [f"{name}={value!r}" for name, value in parameters.items()]
 
 
-def value_of(results: Sequence[EpisodeResult], metric: str) -> float:
-    """Return the mean of a measure; what is not measured counts 0."""
-    measure = next(measure for measure in MEASURES if measure.name == metric)
-    return sum(measure.of(result) or 0.0 for result in results) / len(results)
-
-
-def write_best(folder: Path, best: Dict[str, float]) -> None:
+def write_best(folder: Path, best: Parameters) -> None:
     """Write parameters by full name as a YAML file a node, which nodes and --config load as they are."""
     nodes: Dict[str, Any] = {}
     for name, value in best.items():
@@ -201,31 +180,17 @@ def write_best(folder: Path, best: Dict[str, float]) -> None:
         (folder / f"{node}.yaml").write_text(yaml.safe_dump(values), encoding="utf-8")
 
 
-def verdict(
-    options: argparse.Namespace, tasks: Sequence[EpisodeTask], unseen: Sequence[EpisodeTask], best: Dict[str, float],
-    workers: Workers,
-) -> str:
+def verdict(unseen: Sequence[EpisodeTask], best: Parameters, drive: TrialDrives) -> str:
     """Return whether the best parameters are better than those begun with, on worlds and seeds they never met."""
-    others = [seed + OTHER_SEEDS for seed in options.seeds]
-    changes = [f"{name}={value!r}" for name, value in best.items()]
-    before, after = (
-        _driven(unseen, _setup(options, tasks, made), others, workers, options.time_limit) for made in ([], changes)
-    )
+    others = drive.with_other_seeds([seed + OTHER_SEEDS for seed in drive.seeds])
+    before, after = others.results([({}, unseen), (best, unseen)])
     (found,) = contrasts([before, after])
-    lines = [f"on {len(unseen)} worlds with {len(others)} seeds each that it was not tuned on:"]
+    lines = [f"on {len(unseen)} worlds with {len(others.seeds)} seeds each that it was not tuned on:"]
     lines += [
         f"  {c.measure}: {c.difference.value:+.3f} {c.difference.interval()}, chance {c.chance:.3f}: {c.verdict}"
         for c in found if not math.isnan(c.value.value)
     ]
     return "\n".join(lines)
-
-
-def _driven(
-    tasks: Sequence[EpisodeTask], setup: Setup, with_seeds: Sequence[int], workers: Workers, time_limit: float
-) -> List[EpisodeResult]:
-    """Return the results of all worlds with all seeds, in one order however they ended."""
-    jobs = [EpisodeJob(task, setup, seed) for seed in with_seeds for task in tasks]
-    return sorted((result for _, result in drive_all(jobs, workers, time_limit)), key=lambda r: (r.world, r.seed))
 
 
 def _setup(options: argparse.Namespace, tasks: Sequence[EpisodeTask], changes: Sequence[str]) -> Setup:
@@ -243,6 +208,10 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--trials", type=positive, default=40, metavar="N", help="default 40")
     parser.add_argument(
         "--metric", choices=[measure.name for measure in MEASURES], default="score", help="maximised (default score)"
+    )
+    parser.add_argument(
+        "--together", type=positive, default=1, metavar="N",
+        help="trials side by side, drawn without each other's outcome: for more cores than a trial has episodes",
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the search")
     parser.add_argument("--seeds", type=seeds, default=[1], metavar="N|A-B", help="that each world is driven with")

@@ -1,5 +1,6 @@
 """The tune command: better parameters from a bad start, resumed as if never interrupted, and what is refused."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import yaml  # noqa: E402
 from mbf_relay.lockstep import tune, tune_picture  # noqa: E402
 
 SHORT = {**small_worlds.FREE, "goal": [0.6, 0.0, 0.0], "goal_radius": 0.2, "reference_path_length": 0.6}
+SAMPLE = Path(__file__).resolve().parents[3] / "config" / "worlds" / "sample.json"
 SLOW = ["--set", "controllers=[{name: mine, type: small_worlds.Slow}]", "--set", "mine.pace=0.03", "--jobs", "1"]
 
 
@@ -26,11 +28,12 @@ def trials(folder):
     import optuna
 
     study = optuna.load_study(study_name="mbf_relay", storage=f"sqlite:///{folder / 'study.db'}")
-    return [(trial.params, trial.value) for trial in study.get_trials() if trial.state.is_finished()]
+    return [(trial.params, trial.state.name, trial.value, trial.intermediate_values) for trial in study.get_trials()]
 
 
-def test_a_bad_start_is_beaten_and_a_resumed_study_is_that_of_one_go(tmp_path, capsys):
-    common = [worlds(tmp_path, 2), *SLOW, "--param", "mine.pace=0.03:0.2"]
+@pytest.mark.parametrize("together", ["1", "4"])
+def test_a_bad_start_is_beaten_and_a_resumed_study_is_that_of_one_go(tmp_path, capsys, together):
+    common = [worlds(tmp_path, 2), *SLOW, "--param", "mine.pace=0.03:0.2", "--together", together]
     assert tune.main([*common, "--trials", "3", "--out", str(tmp_path / "parts")]) == 0
     assert tune.main([*common, "--trials", "6", "--out", str(tmp_path / "parts")]) == 0
     assert tune.main([*common, "--trials", "6", "--out", str(tmp_path / "whole")]) == 0
@@ -42,10 +45,50 @@ def test_a_bad_start_is_beaten_and_a_resumed_study_is_that_of_one_go(tmp_path, c
     assert "  score: +" in capsys.readouterr().out
 
 
+def test_losing_trials_are_given_up_early_and_never_the_best(tmp_path, capsys):
+    out = tmp_path / "out"
+    arguments = [worlds(tmp_path, 4), *SLOW, "--param", "mine.pace=0.03:0.2", "--trials", "10", "--together", "5"]
+    assert tune.main([*arguments, "--out", str(out)]) == 0
+    found = trials(out)
+    assert {state for _, state, _, _ in found[:5]} == {"COMPLETE"}, "at first there is nothing to be held to"
+    given_up = [(value, steps) for _, state, value, steps in found if state == "PRUNED"]
+    assert given_up and all(value is None and set(steps) == {0} for value, steps in given_up)
+    whole = {value for _, state, value, _ in found if state == "COMPLETE"}
+    assert max(steps[0] for _, steps in given_up) < max(whole)
+    told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("trial ")]
+    assert len(told) == 10 and sum("(given up)" in line for line in told) == len(given_up)
+
+
+def test_a_whole_number_is_tuned_in_whole_numbers(tmp_path):
+    arguments = ["--param", "DWAPlannerROS.vx_samples=3:5", "--trials", "3", "--jobs", "1"]
+    assert tune.main([worlds(tmp_path, 1), *arguments, "--out", str(tmp_path / "out")]) == 0
+    found = [next(iter(parameters.values())) for parameters, *_ in trials(tmp_path / "out")]
+    assert all(isinstance(value, int) and 3 <= value <= 5 for value in found)
+    best = yaml.safe_load((tmp_path / "out" / "best" / "move_base_flex.yaml").read_text())
+    assert isinstance(best["DWAPlannerROS"]["vx_samples"], int)
+
+
+LONG = os.environ.get("MBF_RELAY_LONG") == "1"
+
+
+@pytest.mark.skipif(not LONG, reason="drives 40 trials through the sample worlds")
+def test_forty_trials_on_the_sample_worlds_beat_a_bad_start_for_certain(tmp_path, capsys):
+    bad = ["--set", "DWAPlannerROS.sim_time=0.3", "--set", "DWAPlannerROS.occdist_scale=0.0",
+           "--set", "DWAPlannerROS.path_distance_bias=0.5", "--set", "DWAPlannerROS.max_vel_x=0.06"]
+    searched = ["--param", "DWAPlannerROS.sim_time=0.3:3.0", "--param", "DWAPlannerROS.occdist_scale=0.0:0.1",
+                "--param", "DWAPlannerROS.path_distance_bias=0.5:64.0", "--param", "DWAPlannerROS.max_vel_x=0.06:0.22"]
+    common = [str(SAMPLE), "--seeds", "5", "--trials", "40", "--together", "4", "--out", str(tmp_path / "out")]
+    assert tune.main([*common, *bad, *searched]) == 0
+    shown = capsys.readouterr().out
+    assert "score: +" in shown and ": better" in shown, shown
+
+
 @pytest.mark.parametrize(
     "arguments, words",
     [
         ([], "nothing to tune"),
+        (["--param", "DWAPlannerROS.vx_samples=3:5.5"], "it is a whole number, and so must its ends be"),
+        (["--param", "recovery_enabled=0:1"], "is no number"),
         (["--param", "mine.pace=0.2:0.1"], "the range of mine.pace, 0.2 to 0.1, is empty"),
         (["--param", "mine.pace=fast"], "it must be two numbers"),
         (["--param", "mine.pase=0.1:0.2"], "did you mean 'move_base_flex.mine.pace'"),
