@@ -22,6 +22,7 @@ from mbf_relay.maps import (
 )
 from mbf_relay.ros.common.conversions import map_to_message
 from mbf_relay.ros.common.diagnostics import OK, Diagnostics, Report
+from mbf_relay.ros.common.node import spare_what_stays
 
 USAGE = "usage: map_server MAP.yaml (or, as it was long ago: map_server IMAGE RESOLUTION)"
 
@@ -123,5 +124,6 @@ def read_arguments(arguments: List[str]) -> OccupancyMap:
 def main() -> None:
     """Serve the map named on the command line until ROS shuts down."""
     server = MapServer(read_arguments(rospy.myargv(sys.argv)[1:]))
+    spare_what_stays()
     rospy.spin()
     del server

@@ -81,10 +81,6 @@ def serve(action: bool = True, topic: bool = True, own: Optional[Any] = None) ->
         KnownServer(client, settings), compose, parameters, publishers, server.lock if server else threading.RLock()
     )
     on_shutdown(relay.shut_down)  # before the first goal can come
-    if server is not None:
-        server.start()
-    if topic:
-        SimpleGoals(relay, through_action=action)
     if own is None:
         MakePlan(parameters, settings)
         ClearCostmaps(parameters.server, parameters.service_timeout)
@@ -93,6 +89,11 @@ def serve(action: bool = True, topic: bool = True, own: Optional[Any] = None) ->
         settings.serve()
     diagnostics = Diagnostics()
     diagnostics.add("relay", lambda: report(relay, client, parameters.server, publishers))
+    # goals come last: all above takes its time on a busy machine, and a goal's lease is renewed by the loop below
+    if server is not None:
+        server.start()
+    if topic:
+        SimpleGoals(relay, through_action=action)
     rospy.loginfo("move_base is here, carried out by %s", rospy.resolve_name(parameters.server))
     was_up = False
     # nothing here may wait for anybody: it renews the lease of what the robot drives for

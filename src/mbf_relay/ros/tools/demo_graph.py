@@ -11,9 +11,11 @@ import socket
 import subprocess
 import time
 import xmlrpc.client  # nosec B411: what the ROS master speaks
-from typing import Callable, Dict, Iterator, List, Tuple, cast
+from typing import Dict, Iterator, List, Tuple, cast
 
 import psutil
+
+from mbf_relay.ros.common.ending import interrupt_at_death_of
 
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 INTERRUPT_PATIENCE = 25.0
@@ -69,7 +71,7 @@ class DemoGraph:
         with open(log, "wb") as stream, uninterrupted():
             process = subprocess.Popen(
                 command, env=self.environment, stdin=subprocess.DEVNULL, stdout=stream, stderr=subprocess.STDOUT,
-                start_new_session=True, preexec_fn=_interrupt_at_death_of(os.getpid()),
+                start_new_session=True, preexec_fn=interrupt_at_death_of(os.getpid()),
             )
             self._processes.append(process)
         return process
@@ -138,19 +140,6 @@ def end(process: subprocess.Popen) -> None:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-
-
-def _interrupt_at_death_of(parent: int) -> Callable[[], None]:
-    """Return what a child does first: ask for a SIGINT when its parent dies, however it dies (Linux: prctl(2))."""
-    set_parent_death_signal = 1
-    prctl = ctypes.CDLL(None, use_errno=True).prctl
-
-    def ask() -> None:
-        prctl(set_parent_death_signal, signal.SIGINT, 0, 0, 0)
-        if os.getppid() != parent:
-            os._exit(1)
-
-    return ask
 
 
 def adopt_orphans() -> None:

@@ -1,0 +1,1 @@
+"""Several nodes forked from one parent, which has imported what they all need."""

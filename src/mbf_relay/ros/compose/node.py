@@ -1,0 +1,125 @@
+"""Nodes as one family of processes: what they have in common is imported, and lies in memory, once."""
+
+from __future__ import annotations
+
+import functools
+import gc
+import importlib
+import os
+import pkgutil
+import sys
+from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple
+
+from mbf_relay.ros.common.node import ALGEBRA_THREADS, run_node
+from mbf_relay.ros.compose.family import Family
+
+USAGE = """usage: compose [--no-respawn] -- NODE [ARGUMENT...] [-- NODE [ARGUMENT...]]... [-- [REMAPPING...]]
+
+Run several of the package's nodes as rosrun would run each of them, but as children of one process that has imported
+what they need. A node that ends is started again. Remappings behind a last -- are for all of them.
+
+  compose -- map_server map.yaml -- amcl scan:=laser -- move_base_flex -- move_base_relay --"""
+OPTION = "--no-respawn"
+WHEN_NEEDED = (
+    "configparser", "dynamic_reconfigure.server", "encodings.idna", "mbf_relay.ros.common.master_watch",
+    "mbf_relay.ros.common.reconfigure", "tempfile", "unicodedata",
+)
+"""Modules that nodes import once they run."""
+COMMON_ROOMS = ("cfg", "control", "costmap", "navigation", "planning", "recovery", "tracking")
+"""Rooms of which nodes import what their parameters name."""
+
+
+class Part(NamedTuple):
+    """A node as its executable runs it: its name, its main function and what that takes."""
+
+    name: str
+    place: str
+    arguments: Dict[str, Any]
+
+
+PARTS: Dict[str, Part] = {
+    "map_server": Part("map_server", "mbf_relay.ros.map_server.node.main", {}),
+    "amcl": Part("amcl", "mbf_relay.ros.amcl.node.main", {}),
+    "move_base_flex": Part("move_base_flex", "mbf_relay.ros.server.node.main", {}),
+    "move_base_relay": Part("move_base", "mbf_relay.ros.relay.node.serve", {"action": True, "topic": True}),
+    "mb_relay_server.py": Part("move_base", "mbf_relay.ros.relay.node.serve", {"action": True, "topic": False}),
+    "mb_relay_subscriber.py": Part("move_base", "mbf_relay.ros.relay.node.serve", {"action": False, "topic": True}),
+}
+"""By executable."""
+
+
+def main() -> int:
+    """Run the family the command line names and return its exit status."""
+    if {"-h", "--help"} & set(sys.argv[1:]):
+        print(USAGE)
+        return 0
+    try:
+        respawns, lines = read_arguments(sys.argv[1:])
+    except ValueError as error:
+        print(f"compose: {error}", file=sys.stderr)
+        return 1
+    preload([PARTS[line[0]].place for line in lines])
+    return Family({line[0]: functools.partial(live, line) for line in lines}, respawns).run()
+
+
+def read_arguments(arguments: Sequence[str]) -> Tuple[bool, List[List[str]]]:
+    """Return whether nodes are started again, and the command line of each.
+
+    Raises:
+        ValueError: They are not understood.
+    """
+    groups: List[List[str]] = [[]]
+    for argument in arguments:
+        if argument == "--":
+            groups.append([])
+        else:
+            groups[-1].append(argument)
+    options, *lines = groups
+    unknown = [option for option in options if option != OPTION]
+    if unknown:
+        raise ValueError(f"{unknown[0]} is no option; {USAGE.splitlines()[0]}")
+    for_all: List[str] = []
+    if lines and all(":=" in argument for argument in lines[-1]):
+        # roslaunch names the family and its log
+        for_all = [argument for argument in lines.pop() if not argument.startswith(("__name:=", "__log:="))]
+    if not lines:
+        raise ValueError(f"no node is named; {USAGE.splitlines()[0]}")
+    names = [line[0] if line else "" for line in lines]
+    for name in names:
+        if name not in PARTS:
+            raise ValueError(f"'{name}' cannot be a part; there are {', '.join(PARTS)}")
+        if names.count(name) > 1:
+            raise ValueError(f"{name} is named twice; each node can be there once")
+    return OPTION not in options, [line + for_all for line in lines]
+
+
+def preload(places: Sequence[str]) -> None:
+    """Import what nodes will import, in a process without threads, and leave it to no child to collect.
+
+    Args:
+        places: Their main functions.
+    """
+    os.environ.setdefault(ALGEBRA_THREADS, "1")  # before NumPy is imported
+    for name in (*WHEN_NEEDED, *(place.rpartition(".")[0] for place in places)):
+        importlib.import_module(name)
+    importlib.import_module("PIL.Image").preinit()  # what reads a map's image
+    package = importlib.import_module("mbf_relay")
+    for module in pkgutil.walk_packages(package.__path__, "mbf_relay.", onerror=lambda name: None):
+        if module.name.split(".")[1] in COMMON_ROOMS:
+            importlib.import_module(module.name)
+    gc.collect()
+    gc.freeze()  # a collection writes to all it looks at, and a page that is written to is shared no more
+
+
+def live(line: Sequence[str]) -> None:
+    """Be a node, by its command line; does not return."""
+    import rosgraph
+    import rospy
+
+    sys.argv = list(line)
+    remappings: Dict[str, str] = rospy.names.get_mappings()  # rospy has read the parent's
+    remappings.clear()
+    remappings.update(rosgraph.names.load_mappings(sys.argv))
+    part = PARTS[line[0]]
+    run: Callable[..., None] = run_node
+    run(part.name, part.place, **part.arguments)

@@ -1,0 +1,46 @@
+"""The command line of a family of nodes, and that its nodes are the executables'."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("mbf_msgs", reason="needs the built package")
+
+from mbf_relay.ros.compose.node import PARTS, read_arguments  # noqa: E402
+
+SCRIPTS = Path(__file__).resolve().parents[4] / "scripts"
+
+
+def test_each_node_has_its_own_words_and_those_for_all():
+    text = "-- map_server map.yaml -- amcl scan:=laser -- move_base_relay -- tf:=/tf2 __name:=navigation __log:=x.log"
+    assert read_arguments(text.split()) == (True, [
+        ["map_server", "map.yaml", "tf:=/tf2"], ["amcl", "scan:=laser", "tf:=/tf2"], ["move_base_relay", "tf:=/tf2"],
+    ])
+
+
+def test_nodes_may_stay_ended():
+    assert read_arguments(["--no-respawn", "--", "amcl"]) == (False, [["amcl"]])
+
+
+@pytest.mark.parametrize("text, words", [
+    ("", "no node is named"),
+    ("--", "no node is named"),
+    ("-- amcl -- simulator", "'simulator' cannot be a part; there are map_server, amcl"),
+    ("-- amcl -- -- map_server", "'' cannot be a part"),
+    ("-- amcl -- amcl", "amcl is named twice"),
+    ("--respawn -- amcl", "--respawn is no option"),
+    ("amcl", "amcl is no option"),
+])
+def test_what_is_wrong_is_said(text, words):
+    with pytest.raises(ValueError, match=words):
+        read_arguments(text.split())
+
+
+@pytest.mark.parametrize("executable", PARTS)
+def test_a_part_is_what_its_executable_is(executable):
+    tree = ast.parse((SCRIPTS / executable).read_text(encoding="utf-8"))
+    call, = (node for node in ast.walk(tree) if isinstance(node, ast.Call))
+    name, place = (ast.literal_eval(argument) for argument in call.args)
+    arguments = {keyword.arg: ast.literal_eval(keyword.value) for keyword in call.keywords}
+    assert PARTS[executable] == (name, place, arguments)

@@ -1,0 +1,94 @@
+"""A family of processes: what ends is there again, and nobody is left behind."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import psutil
+import pytest
+from ros_testing import wait_until
+
+pytest.importorskip("mbf_relay")
+
+PROGRAM = """
+import os, signal, sys, time
+from mbf_relay.ros.compose.family import Family
+
+def sleep(name):
+    os.write(1, f"{name} {os.getpid()}\\n".encode())  # at once: a sibling writes, too
+    while True:
+        time.sleep(60.0)
+
+def fail():
+    sys.exit(3)
+
+tasks = {"one": lambda: sleep("one"), "two": lambda: sleep("two")}
+if "fail" in sys.argv:
+    tasks = {"bad": fail, "good": lambda: None}
+sys.exit(Family(tasks, respawns="respawn" in sys.argv).run())
+"""
+
+
+class Running:
+    """The program, and the processes it has told of."""
+
+    def __init__(self, *arguments):
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, *arguments], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.kill()
+        self.process.communicate()
+
+    def told(self):
+        """Return the next name and process."""
+        name, pid = self.process.stdout.readline().split()
+        return name.decode(), psutil.Process(int(pid))
+
+
+def has_ended(process):
+    return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
+
+
+def test_a_node_that_is_killed_is_there_again_and_its_sibling_drives_on():
+    with Running("respawn") as program:
+        children = dict(program.told() for _ in range(2))
+        children["one"].kill()
+        name, successor = program.told()
+        assert name == "one" and successor.pid != children["one"].pid
+        assert not has_ended(children["two"])
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_all(number):
+    with Running("respawn") as program:
+        children = [program.told()[1] for _ in range(2)]
+        program.process.send_signal(number)
+        assert program.process.wait(30.0) == 0
+        assert all(has_ended(child) for child in children)
+
+
+def test_no_node_outlives_a_parent_that_is_killed():
+    with Running("respawn") as program:
+        children = [program.told()[1] for _ in range(2)]
+        program.process.kill()
+        for child in children:
+            wait_until(lambda child=child: has_ended(child), "a child to end")
+
+
+def test_a_child_that_does_not_end_is_killed():
+    with Running("respawn") as program:
+        children = [program.told()[1] for _ in range(2)]
+        os.kill(children[0].pid, signal.SIGSTOP)
+        program.process.terminate()
+        assert program.process.wait(30.0) == 0
+        assert all(has_ended(child) for child in children)
+
+
+def test_without_respawn_the_end_of_all_is_the_end_and_tells_of_a_failure():
+    with Running("fail") as program:
+        assert program.process.wait(30.0) == 1
