@@ -30,6 +30,8 @@ TIME_LIMIT = 1250.0
 
 SLOW = ("contract", "unit/lockstep", "node/relay.test", "unit/control", "unit/ros", "unit/ros/common", "unit/costmap")
 """Jobs that start first, since the others are done sooner than these alone."""
+SLOWEST = 8
+"""Jobs whose time is told at the end."""
 
 
 class Kind(enum.Enum):
@@ -275,6 +277,9 @@ def report(outcomes: List[Outcome], seconds: float) -> int:
                 print("\n".join(stream.read().splitlines()[-40:]))
     passed, failed = sum(o.passed for o in outcomes), sum(o.failed for o in outcomes)
     skipped = sum(o.skipped for o in outcomes)
+    slowest = sorted(outcomes, key=lambda outcome: -outcome.seconds)[:SLOWEST]
+    if len(outcomes) > SLOWEST:
+        print("\nlongest: " + ", ".join(f"{outcome.job.name} {outcome.seconds:.0f} s" for outcome in slowest))
     print(f"\n{len(outcomes)} jobs in {seconds:.0f} s" + (f", {skipped} tests skipped" if skipped else ""))
     print(f"{passed} passed, {failed} failed")
     return 1 if failed else 0

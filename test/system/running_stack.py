@@ -18,7 +18,8 @@ from mbf_relay.geometry import Pose2D  # noqa: E402
 from mbf_relay.ros.common.conversions import pose_from_message  # noqa: E402
 
 OF_THE_MACHINE = (
-    "the machine is too slow for it", "no velocity command answered the last scan", "Inbound TCP/IP connection failed",
+    "the machine is too slow for it", "the robot drives slower until that is less",
+    "no velocity command answered the last scan", "Inbound TCP/IP connection failed",
 )
 """What the simulator says where the machine cannot keep up, and rospy of a client that ended while it connected."""
 

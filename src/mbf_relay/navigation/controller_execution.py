@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from typing import Any, Callable, NamedTuple, Optional, Tuple
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from mbf_relay.control.controller import Controller
 from mbf_relay.control.state import ControlState, GoalTolerance
 from mbf_relay.geometry import STOP, Twist2D, angle_between
+from mbf_relay.navigation.cycle_load import CycleLoad
 from mbf_relay.navigation.goals import FollowFeedback, FollowGoal, FollowResult, FramedPose
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.progress import IgnoredCommands, OscillationDetector
@@ -88,6 +90,7 @@ class ControllerExecution:
         self._since_start, self._since_valid, self._since_call = Stopwatch(), Stopwatch(), Stopwatch()
         self._since_pose = Stopwatch()
         self._retries = 0
+        self._load = CycleLoad()
         self._oscillation, self._ignored = OscillationDetector(), IgnoredCommands()
 
     @property
@@ -247,6 +250,7 @@ class ControllerExecution:
             self._end(Ending.CANCELED, ControlOutcome.CANCELED, "Controller canceled")
             return
         assert self._view is not None
+        velocity = self._at_the_machines_pace(now, velocity)
         self._send(velocity)
         self._since_valid.start(now)
         self._retries = 0
@@ -262,6 +266,18 @@ class ControllerExecution:
             self._end(Ending.ABORTED, ControlOutcome.OSCILLATION, message)
             return
         self._report(ControlOutcome.SUCCESS, "")
+
+    def _at_the_machines_pace(self, now: float, velocity: Twist2D) -> Twist2D:
+        """Return a velocity along the same arc, slower where cycles take so long that some are about to be missed."""
+        period, thinking = 1.0 / self._parameters().controller_frequency, self._since_call.elapsed(now)
+        if self._load.note(thinking, period):
+            warnings.warn(
+                f"controller '{self.instance.name}' thinks for {self._load.share:.0%} of its period of {period:.2f} s; "
+                "the robot drives slower until that is less: lower controller_frequency or the controller's samples",
+                RuntimeWarning, stacklevel=1,
+            )
+        factor = self._load.speed_factor
+        return velocity if factor == 1.0 else Twist2D(*(factor * part for part in velocity))
 
     # cycles without a velocity
 

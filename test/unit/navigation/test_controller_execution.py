@@ -341,3 +341,24 @@ def test_a_path_that_came_while_the_controller_thought_is_taken_up_the_moment_it
     bench.step(0.02)  # it returns
     bench.step(0.02)  # what it thought of the new path is there: no cycle was waited for
     assert [path for path, _ in bench.script.paths] == [PATH, newer] and bench.robot.sent == [FORWARD]
+
+
+def drive_with_cycles_of(bench, seconds, count):
+    """Drive for so many cycles of a controller that takes so long, and return the speeds that were commanded."""
+    bench.navigator.exe_path(FollowGoal(PATH))
+    bench.navigator.update(bench.now)
+    before = len(bench.robot.sent)
+    while len(bench.robot.sent) < before + count:
+        bench.step(seconds)
+    return bench.robot.sent
+
+
+def test_a_robot_whose_computer_falls_behind_drives_slower_and_says_so_once(held_bench):
+    with pytest.warns(RuntimeWarning, match=r"thinks for \d+% of its period of 0\.10 s; the robot drives slow") as said:
+        sent = drive_with_cycles_of(held_bench, 0.1, 40)  # as long as the period
+    assert len(said) == 1
+    assert sent[0] == FORWARD and sent[-1].x == pytest.approx(0.7 * FORWARD.x, rel=0.01)
+
+
+def test_a_robot_whose_computer_keeps_up_is_not_slowed(held_bench):
+    assert set(drive_with_cycles_of(held_bench, 0.05, 40)) == {FORWARD}

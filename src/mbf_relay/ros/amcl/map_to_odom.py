@@ -11,7 +11,9 @@ import rospy
 from mbf_relay.geometry import Pose2D
 from mbf_relay.ros.common.transforms import TransformPublisher
 
-KEEP_ALIVE_PERIOD = 0.02
+SHORTEST_LOOK, LONGEST_LOOK = 0.02, 0.1
+"""Wall time (s) between two looks at whether to send it on its own: a tenth of how far it is dated ahead, within these.
+"""
 REMEMBERED = 50
 """Stamps sent lately that are not used again."""
 PAUSE = 0.3
@@ -67,7 +69,7 @@ class MapToOdom:
             self._stamps.append(stamp)
 
     def _keep_alive(self) -> None:
-        while not self._stop.wait(KEEP_ALIVE_PERIOD):
+        while not self._stop.wait(min(max(SHORTEST_LOOK, 0.1 * self._tolerance), LONGEST_LOOK)):
             self.look(rospy.get_rostime())
 
     def look(self, now: rospy.Time) -> None:

@@ -75,8 +75,8 @@ class AmclNode:
         self._newest_scan: Optional[Tuple[LaserScan, Pose2D]] = None
         self._update_seconds = 0.0
         self._reliability: Optional[float] = None
-        self.transforms = Transforms()
         self._queue = ScanQueue()
+        self.transforms = Transforms(changed=self._queue.look_again)
         self._geometry = LidarGeometry(self.transforms)
         self._map_to_odom = MapToOdom(TransformPublisher())
         self._pose_publisher = rospy.Publisher("amcl_pose", PoseWithCovarianceStamped, queue_size=2, latch=True)

@@ -20,7 +20,8 @@ class ScanQueue:
     """
 
     def __init__(self, length: int = 100) -> None:
-        self._changed = threading.Condition()  # guards the deque; nothing else is locked while it is held
+        self._changed = threading.Condition()  # guards all below; nothing else is locked while it is held
+        self._has_news = False
         self._waiting: Deque[LaserScanMessage] = deque(maxlen=length)
 
     def put(self, message: LaserScanMessage) -> None:
@@ -29,13 +30,21 @@ class ScanQueue:
             if self._waiting and message.header.stamp + _ONE_SECOND < self._waiting[-1].header.stamp:
                 self._waiting.clear()  # time was set back: what waits belongs to a world that is over
             self._waiting.append(message)
+            self._has_news = True
             self._changed.notify()
 
-    def take(self, is_ready: Callable[[LaserScanMessage], bool], timeout: float) -> List[LaserScanMessage]:
-        """Return the newest ready scan of each frame, or nothing after `timeout` seconds of wall time without one."""
+    def look_again(self) -> None:
+        """Have what waits asked again whether it is ready; call when transforms have come."""
         with self._changed:
-            if not self._waiting:
-                self._changed.wait(timeout)
+            if self._waiting:
+                self._has_news = True
+                self._changed.notify()
+
+    def take(self, is_ready: Callable[[LaserScanMessage], bool], timeout: float) -> List[LaserScanMessage]:
+        """Return the newest ready scan of each frame; nothing where none is, after news or `timeout` wall seconds."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._has_news, timeout)
+            self._has_news = False
             waiting = list(self._waiting)
         ready: Dict[str, LaserScanMessage] = {
             message.header.frame_id: message for message in waiting if is_ready(message)
@@ -49,8 +58,6 @@ class ScanQueue:
             ]
             self._waiting.clear()
             self._waiting.extend(left)
-            if not ready and left:
-                self._changed.wait(min(timeout, 0.005))  # tf tells nobody of its changes
         return sorted(ready.values(), key=lambda message: message.header.stamp)
 
     def oldest(self) -> Optional[LaserScanMessage]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from typing import Any, Dict, List, Optional
+from typing import Any, Callable, Dict, List, Optional
 
 import rospy
 import tf2_ros
@@ -28,10 +28,11 @@ class CheckedListener(tf2_ros.TransformListener):
     Args:
         buffer: Takes the transforms.
         cache_time: Age (s) beyond which the buffer keeps nothing.
+        changed: Called after each message that was taken.
     """
 
-    def __init__(self, buffer: Any, cache_time: float) -> None:
-        self._cache_time = cache_time
+    def __init__(self, buffer: Any, cache_time: float, changed: Callable[[], None]) -> None:
+        self._cache_time, self._changed = cache_time, changed
         self._trouble: Dict[str, ThrottledWarnings] = {}  # by child frame; a busy machine's hiccup is worth no warning
         super().__init__(buffer, buff_size=1 << 20, tcp_nodelay=True)
 
@@ -39,11 +40,13 @@ class CheckedListener(tf2_ros.TransformListener):
         """Take a message of /tf."""
         data.transforms = [transform for transform in data.transforms if self._is_sound(transform, self._cache_time)]
         super().callback(data)
+        self._changed()
 
     def static_callback(self, data: TFMessage) -> None:
         """Take a message of /tf_static, whose stamps say nothing."""
         data.transforms = [transform for transform in data.transforms if self._is_sound(transform, None)]
         super().static_callback(data)
+        self._changed()
 
     def _is_sound(self, message: TransformStamped, max_age: Optional[float]) -> bool:
         try:
@@ -63,11 +66,16 @@ class CheckedListener(tf2_ros.TransformListener):
 
 
 class Transforms:
-    """A tf buffer that gives planar poses."""
+    """A tf buffer that gives planar poses.
 
-    def __init__(self, cache_time: float = 10.0) -> None:
+    Args:
+        cache_time: Age (s) beyond which it keeps nothing.
+        changed: Called after each message of /tf and /tf_static, in the subscriber's thread.
+    """
+
+    def __init__(self, cache_time: float = 10.0, changed: Callable[[], None] = lambda: None) -> None:
         self.buffer = tf2_ros.Buffer(rospy.Duration(cache_time))
-        self._listener = CheckedListener(self.buffer, cache_time)
+        self._listener = CheckedListener(self.buffer, cache_time, changed)
 
     def close(self) -> None:
         """Stop listening."""

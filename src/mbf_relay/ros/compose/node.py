@@ -29,7 +29,7 @@ COMMON_ROOMS = ("cfg", "control", "costmap", "navigation", "planning", "recovery
 """Rooms of which nodes import what their parameters name."""
 
 
-class Part(NamedTuple):
+class Member(NamedTuple):
     """A node as its executable runs it: its name, its main function and what that takes."""
 
     name: str
@@ -37,13 +37,13 @@ class Part(NamedTuple):
     arguments: Dict[str, Any]
 
 
-PARTS: Dict[str, Part] = {
-    "map_server": Part("map_server", "mbf_relay.ros.map_server.node.main", {}),
-    "amcl": Part("amcl", "mbf_relay.ros.amcl.node.main", {}),
-    "move_base_flex": Part("move_base_flex", "mbf_relay.ros.server.node.main", {}),
-    "move_base_relay": Part("move_base", "mbf_relay.ros.relay.node.serve", {"action": True, "topic": True}),
-    "mb_relay_server.py": Part("move_base", "mbf_relay.ros.relay.node.serve", {"action": True, "topic": False}),
-    "mb_relay_subscriber.py": Part("move_base", "mbf_relay.ros.relay.node.serve", {"action": False, "topic": True}),
+MEMBERS: Dict[str, Member] = {
+    "map_server": Member("map_server", "mbf_relay.ros.map_server.node.main", {}),
+    "amcl": Member("amcl", "mbf_relay.ros.amcl.node.main", {}),
+    "move_base_flex": Member("move_base_flex", "mbf_relay.ros.server.node.main", {}),
+    "move_base_relay": Member("move_base", "mbf_relay.ros.relay.node.serve", {"action": True, "topic": True}),
+    "mb_relay_server.py": Member("move_base", "mbf_relay.ros.relay.node.serve", {"action": True, "topic": False}),
+    "mb_relay_subscriber.py": Member("move_base", "mbf_relay.ros.relay.node.serve", {"action": False, "topic": True}),
 }
 """By executable."""
 
@@ -58,7 +58,7 @@ def main() -> int:
     except ValueError as error:
         print(f"compose: {error}", file=sys.stderr)
         return 1
-    preload([PARTS[line[0]].place for line in lines])
+    preload([MEMBERS[line[0]].place for line in lines])
     return Family({line[0]: functools.partial(live, line) for line in lines}, respawns).run()
 
 
@@ -86,8 +86,8 @@ def read_arguments(arguments: Sequence[str]) -> Tuple[bool, List[List[str]]]:
         raise ValueError(f"no node is named; {USAGE.splitlines()[0]}")
     names = [line[0] if line else "" for line in lines]
     for name in names:
-        if name not in PARTS:
-            raise ValueError(f"'{name}' cannot be a part; there are {', '.join(PARTS)}")
+        if name not in MEMBERS:
+            raise ValueError(f"'{name}' cannot be a member; there are {', '.join(MEMBERS)}")
         if names.count(name) > 1:
             raise ValueError(f"{name} is named twice; each node can be there once")
     return OPTION not in options, [line + for_all for line in lines]
@@ -120,6 +120,6 @@ def live(line: Sequence[str]) -> None:
     remappings: Dict[str, str] = rospy.names.get_mappings()  # rospy has read the parent's
     remappings.clear()
     remappings.update(rosgraph.names.load_mappings(sys.argv))
-    part = PARTS[line[0]]
+    member = MEMBERS[line[0]]
     run: Callable[..., None] = run_node
-    run(part.name, part.place, **part.arguments)
+    run(member.name, member.place, **member.arguments)

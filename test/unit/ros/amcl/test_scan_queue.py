@@ -1,6 +1,7 @@
 """Scans are given out once, when they are ready, and the newest of each lidar alone."""
 
 import math
+import threading
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ rospy = pytest.importorskip("rospy")
 from geometry_msgs.msg import Transform  # noqa: E402
 from hypothesis import given  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
+from ros_testing import wait_until  # noqa: E402
 from sensor_msgs.msg import LaserScan as LaserScanMessage  # noqa: E402
 
 from mbf_relay.ros.amcl.scan_queue import ScanQueue  # noqa: E402
@@ -140,3 +142,20 @@ def test_the_mounting_is_looked_up_once_until_it_is_forgotten():
     geometry.forget()
     geometry.scan_in_base(message(1.0), "base_link")
     assert len(lookups.asked) == 2
+
+
+def test_a_scan_is_given_as_soon_as_its_transform_has_come():
+    queue, transforms = filled((1.0, "front")), []
+    given = []
+
+    def work():
+        while not given:
+            given.extend(queue.take(lambda _: bool(transforms), 60.0))
+
+    worker = threading.Thread(target=work, daemon=True)
+    worker.start()  # asks at once, in vain, and then waits for news
+    wait_until(lambda: not queue._has_news, "the first look")
+    transforms.append("odom")
+    queue.look_again()
+    worker.join(30.0)
+    assert stamps(given) == [("front", 1.0)]

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
-from mbf_relay.ros.compose.node import PARTS, read_arguments  # noqa: E402
+from mbf_relay.ros.compose.node import MEMBERS, read_arguments  # noqa: E402
 
 SCRIPTS = Path(__file__).resolve().parents[4] / "scripts"
 
@@ -26,8 +26,8 @@ def test_nodes_may_stay_ended():
 @pytest.mark.parametrize("text, words", [
     ("", "no node is named"),
     ("--", "no node is named"),
-    ("-- amcl -- simulator", "'simulator' cannot be a part; there are map_server, amcl"),
-    ("-- amcl -- -- map_server", "'' cannot be a part"),
+    ("-- amcl -- simulator", "'simulator' cannot be a member; there are map_server, amcl"),
+    ("-- amcl -- -- map_server", "'' cannot be a member"),
     ("-- amcl -- amcl", "amcl is named twice"),
     ("--respawn -- amcl", "--respawn is no option"),
     ("amcl", "amcl is no option"),
@@ -37,10 +37,10 @@ def test_what_is_wrong_is_said(text, words):
         read_arguments(text.split())
 
 
-@pytest.mark.parametrize("executable", PARTS)
-def test_a_part_is_what_its_executable_is(executable):
+@pytest.mark.parametrize("executable", MEMBERS)
+def test_a_member_is_what_its_executable_is(executable):
     tree = ast.parse((SCRIPTS / executable).read_text(encoding="utf-8"))
     call, = (node for node in ast.walk(tree) if isinstance(node, ast.Call))
     name, place = (ast.literal_eval(argument) for argument in call.args)
     arguments = {keyword.arg: ast.literal_eval(keyword.value) for keyword in call.keywords}
-    assert PARTS[executable] == (name, place, arguments)
+    assert MEMBERS[executable] == (name, place, arguments)
