@@ -11,7 +11,10 @@ import numpy as np
 from mbf_relay.geometry import Pose2D, normalize_angles
 
 FLOOR = np.array([0.02, 0.02, 0.01])
-"""Least deviations (m, m, rad) that a distribution fitted to particles is given, so that it can be inverted."""
+"""Least deviations (m, m, rad) of a cluster of particles: what lies in one place can neither spread nor be fitted."""
+
+LEAST = 1e-3
+"""Share of FLOOR's variance that is added in any case: particles on one line cannot be fitted either."""
 
 LOG_NORMALIZER = -1.5 * math.log(2.0 * math.pi)
 
@@ -25,7 +28,7 @@ class PoseGaussian:
 
     @staticmethod
     def fitted(poses: np.ndarray, weights: np.ndarray) -> PoseGaussian:
-        """Return the distribution with the moments of weighted poses, shape (N, 3), never narrower than FLOOR."""
+        """Return the distribution with the moments of weighted poses, shape (N, 3)."""
         share = weights / weights.sum()
         headings = poses[:, 2].copy()
         x, y, cos, sin = (
@@ -33,7 +36,13 @@ class PoseGaussian:
         )
         mean = np.array([x, y, math.atan2(sin, cos)])
         offsets = differences(poses, mean)
-        return PoseGaussian(mean, (offsets * share[:, None]).T @ offsets + np.diag(FLOOR ** 2))
+        return PoseGaussian(mean, (offsets * share[:, None]).T @ offsets)
+
+    def shortfall(self) -> np.ndarray:
+        """Return the deviations, shape (3,), of independent noise that makes it no narrower than FLOOR."""
+        floor = np.square(FLOOR)
+        deviations: np.ndarray = np.sqrt(np.maximum(floor - np.diag(self.covariance), LEAST * floor))
+        return deviations
 
     @property
     def information(self) -> np.ndarray:

@@ -89,6 +89,7 @@ class Hypotheses:
         endpoints: np.ndarray,
         laser: np.ndarray,
         way: float,
+        news: float,
     ) -> Tuple[float, float]:
         """Pull all rivals to where a scan fits, and weigh them and the one held by it.
 
@@ -98,13 +99,14 @@ class Hypotheses:
             evidence: Judges the poses.
             endpoints: Of the scan, shape (B, 2), in the base's frame.
             laser: Position of the sensor in the base's frame, shape (2,).
-            way: Metres driven since the last scan.
+            way: Metres driven since the last scan of this lidar.
+            news: Share of the scan, 0 to 1, that earlier ones have not told.
 
         Returns:
             The shares of the beams that hit what the map has, and that passed through it, at the pose held.
         """
         for rival in self.rivals:
-            modes = likelihood.modes(rival.belief.mean[None, :], rival.belief, endpoints)
+            modes = likelihood.modes(rival.belief.mean[None, :], rival.belief, endpoints, news)
             rival.belief = PoseGaussian(modes.poses[0], modes.covariances[0])
             rival.scans += 1
         poses = np.array([held] + [rival.belief.mean for rival in self.rivals])

@@ -54,7 +54,7 @@ class Localizer:
         self.log_weights: np.ndarray
         self._odom_pose: Optional[Pose2D] = None
         self._awaited: Dict[str, bool] = {}
-        self._updates = 0
+        self._updates = 0.0
         self._converged = False
         self.field = DistanceField(occupancy, parameters.laser_likelihood_max_dist)
         self._averages = AverageLikelihood()
@@ -183,16 +183,17 @@ class Localizer:
         if self._odom_pose is not None:
             self._propagate(before, odom_pose)
         if self.parameters.robust:
-            self._correct(scan, laser_pose_in_base)
+            self._updates += self._correct(scan, laser_pose_in_base)
         else:
             self._reweight(beams)
+            self._updates += 1.0
         # As in amcl the first scan after a start, which counts anyway, leaves a request to the second.
         self._forced = self._forced and self._odom_pose is None
         self._odom_pose = odom_pose
         self._awaited[scan.frame] = False
-        self._updates += 1
         self.last_estimate = self._estimate()
-        if self._updates % self.parameters.resample_interval == 0:
+        if self._updates >= self.parameters.resample_interval:
+            self._updates = 0.0
             self._resample()
         self.map_from_odom = self.last_estimate.pose.compose(odom_pose.inverse())
         return self.last_estimate
@@ -221,11 +222,12 @@ class Localizer:
             self._tracker.predict(after.relative_to(before), self._motion_model.covariance(before, after))
         self.poses = self._motion_model.propagate(self.poses, before, after, self._rng)
 
-    def _correct(self, scan: LaserScan, laser_pose: Pose2D) -> None:
-        """Redraw particles with the whole scan in view, weigh them, and normalise."""
+    def _correct(self, scan: LaserScan, laser_pose: Pose2D) -> float:
+        """Redraw particles with the whole scan in view, weigh them, and normalise; return how much of it was news."""
         beams = pick_beams(scan, laser_pose, 1, self.parameters.laser_min_range, self.parameters.laser_max_range)
-        self.poses, log_weights = self._tracker.correct(self.poses, self.log_weights, beams, self._rng)
-        self.log_weights = log_weights - log_sum_exp(log_weights)
+        corrected = self._tracker.correct(self.poses, self.log_weights, beams, scan.frame, self._rng)
+        self.poses, self.log_weights = corrected.poses, corrected.log_weights - log_sum_exp(corrected.log_weights)
+        return corrected.news
 
     def _reweight(self, beams: Beams) -> None:
         """Weigh each particle by how the scan fits, and normalise (table 8.2, line 5)."""
@@ -275,7 +277,7 @@ class Localizer:
         self._odom_pose = None
         self._awaited = {}
         self._forced = self._converged = False
-        self._updates = 0
+        self._updates = 0.0
         self._tracker.start()
 
     def _make_models(self) -> None:

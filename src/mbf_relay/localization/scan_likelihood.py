@@ -61,24 +61,32 @@ class ScanLikelihood:
         self._table = np.log(np.float32(1.0 - OUTLIERS) * np.exp(squared) + np.float32(OUTLIERS))
         self._outside = math.log(OUTLIERS)
 
-    def log(self, poses: np.ndarray, endpoints: np.ndarray) -> np.ndarray:
-        """Return the tempered log-likelihood of endpoints, shape (B, 2) in the base's frame, at poses, shape (N, 3)."""
+    def log(self, poses: np.ndarray, endpoints: np.ndarray, news: float = 1.0) -> np.ndarray:
+        """Return the tempered log-likelihood of a scan at poses.
+
+        Args:
+            poses: Shape (N, 3), in the map's frame.
+            endpoints: Of the scan, shape (B, 2), in the base's frame.
+            news: Share of the scan, 0 to 1, that earlier ones have not told.
+        """
         sums = np.empty(len(poses))
         sum_over_endpoints(np.ascontiguousarray(poses), endpoints, self._table, self._outside, self._frame, sums)
-        return sums * temper(len(endpoints))
+        return sums * (news * temper(len(endpoints)))
 
-    def modes(self, starts: np.ndarray, prior: PoseGaussian, endpoints: np.ndarray) -> Modes:
+    def modes(
+        self, starts: np.ndarray, prior: PoseGaussian, endpoints: np.ndarray, news: float = 1.0
+    ) -> Modes:
         """Climb from each start, shape (K, 3), to the nearest maximum of prior times likelihood; one of each is kept.
         """
         poses = np.array(starts, dtype=float, order="C")
         covariances, explained = np.empty((len(poses), 3, 3)), np.empty(len(poses))
         sigmas = np.array([max(WIDE_SIGMA, self._sigma), self._sigma])
         climb(
-            poses, endpoints, self._distances, self._frame, sigmas, OUTLIERS, temper(len(endpoints)),
+            poses, endpoints, self._distances, self._frame, sigmas, OUTLIERS, news * temper(len(endpoints)),
             prior.mean, prior.information, ITERATIONS, covariances, explained,
         )
         poses[:, 2] = normalize_angles(poses[:, 2])
-        heights = self.log(poses, endpoints) + prior.log_density(poses)
+        heights = self.log(poses, endpoints, news) + prior.log_density(poses)
         kept = apart(poses, heights, len(poses), distance=0.02, turn=0.01)
         masses = heights[kept] + 0.5 * np.linalg.slogdet(covariances[kept])[1]
         return Modes(poses[kept], covariances[kept], masses, explained[kept])

@@ -26,7 +26,8 @@ MANY_STARTS = 150
 AT_LARGE = np.array([1.0, 1.0, 0.7])
 """Deviations (m, m, rad) from which a cluster is more than one place, and is climbed from many."""
 DRAWN = 0.5
-"""Share of a cluster that is drawn around its maxima; the rest stays where odometry put it."""
+"""Share of a cluster that is drawn around its maxima by a scan that is all news; the rest stays where odometry put it.
+"""
 
 FULL_CREDIT = 0.6
 """Share of the beams the map must explain for a scan to be believed in full; below, with the third power."""
@@ -56,7 +57,7 @@ class ScanProposal:
         self._likelihood = likelihood
 
     def propose(
-        self, poses: np.ndarray, log_weights: np.ndarray, endpoints: np.ndarray, rng: np.random.Generator
+        self, poses: np.ndarray, log_weights: np.ndarray, endpoints: np.ndarray, news: float, rng: np.random.Generator
     ) -> Proposed:
         """Return a new particle set.
 
@@ -64,16 +65,17 @@ class ScanProposal:
             poses: Particles as odometry moved them, shape (N, 3).
             log_weights: Shape (N,).
             endpoints: Of the scan, shape (B, 2), thinned out, in the base's frame.
+            news: Share of the scan, 0 to 1, that earlier ones have not told.
             rng: Where chance comes from.
         """
         labels, count = cluster(poses)
         poses, log_weights = poses.copy(), log_weights.copy()
-        likelihoods = self._likelihood.log(poses, endpoints)
+        likelihoods = self._likelihood.log(poses, endpoints, news)
         weights = np.exp(log_weights + likelihoods - (log_weights + likelihoods).max())
         best, explained = PoseGaussian(poses[0], np.eye(3)), 0.0
         for rank, (label, _) in enumerate(heaviest_first(labels, weights, count)[:CLUSTERS]):
             members = np.nonzero(labels == label)[0]
-            modes = self._redraw(members, poses, log_weights, likelihoods, endpoints, rng)
+            modes = self._redraw(members, poses, log_weights, likelihoods, endpoints, news, rng)
             if rank == 0:
                 top = int(np.argmax(modes.log_masses))
                 best, explained = PoseGaussian(modes.poses[top], modes.covariances[top]), float(modes.explained[top])
@@ -83,23 +85,32 @@ class ScanProposal:
 
     def _redraw(
         self, members: np.ndarray, poses: np.ndarray, log_weights: np.ndarray, likelihoods: np.ndarray,
-        endpoints: np.ndarray, rng: np.random.Generator,
+        endpoints: np.ndarray, news: float, rng: np.random.Generator,
     ) -> Modes:
-        """Draw a part of a cluster anew around the maxima of its posterior; changes the three arrays in place."""
-        own, own_weights = poses[members], log_weights[members]
-        prior = PoseGaussian.fitted(own, np.exp(own_weights - own_weights.max()))
-        values = likelihoods[members] + own_weights
+        """Draw a part of a cluster anew around the maxima of its posterior; changes the three arrays in place.
+
+        Those that stay and those drawn are samples of two distributions of one target, and weighed together by the
+        balance heuristic (Veach and Guibas 1995). What stays keeps its weight in that: forgotten, the belief would
+        widen at every scan, of itself.
+        """
+        own_weights = log_weights[members]
+        total = log_sum_exp(own_weights)
+        fitted = PoseGaussian.fitted(poses[members], np.exp(own_weights - total))
+        prior = fitted.widened(fitted.shortfall())
+        own = poses[members] + fitted.shortfall() * rng.standard_normal((len(members), 3))
         spread = np.sqrt(np.diag(prior.covariance))
         count = MANY_STARTS if (spread > AT_LARGE).any() else STARTS
-        starts = own[apart(own, values, count, distance=0.1, turn=0.06)]
-        modes = self._likelihood.modes(np.vstack((starts, prior.mean)), prior, endpoints)
+        starts = own[apart(own, likelihoods[members] + own_weights, count, distance=0.1, turn=0.06)]
+        modes = self._likelihood.modes(np.vstack((starts, prior.mean)), prior, endpoints, news)
         around = mixture_around(modes)
-        drawn = rng.random(len(members)) < DRAWN
-        own[drawn] = around.sample(int(drawn.sum()), rng)
-        if drawn.any():
-            likelihoods[members[drawn]] = self._likelihood.log(own[drawn], endpoints)
-        target = prior.log_density(own)
-        proposal = np.logaddexp(math.log(1.0 - DRAWN) + target, math.log(DRAWN) + around.log_density(own))
-        poses[members] = own
-        log_weights[members] = log_sum_exp(own_weights) - math.log(len(members)) + target - proposal
+        drawn = rng.random(len(members)) < DRAWN * news
+        if drawn.any() and not drawn.all():
+            share = float(drawn.mean())
+            own[drawn] = around.sample(int(drawn.sum()), rng)
+            target = prior.log_density(own)
+            both = np.logaddexp(math.log(1.0 - share) + target, math.log(share) + around.log_density(own))
+            log_weights[members] = total + target - both + np.where(
+                drawn, -math.log(len(members)), math.log(1.0 - share) + own_weights - log_sum_exp(own_weights[~drawn])
+            )
+        poses[members], likelihoods[members] = own, self._likelihood.log(own, endpoints, news)
         return modes

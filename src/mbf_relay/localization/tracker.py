@@ -9,7 +9,7 @@ decide     a rival with better evidence over several scans takes over
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Optional, Tuple
+from typing import Dict, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -46,6 +46,11 @@ CONTRADICTED = 0.08
 another place that happens to be mapped better is no reason to leave; a wall that is passed through is."""
 ANYWHERE = np.array([100.0, 100.0, 10.0])
 START_MARGIN = 0.2
+VIEW = 1.0
+"""Way (m) after which a lidar's scan is all news. Those on the way hit the same walls, and err alike where the map
+lacks some: counted in full, a robot that looks every few centimetres would be sure, and pulled astray, many times."""
+STANDING = 0.02
+"""Way (m) that any scan counts as: a robot that stands and asks for updates gets a little surer."""
 
 
 class Doubt:
@@ -71,10 +76,17 @@ class Doubt:
 
 
 class Corrected(NamedTuple):
-    """Particles after a scan: poses of shape (N, 3), log-weights of shape (N,), not normalised."""
+    """Particles after a scan.
+
+    Attributes:
+        poses: Shape (N, 3).
+        log_weights: Shape (N,), not normalised.
+        news: Share of the scan, 0 to 1, that earlier ones had not told.
+    """
 
     poses: np.ndarray
     log_weights: np.ndarray
+    news: float
 
 
 class HypothesisTracker:
@@ -107,6 +119,7 @@ class HypothesisTracker:
         self.hypotheses.clear()
         self._doubt = Doubt()
         self._anywhere = anywhere
+        self._ways: Dict[str, float] = {}  # since the last scan of each lidar that told something
         self._way = self._since_nearby = self._since_anywhere = 0.0
         self.fit = Reliability()
 
@@ -114,31 +127,39 @@ class HypothesisTracker:
         """Move rivals by a step of odometry with noise of a covariance, shape (3, 3), in the base's frame."""
         way = float(np.hypot(step.x, step.y)) + METRES_PER_RADIAN * abs(step.theta)
         self._way += way
+        for lidar in self._ways:
+            self._ways[lidar] += way
         self._since_nearby += way
         self._since_anywhere += way
         self.hypotheses.predict(lambda belief: belief.moved(step, noise), way)
 
-    def correct(self, poses: np.ndarray, log_weights: np.ndarray, beams: Beams, rng: np.random.Generator) -> Corrected:
+    def correct(
+        self, poses: np.ndarray, log_weights: np.ndarray, beams: Beams, lidar: str, rng: np.random.Generator
+    ) -> Corrected:
         """Take a scan.
 
         Args:
             poses: Particles as odometry moved them, shape (N, 3).
             log_weights: Shape (N,).
             beams: Of the scan, all of them.
+            lidar: Frame of the one that took it: what it has told lately is no news.
             rng: Where chance comes from.
         """
         endpoints = thin_out(beams.hits)
         way, self._way = self._way, 0.0
         if len(endpoints) < FEWEST_BEAMS:
-            return Corrected(poses, log_weights)
+            return Corrected(poses, log_weights, min(1.0, way / VIEW))
+        news = min(1.0, max(self._ways[lidar], STANDING) / VIEW) if lidar in self._ways else 1.0
+        since, self._ways[lidar] = self._ways.get(lidar, 0.0), 0.0
         laser = np.array([beams.laser_pose.x, beams.laser_pose.y])
         if self._anywhere:
             started = self._start_anywhere(endpoints, laser)
             if started is not None:
                 poses, log_weights = drawn_around(started, rng)
-        proposed = self._proposal.propose(poses, log_weights, endpoints, rng)
+        proposed = self._proposal.propose(poses, log_weights, endpoints, news, rng)
         held = proposed.best
-        self.fit.look(*self.hypotheses.correct(held.mean, self._likelihood, self._evidence, endpoints, laser, way), way)
+        fit = self.hypotheses.correct(held.mean, self._likelihood, self._evidence, endpoints, laser, since, news)
+        self.fit.look(*fit, way)
         if self._doubt.look(proposed.explained, way):
             self._look_for_rivals(held, proposed.explained, endpoints, laser, rng)
         else:
@@ -146,8 +167,8 @@ class HypothesisTracker:
         winner = self.hypotheses.challenge(held)
         if winner is not None:
             self._doubt.way, self.fit = 0.0, Reliability()
-            return Corrected(*drawn_around(winner, rng))
-        return Corrected(proposed.poses, proposed.log_weights)
+            return Corrected(*drawn_around(winner, rng), news)
+        return Corrected(proposed.poses, proposed.log_weights, news)
 
     def find(self, hits: np.ndarray, margin: float = START_MARGIN) -> Places:
         """Return all places on the map where a scan with ends at `hits`, shape (B, 2), fits nearly as well as anywhere.

@@ -13,6 +13,7 @@ from mbf_relay.localization.hypotheses import PROVEN_SCANS, Hypotheses
 from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.scan_likelihood import ScanLikelihood, thin_out
+from mbf_relay.localization.tracker import HypothesisTracker
 from mbf_relay.maps import OccupancyMap
 
 NARROW = np.diag([0.05, 0.05, 0.02]) ** 2
@@ -35,7 +36,7 @@ class Room:
     def see(self, occupancy, truth, way=1.0):
         beams = pick_beams(scan_at(occupancy, truth, np.random.default_rng(1)), IDENTITY, 1)
         self.hypotheses.predict(lambda belief: belief, way)
-        return self.hypotheses.correct(self.held, self.likelihood, self.evidence, thin_out(beams.hits), LASER, way)
+        return self.hypotheses.correct(self.held, self.likelihood, self.evidence, thin_out(beams.hits), LASER, way, 1.0)
 
 
 def test_a_rival_never_wins_on_one_scan_however_well_it_fits():
@@ -60,6 +61,24 @@ def test_standing_still_proves_nothing():
         made.see(room(), TRUTH, way=0.0)
     assert made.hypotheses.rivals[0].log_weight == pytest.approx(before)
     assert made.hypotheses.challenge(PoseGaussian(made.held, NARROW)) is None
+
+
+def test_the_second_lidar_tells_places_apart_too():
+    """One lidar sees bare floor, the other the room: what it has to say must not be lost to the first's being first."""
+    weights = {}
+    for lidars in (("front",), ("front", "rear")):
+        field = DistanceField(room(), 2.0)
+        tracker, rng = HypothesisTracker(field, 0.2), np.random.default_rng(1)
+        tracker.hypotheses.add(np.array([TRUTH]), np.array([NARROW]), np.array(ELSEWHERE), -7.0)
+        poses = PoseGaussian(np.array(ELSEWHERE), NARROW).sample(500, rng)
+        beams = pick_beams(scan_at(room(), TRUTH, rng), IDENTITY, 1)
+        for _ in range(4):
+            for lidar in lidars:
+                tracker.correct(poses, np.full(500, -6.0), beams, lidar, rng)
+            tracker.predict(Pose2D(0.1, 0.0, 0.0), NARROW)
+            tracker.hypotheses.rivals[0].belief = PoseGaussian(np.array(TRUTH), NARROW)  # it stands, all said and done
+        weights[len(lidars)] = tracker.hypotheses.rivals[0].log_weight - tracker.hypotheses.held
+    assert weights[2] > weights[1] + 0.3
 
 
 def test_equal_evidence_gives_equal_weight():

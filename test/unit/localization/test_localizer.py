@@ -104,6 +104,45 @@ def test_each_lidar_gives_one_scan_to_an_update():
     assert made.process(Pose2D(0.3, 0.0, 0.0), front, IDENTITY) is not None
 
 
+@pytest.mark.parametrize("resample_interval", [1, 2])
+def test_a_robot_is_as_sure_of_its_place_however_often_it_looks(resample_interval):
+    """In a bare corridor the way along is odometry's; across, scans on the way say what the last one said."""
+    data = np.zeros((60, 400), dtype=np.int8)
+    data[8:10] = data[50:52] = 100
+    corridor, spreads = OccupancyMap(data, 0.05, Pose2D(0.0, 0.0, 0.0)), []
+    for steps in (5, 25, 125):
+        made = localizer(corridor, start=Pose2D(8.0, 1.5, 0.0), update_min_d=0.0, resample_interval=resample_interval)
+        for step in range(steps + 1):
+            driven = 2.0 * step / steps
+            scan = scan_at(corridor, Pose2D(8.0 + driven, 1.5, 0.0), np.random.default_rng(step))
+            estimate = made.process(Pose2D(driven, 0.0, 0.0), scan, IDENTITY)
+        spreads.append(np.sqrt(np.diag(estimate.covariance)))
+    along, across, _ = np.array(spreads).T
+    assert max(along) < 1.3 * min(along)
+    assert max(across) < 2.0 * min(across)
+
+
+def test_a_wall_the_map_lacks_pulls_no_harder_on_a_robot_that_looks_more_often():
+    whole = np.zeros((60, 400), dtype=np.int8)
+    whole[8:10] = whole[50:52] = 100
+    for column in (150, 190, 230, 270):
+        whole[44:52, column:column + 8] = 100
+    lacking = whole.copy()
+    lacking[:, 180:260] = 0
+    world, pulled = OccupancyMap(whole, 0.05, Pose2D(0.0, 0.0, 0.0)), {}
+    for steps in (10, 200):
+        made = localizer(
+            OccupancyMap(lacking, 0.05, Pose2D(0.0, 0.0, 0.0)), start=Pose2D(9.0, 1.4, 0.0), update_min_d=0.0
+        )
+        for step in range(steps + 1):
+            driven = 3.0 * step / steps
+            truth = Pose2D(9.0 + driven, 1.4, 0.0)
+            scan = scan_at(world, truth, np.random.default_rng(step), range_max=3.5)
+            estimate = made.process(Pose2D(driven, 0.0, 0.0), scan, IDENTITY)
+        pulled[steps] = estimate.pose.distance_to(truth)
+    assert pulled[200] < max(0.3, 1.5 * pulled[10])
+
+
 def test_resampling_keeps_its_interval_and_can_wait_for_need():
     made, occupancy = localizer(resample_interval=3, robust=False), room()
     drive(made, occupancy, updates=2)

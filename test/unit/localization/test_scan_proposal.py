@@ -8,7 +8,7 @@ from synthetic_room import room, scan_at
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.localization.beams import pick_beams
 from mbf_relay.localization.distance_field import DistanceField
-from mbf_relay.localization.gaussians import PoseGaussian, PoseMixture, log_sum_exp
+from mbf_relay.localization.gaussians import FLOOR, PoseGaussian, PoseMixture, log_sum_exp
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.refinement_kernels import invert, linearize
 from mbf_relay.localization.replay import errors, replay
@@ -97,13 +97,31 @@ def test_particles_stay_a_sample_of_prior_times_likelihood():
     rng = np.random.default_rng(3)
     poses = prior.sample(20000, rng)
     poses, log_weights, *_ = ScanProposal(likelihood(occupancy)).propose(
-        poses, np.full(20000, -math.log(20000)), thin_out(hits(occupancy, truth)), rng
+        poses, np.full(20000, -math.log(20000)), thin_out(hits(occupancy, truth)), 1.0, rng
     )
     weights = np.exp(log_weights - log_sum_exp(log_weights))
     mean = weights @ poses[:, 0]
     assert mean == pytest.approx(10.3, abs=0.02)
     assert math.sqrt(weights @ (poses[:, 0] - mean) ** 2) == pytest.approx(0.15, rel=0.1)
     assert 1.0 / np.square(weights).sum() > 2000.0
+
+
+def test_a_robot_that_stands_is_not_less_sure_with_every_scan():
+    """Particles have weights between two resamplings; who stays and forgets them widens the belief at every scan."""
+    occupancy, proposal, rng = corridor(), ScanProposal(likelihood(corridor())), np.random.default_rng(4)
+    endpoints = thin_out(hits(occupancy, Pose2D(10.0, 1.5, 0.0)))
+    poses, log_weights = PoseGaussian(np.array([10.3, 1.5, 0.0]), ODOMETRY).sample(8000, rng), np.full(8000, -9.0)
+    for _ in range(30):
+        poses, log_weights, *_ = proposal.propose(poses, log_weights, endpoints, 0.05, rng)
+    weights = np.exp(log_weights - log_sum_exp(log_weights))
+    assert math.sqrt(weights @ (poses[:, 0] - weights @ poses[:, 0]) ** 2) == pytest.approx(0.15, rel=0.25)
+
+
+def test_particles_all_in_one_place_spread_as_far_as_they_are_told_to():
+    proposal, rng = ScanProposal(likelihood(corridor())), np.random.default_rng(4)
+    endpoints = thin_out(hits(corridor(), Pose2D(10.0, 1.5, 0.0)))
+    poses, _, *_ = proposal.propose(np.tile((10.0, 1.5, 0.0), (4000, 1)), np.full(4000, -8.0), endpoints, 0.0, rng)
+    assert 0.9 * FLOOR[0] < poses[:, 0].std() < 1.4 * FLOOR[0]
 
 
 def test_densities_are_normalised_and_samples_have_their_moments():
