@@ -126,7 +126,8 @@ class TestReadme(unittest.TestCase):
         shutil.copy(os.path.join(self.folder.name, "my_map.yaml"), os.path.join(self.folder.name, "map.yaml"))
         shutil.copy(str(ROOT / "config" / "amcl.yaml"), self.folder.name)
         self.run_to_end(self.command("bag_to_log.py"))
-        self.run_to_end(self.command("localize_log.py"))
+        self.run_to_end(self.command("localize_log.py", "--params"))
+        self.run_to_end(self.command("localize_log.py", "--stress"))
         trajectory = np.loadtxt(os.path.join(self.folder.name, "result", "trajectory.csv"), delimiter=",", skiprows=1)
         self.assertLess(np.hypot(*(trajectory[-1, 1:3] - (-1.990, -0.508))), 0.1, "the circle ends where it began")
 

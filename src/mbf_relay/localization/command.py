@@ -1,4 +1,4 @@
-"""localize_log.py: replay a recorded log without ROS, and say how far it was off."""
+"""localize_log.py: replay recorded logs without ROS, and say how far they were off."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import json
 import os
 import sys
 import time
-from typing import Any, Dict, List, Mapping, Optional, Tuple
+from dataclasses import fields
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.logs import RecordedLog, load_log
 from mbf_relay.localization.node_parameters import AmclParameters, initial_pose_from
 from mbf_relay.localization.replay import Replay, replay, summarize
+from mbf_relay.localization.stress import Stress, parse_stress
+from mbf_relay.localization.trials import LogTask, as_json, run, summarize_trials, table
 from mbf_relay.maps import OccupancyMap, load_map
 
 
@@ -26,13 +29,20 @@ def parse_arguments(arguments: Optional[List[str]] = None) -> argparse.Namespace
         prog="localize_log.py",
         description=__doc__,
         epilog="LOG.npz holds t (N), odom (N, 3: x, y, yaw), ranges (N, B), angle_min, angle_increment, and where "
-        "known "
-        "ref (N, 3), laser_pose (3) and range_max. bag_to_log.py makes one from a bag.",
+        "known ref (N, 3), laser_pose (3) and range_max. bag_to_log.py makes one from a bag. With several logs or "
+        f"seeds, or under stress, a table with 95 %% intervals is made. Stresses: {', '.join(describe_stresses())}.",
     )
-    parser.add_argument("log", metavar="LOG.npz")
-    parser.add_argument("map", metavar="MAP.yaml")
+    parser.add_argument(
+        "files", metavar="FILE", nargs="+", help="LOG.npz ... MAP.yaml: logs, and then the map they belong to; again "
+        "for further maps",
+    )
     parser.add_argument("--params", metavar="FILE", help="amcl's parameters (YAML); its defaults where not given")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the filter's chance (default 0)")
+    parser.add_argument("--seeds", type=int, default=1, metavar="N", help="how many, from --seed on (default 1)")
+    parser.add_argument(
+        "--stress", action="append", default=[], metavar="NAME=NUMBER,...",
+        help="also try the logs made harder, e.g. unmapped=0.3,range_max=3.5; may be given several times",
+    )
     parser.add_argument("--out", metavar="DIR", help="where to write (default: LOG_localized)")
     start = parser.add_mutually_exclusive_group()
     start.add_argument(
@@ -41,6 +51,32 @@ def parse_arguments(arguments: Optional[List[str]] = None) -> argparse.Namespace
     )
     start.add_argument("--global-localization", action="store_true", help="start anywhere on the map")
     return parser.parse_args(arguments)
+
+
+def describe_stresses() -> List[str]:
+    """Return the names of stresses, each with what it means."""
+    return [f"{field.name} ({field.metadata['description'].replace('%', '%%')})" for field in fields(Stress)]
+
+
+def pair_up(paths: Sequence[str]) -> List[Tuple[str, str]]:
+    """Return each log with the map that follows it.
+
+    Raises:
+        ValueError: A log has no map after it, or there is no log.
+    """
+    pairs: List[Tuple[str, str]] = []
+    waiting: List[str] = []
+    for path in paths:
+        if path.endswith((".yaml", ".yml")):
+            pairs += [(log, path) for log in waiting]
+            waiting = []
+        else:
+            waiting.append(path)
+    if waiting or not pairs:
+        raise ValueError(
+            f"log {waiting[0]} has no map; name its MAP.yaml after it" if waiting else f"there is no log in {paths[0]}"
+        )
+    return pairs
 
 
 def read_parameters(path: Optional[str]) -> Tuple[AmclParameters, Mapping[str, Any]]:
@@ -115,17 +151,45 @@ def main(arguments: Optional[List[str]] = None) -> int:
     """Run the command; return its exit status."""
     options = parse_arguments(arguments)
     try:
-        log, occupancy = load_log(options.log), load_map(options.map)
-        parameters, values = read_parameters(options.params)
-        start, covariance = choose_start(options, values, log)
-        result = replay(
-            log, occupancy, parameters, np.random.default_rng(options.seed), start, covariance, clock=time.perf_counter
-        )
-        figures = {**summarize(result, log), "seed": options.seed, "log": options.log, "map": options.map}
-        folder = options.out or os.path.splitext(os.path.basename(options.log))[0] + "_localized"
-        write_results(folder, log, occupancy, result, figures)
+        pairs, stresses = pair_up(options.files), [Stress()] + [parse_stress(text) for text in options.stress]
+        if options.seeds < 1:
+            raise ValueError(f"--seeds is {options.seeds}; it must be at least 1")
+        many = len(pairs) > 1 or options.seeds > 1 or len(stresses) > 1
+        lines = try_all(options, pairs, stresses) if many else replay_one(options, *pairs[0])
     except (OSError, ValueError) as error:
         print(f"localize_log.py: {' '.join(str(error).split())}", file=sys.stderr)
         return 1
-    print("\n".join(describe(figures) + [f"written to {folder}"]))
+    print("\n".join(lines))
     return 0
+
+
+def replay_one(options: argparse.Namespace, log_path: str, map_path: str) -> List[str]:
+    """Replay one log once, write everything about it, and return what a person is told."""
+    log, occupancy = load_log(log_path), load_map(map_path)
+    parameters, values = read_parameters(options.params)
+    start, covariance = choose_start(options, values, log)
+    result = replay(
+        log, occupancy, parameters, np.random.default_rng(options.seed), start, covariance, clock=time.perf_counter
+    )
+    figures = {**summarize(result, log), "seed": options.seed, "log": log_path, "map": map_path}
+    folder = options.out or os.path.splitext(os.path.basename(log_path))[0] + "_localized"
+    write_results(folder, log, occupancy, result, figures)
+    return describe(figures) + [f"written to {folder}"]
+
+
+def try_all(options: argparse.Namespace, pairs: Sequence[Tuple[str, str]], stresses: Sequence[Stress]) -> List[str]:
+    """Try all logs with all seeds under all stresses, and return a table; it is written where --out says so."""
+    parameters, values = read_parameters(options.params)
+    seeds, done = range(options.seed, options.seed + options.seeds), []
+    for log_path, map_path in pairs:
+        log, occupancy = load_log(log_path), load_map(map_path)
+        start, covariance = choose_start(options, values, log)
+        task = LogTask(log_path, log, occupancy, start, covariance)
+        done += list(run(task, parameters, stresses, seeds))
+    rows = summarize_trials(done)
+    if options.out:
+        os.makedirs(options.out, exist_ok=True)
+        with open(os.path.join(options.out, "trials.json"), "w", encoding="utf-8") as file:
+            json.dump(as_json(rows), file, indent=2)
+            file.write("\n")
+    return table(rows).split("\n")

@@ -99,9 +99,34 @@ def test_the_command_writes_way_figures_and_picture(tmp_path, capsys):
     assert "translation error [m]: mean" in printed and "time per update [ms]" in printed
 
 
+def test_many_logs_seeds_and_stresses_give_a_table_with_intervals(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, seed in (("one", 1), ("other", 2)):
+        made = make_drive("hall", 12, Rough(beams=60), np.random.default_rng(seed))
+        save_log(f"{name}.npz", made.log)
+        save_map(name, made.occupancy)
+    files = ["one.npz", "one.yaml", "other.npz", "other.yaml"]
+    assert main([*files, "--seeds", "2", "--stress", "unmapped=0.9,every=2", "--out", "out"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 1 + 2 * 3 and "within 0.5 m" in lines[0]
+    assert lines[1].startswith("one.npz") and "as recorded" in lines[1] and "[" in lines[1]
+    assert lines[6].startswith("all") and "unmapped=0.9 every=2" in lines[6]
+    rows = json.loads((tmp_path / "out" / "trials.json").read_text())
+    assert [row["trials"] for row in rows] == [2, 2, 4, 2, 2, 4]
+    assert all(row["right"]["low"] <= row["right"]["value"] <= row["right"]["high"] for row in rows)
+    recorded, stressed = (row["right"]["value"] for row in rows if row["log"] == "all")
+    assert recorded > 0.9 > stressed
+
+
 @pytest.mark.parametrize(
     "arguments, complaint",
     [
+        (["log.npz"], "log.npz has no map"),
+        (["map.yaml"], "there is no log"),
+        (["log.npz", "map.yaml", "--seeds", "0"], "--seeds is 0"),
+        (["log.npz", "map.yaml", "--stress", "rain=1"], "stress 'rain' is unknown; there are odometry, slips"),
+        (["log.npz", "map.yaml", "--stress", "unmapped"], "stress 'unmapped' is not NAME=NUMBER"),
+        (["log.npz", "map.yaml", "--stress", "unmapped=2"], "unmapped is 2.0"),
         (["none.npz", "map.yaml"], "none.npz"),
         (["log.npz", "none.yaml"], "none.yaml"),
         (["log.npz", "map.yaml", "--params", "bad.yaml"], "kld_err"),

@@ -1,0 +1,117 @@
+"""Stress: a recorded drive made harder in one way or several, to see what a filter bears."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import Any, Dict, Tuple
+
+import numpy as np
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.distance_field import OCCUPIED_FROM
+from mbf_relay.localization.logs import RecordedLog
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.parameters import ParameterSet, parameter
+
+BLOCK = 2.0
+"""Side (m) of what a map lacks as a whole: a wall that was built, a shelf that was moved."""
+SLIP_SIZE = 0.3
+"""Mean length (m) of a slip; its tail is exponential."""
+
+
+@dataclass(frozen=True)
+class Stress(ParameterSet):
+    """What is made worse; the defaults leave a drive as it was recorded."""
+
+    odometry: float = parameter(
+        0.0, "further error of odometry after one metre; it grows with the root of the way", unit="m", minimum=0.0,
+        maximum=1.0,
+    )
+    slips: float = parameter(
+        0.0, "slips to a metre, at each of which the wheels spin on for 0.3 m, about", unit="1/m", minimum=0.0,
+        maximum=10.0,
+    )
+    unmapped: float = parameter(0.0, "share of the map's blocks of 2 m that are taken out", minimum=0.0, maximum=1.0)
+    range_max: float = parameter(0.0, "readings from here on are none; 0 for all", unit="m", minimum=0.0)
+    beams: int = parameter(0, "beams left of a scan, evenly spread; 0 for all", minimum=0)
+    every: int = parameter(1, "every which scan is left", minimum=1)
+
+    def __str__(self) -> str:
+        changed = [f for f in fields(self) if getattr(self, f.name) != f.default]
+        return " ".join(f"{f.name}={getattr(self, f.name):g}" for f in changed) or "as recorded"
+
+
+def parse_stress(text: str) -> Stress:
+    """Return the stress that `name=value,name=value` stands for; ValueError where it is none."""
+    values: Dict[str, Any] = {}
+    for part in text.split(","):
+        name, equals, value = part.partition("=")
+        try:
+            values[name.strip()] = float(value) if name.strip() not in ("beams", "every") else int(value)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise ValueError(f"stress '{part}' is not NAME=NUMBER; e.g. --stress unmapped=0.3,range_max=3.5")
+    known = [field.name for field in fields(Stress)]
+    for name in values:
+        if name not in known:
+            raise ValueError(f"stress '{name}' is unknown; there are {', '.join(known)}")
+    return Stress.from_mapping(values)
+
+
+def stressed(
+    log: RecordedLog, occupancy: OccupancyMap, stress: Stress, rng: np.random.Generator
+) -> Tuple[RecordedLog, OccupancyMap]:
+    """Return a log and its map made harder.
+
+    Args:
+        log: The drive.
+        occupancy: Its map.
+        stress: How.
+        rng: Where chance comes from.
+    """
+    odom = spoil(log.odom, stress, rng)[:: stress.every]
+    ranges, increment, range_max = log.ranges[:: stress.every], log.angle_increment, log.range_max
+    if stress.beams:
+        step = max(1, -(-ranges.shape[1] // stress.beams))
+        ranges, increment = np.ascontiguousarray(ranges[:, ::step]), increment * step
+    if stress.range_max:
+        range_max = min(range_max, stress.range_max)
+        ranges = np.where(ranges >= range_max, np.inf, ranges)
+    reference = None if log.reference is None else log.reference[:: stress.every]
+    harder = replace(
+        log, times=log.times[:: stress.every], odom=odom, ranges=ranges, angle_increment=increment,
+        range_max=range_max, reference=reference,
+    )
+    return harder, without_blocks(occupancy, stress.unmapped, rng)
+
+
+def spoil(odom: np.ndarray, stress: Stress, rng: np.random.Generator) -> np.ndarray:
+    """Return odometry, shape (N, 3), with further errors; poses that are no numbers stay so."""
+    known = np.nonzero(np.isfinite(odom).all(axis=1))[0]
+    if len(known) == 0 or not (stress.odometry or stress.slips):
+        return odom
+    spoiled, poses = odom.copy(), [Pose2D(*map(float, pose)) for pose in odom[known]]
+    wrong = poses[0]
+    for index, before, after in zip(known[1:], poses, poses[1:]):
+        motion = after.relative_to(before)
+        driven = math.hypot(motion.x, motion.y)
+        root = stress.odometry * math.sqrt(driven + 0.25 * abs(motion.theta))
+        noise = root * rng.standard_normal(2)
+        spun = float(rng.exponential(SLIP_SIZE, rng.poisson(stress.slips * driven)).sum())
+        longer = 1.0 + (noise[0] + spun) / driven if driven else 1.0
+        wrong = wrong.compose(Pose2D(motion.x * longer, motion.y * longer, motion.theta + 0.5 * noise[1]))
+        spoiled[index] = wrong
+    return spoiled
+
+
+def without_blocks(occupancy: OccupancyMap, share: float, rng: np.random.Generator) -> OccupancyMap:
+    """Return a map that has nothing in each of its blocks with a chance of `share`."""
+    height, width = occupancy.data.shape
+    side = max(1, round(BLOCK / occupancy.resolution))
+    gone = rng.random((1 + height // side, 1 + width // side)) < share
+    rows, columns = np.arange(height) // side, np.arange(width) // side
+    empty = gone[rows[:, None], columns[None, :]] & (occupancy.data >= OCCUPIED_FROM)
+    return replace(occupancy, data=np.where(empty, np.int8(0), occupancy.data))
+
