@@ -4,6 +4,7 @@ NAMES = (
     "yardstick",
     "simulation",
     "localization",
+    "map_gaps",
     "costmap",
     "planning",
     "control",
@@ -18,5 +19,5 @@ NAMES = (
     "reliability",
 )
 """The benchmarks, in the order in which they run; each is the module of that name beside this file."""
-ONLY_BY_NAME = ("reliability",)
+ONLY_BY_NAME = ("map_gaps", "reliability")
 """Those that take an hour, and run where they are asked for."""

@@ -66,7 +66,7 @@ def make_drive(building: str, scans: int, rough: Rough, rng: np.random.Generator
     walls = BUILDINGS[building](rng)
     world = walls.copy()
     scatter_boxes(world, rough.furniture, 6, 24, rng)
-    field = DistanceField(_as_map(world), 5.0)
+    field = DistanceField(as_map(world), 5.0)
     way = wander(field, scans, rough.step, rng)
     around = rough.view >= 2.0 * math.pi
     bearings = np.linspace(-rough.view / 2.0, rough.view / 2.0, rough.beams, endpoint=not around)
@@ -75,7 +75,7 @@ def make_drive(building: str, scans: int, rough: Rough, rng: np.random.Generator
         np.arange(float(scans)), spoil_odometry(np.array(way), rough, rng), ranges, float(bearings[0]),
         float(bearings[1] - bearings[0]), rough.range_max, np.array(way), IDENTITY,
     )
-    return MadeDrive(log, _as_map(_forget(walls, rough.unmapped, rng)))
+    return MadeDrive(log, as_map(_forget(walls, rough.unmapped, rng)))
 
 
 def spoil_odometry(way: np.ndarray, rough: Rough, rng: np.random.Generator) -> np.ndarray:
@@ -92,7 +92,8 @@ def spoil_odometry(way: np.ndarray, rough: Rough, rng: np.random.Generator) -> n
     return np.array(poses)
 
 
-def _as_map(walls: np.ndarray) -> OccupancyMap:
+def as_map(walls: np.ndarray) -> OccupancyMap:
+    """Return walls, bool of shape (H, W), as a map whose origin is not the world's."""
     return OccupancyMap(np.where(walls, 100, 0).astype(np.int8), RESOLUTION, Pose2D(-3.0, 5.0, 0.0))
 
 
