@@ -24,8 +24,8 @@ from mbf_relay.localization.logs import RecordedLog
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.replay import errors, replay
 from mbf_relay.localization.stress import without_blocks
-from mbf_relay.lockstep.statistics import mean
 from mbf_relay.maps import OccupancyMap
+from mbf_relay.statistics import mean
 
 TUNED_ON, JUDGED_ON = 3200, 3300
 MISSING, REACHES, STEPS = (0.0, 0.3), (3.5, 8.0), (0.05, 0.2, 1.0)

@@ -12,8 +12,8 @@ from mbf_relay.localization.logs import RecordedLog
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.replay import LOST_FROM, errors, replay
 from mbf_relay.localization.stress import Stress, stressed
-from mbf_relay.lockstep.statistics import IntervalEstimate, mean
 from mbf_relay.maps import OccupancyMap
+from mbf_relay.statistics import IntervalEstimate, mean
 
 RIGHT_WITHIN = 0.5
 """Error (m) up to which a pose counts as right."""

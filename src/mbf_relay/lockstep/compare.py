@@ -13,9 +13,9 @@ from mbf_relay.lockstep import compare_many
 from mbf_relay.lockstep.command import finite, without_remappings
 from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.results_file import LINES, SETTINGS, read_lines
-from mbf_relay.lockstep.statistics import IntervalEstimate
 from mbf_relay.lockstep.summary import MEASURES, Comparison, compare
 from mbf_relay.simulation.worlds_file import load_difficulties
+from mbf_relay.statistics import IntervalEstimate
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:

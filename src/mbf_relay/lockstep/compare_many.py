@@ -8,10 +8,10 @@ from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Seq
 
 import numpy as np
 
-from mbf_relay.lockstep import statistics
+from mbf_relay import statistics
 from mbf_relay.lockstep.result import EpisodeResult
-from mbf_relay.lockstep.statistics import IntervalEstimate
 from mbf_relay.lockstep.summary import MEASURES, Measure, paired
+from mbf_relay.statistics import IntervalEstimate
 
 SURE = 0.05
 """Corrected chance below which a difference counts as one."""

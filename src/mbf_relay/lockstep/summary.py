@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 from typing import Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, TypeVar
 
+from mbf_relay import statistics
 from mbf_relay.lockstep import result as outcomes
-from mbf_relay.lockstep import statistics
 from mbf_relay.lockstep.result import EpisodeResult
-from mbf_relay.lockstep.statistics import IntervalEstimate
+from mbf_relay.statistics import IntervalEstimate
 
 Key = Tuple[str, int]
 Number = TypeVar("Number", int, float)

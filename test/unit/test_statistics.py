@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mbf_relay.lockstep import statistics
+from mbf_relay import statistics
 
 
 def test_share_as_in_wilson():
