@@ -1,12 +1,14 @@
 """What the demo's nodes take of the robot's own computer: memory, processor time and time to start.
 
 Memory is taken at rest, half-way round the tutorial's circle and after it; what processes share counts once in the
-proportional set size (PSS). The graph runs at real time, with all its nodes; the navigation is all but the simulator
-and robot_state_publisher.
+proportional set size (PSS). The graph runs at real time, with all its nodes, once with a process started for each and
+once with the navigation's forked from one. The navigation is all but simulator, robot_state_publisher and guard.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import multiprocessing
 import os
 import shutil
 import subprocess
@@ -17,6 +19,8 @@ import time
 from collections import defaultdict
 from typing import Any, Dict, Iterator, List, Mapping
 
+import psutil
+
 from benchmark.metric import Metric, NotMeasurable, metric_of
 from benchmark.processes import cpu_seconds, memory_mebibytes, node_pid
 from mbf_relay.simulation.arena import CIRCLE
@@ -24,6 +28,8 @@ from mbf_relay.simulation.arena import CIRCLE
 NAVIGATION = ("map_server", "amcl", "move_base_flex", "move_base")
 """move_base is the relay."""
 OTHERS = ("velocity_guard", "simulator")
+PARENT = "compose"
+"""Whose children the navigation's nodes are where they are composed; it counts with them."""
 MODULES = {
     "map_server": "mbf_relay.ros.map_server.node", "amcl": "mbf_relay.ros.amcl.node",
     "move_base_flex": "mbf_relay.ros.server.node", "move_base": "mbf_relay.ros.relay.node",
@@ -50,9 +56,18 @@ def metrics(quick: bool) -> Iterator[Metric]:
         raise NotMeasurable("there is no ROS here")
     for node, module in MODULES.items():
         yield from _imports(node, module, QUICK_IMPORTS if quick else IMPORTS)
+    for composed in (False, True):  # each in a process of its own, since rospy knows one master in its life
+        with multiprocessing.get_context("spawn").Pool(1) as pool:
+            yield from pool.apply(_graph, (composed,))
+
+
+def _graph(composed: bool) -> List[Metric]:
+    """Measure a graph that is sent off at once, drives the circle and rests."""
     from mbf_relay.ros.tools.demo_graph import DemoGraph
 
-    with tempfile.TemporaryDirectory() as folder, DemoGraph(["mbf_relay", "demo.launch"], folder) as graph:
+    found: List[Metric] = []
+    launch = ["mbf_relay", "demo.launch", f"composed:={str(composed).lower()}"]
+    with tempfile.TemporaryDirectory() as folder, DemoGraph(launch, folder) as graph:
         began = time.monotonic()
         graph.wait_for_parameter("/use_sim_time", 60.0)
         os.environ.update(graph.environment)
@@ -61,13 +76,14 @@ def metrics(quick: bool) -> Iterator[Metric]:
             client = ["rosrun", "mbf_relay", "mb_relay_client.py", "--laps", "1"]
             graph.start(client, os.path.join(folder, "client.log"))
             moved = watch.wait_for_velocity()
-            yield Metric(
+            found.append(Metric(
                 "launch to first velocity", moved - began, "s",
                 parameters={"reference": REFERENCE["launch to first velocity"]},
-            )
-            yield from _drive(watch)
+            ))
+            found.extend(_drive(watch))
         finally:
             watch.close()
+    return [dataclasses.replace(metric, parameters={**metric.parameters, "composed": composed}) for metric in found]
 
 
 def _imports(node: str, module: str, repeats: int) -> Iterator[Metric]:
@@ -94,9 +110,14 @@ def _imports(node: str, module: str, repeats: int) -> Iterator[Metric]:
 def _drive(watch: Watch) -> Iterator[Metric]:
     """Yield what nodes take while the client, which has just set out, drives its circle, and afterwards."""
     pids = {node: node_pid(f"/{node}", watch.name) for node in NAVIGATION + OTHERS}
+    parent = psutil.Process(pids[NAVIGATION[0]]).parent()
+    if parent is not None and any(os.path.basename(word) == PARENT for word in parent.cmdline()):
+        pids[PARENT] = parent.pid
     started = {node: cpu_seconds(pid) for node, pid in pids.items()}
     for node in pids:
         yield Metric("CPU until the first velocity", started[node], "s", parameters={"node": node})
+    total = sum(started[node] for node in pids if node not in OTHERS)
+    yield Metric("CPU until the first velocity", total, "s", parameters={"node": "sum"})
     watch.wait_for_goals(len(CIRCLE) // 2)
     yield from _memory("driving", pids)
     watch.wait_for_goals(len(CIRCLE))
@@ -104,7 +125,7 @@ def _drive(watch: Watch) -> Iterator[Metric]:
     reference: Mapping[str, Any] = REFERENCE["CPU of a circle"]  # type: ignore[assignment]
     for node, seconds in used.items():
         yield Metric("CPU of a circle", seconds, "s", parameters=_with_reference(node, reference))
-    total = sum(used[node] for node in NAVIGATION)
+    total = sum(used[node] for node in pids if node not in OTHERS)
     yield Metric("CPU of a circle", total, "s", parameters=_with_reference("sum", reference))
     time.sleep(SETTLED)
     yield from _memory("at rest after a circle", pids)
@@ -117,7 +138,7 @@ def _memory(when: str, pids: Mapping[str, int]) -> Iterator[Metric]:
         reference: Mapping[str, Any] = REFERENCE.get(kind, {})  # type: ignore[assignment]
         for node in pids:
             yield Metric(f"{kind}, {when}", taken[node][kind], "MiB", parameters=_with_reference(node, reference))
-        total = sum(taken[node][kind] for node in NAVIGATION)
+        total = sum(taken[node][kind] for node in pids if node not in OTHERS)
         yield Metric(f"{kind}, {when}", total, "MiB", parameters=_with_reference("sum", reference))
 
 
