@@ -97,6 +97,8 @@ def gaps(usable: np.ndarray, closed: bool) -> list[tuple[int, int]]:
     """Return runs of beams that are not usable as (first, count); over the end of a scan of a full turn where `closed`.
     """
     size = len(usable)
+    if usable.all():
+        return []
     if not usable.any():
         return [(0, size)]
     start = int(np.argmax(usable)) if closed else 0

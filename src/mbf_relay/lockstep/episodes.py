@@ -11,6 +11,7 @@ from typing import Any, Callable, Iterator, NamedTuple, Optional, Protocol, Sequ
 
 from mbf_relay.lockstep import driver
 from mbf_relay.lockstep.episode import Episode
+from mbf_relay.lockstep.memory import give_back
 from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.setup import Setup
 from mbf_relay.lockstep.tasks import EpisodeTask
@@ -79,6 +80,8 @@ def drive(job: EpisodeJob) -> EpisodeResult:
         return Episode(job.task, job.setup, job.seed, clock=time.perf_counter).run()
     except ValueError as error:
         return job.task.failed(job.seed, str(error))
+    finally:
+        give_back()
 
 
 def drive_all(

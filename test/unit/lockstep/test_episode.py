@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 pytest.importorskip("pybullet")
@@ -18,8 +19,10 @@ from mbf_relay.lockstep.episode import Episode  # noqa: E402
 from mbf_relay.lockstep.episodes import EpisodeJob, drive  # noqa: E402
 from mbf_relay.lockstep.settings import config_folder  # noqa: E402
 from mbf_relay.lockstep.setup import SERVER, make_setup  # noqa: E402
-from mbf_relay.lockstep.tasks import circle, load_tasks  # noqa: E402
+from mbf_relay.lockstep.tasks import circle, load_tasks, task_of  # noqa: E402
 from mbf_relay.lockstep.workers import run  # noqa: E402
+from mbf_relay.simulation.generators import generate  # noqa: E402
+from mbf_relay.simulation.worlds_file import world_of  # noqa: E402
 
 BLIND = make_setup(config_folder(), has_map=False)
 SEEING = make_setup(config_folder())
@@ -127,3 +130,12 @@ def test_stages_are_timed_by_the_clock_given(tmp_path):
     result = Episode(task(tmp_path, small_worlds.FREE), BLIND, 1, clock=lambda: float(next(ticks))).run()
     assert {"simulation", "costmaps", "navigation", "planning", "control"} <= set(result.machine["stages"])
     assert result.machine["wall"] >= sum(result.machine["stages"].values())
+
+
+def test_memory_does_not_grow_from_world_to_world():
+    setup, held = make_setup(config_folder(), has_map=False), []
+    for seed in range(3):
+        entry = {**generate("barn", seed), "time_limit": 1.0}
+        drive(EpisodeJob(task_of(world_of(Path("generated"), 0, entry)), setup, 1))
+        held.append(psutil.Process().memory_info().rss / 2**20)
+    assert held[-1] - held[0] < 10.0, f"resident memory (MiB) after each world: {held}"

@@ -1,5 +1,6 @@
 """The tune command: better parameters from a bad start, resumed as if never interrupted, and what is refused."""
 
+import json
 import os
 import sys
 from pathlib import Path
@@ -13,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import small_worlds  # noqa: E402
 import yaml  # noqa: E402
 
-from mbf_relay.lockstep import tune, tune_picture  # noqa: E402
+from mbf_relay.lockstep import batch, compare, tune, tune_picture  # noqa: E402
 
 SHORT = {**small_worlds.FREE, "goal": [0.6, 0.0, 0.0], "goal_radius": 0.2, "reference_path_length": 0.6}
 SAMPLE = Path(__file__).resolve().parents[3] / "config" / "worlds" / "sample.json"
@@ -72,15 +73,20 @@ LONG = os.environ.get("MBF_RELAY_LONG") == "1"
 
 
 @pytest.mark.skipif(not LONG, reason="drives 40 trials through the sample worlds")
-def test_forty_trials_on_the_sample_worlds_beat_a_bad_start_for_certain(tmp_path, capsys):
+def test_forty_trials_on_the_sample_worlds_beat_a_bad_start_for_certain(tmp_path):
     bad = ["--set", "DWAPlannerROS.sim_time=0.3", "--set", "DWAPlannerROS.occdist_scale=0.0",
            "--set", "DWAPlannerROS.path_distance_bias=0.5", "--set", "DWAPlannerROS.max_vel_x=0.06"]
     searched = ["--param", "DWAPlannerROS.sim_time=0.3:3.0", "--param", "DWAPlannerROS.occdist_scale=0.0:0.1",
                 "--param", "DWAPlannerROS.path_distance_bias=0.5:64.0", "--param", "DWAPlannerROS.max_vel_x=0.06:0.22"]
-    common = [str(SAMPLE), "--seeds", "5", "--trials", "40", "--together", "4", "--out", str(tmp_path / "out")]
-    assert tune.main([*common, *bad, *searched]) == 0
-    shown = capsys.readouterr().out
-    assert "score: +" in shown and ": better" in shown, shown
+    options = [*bad, *searched, "--seeds", "2", "--trials", "40", "--together", "4"]
+    assert tune.main([str(SAMPLE), *options, "--out", str(tmp_path / "tuned")]) == 0
+    started = ["--seeds", "1001-1003", "--out"]
+    assert batch.main([str(SAMPLE), *bad, *started, str(tmp_path / "bad")]) == 0
+    assert batch.main([str(SAMPLE), "--config", str(tmp_path / "tuned" / "best"), *started, str(tmp_path / "good")]) == 0
+    figures = tmp_path / "figures.json"
+    assert compare.main([str(tmp_path / "bad"), str(tmp_path / "good"), "--json", str(figures)]) == 0
+    difference = json.loads(figures.read_text())["measures"]["score"]["difference"]
+    assert difference[1] > 0.0, f"score rose by {difference[0]}, 95 % interval {difference[1]} to {difference[2]}"
 
 
 @pytest.mark.parametrize(
