@@ -92,7 +92,7 @@ class ParameterSet:
     ORDERED: ClassVar[Tuple[Tuple[str, str], ...]] = ()
 
     def __post_init__(self) -> None:
-        hints = typing.get_type_hints(type(self))
+        hints = _hints(type(self))
         for field in dataclasses.fields(self):
             value = convert(field.name, getattr(self, field.name), hints[field.name])
             _check_range(field.name, value, field.metadata)
@@ -163,7 +163,7 @@ class ParameterSet:
     @classmethod
     def types(cls) -> Dict[str, Any]:
         """Return the declared type of each parameter by its name."""
-        hints = typing.get_type_hints(cls)
+        hints = _hints(cls)
         return {name: hints[name] for name in cls.names()}
 
     @classmethod
@@ -180,9 +180,19 @@ class ParameterSet:
         return dataclasses.asdict(self)
 
 
+def _hints(cls: type) -> Dict[str, Any]:
+    """Return the annotated types of a class; Python reads them anew each time, and a drive makes dozens of sets."""
+    if cls not in _known_hints:
+        _known_hints[cls] = typing.get_type_hints(cls)
+    return _known_hints[cls]
+
+
+_known_hints: Dict[type, Dict[str, Any]] = {}
+
+
 def _read(cls: Type[T], known: Dict[str, Any]) -> Tuple[T, List[str]]:
     """Return what ParameterSet.read does, from values by present names."""
-    hints = typing.get_type_hints(cls)
+    hints = _hints(cls)
     fields = {field.name: field for field in dataclasses.fields(cls)}
     notes: List[str] = []
     for name, given in known.items():

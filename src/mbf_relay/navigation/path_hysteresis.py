@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Optional
+from typing import Optional, Tuple
 
 import numpy as np
 
@@ -67,21 +67,33 @@ class PathHysteresis:
 
 def is_same_way(old: np.ndarray, new: np.ndarray, width: float) -> bool:
     """Return whether two paths from here on, (N, 3) and (M, 3), stay nearer to each other than `width` (m)."""
-    return _farthest(old, new, width) <= width and _farthest(new, old, width) <= width
+    (old_near, old_far), (new_near, new_far) = (_beginnings(path, width) for path in (old, new))
+    return _farthest(old_near, new_far) <= width and _farthest(new_near, old_far) <= width
 
 
-def _farthest(path: np.ndarray, other: np.ndarray, width: float) -> float:
-    """Return the distance (m) of the beginning of a path from the other one, where it is greatest."""
-    points = _beginning(path, AHEAD * width, SPACING * width)
-    others = _beginning(other, 2.0 * AHEAD * width, SPACING * width)
+def _farthest(points: np.ndarray, others: np.ndarray) -> float:
+    """Return the distance (m) of points, (K, 2), from other ones, (L, 2), where it is greatest."""
     distances = np.hypot(points[:, None, 0] - others[None, :, 0], points[:, None, 1] - others[None, :, 1])
     return float(distances.min(axis=1).max())
 
 
-def _beginning(path: np.ndarray, length: float, spacing: float) -> np.ndarray:
-    """Return points of a path's first `length` (m), (K, 2), `spacing` (m) apart where the path has as many."""
+def _beginnings(path: np.ndarray, width: float) -> Tuple[np.ndarray, np.ndarray]:
+    """Return points of what is compared of a path, (K, 2), and of twice as much, to compare another with, (L, 2)."""
     steps = np.hypot(np.diff(path[:, 0]), np.diff(path[:, 1]))
     arcs = np.concatenate(([0.0], np.cumsum(steps)))
+    ahead, spacing = AHEAD * width, SPACING * width
+    return _spread(path, arcs, ahead, spacing), _spread(path, arcs, 2.0 * ahead, spacing)
+
+
+def _spread(path: np.ndarray, arcs: np.ndarray, length: float, spacing: float) -> np.ndarray:
+    """Return points of a path's first `length` (m), (K, 2).
+
+    Args:
+        path: Shape (N, 3).
+        arcs: Way (m) to each of its poses, shape (N,).
+        length: How much of it.
+        spacing: Metres between the points, where the path has as many.
+    """
     end = min(length, float(arcs[-1]))
     wanted = np.linspace(0.0, end, max(2, math.ceil(end / spacing) + 1))
     return np.column_stack((np.interp(wanted, arcs, path[:, 0]), np.interp(wanted, arcs, path[:, 1])))
