@@ -35,6 +35,11 @@ class GoalChecker:
         self._turns = False
         self.tolerance = None
 
+    @property
+    def turns(self) -> bool:
+        """Whether the position was reached when it was looked last."""
+        return self._turns
+
     def tolerance_of(self, parameters: FollowerParameters) -> GoalTolerance:
         """Return the tolerance that holds: the action's where there is one."""
         return self.tolerance or GoalTolerance(parameters.xy_goal_tolerance, parameters.yaw_goal_tolerance)

@@ -20,7 +20,7 @@ from mbf_relay.control.local_path import LocalPath, PathTracker
 from mbf_relay.control.report import CycleReport
 from mbf_relay.control.state import ControlState, GoalTolerance
 from mbf_relay.control.trajectories import VelocityWindow, speed_to_stop_within, window_of
-from mbf_relay.control.turning import free_turn, free_way_round, turn_rate
+from mbf_relay.control.turning import Overshoot, free_turn, free_way_round, turn_rate
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import STOP, Pose2D, Twist2D, angle_between
 from mbf_relay.outcomes import ControlError, ControlOutcome
@@ -91,6 +91,7 @@ class PathFollower(Controller, abc.ABC):
         self._stuck_checker = StuckChecker()
         self._blocked_goal_checker = BlockedGoalChecker()
         self._back_out = BackOut()
+        self._overshoot = Overshoot()
         self.command = STOP
         self._cycle: Optional[ControlCycle] = None
         self._drove = False
@@ -137,6 +138,7 @@ class PathFollower(Controller, abc.ABC):
             self._blocked_goal_checker.reset()
             self._stuck_checker.reset()
             self._back_out.reset()
+            self._overshoot.reset()
             self._turn_left = None
 
     def is_goal_reached(self, state: ControlState, tolerance: Optional[GoalTolerance] = None) -> bool:
@@ -197,9 +199,12 @@ class PathFollower(Controller, abc.ABC):
         cycle = self._cycle = self.look_around(state)
         self._stuck_checker.check(state, self.command, parameters.stuck_timeout)
         self._blocked_goal_checker.check(state, cycle.path, cycle.checker, parameters)
+        was_there = self._goal_checker.turns
         if self._goal_checker.is_turning(state.pose, cycle.path.goal, parameters):
             self._turn_left = None
             return self._turn_at_goal(cycle)
+        if was_there:
+            self._overshoot.slid()
         farthest = max(parameters.missed_path_distance, MISSED * state.costmap.width)
         if cycle.path.robot_distance > farthest:
             raise ControlError(
@@ -239,7 +244,7 @@ class PathFollower(Controller, abc.ABC):
         path = self._tracker.cut(state, BEHIND * width, reach, lookahead + EXTENSION * width)
         checker = FootprintChecker(state.costmap)
         velocity = self._velocity_now(state, parameters)
-        speed = min(parameters.max_vel_trans, limit.translation)
+        speed = min(parameters.max_vel_trans * self._overshoot.speed_share, limit.translation)
         delay = state.period + parameters.stop_time_buffer
         left = max(path.remaining, state.pose.distance_to(path.goal))
         speed = min(speed, speed_to_stop_within(left, 0.5 * parameters.acc_lim_x, state.period))
@@ -317,7 +322,12 @@ class PathFollower(Controller, abc.ABC):
                 f"the robot is at the goal's position and cannot turn by {math.degrees(error):.0f} degrees to its "
                 "heading: an obstacle is in the way on both sides",
             )
-        rate = turn_rate(way, cycle.velocity.theta, p, state.period, cycle.turn)
+        return self._turn(cycle, way, still)
+
+    def _turn(self, cycle: ControlCycle, way: float, still: Twist2D) -> Twist2D:
+        """Return the command that turns by `way` (rad) on the spot, braking otherwise as `still` does."""
+        top = self._overshoot.turn_share(cycle.state.now, way) * cycle.turn
+        rate = turn_rate(way, cycle.velocity.theta, self.parameters, cycle.state.period, top)
         return Twist2D(still.x, still.y, rate)
 
     def turn_to_path(self, cycle: ControlCycle, least: float) -> Optional[Twist2D]:
@@ -349,9 +359,7 @@ class PathFollower(Controller, abc.ABC):
         if way is None:
             return None
         self._turn_left = way
-        still = cycle.window.clip(STOP)
-        return Twist2D(
-            still.x, still.y, turn_rate(way, cycle.velocity.theta, self.parameters, state.period, cycle.turn))
+        return self._turn(cycle, way, cycle.window.clip(STOP))
 
     @staticmethod
     def nothing_left(cycle: ControlCycle, reason: str) -> ControlError:

@@ -104,6 +104,7 @@ class MoveBase:
         self._behaviors: Tuple[str, ...] = goal.recovery_behaviors or tuple(navigator.recoveries.names)
         self._tried, self._ways = TriedBehaviors(self._behaviors), PathHysteresis()
         self._oscillation = OscillationDetector()
+        self._why_it_stood = ""
         self._replan_pacer = Pacer()
         self._replan_trouble = ""
         self._last = FollowFeedback(ControlOutcome.SUCCESS, "")
@@ -229,11 +230,18 @@ class MoveBase:
         if feedback.pose is None or parameters.oscillation_timeout <= 0.0:
             return
         if self._oscillation.progressed(now, feedback.pose.pose, parameters):
+            self._why_it_stood = ""
             return
+        if feedback.outcome is not ControlOutcome.SUCCESS:
+            self._why_it_stood = f"the controller last said {feedback.outcome.name}: {feedback.message}"
         stuck = self._oscillation.stuck_for(now, parameters)
         if stuck is not None:
             self._stop_driving(now, at)
-            message = f"Robot is oscillating for {stuck:.1f} s!"
+            why = self._why_it_stood or (
+                f"no velocity was refused, the last one is {feedback.velocity.speed():.2f} m/s and "
+                f"{feedback.velocity.theta:.2f} rad/s, {feedback.distance:.2f} m before the goal"
+            )
+            message = f"Robot is oscillating for {stuck:.1f} s: {why}"
             if not self._recover(NavigateOutcome.OSCILLATION, message):
                 self._end(Ending.ABORTED, NavigateOutcome.OSCILLATION, message)
 

@@ -154,6 +154,11 @@ def test_a_robot_whose_commands_come_late_touches_nothing_and_arrives_once_they_
     assert drive.goal.ending is Ending.SUCCEEDED, drive.goal.result
 
 
+def test_a_robot_whose_commands_always_come_late_arrives_all_the_same(drive):
+    drive.simulation.faults = Faults(command_delay=0.3)
+    drive.arrive()
+
+
 @pytest.mark.parametrize("distance", [0.35, 0.5, 0.8])
 def test_a_robot_before_which_something_is_set_down_does_not_push_it(drive, distance):
     assert drive.step_until(drive.is_driving, 20.0)

@@ -186,7 +186,17 @@ def test_oscillation_is_recovered_from_and_named_at_last(make_bench):
     task = bench.navigator.move_base(GOAL)
     result = bench.finish(task)
     assert result.outcome is NavigateOutcome.OSCILLATION and "oscillating" in result.message
+    assert "the last one is 0.01 m/s" in result.message
     assert bench.script.calls["R1"] == bench.script.calls["R2"] == 1
+
+
+def test_who_asks_why_a_robot_oscillated_is_told_what_the_controller_said_last(make_bench):
+    bench = make_bench(
+        oscillation_timeout=1.0, oscillation_distance=0.3, controller_patience=0.0, recovery_enabled=False)
+    bench.script.velocity = ControlError(ControlOutcome.BLOCKED_PATH, "a box stands on the path")
+    result = bench.finish(bench.navigator.move_base(GOAL))
+    assert result.outcome is NavigateOutcome.OSCILLATION
+    assert result.message.endswith("the controller last said BLOCKED_PATH: a box stands on the path")
 
 
 def test_progress_after_oscillation_gives_the_recoveries_back(make_bench):
