@@ -4,6 +4,7 @@
 
 import os
 import random
+import resource
 import signal
 import sys
 
@@ -12,13 +13,14 @@ from geometry_msgs.msg import Twist
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
-from pulled import NODES, PulledCase  # noqa: E402
+from pulled import NODES, PulledCase, pid_of  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 from running_stack import start_test_node  # noqa: E402
 
 from mbf_relay.simulation.arena import CIRCLE  # noqa: E402
 
 ON_THE_WAY_TO_THE_WHEELS = NODES[:2]
+OURS = (*NODES[:5], "/simulator")
 
 LOST = r"transform from 'map' to 'odom' is \d+\.\d\d s old"
 """What ends a drive without localization."""
@@ -81,6 +83,21 @@ class TestPulledNodes(PulledCase):
             place = CIRCLE[trial % len(CIRCLE)]
             self.pull(node, number, place, drives=chance.random() < 0.7, moment=chance.uniform(0.0, 0.1))
             self.check_next_goal(place, f"{node} got signal {int(number)} in trial {trial}")
+
+    def test_7_a_disk_that_gets_full_on_the_way_stops_no_drive(self):
+        self.wait_until_all_is_back()
+        pids = {node: pid_of(node) for node in OURS}
+        sent = self.drive(CIRCLE[1])
+        limits = {pid: resource.prlimit(pid, resource.RLIMIT_FSIZE) for pid in pids.values()}
+        try:
+            for pid, (_soft, hard) in limits.items():
+                resource.prlimit(pid, resource.RLIMIT_FSIZE, (0, hard))
+            self.check_arrival(sent, "the disk was full")
+            self.check_next_goal(CIRCLE[0], "the disk was full for long")
+            self.assertEqual({node: pid_of(node) for node in OURS}, pids)
+        finally:
+            for pid, limit in limits.items():
+                resource.prlimit(pid, resource.RLIMIT_FSIZE, limit)
 
     def pull(self, node, number, place, drives, moment):
         """Kill or freeze a node, see what the robot does, and let a frozen one go on.

@@ -10,6 +10,7 @@ import time
 import traceback
 from typing import Any, Callable
 
+from mbf_relay.ros.common import logs
 from mbf_relay.ros.common.ending import NodeEnding
 
 INTERRUPTED = 130
@@ -19,8 +20,6 @@ FLUSH_TIME = 0.2
 ALGEBRA_THREADS = "OPENBLAS_NUM_THREADS"
 """Environment variable: OpenBLAS keeps as many threads, which spin after each call, and took two thirds of amcl's time.
 """
-TOPICS_IN_LOGS_DISABLED = "/rosout_disable_topics_generation"
-"""rospy's parameter: whether log messages leave out the topics of the node."""
 
 
 def run_node(name: str, place: str, **arguments: Any) -> None:
@@ -100,8 +99,10 @@ def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
         ending.leave(1)
 
     try:
+        logs.complain_once()
         rospy.init_node(name, disable_signals=True)
-        log_without_master()
+        logs.log_to_terminal()
+        logs.log_without_master()
         MasterWatch(start_again)
         reason = reason_in_process()
         if reason:
@@ -126,19 +127,6 @@ def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
             return 1
     rospy.signal_shutdown("done")
     return status
-
-
-def log_without_master() -> None:
-    """Have log lines ask the master nothing: a robot would stand, and goals wait, as long as it hangs.
-
-    For each line rospy looks for a parameter that hardly anybody sets, and keeps only what is set. It is read once,
-    here.
-    """
-    import rospy
-    from rospy.impl import paramserver
-
-    disabled = bool(rospy.get_param(TOPICS_IN_LOGS_DISABLED, False))
-    paramserver.get_param_server_cache().set(TOPICS_IN_LOGS_DISABLED, disabled)
 
 
 def on_shutdown(last_words: Callable[[], None]) -> None:

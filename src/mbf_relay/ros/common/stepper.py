@@ -12,7 +12,7 @@ import rospy
 from rosgraph_msgs.msg import Clock
 
 STILL_CLOCK = 1.0
-"""Wall seconds between two steps while /clock stands still, so that nothing depends on its going on."""
+"""Wall seconds between two steps while time stands still or is set back, so that nothing depends on its going on."""
 STEP_PATIENCE = 1.0
 """Wall seconds a step may take before whoever watches it must take it for hung."""
 CLOCK_STANDS = 0.5
@@ -111,4 +111,4 @@ class Stepper:
         if remaining == math.inf:
             self._wake.wait()
         elif remaining > 0.0:
-            self._wake.wait(STILL_CLOCK if self._simulated else remaining)
+            self._wake.wait(STILL_CLOCK if self._simulated else min(remaining, STILL_CLOCK))

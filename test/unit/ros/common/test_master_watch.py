@@ -2,44 +2,18 @@
 
 import os
 import subprocess
-import sys
-import xmlrpc.client
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
-from ros_testing import wait_until
+from ros_master import Master  # noqa: E402
+from ros_testing import wait_until  # noqa: E402
 
 from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
 
 MAP = Path(__file__).resolve().parents[4] / "config" / "maps" / "turtlebot3_world.yaml"
-
-
-class Master:
-    """A ROS master in a process of its own."""
-
-    def __init__(self, port):
-        self.uri = f"http://localhost:{port}"
-        self.proxy = xmlrpc.client.ServerProxy(self.uri)
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", "import rosmaster; rosmaster.rosmaster_main()", "--core", "-p", str(port)],
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )
-        wait_until(lambda: self.answer("getPid"), "a master to answer")
-
-    def answer(self, name, *arguments):
-        """Return what the master says, None where it cannot."""
-        try:
-            code, _, value = getattr(self.proxy, name)("/test", *arguments)
-        except (OSError, xmlrpc.client.Error):
-            return None
-        return value if code == 1 else None
-
-    def kill(self):
-        self._process.kill()
-        self._process.wait()
 
 
 def test_a_node_ends_for_a_new_master_and_leaves_it_its_parameters(tmp_path):

@@ -1,6 +1,9 @@
 """A robot under a simulated clock: is time going on?"""
 
+import itertools
+
 import pytest
+from ros_testing import wait_until
 
 pytest.importorskip("rospy")
 
@@ -54,3 +57,20 @@ def test_a_robot_in_a_simulation_far_below_real_time_is_not_stopped_between_two_
         assert count == 0 or not watched.stands_after(1.0)
         watched.wall -= 1.0 if count else 0.0
     assert watched.stands_after(3.1)
+
+
+def test_a_robot_whose_machine_is_set_back_an_hour_between_two_looks_at_the_clock_is_not_left_driving(monkeypatch):
+    clock = itertools.chain([5000.0], itertools.repeat(1400.0))
+    monkeypatch.setattr(stepper, "STILL_CLOCK", 0.01)
+    monkeypatch.setattr(stepper.rospy, "get_time", lambda: next(clock))
+    monkeypatch.setattr(stepper.rospy.rostime, "is_wallclock", lambda: True)
+    steps = []
+
+    def step(now):
+        steps.append(now)
+        return now + 0.1
+
+    stepping = Stepper(step)
+    stepping.start()
+    wait_until(lambda: 1400.0 in steps, "a step after the clock was set back")
+    stepping.stop()

@@ -1,0 +1,75 @@
+"""A node whose disk is full, whose home is none or whose master hangs goes on, and says so in a sentence."""
+
+import os
+import resource
+import subprocess
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("mbf_msgs", reason="needs the built package")
+
+import rospy  # noqa: E402
+import rospy.impl.paramserver  # noqa: E402
+from ros_master import Master  # noqa: E402
+from ros_testing import wait_until  # noqa: E402
+
+from mbf_relay.ros.common import logs  # noqa: E402
+from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
+
+MAP = Path(__file__).resolve().parents[4] / "config" / "maps" / "turtlebot3_world.yaml"
+
+
+@pytest.fixture
+def master():
+    master = Master(free_port())
+    yield master
+    master.kill()
+
+
+def words_of_a_node(master, environment, full=False, terminal=subprocess.PIPE):
+    """Run a node until it offers its map, end it, and return what it said, where `terminal` is no file."""
+    node = subprocess.Popen(
+        ["rosrun", "mbf_relay", "map_server", str(MAP)], env=dict(environment, ROS_MASTER_URI=master.uri),
+        stdout=terminal, stderr=subprocess.STDOUT, universal_newlines=True,
+        preexec_fn=(lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))) if full else None,
+    )
+    try:
+        wait_until(lambda: master.answer("lookupService", "/static_map"), "the node to come up", 60.0)
+        node.terminate()
+        output = node.communicate(timeout=60.0)[0] or ""
+    finally:
+        node.kill()
+        node.communicate()
+    assert node.returncode == 0 and "Traceback" not in output, output
+    return output
+
+
+def test_a_node_whose_disk_is_full_says_so_in_one_sentence(master, tmp_path):
+    output = words_of_a_node(master, dict(os.environ, ROS_LOG_DIR=str(tmp_path)), full=True)
+    assert output.count("the log cannot be written") == 1 and "serving a map" in output, output
+
+
+def test_a_node_whose_terminal_is_a_file_on_a_full_disk_serves_all_the_same(master, tmp_path):
+    with open("/dev/full", "wb") as terminal:
+        words_of_a_node(master, dict(os.environ, ROS_LOG_DIR=str(tmp_path)), full=True, terminal=terminal)
+
+
+@pytest.mark.parametrize("home", ["/proc/nobody", None])
+def test_a_node_without_a_home_speaks_on_the_terminal(master, home, tmp_path):
+    environment = {name: value for name, value in os.environ.items() if name not in ("ROS_LOG_DIR", "ROS_HOME", "HOME")}
+    environment.update({"HOME": home} if home else {"ROS_LOG_DIR": str(tmp_path)})
+    output = words_of_a_node(master, environment)
+    assert "serving a map" in output, output
+    assert home is None or "cannot create log directory" in output, output
+
+
+def test_a_robot_whose_node_logs_a_line_does_not_wait_for_a_master_that_hangs(monkeypatch):
+    monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9")  # where nobody is
+    monkeypatch.setattr(rospy, "get_param", lambda _name, default: default)
+    monkeypatch.setattr(rospy.client, "_param_server", None)
+    monkeypatch.setattr(rospy.impl.paramserver, "_param_server_cache", None)
+    with pytest.raises((OSError, TypeError)):
+        rospy.get_param_cached(logs.TOPICS_IN_LOGS_DISABLED)  # as rospy does for each line
+    logs.log_without_master()
+    assert rospy.get_param_cached(logs.TOPICS_IN_LOGS_DISABLED) is False
