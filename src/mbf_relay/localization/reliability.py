@@ -17,6 +17,9 @@ CONSTANT, HITS, THROUGH = -2.7, 7.2, -60.0
 """Of the regression: log-odds of a pose with nothing known, and for the share of hits and of beams through walls. The
 last is set by hand: a made map is so exact that a fit would take one beam through a wall for proof."""
 
+UNSEEN = 0.5
+"""Probability that a place is the right one before any scan was seen from it: that of a user's word, or a rival's."""
+
 
 class Reliability:
     """Follows how scans fit at the pose held.
@@ -37,14 +40,14 @@ class Reliability:
         self._way += max(way, 1e-3)
 
     def value(self, share_held: float, deviation: float) -> float:
-        """Return the probability that the pose is right; 0 before the first scan.
+        """Return the probability that the pose is right; where no scan has told yet, as UNSEEN and the spread have it.
 
         Args:
             share_held: Share of the belief in the hypothesis the pose is from, 0 to 1.
             deviation: Of its position (m), of one axis.
         """
-        if self._way == 0.0:
-            return 0.0
-        odds = CONSTANT + HITS * self.hits + THROUGH * self.through
         within = -math.expm1(-0.5 * (RIGHT_WITHIN / max(deviation, 1e-3)) ** 2)
+        if self._way == 0.0:
+            return share_held * within * UNSEEN
+        odds = CONSTANT + HITS * self.hits + THROUGH * self.through
         return share_held * within / (1.0 + math.exp(-odds))

@@ -15,6 +15,7 @@ from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.scan_likelihood import ScanLikelihood, thin_out
 from mbf_relay.localization.tracker import HypothesisTracker
 from mbf_relay.maps import OccupancyMap
+from mbf_relay.scan import LaserScan
 
 NARROW = np.diag([0.05, 0.05, 0.02]) ** 2
 TRUTH = Pose2D(1.5, 0.5, 0.3)
@@ -154,3 +155,16 @@ def test_reliability_falls_at_a_wrong_pose_and_is_high_at_the_right_one():
         values[name] = made.reliability()
     assert values["right"] > 0.9
     assert values["wrong"] < 0.3
+
+
+def test_a_robot_that_has_seen_nothing_yet_is_neither_right_nor_wrong():
+    """In the middle of a hall no beam comes back: the pose it was told is no worse for that, but wears off."""
+    made = Localizer(LocalizerParameters(), room(), np.random.default_rng(1))
+    made.set_initial_pose(TRUTH, NARROW)
+    nothing = LaserScan(np.full(180, np.inf), 0.0, 2.0 * math.pi / 180.0, 0.12, 6.0, 0.0)
+    told = []
+    for index in range(8):
+        made.process(Pose2D(float(index), 0.0, 0.0), nothing, IDENTITY)
+        told.append(made.reliability())
+    assert told[0] == pytest.approx(0.5, abs=0.01)
+    assert told[-1] < 0.4
