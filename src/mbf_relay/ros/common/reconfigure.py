@@ -8,7 +8,8 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import typing
-from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, Optional, Type
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, Mapping, Optional, Tuple, Type
 
 from mbf_relay.parameters import ParameterSet
 
@@ -26,9 +27,13 @@ else:
 
 RESTORE_DEFAULTS = "restore_defaults"
 
+Slider = Tuple[Optional[float], Optional[float]]
+"""The least and the greatest value offered."""
+
 
 def add_parameters(
-    generator: Any, parameter_set: Type[ParameterSet], names: Optional[Iterable[str]] = None, restore: bool = True
+    generator: Any, parameter_set: Type[ParameterSet], names: Optional[Iterable[str]] = None, restore: bool = True,
+    sliders: Mapping[str, Slider] = MappingProxyType({}),
 ) -> None:
     """Add a parameter set's numbers, texts and switches to a dynamic_reconfigure ParameterGenerator.
 
@@ -37,11 +42,12 @@ def add_parameters(
         parameter_set: The dataclass; lists, which dynamic_reconfigure has no type for, are left out.
         names: Only these, where given.
         restore: Add `restore_defaults`, which brings back the values the node was started with.
+        sliders: Range to offer by name, where it is narrower than what a file may say; None for an end that has none.
     """
     from dynamic_reconfigure.parameter_generator_catkin import bool_t, double_t, int_t, str_t
 
     types = {bool: bool_t, int: int_t, float: double_t, str: str_t}
-    limits = {int: (-(2 ** 31) + 1, 2 ** 31 - 1), float: (-1e9, 1e9)}
+    limits = {int: (-(2 ** 31) + 1, 2 ** 31 - 1), float: (None, None)}  # a slider needs both ends
     hints = typing.get_type_hints(parameter_set)
     for field in dataclasses.fields(parameter_set):
         hint = hints[field.name]
@@ -52,8 +58,10 @@ def add_parameters(
         arguments = [field.name, types[hint], 0, meta.get("description", "") + unit, field.default]
         if hint in limits:
             lowest = meta["minimum"] if meta["minimum"] is not None else meta["above"]
-            arguments.append(limits[hint][0] if lowest is None else lowest)
-            arguments.append(limits[hint][1] if meta["maximum"] is None else meta["maximum"])
+            ends = sliders.get(field.name, (lowest, meta["maximum"]))
+            if meta.get("choices"):
+                ends = min(meta["choices"]), max(meta["choices"])
+            arguments += [limit if end is None else end for end, limit in zip(ends, limits[hint])]
         if meta.get("choices"):
             constants = [generator.const(_constant(field.name, c), types[hint], c, str(c)) for c in meta["choices"]]
             generator.add(*arguments, edit_method=generator.enum(constants, f"choices of {field.name}"))
@@ -106,6 +114,11 @@ def serve(
 
     state: Dict[str, Any] = {"current": parameters, "started": False}
 
+    def within(value: Any, name: str) -> Any:
+        """Return a number taken to the range that is offered, anything else as it is."""
+        lowest, highest = config_type.min.get(name), config_type.max.get(name)
+        return value if isinstance(value, (bool, str)) else min(max(value, lowest), highest)
+
     def take(config: Any, _level: int) -> Any:
         names = [name for name in parameters.names() if name in config]
         if not state["started"]:
@@ -116,7 +129,8 @@ def serve(
             if config.get(RESTORE_DEFAULTS):
                 wanted = parameters if defaults is None else defaults()
             else:
-                changes = {n: config[n] for n in names if config[n] != getattr(state["current"], n)}
+                # the server takes all values into their sliders' ranges, also those nobody asked to change
+                changes = {n: config[n] for n in names if config[n] != within(getattr(state["current"], n), n)}
                 wanted = state["current"].replace(**changes)
             apply(wanted)
             state["current"] = wanted
