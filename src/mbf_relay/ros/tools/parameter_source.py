@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from dataclasses import dataclass, field
-from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Tuple
 from xml.etree.ElementTree import Element
 
 import yaml
@@ -65,7 +65,7 @@ class LaunchedNode(NamedTuple):
 
 
 def read_yaml(
-    path: str, namespace: str, source: ParameterSource, substitute: Optional[Callable[[str], str]] = None
+    path: str, namespace: str, source: ParameterSource, substitute: Callable[[str], str] = str
 ) -> None:
     """Add a YAML file's values to a source, with their lines.
 
@@ -79,8 +79,7 @@ def read_yaml(
         ValueError: It is no YAML, or holds no group; the text names file and line.
         OSError: It cannot be read.
     """
-    text = files.read_text(path)
-    add_yaml(substitute(text) if substitute else text, path, namespace, source)
+    add_yaml(substitute(files.read_text(path)), path, namespace, source)
 
 
 def add_yaml(text: str, path: str, namespace: str, source: ParameterSource) -> None:
@@ -210,13 +209,13 @@ class _LaunchReader:
             source.put(name, text if element.get("type") in ("str", "string") else _typed(text), self._path)
         elif element.tag == "rosparam" and element.get("command", "load") == "load":
             target = f"{namespace}/{self._text(element, 'param')}".strip("/")
+            substitute = self._substituted if element.get("subst_value", "").lower() == "true" else str
             if element.get("file"):
-                substitute = self._substituted if element.get("subst_value", "").lower() == "true" else None
                 read_yaml(self._text(element, "file"), target, source, substitute)
             elif element.text and element.get("param"):
-                source.put(target, _typed(element.text), self._path)
+                source.put(target, _typed(substitute(element.text)), self._path)
             elif element.text:
-                add_yaml(element.text, self._path, target, source)
+                add_yaml(substitute(element.text), self._path, target, source)
 
     def _take_argument(self, element: Element) -> None:
         name = self._text(element, "name")
