@@ -250,6 +250,19 @@ def test_a_speed_limit_holds_for_its_distance(name):
     assert max(abs(c.theta) for p, c in zip(ended.poses, ended.commands) if p.x <= 0.3) <= 0.3 + 1e-9
 
 
+def test_of_a_zone_s_limit_and_a_recovery_s_the_lower_one_holds(name):
+    controller = make(name)
+    controller.limit_speed(SpeedLimit(share=0.5), "zone")
+    controller.limit_speed(SpeedLimit(0.05, 0.3, 0.3))
+    ended = drive(controller, path_through((0, 0), (1.5, 0)), START)
+    slow = [c.x for p, c in zip(ended.poses, ended.commands) if p.x <= 0.3]
+    assert ended.reached and max(slow) <= 0.05 + 1e-9
+    assert max(c.x for c in ended.commands) == pytest.approx(0.11, abs=0.01), "the zone's, where the recovery's is over"
+    controller.limit_speed(SpeedLimit(), "zone")
+    ended = drive(controller, path_through((0, 0), (1.5, 0)), START)
+    assert max(c.x for c in ended.commands) == pytest.approx(0.22, abs=0.01)
+
+
 def test_new_parameters_hold_from_the_next_cycle_on(name):
     controller = make(name)
     controller.set_path(STRAIGHT, True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import abc
-from typing import Any, Callable, Optional
+from typing import Any, Callable, Dict, Optional, Tuple
 
 from mbf_relay.control.report import CycleReport
 from mbf_relay.control.state import ControlState, GoalTolerance, SpeedLimit
@@ -23,20 +23,31 @@ class Controller(Plugin, abc.ABC):
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
         self.watcher: Optional[Callable[[CycleReport], None]] = None
-        self._speed_limit = SpeedLimit()
-        self._limited_from: Optional[Pose2D] = None
+        self._speed_limits: Dict[str, Tuple[SpeedLimit, Optional[Pose2D]]] = {}
 
-    def limit_speed(self, limit: SpeedLimit) -> None:
-        """Drive no faster than `limit` until the robot has moved its distance; SpeedLimit() lifts it."""
-        self._speed_limit, self._limited_from = limit, None
+    def limit_speed(self, limit: SpeedLimit, source: str = "") -> None:
+        """Drive no faster than `limit` until the robot has moved its distance; SpeedLimit() lifts it.
+
+        Args:
+            limit: That.
+            source: Whose it is; each has one limit, and all of them hold.
+        """
+        self._speed_limits[source] = (limit, None)
 
     def speed_limit_at(self, pose: Pose2D) -> SpeedLimit:
-        """Return the limit in force with the robot at `pose`; it is lifted where the robot has moved far enough."""
-        if self._limited_from is None:
-            self._limited_from = pose
-        if pose.distance_to(self._limited_from) > self._speed_limit.distance:
-            self._speed_limit = SpeedLimit()
-        return self._speed_limit
+        """Return the limit in force with the robot at `pose`; one is lifted where the robot has moved far enough."""
+        lowest = SpeedLimit()
+        for source, (limit, since) in list(self._speed_limits.items()):
+            since = pose if since is None else since
+            if pose.distance_to(since) > limit.distance:
+                del self._speed_limits[source]
+                continue
+            self._speed_limits[source] = (limit, since)
+            lowest = SpeedLimit(
+                min(lowest.translation, limit.translation), min(lowest.rotation, limit.rotation),
+                min(lowest.distance, limit.distance), min(lowest.share, limit.share),
+            )
+        return lowest
 
     @property
     def goal_tolerance(self) -> Optional[GoalTolerance]:

@@ -54,9 +54,11 @@ class SpeedLimit:
     Attributes:
         translation: Metres per second.
         rotation: Radians per second.
+        share: Of the controller's own top speeds.
         distance: Metres from where it was set, beyond which it no longer holds.
     """
 
     translation: float = math.inf
     rotation: float = math.inf
     distance: float = math.inf
+    share: float = 1.0

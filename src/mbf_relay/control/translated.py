@@ -43,9 +43,9 @@ class TranslatedController(Controller, abc.ABC):
         """That of the controller that drives."""
         return self._driver.goal_tolerance
 
-    def limit_speed(self, limit: SpeedLimit) -> None:
+    def limit_speed(self, limit: SpeedLimit, source: str = "") -> None:
         """Drive no faster than `limit`; see Controller."""
-        self._driver.limit_speed(limit)
+        self._driver.limit_speed(limit, source)
 
     def set_path(self, path: Path, is_new_goal: bool) -> None:
         """Follow `path`; see Controller."""

@@ -4,6 +4,8 @@ LAYERS = {
     "costmap_2d::StaticLayer": "mbf_relay.costmap.static_layer.StaticLayer",
     "costmap_2d::ObstacleLayer": "mbf_relay.costmap.obstacle_layer.ObstacleLayer",
     "costmap_2d::VoxelLayer": "mbf_relay.costmap.obstacle_layer.VoxelLayer",
+    "nav2_costmap_2d::KeepoutFilter": "mbf_relay.costmap.costmap_filter.KeepoutFilter",
+    "nav2_costmap_2d::SpeedFilter": "mbf_relay.costmap.costmap_filter.SpeedFilter",
     "mbf_relay::TrackLayer": "mbf_relay.costmap.track_layer.TrackLayer",
     "costmap_2d::InflationLayer": "mbf_relay.costmap.inflation_layer.InflationLayer",
 }

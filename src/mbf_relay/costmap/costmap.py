@@ -12,7 +12,7 @@ import numpy as np
 
 from mbf_relay.costmap import footprint as footprints
 from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, NO_INFORMATION, CostGrid, Window
-from mbf_relay.costmap.layer import Layer, LayerContext, changed_window, shifted, tracks_of
+from mbf_relay.costmap.layer import Layer, LayerContext, ZoneLimit, changed_window, shifted, tracks_of
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.geometry import Pose2D
@@ -167,8 +167,21 @@ class Costmap:
                 if source in layer.sources:
                     layer.refuse(source, reason)
 
-    def set_map(self, occupancy: OccupancyMap) -> Optional[str]:
-        """Take a map of the floor; a costmap that is no rolling window takes its size and resolution.
+    @property
+    def zone_limit(self) -> ZoneLimit:
+        """How fast the robot may go where it stands, as all layers that take part know it."""
+        limits = [layer.zone_limit for layer in self.layers if layer.enabled]
+        return ZoneLimit(
+            min((limit.speed for limit in limits), default=math.inf),
+            min((limit.share for limit in limits), default=1.0),
+        )
+
+    def set_map(self, occupancy: OccupancyMap, layer: str = "") -> Optional[str]:
+        """Take a map; a costmap that is no rolling window takes the size and resolution of its first one of the floor.
+
+        Args:
+            occupancy: The map.
+            layer: Name of the layer it is for; all that map the floor where empty.
 
         Returns:
             What the user should know of it, or None.
@@ -178,13 +191,17 @@ class Costmap:
         """
         height, width = occupancy.data.shape
         grid = Grid(occupancy.resolution, occupancy.origin.x, occupancy.origin.y, width, height)
+        floor = [each for each in self.layers if each.maps_floor]
+        takers = [each for each in self.layers if each.name == layer] if layer else floor
+        is_first = bool(floor) and floor[0] in takers
+        sizes = is_first and not self.parameters.rolling_window
         notice = None
-        if abs(grid.resolution - self.parameters.resolution) > 1e-6:
-            taken = "is sampled at the costmap's" if self.parameters.rolling_window else "replaces the costmap's"
+        if is_first and abs(grid.resolution - self.parameters.resolution) > 1e-6:
+            taken = "replaces the costmap's" if sizes else "is sampled at the costmap's"
             notice = (f"{self.name}: the map's resolution of {grid.resolution:.6g} m {taken} resolution of "
                       f"{self.parameters.resolution:.6g} m")
         with self._lock:
-            if not self.parameters.rolling_window:
+            if sizes:
                 if abs(occupancy.origin.theta) > 1e-6:
                     raise ValueError(
                         f"{self.name}: the map is turned by {occupancy.origin.theta:.6g} rad; a costmap lies along "
@@ -193,25 +210,37 @@ class Costmap:
                 self._sized_by_map, self._size_due = True, False
                 if grid != self._grid:
                     self._resize(grid)
-            for layer in self.layers:
-                layer.set_map(occupancy)
+            for taker in takers:
+                taker.set_map(occupancy)
         return notice
 
-    def update_map(self, x: int, y: int, data: np.ndarray) -> None:
-        """Take a changed part of the map: int8 of shape (rows, columns), its lower left cell at column x, row y.
+    def update_map(self, x: int, y: int, data: np.ndarray, layer: str = "") -> None:
+        """Take a changed part of a map.
+
+        Args:
+            x, y: Column and row of its lower left cell.
+            data: int8 of shape (rows, columns).
+            layer: Name of the layer it is for; all that map the floor where empty.
 
         Raises:
             ValueError: It does not lie within the map.
         """
         with self._lock:
-            for layer in self.layers:
-                layer.update_map(x, y, data)
+            for each in self.layers:
+                if each.name == layer or (not layer and each.maps_floor):
+                    each.update_map(x, y, data)
 
-    def set_map_from_costmap(self, transform: Pose2D) -> None:
-        """Tell a rolling window where it lies on the map: the transform from the costmap's frame to the map's."""
+    def set_map_from_costmap(self, transform: Pose2D, layer: str = "") -> None:
+        """Tell where the costmap lies on a map.
+
+        Args:
+            transform: From the costmap's frame to the map's.
+            layer: Name of the layer whose map it is; all that map the floor where empty.
+        """
         with self._lock:
-            for layer in self.layers:
-                layer.set_map_from_costmap(transform)
+            for each in self.layers:
+                if each.name == layer or (not layer and each.maps_floor):
+                    each.set_map_from_costmap(transform)
 
     def update(self, now: float, robot_pose: Pose2D) -> None:
         """Bring the snapshot up to date.

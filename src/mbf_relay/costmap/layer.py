@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import abc
+import math
 from dataclasses import dataclass
-from typing import Any, ClassVar, Iterable, Mapping, Optional, Tuple
+from typing import Any, ClassVar, Iterable, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -32,6 +33,21 @@ class LayerContext:
     footprint: np.ndarray
 
 
+class MapSource(NamedTuple):
+    """Where a layer's map comes from: its topic, whether to keep the first, and to take changed parts of it."""
+
+    topic: str
+    first_only: bool = False
+    updates: bool = False
+
+
+class ZoneLimit(NamedTuple):
+    """How fast the robot may go where it stands: metres per second, and the share of its controller's top speeds."""
+
+    speed: float = math.inf
+    share: float = 1.0
+
+
 class Layer(Plugin, abc.ABC):
     """Writes what it knows into the costmap's grid.
 
@@ -41,11 +57,13 @@ class Layer(Plugin, abc.ABC):
 
     Attributes:
         notice: What users should know of this kind of layer, one line for the log; empty where there is nothing.
+        maps_floor: Whether its map is the floor's, whose size a costmap takes that is no rolling window.
         grid: Where the costmap's cells lie at present.
         enabled: A layer that is not is passed over.
     """
 
     notice: ClassVar[str] = ""
+    maps_floor: ClassVar[bool] = False
     dynamic_config = "mbf_relay.cfg.CostmapLayerConfig"
 
     def __init__(self, name: str, parameters: Any) -> None:
@@ -70,9 +88,19 @@ class Layer(Plugin, abc.ABC):
         return 0.0
 
     @property
-    def map_source(self) -> Optional[Any]:
-        """Where the layer's map comes from (StaticLayerParameters); None for a layer without one."""
+    def map_source(self) -> Optional[MapSource]:
+        """Where the layer's map comes from; None for a layer without one."""
         return None
+
+    @property
+    def map_frame(self) -> str:
+        """Frame of a map that comes by no message; empty where there is none."""
+        return ""
+
+    @property
+    def zone_limit(self) -> ZoneLimit:
+        """How fast the robot may go where it stood at the last update."""
+        return ZoneLimit()
 
     @property
     def tracks(self) -> Tuple[Track, ...]:
@@ -102,7 +130,7 @@ class Layer(Plugin, abc.ABC):
         """Take note that one of `sources` sent what must not be believed; it is stale until it is observed again."""
 
     def set_map(self, occupancy: OccupancyMap) -> None:
-        """Take a map of the floor."""
+        """Take the layer's map."""
 
     def update_map(self, x: int, y: int, data: np.ndarray) -> None:
         """Take a changed part of the map: int8 of shape (rows, columns) with its lower left cell at (x, y)."""

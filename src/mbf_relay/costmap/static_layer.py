@@ -9,7 +9,7 @@ import numpy as np
 
 from mbf_relay.costmap import layer_kernels
 from mbf_relay.costmap.cost_grid import FREE_SPACE, LETHAL, NO_INFORMATION, Window
-from mbf_relay.costmap.layer import CellLayer, LayerContext
+from mbf_relay.costmap.layer import CellLayer, LayerContext, MapSource
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.maps import OccupancyMap
@@ -33,7 +33,12 @@ class StaticLayerParameters(ParameterSet):
 
 
 class StaticLayer(CellLayer):
-    """Turns a map's values into costs. A costmap that is not a rolling window takes the map's size and resolution."""
+    """Turns a map's values into costs.
+
+    A costmap that is not a rolling window takes the size and resolution of its first static layer's map.
+    """
+
+    maps_floor = True
 
     Parameters = StaticLayerParameters
     parameters: StaticLayerParameters
@@ -46,8 +51,9 @@ class StaticLayer(CellLayer):
         self._table = cost_table(parameters)
 
     @property
-    def map_source(self) -> StaticLayerParameters:
-        return self.parameters
+    def map_source(self) -> MapSource:
+        p = self.parameters
+        return MapSource(p.map_topic, p.first_map_only, p.subscribe_to_updates)
 
     def reconfigure(self, parameters: Any) -> None:
         super().reconfigure(parameters)
@@ -82,10 +88,10 @@ class StaticLayer(CellLayer):
         part = np.ascontiguousarray(data, dtype=np.int8)
         self._map.data[y:y + rows, x:x + columns] = part
         self._map_costs[y:y + rows, x:x + columns] = self._table[part.view(np.uint8)]
-        self.touch(Window.of(self.grid) if self.rolling else Window(x, y, x + columns, y + rows))
+        self.touch(Window(x, y, x + columns, y + rows) if self._lies_on_grid() else Window.of(self.grid))
 
     def set_map_from_costmap(self, transform: Pose2D) -> None:
-        if self.rolling and transform != self._map_from_costmap:
+        if transform != self._map_from_costmap:
             self._map_from_costmap = transform
             self.touch(Window.of(self.grid))
 
@@ -95,7 +101,12 @@ class StaticLayer(CellLayer):
     def update_costs(self, costs: np.ndarray, window: Window) -> None:
         if self._map is None:
             return
-        if self.rolling:
+        if self._lies_on_grid():
+            if self.parameters.use_maximum:
+                layer_kernels.merge_maximum(costs, self._map_costs, *window)
+            else:
+                costs[window.slices] = self._map_costs[window.slices]
+        else:
             at = self._map_from_costmap
             origin = self._map.origin
             # the map's own origin may be turned; its cells are then looked up in the map's axes
@@ -103,11 +114,14 @@ class StaticLayer(CellLayer):
             layer_kernels.sample_map(
                 costs, *window, self.grid.origin_x, self.grid.origin_y, self.grid.resolution, self._map_costs, 0.0, 0.0,
                 self._map.resolution, in_cells.x, in_cells.y, in_cells.theta, self.parameters.use_maximum)
-        elif self._map_costs.shape == self.grid.shape:
-            if self.parameters.use_maximum:
-                layer_kernels.merge_maximum(costs, self._map_costs, *window)
-            else:
-                costs[window.slices] = self._map_costs[window.slices]
+
+    def _lies_on_grid(self) -> bool:
+        """Return whether the map's cells are the costmap's, as where the costmap took its size of this map."""
+        if self.rolling or self._map is None:
+            return False
+        height, width = self._map_costs.shape
+        origin = self._map.origin
+        return self.grid == Grid(self._map.resolution, origin.x, origin.y, width, height) and origin.theta == 0.0
 
     def clear(self, window: Window, inside: bool) -> None:
         """A map is not forgotten."""

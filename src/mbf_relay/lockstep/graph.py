@@ -235,6 +235,9 @@ class Graph:
         except TransformError:
             return
         with self._stages.stage("costmaps"):
+            for layer in costmap.layers:
+                if layer.map_frame:
+                    costmap.set_map_from_costmap(self.robot.transform(layer.map_frame, costmap.frame), layer.name)
             costmap.update(self.now, pose)
 
     def _command(self, velocity: Twist2D) -> None:

@@ -9,7 +9,8 @@ from typing import Any, Callable, NamedTuple, Optional, Tuple
 import numpy as np
 
 from mbf_relay.control.controller import Controller
-from mbf_relay.control.state import ControlState, GoalTolerance
+from mbf_relay.control.state import ControlState, GoalTolerance, SpeedLimit
+from mbf_relay.costmap.layer import ZoneLimit
 from mbf_relay.geometry import STOP, Twist2D, angle_between
 from mbf_relay.navigation.cycle_load import CycleLoad
 from mbf_relay.navigation.goals import FollowFeedback, FollowGoal, FollowResult, FramedPose
@@ -27,6 +28,8 @@ OVERRUN_PERIODS = 3.0
 """Control periods a velocity stays in force without a new one; a controller that thinks longer lets the robot stand."""
 
 
+ZONE = "zone"
+"""Whose the speed limits are that a costmap's zones set."""
 BUSY_DELAY = 0.01
 """Seconds between two looks at a controller that is still in a call of an ended drive."""
 
@@ -66,6 +69,7 @@ class ControllerExecution:
         costmap: What the robot sees around it; asked for `stale_reason(now)` and `snapshot()`.
         parameters: Called for the values in force.
         watch_oscillation: False where the owner judges oscillation over several drives.
+        zone_limit: Gives how fast the robot may go where it stands.
     """
 
     def __init__(
@@ -75,11 +79,14 @@ class ControllerExecution:
         costmap: Any,
         parameters: Callable[[], NavigatorParameters],
         watch_oscillation: bool = True,
+        zone_limit: Callable[[], ZoneLimit] = ZoneLimit,
     ) -> None:
         self.instance = instance
         self.task: Task[FollowResult] = Task()
         self.watch_oscillation = watch_oscillation
         self._robot, self._costmap, self._parameters = robot, costmap, parameters
+        self._zone_limit = zone_limit
+        self._told_limit: Optional[ZoneLimit] = None
         self._goal: Optional[FollowGoal] = None
         self._path_is_new, self._goal_is_new = False, False
         self._job: Optional[Job] = None
@@ -167,7 +174,15 @@ class ControllerExecution:
         tolerance = self._goal.tolerance
         self._since_call.start(now)
         self._job_task = self.task
-        self._job = self.instance.call(lambda controller: _cycle(controller, view.state, path, goal_is_new, tolerance))
+        limit = self._zone_limit()
+        told, self._told_limit = self._told_limit, limit
+
+        def cycle(controller: Controller) -> ControlAnswer:
+            if limit != told:
+                controller.limit_speed(SpeedLimit(limit.speed, share=limit.share), ZONE)
+            return _cycle(controller, view.state, path, goal_is_new, tolerance)
+
+        self._job = self.instance.call(cycle)
         if self._job.done:
             self._collect(now)
 

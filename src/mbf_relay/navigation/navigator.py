@@ -7,6 +7,7 @@ from collections import deque
 from enum import Enum
 from typing import Any, Deque, Dict, List, Mapping, Optional, Tuple
 
+from mbf_relay.costmap.layer import ZoneLimit
 from mbf_relay.navigation.controller_execution import ControllerExecution
 from mbf_relay.navigation.goals import (
     FollowGoal,
@@ -104,7 +105,8 @@ class Navigator:
         if running is None or running.task.done:
             instance = self.controllers.instance(name, goal.slot)
             running = ControllerExecution(
-                instance, self.robot, self.costmaps[instance.costmap], lambda: self.parameters
+                instance, self.robot, self.costmaps[instance.costmap], lambda: self.parameters,
+                zone_limit=self._zone_limit,
             )
             self._drives[goal.slot] = running
         running.watch_oscillation = watch_oscillation
@@ -136,6 +138,11 @@ class Navigator:
             running.replaced()
         self._move_base = MoveBase(goal, self, task, driving)
         return task
+
+    def _zone_limit(self) -> ZoneLimit:
+        """Return how fast the robot may go where it stands, by either costmap."""
+        limits = [costmap.zone_limit for costmap in self.costmaps.values()]
+        return ZoneLimit(min(limit.speed for limit in limits), min(limit.share for limit in limits))
 
     def _unknown_plugin(self, goal: NavigateGoal) -> Optional[NavigateResult]:
         wanted: List[Tuple[Registry[Any], str, Enum]] = [

@@ -8,6 +8,7 @@ import numpy as np
 from mbf_relay.control.controller import Controller
 from mbf_relay.control.state import ControlState
 from mbf_relay.costmap.cost_grid import CostGrid
+from mbf_relay.costmap.layer import ZoneLimit
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.grid import Grid
 from mbf_relay.navigation.goals import FramedPose, NavigateGoal
@@ -88,6 +89,7 @@ class PaperCostmap:
         self.costs = np.zeros(grid.shape, dtype=np.uint8)
         self.grid = grid
         self.footprint = np.zeros((0, 2))
+        self.zone_limit = ZoneLimit()
 
     def snapshot(self) -> CostGrid:
         return CostGrid(self.grid, self.costs, self.frame, self.footprint, 0.1, 0.1, stamp=self.stamp)

@@ -7,6 +7,7 @@ import scripted
 from scripted import FORWARD, STUCK, arrive
 
 from mbf_relay.control.state import GoalTolerance
+from mbf_relay.costmap.layer import ZoneLimit
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.goals import FollowGoal
 from mbf_relay.navigation.task import Ending
@@ -362,3 +363,23 @@ def test_a_robot_whose_computer_falls_behind_drives_slower_and_says_so_once(held
 
 def test_a_robot_whose_computer_keeps_up_is_not_slowed(held_bench):
     assert set(drive_with_cycles_of(held_bench, 0.05, 40)) == {FORWARD}
+
+
+def test_a_zone_s_limit_reaches_the_controller_of_every_drive_and_is_lifted_behind_it(bench):
+    limits = []
+    controller = bench.navigator.controllers.instance("C1", 0).plugin
+    controller.limit_speed = lambda limit, source: limits.append((limit.share, source))
+    task = bench.navigator.exe_path(FollowGoal(PATH))
+    for _ in range(5):
+        bench.step()
+    bench.costmaps["global"].zone_limit = ZoneLimit(share=0.5)
+    for _ in range(5):
+        bench.step()
+    task.cancel()
+    for _ in range(5):
+        bench.step()
+    bench.costmaps["global"].zone_limit = ZoneLimit()
+    bench.navigator.exe_path(FollowGoal(PATH))
+    for _ in range(5):
+        bench.step()
+    assert limits == [(1.0, "zone"), (0.5, "zone"), (1.0, "zone")]

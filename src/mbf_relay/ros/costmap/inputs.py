@@ -15,6 +15,7 @@ from sensor_msgs.msg import LaserScan as LaserScanMessage
 from sensor_msgs.msg import PointCloud, PointCloud2, PointField
 
 from mbf_relay.costmap.costmap import Costmap
+from mbf_relay.costmap.layer import MapSource
 from mbf_relay.costmap.observation import Observation, observation_from_points, scan_points
 from mbf_relay.costmap.obstacle_layer import SourceParameters
 from mbf_relay.outcomes import TransformError
@@ -208,22 +209,23 @@ def cloud_points(message: PointCloud2) -> np.ndarray:
 
 
 class MapInput:
-    """The map and its changes for a costmap with a static layer.
+    """The map and its changes for one layer of a costmap.
 
     Args:
-        parameters: The static layer's.
+        layer: The layer's name.
+        source: Where its map comes from.
         costmap: What it feeds.
         on_map: Called after each map, from rospy's thread.
     """
 
-    def __init__(self, parameters: Any, costmap: Costmap, on_map: Callable[[], None]) -> None:
-        self._parameters, self._costmap, self._on_map = parameters, costmap, on_map
+    def __init__(self, layer: str, source: MapSource, costmap: Costmap, on_map: Callable[[], None]) -> None:
+        self.layer, self._source, self._costmap, self._on_map = layer, source, costmap, on_map
         self.frame: Optional[str] = None
         self._subscribers = [
-            rospy.Subscriber(parameters.map_topic, QuickGrid, self._take_map, queue_size=1, buff_size=BUFFER_BYTES)]
-        if parameters.subscribe_to_updates:
+            rospy.Subscriber(source.topic, QuickGrid, self._take_map, queue_size=1, buff_size=BUFFER_BYTES)]
+        if source.updates:
             self._subscribers.append(rospy.Subscriber(
-                f"{parameters.map_topic}_updates", QuickGridUpdate, self._take_update, queue_size=10,
+                f"{source.topic}_updates", QuickGridUpdate, self._take_update, queue_size=10,
                 buff_size=BUFFER_BYTES))
 
     def close(self) -> None:
@@ -232,13 +234,13 @@ class MapInput:
             subscriber.unregister()
 
     def _take_map(self, message: Any) -> None:
-        if self.frame is not None and self._parameters.first_map_only:
+        if self.frame is not None and self._source.first_only:
             return
         try:
-            notice = self._costmap.set_map(map_from_message(message))
+            notice = self._costmap.set_map(map_from_message(message), self.layer)
         except ValueError as error:
             rospy.logerr_throttle(
-                WARN_PERIOD, f"{self._costmap.name}: map on topic '{self._parameters.map_topic}' refused: {error}")
+                WARN_PERIOD, f"{self._costmap.name}: map on topic '{self._source.topic}' refused: {error}")
             return
         if notice:
             rospy.logwarn("%s", notice)
@@ -250,6 +252,6 @@ class MapInput:
             if message.width * message.height != len(message.data):
                 raise InvalidMessage(f"{message.width} x {message.height} cells with {len(message.data)} values")
             data = np.array(message.data, dtype=np.int8).reshape(message.height, message.width)
-            self._costmap.update_map(message.x, message.y, data)
+            self._costmap.update_map(message.x, message.y, data, self.layer)
         except ValueError as error:
             rospy.logwarn_throttle(WARN_PERIOD, f"{self._costmap.name}: map update refused: {error}")

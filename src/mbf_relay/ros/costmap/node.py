@@ -70,7 +70,7 @@ class CostmapNode:
         """Listen, update and publish from now on."""
         for layer in self.costmap.layers:
             if layer.map_source is not None:
-                self._maps.append(MapInput(layer.map_source, self.costmap, self._stepper.wake))
+                self._maps.append(MapInput(layer.name, layer.map_source, self.costmap, self._stepper.wake))
             for source, parameters in layer.sources.items():
                 if source in self._sensors:  # another layer's as well; the costmap hands what comes to both
                     continue
@@ -167,7 +167,11 @@ class CostmapNode:
         for sensor in self._sensors.values():
             sensor.feed(now)
         for source in self._maps:
-            self._place_map(source)
+            if source.frame is not None:
+                self._place_map(source.layer, source.frame)
+        for layer in self.costmap.layers:
+            if layer.map_frame:
+                self._place_map(layer.name, layer.map_frame)
         self.costmap.update(now, pose)
         self._updates.tick(now)
         self._publisher.publish_footprint(self.costmap.oriented_footprint(pose), self.costmap.frame, now)
@@ -190,9 +194,10 @@ class CostmapNode:
             self._pose_warnings.say(f"{self._name} waits for the robot's pose: {error}")
             return None
 
-    def _place_map(self, source: MapInput) -> None:
-        if self.costmap.parameters.rolling_window and source.frame is not None:
+    def _place_map(self, layer: str, frame: str) -> None:
+        """Tell a layer where its map lies, where that may change."""
+        if frame.lstrip("/") != self.costmap.frame.lstrip("/"):
             try:
-                self.costmap.set_map_from_costmap(self._transforms.lookup(source.frame, self.costmap.frame))
+                self.costmap.set_map_from_costmap(self._transforms.lookup(frame, self.costmap.frame), layer)
             except TransformError as error:
                 self._pose_warnings.say(f"{self._name} cannot place the map: {error}")

@@ -1,0 +1,158 @@
+"""Zones drawn on a mask, a map of its own: where not to go, and where to go slowly (Nav2's costmap filters)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Optional
+
+import numpy as np
+
+from mbf_relay.costmap import layer_kernels
+from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION, Window
+from mbf_relay.costmap.layer import CellLayer, LayerContext, MapSource, ZoneLimit
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, load_map
+from mbf_relay.parameters import ParameterSet, parameter
+
+PERCENT, ABSOLUTE = 1, 2
+"""What a speed filter's limits are, by CostmapFilterInfo's numbers."""
+
+
+@dataclass(frozen=True)
+class CostmapFilterParameters(ParameterSet):
+    """Parameters of a filter; ROS 1 has no message for what Nav2 tells by one, so it stands here."""
+
+    enabled: bool = parameter(True, "take part in the costmap")
+    filter_mask_topic: str = parameter("filter_mask", "topic of the mask, a map as map_server publishes one")
+    filter_mask_file: str = parameter("", "the mask's YAML file, read once, in place of the topic")
+    filter_mask_frame: str = parameter("map", "frame of a mask out of a file")
+
+
+class CostmapFilter(CellLayer):
+    """A layer that reads a mask. Without its mask the costmap is not to be relied on: nobody knows where zones are."""
+
+    Parameters = CostmapFilterParameters
+    parameters: CostmapFilterParameters
+    default_cost = NO_INFORMATION
+
+    def __init__(self, name: str, parameters: Any) -> None:
+        super().__init__(name, parameters)
+        self.mask: Optional[OccupancyMap] = None
+        self.mask_from_costmap = IDENTITY
+        if parameters.filter_mask_file:
+            self.set_map(load_map(parameters.filter_mask_file))
+
+    @property
+    def map_source(self) -> Optional[MapSource]:
+        return None if self.parameters.filter_mask_file else MapSource(self.parameters.filter_mask_topic)
+
+    @property
+    def map_frame(self) -> str:
+        return self.parameters.filter_mask_frame if self.parameters.filter_mask_file else ""
+
+    def set_map(self, occupancy: OccupancyMap) -> None:
+        self.mask = occupancy
+        self.touch(Window.of(self.grid))
+
+    def set_map_from_costmap(self, transform: Pose2D) -> None:
+        if transform != self.mask_from_costmap:
+            self.mask_from_costmap = transform
+            self.touch(Window.of(self.grid))
+
+    def clear(self, window: Window, inside: bool) -> None:
+        """A mask is not forgotten."""
+
+    def stale_reason(self, now: float) -> Optional[str]:
+        return self.missing_input()
+
+    def missing_input(self) -> Optional[str]:
+        return None if self.mask is not None else f"no mask has come on topic '{self.parameters.filter_mask_topic}'"
+
+
+class KeepoutFilter(CostmapFilter):
+    """Nav2's KeepoutFilter: what the mask marks cannot be driven on; what it marks in part costs as much.
+
+    Listed before the inflation layer, zones are inflated as obstacles are.
+    """
+
+    def update_bounds(self, context: LayerContext, window: Window) -> Window:
+        pending = self.take_pending()
+        if not pending.is_empty and self.mask is not None:
+            self._draw(self.mask)
+        return window.union(pending)
+
+    def _draw(self, mask: OccupancyMap) -> None:
+        """Take the mask's cell under the centre of each of the costmap's."""
+        grid, at = self.grid, mask.origin.inverse().compose(self.mask_from_costmap)
+        self.costs[:] = NO_INFORMATION
+        layer_kernels.sample_map(
+            self.costs, *Window.of(grid), grid.origin_x, grid.origin_y, grid.resolution,
+            keepout_costs()[np.ascontiguousarray(mask.data, dtype=np.int8).view(np.uint8)], 0.0, 0.0, mask.resolution,
+            at.x, at.y, at.theta, False)
+
+    def update_costs(self, costs: np.ndarray, window: Window) -> None:
+        if self.mask is not None:
+            layer_kernels.merge_maximum(costs, self.costs, *window)
+
+
+def keepout_costs() -> np.ndarray:
+    """Return the cost of each value of a mask, indexed by the value as an unsigned byte: shape (256,), uint8."""
+    costs = np.full(256, NO_INFORMATION, dtype=np.uint8)
+    values = np.arange(FREE + 1, OCCUPIED)
+    costs[values] = np.clip(np.rint(values / OCCUPIED * LETHAL), 1, INSCRIBED - 1)
+    costs[OCCUPIED] = LETHAL
+    return costs
+
+
+@dataclass(frozen=True)
+class SpeedFilterParameters(CostmapFilterParameters):
+    """Parameters of the speed filter: a zone's limit is base + multiplier * the mask's value."""
+
+    type: int = parameter(
+        PERCENT, "1: limits are percent of the controller's top speed; 2: m/s", choices=(PERCENT, ABSOLUTE)
+    )
+    base: float = parameter(100.0, "limit where the mask's value were 0")
+    multiplier: float = parameter(-1.0, "how much of it a step of the mask's value, 1 to 100, adds")
+
+
+class SpeedFilter(CostmapFilter):
+    """Nav2's SpeedFilter: where the robot stands on the mask says how fast it may go.
+
+    A value of 0, unknown, a place beside the mask and a limit that comes out at 0 or below mean no limit. Only Nav2
+    keeps the last limit in the second and the third case, which depends on the way one came.
+    """
+
+    Parameters = SpeedFilterParameters
+    parameters: SpeedFilterParameters
+
+    def __init__(self, name: str, parameters: Any) -> None:
+        super().__init__(name, parameters)
+        self._limit = ZoneLimit()
+
+    @property
+    def zone_limit(self) -> ZoneLimit:
+        return self._limit
+
+    def update_bounds(self, context: LayerContext, window: Window) -> Window:
+        self.take_pending()
+        self._limit = self._limit_at(context.robot_pose)
+        return window
+
+    def _limit_at(self, pose: Pose2D) -> ZoneLimit:
+        """Return the limit with the robot at a pose in the costmap's frame."""
+        if self.mask is None:
+            return ZoneLimit()
+        place = self.mask_from_costmap.compose(pose).relative_to(self.mask.origin)
+        column, row = self.mask.local_grid.cell_at(place.x, place.y)
+        height, width = self.mask.data.shape
+        value = int(self.mask.data[row, column]) if 0 <= column < width and 0 <= row < height else UNKNOWN
+        limit = self.parameters.base + self.parameters.multiplier * value
+        if value in (FREE, UNKNOWN) or limit <= 0.0:
+            return ZoneLimit()
+        if self.parameters.type == PERCENT:
+            return ZoneLimit(math.inf, min(1.0, limit / 100.0))
+        return ZoneLimit(limit, 1.0)
+
+    def update_costs(self, costs: np.ndarray, window: Window) -> None:
+        """Costs are not its business."""
