@@ -19,7 +19,7 @@ from nav_msgs.srv import GetPlan, GetPlanRequest
 from node.relay_case import RelayCase
 from node.scripted_server import SCRIPTS
 from ros_testing import Listener, connected_publisher, wait_until
-from std_srvs.srv import Empty
+from std_srvs.srv import Empty, Trigger
 
 
 class RelayFaceTest(RelayCase):
@@ -57,6 +57,12 @@ class RelayFaceTest(RelayCase):
         self.make_sure_of_server()
         rospy.ServiceProxy("move_base/clear_costmaps", Empty)()
         wait_until(lambda: self.reported("clear"), "the request at the server")
+
+    def test_a_server_that_cannot_pause_is_told_of_in_words(self):
+        self.make_sure_of_server()
+        answer = rospy.ServiceProxy("move_base/pause", Trigger)()
+        self.assertFalse(answer.success)
+        self.assertIn("/move_base_flex/pause", answer.message)
 
     def test_changes_of_parameters_and_nothing_else_reach_the_server(self):
         self.make_sure_of_server()

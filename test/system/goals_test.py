@@ -16,7 +16,9 @@ from mbf_msgs.msg import GetPathResult
 from mbf_msgs.msg import MoveBaseAction as FlexAction
 from mbf_msgs.msg import MoveBaseGoal as FlexGoal
 from mbf_msgs.msg import MoveBaseResult as FlexResult
-from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal, RecoveryStatus
+from move_base_msgs.msg import MoveBaseAction, MoveBaseActionFeedback, MoveBaseGoal, RecoveryStatus
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
@@ -74,6 +76,36 @@ class TestGoals(unittest.TestCase):
         self.assertLess(self.witness.way_to(0.5, 0.0), 0.15)
         self.assertEqual(self.witness.touched(), [])
         self.assertEqual(self.witness.warnings(), [])
+
+    def test_5_a_paused_drive_stands_and_keeps_its_goal_and_goes_on(self):
+        paused = Listener("move_base_flex/paused", Bool, connected=True)
+        feedback = Listener("move_base/feedback", MoveBaseActionFeedback, connected=True)
+        start = self.witness.pose
+        sent = self.move_base.send(MoveBaseGoal(pose_of((start.x - 1.0, start.y), (0.0, 0.0, 1.0, 0.0), "map")))
+        wait_until(lambda: abs(self.witness.pose.x - start.x) > 0.1, "the robot to be on its way", 60.0)
+        self.assertTrue(rospy.ServiceProxy("move_base/pause", Trigger)().success)
+        paused.wait_for(lambda m: m.data, "the pause to be told")
+        since = self.wait_for_rest()
+        heard = len(feedback.messages)
+        wait_until(lambda: len(feedback.messages) > heard + 50, "five seconds' feedback of a robot that stands", 60.0)
+        where = self.witness.pose
+        self.assertLess(math.hypot(where.x - since.x, where.y - since.y), SHIFT)
+        self.assertIsNone(sent.ending)
+        self.assertTrue(rospy.ServiceProxy("move_base/resume", Trigger)().success)
+        ending = sent.wait(PATIENCE)
+        self.assertEqual((ending.status, ending.text), (GoalStatus.SUCCEEDED, "Goal reached."))
+        self.assertLess(math.hypot(self.witness.pose.x - start.x + 1.0, self.witness.pose.y - start.y), 0.2)
+
+    def wait_for_rest(self):
+        """Return the robot's pose once it stands."""
+        last = [self.witness.pose]
+
+        def stands():
+            before, last[0] = last[0], self.witness.pose
+            return math.hypot(last[0].x - before.x, last[0].y - before.y) < 1e-3
+
+        wait_until(stands, "the robot to stand", 30.0, period=0.5)
+        return last[0]
 
     def test_4_every_node_says_how_it_fares(self):
         heard = Listener("/diagnostics", DiagnosticArray)

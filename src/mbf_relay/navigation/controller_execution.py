@@ -30,6 +30,8 @@ OVERRUN_PERIODS = 3.0
 
 ZONE = "zone"
 """Whose the speed limits are that a costmap's zones set."""
+PAUSED = "paused"
+"""What feedback says while the robot is."""
 BUSY_DELAY = 0.01
 """Seconds between two looks at a controller that is still in a call of an ended drive."""
 
@@ -143,10 +145,29 @@ class ControllerExecution:
         if self.task.cancel_requested:
             self._end(Ending.CANCELED, ControlOutcome.CANCELED, "Controller canceled")
             return
+        if self._robot.paused:
+            self._stand_by(now)
+            return
         if self._job is not None:
             self._watch(now, self._job)
         if not self.task.done and self._job is None and self._pacer.is_due(now):
             self._begin(now)
+
+    def _stand_by(self, now: float) -> None:
+        """Stand and let no time count while the robot is paused; what was thought of before is not sent after."""
+        self._job_task = Task()
+        if self._job is not None and self._job.done:
+            self._job = None
+        if self._command != STOP:  # once: somebody may drive it by hand meanwhile
+            self._send(STOP)
+        for watch in (self._since_start, self._since_valid, self._since_call):
+            watch.start(now)
+        self._since_pose.reset()
+        self._oscillation.restart(now)
+        self._ignored = IgnoredCommands()
+        if self._pacer.is_due(now):
+            self._pacer.passed(now, 1.0 / self._parameters().controller_frequency)
+            self._report(ControlOutcome.SUCCESS, PAUSED)
 
     # one cycle
 

@@ -147,7 +147,7 @@ class MoveBase:
 
     def update(self, now: float) -> None:
         """Advance whatever it is at."""
-        if not self._oscillation.running:
+        if self._navigator.robot.paused or not self._oscillation.running:
             self._oscillation.restart(now)
         at = self._at
         if isinstance(at, Done):

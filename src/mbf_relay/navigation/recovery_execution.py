@@ -114,6 +114,13 @@ class RecoveryExecution:
                 Ending.CANCELED, RecoveryOutcome.CANCELED, f"Recovery behaviour \"{self.instance.name}\" canceled!"
             )
             return
+        if self._robot.paused:
+            self._since_start.start(now)
+            if self._pacer.is_due(now):
+                self._pacer.passed(now, 1.0 / self._parameters().controller_frequency)
+            if self._moved and self._robot.commanded != STOP:
+                self._robot.command(STOP)
+            return
         if self._job is not None and self._job.done:
             self._collect(now)
         if not self.task.done:

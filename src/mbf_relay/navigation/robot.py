@@ -13,9 +13,12 @@ class Robot(abc.ABC):
 
     Attributes:
         commanded: The velocity sent last; None where that is not known.
+        paused: Whether drives and recoveries are to stand by, with their goals, until it is False again; may be set
+            from any thread.
     """
 
     commanded: Optional[Twist2D] = None
+    paused: bool = False
 
     @abc.abstractmethod
     def pose_in(self, frame: str) -> Pose2D:

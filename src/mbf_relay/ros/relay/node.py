@@ -28,7 +28,7 @@ from mbf_relay.ros.relay.reconfigure import (
     wishes,
 )
 from mbf_relay.ros.relay.relay import ClientGoal, Observer, Relay, RelayParameters
-from mbf_relay.ros.relay.services import ClearCostmaps, MakePlan
+from mbf_relay.ros.relay.services import ClearCostmaps, MakePlan, PauseByServer
 from mbf_relay.ros.relay.topics import RecoveryTopic, pass_through
 
 CHECK_PERIOD = 0.1
@@ -84,6 +84,7 @@ def serve(action: bool = True, topic: bool = True, own: Optional[Any] = None) ->
     if own is None:
         MakePlan(parameters, settings)
         ClearCostmaps(parameters.server, parameters.service_timeout)
+        PauseByServer(parameters.server, parameters.service_timeout)
         pass_through(parameters.server, settings.server_name)
         RecoveryTopic(parameters.server, lambda: publishers.robot_pose)
         settings.serve()

@@ -1,4 +1,4 @@
-"""move_base's services: ~make_plan and ~clear_costmaps."""
+"""move_base's services, ~make_plan and ~clear_costmaps, and ~pause and ~resume, which its users asked for."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import rospy
 from actionlib_msgs.msg import GoalStatus
 from mbf_msgs.msg import GetPathAction, GetPathGoal
 from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
-from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
+from std_srvs.srv import Empty, EmptyRequest, EmptyResponse, Trigger, TriggerResponse
 
 from mbf_relay.ros.common.action_client import ActionClient
 from mbf_relay.ros.common.get_plan import append_goal, turned
@@ -133,6 +133,24 @@ class ClearCostmaps:
         if call.error is not None:
             raise rospy.ServiceException(f"service {self._clear.resolved_name}: {call.error}")
         return call.response
+
+
+class PauseByServer:
+    """~pause and ~resume by the server's, where it has such; C++'s has none, and then they fail with a text."""
+
+    def __init__(self, server: str, patience: float) -> None:
+        self._node, self._patience = rospy.resolve_name(server), patience
+        self._services = [
+            rospy.Service(f"~{name}", Trigger, lambda _request, name=name: self._answer(name))
+            for name in ("pause", "resume")
+        ]
+
+    def _answer(self, name: str) -> TriggerResponse:
+        call = ServiceCall(rospy.ServiceProxy(f"{self._node}/{name}", Trigger))
+        call.join(self._patience)
+        if call.is_alive():
+            return TriggerResponse(False, no_answer(f"{self._node}/{name}", self._node, self._patience))
+        return call.response or TriggerResponse(False, f"service {self._node}/{name}: {call.error}")
 
 
 class ServiceCall(threading.Thread):

@@ -30,6 +30,7 @@ from mbf_relay.ros.server.actions import make_actions
 from mbf_relay.ros.server.controller_topics import serve_controller, serve_controllers
 from mbf_relay.ros.server.costmap_rest import CostmapRest
 from mbf_relay.ros.server.costmap_services import CostmapServices
+from mbf_relay.ros.server.pause_services import PauseServices
 from mbf_relay.ros.server.plan_services import PlanServices
 from mbf_relay.ros.server.planner_potential import serve_planners
 from mbf_relay.ros.server.planner_topics import PlannerTopics
@@ -106,6 +107,7 @@ class MoveBaseFlex:
                 self._costmap_nodes, self._transforms, self.navigator.parameters.robot_frame, self._ask_costmaps
             )
         self._plan_services = PlanServices(self.navigator, self._planner)
+        self._pause_services = PauseServices(self.robot, self._stepper.wake)
         self._stepper.start()
         self._watchdog.start()
         for action in self._actions:
@@ -222,6 +224,8 @@ class MoveBaseFlex:
                 f"velocities at {commands.rate():.1f} Hz, asked for {asked:g} Hz: the machine is too slow for it",
                 values,
             )
+        if self.robot.paused:
+            return OK, "paused; ~resume lets drives go on", values
         return OK, "waiting for goals" if self.navigator.idle else "navigating", values
 
 

@@ -1,0 +1,39 @@
+"""~pause and ~resume: stand for a while without giving up the goal, and go on; ~paused tells."""
+
+from __future__ import annotations
+
+from typing import Callable
+
+import rospy
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
+
+from mbf_relay.navigation.robot import Robot
+
+
+class PauseServices:
+    """Offers them. Goals stay active meanwhile, their patience does not run, and nothing is sent to the wheels."""
+
+    def __init__(self, robot: Robot, wake: Callable[[], None]) -> None:
+        """Advertise.
+
+        Args:
+            robot: Whose drives and recoveries.
+            wake: Has navigation look at once.
+        """
+        self._robot, self._wake = robot, wake
+        self._told = rospy.Publisher("~paused", Bool, queue_size=1, latch=True)
+        self._told.publish(Bool(False))
+        self._services = [
+            rospy.Service("~pause", Trigger, lambda request: self._answer(request, True)),
+            rospy.Service("~resume", Trigger, lambda request: self._answer(request, False)),
+        ]
+
+    def _answer(self, _request: TriggerRequest, paused: bool) -> TriggerResponse:
+        if self._robot.paused == paused:
+            return TriggerResponse(True, "it is paused already" if paused else "it is not paused")
+        self._robot.paused = paused
+        self._wake()
+        self._told.publish(Bool(paused))
+        rospy.loginfo("paused: goals stay, the robot stands until ~resume" if paused else "resumed")
+        return TriggerResponse(True, "paused" if paused else "resumed")

@@ -1,0 +1,110 @@
+"""A drive that is paused stands, keeps its goal however long that lasts, and goes on."""
+
+import pytest
+import scripted
+from scripted import FORWARD, GOAL, NO_WAY, arrive, straight_path
+
+from mbf_relay.geometry import STOP, Pose2D
+from mbf_relay.navigation.controller_execution import PAUSED
+from mbf_relay.navigation.goals import FollowGoal, NavigateOutcome
+from mbf_relay.navigation.task import Ending
+
+
+def wait(bench, seconds):
+    for _ in range(int(seconds / 0.1)):
+        bench.step()
+
+
+def test_a_paused_drive_stands_at_once_for_as_long_as_it_takes_and_then_arrives(make_bench):
+    bench = make_bench(oscillation_timeout=3.0, controller_patience=1.0, planner_frequency=0.0)
+    arrive(bench)
+    task = bench.navigator.move_base(GOAL)
+    wait(bench, 2.0)
+    assert bench.robot.sent[-1] == FORWARD
+    bench.robot.paused = True
+    bench.step(0.01)
+    assert bench.robot.sent[-1] == STOP
+    task.take_feedback()
+    sent, where = len(bench.robot.sent), bench.robot.pose
+    wait(bench, 60.0)
+    assert bench.robot.pose == where and len(bench.robot.sent) == sent, "nothing is sent that a stick would fight with"
+    assert not task.done and {each.message for each in task.take_feedback()} == {PAUSED}
+    bench.robot.paused = False
+    bench.step()
+    assert bench.robot.sent[-1] == FORWARD
+    assert bench.finish(task).outcome is NavigateOutcome.SUCCESS
+
+
+def test_a_velocity_thought_of_before_the_pause_is_not_sent_in_it_nor_after(held_bench):
+    bench = held_bench
+    task = bench.navigator.exe_path(FollowGoal(straight_path()))
+    bench.navigator.update(bench.now)
+    bench.robot.paused = True
+    for _ in range(5):
+        bench.step()
+    assert FORWARD not in bench.robot.sent and not task.done
+    bench.worker.delays = [3]
+    bench.robot.paused = False
+    bench.step()
+    bench.robot.paused = True
+    bench.navigator.update(bench.now)
+    bench.script.velocity = scripted.Twist2D(0.1, 0.0, 0.0)
+    bench.robot.paused = False
+    for _ in range(5):
+        bench.step()
+    assert FORWARD not in bench.robot.sent and bench.robot.sent[-1] == bench.script.velocity
+
+
+def test_a_paused_drive_is_cancelled_as_any_other(bench):
+    task = bench.navigator.move_base(GOAL)
+    wait(bench, 1.0)
+    bench.robot.paused = True
+    wait(bench, 1.0)
+    task.cancel()
+    bench.step()
+    assert task.ending is Ending.CANCELED and bench.robot.sent[-1] == STOP
+
+
+def test_a_goal_that_comes_in_a_pause_waits_for_its_end(bench):
+    bench.robot.paused = True
+    task = bench.navigator.move_base(GOAL)
+    wait(bench, 5.0)
+    assert FORWARD not in bench.robot.sent and not task.done
+    bench.robot.paused = False
+    wait(bench, 0.5)
+    assert bench.robot.sent[-1] == FORWARD
+
+
+def test_a_paused_recovery_stands_and_goes_on_where_it_was(make_bench):
+    bench = make_bench(planner_max_retries=0, recovery_patience=2.0)
+    bench.script.plan = NO_WAY
+    bench.script.recovery = lambda context: iter([FORWARD] * 8)
+    task = bench.navigator.move_base(GOAL)
+    wait(bench, 0.4)
+    assert bench.robot.sent[-1] == FORWARD
+    bench.robot.paused = True
+    bench.step()
+    assert bench.robot.sent[-1] == STOP
+    before = bench.script.calls.get("R2", 0)
+    wait(bench, 30.0)
+    assert bench.robot.sent[-1] == STOP and bench.script.calls.get("R2", 0) == before and not task.done
+    assert bench.navigator.due > bench.now, "nobody spins while it waits"
+    bench.robot.paused = False
+    bench.script.plan = scripted.line
+    wait(bench, 2.0)
+    assert bench.robot.sent[-1] == FORWARD and not task.done
+
+
+def test_a_robot_moved_by_hand_in_a_pause_drives_on_from_where_it_is(make_bench):
+    bench = make_bench(planner_frequency=2.0)
+    arrive(bench)
+    task = bench.navigator.move_base(GOAL)
+    wait(bench, 1.0)
+    bench.robot.paused = True
+    wait(bench, 1.0)
+    bench.robot.pose = Pose2D(-1.0, 0.5, 0.0)
+    wait(bench, 1.0)
+    bench.robot.paused = False
+    wait(bench, 1.0)
+    assert bench.script.paths[-1][0].poses[0][0] == pytest.approx(-1.0, abs=0.2)
+    assert not task.done
