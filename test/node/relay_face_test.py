@@ -19,6 +19,7 @@ from nav_msgs.srv import GetPlan, GetPlanRequest
 from node.relay_case import RelayCase
 from node.scripted_server import SCRIPTS
 from ros_testing import Listener, connected_publisher, wait_until
+from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Empty, Trigger
 
 
@@ -105,6 +106,13 @@ class RelayFaceTest(RelayCase):
             self.assertTrue(relayed())
             costmap.close()
             wait_until(lambda: not relayed(), "the relay to stop fetching")
+
+    def test_planners_potentials_are_fetched_from_what_the_server_calls_them(self):
+        self.make_sure_of_server()
+        for name, message, theirs in (("NavfnROS", PointCloud2, "navfn"), ("GlobalPlanner", OccupancyGrid, "GP")):
+            potential = Listener(f"move_base/{name}/potential", message)
+            wait_until(self.relays_to(f"move_base_flex/{theirs}/potential"), f"the relay to fetch {name}'s")
+            potential.close()
 
     def relays_to(self, topic):
         """Return how to ask the master whether the relay listens to a topic."""

@@ -73,6 +73,7 @@ class TestMoveBase(unittest.TestCase):
             "/move_base/local_costmap/costmap",
             "/move_base/local_costmap/footprint",
             "/move_base/NavfnROS/plan",
+            "/move_base/NavfnROS/potential",
             "/move_base/TrajectoryPlannerROS/global_plan",
             "/move_base/TrajectoryPlannerROS/local_plan",
             "/move_base/TrajectoryPlannerROS/cost_cloud",
@@ -86,6 +87,8 @@ class TestMoveBase(unittest.TestCase):
         for name in (
             "/move_base/make_plan",
             "/move_base/clear_costmaps",
+            "/move_base/pause",
+            "/move_base/resume",
             "/move_base/NavfnROS/make_plan",
             "/move_base/set_parameters",
         ):
@@ -128,8 +131,16 @@ class TestMoveBase(unittest.TestCase):
         changed = client.update_configuration({"base_local_planner": "dwa_local_planner/DWAPlannerROS"})
         self.assertEqual(changed["base_local_planner"], "dwa_local_planner/DWAPlannerROS")
         self.assertEqual(self.go(pose(START[0] + 0.4, START[1]))[0], GoalStatus.SUCCEEDED)
+        self.assertIn("/move_base/GlobalPlanner/potential", self.published_with_planner(client))
         refused = client.update_configuration({"base_local_planner": "our_planner/OurPlanner"})
         self.assertEqual(refused["base_local_planner"], "dwa_local_planner/DWAPlannerROS")
+
+    def published_with_planner(self, client):
+        """Return the topics move_base publishes once it has global_planner's planner as well."""
+        client.update_configuration({"base_global_planner": "global_planner/GlobalPlanner"})
+        self.assertEqual(self.go(pose(*START))[0], GoalStatus.SUCCEEDED)
+        state = rosgraph.Master(rospy.get_name()).getSystemState()
+        return {name for name, nodes in state[0] if "/move_base" in nodes}
 
     def test_7_nothing_was_touched(self):
         self.assertEqual(self.witness.touched(), [])

@@ -8,7 +8,7 @@ from enum import Enum
 from typing import Any, Callable, List, Mapping, Optional, Protocol, Tuple, Union
 
 from mbf_relay.control.controller import Controller
-from mbf_relay.geometry import angle_between
+from mbf_relay.geometry import STOP, angle_between
 from mbf_relay.navigation.goals import (
     FollowFeedback,
     FollowGoal,
@@ -105,7 +105,7 @@ class MoveBase:
         self._tried, self._ways = TriedBehaviors(self._behaviors), PathHysteresis()
         self._oscillation = OscillationDetector()
         self._why_it_stood = ""
-        self._replan_pacer = Pacer()
+        self._replan_pacer, self._feedback_pacer = Pacer(), Pacer()
         self._replan_trouble = ""
         self._last = FollowFeedback(ControlOutcome.SUCCESS, "")
         self._at: Union[Planning, Driving, Recovering, Done] = Planning(self._new_plan(), driving)
@@ -126,9 +126,9 @@ class MoveBase:
         """Time (s) at which the next update is needed, beside the end of a job."""
         at = self._at
         if isinstance(at, Planning):
-            return at.plan.due
+            return min(at.plan.due, self._feedback_pacer.next)
         if isinstance(at, Recovering):
-            return at.recovery.due
+            return min(at.recovery.due, self._feedback_pacer.next)
         if isinstance(at, Driving):
             if at.replan is not None:
                 return at.replan.due
@@ -154,12 +154,24 @@ class MoveBase:
             return
         if self.task.cancel_requested:
             self._cancel(now, at)
-        elif isinstance(at, Planning):
+            return
+        if not isinstance(at, Driving) and self._feedback_pacer.is_due(now):
+            self._feedback_pacer.passed(now, 1.0 / self._navigator.parameters.controller_frequency)
+            self._tell_where(at)
+        if isinstance(at, Planning):
             self._update_plan(now, at)
         elif isinstance(at, Driving):
             self._update_drive(now, at)
         else:
             self._update_recovery(now, at)
+
+    def _tell_where(self, at: Union[Planning, Recovering]) -> None:
+        """Tell of the robot's pose while no drive does, as often as one would: so move_base does, whatever it is at."""
+        pose, distance, angle = self._where()
+        if self.driving is None and pose is not None:
+            velocity = self._navigator.robot.commanded or STOP
+            self.task.add_feedback(
+                FollowFeedback(ControlOutcome.SUCCESS, at.state.value, pose, velocity, distance, angle))
 
     # planning
 

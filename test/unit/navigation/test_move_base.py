@@ -37,6 +37,27 @@ def test_every_control_cycle_is_reported(bench):
     assert len(task.take_feedback()) == pytest.approx(20, abs=1)
 
 
+def test_a_client_hears_where_the_robot_is_while_no_path_is_found_and_while_it_recovers(make_bench):
+    bench = make_bench(planner_max_retries=-1, planner_patience=2.0)
+    bench.script.plan = NO_WAY
+    bench.script.recovery = lambda context: iter([FORWARD] * 10)
+    task = bench.navigator.move_base(GOAL)
+    for _ in range(30):
+        bench.step()
+    feedback = task.take_feedback()
+    assert len(feedback) == pytest.approx(30, abs=2)
+    assert {each.message for each in feedback} == {"looking for a path", "running a recovery behaviour"}
+    assert feedback[0].pose.pose == IDENTITY and feedback[-1].pose.pose.x > 0.1
+
+
+def test_a_client_is_told_nothing_of_a_robot_that_is_nowhere(bench):
+    bench.robot.lost = "no transform yet"
+    task = bench.navigator.move_base(GOAL)
+    for _ in range(3):
+        bench.step()
+    assert task.take_feedback() == []
+
+
 def test_it_replans_while_driving_and_keeps_what_was_reached(make_bench):
     bench = make_bench(scripted.HeldWorker(), planner_frequency=5.0)
     arrive(bench)

@@ -32,7 +32,7 @@ from mbf_relay.ros.server.costmap_rest import CostmapRest
 from mbf_relay.ros.server.costmap_services import CostmapServices
 from mbf_relay.ros.server.pause_services import PauseServices
 from mbf_relay.ros.server.plan_services import PlanServices
-from mbf_relay.ros.server.planner_potential import serve_planners
+from mbf_relay.ros.server.planner_potential import serve_planner, serve_planners
 from mbf_relay.ros.server.planner_topics import PlannerTopics
 from mbf_relay.ros.server.robot import COMMANDS_PAUSE, RosRobot
 from mbf_relay.ros.server.topics import NavigationTopics
@@ -135,6 +135,7 @@ class MoveBaseFlex:
         if kind == "planners":
             self._planner_topics.add(name)
             self._plan_services.add(name)
+            self._planners += serve_planner(registry, name)
         else:
             self._controllers += serve_controller(registry, name)
 

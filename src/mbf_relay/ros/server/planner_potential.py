@@ -75,10 +75,13 @@ PUBLISHERS = {"cloud": PotentialCloud, "grid": PotentialGrid}
 
 def serve_planners(planners: Registry[Planner]) -> List[Any]:
     """Give planners their potential's topic and their reconfigure server, each that has one; keep the result."""
+    return [each for name in planners.names for each in serve_planner(planners, name)]
+
+
+def serve_planner(planners: Registry[Planner], name: str) -> List[Any]:
+    """Give one planner its own of these; keep the result."""
+    planner = planners.plugin(name)
     served: List[Any] = []
-    for name in planners.names:
-        planner = planners.plugin(name)
-        if planner.potential_display is not None:
-            served.append(PUBLISHERS[planner.potential_display.form](planner))
-        served.extend(reconfigure.serve_plugin(planners, name))
-    return served
+    if planner.potential_display is not None:
+        served.append(PUBLISHERS[planner.potential_display.form](planner))
+    return served + reconfigure.serve_plugin(planners, name)
