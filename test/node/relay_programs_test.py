@@ -91,6 +91,9 @@ class RelayProgramsTest(RelayCase):
         self.make_sure_of_server()
         self.assertIn("Drove circle with result: True", self.run_client("mb_relay_client.py", 0))
         self.assertIn("Drove circle with result: True", self.run_client("mb_relay_client.py", 0, "--via", "topic"))
+        with started("waypoint_follower"):
+            told = self.run_client("mb_relay_client.py", 0, "--via", "waypoints", "--laps", "2")
+            self.assertIn("Drove circle with result: True", told)
         self.assertIn("Drove circle with result: True", self.run_client("mbf_goal_client.py", 0))
         self.run_client("movebase_client.py", 2, "nan")
         self.kill_server()

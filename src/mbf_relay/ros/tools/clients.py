@@ -1,6 +1,6 @@
 """The tutorials' clients: drive somewhere, say how it went, exit with 0 only if the robot got there, 130 on a signal.
 
-mb_relay_client.py   the circle, through move_base's action, or its goal topic where there is no action
+mb_relay_client.py   the circle, through move_base's action, its goal topic, or waypoint_follower
 movebase_client.py   one goal through move_base's action
 mbf_goal_client.py   the circle through Move Base Flex's move_base
 mbf_path_client.py   the circle through Move Base Flex's get_path and exe_path
@@ -38,7 +38,10 @@ def mb_relay_client() -> None:
     """Drive the tutorial's circle through move_base."""
     options = parse(circle_arguments(mb_relay_client.__doc__, "move_base", via=True))
     rospy.init_node("mb_relay_client", anonymous=True, disable_signals=True)
-    drive_circle(move_base_drive(options), options)
+    if options.via == "waypoints":
+        follow_circle(options)
+    else:
+        drive_circle(move_base_drive(options), options)
 
 
 def mbf_goal_client() -> None:
@@ -90,6 +93,18 @@ def drive_circle(drive: Drive, options: argparse.Namespace) -> None:
         result = drive(pose_in_map(x, y, Quaternion(0.0, 0.0, z, w)))
         if not result:
             break
+    print(f"Drove circle with result: {result}", flush=True)
+    sys.exit(0 if result else 1)
+
+
+def follow_circle(options: argparse.Namespace) -> None:
+    """Have the circle's goals followed by waypoint_follower, say how it went, and exit."""
+    from mbf_relay.msg import FollowWaypointsAction, FollowWaypointsGoal
+
+    client = connect("follow_waypoints", FollowWaypointsAction, options.timeout)
+    poses = [pose_in_map(x, y, Quaternion(0.0, 0.0, z, w)) for x, y, z, w in CIRCLE]
+    goal = FollowWaypointsGoal(poses=poses, number_of_loops=options.laps - 1, stop_on_failure=True)
+    result = succeeded(run(client, goal))
     print(f"Drove circle with result: {result}", flush=True)
     sys.exit(0 if result else 1)
 
@@ -184,8 +199,9 @@ def circle_arguments(description: Optional[str], server: str, via: bool = False)
     arguments = argparse.ArgumentParser(description=description)
     arguments.add_argument("--laps", type=int, default=1, help="rounds to drive, default %(default)s")
     if via:
-        arguments.add_argument("--via", choices=("auto", "action", "topic"), default="auto",
-                               help="how to send goals, default: the action where there is one")
+        arguments.add_argument("--via", choices=("auto", "action", "topic", "waypoints"), default="auto",
+                               help="how to send goals, default: the action where there is one; waypoints: all at once "
+                                    "to waypoint_follower")
     common_arguments(arguments, server)
     return arguments
 

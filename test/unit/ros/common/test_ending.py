@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[4]
 NODES = {
     "amcl": [], "map_server": [str(ROOT / "config" / "maps" / "turtlebot3_world.yaml")], "mb_relay_server.py": [],
     "mb_relay_subscriber.py": [], "move_base_flex": [], "move_base_relay": [], "simulator": [], "velocity_guard": [],
-    "map_saver": [], "web_view": ["_port:=0"],
+    "map_saver": [], "waypoint_follower": [], "web_view": ["_port:=0"],
 }
 CLIENTS = {"mb_relay_client.py": [], "mbf_path_client.py": [], "mbf_goal_client.py": [], "movebase_client.py": []}
 LONG = bool(os.environ.get("MBF_RELAY_LONG"))

@@ -1,0 +1,86 @@
+"""Poses to be reached one after the other: which is next, and when the robot has done."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import List, Optional
+
+from mbf_relay.parameters import ParameterSet, parameter
+
+
+@dataclass(frozen=True)
+class WaypointFollowerParameters(ParameterSet):
+    """Parameters of `waypoint_follower`, by the names of the package follow_waypoints, where it has them.
+
+    They hold for what comes by its topics; goals of the action say theirs.
+    """
+
+    goal_frame_id: str = parameter("map", "frame of poses that name none")
+    addpose_topic: str = parameter("initialpose", "topic whose poses are waypoints, in RViz that of 2D Pose Estimate")
+    wait_duration: float = parameter(0.0, "how long to stand at each", unit="s", minimum=0.0)
+    number_of_loops: int = parameter(0, "how often to begin again after the last", minimum=0)
+    stop_on_failure: bool = parameter(False, "end at the first that is not reached; otherwise go on to the next")
+
+
+class WaypointFollower:
+    """Says when to drive to which of so many waypoints; told how each drive ended.
+
+    Attributes:
+        current: Index of the waypoint that was given last, or is given first.
+        loop: How often it has begun again.
+        missed: Index of each that was not reached.
+    """
+
+    def __init__(self, count: int, loops: int = 0, first: int = 0, pause: float = 0.0, stops: bool = False) -> None:
+        """Begin.
+
+        Args:
+            count: Number of waypoints.
+            loops: How often to begin again after the last.
+            first: Index of the one to begin with.
+            pause: Seconds to stand at each that was reached.
+            stops: End where one is not reached.
+
+        Raises:
+            ValueError: There is none, or `first` is none of them, or the pause is no time.
+        """
+        if count == 0:
+            raise ValueError("there are no poses")
+        if first >= count:
+            raise ValueError(f"goal_index is {first}; there are {count} poses, counted from 0")
+        if not 0.0 <= pause < float("inf"):
+            raise ValueError(f"waypoint_pause_duration is {pause} s; it must be 0 or more")
+        self._count, self._loops, self._pause, self._stops = count, loops, pause, stops
+        self.current, self.loop = first, 0
+        self.missed: List[int] = []
+        self._ahead: Optional[int] = first
+        self._go_on_at = float("-inf")
+
+    @property
+    def is_over(self) -> bool:
+        """Whether there is nothing left to drive to."""
+        return self._ahead is None
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether it is over because a waypoint was not reached."""
+        return self._stops and bool(self.missed)
+
+    def next_waypoint(self, now: float) -> Optional[int]:
+        """Return the index of the waypoint to drive to at `now` (s), None while the robot is to stand."""
+        if self._ahead is None or now < self._go_on_at:
+            return None
+        self.current = self._ahead
+        return self._ahead
+
+    def ended(self, now: float, reached: bool) -> None:
+        """Take note that the drive to the current one ended at `now` (s)."""
+        if not reached:
+            self.missed.append(self.current)
+        last = self.current + 1 == self._count
+        if self.has_failed or (last and self.loop >= self._loops):
+            self._ahead = None
+            return
+        self._ahead = 0 if last else self.current + 1
+        self.loop += int(last)
+        self._go_on_at = now + (self._pause if reached else 0.0)

@@ -1,0 +1,1 @@
+"""The node that drives to waypoints one after the other."""
