@@ -145,7 +145,7 @@ def main() -> None:
         try:
             work = waiting.get(timeout=IDLE)
         except queue.Empty:
-            return
+            os._exit(0)  # Python's own end would wait for the thread that reads, and abort
         _send(answers, pickle.dumps(answer(work), protocol=4))
 
 

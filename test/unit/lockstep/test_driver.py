@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import subprocess
 import sys
 from pathlib import Path
 
@@ -62,6 +63,13 @@ def test_a_process_that_ended_for_want_of_work_is_no_failure(driver):
     driver._process.stdin.close()
     driver._process.wait()
     assert value(driver.run(packed(act, 3), 60.0)) == 6
+
+
+def test_a_process_without_work_ends_quietly_while_its_worker_lives():
+    code = "from mbf_relay.lockstep import driver; driver.IDLE = 0.1; driver.main()"
+    process = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stderr=subprocess.PIPE)
+    with process.stdin, process.stderr:
+        assert (process.stderr.read(), process.wait()) == (b"", 0)
 
 
 def test_work_here_is_interrupted_by_its_own_computing_alone():
