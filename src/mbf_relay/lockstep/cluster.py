@@ -210,7 +210,10 @@ def connected(
             stack.callback(client.close)
         else:
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="mbf_relay-"))
-            stack.enter_context(dask.config.set({"temporary-directory": folder}))
+            # Its workers are threads here and cannot be lost; after a laptop's sleep they would be taken for it.
+            stack.enter_context(dask.config.set({
+                "temporary-directory": folder, "distributed.scheduler.worker-ttl": None,
+            }))
             local = stack.enter_context(distributed.LocalCluster(
                 n_workers=processes, threads_per_worker=1, processes=False, memory_limit=0,
                 dashboard_address="127.0.0.1:0", silence_logs=50,

@@ -130,6 +130,12 @@ def test_a_worker_of_other_sources_and_one_without_the_package_get_no_work(tmp_p
     assert "has other sources of version" in text and "cannot work: No module named 'mbf_relay'" in text
 
 
+def test_a_machine_that_slept_has_lost_none_of_its_own_workers():
+    with connected(sources([]), 1, say=lambda line: None) as cluster:
+        scheduler = cluster._client.cluster.scheduler
+        assert scheduler.workers and not scheduler.worker_ttl, "they would be older than that when it wakes up"
+
+
 @pytest.mark.parametrize("option", ["--scheduler", "--scheduler-file"])
 def test_a_scheduler_that_is_not_there_is_named(tmp_path, capsys, option, monkeypatch):
     monkeypatch.setattr("mbf_relay.lockstep.cluster.CONNECTING", 1.0)
