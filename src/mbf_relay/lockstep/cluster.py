@@ -220,8 +220,9 @@ def connected(
             ))
             client = stack.enter_context(distributed.Client(local, set_as_default=False))
             stack.callback(driver.end_all)
-        if client.dashboard_link:
-            say(f"dashboard: {client.dashboard_link}")
+        dashboard = getattr(client, "dashboard_link", "")  # which Noetic's does not tell
+        if dashboard:
+            say(f"dashboard: {dashboard}")
         yield DaskCluster(client, expected, say)
 
 
