@@ -22,7 +22,7 @@ from mbf_relay.planning.path import Path
 from mbf_relay.plugins import create
 
 BURGER = padded(np.array([[-0.105, -0.105], [-0.105, 0.105], [0.041, 0.105], [0.041, -0.105]]), 0.01)
-CELLS, RESOLUTION = 60, 0.05
+CELLS, RESOLUTION = 120, 0.025
 POSTS = ((0.5, 0.3), (0.9, -0.25), (-0.4, 0.5), (0.3, -0.6), (1.2, 0.2), (-0.7, -0.2))
 SAMPLES: Mapping[str, Tuple[int, int]] = {"20 x 40": (20, 40), "100 x 100": (100, 100)}
 PERIOD = 0.1

@@ -65,11 +65,11 @@ def _fit_costmap(group: Dict[str, Any], robot: RobotModel, limits: SimulationPar
     group["raytrace_range"] = limits.scan_range_max
     group["obstacle_range"] = limits.scan_range_max * 0.85
     if group.get("rolling_window"):
+        group["resolution"] *= min(4.0, max(1.0, round(scale)))  # up to four times as coarse
         braking = limits.max_speed ** 2 / (2.0 * limits.wheel_acceleration)
         side = max(scale * group["width"], 2.0 * (2.0 * limits.max_speed + braking))
-        resolution = group["resolution"] * min(2.0, max(0.5, 0.5 * round(scale)))  # up to twice as coarse
-        side = resolution * math.ceil(side / resolution)
-        group.update(width=side, height=side, resolution=resolution)
+        side = group["resolution"] * math.ceil(side / group["resolution"])
+        group.update(width=side, height=side)
 
 
 def _fitted_controller(

@@ -142,9 +142,12 @@ def without_map(server: Dict[str, Any], task: EpisodeTask) -> Dict[str, Any]:
     """Return the server's parameters for a robot that has no map: a global costmap of what it sees alone.
 
     The costmap lies still and covers start and goals; what was never seen counts as free, or nothing could be planned.
+    Where nothing is said of its cells, they are as fine as those in which the controller sees the same obstacles.
     """
     changed = copy.deepcopy(server)
     group = changed["global_costmap"]
+    seen = changed.get("local_costmap", {}).get("resolution", CostmapParameters.resolution)
+    group.setdefault("resolution", min(seen, CostmapParameters.resolution))
     points = [task.world.start] + list(task.goals)
     low, high = _extent(points)
     group.update(

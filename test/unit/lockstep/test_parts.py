@@ -10,7 +10,9 @@ from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.lockstep.rate import Rate
 from mbf_relay.lockstep.record import waits
 from mbf_relay.lockstep.robot import LockstepRobot
+from mbf_relay.lockstep.setup import without_map
 from mbf_relay.lockstep.stages import Stages, TimedWorker
+from mbf_relay.lockstep.tasks import circle
 from mbf_relay.outcomes import StaleDataError, TransformError
 
 
@@ -101,3 +103,11 @@ def test_a_wait_at_a_goal_begins_when_the_robot_came_within_tolerance_for_good()
     goals = (Pose2D(0.0, 0.0, 0.0), Pose2D(2.0, 0.0, 0.0), Pose2D(9.0, 0.0, 0.0))
     assert waits(times, poses, goals, (5.5, 7.0), GoalTolerance(0.05, 0.17)) == pytest.approx((1.5, 0.0))
     assert waits(times, poses, goals, (2.0,), GoalTolerance(0.05, 0.17)) == (0.0,), "it had left again"
+
+
+@pytest.mark.parametrize("local, expected", [(0.025, 0.025), (0.1, 0.05)])
+def test_a_robot_without_a_map_plans_on_cells_as_fine_as_it_drives_on(local, expected):
+    server = {"global_costmap": {}, "local_costmap": {"resolution": local}}
+    assert without_map(server, circle())["global_costmap"]["resolution"] == expected
+    server["global_costmap"]["resolution"] = 0.2
+    assert without_map(server, circle())["global_costmap"]["resolution"] == 0.2, "what somebody says holds"
