@@ -31,6 +31,7 @@ def main(arguments: Optional[Sequence[str]] = None, clock: Callable[[], float] =
         setup = make_setup(
             config_folder(), options.localization, options.map, options.controller, options.planner, options.set,
             all(task.has_map for task in tasks), options.config, options.map_resolution, options.robot,
+            options.after_contact,
         )
         folder = options.out or Path(f"batch-{Path(options.worlds).stem}")
         results = ResultsFile(folder, settings_of(Path(options.worlds).name, all_tasks, setup))
@@ -53,6 +54,7 @@ def settings_of(worlds: str, tasks: Sequence[EpisodeTask], setup: Setup) -> Dict
     return {
         "worlds": worlds, "worlds_digest": digest, "localization": setup.localization, "map": setup.map,
         "map_resolution": setup.map_resolution, "controller": setup.controller, "planner": setup.planner,
+        "after_contact": setup.after_contact,
         "version": code.version, "sources": code.package, "plugins": code.plugins, **flatten(setup.settings),
     }
 

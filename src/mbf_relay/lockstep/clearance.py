@@ -13,13 +13,16 @@ from mbf_relay.simulation.robot import RobotModel
 from mbf_relay.simulation.shapes import cut
 from mbf_relay.simulation.world import Mover, World
 
+CLOSING = 0.01
+"""Metres per second below which two do not close in on each other: what the samples of a standing robot differ by."""
+
 
 class Clearances(NamedTuple):
     """Distances (m) between the robot's outline and what is nearest to it, at each time; infinite where nothing is.
 
     Attributes:
         to_any: To anything, shape (N,).
-        to_movers: To what follows waypoints, shape (N,).
+        to_movers: To what follows waypoints, shape (M, N), a row each.
     """
 
     to_any: np.ndarray
@@ -37,18 +40,36 @@ def clearances(world: World, times: np.ndarray, poses: np.ndarray, robot: RobotM
     """
     height, hull = robot.height / 2.0, np.ascontiguousarray(robot.outline)
     poses = np.ascontiguousarray(poses, dtype=float)
-    to_fixed, to_movers = np.full(len(poses), math.inf), np.full(len(poses), math.inf)
+    to_fixed = np.full(len(poses), math.inf)
     fixed = np.ascontiguousarray(world.outline(height).reshape(-1, 4))
     hull_clearances(poses, hull, fixed, to_fixed)
-    for mover in world.movers:
-        to_movers = np.minimum(to_movers, _clearances_to(mover, times, poses, hull, height))
-    return Clearances(np.minimum(to_fixed, to_movers), to_movers)
+    to_movers = np.full((len(world.movers), len(poses)), math.inf)
+    for row, mover in zip(to_movers, world.movers):
+        row[:] = _clearances_to(mover, times, poses, hull, height)
+    return Clearances(np.minimum(to_fixed, to_movers.min(axis=0, initial=math.inf)), to_movers)
 
 
 def smallest(distances: np.ndarray) -> Optional[float]:
     """Return the least of some distances (m), None where nothing was near."""
     least = float(distances.min(initial=math.inf))
     return least if math.isfinite(least) else None
+
+
+def smallest_time_to_collision(times: np.ndarray, distances: np.ndarray) -> Optional[float]:
+    """Return the least time (s) in which robot and any mover would have met had they gone on closing in as they did.
+
+    None where they never closed in.
+
+    Source: Hayward, "Near-miss determination through use of a scale of danger" (1972).
+
+    Args:
+        times: Shape (N,), seconds, rising.
+        distances: From hull to each mover, shape (M, N) in metres.
+    """
+    distances = distances[np.isfinite(distances).all(axis=1)]
+    speeds = -np.diff(distances, axis=1) / np.diff(times)
+    closing = speeds > CLOSING
+    return smallest(distances[:, 1:][closing] / speeds[closing])
 
 
 def smallest_clearance(world: World, times: np.ndarray, poses: np.ndarray, robot: RobotModel) -> Optional[float]:

@@ -47,16 +47,19 @@ class Episode:
         self._deadline = 0.0
 
     def run(self) -> EpisodeResult:
-        """Drive until all goals are reached, navigation gives up, something is touched, or time is up."""
+        """Drive until all goals are reached, navigation gives up, something is touched, or time is up.
+
+        Where the setup says so, a drive goes on after something was touched.
+        """
         try:
             if not self._warm_up():
                 return self.task.failed(self.seed, f"not ready after {WARM_UP:g} s: {self._graph.waits_for()}")
-            outcome, message, contacts = self._drive()
+            outcome, message = self._drive()
             self._note_now()
             assert self._record is not None
             top_speed = self._graph.simulation.parameters.max_speed
             tolerance = self._graph.goal_tolerance if self.task.goal_radius is None else None
-            return self._record.result(outcome, message, contacts, top_speed, self._reached, tolerance, self._machine())
+            return self._record.result(outcome, message, top_speed, self._reached, tolerance, self._machine())
         finally:
             self._graph.close()
 
@@ -68,8 +71,8 @@ class Episode:
             self._graph.step()
         return True
 
-    def _drive(self) -> Tuple[str, str, int]:
-        """Return outcome, message and number of contacts."""
+    def _drive(self) -> Tuple[str, str]:
+        """Return outcome and message; a drive with a contact ends as one, however far it went on."""
         graph, task = self._graph, self.task
         self._record = Record(
             task, self.seed, graph.simulation.parameters.start_time, graph.simulation.robot
@@ -81,12 +84,22 @@ class Episode:
         while True:
             contacts, navigated = graph.step()
             if contacts:
-                return outcomes.CONTACT, f"touched {contacts[0].name}", 1
+                self._record.note_contacts(graph.now, contacts, graph.simulation.true_pose)
+                if not self.setup.after_contact:
+                    return outcomes.CONTACT, self._record.touches.first
             if self._sampling.is_due(graph.steps):
                 self._note_now()
             ended = self._ended() if navigated else None
             if ended is not None:
-                return ended[0], ended[1], 0
+                return self._judged(*ended)
+
+    def _judged(self, outcome: str, message: str) -> Tuple[str, str]:
+        """Return outcome and message of a drive that ended so, with what it touched taken into account."""
+        assert self._record is not None
+        first = self._record.touches.first
+        if not first:
+            return outcome, message
+        return outcomes.CONTACT, f"{first}; went on: {': '.join(filter(None, (outcome, message)))}"
 
     def _ended(self) -> Optional[Tuple[str, str]]:
         """Return outcome and message where the drive is over; send the next goal where one was reached."""

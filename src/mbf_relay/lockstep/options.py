@@ -39,6 +39,10 @@ def add_setup_options(parser: argparse.ArgumentParser) -> None:
         "--scale", type=float, default=1.0, metavar="S", help="make the worlds S times as large, for a larger robot"
     )
     parser.add_argument(
+        "--after-contact", action="store_true",
+        help="go on after the robot touched something, which fails the drive all the same, and count contacts",
+    )
+    parser.add_argument(
         "--config", type=Path, metavar="FILE",
         help="own parameters over the package's: a node's file (move_base_flex.yaml), one with the nodes' names as its "
         "first level, or a folder of such",

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from mbf_relay.geometry import Pose2D
-from mbf_relay.lockstep.result import CONTACT, EpisodeResult
+from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.tasks import EpisodeTask
 from mbf_relay.report.drive import SUCCEEDED, ContactRecord, Drive, GoalRecord
 
@@ -103,8 +103,9 @@ def drive_of(task: EpisodeTask, result: EpisodeResult) -> Drive:
         for index, (goal, start, end) in enumerate(zip(task.goals, starts, result.goal_times + (result.time,)))
     ]
     contacts = []
-    if result.outcome == CONTACT and len(rows):
-        contacts.append(ContactRecord(result.time, float(rows[-1, 1]), float(rows[-1, 2]), result.message))
+    for time in result.contact_times:
+        row = rows[min(int(np.searchsorted(rows[:, 0], time)), len(rows) - 1)]
+        contacts.append(ContactRecord(time, float(row[1]), float(row[2]), result.message))
     return Drive(
         truth=rows[:, :4], estimate=np.column_stack((rows[:, 0], believed)), measured=rows[:, (0, 4, 5)], goals=goals,
         contacts=contacts, map=task.occupancy(), seed=result.seed, goals_asked=len(task.goals),

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterable, List, Optional, Sequence, Tuple
 
 import numpy as np
 
 from mbf_relay.control.state import GoalTolerance
 from mbf_relay.geometry import Pose2D, Twist2D, normalize_angles
 from mbf_relay.lockstep import result as outcomes
-from mbf_relay.lockstep.clearance import clearances, smallest
+from mbf_relay.lockstep.clearance import clearances, smallest, smallest_time_to_collision
 from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.smoothness import path_length, smoothness
 from mbf_relay.lockstep.tasks import EpisodeTask
+from mbf_relay.lockstep.touches import Touches
+from mbf_relay.simulation.contacts import Contact
 from mbf_relay.simulation.robot import RobotModel
 
 SAMPLING = 10.0
@@ -26,6 +28,7 @@ class Record:
 
     Attributes:
         recoveries: How many recovery behaviours were begun.
+        touches: What the robot touched.
     """
 
     def __init__(self, task: EpisodeTask, seed: int, start_time: float, robot: RobotModel) -> None:
@@ -43,6 +46,7 @@ class Record:
         self._believed: List[Pose2D] = []
         self._hash = hashlib.sha256()
         self.recoveries = 0
+        self.touches = Touches()
 
     def note(self, now: float, truth: Pose2D, believed: Pose2D) -> None:
         """Note where the robot is and where it believes to be, once per time."""
@@ -53,12 +57,17 @@ class Record:
         self._believed.append(believed)
         self._hash.update(struct.pack("<7d", now, *truth, *believed))
 
+    def note_contacts(self, now: float, contacts: Iterable[Contact], truth: Pose2D) -> None:
+        """Note what the robot touches at a time (s) and where it is then, in the world's frame."""
+        latest = -2 if self._times[-1] == now and len(self._times) > 1 else -1
+        self.touches.note(now, contacts, (self._times[latest], self._truth[latest]), truth)
+
     def note_command(self, now: float, velocity: Twist2D) -> None:
         """Note a velocity sent to the wheels."""
         self._hash.update(struct.pack("<4d", now, *velocity))
 
     def result(
-        self, outcome: str, message: str, contacts: int, top_speed: float, reached: List[float],
+        self, outcome: str, message: str, top_speed: float, reached: List[float],
         tolerance: Optional[GoalTolerance], machine: Dict[str, Any],
     ) -> EpisodeResult:
         """Return what the drive came to.
@@ -66,7 +75,6 @@ class Record:
         Args:
             outcome: See EpisodeResult.
             message: Why.
-            contacts: How often the robot touched something.
             top_speed: Of the robot (m/s), for the score.
             reached: Times (s) at which goals were reached.
             tolerance: Of the controller; None where it does not decide what is reached, or does not say.
@@ -83,15 +91,19 @@ class Record:
         near = clearances(task.world, times - self._start_time, truth, self._robot)
         period = driven[-1] / max(1, len(times) - 1)
         around = near.to_any[np.isfinite(near.to_any)]
+        to_movers = near.to_movers.min(axis=0, initial=np.inf)
         return EpisodeResult(
             world=task.name, seed=self._seed, success=success, outcome=outcome, message=message,
-            goals_reached=len(reached), goals=len(task.goals), contacts=contacts, time=float(driven[-1]),
+            goals_reached=len(reached), goals=len(task.goals), contacts=len(self.touches.times),
+            contacts_at_fault=self.touches.at_fault,
+            contact_times=tuple(time - times[0] for time in self.touches.times), time=float(driven[-1]),
             time_limit=task.time_limit, path_length=length,
             smallest_clearance=smallest(near.to_any),
             mean_clearance=float(around.mean()) if len(around) else None,
             close_time=float(period * np.count_nonzero(near.to_any < outcomes.CLOSE)),
-            closest_approach=smallest(near.to_movers),
-            personal_space_time=float(period * np.count_nonzero(near.to_movers < outcomes.PERSONAL_SPACE)),
+            closest_approach=smallest(to_movers),
+            time_to_collision=smallest_time_to_collision(times, near.to_movers),
+            personal_space_time=float(period * np.count_nonzero(to_movers < outcomes.PERSONAL_SPACE)),
             recoveries=self.recoveries, reference_path_length=reference,
             score=None if reference is None else outcomes.score(success, float(driven[-1]), reference, top_speed),
             localization_error_mean=float(errors.mean()), localization_error_max=float(errors.max()),

@@ -35,6 +35,8 @@ class EpisodeResult:
         message: Why, for people.
         goals_reached, goals: How many of how many.
         contacts: How often the robot came to touch something that is not the ground.
+        contacts_at_fault: Of them, those at which it moved towards what it touched; see Touches.
+        contact_times: Seconds at which each contact began.
         time: Seconds driven, on the simulation's clock.
         time_limit: Seconds allowed.
         path_length: Metres driven.
@@ -44,6 +46,8 @@ class EpisodeResult:
         close_time: Seconds within CLOSE of anything.
         closest_approach: Least distance (m) between the robot's hull and anything that moves by itself; None where
             nothing does.
+        time_to_collision: Least time (s) to meeting what moves by itself, had both gone on closing in; None where they
+            never did.
         personal_space_time: Seconds within PERSONAL_SPACE of anything that moves by itself.
         recoveries: How many recovery behaviours were begun.
         reference_path_length: Length (m) of a good way, where the world states one.
@@ -69,6 +73,8 @@ class EpisodeResult:
     goals_reached: int = 0
     goals: int = 0
     contacts: int = 0
+    contacts_at_fault: int = 0
+    contact_times: Tuple[float, ...] = ()
     time: float = 0.0
     time_limit: float = 0.0
     path_length: float = 0.0
@@ -76,6 +82,7 @@ class EpisodeResult:
     mean_clearance: Optional[float] = None
     close_time: float = 0.0
     closest_approach: Optional[float] = None
+    time_to_collision: Optional[float] = None
     personal_space_time: float = 0.0
     recoveries: int = 0
     reference_path_length: Optional[float] = None
@@ -118,7 +125,7 @@ class EpisodeResult:
         values = {name: value for name, value in values.items() if name in known}
         try:
             values["smoothness"] = Smoothness(**values.get("smoothness", {}))
-            for name in ("goal_times", "goal_waits"):
+            for name in ("contact_times", "goal_times", "goal_waits"):
                 values[name] = tuple(values.get(name, ()))
             return cls(**values)
         except TypeError as error:

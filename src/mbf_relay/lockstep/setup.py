@@ -44,6 +44,7 @@ class Setup:
         controller, planner: Names in the server's lists; its first ones where empty.
         map_resolution: Metres per cell of maps drawn from a world.
         robot: What drives; the one the simulator's parameters name where None.
+        after_contact: Whether a drive goes on after a contact, which fails it all the same.
     """
 
     settings: Settings
@@ -53,12 +54,13 @@ class Setup:
     planner: str = ""
     map_resolution: float = MAP_RESOLUTION
     robot: Optional[RobotModel] = None
+    after_contact: bool = False
 
 
 def make_setup(
     folder: Path, localization: Optional[str] = None, prior_map: Optional[str] = None, controller: str = "",
     planner: str = "", changes: Iterable[str] = (), has_map: bool = True, config: Optional[Path] = None,
-    map_resolution: float = MAP_RESOLUTION, robot: str = "",
+    map_resolution: float = MAP_RESOLUTION, robot: str = "", after_contact: bool = False,
 ) -> Setup:
     """Return the setup a user asks for.
 
@@ -72,6 +74,7 @@ def make_setup(
         config: A user's own parameters, file or folder, over those in `folder`.
         map_resolution: Metres per cell of maps drawn from a world.
         robot: Drives in place of the one in the simulator's file, with all parameters fitted to it; see `load_robot`.
+        after_contact: Whether drives go on after a contact.
 
     Raises:
         ValueError: A file, a name or a change is wrong, or the choices contradict each other.
@@ -93,7 +96,7 @@ def make_setup(
     for kind, name in (("controllers", controller), ("planners", planner)):
         _check_listed(settings[SERVER].get(kind, []), kind, name)
     _check_values(settings)
-    return Setup(settings, localization, prior_map, controller, planner, map_resolution)
+    return Setup(settings, localization, prior_map, controller, planner, map_resolution, after_contact=after_contact)
 
 
 def _check_values(settings: Settings) -> None:

@@ -16,6 +16,7 @@ TABLE, PARQUET, TRAJECTORIES, DICTIONARY = "results.csv", "results.parquet", "tr
 
 BARN = "Perille et al., Benchmarking Metric Ground Navigation (SSRR 2020), and the BARN challenge's rules"
 ANDERSON = "Anderson et al., On Evaluation of Embodied Navigation Agents (2018)"
+HAYWARD = "Hayward, Near-miss determination through use of a scale of danger (1972)"
 HALL = "Hall, The Hidden Dimension (1966)"
 SOCIAL = "Biswas et al., SocNavBench (THRI 2021)"
 ARENA = "Kästner et al., Arena-Bench (RA-L 2022)"
@@ -71,6 +72,9 @@ COLUMNS: Sequence[Column] = (
            ANDERSON),
     Column("collision", "", "1 where the robot touched anything but the ground",
            lambda r: int(r.outcome == outcomes.CONTACT), False, BARN),
+    Column("contacts", "", "how often it came to touch something", lambda r: r.contacts),
+    Column("contacts_at_fault", "", "of them, those at which it moved towards what it touched",
+           lambda r: r.contacts_at_fault),
     Column("timeout", "", "1 where time ran out", lambda r: int(r.outcome == outcomes.TIMEOUT), False, BARN),
     Column("spl", "", "success weighted by path length: success x l / max(p, l)", spl, False, ANDERSON),
     Column("barn_score", "", "success x OT / clip(T, 2 OT, 8 OT), OT the reference path at top speed",
@@ -95,6 +99,8 @@ COLUMNS: Sequence[Column] = (
     Column("close_time", "s", f"time with less than {CLOSE:g} m between hull and anything", lambda r: r.close_time),
     Column("closest_approach", "m", "least distance between hull and anything that moves by itself",
            lambda r: r.closest_approach, True, SOCIAL),
+    Column("time_to_collision", "s", "least time to meeting what moves by itself, had both gone on closing in",
+           lambda r: r.time_to_collision, True, HAYWARD),
     Column("personal_space_time", "s", f"time within {PERSONAL_SPACE:g} m of anything that moves by itself",
            lambda r: r.personal_space_time, True, HALL),
     Column("recoveries", "", "recovery behaviours begun", lambda r: r.recoveries),

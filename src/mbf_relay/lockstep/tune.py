@@ -197,6 +197,7 @@ def _setup(options: argparse.Namespace, tasks: Sequence[EpisodeTask], changes: S
     return make_setup(
         config_folder(), options.localization, options.map, options.controller, options.planner,
         [*options.set, *changes], all(task.has_map for task in tasks), options.config, options.map_resolution,
+        options.robot, options.after_contact,
     )
 
 

@@ -5,7 +5,9 @@ from dataclasses import dataclass
 
 from mbf_relay.control.controller import Controller
 from mbf_relay.geometry import STOP, Twist2D
+from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.planning.planner import Planner
 
 FREE = {"name": "free", "cylinders": [[1.0, 0.6, 0.1, 0.5], [1.0, -0.6, 0.1, 0.5]], "start": [0.0, 0.0, 0.0],
         "goal": [1.6, 0.1, 0.0], "goal_radius": 0.3, "reference_path_length": 1.6, "time_limit": 30.0}
@@ -92,3 +94,10 @@ class Slow(Throwing):
 
     def compute_velocity(self, state):
         return Twist2D(self.parameters.pace, 0.0, 0.0)
+
+
+class Never(Planner):
+    """A planner that finds nothing, so that the robot stands."""
+
+    def plan(self, costmap, start, goal, tolerance, cancelled):
+        raise PlanningError(PlanOutcome.NO_PATH_FOUND, "it never finds one")
