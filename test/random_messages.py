@@ -13,7 +13,8 @@ NUMBERS = st.one_of(
     st.sampled_from([0.0, 1.0, -1.0, 0.05, 1e-6, 1e10, 1e300, -1e300, 5e-324]),
     st.sampled_from([float("nan"), float("inf"), float("-inf")]),
     st.floats(-10.0, 10.0))
-WORDS = st.one_of(st.sampled_from(["", "map", "/map", "odom", "base_link", "a" * 1000, "\0", "é"]), st.text(max_size=5))
+WORDS = st.one_of(
+    st.sampled_from(["", "map", "/map", "odom", "base_link", "a" * 1000, "\0", "\1", "é"]), st.text(max_size=5))
 OWN = {
     PointField: st.builds(PointField, st.sampled_from(["x", "y", "z", "q"]), st.sampled_from([0, 4, 8, 2**32 - 1]),
                           st.sampled_from([0, 7, 8, 99]), st.sampled_from([0, 1, 2**32 - 1])),

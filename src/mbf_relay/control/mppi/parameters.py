@@ -84,20 +84,25 @@ class MppiParameters(FollowerParameters):
         is_omni = result.get("motion_model") == OMNI
         if is_omni and ("vy_max" in values or not {"max_vel_y", "min_vel_y"} & set(result)):
             sideways = values.get("vy_max", 0.5)
-            result.update(max_vel_y=sideways, min_vel_y=-sideways)
+            result.update(max_vel_y=sideways, min_vel_y=-sideways if _is_number(sideways) else sideways)
         elif not is_omni:
             result.update(max_vel_y=0.0, min_vel_y=0.0)
         if "ax_min" in values:
-            result["acc_lim_x"] = min(result.get("acc_lim_x", 3.0), abs(values["ax_min"]))
-        if "max_vel_trans" not in result:
-            result["max_vel_trans"] = math.hypot(result.get("max_vel_x", 0.5), result["max_vel_y"])
+            braking = values["ax_min"]
+            result.setdefault("acc_lim_x", 3.0 if _is_number(braking) else braking)
+            if _is_number(braking) and _is_number(result["acc_lim_x"]):
+                result["acc_lim_x"] = min(result["acc_lim_x"], abs(braking))
+        numbers = {name: value for name, value in result.items() if _is_number(value)}
+        result.setdefault("max_vel_trans", math.hypot(numbers.get("max_vel_x", 0.5), numbers.get("max_vel_y", 0.0)))
         result.setdefault("min_vel_trans", 0.0)
-        result.setdefault("min_vel_theta", min(0.4, result.get("max_vel_theta", 0.4)))
+        result.setdefault("min_vel_theta", min(0.4, numbers.get("max_vel_theta", 0.4)))
         turning = values.get("AckermannConstraints", {})
         if isinstance(turning, Mapping) and "min_turning_r" in turning:
             result["min_turning_r"] = turning["min_turning_r"]
         names = result.get("critics", cls.__dataclass_fields__["critics"].default)
-        result["critic_parameters"] = {name: values[name] for name in names if isinstance(values.get(name), Mapping)}
+        groups = {name for name in values if isinstance(values[name], Mapping)}
+        if isinstance(names, (list, tuple)):
+            result["critic_parameters"] = {name: values[name] for name in names if name in groups}
         return result
 
     @classmethod
@@ -123,3 +128,8 @@ NAV2_OF_ITS_OWN = (
     "publish_critics_stats",
 )
 """Names in Nav2's files that ask for what goes by other ways here; they are passed over in silence."""
+
+
+def _is_number(value: Any) -> bool:
+    """Return whether a user's value can be reckoned with; what is none is refused under its name afterwards."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool)

@@ -93,6 +93,13 @@ def serve_plugin(registry: Registry[Any], name: str) -> List[Any]:
     return [serve(load(plugin.dynamic_config), plugin.parameters, apply, namespace=name)]
 
 
+def _check_texts(values: Dict[str, Any]) -> None:
+    """Raise ValueError where a text is none that the parameter server can keep, which speaks XML."""
+    for name, value in values.items():
+        if isinstance(value, str) and not value.replace("\n", " ").replace("\t", " ").isprintable():
+            raise ValueError(f"{name} is {value!r}; it must not have characters that cannot be printed")
+
+
 def serve(
     config_type: Any, parameters: ParameterSet, apply: Callable[[Any], None], namespace: str = "",
     defaults: Optional[Callable[[], Any]] = None,
@@ -131,6 +138,7 @@ def serve(
             else:
                 # the server takes all values into their sliders' ranges, also those nobody asked to change
                 changes = {n: config[n] for n in names if config[n] != within(getattr(state["current"], n), n)}
+                _check_texts(changes)
                 wanted = state["current"].replace(**changes)
             apply(wanted)
             state["current"] = wanted
