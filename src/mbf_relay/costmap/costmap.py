@@ -260,7 +260,7 @@ class Costmap:
                 self._resize(self.parameters.grid())
             if self.parameters.rolling_window:
                 self._follow(robot_pose)
-            context = LayerContext(now, robot_pose, self._outline)
+            context = LayerContext(now, robot_pose, self._footprint)
             active = [layer for layer in self.layers if layer.enabled]
             window = Window.of(self._grid) if self._redo_due else EMPTY
             self._redo_due = False

@@ -25,8 +25,7 @@ class LayerContext:
     Attributes:
         now: Time (s).
         robot_pose: The robot's base in the costmap's frame.
-        footprint: The outline in the base frame, shape (K, 2) in metres, without padding: that is a margin, and what
-            stands in it is no part of the robot.
+        footprint: The padded outline in the base frame, shape (K, 2) in metres.
     """
 
     now: float

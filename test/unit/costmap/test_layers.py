@@ -121,21 +121,6 @@ def test_a_window_in_another_frame_shows_the_map_where_it_lies():
 
 # --- the obstacle layer
 
-def test_a_post_within_the_padding_is_not_forgotten_while_the_lidar_is_blind_to_it():
-    """Or the robot turns into what it had seen: the padding is a margin beside it, and no part of it."""
-    costmap = with_obstacles(footprint_clearing_enabled=True)
-    square = [[-0.1, -0.1], [-0.1, 0.1], [0.1, 0.1], [0.1, -0.1]]
-    costmap.reconfigure(costmap.parameters.replace(resolution=0.025, footprint=str(square), footprint_padding=0.05))
-    costmap.update(0.0, IDENTITY)
-    seen = np.array([[0.01, 0.11], [0.01, 0.06]])
-    costmap.observe("scan", Observation((-1.0, -1.0), seen, np.ones(2, dtype=bool), 0.1))
-    costmap.update(0.1, Pose2D(0.0, -0.5, 0.0))
-    assert cost_at(costmap, *seen[0]) == cost_at(costmap, *seen[1]) == LETHAL
-    costmap.observe("scan", Observation((0.0, 0.0), np.zeros((0, 2)), None, 0.2))
-    costmap.update(0.2, IDENTITY)
-    assert cost_at(costmap, *seen[0]) == LETHAL and cost_at(costmap, *seen[1]) == FREE_SPACE
-
-
 def test_ranges_bound_what_is_marked_and_what_is_cleared():
     costmap = with_obstacles({"obstacle_range": 1.0, "raytrace_range": 0.5})
     costmap.observe("scan", Observation((0.05, 0.05), np.array([[0.95, 0.05], [0.05, 1.5]]), None, 0.0))
