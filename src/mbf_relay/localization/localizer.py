@@ -225,7 +225,8 @@ class Localizer:
     def _correct(self, scan: LaserScan, laser_pose: Pose2D) -> float:
         """Redraw particles with the whole scan in view, weigh them, and normalise; return how much of it was news."""
         beams = pick_beams(scan, laser_pose, 1, self.parameters.laser_min_range, self.parameters.laser_max_range)
-        corrected = self._tracker.correct(self.poses, self.log_weights, beams, scan.frame, self._rng)
+        corrected = self._tracker.correct(
+            self.poses, self.log_weights, beams, scan.frame, self._rng, is_news=self._forced)
         self.poses, self.log_weights = corrected.poses, corrected.log_weights - log_sum_exp(corrected.log_weights)
         return corrected.news
 

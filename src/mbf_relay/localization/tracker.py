@@ -50,7 +50,7 @@ VIEW = 1.0
 """Way (m) after which a lidar's scan is all news. Those on the way hit the same walls, and err alike where the map
 lacks some: counted in full, a robot that looks every few centimetres would be sure, and pulled astray, many times."""
 STANDING = 0.02
-"""Way (m) that any scan counts as: a robot that stands and asks for updates gets a little surer."""
+"""Way (m) that any scan counts as that nobody asked for, such as one after a turn on the spot."""
 
 
 class Doubt:
@@ -134,7 +134,8 @@ class HypothesisTracker:
         self.hypotheses.predict(lambda belief: belief.moved(step, noise), way)
 
     def correct(
-        self, poses: np.ndarray, log_weights: np.ndarray, beams: Beams, lidar: str, rng: np.random.Generator
+        self, poses: np.ndarray, log_weights: np.ndarray, beams: Beams, lidar: str, rng: np.random.Generator,
+        is_news: bool = False,
     ) -> Corrected:
         """Take a scan.
 
@@ -144,12 +145,14 @@ class HypothesisTracker:
             beams: Of the scan, all of them.
             lidar: Frame of the one that took it: what it has told lately is no news.
             rng: Where chance comes from.
+            is_news: Whether the scan counts in full, because somebody asked for it.
         """
         endpoints = thin_out(beams.hits)
         way, self._way = self._way, 0.0
         if len(endpoints) < FEWEST_BEAMS:
             return Corrected(poses, log_weights, min(1.0, way / VIEW))
-        news = min(1.0, max(self._ways[lidar], STANDING) / VIEW) if lidar in self._ways else 1.0
+        is_news = is_news or lidar not in self._ways
+        news = 1.0 if is_news else min(1.0, max(self._ways[lidar], STANDING) / VIEW)
         since, self._ways[lidar] = self._ways.get(lidar, 0.0), 0.0
         laser = np.array([beams.laser_pose.x, beams.laser_pose.y])
         if self._anywhere:

@@ -212,6 +212,17 @@ def test_empty_maps_are_refused_and_the_old_one_stays():
     drive(made, room(), updates=2)
 
 
+def test_a_robot_that_stands_finds_itself_on_a_map_whose_frame_has_moved_when_updates_are_asked_for():
+    made = localizer()
+    truth, odom, _ = drive(made, room())
+    shift = Pose2D(0.3, -0.2, 0.1)
+    made.set_map(room(shift.compose(ORIGIN)))
+    for _ in range(8):
+        made.request_update()
+        estimate = made.process(odom, scan_at(room(), truth), IDENTITY)
+    assert estimate.pose.distance_to(shift.compose(truth)) < 0.05
+
+
 @pytest.mark.parametrize("value", [0, 100, -1])
 def test_maps_of_one_kind_of_cell_do_no_harm(value):
     occupancy = OccupancyMap(np.full((40, 40), value, dtype=np.int8), 0.05, ORIGIN)
