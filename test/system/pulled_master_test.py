@@ -6,6 +6,7 @@ The graph has a master of its own, for the one of this test must live.
 
 import os
 import signal
+import subprocess
 import sys
 import time
 import urllib.parse
@@ -22,9 +23,14 @@ from ros_testing import wait_until  # noqa: E402
 from running_stack import run_client, start_test_node  # noqa: E402
 
 from mbf_relay.ros.tools.demo_graph import DemoGraph  # noqa: E402
-from mbf_relay.simulation.arena import CIRCLE  # noqa: E402
+from mbf_relay.simulation.arena import CIRCLE, START  # noqa: E402
 
 LAUNCH = os.path.join(rospkg.RosPack().get_path("mbf_relay"), "test", "system", "robot_that_comes_back.launch")
+INITIAL_POSE = (
+    "rostopic", "pub", "-1", "/initialpose", "geometry_msgs/PoseWithCovarianceStamped",
+    f"{{header: {{frame_id: map}}, pose: {{pose: {{position: {{x: {START.x}, y: {START.y}}}, orientation: {{w: 1.0}}}}}}}}",
+)
+"""A user's command; this test's own node is unknown to the new master."""
 EVERYBODY = ("/simulator", "/amcl", "/map_server", "/velocity_guard", "/move_base_flex", "/move_base")
 
 
@@ -86,8 +92,16 @@ class TestPulledMaster(PulledCase):
             wait_until(lambda node=node: pid_of(node), f"{node} to be back", 90.0)
         os.kill(self.foreigner, signal.SIGTERM)  # C++ nodes know nothing of new masters; their user starts them again
         x, y = (str(value) for value in CIRCLE[0][:2])
-        # one sent before the costmaps are there again ends with the words that they are not
-        wait_until(lambda: run_client("movebase_client.py", x, y).status == 0, "a goal to be reached", 180.0)
+
+        def arrives():
+            """Tell amcl where the new simulation begins, for the robot was carried there, and send a goal.
+
+            One sent before the costmaps are there again ends with the words that they are not.
+            """
+            subprocess.run(INITIAL_POSE, stdout=subprocess.DEVNULL, timeout=60.0, check=True)
+            return run_client("movebase_client.py", x, y).status == 0
+
+        wait_until(arrives, "a goal to be reached", 180.0)
 
 
 if __name__ == "__main__":
