@@ -28,7 +28,8 @@ from mbf_relay.simulation.arena import CIRCLE, START  # noqa: E402
 LAUNCH = os.path.join(rospkg.RosPack().get_path("mbf_relay"), "test", "system", "robot_that_comes_back.launch")
 INITIAL_POSE = (
     "rostopic", "pub", "-1", "/initialpose", "geometry_msgs/PoseWithCovarianceStamped",
-    f"{{header: {{frame_id: map}}, pose: {{pose: {{position: {{x: {START.x}, y: {START.y}}}, orientation: {{w: 1.0}}}}}}}}",
+    f"{{header: {{frame_id: map}}, "
+    f"pose: {{pose: {{position: {{x: {START.x}, y: {START.y}}}, orientation: {{w: 1.0}}}}}}}}",
 )
 """A user's command; this test's own node is unknown to the new master."""
 EVERYBODY = ("/simulator", "/amcl", "/map_server", "/velocity_guard", "/move_base_flex", "/move_base")

@@ -134,7 +134,9 @@ class TestReadme(unittest.TestCase):
     def test_4_one_s_own_map_and_world_and_parameters_are_taken(self):
         shutil.copy(str(ROOT / "config" / "move_base_flex.yaml"), os.path.join(self.folder.name, "my_robot.yaml"))
         self.launch(self.command("turtlebot3_world.launch", "world:="), "/simulator")
-        self.launch(self.command("map:="), "/map_server", "/amcl", "/move_base_flex")
+        self.launch(self.command("composed:=true"), "/map_server", "/amcl", "/move_base_flex", "/move_base")
+        self.end_last()
+        self.launch(self.command("map:=", "initial_pose_x:="), "/map_server", "/amcl", "/move_base_flex")
         self.end_last()
         self.launch(self.command("config:="), "/map_server", "/amcl", "/move_base_flex", "/move_base")
 
