@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, List
+from typing import Any, ClassVar, Dict, List, Type
 
 import numpy as np
 import rospy
@@ -21,17 +21,25 @@ CLOUD_SCALE = 20.0
 """Height (m) of the start's point in navfn's cloud, by which the others are scaled."""
 
 
-class PotentialCloud(PotentialWatcher):
-    """Publishes `~NAME/potential` as navfn does with visualize_potential: points x, y, z and pot."""
+class PotentialPublisher(PotentialWatcher):
+    """Publishes a planner's potential on `~NAME/potential` while the user wants it and somebody listens."""
+
+    message: ClassVar[Type[Any]]
 
     def __init__(self, planner: Planner) -> None:
         self._planner = planner
-        self._publisher = rospy.Publisher(f"~{planner.name}/potential", PointCloud2, queue_size=1)
+        self._publisher = rospy.Publisher(f"~{planner.name}/potential", self.message, queue_size=1)
         planner.potential_watcher = self
 
     def is_watching(self) -> bool:
         display = self._planner.potential_display
         return display is not None and display.wanted and self._publisher.get_num_connections() > 0
+
+
+class PotentialCloud(PotentialPublisher):
+    """As navfn does with visualize_potential: points x, y, z and pot."""
+
+    message = PointCloud2
 
     def take(self, costmap: CostGrid, potential: np.ndarray, start: Pose2D) -> None:
         rows, columns = np.nonzero(potential)
@@ -47,17 +55,10 @@ class PotentialCloud(PotentialWatcher):
             points.tobytes(), True))
 
 
-class PotentialGrid(PotentialWatcher):
-    """Publishes `~NAME/potential` as global_planner does with publish_potential: an occupancy grid."""
+class PotentialGrid(PotentialPublisher):
+    """As global_planner does with publish_potential: an occupancy grid."""
 
-    def __init__(self, planner: Planner) -> None:
-        self._planner = planner
-        self._publisher = rospy.Publisher(f"~{planner.name}/potential", OccupancyGrid, queue_size=1)
-        planner.potential_watcher = self
-
-    def is_watching(self) -> bool:
-        display = self._planner.potential_display
-        return display is not None and display.wanted and self._publisher.get_num_connections() > 0
+    message = OccupancyGrid
 
     def take(self, costmap: CostGrid, potential: np.ndarray, start: Pose2D) -> None:
         highest = max(float(potential.max()), 1e-6)
@@ -69,7 +70,7 @@ class PotentialGrid(PotentialWatcher):
         self._publisher.publish(map_to_message(occupancy, costmap.frame, rospy.get_rostime()))
 
 
-PUBLISHERS = {"cloud": PotentialCloud, "grid": PotentialGrid}
+PUBLISHERS: Dict[str, Type[PotentialPublisher]] = {"cloud": PotentialCloud, "grid": PotentialGrid}
 """By the form a planner's `potential_display` names."""
 
 
