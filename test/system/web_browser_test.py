@@ -178,8 +178,10 @@ class WebBrowserTest(unittest.TestCase):
         if axe is None:
             self.skipTest("npm is not there or cannot fetch axe-core")
         for dark in (False, True):
-            self.page.js(f"document.documentElement.dataset.theme !== '{'dark' if dark else 'light'}' "
-                         "&& document.getElementById('theme').click()")
+            half_way = self.page.js(
+                f"document.documentElement.dataset.theme === '{'dark' if dark else 'light'}' "
+                "|| document.getElementById('theme').click(), document.getAnimations().length")
+            self.assertEqual(half_way, 0, "colours that change gradually cannot be read half way")
             self.page.driver.execute_script(axe)
             found = self.page.driver.execute_async_script(
                 "const done = arguments[0]; axe.run(document).then((r) => done(r.violations.map((v) =>"
