@@ -1,5 +1,8 @@
 """Run the linters and every test: pytest folder by folder, each rostest on a ROS master of its own.
 
+As many jobs run at a time as there are cores. Robots that drive in real time leave most of the machine idle and want
+the rest at once: one job of `system/` runs at a time, beside it what waits for no clock, and that gives way.
+
 The last line is "N passed, N failed"; the exit status is 0 only where none failed. Everything the tests and their nodes
 wrote stays in the results folder.
 """
@@ -9,7 +12,6 @@ import contextlib
 import enum
 import glob
 import os
-import queue
 import re
 import shutil
 import signal
@@ -20,6 +22,8 @@ import time
 import xml.etree.ElementTree as ElementTree
 from typing import Dict, List, NamedTuple, Optional
 
+import job_times
+
 TEST_FOLDER = os.path.dirname(os.path.abspath(__file__))
 CHECKOUT = os.path.dirname(TEST_FOLDER)
 SUMMARY = r"SUMMARY\s+\S* \* RESULT: .*?TESTS: (\d+)\s+\S* \* ERRORS: (\d+).*?FAILURES: (\d+)"
@@ -28,10 +32,15 @@ TIME_LIMIT = 1250.0
 """Wall seconds after which one job is ended and counts as failed; --long triples it."""
 
 
-SLOW = ("contract", "unit/lockstep", "node/relay.test", "unit/control", "unit/ros", "unit/ros/common", "unit/costmap")
-"""Jobs that start first, since the others are done sooner than these alone."""
+SLOW = (
+    "system/demo.test", "system/circle_flex.test", "system/readme_commands.test", "contract", "unit/lockstep",
+    "unit/ros/common", "unit/control", "unit/ros", "node/relay.test", "node/web_view.test", "node/amcl_life.test",
+)
+"""Jobs that start before others of their kind, since a long one that starts last keeps a core idle (`--times`)."""
 SLOWEST = 8
-"""Jobs whose time is told at the end."""
+"""Jobs whose time is told at the end; `--times` tells all."""
+NICENESS = 10
+"""Of what computes beside robots that drive: a tenth of their share, where both want the same core."""
 
 
 class Kind(enum.Enum):
@@ -48,6 +57,11 @@ class Job(NamedTuple):
     name: str
     command: List[str]
     kind: Kind
+
+    @property
+    def drives(self) -> bool:
+        """Whether robots of the whole graph drive in it, in real time."""
+        return self.name.startswith("system/")
 
 
 class Outcome(NamedTuple):
@@ -66,11 +80,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help="run only jobs with one of these in their name")
     parser.add_argument("--long", action="store_true", help="also what takes many minutes (sets MBF_RELAY_LONG=1)")
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="system tests at a time (default: 1)")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="jobs of system/ at a time (default: 1)")
     parser.add_argument("--results", metavar="DIR", help="folder for logs and reports, emptied first")
     parser.add_argument("--list", action="store_true", help="name the jobs and run none")
+    parser.add_argument("--times", action="store_true", help="tell what the last run took its time for; run none")
     options = parser.parse_args()
     results = os.path.abspath(options.results or os.path.join(os.getcwd(), "test_results"))
+    if options.times:
+        print(job_times.table(results))
+        return 0
     jobs = [job for job in find_jobs(results) if not options.names or any(name in job.name for name in options.names)]
     if options.list:
         print("\n".join(job.name for job in jobs))
@@ -86,19 +104,17 @@ def main() -> int:
     runner = Runner(results, long=options.long)
     start = time.monotonic()
     try:
-        # Robots that drive in real time want the machine for themselves; a single node can share it.
-        drives = [job for job in jobs if job.name.startswith("system/")]
-        runner.run([job for job in jobs if job not in drives], workers=os.cpu_count() or 1)
-        runner.run(drives, workers=options.jobs)
+        runner.run(jobs, workers=max(os.cpu_count() or 1, options.jobs), drives=options.jobs)
     except KeyboardInterrupt:
         runner.stop()
         print("interrupted", file=sys.stderr)
         return 130
+    job_times.write(results, {outcome.job.name: outcome.seconds for outcome in runner.outcomes})
     return report(runner.outcomes, time.monotonic() - start)
 
 
 def find_jobs(results: str) -> List[Job]:
-    """Return a job for each folder of pytest files and for each .test file."""
+    """Return a job for each folder of pytest files and for each .test file, in the order they are to start."""
     jobs = []
     for top in ("unit", "contract"):
         for folder, _, files in sorted(os.walk(os.path.join(TEST_FOLDER, top))):
@@ -112,7 +128,14 @@ def find_jobs(results: str) -> List[Job]:
         for path in sorted(glob.glob(os.path.join(TEST_FOLDER, top, "*.test"))):
             name = os.path.relpath(path, TEST_FOLDER)
             jobs.append(Job(name, ["rostest", path], Kind.ROSTEST))
-    return find_linters() + sorted(jobs, key=lambda job: SLOW.index(job.name) if job.name in SLOW else len(SLOW))
+    return sorted(find_linters() + jobs, key=rank)
+
+
+def rank(job: Job) -> "tuple[int, int]":
+    """Return when a job starts: drives first, since they take turns; what computes while they go on; nodes, which wait.
+    """
+    kinds = [Kind.LINTER, Kind.PYTEST, Kind.ROSTEST]
+    return -1 if job.drives else kinds.index(job.kind), SLOW.index(job.name) if job.name in SLOW else len(SLOW)
 
 
 def find_linters() -> List[Job]:
@@ -140,15 +163,15 @@ class Runner:
         self._results = results
         self._long = long
         self._lock = threading.Lock()
+        self._waiting: List[Job] = []
         self._running: List[subprocess.Popen] = []
+        self._places_to_drive = 0
         self._stopped = False
 
-    def run(self, jobs: List[Job], workers: int) -> None:
-        """Run the jobs, `workers` at a time, and return when all have ended."""
-        waiting: queue.SimpleQueue[Job] = queue.SimpleQueue()
-        for job in jobs:
-            waiting.put(job)
-        threads = [threading.Thread(target=self._work, args=(waiting,), daemon=True) for _ in range(workers)]
+    def run(self, jobs: List[Job], workers: int, drives: int) -> None:
+        """Run the jobs, `workers` at a time and of these `drives` that drive, and return when all have ended."""
+        self._waiting, self._places_to_drive = list(jobs), drives
+        threads = [threading.Thread(target=self._work, daemon=True) for _ in range(workers)]
         for thread in threads:
             thread.start()
         for thread in threads:
@@ -163,16 +186,19 @@ class Runner:
         for process in running:
             end_group(process)
 
-    def _work(self, waiting: "queue.SimpleQueue[Job]") -> None:
+    def _work(self) -> None:
         while True:
-            try:
-                job = waiting.get_nowait()
-            except queue.Empty:
-                return
+            with self._lock:
+                job = next((job for job in self._waiting if not job.drives or self._places_to_drive), None)
+                if job is None:
+                    return  # drives that still wait are for those that drive now
+                self._waiting.remove(job)
+                self._places_to_drive -= job.drives
             outcome = self._run_job(job)
             if outcome is None:
                 return
             with self._lock:
+                self._places_to_drive += job.drives
                 self.outcomes.append(outcome)
                 words = "FAILED" if outcome.failed else "passed"
                 print(f"{words}  {job.name}: {counts(outcome)} in {outcome.seconds:.1f} s", flush=True)
@@ -195,6 +221,8 @@ class Runner:
                     start_new_session=True,
                 )
                 self._running.append(process)
+            if job.kind is not Kind.ROSTEST:
+                give_way(process)
             try:
                 process.wait(TIME_LIMIT * (3 if self._long else 1))
             except subprocess.TimeoutExpired:
@@ -221,6 +249,14 @@ class Runner:
         if self._long:
             environment["MBF_RELAY_LONG"] = "1"
         return environment
+
+
+def give_way(process: subprocess.Popen) -> None:
+    """Let a process and what it starts have what others leave, also where each session has a share of its own."""
+    with contextlib.suppress(OSError):  # it has ended, or this kernel knows no such groups
+        os.setpriority(os.PRIO_PGRP, process.pid, NICENESS)
+        with open(f"/proc/{process.pid}/autogroup", "w", encoding="ascii") as stream:
+            stream.write(str(NICENESS))
 
 
 def end_group(process: subprocess.Popen) -> None:
@@ -279,7 +315,8 @@ def report(outcomes: List[Outcome], seconds: float) -> int:
     skipped = sum(o.skipped for o in outcomes)
     slowest = sorted(outcomes, key=lambda outcome: -outcome.seconds)[:SLOWEST]
     if len(outcomes) > SLOWEST:
-        print("\nlongest: " + ", ".join(f"{outcome.job.name} {outcome.seconds:.0f} s" for outcome in slowest))
+        print("\nlongest: " + ", ".join(f"{outcome.job.name} {outcome.seconds:.0f} s" for outcome in slowest)
+              + "; scripts/test --times tells more")
     print(f"\n{len(outcomes)} jobs in {seconds:.0f} s" + (f", {skipped} tests skipped" if skipped else ""))
     print(f"{passed} passed, {failed} failed")
     return 1 if failed else 0

@@ -1,0 +1,48 @@
+"""What a run of the tests took its time for: each job, and the tests in it that took longest."""
+
+import glob
+import json
+import os
+import xml.etree.ElementTree as ElementTree
+from typing import Dict, List, Tuple
+
+TOLD = 3
+"""Tests named for each job."""
+SHORTEST = 0.5
+"""Seconds below which a test is not named."""
+
+
+def write(results: str, seconds: Dict[str, float]) -> None:
+    """Leave what `table` reads: the seconds of each job, beside the reports with those of each test."""
+    with open(os.path.join(results, "seconds.json"), "w", encoding="utf-8") as stream:
+        json.dump(seconds, stream, indent=1)
+
+
+def table(results: str) -> str:
+    """Return the table of the last run in Markdown, the longest job first."""
+    try:
+        with open(os.path.join(results, "seconds.json"), encoding="utf-8") as stream:
+            seconds: Dict[str, float] = json.load(stream)
+    except OSError as error:
+        return f"no run of the tests has ended here yet: {error}"
+    rows = ["| job | s | its longest tests (s) |", "|---|---|---|"]
+    for job in sorted(seconds, key=lambda name: -seconds[name]):
+        longest = sorted(tests(os.path.join(results, job)), reverse=True)[:TOLD]
+        words = ", ".join(f"{name} {time:.0f}" for time, name in longest if time >= SHORTEST)
+        rows.append(f"| {job} | {seconds[job]:.0f} | {words} |")
+    rows.append(f"| sum | {sum(seconds.values()):.0f} | |")
+    return "\n".join(rows)
+
+
+def tests(folder: str) -> List[Tuple[float, str]]:
+    """Return the seconds and the name of each test that left a report in a job's folder."""
+    # a rostest's own report counts as one test what is a report of many beside it
+    paths = glob.glob(os.path.join(folder, "pytest.xml")) + glob.glob(os.path.join(folder, "*", "rosunit-*.xml"))
+    found = []
+    for path in paths:
+        try:
+            root = ElementTree.parse(path).getroot()
+        except (OSError, ElementTree.ParseError):  # of a test that was ended
+            continue
+        found += [(float(case.get("time") or 0.0), case.get("name", "")) for case in root.iter("testcase")]
+    return found

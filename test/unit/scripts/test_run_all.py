@@ -1,0 +1,68 @@
+"""The order in which tests run, and what is told of the time they took."""
+
+import sys
+
+import job_times
+from run_all import Job, Kind, Runner, find_jobs
+
+ALONE = """
+import os, sys
+os.mkdir(sys.argv[1])  # fails where another one drives
+os.rmdir(sys.argv[1])
+"""
+MEET = """
+import pathlib, sys, threading, time
+mine, other = (pathlib.Path(name) for name in sys.argv[1:])
+mine.touch()
+end = time.monotonic() + 60.0
+while not other.exists() and time.monotonic() < end:
+    threading.Event().wait(0.01)
+sys.exit(not other.exists())
+"""
+
+
+def job(name, code, *arguments):
+    return Job(name, [sys.executable, "-c", code, *(str(argument) for argument in arguments)], Kind.LINTER)
+
+
+def failed(tmp_path, jobs, workers):
+    runner = Runner(str(tmp_path), long=False)
+    runner.run(jobs, workers=workers, drives=1)
+    assert sorted(outcome.job.name for outcome in runner.outcomes) == sorted(job.name for job in jobs)
+    return [outcome.job.name for outcome in runner.outcomes if outcome.failed]
+
+
+def test_robots_that_drive_in_real_time_never_share_the_machine(tmp_path):
+    jobs = [job(f"system/{number}", ALONE, tmp_path / "road") for number in range(6)]
+    assert failed(tmp_path, jobs, workers=3) == []
+
+
+def test_a_drive_leaves_no_core_idle_while_there_is_something_to_compute(tmp_path):
+    pair = [tmp_path / "drives", tmp_path / "computes"]
+    jobs = [job("system/a", MEET, *pair), job("system/b", ALONE, tmp_path / "road"), job("unit", MEET, *pair[::-1])]
+    assert failed(tmp_path, jobs, workers=2) == []
+
+
+def test_on_one_core_everything_runs_one_after_the_other(tmp_path):
+    jobs = [job(name, ALONE, tmp_path / "core") for name in ("system/a", "unit", "system/b", "node/c.test")]
+    assert failed(tmp_path, jobs, workers=1) == []
+
+
+def test_drives_start_first_and_what_computes_goes_beside_them(tmp_path):
+    kinds = ["drive" if job.drives else job.kind.name for job in find_jobs(str(tmp_path)) if job.kind != Kind.LINTER]
+    assert list(dict.fromkeys(kinds)) == ["drive", "PYTEST", "ROSTEST"]
+
+
+def test_the_longest_tests_are_named(tmp_path):
+    report = tmp_path / "unit" / "pytest.xml"
+    report.parent.mkdir()
+    report.write_text('<testsuites><testsuite><testcase name="short" time="0.1"/><testcase name="long" time="7.2"/>'
+                      '</testsuite></testsuites>')
+    job_times.write(str(tmp_path), {"node/relay.test": 2.0, "unit": 8.0})
+    assert job_times.table(str(tmp_path)).splitlines()[2:] == [
+        "| unit | 8 | long 7 |", "| node/relay.test | 2 |  |", "| sum | 10 | |",
+    ]
+
+
+def test_without_a_run_there_is_nothing_to_tell(tmp_path):
+    assert "no run" in job_times.table(str(tmp_path))
