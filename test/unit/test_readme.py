@@ -109,8 +109,9 @@ def test_the_package_is_cloned_as_the_first_readme_says(in_new_home, tmp_path):
 
 @pytest.mark.skipif(os.environ.get("MBF_RELAY_LONG") != "1", reason="builds the package once more")
 def test_the_package_is_built_in_a_workspace_as_the_first_readme_says(in_new_home, tmp_path):
-    clone, build = workspace_block().splitlines()[:2]
-    in_new_home(build, in_new_home(clone, tmp_path))
+    place = tmp_path
+    for line in workspace_block().splitlines()[:3]:
+        place = in_new_home(line, place)
     assert (tmp_path / "catkin_ws" / "devel" / "setup.bash").is_file()
 
 
