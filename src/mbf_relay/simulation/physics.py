@@ -16,7 +16,7 @@ from mbf_relay.simulation import window
 from mbf_relay.simulation.bullet import pybullet
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.lent import create_mesh
-from mbf_relay.simulation.shapes import Box, Cylinder, Shape, Sphere
+from mbf_relay.simulation.shapes import Box, Cylinder, Shape, Sphere, indexed
 
 GROUND, FIXED, ROBOT, LOOSE, ROLLING = 2, 4, 16, 32, 64
 """Collision groups; Bullet gives rays group 1."""
@@ -92,10 +92,9 @@ class Physics:
         """Add a surface that never moves, shape (N, 3, 3) in metres; return the bodies it takes."""
         bodies = []
         for first in range(0, len(triangles), CHUNK):
-            corners = triangles[first:first + CHUNK].reshape(-1, 3)
-            vertices, indices = np.unique(corners, axis=0, return_inverse=True)
+            vertices, indices = indexed(triangles[first:first + CHUNK])
             shape = create_mesh(
-                pybullet.createCollisionShape, vertices, indices.ravel(), shapeType=pybullet.GEOM_MESH,
+                pybullet.createCollisionShape, vertices, indices, shapeType=pybullet.GEOM_MESH,
                 physicsClientId=self.client,
             )
             body = pybullet.createMultiBody(0.0, shape, physicsClientId=self.client)

@@ -14,6 +14,7 @@ What else may stand there: mass of a part, inertia, outline, imu, and every para
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Dict, List, Mapping, Sequence, Tuple
 
@@ -49,14 +50,20 @@ def load_robot(text: str) -> RobotModel:
             known = sorted(file.stem for file in folder.glob("*.yaml"))
             raise ValueError(f"robot '{text}' is not known; there are {', '.join(known)}, or name a .yaml file")
     try:
-        values = files.parse_yaml(files.read_text(str(path)))
-        if not isinstance(values, Mapping):
-            raise ValueError("it holds no names and values")
-        return robot_of(path.stem, values)
+        return _robot_of_text(path.stem, files.read_text(str(path)))
     except OSError as error:
         raise ValueError(f"robot file {path} cannot be read: {error.strerror}") from error
     except ValueError as error:
         raise ValueError(f"robot file {path}: {error}") from error
+
+
+@lru_cache(maxsize=16)
+def _robot_of_text(name: str, text: str) -> RobotModel:
+    """Return the robot that a file describes; a thousand episodes read one file, which takes long to parse."""
+    values = files.parse_yaml(text)
+    if not isinstance(values, Mapping):
+        raise ValueError("it holds no names and values")
+    return robot_of(name, values)
 
 
 def robot_of(name: str, values: Mapping[str, Any]) -> RobotModel:

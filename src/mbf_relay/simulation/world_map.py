@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from mbf_relay.distances import around
@@ -17,6 +15,8 @@ SCAN_HEIGHT = 0.182
 
 ENOUGH = 0.25
 """Length of surface, in cells, that makes a cell occupied: a corner that is barely clipped stays free."""
+SAMPLES, AT_ONCE = 20.0, 1 << 18
+"""Points looked at in a cell's length of surface, and about how many are held in memory."""
 
 
 def map_of_world(world: World, grid: Grid, height: float = SCAN_HEIGHT) -> OccupancyMap:
@@ -62,13 +62,18 @@ def grid_around(world: World, resolution: float, margin: float = 1.0, height: fl
 
 def _cells_crossed(segments: np.ndarray, grid: Grid) -> np.ndarray:
     """Return which cells hold enough of the segments (M, 2, 2), shape (height, width) bool."""
-    held = np.zeros(grid.shape)
-    step = grid.resolution / 20.0
-    for start, end in segments:
-        length = float(np.linalg.norm(end - start))
-        count = math.ceil(length / step) if length > 0.0 else 0
-        shares = (np.arange(count) + 0.5) / max(1, count)
-        cells = grid.cells_at(start + shares[:, None] * (end - start))
-        cells = cells[grid.contains_cells(cells)]
-        np.add.at(held, (cells[:, 1], cells[:, 0]), length / max(1, count))
-    return held > ENOUGH * grid.resolution
+    held = np.zeros(grid.width * grid.height)
+    ways = segments[:, 1] - segments[:, 0]
+    lengths = np.linalg.norm(ways, axis=1)
+    counts = np.ceil(lengths / (grid.resolution / SAMPLES)).astype(np.int64)
+    ends = np.cumsum(counts)
+    for chunk in np.split(np.arange(len(segments)), np.flatnonzero(np.diff(ends // AT_ONCE)) + 1):
+        owners = np.repeat(chunk, counts[chunk])
+        passed = np.arange(len(owners)) - np.repeat(np.cumsum(counts[chunk]) - counts[chunk], counts[chunk])
+        shares = (passed + 0.5) / counts[owners]
+        cells = grid.cells_at(segments[owners, 0] + shares[:, None] * ways[owners])
+        inside = grid.contains_cells(cells)
+        columns, rows = cells[inside].T
+        pieces = (lengths[owners] / counts[owners])[inside]
+        held += np.bincount(rows * grid.width + columns, pieces, len(held))
+    return (held > ENOUGH * grid.resolution).reshape(grid.shape)

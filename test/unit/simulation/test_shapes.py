@@ -17,6 +17,7 @@ from mbf_relay.simulation.shapes import (
     Mesh,
     Sphere,
     cut,
+    indexed,
     prism_triangles,
     regular_polygon,
     ring_triangles,
@@ -84,6 +85,19 @@ def test_subdividing_keeps_the_surface_and_bounds_the_edges():
     assert np.linalg.norm(np.roll(pieces, -1, axis=1) - pieces, axis=2).max() <= 0.3
     assert volume(pieces) == pytest.approx(0.4)
     assert len(subdivided(triangles, 10.0)) == 12 and subdivided(np.empty((0, 3, 3)), 1.0).shape == (0, 3, 3)
+
+
+@pytest.mark.parametrize("count", [0, 1, 500])
+def test_a_mesh_of_shared_corners_is_the_same_surface_with_each_corner_once(count):
+    triangles = np.random.default_rng(1).integers(-2, 3, (count, 3, 3)) / 4.0
+    corners, indices = indexed(triangles)
+    assert np.array_equal(corners[indices].reshape(-1, 3, 3), triangles)
+    assert np.array_equal(corners, np.unique(triangles.reshape(-1, 3), axis=0))
+
+
+def test_nobody_can_bend_a_surface_that_alike_cylinders_share():
+    with pytest.raises(ValueError, match="read-only"):
+        Cylinder(0.1, 1.0).triangles()[0] = 0.0
 
 
 @pytest.mark.parametrize(

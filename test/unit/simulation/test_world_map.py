@@ -8,6 +8,7 @@ import pytest
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.maps import FREE, OCCUPIED, UNKNOWN, load_map, read_map_file
+from mbf_relay.simulation import world_map
 from mbf_relay.simulation.arena import arena
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.shapes import Body, Box
@@ -34,6 +35,11 @@ def test_the_map_in_config_is_the_arenas():
     assert np.array_equal(kept.data, drawn.data) and kept.origin == drawn.origin and kept.resolution == drawn.resolution
     values = read_map_file(str(ARENA_MAP))
     assert (values.free_thresh, values.occupied_thresh) == (0.196, 0.65)
+
+
+def test_a_world_too_large_to_be_drawn_at_once_has_the_same_map(monkeypatch):
+    monkeypatch.setattr(world_map, "AT_ONCE", 100)
+    assert np.array_equal(map_of_world(arena(), GRID).data, load_map(str(ARENA_MAP)).data)
 
 
 def test_every_wall_cell_lies_on_a_surface_and_every_surface_in_reach_has_a_cell():
