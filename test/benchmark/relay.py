@@ -10,9 +10,10 @@ import shutil
 import tempfile
 import threading
 import time
-from typing import Any, Callable, Dict, Iterator, List, Tuple
+from typing import Any, Dict, Iterator, List, Tuple
 
 import numpy as np
+from ros_testing import wait_until
 
 from benchmark.metric import Metric, NotMeasurable, metric_of
 from benchmark.processes import cpu_seconds, node_pid, resident_bytes
@@ -86,7 +87,7 @@ class Ends:
         ]
         threading.Thread(target=self._keep_saying_status, daemon=True).start()
         links = [*self._publishers.values(), *self._subscribers]
-        self._wait(lambda: all(link.get_num_connections() for link in links), "the relay's connections")
+        wait_until(lambda: all(link.get_num_connections() for link in links), "the relay's connections", WAIT)
         time.sleep(1.0)
 
     def exchange(self, goals: int) -> Dict[str, List[float]]:
@@ -144,10 +145,3 @@ class Ends:
         while not self._rospy.is_shutdown():
             self._publishers[f"{SERVER}/status"].publish(self._status_array(status_list=list(self._running)))
             time.sleep(0.2)
-
-    def _wait(self, condition: Callable[[], bool], what: str) -> None:
-        end = time.monotonic() + WAIT
-        while not condition():
-            if time.monotonic() > end:
-                raise RuntimeError(f"waited {WAIT:g} s for {what}, in vain")
-            time.sleep(0.02)

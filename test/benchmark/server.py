@@ -14,6 +14,7 @@ import time
 from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple
 
 import numpy as np
+from ros_testing import wait_until
 
 from benchmark.metric import Metric, NotMeasurable, metric_of
 from benchmark.processes import cpu_seconds, node_pid, resident_bytes
@@ -121,11 +122,8 @@ class Client:
 
     def wait_for_graph(self) -> None:
         """Return once the server finds paths, with this process' own garbage out of the way."""
-        end = time.monotonic() + PATIENCE
-        while not all(link.get_num_connections() for link in self._links) or self._plan()[1].status.status != SUCCEEDED:
-            if time.monotonic() > end:
-                raise RuntimeError(f"waited {PATIENCE:g} s for a server that finds paths, in vain")
-            time.sleep(0.1)
+        wait_until(lambda: all(link.get_num_connections() for link in self._links), "the server's topics", PATIENCE)
+        wait_until(lambda: self._plan()[1].status.status == SUCCEEDED, "a server that finds paths", PATIENCE, 0.1)
         gc.collect()
         gc.freeze()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, List, Mapping, Tuple, Type
+from typing import Any, Dict, List, Mapping, Tuple, Type
 
 from mbf_relay.control.dwa import DwaController
 from mbf_relay.control.dwa_parameters import DwaParameters
@@ -25,6 +25,11 @@ class _StandInParameters(ParameterSet):
     def unknown_names(cls, values: Mapping[str, Any]) -> List[str]:
         """Return nothing; see `stands_in` of the controllers."""
         return []
+
+    @classmethod
+    def deprecated_names(cls, values: Mapping[str, Any]) -> Dict[str, str]:
+        """Return nothing: where several planners are stood in for, each has names of its own, none of them old."""
+        return {}
 
 
 @dataclass(frozen=True)
@@ -106,11 +111,6 @@ class EBandParameters(_StandInParameters):
     yaw_goal_tolerance: float = parameter(
         0.05, "angle to the goal's heading that counts as there", "rad", above=0.0, aliases=("tolerance_rot",))
 
-    @classmethod
-    def deprecated_names(cls, values: Mapping[str, Any]) -> dict[str, str]:
-        """Return nothing: PoseFollower's names are no older than the others."""
-        return {}
-
 
 class EBandStandIn(TranslatedController):
     """Drives by the dynamic window approach where eband_local_planner or pose_follower is asked for."""
@@ -156,11 +156,6 @@ class DwbParameters(_StandInParameters):
     acc_lim_theta: float = parameter(3.2, "rotational acceleration limit", "rad/s^2", above=0.0, maximum=20.0)
     xy_goal_tolerance: float = parameter(0.25, "distance to the goal that counts as there", "m", above=0.0)
     yaw_goal_tolerance: float = parameter(0.25, "angle to the goal's heading that counts as there", "rad", above=0.0)
-
-    @classmethod
-    def deprecated_names(cls, values: Mapping[str, Any]) -> dict[str, str]:
-        """Return nothing: each of the planners has names of its own."""
-        return {}
 
 
 @dataclass(frozen=True)

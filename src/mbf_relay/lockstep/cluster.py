@@ -8,7 +8,6 @@ worker, on a cluster of anybody's making. Here and there workers must have the c
 from __future__ import annotations
 
 import queue
-import sys
 import tempfile
 import time
 from collections import deque
@@ -181,17 +180,17 @@ def _sources(plugins: Sequence[str]) -> Sources:
 
 @contextmanager
 def connected(
-    expected: Sources, processes: int, scheduler: str = "", scheduler_file: Optional[Path] = None,
-    say: Callable[[str], None] = lambda line: print(line, file=sys.stderr),
+    expected: Sources, processes: int, say: Callable[[str], None], scheduler: str = "",
+    scheduler_file: Optional[Path] = None,
 ) -> Iterator[DaskCluster]:
     """Give a cluster for a while: the one of a scheduler, or else one on this machine.
 
     Args:
         expected: The sources that workers must have.
         processes: On this machine, where no scheduler is named.
+        say: Takes lines for people.
         scheduler: Its address, such as tcp://HOST:8786.
         scheduler_file: The file a scheduler wrote its address to.
-        say: Takes lines for people.
 
     Raises:
         ClusterError: Dask is not installed, or no scheduler answers.

@@ -41,7 +41,7 @@ def workers_for(
         return
     from mbf_relay.lockstep.cluster import connected  # only here: a drive needs no Dask
 
-    with connected(sources(plugins), min(processes, max(1, count)), scheduler, scheduler_file, say) as cluster:
+    with connected(sources(plugins), min(processes, max(1, count)), say, scheduler, scheduler_file) as cluster:
         yield cluster
 
 
