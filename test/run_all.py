@@ -120,10 +120,7 @@ def find_jobs(results: str) -> List[Job]:
         for folder, _, files in sorted(os.walk(os.path.join(TEST_FOLDER, top))):
             paths = sorted(os.path.join(folder, name) for name in files if re.match(r"test_.*\.py$", name))
             if paths:
-                name = os.path.relpath(folder, TEST_FOLDER)
-                report_file = os.path.join(results, name, "pytest.xml")
-                command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--junit-xml={report_file}"]
-                jobs.append(Job(name, command + paths, Kind.PYTEST))
+                jobs.append(pytest_job(os.path.relpath(folder, TEST_FOLDER), paths, results))
     for top in ("node", "system"):
         for path in sorted(glob.glob(os.path.join(TEST_FOLDER, top, "*.test"))):
             name = os.path.relpath(path, TEST_FOLDER)
@@ -136,6 +133,19 @@ def rank(job: Job) -> "tuple[int, int]":
     """
     kinds = [Kind.LINTER, Kind.PYTEST, Kind.ROSTEST]
     return -1 if job.drives else kinds.index(job.kind), SLOW.index(job.name) if job.name in SLOW else len(SLOW)
+
+
+def pytest_job(name: str, paths: List[str], results: str) -> Job:
+    """Return the job that runs some files of pytest.
+
+    Args:
+        name: Of the job.
+        paths: The files.
+        results: Folder for its log and report.
+    """
+    report_file = os.path.join(results, name, "pytest.xml")
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--junit-xml={report_file}"]
+    return Job(name, command + paths, Kind.PYTEST)
 
 
 def find_linters() -> List[Job]:

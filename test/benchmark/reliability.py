@@ -1,106 +1,118 @@
-"""What was tried to leave a robot driving for nobody, how often, and what was lost: the proof behind "safe"."""
+"""What was tried to leave a robot driving for nobody, how often, and what was lost: the proof behind "safe".
+
+The proofs are tests, each named after what a robot would have suffered, which `scripts/test --long` runs too; here they
+are run one after the other and what they tell of their trials is counted. A trial is lost where its test fails.
+"""
 
 from __future__ import annotations
 
-import itertools
-import math
-import os
-import random
 import shutil
-import signal
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any, Iterable, Iterator, List
+from typing import Dict, Iterator, List, NamedTuple, Tuple
+
+import run_all
+from tally import Trial, read_trials
 
 from benchmark.metric import Metric, NotMeasurable, metric_of
-from benchmark.processes import node_pid, resident_bytes
 
-SEED = 1
-CANCELS, QUICK_CANCELS = 5000, 50
-CANCEL_WITHIN = 0.5
-"""Time (s) from goal to cancel at most."""
-LOSSES, QUICK_LOSSES = 25, 1
-"""Kills, and stops, of relay and of server each."""
-REPLACED, QUICK_REPLACED = 200, 11
-CROWD, RATE, CROWD_TIME, QUICK_CROWD_TIME = 20, 20.0, 120.0, 3.0
-RUNS, QUICK_RUNS = 10_000, 50
-MODEL = Path(__file__).resolve().parents[1] / "unit" / "ros" / "relay" / "test_goal_life.py"
+HERE = Path(__file__).resolve().parents[1]
+
+
+class Proof(NamedTuple):
+    """A test that tries something often.
+
+    Attributes:
+        what: It tries; its own tests count as trials where they tell of none.
+        where: Its file, below this folder's parent.
+    """
+
+    what: str
+    where: str
+
+
+PROOFS = (
+    Proof("nodes killed and frozen", "system/pulled_nodes.test"),
+    Proof("simulator killed and frozen", "system/pulled_simulator.test"),
+    Proof("master killed and frozen", "system/pulled_master.test"),
+    Proof("goals cancelled, replaced, orphaned, in crowds", "node/goal_trials.test"),
+    Proof("model of a goal's life", "unit/ros/relay/test_goal_life.py"),
+    Proof("drives whose sensors, odometry, commands or clock fail", "unit/lockstep/test_faulty_drives.py"),
+    Proof("things set down", "unit/lockstep/test_things_set_down.py"),
+    Proof("goals one after the other", "system/soak.test"),
+    Proof("messages of any kind converted", "unit/ros/common/test_fuzzed_messages.py"),
+    Proof("messages of any kind sent to a server that drives", "node/garbage.test"),
+    Proof("services and reconfiguring", "system/fuzzed_services.test"),
+    Proof("parameters", "unit/test_fuzzed_parameters.py"),
+    Proof("broken files", "unit/test_files.py"),
+    Proof("nodes ended by a signal while they start or run", "unit/ros/common/test_ending.py"),
+    Proof("a machine of a tenth of a core", "system/slow_machine.test"),
+)
 
 
 def metrics(quick: bool) -> Iterator[Metric]:
-    """Try everything and count."""
-    if shutil.which("roscore") is None:
+    """Run every proof, in its short form or as often as its claim asks for, and count."""
+    if shutil.which("rostest") is None:
         raise NotMeasurable("there is no ROS here")
-    yield _model(QUICK_RUNS if quick else RUNS)
-    from mbf_relay.ros.tools.demo_graph import Graph
-
-    with tempfile.TemporaryDirectory() as folder, Graph([_bare_graph(folder)], folder) as graph:
-        os.environ.update(graph.environment)
-        graph.wait_for_parameter("/run_id", 60.0)
-        import rospy
-        from node.goal_trials import GoalTrials
-
-        rospy.init_node("reliability", anonymous=True, disable_signals=True)
-        trials = GoalTrials()
-        try:
-            yield from _trials(trials, quick)
-        finally:
-            trials.close()
-            rospy.signal_shutdown("measured")
+    results = tempfile.mkdtemp(prefix="reliability-")
+    lost = False
+    for proof in PROOFS:
+        for metric in count(proof, results, quick):
+            lost = lost or (metric.name.endswith(LOST) and metric.value > 0)
+            yield metric
+    if lost:
+        print(f"the logs of what was lost are in {results}", file=sys.stderr)
+    else:
+        shutil.rmtree(results)
 
 
-def _bare_graph(folder: str) -> str:
-    """Write a launch file that gives a master and little else; relay and server are the trials' own, who kill them."""
-    path = Path(folder) / "bare.launch"
-    path.write_text('<launch><node pkg="rosout" type="rosout" name="keeper"/></launch>', encoding="utf-8")
-    return str(path)
+LOST = ", lost"
+"""End of the name of a metric that counts."""
 
 
-def _model(runs: int) -> Metric:
-    """Check the model of a goal's life; its tests fail where a goal has two ends or a robot drives for nobody."""
-    environment = dict(os.environ, MBF_RELAY_RUNS=str(runs))
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(MODEL)]
-    failed = subprocess.run(command, env=environment, stdout=subprocess.DEVNULL).returncode != 0
-    return Metric("model of a goal's life, lost", float(failed), repeats=1, parameters={"runs": runs})
-
-
-def _trials(trials: Any, quick: bool) -> Iterator[Metric]:
-    from node.goal_trials import BROKEN, FACES
-
-    rng = random.Random(SEED)  # noqa: S311 (moments of cancels)
-    cancels, losses, replaced = (
-        (QUICK_CANCELS, QUICK_LOSSES, QUICK_REPLACED) if quick else (CANCELS, LOSSES, REPLACED))
-    moments = [(face, rng.uniform(0.0, CANCEL_WITHIN)) for face, _ in zip(itertools.cycle(FACES), range(cancels))]
-    yield from _tell("goals cancelled at 0 to 500 ms", (trials.cancel(*moment) for moment in moments))
-    kinds = itertools.islice(itertools.cycle(BROKEN), replaced)
-    yield from _tell("drives replaced by a broken goal", (trials.replace(kind) for kind in kinds))
-    for what, lose in (("relay", trials.orphan), ("server", trials.lose_server)):
-        for how in (signal.SIGKILL, signal.SIGSTOP):
-            word = "killed" if how is signal.SIGKILL else "stopped"
-            orphaned = what == "relay" and how is signal.SIGKILL
-            yield from _tell(f"{what} {word} in a drive", (lose(how) for _ in range(losses)), 0 if orphaned else 1)
-    pid = node_pid("/move_base", "/reliability")  # where goals were many, memory shows what is kept of them
-    before = resident_bytes(pid)
-    counts = trials.crowd(CROWD, RATE, QUICK_CROWD_TIME if quick else CROWD_TIME)
-    goals, lost = sum(counts.values()), counts.get("LOST", 0) + counts.get("never ended", 0)
-    yield Metric("goals of stock clients, lost", lost, repeats=goals, parameters={"clients": CROWD, "rate_hz": RATE})
-    yield Metric(
-        "memory the relay grew by", (resident_bytes(pid) - before) / 2.0**20, "MiB", parameters={"goals": goals}
-    )
-
-
-def _tell(name: str, made: Iterable[Any], results: int = 1) -> Iterator[Metric]:
-    """Tell how often something was tried, what was lost, and how long the robots drove on.
+def count(proof: Proof, results: str, quick: bool) -> Iterator[Metric]:
+    """Run a proof's tests and tell what was tried and lost, and what its trials measured.
 
     Args:
-        name: Of what was tried.
-        made: The trials.
-        results: Number of results that each goal must have.
+        proof: To run.
+        results: Folder for its logs.
+        quick: Whether to run its short form.
     """
-    trials: List[Any] = list(made)
-    lost = [t for t in trials if len(t.states) != results or t.went_on or not math.isfinite(t.stopped_after)]
-    yield Metric(f"{name}, lost", float(len(lost)), repeats=len(trials))
-    yield metric_of(f"{name}, last velocity after", [1e3 * trial.stopped_after for trial in trials], "ms")
-    yield Metric(f"{name}, longest", 1e3 * max(trial.stopped_after for trial in trials), "ms", repeats=len(trials))
+    runner = run_all.Runner(results, long=not quick)
+    runner.run([job_of(proof, results)], workers=1)
+    outcome = runner.outcomes[0]
+    by_name: Dict[str, List[Trial]] = {}
+    for trial in read_trials(Path(outcome.log).parent):
+        by_name.setdefault(trial.what, []).append(trial)
+    lost_trials = sum(trial.lost for trials in by_name.values() for trial in trials)
+    if not by_name or outcome.failed > lost_trials:  # of tests that tell of no trials, or failed beside them
+        run = max(1, outcome.passed + outcome.failed)
+        yield counted(proof.what, outcome.failed - lost_trials, run, "tests")
+    for what, trials in sorted(by_name.items()):
+        yield counted(what, sum(trial.lost for trial in trials), len(trials), "trials")
+        yield from measured(what, trials)
+
+
+def counted(what: str, lost: int, tried: int, unit: str) -> Metric:
+    """Return how many of so many were lost."""
+    return Metric(f"{what}{LOST}", float(lost), repeats=tried, parameters={unit: tried})
+
+
+def measured(what: str, trials: List[Trial]) -> Iterator[Metric]:
+    """Tell the median and the largest of what was measured in the trials."""
+    samples: Dict[Tuple[str, str], List[float]] = {}
+    for name, value, unit in (each for trial in trials for each in trial.measured):
+        samples.setdefault((name, unit), []).append(value)
+    for (name, unit), values in samples.items():
+        yield metric_of(f"{what}: {name}", values, unit)
+        if len(values) > 1:
+            yield Metric(f"{what}: {name}, longest", max(values), unit, repeats=len(values))
+
+
+def job_of(proof: Proof, results: str) -> run_all.Job:
+    """Return the job that runs a proof's tests alone."""
+    path = HERE / proof.where
+    if path.suffix == ".test":
+        return run_all.Job(path.name, ["rostest", str(path)], run_all.Kind.ROSTEST)
+    return run_all.pytest_job(path.name, [str(path)], results)

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""A few of each trial of goals, see goal_trials; MBF_RELAY_LONG makes as many as the proof asks for."""
+"""A few of each trial of goals, see goal_trials; --long makes as many as the proof asks for."""
 
 import itertools
 import os
+import random
 import signal
 import sys
 import threading
@@ -13,12 +14,14 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), os.p
 import rospy
 import rostest
 from actionlib_msgs.msg import GoalStatus
+from benchmark.processes import node_pid, resident_bytes
 from node.goal_trials import BROKEN, FACES, GoalTrials
+from tally import LONG, how_many, trial
 
-LONG = os.environ.get("MBF_RELAY_LONG") == "1"
-DELAYS = [0.001 * 500 * step / 49 for step in range(50)] if LONG else (0.0, 0.005, 0.02, 0.06, 0.15, 0.5)
-"""Seconds from goal to cancel."""
+DELAYS = (0.0, 0.005, 0.02, 0.06, 0.15, 0.5)
+"""Seconds from goal to cancel; whatever is tried beyond these is drawn from between the first and the last."""
 CANCELLED = (GoalStatus.PREEMPTED, GoalStatus.RECALLED)
+HOWS = {signal.SIGKILL: "killed", signal.SIGSTOP: "frozen"}
 SOON = 1.0
 """Wall time (s) within which a robot that nobody has a goal for must stand, on a machine with other things to do."""
 
@@ -33,44 +36,61 @@ class GoalTrialsTest(unittest.TestCase):
     def tearDownClass(cls):
         cls.trials.close()
 
-    def check(self, trial, what, allowed):
-        self.assertEqual(len(trial.states), 1, f"{what}: one result, not {trial}")
-        self.assertIn(trial.states[0], allowed, f"{what}: {trial}")
-        self.assertFalse(trial.went_on, f"{what}: the status went on after the result")
-        self.assertLess(trial.stopped_after, SOON, f"{what}: {trial}")
+    def check(self, made, outcome, what, allowed):
+        """Expect one result of those allowed, nothing after it, and a robot that stands; note how soon."""
+        made.measure("last velocity after", 1e3 * outcome.stopped_after, "ms")
+        self.assertEqual(len(outcome.states), 1, f"{what}: one result, not {outcome}")
+        self.assertIn(outcome.states[0], allowed, f"{what}: {outcome}")
+        self.assertFalse(outcome.went_on, f"{what}: the status went on after the result")
+        self.assertLess(outcome.stopped_after, SOON, f"{what}: {outcome}")
 
     def test_1_a_robot_called_back_at_any_moment_stands(self):
-        for face, delay, _ in itertools.product(FACES, DELAYS, range(20 if LONG else 1)):
+        moments, chance = list(itertools.product(FACES, DELAYS)), random.Random(1)
+        drawn = ((face, chance.uniform(DELAYS[0], DELAYS[-1])) for face in itertools.cycle(FACES))
+        moments += itertools.islice(drawn, how_many(len(moments), 5000) - len(moments))
+        for face, delay in moments:
             may_succeed = (GoalStatus.SUCCEEDED,) if face in ("get_path", "recovery") else ()
-            self.check(
-                self.trials.cancel(face, delay), f"{face} cancelled after {1e3 * delay:.0f} ms", CANCELLED + may_succeed
-            )
+            with trial("goals cancelled at 0 to 500 ms") as made:
+                what = f"{face} cancelled after {1e3 * delay:.0f} ms"
+                self.check(made, self.trials.cancel(face, delay), what, CANCELLED + may_succeed)
 
     def test_2_a_robot_whose_next_goal_is_nonsense_can_be_called_back(self):
-        for kind in list(BROKEN) * (19 if LONG else 1):
-            self.check(self.trials.replace(kind), f"replaced by a goal whose {kind}", (GoalStatus.ABORTED,))
+        for kind in itertools.islice(itertools.cycle(BROKEN), how_many(len(BROKEN), 200)):
+            with trial("drives replaced by a broken goal") as made:
+                self.check(made, self.trials.replace(kind), f"replaced by a goal whose {kind}", (GoalStatus.ABORTED,))
 
     def test_3_a_robot_whose_relay_is_gone_stands_and_the_next_goal_works(self):
-        for how in (signal.SIGKILL, signal.SIGSTOP) * (12 if LONG else 1):
-            trial = self.trials.orphan(how)
-            self.assertLess(trial.stopped_after, 1.5 * SOON, f"{how.name}: {trial}")
-            if how == signal.SIGSTOP:
-                self.check(trial, how.name, (GoalStatus.PREEMPTED,))
-                self.assertIn("has not renewed it", trial.text)
+        for how in itertools.islice(itertools.cycle(HOWS), how_many(2, 24)):
+            with trial(f"relay {HOWS[how]} in a drive") as made:
+                outcome = self.trials.orphan(how)
+                self.assertLess(outcome.stopped_after, 1.5 * SOON, f"{how.name}: {outcome}")
+                if how == signal.SIGSTOP:
+                    self.check(made, outcome, how.name, (GoalStatus.PREEMPTED,))
+                    self.assertIn("has not renewed it", outcome.text)
+                else:
+                    made.measure("last velocity after", 1e3 * outcome.stopped_after, "ms")
 
     def test_4_a_robot_whose_server_is_gone_is_stopped_and_the_next_goal_works(self):
-        for how, words in ((signal.SIGKILL, "died"), (signal.SIGSTOP, "hangs")) * (12 if LONG else 1):
-            trial = self.trials.lose_server(how)
-            self.assertLess(trial.stopped_after, 1.5 * SOON, f"{how.name}: {trial}")
-            self.assertEqual(trial.states, [GoalStatus.ABORTED])
-            self.assertIn(words, trial.text)
+        words = {signal.SIGKILL: "died", signal.SIGSTOP: "hangs"}
+        for how in itertools.islice(itertools.cycle(HOWS), how_many(2, 24)):
+            with trial(f"server {HOWS[how]} in a drive") as made:
+                outcome = self.trials.lose_server(how)
+                made.measure("last velocity after", 1e3 * outcome.stopped_after, "ms")
+                self.assertLess(outcome.stopped_after, 1.5 * SOON, f"{how.name}: {outcome}")
+                self.assertEqual(outcome.states, [GoalStatus.ABORTED])
+                self.assertIn(words[how], outcome.text)
 
     def test_5_every_goal_of_twenty_stock_clients_has_one_end(self):
         threads = threading.active_count()
-        counts = self.trials.crowd(20, *((20.0, 120.0) if LONG else (5.0, 4.0)))
-        self.assertLessEqual(set(counts), {"PREEMPTED", "RECALLED", "SUCCEEDED"}, str(counts))
-        self.assertGreater(sum(counts.values()), 20)
-        self.assertLessEqual(threading.active_count(), threads + 5)
+        relay = node_pid("/move_base", rospy.get_name())
+        before = resident_bytes(relay)
+        with trial("twenty stock clients at once") as made:
+            counts = self.trials.crowd(20, *((20.0, 120.0) if LONG else (5.0, 4.0)))
+            made.measure("goals", sum(counts.values()), "")
+            made.measure("memory the relay grew by", (resident_bytes(relay) - before) / 2.0**20, "MiB")
+            self.assertLessEqual(set(counts), {"PREEMPTED", "RECALLED", "SUCCEEDED"}, str(counts))
+            self.assertGreater(sum(counts.values()), 20)
+            self.assertLessEqual(threading.active_count(), threads + 5)
 
 
 if __name__ == "__main__":

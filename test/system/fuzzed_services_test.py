@@ -29,13 +29,13 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 from pulled import NODES, pid_of  # noqa: E402
 from running_stack import start_test_node  # noqa: E402
+from tally import LONG, how_many, trial  # noqa: E402
 
-LONG = os.environ.get("MBF_RELAY_LONG") == "1"
 OURS = (*NODES[:5], "/simulator")
 ROSPYS = ("get_loggers", "set_logger_level", "tf2_frames")
 RECORDS = "/simulator/take_pictures"  # takes long and writes files
 BLIND_CHANCE = settings(
-    max_examples=200 if LONG else 8, deadline=None, database=None, derandomize=not LONG,
+    max_examples=how_many(8, 200), deadline=None, database=None, derandomize=not LONG,
     suppress_health_check=list(HealthCheck),
 )
 KINDS = {"bools": st.booleans(), "ints": values("int32"), "strs": WORDS, "doubles": NUMBERS}
@@ -84,6 +84,7 @@ class TestFuzzedServices(unittest.TestCase):
         wait_until(lambda: len(services()) >= 25, "all services", 60.0)
         cls.pids = {node: pid_of(node) for node in OURS}
 
+    @trial("services asked for anything")
     def ask(self, name, kind, request):
         """Call a service; returns its answer, None where it refused, or where the request is none that can be sent."""
         answers = []

@@ -73,6 +73,11 @@ class PulledCase(unittest.TestCase):
         self.assertIsNone(sent.ending)
         return sent
 
+    def wait_for_way(self, metres, sent):
+        """Wait until the robot has come so far, or the goal that was sent has ended."""
+        start = self.witness.pose
+        wait_until(lambda: self.witness.pose.distance_to(start) >= metres or sent.ending, "the robot to drive on")
+
     def signal(self, node, number):
         """Send a signal to a node; returns its process and where the robot was."""
         pid = pid_of(node)
@@ -80,17 +85,21 @@ class PulledCase(unittest.TestCase):
         os.kill(pid, number)
         return pid
 
-    def check_told_to_stand(self, what, within):
+    def check_told_to_stand(self, what, within, made=None):
         """Expect a zero as the last word to the wheels, or a robot that stands without.
 
         Args:
             what: Was pulled.
             within: Distance (m) that the robot may have come meanwhile.
+            made: The trial that this is part of.
         """
         wait_until(lambda: self.is_told_to_stand() or self.speed() < SLOW, f"a zero as the last velocity after {what}")
         waited = time.monotonic() - self.pulled_at
         way = self.witness.pose.distance_to(self.pulled_from)
         rospy.loginfo("%s: told to stand within %.2f s and %.3f m", what, waited, way)
+        if made is not None:
+            made.measure(f"{what}, told to stand after", waited, "s")
+            made.measure(f"{what}, told to stand within", way, "m")
         self.assertLess(way, within, f"it drove on after {what}")
 
     def is_told_to_stand(self):

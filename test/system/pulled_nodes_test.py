@@ -14,18 +14,20 @@ from geometry_msgs.msg import Twist
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 from pulled import NODES, PulledCase, pid_of  # noqa: E402
-from ros_testing import wait_until  # noqa: E402
 from running_stack import start_test_node  # noqa: E402
+from tally import how_many, trial  # noqa: E402
 
 from mbf_relay.simulation.arena import CIRCLE  # noqa: E402
 
-ON_THE_WAY_TO_THE_WHEELS = NODES[:2]
 OURS = (*NODES[:5], "/simulator")
 
+WORDS = {signal.SIGKILL: "killed", signal.SIGSTOP: "frozen"}
 LOST = r"transform from 'map' to 'odom' is \d+\.\d\d s old"
 """What ends a drive without localization."""
 AT_ONCE, WITHOUT_POSE = 0.25, 0.5
 """Metres the robot may come without what is on the way to its wheels, and without a pose, on a slow machine too."""
+NEEDED = {"/move_base_flex": AT_ONCE, "/velocity_guard": AT_ONCE, "/amcl": WITHOUT_POSE, "/move_base": 0.7}
+"""What a drive cannot go on without, and the metres the robot may come; the server waits a second for a relay."""
 
 
 class TestPulledNodes(PulledCase):
@@ -77,12 +79,14 @@ class TestPulledNodes(PulledCase):
     def test_4_any_node_killed_or_frozen_at_any_moment(self):
         """What is pulled is back without a hand: the robot does not run on without it, and the next goal is reached."""
         chance = random.Random(7)
-        for trial in range(100 if os.environ.get("MBF_RELAY_LONG") else 4):
-            node = NODES[trial % len(NODES)]
+        for index in range(how_many(4, 100)):
+            node = NODES[index % len(NODES)]
             number = chance.choice((signal.SIGKILL, signal.SIGSTOP))
-            place = CIRCLE[trial % len(CIRCLE)]
-            self.pull(node, number, place, drives=chance.random() < 0.7, moment=chance.uniform(0.0, 0.1))
-            self.check_next_goal(place, f"{node} got signal {int(number)} in trial {trial}")
+            place = CIRCLE[index % len(CIRCLE)]
+            drives, moment = chance.random() < 0.7, chance.uniform(0.0, 0.1)
+            with trial("nodes killed and frozen at any moment") as made:
+                self.pull(node, number, place, drives, moment, made)
+                self.check_next_goal(place, f"{node} got signal {int(number)} in trial {index}")
 
     def test_7_a_disk_that_gets_full_on_the_way_stops_no_drive(self):
         self.wait_until_all_is_back()
@@ -99,7 +103,7 @@ class TestPulledNodes(PulledCase):
             for pid, limit in limits.items():
                 resource.prlimit(pid, resource.RLIMIT_FSIZE, limit)
 
-    def pull(self, node, number, place, drives, moment):
+    def pull(self, node, number, place, drives, moment, made):
         """Kill or freeze a node, see what the robot does, and let a frozen one go on.
 
         Args:
@@ -108,15 +112,14 @@ class TestPulledNodes(PulledCase):
             place: Where to drive meanwhile.
             drives: Whether the robot drives at all.
             moment: Metres to drive before.
+            made: The trial that this is part of.
         """
-        sent = self.drive(place) if drives else None
-        start = self.witness.pose
-        if sent is not None:
-            wait_until(lambda: self.witness.pose.distance_to(start) >= moment or sent.ending, "the robot to drive on")
+        if drives:
+            self.wait_for_way(moment, self.drive(place))
         pid = self.signal(node, number)
         try:
-            if node in ON_THE_WAY_TO_THE_WHEELS:
-                self.check_told_to_stand(f"signal {int(number)} to {node}", AT_ONCE)
+            if drives and node in NEEDED:
+                self.check_told_to_stand(f"{node} {WORDS[number]}", NEEDED[node], made)
         finally:
             if number == signal.SIGSTOP:
                 os.kill(pid, signal.SIGCONT)

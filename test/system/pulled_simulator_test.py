@@ -13,6 +13,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from pulled import PulledCase, pid_of  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 from running_stack import start_test_node  # noqa: E402
+from tally import how_many, trial  # noqa: E402
 
 from mbf_relay.simulation.arena import CIRCLE  # noqa: E402
 
@@ -28,41 +29,39 @@ class TestPulledSimulator(PulledCase):
         self.freeze()
         self.check_arrival(sent, "the simulator was frozen")
 
-    def freeze(self):
+    def freeze(self, made=None):
         """Freeze the simulator until the wheels were told to stand."""
         simulator = self.signal("/simulator", signal.SIGSTOP)
         try:
-            self.check_told_to_stand("a frozen simulator", within=0.1)
+            self.check_told_to_stand("a frozen simulator", 0.1, made)
         finally:
             os.kill(simulator, signal.SIGCONT)
 
     def test_2_a_killed_base_ends_the_drive_and_the_next_goal_works(self):
         self.kill(self.drive(CIRCLE[1]), CIRCLE[0])
 
-    def kill(self, sent, place):
+    def kill(self, sent, place, made=None):
         """Kill the simulator in a drive; expect the goal to end for it, and the next one to be reached."""
         killed = self.signal("/simulator", signal.SIGKILL)
-        self.check_told_to_stand("a killed simulator", within=0.1)
+        self.check_told_to_stand("a killed simulator", 0.1, made)
         self.check_stop(sent, LOST)
         wait_until(lambda: pid_of("/simulator") not in (None, killed), "the simulator to be back")
         self.check_next_goal(place, "the simulator was killed")
 
     def test_3_again_and_again(self):
         chance = random.Random(11)
-        for trial in range(30 if os.environ.get("MBF_RELAY_LONG") else 1):
-            place = CIRCLE[(trial + 1) % len(CIRCLE)]  # the test before has left it at the first
+        for index in range(how_many(1, 30)):
+            place = CIRCLE[(index + 1) % len(CIRCLE)]  # the test before has left it at the first
             self.wait_until_all_is_back()
-            sent, start = self.drive(place), self.witness.pose
-            moment = chance.uniform(0.0, 0.5)
-            wait_until(
-                lambda start=start, moment=moment, sent=sent:
-                self.witness.pose.distance_to(start) >= moment or sent.ending, "the robot to drive on",
-            )
-            if sent.ending is None and chance.random() < 0.5:
-                self.kill(sent, place)
-            else:
-                self.freeze()
-                self.check_arrival(sent, f"the simulator was frozen in trial {trial}")
+            moment, killed = chance.uniform(0.0, 0.5), chance.random() < 0.5
+            with trial("simulator killed and frozen in a drive") as made:
+                sent = self.drive(place)
+                self.wait_for_way(moment, sent)
+                if killed:
+                    self.kill(sent, place, made)
+                else:
+                    self.freeze(made)
+                    self.check_arrival(sent, f"the simulator was frozen in trial {index}")
 
 
 if __name__ == "__main__":

@@ -70,6 +70,11 @@ class Witness:
         """Start the way anew."""
         self._truth.messages.clear()
 
+    def forget_all(self) -> None:
+        """Keep of each message only the newest, where a test goes on for hours."""
+        for listener in (self._truth, self._contacts, self._log):
+            del listener.messages[:-1]
+
     @property
     def trajectory(self) -> np.ndarray:
         """The way with its times: rows of time (s), x, y (m), heading (rad)."""

@@ -2,17 +2,16 @@
 
 import importlib
 import math
-import os
 import pkgutil
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tally import how_many, trial
 
 import mbf_relay
 from mbf_relay.parameters import ParameterSet
 
-LONG = os.environ.get("MBF_RELAY_LONG") == "1"
 ABSENT = {"rospy", "pybullet", "rosgraph_msgs", "geometry_msgs", "mbf_msgs"}
 NUMBERS = st.one_of(
     st.sampled_from([0, 1, -1, 0.0, 1e-300, 1e300, -1e300, 2**31, 2**63, 2**70, math.nan, math.inf, -math.inf]),
@@ -42,8 +41,9 @@ def parameter_sets():
 
 
 @pytest.mark.parametrize("kind", parameter_sets(), ids=lambda kind: kind.__qualname__)
-@settings(max_examples=1000 if LONG else 10)
+@settings(max_examples=how_many(10, 1000))
 @given(data=st.data())
+@trial("parameters of any kind read")
 def test_a_node_given_any_values_has_sound_ones_or_says_in_a_line_what_is_wrong(kind, data):
     values = data.draw(st.fixed_dictionaries({}, optional=dict.fromkeys(kind.names(), VALUES)))
     try:

@@ -3,73 +3,20 @@
 It stands before it touches anything, says why, and goes on after.
 """
 
-import os
-
 import numpy as np
 import pytest
 
 pytest.importorskip("pybullet")
 
+from faulty_drive import FaultyDrive  # noqa: E402
+from tally import LONG  # noqa: E402
+
 from mbf_relay.geometry import STOP, Pose2D  # noqa: E402
-from mbf_relay.lockstep.graph import Graph  # noqa: E402
-from mbf_relay.lockstep.settings import config_folder  # noqa: E402
-from mbf_relay.lockstep.setup import make_setup  # noqa: E402
-from mbf_relay.lockstep.stages import Stages  # noqa: E402
-from mbf_relay.lockstep.tasks import circle  # noqa: E402
-from mbf_relay.navigation.goals import FramedPose, NavigateGoal  # noqa: E402
 from mbf_relay.navigation.task import Ending  # noqa: E402
 from mbf_relay.simulation.faults import NO_FAULTS, Faults  # noqa: E402
-from mbf_relay.simulation.frames import Frame  # noqa: E402
-from mbf_relay.simulation.shapes import Body, Box, Cylinder  # noqa: E402
+from mbf_relay.simulation.shapes import Cylinder  # noqa: E402
 
-SETUP = make_setup(config_folder())
-SEEDS = range(1, 6) if os.environ.get("MBF_RELAY_LONG") == "1" else (1,)
-
-
-class FaultyDrive(Graph):
-    """A drive to the circle's second goal, whose scans a test can change on their way."""
-
-    def __init__(self, seed):
-        self.change_scan = lambda scan: scan
-        self.commands = []
-        super().__init__(
-            circle(), SETUP, seed, Stages(None), lambda now, velocity: self.commands.append((now, velocity))
-        )
-        self.said = set()
-        self.step_until(lambda: self.waits_for() is None, 5.0)
-        self.goal = self.navigate(NavigateGoal(FramedPose(circle().goals[1], self.map_frame)))
-
-    def _take_scan(self, scan):
-        changed = self.change_scan(scan)
-        if changed is not None:
-            super()._take_scan(changed)
-
-    def step_until(self, condition, seconds):
-        """Step until the condition holds; returns whether it came to hold within so many seconds."""
-        end = self.now + seconds
-        while not condition() and self.now < end:
-            contacts = self.step().contacts
-            assert not contacts, f"the robot touched {contacts[0].name} at {self.now:.2f} s"
-            if hasattr(self, "goal"):
-                self.said.update(feedback.message for feedback in self.goal.take_feedback())
-        return bool(condition())
-
-    def set_down_ahead(self, distance):
-        """Set a box down on the robot's way, so far (m) ahead of its middle."""
-        there = self.simulation.true_pose.compose(Pose2D(distance, 0.0, 0.0))
-        body = Body("box", Box((0.2, 0.2, 0.4)), Frame.of(there.x, there.y, 0.2))
-        self.simulation.scene.set_obstacle("box", body)
-
-    def arrive(self):
-        """Go on to the goal, sent again where it has ended meanwhile."""
-        if self.goal.done and self.goal.ending is not Ending.SUCCEEDED:
-            self.goal = self.navigate(NavigateGoal(FramedPose(circle().goals[1], self.map_frame)))
-        assert self.step_until(lambda: self.goal.done, 90.0), "it never arrived"
-        assert self.goal.ending is Ending.SUCCEEDED, self.goal.result
-        assert self.simulation.true_pose.distance_to(circle().goals[1]) < 0.35
-
-    def is_driving(self):
-        return bool(self.commands) and self.commands[-1][1].x > 0.15
+SEEDS = range(1, 6) if LONG else (1,)
 
 
 @pytest.fixture(params=SEEDS)
@@ -202,8 +149,7 @@ def test_a_robot_before_which_people_cross_touches_nobody_and_arrives(drive):
         robot, began = drive.simulation.true_pose, drive.now
         while drive.now - began < 3.0:
             there = robot.compose(Pose2D(0.8, side * (0.9 - 0.6 * (drive.now - began)), 0.0))
-            person = Body("person", Cylinder(0.15, 1.0), Frame.of(*there[:2], 0.5))
-            drive.simulation.scene.set_obstacle("person", person)
+            drive.set_down("person", Cylinder(0.15, 1.0), there, 0.5)
             drive.step_until(lambda: False, 0.1)
         drive.simulation.scene.remove_obstacle("person")
     drive.arrive()

@@ -14,6 +14,7 @@ import pytest
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
 from ros_testing import wait_until
+from tally import LONG, trial
 
 from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
 
@@ -24,7 +25,6 @@ NODES = {
     "map_saver": [], "waypoint_follower": [], "web_view": ["_port:=0"],
 }
 CLIENTS = {"mb_relay_client.py": [], "mbf_path_client.py": [], "mbf_goal_client.py": [], "movebase_client.py": []}
-LONG = bool(os.environ.get("MBF_RELAY_LONG"))
 TRIED = list(NODES) + list(CLIENTS)[:4 if LONG else 2]
 CASES = [(index, name) for index, name in enumerate(TRIED * (20 if LONG else 1))]
 STARTED = 4.0
@@ -69,6 +69,7 @@ def is_ready_to_end(process):
 
 
 @pytest.mark.parametrize("index, name", CASES)
+@trial("nodes ended by a signal while they start or run")
 def test_a_signal_ends_a_node_at_any_moment(index, name, masters, tmp_path):
     chance = random.Random(index)
     master = chance.choice(sorted(masters))

@@ -1,7 +1,5 @@
 """What any node on the network may send: each message becomes something sound, or one line that refuses it."""
 
-import os
-
 import numpy as np
 import pytest
 
@@ -18,13 +16,14 @@ from nav_msgs.msg import OccupancyGrid  # noqa: E402
 from nav_msgs.msg import Path as PathMessage  # noqa: E402
 from random_messages import message  # noqa: E402
 from sensor_msgs.msg import LaserScan, PointCloud, PointCloud2  # noqa: E402
+from tally import how_many, trial  # noqa: E402
 
 from mbf_relay.outcomes import NavigationError  # noqa: E402
 from mbf_relay.ros.common import bags, checks, conversions  # noqa: E402
 from mbf_relay.ros.costmap.inputs import points_from_message  # noqa: E402
 from mbf_relay.ros.server import messages  # noqa: E402
 
-EXAMPLES = 5000 if os.environ.get("MBF_RELAY_LONG") == "1" else 30
+EXAMPLES = how_many(30, 5000)
 
 
 def fitting_grid(grid):
@@ -73,6 +72,7 @@ def test_a_node_outlives_whatever_is_sent(name):
 
     @given(strategy)
     @settings(max_examples=EXAMPLES, suppress_health_check=list(HealthCheck))
+    @trial("messages of any kind converted")
     def converted_or_refused(sent):
         try:
             made = convert(sent)
@@ -97,6 +97,7 @@ def bag(tmp_path_factory):
 
 @settings(max_examples=EXAMPLES, suppress_health_check=list(HealthCheck))
 @given(changes=st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), max_size=4), end=st.integers(0, 10**6))
+@trial("broken bags read")
 def test_a_broken_bag_is_read_or_refused_in_a_sentence(bag, tmp_path_factory, changes, end):
     data = bytearray(bag)
     for place, value in changes:

@@ -3,8 +3,6 @@
 Two things hold at every moment: each goal ends once, and a robot for which nobody has a goal stands within a second.
 """
 
-import os
-
 import pytest
 
 pytest.importorskip("mbf_msgs.msg")
@@ -14,11 +12,12 @@ from hypothesis import HealthCheck, settings  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule  # noqa: E402
 from paper_graph import Graph, scripted, steer  # noqa: E402
+from tally import how_many, trial  # noqa: E402
 
 from mbf_relay.geometry import STOP  # noqa: E402
 from mbf_relay.outcomes import ControlError, ControlOutcome  # noqa: E402
 
-RUNS = int(os.environ.get("MBF_RELAY_RUNS", "10000" if os.environ.get("MBF_RELAY_LONG") == "1" else "60"))
+RUNS = how_many(60, 10000)
 TOPICS = st.sampled_from(["goal", "cancel", "lease", "status", "result", "feedback", "cmd_vel"])
 PLANS = st.sampled_from([scripted.line, scripted.line, scripted.line, scripted.NO_WAY, RuntimeError("broken")])
 DRIVES = st.sampled_from([
@@ -176,6 +175,7 @@ class GoalLife(RuleBasedStateMachine):
             names = [name for name, _state in life.results]
             assert len(names) == len(set(names))
 
+    @trial("lives of a goal, whatever is lost, late or dead")
     def teardown(self):
         """When everything is mended, all goals end, the robot stands, and the next goal is reached."""
         graph = self.graph

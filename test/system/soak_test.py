@@ -1,0 +1,82 @@
+#!/usr/bin/env python3
+"""A robot that is sent from place to place over a weekend: each goal is reached, and no node grows."""
+
+import os
+import statistics
+import sys
+import time
+
+import psutil
+import rostest
+from geometry_msgs.msg import Twist
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+
+from pulled import NODES, PulledCase, goal_at, pid_of  # noqa: E402
+from ros_testing import wait_until  # noqa: E402
+from running_stack import start_test_node  # noqa: E402
+from tally import how_many, trial  # noqa: E402
+
+OURS = (*NODES[:5], "/simulator")
+SIDE = 0.45
+HALF = 0.5**0.5
+SQUARE = (
+    (-2.0 + SIDE, -0.5, HALF, HALF), (-2.0 + SIDE, -0.5 + SIDE, 1.0, 0.0), (-2.0, -0.5 + SIDE, -HALF, HALF),
+    (-2.0, -0.5, 0.0, 1.0),
+)
+"""Corners in the open, x, y (m) and the heading to the next (z and w of its quaternion), the start last."""
+SETTLED = 0.1
+"""Share of the goals after which every list and cache has its size."""
+FEW = 3
+"""Threads and files by which a node may differ from one moment to the next."""
+
+
+class Use(dict):
+    """What each of our nodes holds: resident memory (bytes), threads, open files."""
+
+    def __init__(self):
+        processes = {node: psutil.Process(pid_of(node)) for node in OURS}
+        super().__init__({
+            node: (process.memory_info().rss, process.num_threads(), process.num_fds())
+            for node, process in processes.items()
+        })
+
+
+class TestSoak(PulledCase):
+    def drive_to(self, place):
+        """Drive to a place; return the wall time (s) to the first velocity."""
+        heard, sent_at = len(self.commands.messages), time.monotonic()
+        sent = self.client.send(goal_at(place))
+        wait_until(
+            lambda: sent.ending or any(twist != Twist() for twist in self.commands.messages[heard:]), "a velocity",
+            60.0, period=0.001,
+        )
+        latency = time.monotonic() - sent_at
+        self.check_arrival(sent, f"a goal at {place}")
+        for listener in (self.commands, self.truth, self.outcomes):
+            del listener.messages[:-1]
+        self.witness.forget_all()
+        return latency
+
+    def test_a_robot_that_drives_for_days_reaches_each_goal_and_grows_by_nothing(self):
+        self.wait_until_all_is_back()
+        count, latencies, settled = how_many(8, 2000), [], None
+        for index in range(count):
+            with trial("goals one after the other") as made:
+                latencies.append(self.drive_to(SQUARE[index % len(SQUARE)]))
+            if settled is None and index >= SETTLED * count:
+                settled = Use()
+        with trial("what nodes hold after all goals, against a tenth of them") as made:
+            for node, (memory, threads, files) in Use().items():
+                before = settled[node]
+                made.measure(f"{node} memory grew by", 100.0 * (memory / before[0] - 1.0), "%")
+                self.assertLessEqual(abs(threads - before[1]), FEW, f"{node} has {threads} threads, had {before[1]}")
+                self.assertLessEqual(abs(files - before[2]), FEW, f"{node} has {files} open files, had {before[2]}")
+            part = max(1, count // 10)
+            for name, some in (("first", latencies[:part]), ("last", latencies[-part:])):
+                made.measure(f"first velocity after, {name} tenth", 1e3 * statistics.median(some), "ms")
+
+
+if __name__ == "__main__":
+    start_test_node("soak_test")
+    rostest.rosrun("mbf_relay", "soak", TestSoak)
