@@ -29,7 +29,8 @@ CHECKOUT = os.path.dirname(TEST_FOLDER)
 SUMMARY = r"SUMMARY\s+\S* \* RESULT: .*?TESTS: (\d+)\s+\S* \* ERRORS: (\d+).*?FAILURES: (\d+)"
 """The end of rostest's output, coloured or not."""
 TIME_LIMIT = 1250.0
-"""Wall seconds after which one job is ended and counts as failed; --long triples it."""
+"""Wall seconds after which one job is ended and counts as failed; --long multiplies it."""
+LONGER = 6
 
 
 SLOW = (
@@ -234,7 +235,7 @@ class Runner:
             if job.kind is not Kind.ROSTEST:
                 give_way(process)
             try:
-                process.wait(TIME_LIMIT * (3 if self._long else 1))
+                process.wait(TIME_LIMIT * (LONGER if self._long else 1))
             except subprocess.TimeoutExpired:
                 stream.write(f"\nended after {time.monotonic() - start:.0f} s\n".encode())
         end_group(process)

@@ -16,6 +16,7 @@ import run_all
 from tally import Trial, read_trials
 
 from benchmark.metric import Metric, NotMeasurable, metric_of
+from benchmark.report import LOST
 
 HERE = Path(__file__).resolve().parents[1]
 
@@ -65,10 +66,6 @@ def metrics(quick: bool) -> Iterator[Metric]:
         print(f"the logs of what was lost are in {results}", file=sys.stderr)
     else:
         shutil.rmtree(results)
-
-
-LOST = ", lost"
-"""End of the name of a metric that counts."""
 
 
 def count(proof: Proof, results: str, quick: bool) -> Iterator[Metric]:

@@ -1,14 +1,20 @@
-"""The metrics in the READMEs: those a newcomer asks for in the repository's, all of them in this folder's."""
+"""The metrics in the READMEs: those a newcomer asks for in the repository's, all of them in this folder's.
+
+What the proofs tried and lost has a section of its own in both, for it is seldom taken together with the rest.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Dict, List, NamedTuple, Sequence, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple
 
 from benchmark.metric import Metric, machine_line, round_for_people, table
 
-MARKER_BEGIN = "<!-- made by `scripts/benchmark --write` -->"
-MARKER_END = "<!-- end of benchmark -->"
+FIGURES = ("<!-- made by `scripts/benchmark --write` -->", "<!-- end of benchmark -->")
+PROOFS = ("<!-- made by `scripts/benchmark reliability --write` -->", "<!-- end of reliability -->")
+"""Lines between which a README has a section."""
+LOST = ", lost"
+"""End of the name of a metric that counts what a proof lost."""
 
 HERE = Path(__file__).resolve().parent
 
@@ -78,26 +84,49 @@ HEADLINES = (
 def write_sections(machine: Dict[str, Any], results: Results) -> List[Path]:
     """Write the headlines into the repository's README.md and every metric into this folder's; return the two.
 
+    A section none of whose benchmarks was run stays as it is.
+
     Raises:
         ValueError: A README lacks the markers, or a headline's metric is not among its benchmark's.
     """
-    texts = {HERE.parents[1] / "README.md": headline_table(results), HERE / "README.md": whole_tables(results)}
-    for path, text in texts.items():
-        made = rewrite_section(path.read_text(encoding="utf-8"), f"{machine_line(machine)}\n\n{text}")
+    proofs = [result for result in results if result[0] == "reliability"]
+    figures = [result for result in results if result[0] != "reliability"]
+    paths = [HERE.parents[1] / "README.md", HERE / "README.md"]
+    if any(name != "yardstick" for name, _ in figures):
+        _write_section(paths, FIGURES, machine, figures, headline_table)
+    if proofs:
+        _write_section(paths, PROOFS, machine, proofs, proof_table)
+    return paths
+
+
+def _write_section(
+    paths: Sequence[Path], markers: Tuple[str, str], machine: Dict[str, Any], results: Results,
+    short: Callable[[Results], str],
+) -> None:
+    """Write a section of both READMEs.
+
+    Args:
+        paths: Of the README that gets the short table and of the one that gets the whole.
+        markers: Lines before and after the section.
+        machine: That `results` were taken on.
+        results: To show.
+        short: Makes the short table.
+    """
+    for path, text in zip(paths, (short(results), whole_tables(results))):
+        made = rewrite_section(path.read_text(encoding="utf-8"), markers, f"{machine_line(machine)}\n\n{text}")
         path.write_text(made, encoding="utf-8")
-    return list(texts)
 
 
-def rewrite_section(readme: str, text: str) -> str:
-    """Return a README with `text` between its two markers.
+def rewrite_section(readme: str, markers: Tuple[str, str], text: str) -> str:
+    """Return a README with `text` between two markers.
 
     Raises:
         ValueError: It lacks the markers.
     """
-    before, begin, rest = readme.partition(MARKER_BEGIN)
-    _, end, after = rest.partition(MARKER_END)
+    before, begin, rest = readme.partition(markers[0])
+    _, end, after = rest.partition(markers[1])
     if not (begin and end):
-        raise ValueError(f"the README has no section between '{MARKER_BEGIN}' and '{MARKER_END}'; add these two lines")
+        raise ValueError(f"the README has no section between '{markers[0]}' and '{markers[1]}'; add these two lines")
     return f"{before}{begin}\n{text}\n{end}{after}"
 
 
@@ -130,4 +159,13 @@ def headline_table(results: Results) -> str:
         if headline.of:
             words += ["of", str(found[0].parameters[headline.of])]
         lines.append(f"| {headline.text} | {' '.join(word for word in words if word)} |")
+    return "\n".join(lines)
+
+
+def proof_table(results: Results) -> str:
+    """Return what was tried how often, and how much of it was lost, as Markdown."""
+    lines = ["| what was tried | how often | lost |", "|---|---|---|"]
+    for _, metric in results:
+        if metric.name.endswith(LOST):
+            lines.append(f"| {metric.name[:-len(LOST)]} | {metric.repeats} | {round_for_people(metric.value)} |")
     return "\n".join(lines)

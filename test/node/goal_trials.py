@@ -63,12 +63,15 @@ class Trial(NamedTuple):
         stopped_after: Wall time (s) from what should have stopped the robot to its last velocity but zero; 0 where
             there was none, infinite where it never stood.
         went_on: Whether the status told of the goal in another state after its result.
+        zero_after: Wall time (s) from what should have stopped a robot that drove to the first zero, None where none
+            drove or no zero came.
     """
 
     states: List[int]
     text: str
     stopped_after: float
     went_on: bool
+    zero_after: Optional[float] = None
 
 
 def pose(x: float = 0.0, y: float = 0.0, frame: str = "map", quaternion: Any = (0.0, 0.0, 0.0, 1.0)) -> PoseStamped:
@@ -119,7 +122,7 @@ class GoalTrials:
                                            "script": {"plan_time": 0.03, "recovery_steps": 40}})
         rospy.set_param("move_base/server_timeout", 30.0)
         self._moves: List[float] = []
-        self._last_zero: Optional[float] = None
+        self._zeros: List[float] = []
         rospy.Subscriber("cmd_vel", Twist, self._take_velocity, queue_size=1000, tcp_nodelay=True)
         self.odometry = Listener("odom", Odometry)
         self.faces = {name: Face(*face) for name, face in FACES.items()}
@@ -159,6 +162,8 @@ class GoalTrials:
 
     def cancel(self, face: str, delay: float) -> Trial:
         """Cancel a goal that takes seconds, so long (s) after it was sent."""
+        self._moves.clear()
+        self._zeros.clear()
         _, name = self.send(face, self.ahead())
         threading.Event().wait(delay)
         at = time.monotonic()
@@ -195,8 +200,7 @@ class GoalTrials:
         name = self.drive()
         at = time.monotonic()
         self.server.send_signal(how)
-        wait_until(lambda: self._last_zero is not None and self._last_zero > at, "a zero from the relay", 20.0)
-        stopped_after = self._last_zero - at
+        stopped_after = wait_until(lambda: self._zero_after(at), "a zero from the relay", 20.0)
         self.end_of("relay", name)
         trial = self._trial("relay", name, at, stopped_after)
         if how == signal.SIGSTOP:
@@ -311,10 +315,16 @@ class GoalTrials:
                 stopped_after = INF
         results = self.faces[face].results.get(name, [])
         text = "; ".join(f"{m.status.text} {getattr(m.result, 'message', '')}".strip() for m in results)
-        return Trial([m.status.status for m in results], text, stopped_after, self.faces[face].went_on(name))
+        zero_after = self._zero_after(at) if self._moves else None
+        states = [m.status.status for m in results]
+        return Trial(states, text, stopped_after, self.faces[face].went_on(name), zero_after)
+
+    def _zero_after(self, at: float) -> Optional[float]:
+        """Return the time (s) from a moment to the first zero after it."""
+        return next((zero - at for zero in list(self._zeros) if zero > at), None)
 
     def _take_velocity(self, twist: Twist) -> None:
         if twist.linear.x or twist.linear.y or twist.angular.z:
             self._moves.append(time.monotonic())
         else:
-            self._last_zero = time.monotonic()
+            self._zeros.append(time.monotonic())

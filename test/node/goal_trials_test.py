@@ -39,6 +39,8 @@ class GoalTrialsTest(unittest.TestCase):
     def check(self, made, outcome, what, allowed):
         """Expect one result of those allowed, nothing after it, and a robot that stands; note how soon."""
         made.measure("last velocity after", 1e3 * outcome.stopped_after, "ms")
+        if outcome.zero_after is not None:
+            made.measure("zero after", 1e3 * outcome.zero_after, "ms")
         self.assertEqual(len(outcome.states), 1, f"{what}: one result, not {outcome}")
         self.assertIn(outcome.states[0], allowed, f"{what}: {outcome}")
         self.assertFalse(outcome.went_on, f"{what}: the status went on after the result")

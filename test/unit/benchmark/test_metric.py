@@ -63,18 +63,41 @@ def test_json_carries_every_field():
     ]
 
 
-SECTION = f"top\n{report.MARKER_BEGIN}\nold\n{report.MARKER_END}\nbottom\n"
+SECTION = f"top\n{report.FIGURES[0]}\nold\n{report.FIGURES[1]}\nbottom\n"
 
 
 def test_a_section_is_replaced_and_the_rest_kept():
-    assert report.rewrite_section(SECTION, "new") == SECTION.replace("old", "new")
+    assert report.rewrite_section(SECTION, report.FIGURES, "new") == SECTION.replace("old", "new")
     with pytest.raises(ValueError, match="no section"):
-        report.rewrite_section("nothing", "new")
+        report.rewrite_section("nothing", report.FIGURES, "new")
 
 
-def test_both_readmes_have_the_section():
+@pytest.mark.parametrize("markers", [report.FIGURES, report.PROOFS])
+def test_both_readmes_have_the_section(markers):
     for readme in (report.HERE / "README.md", report.HERE.parents[1] / "README.md"):
-        assert report.rewrite_section(readme.read_text(encoding="utf-8"), "new")
+        assert report.rewrite_section(readme.read_text(encoding="utf-8"), markers, "new")
+
+
+@pytest.mark.parametrize("names", [("yardstick", "reliability"), ("yardstick", "relay"), ("relay", "reliability")])
+def test_a_section_of_which_nothing_was_measured_stays_as_it_is(names, tmp_path, monkeypatch):
+    here = tmp_path / "test" / "benchmark"
+    here.mkdir(parents=True)
+    monkeypatch.setattr(report, "HERE", here)
+    for path in (tmp_path / "README.md", here / "README.md"):
+        path.write_text(SECTION + SECTION.replace(report.FIGURES[0], report.PROOFS[0]).replace(
+            report.FIGURES[1], report.PROOFS[1]).replace("old", "as old"), encoding="utf-8")
+    made = {"reliability": [Metric("goals cancelled, lost", 1.0, repeats=5000)], "yardstick": [Metric("loop", 3.0)],
+            "relay": [Metric(name, 1.0, "ms") for name in (
+                "goal through the relay", "cancel through the relay", "idle relay, share of one core")]}
+    machine = {"cores": 2, **dict.fromkeys(
+        ("processor", "memory_gib", "system", "python", "numpy", "numba", "cv2", "pybullet"), "")}
+    report.write_sections(machine, [(name, metric) for name in names for metric in made[name]])
+    for path in (tmp_path / "README.md", here / "README.md"):
+        text = path.read_text(encoding="utf-8")
+        assert ("\nold\n" in text) == ("relay" not in names)
+        assert ("\nas old\n" in text) == ("reliability" not in names)
+    if "reliability" in names:
+        assert "| goals cancelled | 5000 | 1 |" in (tmp_path / "README.md").read_text(encoding="utf-8")
 
 
 def test_headlines_are_few_and_the_whole_table_has_all():
