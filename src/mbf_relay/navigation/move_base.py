@@ -329,9 +329,9 @@ class MoveBase:
         def suits(name: str) -> bool:
             return change is Recoverable.BY_MOVING or not navigator.recoveries.plugin(name).leaves_place
 
-        where = self._where()[0]
+        where, progress = self._where()[0], navigator.parameters.oscillation_distance
         pose = where.pose if where is not None else None
-        index = self._tried.next(pose, navigator.parameters.oscillation_distance, suits)
+        index = self._tried.next(pose, progress, suits, navigator.robot.knows_its_motion)
         if index is None:
             return False
         name = self._behaviors[index]

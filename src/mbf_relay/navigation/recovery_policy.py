@@ -133,7 +133,9 @@ class TriedBehaviors:
 
     The list starts over where the robot has got elsewhere, and goes on where it comes back to. Move Base Flex starts it
     over with every path that is found; a path that cannot be driven then leads through the first behaviours for ever.
-    As there are but so many places within reach, a goal that cannot be reached ends.
+    As there are but so many places within reach, a goal that cannot be reached ends. What was tried while odometry
+    could not be believed is tried again when it can: costmaps cleared then are drawn full of ghosts again, for what is
+    seen is entered where odometry says.
 
     Args:
         behaviors: Names, in the order to try.
@@ -142,15 +144,22 @@ class TriedBehaviors:
     def __init__(self, behaviors: Sequence[str]) -> None:
         self._behaviors = tuple(behaviors)
         self._places: List[TriedHere] = []
+        self._was_certain = True
 
-    def next(self, pose: Optional[Pose2D], progress: float, suits: Callable[[str], bool]) -> Optional[int]:
+    def next(
+        self, pose: Optional[Pose2D], progress: float, suits: Callable[[str], bool], is_certain: bool = True
+    ) -> Optional[int]:
         """Return the position in the list of what to try now, and count it as tried; None where nothing is left.
 
         Args:
             pose: Where the robot is; None counts as the place of the last failure.
             progress: Distance (m) to another place.
             suits: Tells of a behaviour whether it can change what failed.
+            is_certain: Whether odometry can be believed.
         """
+        if is_certain and not self._was_certain:
+            self._places.clear()
+        self._was_certain = is_certain
         tried = self._place_of(pose, max(progress, NEAR)).tried
         for index, name in enumerate(self._behaviors):
             if index not in tried and suits(name):

@@ -6,6 +6,7 @@ import abc
 from typing import Optional
 
 from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.outcomes import StaleDataError
 
 
 class Robot(abc.ABC):
@@ -47,3 +48,12 @@ class Robot(abc.ABC):
     @abc.abstractmethod
     def command(self, velocity: Twist2D) -> None:
         """Send a velocity to the wheels; finite, within limits."""
+
+    @property
+    def knows_its_motion(self) -> bool:
+        """Whether odometry tells how the robot moves."""
+        try:
+            self.velocity()
+        except StaleDataError:
+            return False
+        return True

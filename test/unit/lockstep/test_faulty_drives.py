@@ -135,6 +135,19 @@ def test_a_robot_whose_odometry_fails_touches_nothing_says_why_and_goes_on_later
     drive.arrive()
 
 
+def test_a_robot_whose_odometry_froze_while_it_turned_goes_on_through_the_ghosts_it_has_seen():
+    """Costmaps were drawn with a wrong heading, and one wall of theirs stands on the goal, behind a pillar."""
+    drive = FaultyDrive(5)
+    try:
+        drive.step_until(drive.is_driving, 20.0)
+        drive.simulation.faults = ODOMETRY_FAULTS["frozen"][0]
+        drive.step_until(lambda: drive.goal.done, 8.0)
+        drive.simulation.faults = NO_FAULTS
+        drive.arrive()
+    finally:
+        drive.close()
+
+
 @pytest.mark.parametrize("seconds", [100.0, -0.9])
 def test_a_robot_whose_clock_is_set_touches_nothing_and_goes_on(drive, seconds):
     assert drive.step_until(drive.is_driving, 20.0), "it never drove"

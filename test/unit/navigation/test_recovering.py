@@ -121,6 +121,12 @@ def test_what_does_not_suit_is_kept_for_later():
     assert [trials.next(None, 0.0, "ac".__contains__), trials.next(None, 0.0, bool)] == [0, 1]
 
 
+def test_what_was_tried_without_odometry_is_tried_again_once_with_it():
+    trials = TriedBehaviors(["a", "b"])
+    certain = [True, False, False, False, True, True, True]
+    assert [trials.next(None, 0.0, bool, each) for each in certain] == [0, 1, None, None, 0, 1, None]
+
+
 OUTCOMES = [outcome for kind in (PlanOutcome, ControlOutcome) for outcome in kind if outcome.name != "SUCCESS"]
 FINAL = {
     *(PlanOutcome[name] for name in (
