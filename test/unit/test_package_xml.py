@@ -9,8 +9,8 @@ from readmes import ROOT
 KNOWN = (
     # Packages of ROS: in the lists of Debian's python3-rosdep2 0.22.1 and in rosdistro's noetic.
     "actionlib actionlib_msgs catkin diagnostic_msgs dynamic_reconfigure geometry_msgs map_msgs message_generation "
-    "message_runtime move_base_msgs nav_msgs robot_state_publisher rosbag rosgraph_msgs roslaunch rosmsg rospy "
-    "rosservice rostest rostopic rviz sensor_msgs std_msgs std_srvs tf2_msgs tf2_ros trajectory_msgs "
+    "message_runtime move_base_msgs nav_msgs robot_state_publisher rosbag rosbash rosgraph_msgs roslaunch rosmsg "
+    "rosnode rospy rosservice rostest rostopic rviz sensor_msgs std_msgs std_srvs tf2_msgs tf2_ros trajectory_msgs "
     "visualization_msgs "
     # In rosdistro's base.yaml and python.yaml, for bookworm and for focal.
     "imagemagick python3-defusedxml python3-dev python3-hypothesis python3-matplotlib python3-numba python3-numpy "

@@ -71,7 +71,7 @@ def run_program(place: str) -> None:
     except SystemExit as end:
         status = end.code or 0
     except Exception:  # rospy's own at a shutdown that has begun are none
-        if not rospy.is_shutdown():
+        if not rospy.core.is_shutdown_requested():  # is_shutdown turns true only when topics are closed
             traceback.print_exc()
         status = 1
     if ending.begun:
@@ -111,17 +111,17 @@ def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
     except rospy.ROSInterruptException:
         pass
     except rospy.ROSInitException:
-        if not rospy.is_shutdown():
+        if not rospy.core.is_shutdown_requested():
             traceback.print_exc()
             return 1
     # a wrong parameter, a missing file, an absent node
     except (ValueError, OSError, TransformError, StaleDataError) as error:
-        if not rospy.is_shutdown():
+        if not rospy.core.is_shutdown_requested():
             rospy.logfatal("%s", one_line(error))
             rospy.signal_shutdown(one_line(error))
             return 1
     except Exception as error:
-        if not rospy.is_shutdown():
+        if not rospy.core.is_shutdown_requested():
             traceback.print_exc()
             rospy.signal_shutdown(one_line(error))
             return 1

@@ -1,0 +1,52 @@
+"""The end of a node is told by what it did, not by what rospy closes under it."""
+
+import types
+
+import pytest
+import rospy
+
+from mbf_relay.ros.common import master_watch, node
+
+
+@pytest.fixture
+def closing(monkeypatch):
+    """Have rospy be where it has closed a node's topics and does not call that a shutdown yet."""
+    monkeypatch.setattr(rospy, "init_node", lambda *_args, **_keywords: None)
+    monkeypatch.setattr(rospy.core, "_in_shutdown", False)
+    monkeypatch.setattr(rospy.core, "_shutdown_flag", False)
+    for name in ("complain_once", "log_to_terminal", "log_without_master"):
+        monkeypatch.setattr(node.logs, name, lambda: None)
+    monkeypatch.setattr(master_watch, "MasterWatch", lambda _start_again: None)
+
+    def publish():
+        monkeypatch.setattr(rospy.core, "_in_shutdown", True)
+        raise rospy.ROSException("topic was closed during publish()")
+
+    return publish
+
+
+def test_a_node_stopped_while_it_publishes_ends_without_a_traceback(closing, capsys):
+    assert node._live("amcl", closing, None) == 0
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_a_client_stopped_while_it_publishes_ends_without_a_traceback(closing, capsys, monkeypatch):
+    class Ending:
+        begun = True
+
+        def __init__(self, _status):
+            pass
+
+        def use(self, _shut_down):
+            pass
+
+        def leave(self, status):
+            ended.append(status)
+
+    ended = []
+    monkeypatch.setattr(node, "NodeEnding", Ending)
+    module = types.SimpleNamespace(main=closing)
+    monkeypatch.setattr(node.importlib, "import_module", lambda _name: module)
+    node.run_program("module.main")
+    assert ended == [node.INTERRUPTED]
+    assert "Traceback" not in capsys.readouterr().err
