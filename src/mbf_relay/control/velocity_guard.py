@@ -148,7 +148,7 @@ class VelocityGuard:
         for (start, velocity), end in zip(self._passed, ends):
             duration = min(end, now) - max(start, stamp)
             if duration > 0.0 and velocity != STOP:
-                moved = moved.compose(Pose2D(*_arc(velocity, np.array([duration]))[0]))
+                moved = moved.compose(_arc(velocity, duration))
         return moved
 
     def _free_share(self, asked: Twist2D, points: np.ndarray) -> Tuple[float, str]:
@@ -164,7 +164,8 @@ class VelocityGuard:
         is_too_long = way > self._longest
         if is_too_long:
             seconds *= self._longest / way
-        poses = _arc(asked, np.linspace(0.0, seconds, 2 + int(min(way / STEP, MOST_STEPS)))[1:])
+        count = 1 + int(min(way / STEP, MOST_STEPS))
+        poses = np.array([_arc(asked, seconds * step / count) for step in range(1, count + 1)])
         free, point = self._free_poses(poses, points)
         if free == len(poses) and not is_too_long:
             return 1.0, ""
@@ -182,6 +183,8 @@ class VelocityGuard:
         margin = self._parameters.margin
         reach = float(np.hypot(poses[:, 0], poses[:, 1]).max()) + self._radius + margin
         near = points[np.hypot(points[:, 0], points[:, 1]) <= reach]
+        if not len(near):  # as nearly always, and what follows takes longer
+            return len(poses), None
         before = clearances(near, self._outline)
         near, before = near[before > -SELF], before[before > -SELF]
         if not len(near):
@@ -218,6 +221,8 @@ class VelocityGuard:
         blind = _in_long_runs(failed, self._parameters.blind_sector, abs(scan.angle_increment)) | np.isneginf(
             scan.ranges
         )
+        if not blind.any():
+            return np.empty((0, 2))
         angles = scan.angles[blind] + self._laser_in_base.theta
         beams = np.column_stack((np.cos(angles), np.sin(angles)))
         origin = np.array(self._laser_in_base[:2])
@@ -232,15 +237,13 @@ def _slowed(asked: Twist2D, share: float, cause: str, why: str) -> Verdict:
     return Verdict(velocity, cause, f"slowed down to {100.0 * share:.0f} %: {why}")
 
 
-def _arc(velocity: Twist2D, times: np.ndarray) -> np.ndarray:
-    """Return the poses that a constant velocity leads to after `times` (s) from the origin, shape (N, 3)."""
-    turns = velocity.theta * times
+def _arc(velocity: Twist2D, duration: float) -> Pose2D:
+    """Return the pose that a constant velocity leads to within `duration` (s) from the origin."""
+    turn = velocity.theta * duration
     if abs(velocity.theta) < 1e-9:
-        return np.column_stack((velocity.x * times, velocity.y * times, turns))
-    sines, versines = np.sin(turns) / velocity.theta, (1.0 - np.cos(turns)) / velocity.theta
-    return np.column_stack(
-        (velocity.x * sines - velocity.y * versines, velocity.x * versines + velocity.y * sines, turns)
-    )
+        return Pose2D(velocity.x * duration, velocity.y * duration, turn)
+    sine, versine = math.sin(turn) / velocity.theta, (1.0 - math.cos(turn)) / velocity.theta
+    return Pose2D(velocity.x * sine - velocity.y * versine, velocity.x * versine + velocity.y * sine, turn)
 
 
 def _in_long_runs(flags: np.ndarray, width: float, increment: float) -> np.ndarray:

@@ -27,7 +27,7 @@ from mbf_relay.ros.common.lidar_geometry import LidarGeometry
 from mbf_relay.ros.common.node import on_shutdown, spare_what_stays
 from mbf_relay.ros.common.transforms import Transforms
 
-LOOK_PERIOD = 0.02
+LOOK_PERIOD = 0.05
 """Wall seconds between two looks at the clock while the robot is driven; simulated clocks may run fast."""
 JUDGE_PERIOD = 0.1
 """Seconds of ROS time after which a velocity is judged again, though neither another one nor a scan has come."""
