@@ -6,6 +6,7 @@ are run one after the other and what they tell of their trials is counted. A tri
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 import tempfile
@@ -57,11 +58,13 @@ def metrics(quick: bool) -> Iterator[Metric]:
     if shutil.which("rostest") is None:
         raise NotMeasurable("there is no ROS here")
     results = tempfile.mkdtemp(prefix="reliability-")
-    lost = False
+    lost, loads = False, []
     for proof in PROOFS:
         for metric in count(proof, results, quick):
             lost = lost or (metric.name.endswith(LOST) and metric.value > 0)
             yield metric
+        loads.append(os.getloadavg()[0])
+    yield metric_of("load average of the machine", loads, "", cores=os.cpu_count())
     if lost:
         print(f"the logs of what was lost are in {results}", file=sys.stderr)
     else:
@@ -77,7 +80,7 @@ def count(proof: Proof, results: str, quick: bool) -> Iterator[Metric]:
         quick: Whether to run its short form.
     """
     runner = run_all.Runner(results, long=not quick)
-    runner.run([job_of(proof, results)], workers=1)
+    runner.run([job_of(proof, results)], workers=1, drives=1)
     outcome = runner.outcomes[0]
     by_name: Dict[str, List[Trial]] = {}
     for trial in read_trials(Path(outcome.log).parent):
