@@ -13,6 +13,8 @@ from mbf_relay.planning.search import cost_to_go_kernels, descent_kernels, fast_
 
 Cell = Tuple[int, int]
 """Column and row."""
+Aim = Tuple[int, int, np.float32, np.float32]
+"""Column and row of the start, the heuristic's slope, and the inverse width of a bucket."""
 
 LARGEST_SIDE = 32767
 """Cells: rows and columns share one 32-bit number in the queue."""
@@ -217,13 +219,7 @@ class IncrementalField(abc.ABC):
         inverse_width = np.float32(1.0) / max(slope * self.bucket, widest)
         return self._grow_within(np.float32(np.inf), costs, (start[0], start[1], slope, inverse_width), cancelled)
 
-    def _grow_within(
-        self,
-        limit: np.float32,
-        costs: np.ndarray,
-        aim: Tuple[int, int, np.float32, np.float32],
-        cancelled: Cancellation,
-    ) -> int:
+    def _grow_within(self, limit: np.float32, costs: np.ndarray, aim: Aim, cancelled: Cancellation) -> int:
         """Spread the queue and grow until there is a verdict that asks for no more memory."""
         verdict = queue_kernels.SPREAD_DUE
         while True:
@@ -241,13 +237,7 @@ class IncrementalField(abc.ABC):
             verdict = self._call_grow(limit, costs, aim, cancelled)
 
     @abc.abstractmethod
-    def _call_grow(
-        self,
-        limit: np.float32,
-        costs: np.ndarray,
-        aim: Tuple[int, int, np.float32, np.float32],
-        cancelled: Cancellation,
-    ) -> int:
+    def _call_grow(self, limit: np.float32, costs: np.ndarray, aim: Aim, cancelled: Cancellation) -> int:
         """Call the kernel."""
 
     def _field_and_queue(self, costs: np.ndarray) -> Tuple[Any, ...]:
@@ -283,13 +273,7 @@ class CostToGo(IncrementalField):
         """Return half of each weight, inf where the cell may not be entered."""
         return np.where(weights > 0.0, weights * np.float32(0.5), np.float32(np.inf)).astype(np.float32)
 
-    def _call_grow(
-        self,
-        limit: np.float32,
-        costs: np.ndarray,
-        aim: Tuple[int, int, np.float32, np.float32],
-        cancelled: Cancellation,
-    ) -> int:
+    def _call_grow(self, limit: np.float32, costs: np.ndarray, aim: Aim, cancelled: Cancellation) -> int:
         verdict: int = cost_to_go_kernels.grow(*self._field_and_queue(costs), self._state, *aim, cancelled.flag)
         return verdict
 
@@ -342,13 +326,7 @@ class FastMarchingPotential(IncrementalField):
                 limit = np.float32(limit * (FINE_RISE if is_large else RISE) * rise)
                 rise = min(rise * 1.02, 2.0)  # walled off: the end must come in a few steps, however far the walls
 
-    def _call_grow(
-        self,
-        limit: np.float32,
-        costs: np.ndarray,
-        aim: Tuple[int, int, np.float32, np.float32],
-        cancelled: Cancellation,
-    ) -> int:
+    def _call_grow(self, limit: np.float32, costs: np.ndarray, aim: Aim, cancelled: Cancellation) -> int:
         verdict: int = fast_marching_kernels.grow(
             *self._field_and_queue(costs), self._apart_cells, self._apart_keys, self._state, *aim, limit, cancelled.flag
         )
