@@ -106,8 +106,9 @@ def driven(points: np.ndarray, reach: float) -> Tuple[np.ndarray, np.ndarray]:
 def _closed(costmap: CostGrid, cells: np.ndarray, path: Path) -> CostGrid:
     """Return a snapshot in which a path's narrow cells and their neighbours may not be passed, nor others like them.
 
-    Like them are those beside any part of the path, as far as a robot is long, that lie nearer than half its width to a
-    lethal cell: the next path would only move over to these. What the robot reaches from the path's ends stays open.
+    Like them are those beside any part of the path, as far as a robot is long, that lie nearer than half its width, and
+    a cell for the neighbours, to a lethal cell: the next path would only move over to these. What the robot reaches
+    from the path's ends stays open.
 
     Args:
         costmap: The snapshot.
@@ -122,7 +123,8 @@ def _closed(costmap: CostGrid, cells: np.ndarray, path: Path) -> CostGrid:
         (x0, y0), (x1, y1) = part.min(axis=0).tolist(), (part.max(axis=0) + 1).tolist()
         window = Window(x0, y0, x1, y1).grown(margin).within(grid)
         near = costmap.costs[window.slices]
-        like = (near < INSCRIBED) & (grid.resolution * distances_to_zeros(near != LETHAL) < costmap.half_width)
+        distances = grid.resolution * distances_to_zeros(near != LETHAL)
+        like = (near < INSCRIBED) & (distances < costmap.half_width + grid.resolution)
         rows, columns = np.nonzero(like)
         found = np.column_stack((columns + window.x0, rows + window.y0))
         from_ends = [np.hypot(*(grid.centers_of(found) - path.poses[end, :2]).T) for end in (0, -1)]

@@ -257,7 +257,7 @@ def test_closed_cells_are_the_narrow_ones_their_neighbours_and_all_as_narrow_alo
     margin = math.ceil(2.0 * costmap.circumscribed_radius / RESOLUTION)
     for y in range(50 - margin, 50 + margin + 1):
         for x in range(60):
-            beside = RESOLUTION * np.hypot(*(walls - (y, x)).T).min() < costmap.half_width
+            beside = RESOLUTION * np.hypot(*(walls - (y, x)).T).min() < costmap.half_width + RESOLUTION
             expected[y, x] = beside and min(abs(x - 5), abs(x - 55)) * RESOLUTION > costmap.circumscribed_radius
     for x, y in narrow(costmap, first):
         expected[max(y - 1, 0):y + 2, max(x - 1, 0):x + 2] = True
