@@ -8,7 +8,6 @@ import unittest
 
 import actionlib
 import dynamic_reconfigure.client
-import rosgraph
 import rospy
 import rostest
 from actionlib_msgs.msg import GoalStatus
@@ -25,8 +24,12 @@ from running_stack import Witness, start_test_node  # noqa: E402
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 
 from ros_testing import Listener, wait_until  # noqa: E402
+from upstream_graph import README, UPSTREAM, differences, graph_of, unexplained, upstream_graph  # noqa: E402
+
+from mbf_relay.ros.relay import answers  # noqa: E402
 
 START = (-1.990, -0.508)
+NODE = "/move_base"
 BLOCKED = (0.0, 0.0)
 """The middle pillar of the world."""
 
@@ -59,40 +62,17 @@ class TestMoveBase(unittest.TestCase):
         self.assertEqual(self.go(pose(*START)), (GoalStatus.SUCCEEDED, "Goal reached."))
         self.assertEqual(self.witness.touched(), [])
 
-    def test_2_topics_and_services_have_move_base_s_names(self):
-        master = rosgraph.Master(rospy.get_name())
-        published = {name for name, nodes in master.getSystemState()[0] if "/move_base" in nodes}
-        for name in (
-            "/cmd_vel",
-            "/move_base/status",
-            "/move_base/result",
-            "/move_base/feedback",
-            "/move_base/current_goal",
-            "/move_base/recovery_status",
-            "/move_base/global_costmap/costmap",
-            "/move_base/local_costmap/costmap",
-            "/move_base/local_costmap/footprint",
-            "/move_base/NavfnROS/plan",
-            "/move_base/NavfnROS/potential",
-            "/move_base/TrajectoryPlannerROS/global_plan",
-            "/move_base/TrajectoryPlannerROS/local_plan",
-            "/move_base/TrajectoryPlannerROS/cost_cloud",
-            "/move_base/parameter_updates",
-            "/move_base/TrajectoryPlannerROS/parameter_updates",
-            "/move_base/global_costmap/parameter_updates",
-            "/move_base/local_costmap/inflation_layer/parameter_updates",
-        ):
-            self.assertIn(name, published)
-        served = {name for name, _nodes in master.getSystemState()[2]}
-        for name in (
-            "/move_base/make_plan",
-            "/move_base/clear_costmaps",
-            "/move_base/pause",
-            "/move_base/resume",
-            "/move_base/NavfnROS/make_plan",
-            "/move_base/set_parameters",
-        ):
-            self.assertIn(name, served)
+    def test_2_whatever_a_client_finds_in_the_graph_is_move_base_s_or_explained(self):
+        upstream = upstream_graph(NODE)
+        ours = graph_of(NODE)
+        texts = {text for text in vars(answers).values() if isinstance(text, str)}
+        unsaid = {("says", text, "not here") for text in UPSTREAM["says"] if text not in texts}
+        self.assertEqual(unexplained(differences(ours, upstream) | unsaid, NODE), [])
+        counts = [f"{len(names)} {words}" for names, words in zip(
+            (*upstream.values(), UPSTREAM["says"]),
+            ("topics published", "subscribed", "services", "reconfigure servers", "status texts"),
+        )]
+        self.assertIn(", ".join(counts), README.read_text(encoding="utf-8").replace("\n", " "))
         rospy.ServiceProxy("/move_base/clear_costmaps", Empty)()
 
     def test_3_parameters_are_readable_and_changed_as_upstream(self):
@@ -131,16 +111,12 @@ class TestMoveBase(unittest.TestCase):
         changed = client.update_configuration({"base_local_planner": "dwa_local_planner/DWAPlannerROS"})
         self.assertEqual(changed["base_local_planner"], "dwa_local_planner/DWAPlannerROS")
         self.assertEqual(self.go(pose(START[0] + 0.4, START[1]))[0], GoalStatus.SUCCEEDED)
-        self.assertIn("/move_base/GlobalPlanner/potential", self.published_with_planner(client))
-        refused = client.update_configuration({"base_local_planner": "our_planner/OurPlanner"})
-        self.assertEqual(refused["base_local_planner"], "dwa_local_planner/DWAPlannerROS")
-
-    def published_with_planner(self, client):
-        """Return the topics move_base publishes once it has global_planner's planner as well."""
         client.update_configuration({"base_global_planner": "global_planner/GlobalPlanner"})
         self.assertEqual(self.go(pose(*START))[0], GoalStatus.SUCCEEDED)
-        state = rosgraph.Master(rospy.get_name()).getSystemState()
-        return {name for name, nodes in state[0] if "/move_base" in nodes}
+        chosen = differences(graph_of(NODE), {"subscribes": {}, **upstream_graph(NODE, "chosen_later")})
+        self.assertEqual([missing for missing in chosen if missing[2] != "only here"], [])
+        refused = client.update_configuration({"base_local_planner": "our_planner/OurPlanner"})
+        self.assertEqual(refused["base_local_planner"], "dwa_local_planner/DWAPlannerROS")
 
     def test_7_nothing_was_touched(self):
         self.assertEqual(self.witness.touched(), [])
