@@ -25,7 +25,7 @@ from mbf_relay.navigation.move_base_states import Done, Driving, NavigationState
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.path_hysteresis import PathHysteresis, path_is_blocked
 from mbf_relay.navigation.planner_execution import PlannerExecution
-from mbf_relay.navigation.progress import OscillationDetector
+from mbf_relay.navigation.progress import GoalProgress
 from mbf_relay.navigation.recovery_execution import RecoveryExecution
 from mbf_relay.navigation.recovery_policy import Recoverable, TriedBehaviors, recoverable
 from mbf_relay.navigation.registry import Registry
@@ -103,8 +103,7 @@ class MoveBase:
         self._navigator = navigator
         self._behaviors: Tuple[str, ...] = goal.recovery_behaviors or tuple(navigator.recoveries.names)
         self._tried, self._ways = TriedBehaviors(self._behaviors), PathHysteresis()
-        self._oscillation = OscillationDetector()
-        self._why_it_stood = ""
+        self._progress = GoalProgress()
         self._replan_pacer, self._feedback_pacer = Pacer(), Pacer()
         self._replan_trouble = ""
         self._last = FollowFeedback(ControlOutcome.SUCCESS, "")
@@ -147,8 +146,7 @@ class MoveBase:
 
     def update(self, now: float) -> None:
         """Advance whatever it is at."""
-        if self._navigator.robot.paused or not self._oscillation.running:
-            self._oscillation.restart(now)
+        self._progress.await_start(now, self._navigator.robot.paused)
         at = self._at
         if isinstance(at, Done):
             return
@@ -207,7 +205,7 @@ class MoveBase:
     def _update_drive(self, now: float, at: Driving) -> None:
         for feedback in self._pass_on_feedback(at.drive):
             if self._at is at:
-                self._watch_oscillation(now, feedback, at)
+                self._watch_progress(now, feedback, at)
         if self._at is not at:
             return
         if at.drive.done:
@@ -237,23 +235,10 @@ class MoveBase:
             passed_on.append(feedback)
         return passed_on
 
-    def _watch_oscillation(self, now: float, feedback: FollowFeedback, at: Driving) -> None:
-        parameters = self._navigator.parameters
-        if feedback.pose is None or parameters.oscillation_timeout <= 0.0:
-            return
-        if self._oscillation.progressed(now, feedback.pose.pose, parameters):
-            self._why_it_stood = ""
-            return
-        if feedback.outcome is not ControlOutcome.SUCCESS:
-            self._why_it_stood = f"the controller last said {feedback.outcome.name}: {feedback.message}"
-        stuck = self._oscillation.stuck_for(now, parameters)
-        if stuck is not None:
+    def _watch_progress(self, now: float, feedback: FollowFeedback, at: Driving) -> None:
+        message = self._progress.trouble(now, feedback, self._navigator.parameters)
+        if message:
             self._stop_driving(now, at)
-            why = self._why_it_stood or (
-                f"no velocity was refused, the last one is {feedback.velocity.speed():.2f} m/s and "
-                f"{feedback.velocity.theta:.2f} rad/s, {feedback.distance:.2f} m before the goal"
-            )
-            message = f"Robot is oscillating for {stuck:.1f} s: {why}"
             if not self._recover(NavigateOutcome.OSCILLATION, message):
                 self._end(Ending.ABORTED, NavigateOutcome.OSCILLATION, message)
 
@@ -354,7 +339,7 @@ class MoveBase:
         at.recovery.update(now)
         if not at.recovery.task.done:
             return
-        self._oscillation.restart(now)
+        self._progress.restart(now)
         self._at = planning = Planning(self._new_plan())
         self._update_plan(now, planning)
 

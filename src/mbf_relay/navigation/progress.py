@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import Optional
 
 from mbf_relay.geometry import Pose2D, Twist2D, angle_between
+from mbf_relay.navigation.goals import FollowFeedback
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.timing import Stopwatch
+from mbf_relay.outcomes import ControlOutcome
 
 STOPPED = 1e-3
 """m/s and rad/s below which a robot counts as standing and a command as zero."""
@@ -58,6 +60,41 @@ class OscillationDetector:
         elapsed = self._since.elapsed(now)
         timeout = parameters.oscillation_timeout
         return elapsed if timeout > 0.0 and elapsed > timeout else None
+
+
+class GoalProgress:
+    """Judges a whole goal, over drives, replans and recoveries, and says why its robot got nowhere."""
+
+    def __init__(self) -> None:
+        self._oscillation = OscillationDetector()
+        self._refusal = ""
+
+    def await_start(self, now: float, paused: bool) -> None:
+        """Let no time count while the robot is paused, nor before the first call."""
+        if paused or not self._oscillation.running:
+            self.restart(now)
+
+    def restart(self, now: float) -> None:
+        """Give the robot the whole timeout again."""
+        self._oscillation.restart(now)
+
+    def trouble(self, now: float, feedback: FollowFeedback, parameters: NavigatorParameters) -> str:
+        """Take what a drive tells; return why the goal is to be given up as oscillating, empty where it is not."""
+        if feedback.pose is None or parameters.oscillation_timeout <= 0.0:
+            return ""
+        if self._oscillation.progressed(now, feedback.pose.pose, parameters):
+            self._refusal = ""
+            return ""
+        if feedback.outcome is not ControlOutcome.SUCCESS:
+            self._refusal = f"the controller last said {feedback.outcome.name}: {feedback.message}"
+        stuck = self._oscillation.stuck_for(now, parameters)
+        if stuck is None:
+            return ""
+        why = self._refusal or (
+            f"no velocity was refused, the last one is {feedback.velocity.speed():.2f} m/s and "
+            f"{feedback.velocity.theta:.2f} rad/s, {feedback.distance:.2f} m before the goal"
+        )
+        return f"Robot is oscillating for {stuck:.1f} s: {why}"
 
 
 class IgnoredCommands:
