@@ -10,6 +10,7 @@ NAMES = (
     "control",
     "server",
     "relay",
+    "one_process",
     "footprint",
     "circle",
     "worlds",
