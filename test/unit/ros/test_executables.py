@@ -11,12 +11,12 @@ import pytest
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
 ROOT = Path(__file__).resolve().parents[3]
-EXECUTABLES = sorted(path for path in (ROOT / "scripts").iterdir() if path.suffix != ".md")
+EXECUTABLES = sorted(path for path in (ROOT / "scripts").iterdir() if path.is_file() and os.access(path, os.X_OK))
 
 
 @pytest.mark.parametrize("path", EXECUTABLES, ids=lambda path: path.name)
 def test_help_explains_the_arguments_without_a_ros_master(path):
-    if path.name in ("demo", "test", "run", "benchmark"):
+    if path.name in ("demo", "test", "run", "benchmark", "package"):
         command = [str(path), "--help"]
     else:
         command = ["rosrun", "mbf_relay", path.name, "--help"]

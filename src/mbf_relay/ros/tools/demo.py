@@ -252,7 +252,10 @@ def versions() -> Dict[str, str]:
 
     found = {"python": platform.python_version(), "ROS": os.environ.get("ROS_DISTRO", "unknown")}
     for name in ("numpy", "numba", "cv2", "scipy", "matplotlib"):
-        found[name] = str(getattr(importlib.import_module(name), "__version__", "unknown"))
+        try:
+            found[name] = str(getattr(importlib.import_module(name), "__version__", "unknown"))
+        except ImportError:  # numba is only needed where kernels are compiled
+            found[name] = "not installed"
     packages = rospkg.RosPack()
     for name in ("mbf_relay", "mbf_msgs", "rospy", "actionlib"):
         try:

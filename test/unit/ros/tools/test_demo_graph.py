@@ -8,6 +8,8 @@ import pytest
 
 pytest.importorskip("rospy")
 
+from mbf_relay.ros.tools.demo import versions
+
 PARENT_THAT_DIES = """
 import os, subprocess, sys
 from mbf_relay.ros.tools import demo_graph
@@ -77,3 +79,9 @@ def test_the_relay_s_reasons_are_found_in_the_log_of_the_nodes(tmp_path):
         "\x1b[33m[WARN] [1.5, 3.0]: move_base aborted: the transform is 2.07 s old\x1b[0m\n"
     )
     assert reasons_of_aborts(str(log)) == ["ExePath TF_ERROR: the transform is 2.07 s old"]
+
+
+def test_a_report_is_written_where_kernels_came_compiled_and_numba_is_not_installed(monkeypatch):
+    monkeypatch.setitem(sys.modules, "numba", None)
+    found = versions()
+    assert found["numba"] == "not installed" and found["numpy"][0].isdigit()
