@@ -4,6 +4,7 @@ import pytest
 
 pytest.importorskip("psutil")
 
+import tally  # noqa: E402
 from benchmark import reliability  # noqa: E402
 from benchmark.reliability import PROOFS, Proof  # noqa: E402
 
@@ -64,6 +65,14 @@ def test_a_test_that_fails_beside_the_trials_is_not_hidden(tell):
 
 def test_a_proof_that_does_not_come_to_tell_of_trials_is_lost(tell):
     assert tell(beside="1 / 0 or (")["all of it, lost"].value == 1.0
+
+
+def test_a_trial_that_is_broken_off_is_neither_won_nor_lost(tmp_path, monkeypatch):
+    monkeypatch.setenv("MBF_RELAY_TEST_RESULTS", str(tmp_path))
+    for error in (KeyboardInterrupt, ValueError):
+        with pytest.raises(error), tally.trial("robots sent out"):
+            raise error
+    assert tally.read_trials(tmp_path) == [tally.Trial("robots sent out", True, [])]
 
 
 def test_every_proof_is_there():
