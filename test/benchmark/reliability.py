@@ -59,16 +59,18 @@ def metrics(quick: bool) -> Iterator[Metric]:
         raise NotMeasurable("there is no ROS here")
     results = tempfile.mkdtemp(prefix="reliability-")
     lost, loads = False, []
-    for proof in PROOFS:
-        for metric in count(proof, results, quick):
-            lost = lost or (metric.name.endswith(LOST) and metric.value > 0)
-            yield metric
-        loads.append(os.getloadavg()[0])
-    yield metric_of("load average of the machine", loads, "", cores=os.cpu_count())
-    if lost:
-        print(f"the logs of what was lost are in {results}", file=sys.stderr)
-    else:
-        shutil.rmtree(results)
+    try:
+        for proof in PROOFS:
+            for metric in count(proof, results, quick):
+                lost = lost or (metric.name.endswith(LOST) and metric.value > 0)
+                yield metric
+            loads.append(os.getloadavg()[0])
+        yield metric_of("load average of the machine", loads, "", cores=os.cpu_count())
+    finally:
+        if lost:
+            print(f"the logs of what was lost are in {results}", file=sys.stderr)
+        else:
+            shutil.rmtree(results)
 
 
 def count(proof: Proof, results: str, quick: bool) -> Iterator[Metric]:
