@@ -51,7 +51,7 @@ def test_a_robot_round_which_things_are_set_down_touches_none_and_arrives_once_t
     chance, place = random.Random(index), PLACES[index % len(PLACES)]
     drive = FaultyDrive(index)
     try:
-        with trial(f"things set down {place.__name__.replace('_', ' ')}"):
+        with trial("things set down in front, on the way, on the goal, all round"):
             assert drive.step_until(drive.is_driving, 20.0), "it never drove"
             start, metres = drive.simulation.true_pose, chance.uniform(0.0, 0.8)
             drive.step_until(lambda: drive.simulation.true_pose.distance_to(start) >= metres, 20.0)
