@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
+import xmlrpc.client  # nosec B411: what the ROS master speaks
 
 import rospy
 from nav_msgs.srv import GetMap
@@ -13,6 +15,8 @@ from mbf_relay.ros.common.conversions import map_from_message
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 
 AGAIN_AFTER = 0.5
+FIRST_LOOKS = (0.01, 0.02, 0.04, 0.08, 0.15, 0.3)
+"""Wall time (s) between looks for a map_server that starts together with whoever asks; rospy looks every 0.3 s."""
 
 
 def request_map() -> OccupancyMap:
@@ -24,6 +28,7 @@ def request_map() -> OccupancyMap:
     warnings = ThrottledWarnings()
     while not rospy.is_shutdown():
         try:
+            _look_for_service(rospy.resolve_name("static_map"))
             rospy.wait_for_service("static_map", timeout=5.0)
             occupancy = map_from_message(rospy.ServiceProxy("static_map", GetMap)().map)
             check_map(occupancy)
@@ -34,3 +39,12 @@ def request_map() -> OccupancyMap:
             warnings.say(f"no map from {rospy.resolve_name('static_map')} yet, trying again: {error}")
             time.sleep(AGAIN_AFTER)
     raise rospy.ROSInterruptException("shut down while waiting for the map")
+
+
+def _look_for_service(name: str) -> None:
+    """Return once the master knows a service, or soon."""
+    for pause in FIRST_LOOKS:
+        with contextlib.suppress(OSError, xmlrpc.client.Error):  # no master: rospy waits for it
+            if rospy.get_master().lookupService(name)[0] == 1:
+                return
+        time.sleep(pause)

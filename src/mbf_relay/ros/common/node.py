@@ -12,6 +12,7 @@ from typing import Any, Callable
 
 from mbf_relay.ros.common import logs
 from mbf_relay.ros.common.ending import NodeEnding
+from mbf_relay.ros.common.lazy_modules import spare_what_nobody_uses
 
 INTERRUPTED = 130
 """Exit status of a program that was interrupted, as shells have it: it did not do what it was asked to."""
@@ -38,8 +39,12 @@ def run_node(name: str, place: str, **arguments: Any) -> None:
     """
     ending = NodeEnding()
     os.environ.setdefault(ALGEBRA_THREADS, "1")  # before NumPy is imported
+    spare_what_nobody_uses()
     import rospy  # here and below: only what comes after the line above can be interrupted without harm
 
+    from mbf_relay.ros.common.starting import start_soon
+
+    start_soon()
     module_name, _, function = place.rpartition(".")
     importlib.import_module("mbf_relay.ros.common.reconfigure")  # quietens dynamic_reconfigure
     module = importlib.import_module(module_name)
@@ -60,8 +65,12 @@ def run_program(place: str) -> None:
         place: The function, with its module, as for `run_node`.
     """
     ending = NodeEnding(INTERRUPTED)
+    spare_what_nobody_uses()
     import rospy
 
+    from mbf_relay.ros.common.starting import start_soon
+
+    start_soon()
     module_name, _, function = place.rpartition(".")
     module = importlib.import_module(module_name)
     ending.use(rospy.signal_shutdown)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import functools
-import gc
 import importlib
 import os
 import pkgutil
 import sys
 from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple
 
-from mbf_relay.ros.common.node import ALGEBRA_THREADS, run_node
+from mbf_relay.ros.common.lazy_modules import spare_what_nobody_uses
+from mbf_relay.ros.common.node import ALGEBRA_THREADS, run_node, spare_what_stays
 from mbf_relay.ros.compose.family import Family
 
 USAGE = """usage: compose [--no-respawn] -- NODE [ARGUMENT...] [-- NODE [ARGUMENT...]]... [-- [REMAPPING...]]
@@ -21,8 +21,9 @@ what they need. A node that ends is started again. Remappings behind a last -- a
   compose -- map_server map.yaml -- amcl scan:=laser -- move_base_flex -- move_base_relay --"""
 OPTION = "--no-respawn"
 WHEN_NEEDED = (
-    "configparser", "dynamic_reconfigure.server", "encodings.idna", "mbf_relay.ros.common.master_watch",
-    "mbf_relay.ros.common.reconfigure", "tempfile", "unicodedata",
+    "mbf_relay.ros.common.reconfigure",  # quietens dynamic_reconfigure
+    "configparser", "dynamic_reconfigure.server", "encodings.idna", "mbf_relay.ros.common.master_watch", "tempfile",
+    "unicodedata",
 )
 """Modules that nodes import once they run."""
 COMMON_ROOMS = ("cfg", "control", "costmap", "navigation", "planning", "recovery", "tracking")
@@ -100,6 +101,7 @@ def preload(places: Sequence[str]) -> None:
         places: Their main functions.
     """
     os.environ.setdefault(ALGEBRA_THREADS, "1")  # before NumPy is imported
+    spare_what_nobody_uses()
     for name in (*WHEN_NEEDED, *(place.rpartition(".")[0] for place in places)):
         importlib.import_module(name)
     importlib.import_module("PIL.Image").preinit()  # what reads a map's image
@@ -107,8 +109,7 @@ def preload(places: Sequence[str]) -> None:
     for module in pkgutil.walk_packages(package.__path__, "mbf_relay.", onerror=lambda name: None):
         if module.name.split(".")[1] in COMMON_ROOMS:
             importlib.import_module(module.name)
-    gc.collect()
-    gc.freeze()  # a collection writes to all it looks at, and a page that is written to is shared no more
+    spare_what_stays()  # a collection writes to all it looks at, and a page that is written to is shared no more
 
 
 def live(line: Sequence[str]) -> None:

@@ -1,0 +1,36 @@
+"""What nobody uses takes no memory, and is there for whoever does."""
+
+import subprocess
+import sys
+
+import pytest
+
+PREPARE = "import sys; from mbf_relay.ros.common.lazy_modules import *; spare_what_nobody_uses(); import numpy as np; "
+IS_SPARED = "print(type(sys.modules['numpy.ma']).__name__); "
+
+
+def output(code):
+    return subprocess.check_output([sys.executable, "-c", PREPARE + code], text=True, timeout=60.0).split()
+
+
+@pytest.mark.parametrize("use", [
+    "print(np.ma.masked_invalid([1.0, np.nan]).sum())",
+    "from numpy.ma import masked_invalid; print(masked_invalid([1.0, np.nan]).sum())",
+    "import numpy.ma as ma; print(ma.masked_invalid([1.0, np.nan]).sum())",
+    "import numpy.ma; print(numpy.ma.masked_invalid([1.0, np.nan]).sum())",
+])
+def test_a_plugin_of_a_users_own_has_what_it_imports(use):
+    assert output(IS_SPARED + use) == ["_LazyModule", "1.0"]
+
+
+def test_encryption_is_there_for_who_wants_it():
+    assert output("import http.client, ssl; print(ssl.create_default_context().check_hostname)") == ["True"]
+
+
+def test_it_is_asked_for_once():
+    told = "print(sum(isinstance(finder, LazyFinder) for finder in sys.meta_path))"
+    assert output("spare_what_nobody_uses(); " + told) == ["1"]
+
+
+def test_a_module_that_is_not_there_is_missed_as_ever():
+    assert output("print(LazyFinder(['no.such']).find_spec('no.such', []))") == ["None"]
