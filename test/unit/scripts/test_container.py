@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[3]
 DOCKERFILE = ROOT / "scripts" / "Dockerfile"
 BASE, SUITE, MIRROR = "debian:12-slim", "bookworm", "http://deb.debian.org/debian"
 TAG = f"mbf_relay_test_{os.getpid()}"
-CERTIFICATES = "/etc/ssl/certs"
+CERTIFICATES, LENT = "/etc/ssl/certs/ca-certificates.crt", "/lent.crt"
 
 
 def run(*command, timeout=3000.0):
@@ -58,7 +58,10 @@ class Containers:
         """Build the checkout's image."""
         options = []
         if self.tool == "buildah":  # a machine whose way to PyPI has certificates of its own lends them
-            options = ["--isolation", "chroot", "--volume", f"{CERTIFICATES}:{CERTIFICATES}:ro"]
+            settings = self._folder / "pip.conf"
+            settings.write_text(f"[global]\ncert = {LENT}\n")
+            options = ["--isolation", "chroot", "--volume", f"{CERTIFICATES}:{LENT}:ro", "--volume",
+                       f"{settings}:/etc/pip.conf:ro"]
         self._made.append(TAG)
         run(self.tool, "build", *options, "-t", TAG, "-f", str(DOCKERFILE), str(ROOT))
 
