@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from functools import cached_property
 from typing import Optional
 
 import numpy as np
@@ -12,6 +14,10 @@ from mbf_relay.maps import OccupancyMap
 
 OCCUPIED_FROM = 65
 FREE_TO = 25
+OCCUPIED = 1 << 15
+"""Added to the code of an occupied cell; below it are the distances."""
+BAND = 256
+"""Rows whose distances are computed at once."""
 ON_A_WALL = 0.1  # m from the nearest occupied cell's centre within which a reading's end fits the map
 DOUBTFUL = 0.5
 """Share of a scan on the map's walls below which the pose is doubtful, or much has changed since the map was made."""
@@ -20,13 +26,20 @@ DOUBTFUL = 0.5
 class DistanceField:
     """What localization knows of a map.
 
+    A beam ends on a face, so distances are to the faces of obstacles, and what lies inside of thick ones is far from
+    them. Each cell has a code of two bytes: the square of the distance in cells, which is a whole number, and OCCUPIED
+    added where the cell is. It is looked up in a table of what a model makes of distances. Where squares would not fit,
+    on maps finer than 1.1 cm with a `max_distance` of 2 m, the distance itself is kept in small steps.
+
     Attributes:
         origin: Pose of the lower left corner in the map's frame.
         resolution: Side of a cell (m).
-        distances: Shape (height, width), float32: distance (m) from the cell's centre to the nearest occupied cell's
-            centre, at most `max_distance`.
         max_distance: Distance (m) that stands for "far from everything", also off the map.
-        blocked: Shape (height, width), uint8: 1 where a cell is not free; unknown space stops a beam as a wall does.
+        codes: Shape (height, width), uint16.
+        face_distances: For each code the distance (m) from the cell's centre to that of the nearest cell with an
+            obstacle's face, float32, at most `max_distance`.
+        cell_distances: For each code the distance (m) to the nearest occupied cell, which may be the cell itself.
+        has_free_cells: Whether there is a place to be.
     """
 
     def __init__(self, occupancy: OccupancyMap, max_distance: float) -> None:
@@ -40,19 +53,43 @@ class DistanceField:
         self.origin = occupancy.origin
         self.resolution = occupancy.resolution
         self.max_distance = max_distance
-        self.distances = distances_to(occupancy.data >= OCCUPIED_FROM, occupancy.resolution, max_distance)
-        self.blocked = np.ascontiguousarray(~free_cells(occupancy)).view(np.uint8)
+        self._squares = math.ceil((max_distance / self.resolution) ** 2) < OCCUPIED
+        codes = np.arange(2 * OCCUPIED)
+        below = codes % OCCUPIED
+        distances = self.resolution * np.sqrt(below) if self._squares else max_distance / (OCCUPIED - 1) * below
+        self.face_distances = np.minimum(distances, max_distance).astype(np.float32)
+        self.cell_distances = np.where(codes < OCCUPIED, self.face_distances, np.float32(0.0))
+        self.codes = np.empty(occupancy.data.shape, dtype=np.uint16)
+        for row in range(0, len(self.codes), BAND):  # whole, the distances of a large map would fill gigabytes
+            self._encode(slice(row, row + BAND), slice(0, self.codes.shape[1]))
+        self._free_in_rows = np.cumsum([np.count_nonzero(is_free(row)) for row in occupancy.data])
+        self.has_free_cells = bool(self._free_in_rows[-1] > 0)
 
-    def surface_distances(self) -> np.ndarray:
-        """Return the distances (m) to the faces of obstacles, with what lies inside of thick ones far from them.
-
-        A beam ends on a face. To the plain field a beam that ends deep in a wall fits as well as one that ends on it.
-        """
-        occupied = self.occupancy.data >= OCCUPIED_FROM
+    def _encode(self, rows: slice, columns: slice) -> None:
+        """Compute the codes of a part of the map, from it and from what lies within `max_distance` of it."""
+        reach = int(min(self.max_distance / self.resolution, max(self.codes.shape))) + 2
+        near = tuple(slice(max(0, part.start - reach), part.stop + reach) for part in (rows, columns))
+        inner = tuple(slice(p.start - wide.start, p.stop - wide.start) for p, wide in zip((rows, columns), near))
+        occupied = self.occupancy.data[near] >= OCCUPIED_FROM
         inside = ~around(~occupied, outside=True)
-        if not inside.any():
-            return self.distances
-        return distances_to(occupied & ~inside, self.resolution, self.max_distance)
+        distances = distances_to(occupied & ~inside, self.resolution, self.max_distance)[inner]
+        if self._squares:
+            far, scaled = math.ceil((self.max_distance / self.resolution) ** 2), np.square(distances / self.resolution)
+        else:
+            far, scaled = OCCUPIED - 1, distances * np.float32((OCCUPIED - 1) / self.max_distance)
+        codes = np.where(distances < np.float32(self.max_distance), np.rint(scaled), far).astype(np.uint16)
+        self.codes[rows, columns] = codes + np.where(occupied[inner], np.uint16(OCCUPIED), np.uint16(0))
+
+    @property
+    def distances(self) -> np.ndarray:
+        """Distance (m) from each cell's centre to that of the nearest occupied one, shape (height, width), float32."""
+        distances: np.ndarray = self.cell_distances[self.codes]
+        return distances
+
+    @cached_property
+    def blocked(self) -> np.ndarray:
+        """Whether a cell is not free, uint8 of shape (height, width); unknown space stops a beam as a wall does."""
+        return np.ascontiguousarray(~is_free(self.occupancy.data)).view(np.uint8)
 
     @property
     def frame(self) -> np.ndarray:
@@ -72,9 +109,9 @@ class DistanceField:
             return None
         points = pose.relative_to(self.origin).transform_points(endpoints)
         columns, rows = np.floor(points / self.resolution).astype(np.int64).T
-        height, width = self.distances.shape
+        height, width = self.codes.shape
         on_map = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-        near = self.distances[rows[on_map], columns[on_map]] <= max(ON_A_WALL, self.resolution)
+        near = self.cell_distances[self.codes[rows[on_map], columns[on_map]]] <= max(ON_A_WALL, self.resolution)
         return float(np.count_nonzero(near)) / len(endpoints)
 
     def random_free_poses(self, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -83,13 +120,18 @@ class DistanceField:
         Raises:
             ValueError: The map has no free cell.
         """
-        rows, columns = np.nonzero(self.blocked == 0)
-        if len(rows) == 0 and count > 0:
+        if not self.has_free_cells and count > 0:
             raise ValueError("the map has no free cell; poses cannot be spread over it")
-        chosen = rng.integers(0, max(1, len(rows)), count)
+        chosen = rng.integers(0, max(1, self._free_in_rows[-1]), count)
+        rows = np.searchsorted(self._free_in_rows, chosen, side="right")
+        columns = np.empty(count, dtype=np.int64)
+        for row in np.unique(rows):
+            drawn = rows == row
+            free = np.nonzero(is_free(self.occupancy.data[row]))[0]
+            columns[drawn] = free[chosen[drawn] - (self._free_in_rows[row] - len(free))]
         poses = np.empty((count, 3))
-        poses[:, 0] = (columns[chosen] + rng.random(count)) * self.resolution
-        poses[:, 1] = (rows[chosen] + rng.random(count)) * self.resolution
+        poses[:, 0] = (columns + rng.random(count)) * self.resolution
+        poses[:, 1] = (rows + rng.random(count)) * self.resolution
         poses[:, 2] = rng.uniform(-np.pi, np.pi, count)
         return Pose2D(*self.origin).transform_poses(poses)
 
@@ -104,9 +146,9 @@ def check_map(occupancy: OccupancyMap) -> None:
         raise ValueError(f"the map's origin is {tuple(occupancy.origin)}; it must be finite")
 
 
-def free_cells(occupancy: OccupancyMap) -> np.ndarray:
-    """Tell for each cell whether it is free."""
-    return (occupancy.data >= 0) & (occupancy.data <= FREE_TO)
+def is_free(occupancy: np.ndarray) -> np.ndarray:
+    """Tell for each cell of an occupancy grid (0 to 100, -1 unknown) whether it is free."""
+    return np.asarray((occupancy >= 0) & (occupancy <= FREE_TO))
 
 
 def distances_to(occupied: np.ndarray, resolution: float, max_distance: float) -> np.ndarray:

@@ -59,8 +59,8 @@ class Evidence:
     def __init__(self, field: DistanceField, sigma: float) -> None:
         """Judge on a map; `sigma` is the deviation of a hit (m)."""
         self._field = field
-        self._surfaces = field.surface_distances()
-        self._sigma = max(sigma, field.resolution)
+        sigma = max(sigma, field.resolution)
+        self._hits = np.exp(-0.5 * np.square(field.face_distances / sigma)).astype(np.float32)
         self.unmapped = USUAL_UNMAPPED
 
     def judge(self, poses: np.ndarray, endpoints: np.ndarray, laser: np.ndarray) -> Judgement:
@@ -74,12 +74,13 @@ class Evidence:
         """
         endpoints = np.ascontiguousarray(endpoints[:: max(1, len(endpoints) // BEAMS)])
         poses = np.ascontiguousarray(poses)
-        distances = np.empty((len(poses), len(endpoints)), dtype=np.float32)
-        frame = self._field.frame
-        look_up_endpoints(poses, endpoints, self._surfaces, np.inf, frame, distances)
-        hits = np.exp(-0.5 * np.square(distances / self._sigma))
+        hits = np.empty((len(poses), len(endpoints)), dtype=np.float32)
+        field = self._field
+        look_up_endpoints(poses, endpoints, field.codes, self._hits, 0.0, field.frame, hits)
         passed = np.empty((len(poses), len(endpoints)), dtype=np.uint8)
-        trace_endpoints(poses, endpoints, laser, self._field.distances, frame, WALL_MARGIN, passed)
+        trace_endpoints(
+            poses, endpoints, laser, field.codes, field.cell_distances, field.frame, WALL_MARGIN, passed
+        )
         through = passed * (1.0 - hits)
         price = min(max(self.unmapped, 1.0 - float(hits[0].mean())), BOUNDS[1])
         logs = np.log((1.0 - price) * hits + price * (1.0 - through * (1.0 - THROUGH)))

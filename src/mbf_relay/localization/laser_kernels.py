@@ -8,19 +8,20 @@ import math
 from mbf_relay.kernels import kernel
 
 
-@kernel("void(float64[:,::1], float64[:,::1], float32[:,::1], float64, float64[::1], float64[::1])")
-def sum_over_endpoints(poses, endpoints, table, outside, frame, sums):
-    """Add up what a table over the map says of where each particle's beams end.
+@kernel("void(float64[:,::1], float64[:,::1], uint16[:,::1], float32[::1], float64, float64[::1], float64[::1])")
+def sum_over_endpoints(poses, endpoints, codes, table, outside, frame, sums):
+    """Add up what a table says of where each particle's beams end.
 
     Args:
         poses: Particles, shape (N, 3), in the map's frame.
         endpoints: Shape (B, 2) in metres, in the base's frame.
-        table: Shape (height, width): the term of a beam that ends in the cell.
+        codes: Of the distance field, shape (height, width).
+        table: The term of a beam that ends in a cell, for each code.
         outside: The term of a beam that ends off the map.
         frame: Origin x, y, theta and resolution of the map, shape (4,).
         sums: Result, shape (N,).
     """
-    height, width = table.shape
+    height, width = codes.shape
     cos_origin, sin_origin = math.cos(frame[2]), math.sin(frame[2])
     scale = 1.0 / frame[3]
     for i in range(poses.shape[0]):
@@ -34,16 +35,16 @@ def sum_over_endpoints(poses, endpoints, table, outside, frame, sums):
             column = column0 + cos * endpoints[j, 0] - sin * endpoints[j, 1]
             row = row0 + sin * endpoints[j, 0] + cos * endpoints[j, 1]
             if column >= 0.0 and row >= 0.0 and column < width and row < height:
-                total += table[int(row), int(column)]
+                total += table[codes[int(row), int(column)]]
             else:
                 total += outside
         sums[i] = total
 
 
-@kernel("void(float64[:,::1], float64[:,::1], float32[:,::1], float64, float64[::1], float32[:,::1])")
-def look_up_endpoints(poses, endpoints, table, outside, frame, values):
+@kernel("void(float64[:,::1], float64[:,::1], uint16[:,::1], float32[::1], float64, float64[::1], float32[:,::1])")
+def look_up_endpoints(poses, endpoints, codes, table, outside, frame, values):
     """Look up where each particle's beams end: as `sum_over_endpoints`, with every term kept, shape (N, B)."""
-    height, width = table.shape
+    height, width = codes.shape
     cos_origin, sin_origin = math.cos(frame[2]), math.sin(frame[2])
     scale = 1.0 / frame[3]
     for i in range(poses.shape[0]):
@@ -56,7 +57,7 @@ def look_up_endpoints(poses, endpoints, table, outside, frame, values):
             column = column0 + cos * endpoints[j, 0] - sin * endpoints[j, 1]
             row = row0 + sin * endpoints[j, 0] + cos * endpoints[j, 1]
             if column >= 0.0 and row >= 0.0 and column < width and row < height:
-                values[i, j] = table[int(row), int(column)]
+                values[i, j] = table[codes[int(row), int(column)]]
             else:
                 values[i, j] = outside
 
@@ -148,21 +149,23 @@ def cast_scan(pose, blocked, frame, range_max, bearings, ranges):
 
 
 @kernel(
-    "void(float64[:,::1], float64[:,::1], float64[::1], float32[:,::1], float64[::1], float64, uint8[:,::1])"
+    "void(float64[:,::1], float64[:,::1], float64[::1], uint16[:,::1], float32[::1], float64[::1], float64,"
+    " uint8[:,::1])"
 )
-def trace_endpoints(poses, endpoints, laser, distances, frame, margin, through):
+def trace_endpoints(poses, endpoints, laser, codes, distances, frame, margin, through):
     """Say which beams had to pass through what the map holds, in steps as long as the distance field allows.
 
     Args:
         poses: Shape (K, 3), in the map's frame.
         endpoints: Where beams end, shape (B, 2) in metres, in the base's frame.
         laser: Position of the sensor in the base's frame, shape (2,).
-        distances: To the nearest occupied cell (m), shape (height, width).
+        codes: Of the distance field, shape (height, width).
+        distances: To the nearest occupied cell (m), for each code.
         frame: Origin x, y, theta and resolution of the map, shape (4,).
         margin: Length (m) at both ends of a beam in which a wall is none to it: pose and map are not that exact.
         through: Result, shape (K, B): 1 where a beam passed through a wall.
     """
-    height, width = distances.shape
+    height, width = codes.shape
     cos_origin, sin_origin = math.cos(frame[2]), math.sin(frame[2])
     scale = 1.0 / frame[3]
     for i in range(poses.shape[0]):
@@ -184,7 +187,7 @@ def trace_endpoints(poses, endpoints, laser, distances, frame, margin, through):
                 row = (cos_origin * dy - sin_origin * dx) * scale
                 if not (column >= 0.0 and row >= 0.0 and column < width and row < height):
                     break
-                distance = distances[int(row), int(column)]
+                distance = distances[codes[int(row), int(column)]]
                 if distance == 0.0:
                     through[i, j] = 1
                     break

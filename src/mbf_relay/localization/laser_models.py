@@ -84,7 +84,7 @@ class BeamModel(LaserModel):
 
 
 class FieldModel(LaserModel):
-    """Base of the models that look endpoints up in a table of terms over the map, made once per maximum range."""
+    """Base of the models that look endpoints up in a table of terms, made once per maximum range."""
 
     def __init__(self, field: DistanceField, parameters: LocalizerParameters) -> None:
         super().__init__(field, parameters)
@@ -93,9 +93,9 @@ class FieldModel(LaserModel):
         self._outside = 0.0
 
     def table(self, range_max: float) -> Tuple[np.ndarray, float]:
-        """Return the term of a beam for each cell it may end in (float32), and for ending off the map."""
+        """Return the term of a beam for each code of the cell it ends in (float32), and for ending off the map."""
         if self._table is None or self._table_key != (range_max,):
-            self._table = np.ascontiguousarray(self.term(self.hit_likelihood(self.field.distances, range_max)))
+            self._table = self.term(self.hit_likelihood(self.field.cell_distances, range_max))
             self._outside = float(
                 self.term(self.hit_likelihood(np.array(self.field.max_distance, np.float32), range_max))
             )
@@ -125,7 +125,7 @@ class LikelihoodFieldModel(FieldModel):
     def log_likelihoods(self, poses: np.ndarray, beams: Beams, converged: bool = False) -> np.ndarray:
         sums = np.empty(len(poses))
         table, outside = self.table(beams.range_max)
-        sum_over_endpoints(poses, beams.hits, table, outside, self.field.frame, sums)
+        sum_over_endpoints(poses, beams.hits, self.field.codes, table, outside, self.field.frame, sums)
         return np.log1p(sums)
 
 
@@ -144,7 +144,7 @@ class LikelihoodFieldProbModel(FieldModel):
         if self.parameters.do_beamskip and converged:
             hits = np.ascontiguousarray(hits[self.beams_to_keep(poses, hits)])
         sums = np.empty(len(poses))
-        sum_over_endpoints(poses, hits, table, outside, self.field.frame, sums)
+        sum_over_endpoints(poses, hits, self.field.codes, table, outside, self.field.frame, sums)
         return sums
 
     def beams_to_keep(self, poses: np.ndarray, hits: np.ndarray) -> np.ndarray:
@@ -155,7 +155,8 @@ class LikelihoodFieldProbModel(FieldModel):
         """
         values = self.parameters
         distances = np.empty((len(poses), len(hits)), dtype=np.float32)
-        look_up_endpoints(poses, hits, self.field.distances, np.inf, self.field.frame, distances)
+        field = self.field
+        look_up_endpoints(poses, hits, field.codes, field.cell_distances, np.inf, field.frame, distances)
         explained: np.ndarray = (distances < values.beam_skip_distance).mean(axis=0) > values.beam_skip_threshold
         if np.count_nonzero(~explained) >= values.beam_skip_error_threshold * len(hits):
             return np.ones(len(hits), dtype=bool)

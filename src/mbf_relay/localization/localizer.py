@@ -60,7 +60,7 @@ class Localizer:
         self._averages = AverageLikelihood()
         self._make_models()
         self._start(np.zeros((1, 3)))
-        if not self.field.blocked.all():
+        if self.field.has_free_cells:
             self.globalize()
 
     # --- what a user asks for -------------------------------------------------------------------------------------
@@ -259,7 +259,7 @@ class Localizer:
         limits = particle_limits(
             values.max_particles, values.min_particles, values.kld_err, values.kld_z, values.robust
         )
-        share = self._averages.random_share() if not self.field.blocked.all() else 0.0
+        share = self._averages.random_share() if self.field.has_free_cells else 0.0
         self.poses = resample(self.poses, weights, limits, self._rng, share, self._random_poses)
         self.log_weights = np.full(len(self.poses), -math.log(len(self.poses)))
         self._converged = is_converged(self.poses)
@@ -267,7 +267,7 @@ class Localizer:
             self._averages.reset()
 
     def _random_poses(self, count: int) -> np.ndarray:
-        return self.field.random_free_poses(0 if self.field.blocked.all() else count, self._rng)
+        return self.field.random_free_poses(count if self.field.has_free_cells else 0, self._rng)
 
     def _start(self, poses: np.ndarray) -> None:
         """Take new particles; the next scan updates them without a motion."""

@@ -31,10 +31,10 @@ def invert(matrix, inverse):
 
 
 @kernel(
-    "float64(float64[::1], float64[:,::1], float32[:,::1], float64[::1], float64, float64, float64[:,::1], "
-    "float64[::1])"
+    "float64(float64[::1], float64[:,::1], uint16[:,::1], float32[::1], float64[::1], float64, float64, "
+    "float64[:,::1], float64[::1])"
 )
-def linearize(pose, endpoints, distances, frame, sigma, outlier, information, gradient):
+def linearize(pose, endpoints, codes, distances, frame, sigma, outlier, information, gradient):
     """Build the normal equations of a scan against the distance field at one pose.
 
     Each beam counts by the probability that it hit what the map holds rather than something else, which is one step of
@@ -43,7 +43,8 @@ def linearize(pose, endpoints, distances, frame, sigma, outlier, information, gr
     Args:
         pose: Shape (3,), in the map's frame.
         endpoints: Shape (B, 2) in the base's frame.
-        distances: Shape (height, width).
+        codes: Of the distance field, shape (height, width).
+        distances: To the nearest face (m), for each code.
         frame: Origin x, y, theta and resolution of the map, shape (4,).
         sigma: Deviation (m) of a hit.
         outlier: Share of beams that hit something else.
@@ -53,7 +54,7 @@ def linearize(pose, endpoints, distances, frame, sigma, outlier, information, gr
     Returns:
         The sum of the beams' probabilities of a hit.
     """
-    height, width = distances.shape
+    height, width = codes.shape
     cos_origin, sin_origin = math.cos(frame[2]), math.sin(frame[2])
     scale = 1.0 / frame[3]
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
@@ -71,7 +72,8 @@ def linearize(pose, endpoints, distances, frame, sigma, outlier, information, gr
             continue
         x, y = int(column), int(row)
         u, v = column - x, row - y
-        d00, d10, d01, d11 = distances[y, x], distances[y, x + 1], distances[y + 1, x], distances[y + 1, x + 1]
+        d00, d10 = distances[codes[y, x]], distances[codes[y, x + 1]]
+        d01, d11 = distances[codes[y + 1, x]], distances[codes[y + 1, x + 1]]
         distance = (1 - v) * ((1 - u) * d00 + u * d10) + v * ((1 - u) * d01 + u * d11)
         hit = (1.0 - outlier) * math.exp(-0.5 * distance * distance * precision)
         weight = hit / (hit + outlier)
@@ -96,12 +98,12 @@ def linearize(pose, endpoints, distances, frame, sigma, outlier, information, gr
 
 
 @kernel(
-    "void(float64[:,::1], float64[:,::1], float32[:,::1], float64[::1], float64[::1], float64, float64, float64[::1],"
-    " float64[:,::1], int64, float64[:,:,::1], float64[::1])"
+    "void(float64[:,::1], float64[:,::1], uint16[:,::1], float32[::1], float64[::1], float64[::1], float64, float64,"
+    " float64[::1], float64[:,::1], int64, float64[:,:,::1], float64[::1])"
 )
 def climb(
-    poses, endpoints, distances, frame, sigmas, outlier, temper, prior_mean, prior_information, iterations, covariances,
-    explained,
+    poses, endpoints, codes, distances, frame, sigmas, outlier, temper, prior_mean, prior_information, iterations,
+    covariances, explained,
 ):
     """Move each pose to the nearest maximum of prior times tempered scan likelihood, by Gauss-Newton steps.
 
@@ -109,7 +111,7 @@ def climb(
 
     Args:
         poses: Where to start, shape (K, 3); where the maxima are.
-        endpoints, distances, frame, outlier: As for `linearize`.
+        endpoints, codes, distances, frame, outlier: As for `linearize`.
         sigmas: Deviations (m) to go through, wide to narrow.
         temper: Factor on the scan's log-likelihood.
         prior_mean, prior_information: Of the one prior of all poses, shapes (3,) and (3, 3).
@@ -123,7 +125,7 @@ def climb(
         pose = poses[k]
         for level in range(sigmas.shape[0]):
             for _ in range(iterations):
-                linearize(pose, endpoints, distances, frame, sigmas[level], outlier, information, gradient)
+                linearize(pose, endpoints, codes, distances, frame, sigmas[level], outlier, information, gradient)
                 turn = pose[2] - prior_mean[2]
                 turn -= 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
                 dx, dy = pose[0] - prior_mean[0], pose[1] - prior_mean[1]
@@ -144,7 +146,7 @@ def climb(
                 if math.hypot(step_x, step_y) < 1e-4 and abs(step_a) < 1e-4:
                     break
         last = sigmas[sigmas.shape[0] - 1]
-        hits = linearize(pose, endpoints, distances, frame, last, outlier, information, gradient)
+        hits = linearize(pose, endpoints, codes, distances, frame, last, outlier, information, gradient)
         explained[k] = hits / max(1, endpoints.shape[0])
         for i in range(3):
             for j in range(3):

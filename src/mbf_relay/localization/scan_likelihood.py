@@ -54,10 +54,9 @@ class ScanLikelihood:
     """Likelihood of endpoints on a map's distance field: a mixture of hit and anything, tempered."""
 
     def __init__(self, field: DistanceField, sigma_hit: float) -> None:
-        self._frame = field.frame
-        self._distances = field.surface_distances()
+        self._field = field
         self._sigma = sigma_hit * NARROWING
-        squared = np.square(self._distances) * np.float32(-0.5 / self._sigma ** 2)
+        squared = np.square(field.face_distances) * np.float32(-0.5 / self._sigma ** 2)
         self._table = np.log(np.float32(1.0 - OUTLIERS) * np.exp(squared) + np.float32(OUTLIERS))
         self._outside = math.log(OUTLIERS)
 
@@ -70,7 +69,10 @@ class ScanLikelihood:
             news: Share of the scan, 0 to 1, that earlier ones have not told.
         """
         sums = np.empty(len(poses))
-        sum_over_endpoints(np.ascontiguousarray(poses), endpoints, self._table, self._outside, self._frame, sums)
+        field = self._field
+        sum_over_endpoints(
+            np.ascontiguousarray(poses), endpoints, field.codes, self._table, self._outside, field.frame, sums
+        )
         return sums * (news * temper(len(endpoints)))
 
     def modes(
@@ -82,8 +84,8 @@ class ScanLikelihood:
         covariances, explained = np.empty((len(poses), 3, 3)), np.empty(len(poses))
         sigmas = np.array([max(WIDE_SIGMA, self._sigma), self._sigma])
         climb(
-            poses, endpoints, self._distances, self._frame, sigmas, OUTLIERS, news * temper(len(endpoints)),
-            prior.mean, prior.information, ITERATIONS, covariances, explained,
+            poses, endpoints, self._field.codes, self._field.face_distances, self._field.frame, sigmas, OUTLIERS,
+            news * temper(len(endpoints)), prior.mean, prior.information, ITERATIONS, covariances, explained,
         )
         poses[:, 2] = normalize_angles(poses[:, 2])
         heights = self.log(poses, endpoints, news) + prior.log_density(poses)

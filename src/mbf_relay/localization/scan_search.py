@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mbf_relay.localization.distance_field import DistanceField
+from mbf_relay.localization.distance_field import DistanceField, is_free
 from mbf_relay.localization.scan_likelihood import apart, thin_out
 from mbf_relay.localization.search_kernels import bound_all, descend
 
@@ -45,15 +45,15 @@ class ScanSearch:
     def __init__(self, field: DistanceField) -> None:
         self._field = field
         sigma = max(SIGMA, field.resolution)
-        scores = 255.0 * np.exp(np.square(field.surface_distances()) * np.float32(-0.5 / sigma ** 2))
-        free = (field.blocked == 0).astype(np.uint8)
+        scores = (255.0 * np.exp(np.square(field.face_distances) * np.float32(-0.5 / sigma ** 2))).astype(np.uint8)
+        free = is_free(field.occupancy.data).view(np.uint8)
         self._leaf = max(0, round(math.log2(PLACE / field.resolution)))
         self._top = max(self._leaf + 1, round(math.log2(TOP / field.resolution)))
         fits, reachable, rows = [], [], []
         begin = 0
         for level in range(self._top + 1):
             if level == 0:
-                best, open_cells = scores.astype(np.uint8), free
+                best, open_cells = scores[field.codes], free
             else:
                 best, open_cells = _halved(best), _halved(open_cells)
             padded = np.pad(best, ((1, 1), (1, 1)))

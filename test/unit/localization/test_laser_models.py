@@ -89,8 +89,8 @@ def test_endpoint_kernel_is_what_plain_numpy_gives(origin):
     poses = origin.transform_poses(rng.uniform((-1.0, -1.0, -3.0), (9.0, 7.0, 3.0), (200, 3)))
     endpoints = rng.uniform(-4.0, 4.0, (50, 2))
     sums, values = np.empty(200), np.empty((200, 50), dtype=np.float32)
-    sum_over_endpoints(poses, endpoints, field.distances, 7.0, field.frame, sums)
-    look_up_endpoints(poses, endpoints, field.distances, 7.0, field.frame, values)
+    sum_over_endpoints(poses, endpoints, field.codes, field.cell_distances, 7.0, field.frame, sums)
+    look_up_endpoints(poses, endpoints, field.codes, field.cell_distances, 7.0, field.frame, values)
     for pose, total, row in zip(poses, sums, values):
         points = origin.inverse().transform_points(Pose2D(*pose).transform_points(endpoints))
         cells = np.floor(points / 0.05).astype(int)

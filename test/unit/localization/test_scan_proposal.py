@@ -40,19 +40,19 @@ def test_the_gradient_is_the_slope_of_the_squared_distances():
     """Where every beam counts in full, the gradient is that of sum(d^2) / (2 sigma^2), here by differences."""
     field, sigma = DistanceField(room(), 2.0), 50.0
     endpoints, pose = hits(room(), TRUTH), np.array(TRUTH) + (0.03, -0.02, 0.01)
-    information, gradient = np.empty((3, 3)), np.empty(3)
+    information, gradient, maps = np.empty((3, 3)), np.empty(3), (field.codes, field.face_distances)
 
     def half_squares(at):
         total, column = 0.0, np.empty(3)
         for endpoint in endpoints:
             matrix = np.empty((3, 3))
-            linearize(at, endpoint[None, :].copy(), field.distances, field.frame, sigma, 1e-12, matrix, column)
+            linearize(at, endpoint[None, :].copy(), *maps, field.frame, sigma, 1e-12, matrix, column)
             # A single beam's J d and J J^T give d back: d^2 = (g . g) / trace(J J^T), in units of 1 / sigma^2.
             trace = np.trace(matrix)
             total += 0.5 * float(column @ column) / trace if trace > 0.0 else 0.0
         return total
 
-    linearize(pose, endpoints, field.distances, field.frame, sigma, 1e-12, information, gradient)
+    linearize(pose, endpoints, *maps, field.frame, sigma, 1e-12, information, gradient)
     for axis in range(3):
         step = np.zeros(3)
         step[axis] = 1e-5
