@@ -171,6 +171,10 @@ def replay_one(options: argparse.Namespace, log_path: str, map_path: str) -> Lis
     result = replay(
         log, occupancy, parameters, np.random.default_rng(options.seed), start, covariance, clock=time.perf_counter
     )
+    if not result.updated.any():
+        raise ValueError(
+            f"none of the {len(log)} scans of log {log_path} could be used; their ranges or the odometry are no numbers"
+        )
     figures = {**summarize(result, log), "seed": options.seed, "log": log_path, "map": map_path}
     folder = options.out or os.path.splitext(os.path.basename(log_path))[0] + "_localized"
     write_results(folder, log, occupancy, result, figures)

@@ -17,6 +17,10 @@ from mbf_relay.scan import LaserScan
 
 LARGEST_LOG = 4 << 30
 """Bytes of a log, unpacked: a day of 1000 beams at 5 Hz."""
+LARGEST_ANGLE = 100.0
+"""Radians: angles beyond are none, or degrees."""
+FARTHEST = 1e7
+"""Metres from the origin; UTM coordinates stay below."""
 CROWDED = 0.002
 """Share of all readings at one and the same value beyond which it is the sensor's word for "nothing came back"."""
 
@@ -100,6 +104,7 @@ def load_log(path: str) -> RecordedLog:
         raise LogError(
             f"array 'ranges' of log {path} has shape {arrays['ranges'].shape}; it must have ({count}, beams)"
         )
+    _check_numbers(path, arrays)
     laser = arrays.get("laser_pose", np.zeros(3)).ravel()
     if laser.shape != (3,) or not np.isfinite(laser).all():
         raise LogError(f"array 'laser_pose' of log {path} is {laser.tolist()}; it must be x, y, yaw")
@@ -108,6 +113,26 @@ def load_log(path: str) -> RecordedLog:
         float(arrays["range_max"]) if "range_max" in arrays else guess_range_max(arrays["ranges"]), arrays.get("ref"),
         Pose2D(*map(float, laser)),
     )
+
+
+def _check_numbers(path: str, arrays: Dict[str, np.ndarray]) -> None:
+    """Raise LogError where a number that all scans share means nothing, or odometry is beyond any drive."""
+    for name in ("angle_min", "angle_increment", "range_max"):
+        value = arrays.get(name)
+        if value is not None and value.size != 1:
+            raise LogError(f"'{name}' of log {path} has shape {value.shape}; it must be one number")
+    start, step = float(arrays["angle_min"]), float(arrays["angle_increment"])
+    if not (abs(start) <= LARGEST_ANGLE and 0.0 < abs(step) <= LARGEST_ANGLE):
+        raise LogError(
+            f"angle_min and angle_increment of log {path} are {start} and {step}; they must be finite radians, the "
+            "second not 0"
+        )
+    if "range_max" in arrays and not float(arrays["range_max"]) > 0.0:
+        raise LogError(f"'range_max' of log {path} is {float(arrays['range_max'])}; it must be metres above 0")
+    for name in ("odom", "ref"):
+        values = np.abs(arrays[name][np.isfinite(arrays[name])]) if name in arrays else np.empty(0)
+        if (values > FARTHEST).any():
+            raise LogError(f"array '{name}' of log {path} goes to {values.max():.3g} m; at most is {FARTHEST:.0g}")
 
 
 def _require_size(path: str, stream: BinaryIO) -> None:

@@ -48,11 +48,13 @@ def replay(
         clock: Read before and after every scan.
 
     Raises:
-        ValueError: The map is empty, or the start is not on it.
+        ValueError: The map has no cell, or no free one to start anywhere on, or the start is not on it.
     """
     localizer = Localizer(parameters, occupancy, rng)
     if start is not None:
         localizer.set_initial_pose(start, covariance)
+    elif not localizer.field.has_free_cells:
+        raise ValueError("the map has no free cell; there is nowhere to start")
     poses, updated, seconds = np.empty((len(log), 3)), np.zeros(len(log), dtype=bool), np.zeros(len(log))
     pose = start if start is not None else Pose2D(0.0, 0.0, 0.0)
     for index in range(len(log)):
@@ -80,10 +82,12 @@ def summarize(result: Replay, log: RecordedLog) -> Dict[str, Any]:
     """Return the figures of a replay: errors where there is a reference, and times (s) per update."""
     figures: Dict[str, Any] = {"scans": len(log), "updates": int(result.updated.sum())}
     if log.reference is not None:
-        off = errors(result.poses, log.reference)
-        figures["translation_error"] = _spread(off["translation"])
-        figures["rotation_error"] = _spread(off["rotation"])
-        figures["lost_share"] = float((off["translation"] > LOST_FROM).mean())
+        known = np.isfinite(log.reference).all(axis=1)
+        off = errors(result.poses[known], log.reference[known])
+        if known.any():
+            figures["translation_error"] = _spread(off["translation"])
+            figures["rotation_error"] = _spread(off["rotation"])
+            figures["lost_share"] = float((off["translation"] > LOST_FROM).mean())
     if result.updated.any():
         figures["seconds_per_update"] = _spread(result.seconds[result.updated])
     return figures

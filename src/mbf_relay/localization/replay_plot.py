@@ -55,7 +55,7 @@ def _draw_ways(axes: Axes, log: RecordedLog, occupancy: OccupancyMap, result: Re
         )
     axes.plot(result.poses[:, 0], result.poses[:, 1], color="tab:blue", linewidth=1.0, label="estimate")
     shown = result.poses if log.reference is None else np.vstack((result.poses, log.reference))
-    low, high = shown[:, :2].min(axis=0) - 3.0, shown[:, :2].max(axis=0) + 3.0
+    low, high = np.nanmin(shown[:, :2], axis=0) - 3.0, np.nanmax(shown[:, :2], axis=0) + 3.0
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="y [m]", aspect="equal")
     axes.legend(loc="best")
 

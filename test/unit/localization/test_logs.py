@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -52,6 +53,11 @@ def test_reference_and_laser_pose_may_be_missing(tmp_path):
         (dict(laser_pose=np.ones(2)), "laser_pose"),
         (dict(ref=np.zeros((4, 2))), "'ref'"),
         (dict(ranges=np.ones((4, 0))), "'ranges'"),
+        (dict(angle_min=np.nan), "angle_min and angle_increment of log .* are nan and 0.5"),
+        (dict(angle_increment=0.0), "are -1.0 and 0.0"),
+        (dict(angle_min=np.zeros(2)), "'angle_min' of log .* must be one number"),
+        (dict(range_max=np.nan), "'range_max' of log .* is nan"),
+        (dict(odom=np.full((4, 3), 1e200)), "'odom' of log .* goes to 1e\\+200 m"),
     ],
 )
 def test_wrong_logs_are_named_with_what_is_wrong(tmp_path, change, complaint):
@@ -116,6 +122,31 @@ def test_many_logs_seeds_and_stresses_give_a_table_with_intervals(tmp_path, caps
     assert all(row["right"]["low"] <= row["right"]["value"] <= row["right"]["high"] for row in rows)
     recorded, stressed = (row["right"]["value"] for row in rows if row["log"] == "all")
     assert recorded > 0.9 > stressed
+
+
+def test_a_truth_that_is_not_known_everywhere_judges_where_it_is(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    made = make_drive("hall", 8, Rough(), np.random.default_rng(1))
+    made.log.reference[5] = np.nan
+    save_log("log.npz", made.log)
+    save_map("map", made.occupancy)
+    assert main(["log.npz", "map.yaml", "--out", "out"]) == 0
+    figures = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert figures["translation_error"]["max"] < 0.5 and figures["lost_share"] == 0.0
+
+
+def test_a_log_or_a_map_that_says_nothing_is_an_error_and_no_result(tmp_path, capsys, monkeypatch):
+    """A user who reads "error 2.1 m" looks for it in the filter."""
+    monkeypatch.chdir(tmp_path)
+    made = make_drive("hall", 4, Rough(), np.random.default_rng(1))
+    save_map("map", made.occupancy)
+    save_map("unknown", replace(made.occupancy, data=np.full_like(made.occupancy.data, -1)))
+    save_log("log.npz", made.log)
+    save_log("nothing.npz", replace(made.log, odom=np.full((4, 3), np.nan)))
+    assert main(["nothing.npz", "map.yaml"]) == 1
+    assert "none of the 4 scans of log nothing.npz could be used" in capsys.readouterr().err
+    assert main(["log.npz", "unknown.yaml", "--global-localization"]) == 1
+    assert "the map has no free cell" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
