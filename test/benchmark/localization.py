@@ -9,10 +9,11 @@ from typing import Iterator, List, NamedTuple, Optional
 import numpy as np
 import yaml
 
+from benchmark import pose_reliability, step_lengths
 from benchmark.arena import arena_map
 from benchmark.held_out import START_COVARIANCE, held_out_drives
 from benchmark.metric import Metric, metric_of, time_call
-from benchmark.synthetic_buildings import FAMILIAR
+from benchmark.synthetic_buildings import BUILDINGS, FAMILIAR
 from benchmark.synthetic_drives import Rough, make_drive, spoil_odometry, wander
 from mbf_relay.geometry import IDENTITY, Pose2D, angle_between
 from mbf_relay.localization.distance_field import DistanceField, distances_to
@@ -44,6 +45,8 @@ def metrics(quick: bool) -> Iterator[Metric]:
     yield from searches(8 if quick else 50)
     yield from rough_drives(1 if quick else 6)
     yield from held_out_drives(1 if quick else 5)
+    yield from pose_reliability.metrics(*((1, 2) if quick else (2,)))
+    yield from step_lengths.metrics(2 if quick else len(BUILDINGS))
     yield from ten_times_the_noise(2 if quick else 10)
     yield from speed(5 if quick else 30)
 

@@ -61,17 +61,24 @@ class Way(NamedTuple):
 
 
 @functools.lru_cache(maxsize=4)
-def make_way(building: str, seed: int) -> Tuple[np.ndarray, Way]:
-    """Return a building's walls, bool of shape (H, W), and a way through it."""
+def make_way(building: str, seed: int, finest: float = FINEST, metres: float = LENGTH) -> Tuple[np.ndarray, Way]:
+    """Return a building's walls, bool of shape (H, W), and a way through it.
+
+    Args:
+        building: A key of BUILDINGS.
+        seed: Of walls, way and odometry.
+        finest: Distance (m) at which the way is cut.
+        metres: Its length.
+    """
     rng = np.random.default_rng([seed, list(BUILDINGS).index(building)])
     walls = BUILDINGS[building](rng)
-    corners = wander(DistanceField(as_map(walls), 5.0), int(LENGTH / LEG), LEG, rng)
+    corners = wander(DistanceField(as_map(walls), 5.0), int(metres / LEG), LEG, rng)
     truth = [corners[0]]
     for corner in corners[1:]:
         turn = angle_between(truth[-1].theta, corner.theta)
         turns = math.ceil(abs(turn) / FINEST_TURN)
         truth += [Pose2D(truth[-1].x, truth[-1].y, truth[-1].theta + turn * (i + 1) / turns) for i in range(turns)]
-        before, steps = truth[-1], math.ceil(truth[-1].distance_to(corner) / FINEST)
+        before, steps = truth[-1], math.ceil(truth[-1].distance_to(corner) / finest)
         truth += [
             Pose2D(*map(float, np.array(before) + (np.array(corner) - before) * (i + 1) / steps * (1.0, 1.0, 0.0)))
             for i in range(steps)
@@ -96,9 +103,19 @@ def _drive(truth: List[Pose2D], odometry: float, rng: np.random.Generator) -> Wa
     return Way(np.array(truth), np.array(odom), np.array(driven))
 
 
-def make_log(building: str, seed: int, condition: Condition) -> Tuple[RecordedLog, OccupancyMap]:
-    """Return a drive's log and the map to localize it on."""
-    walls, way = make_way(building, seed)
+def make_log(
+    building: str, seed: int, condition: Condition, finest: float = FINEST, length: float = LENGTH
+) -> Tuple[RecordedLog, OccupancyMap]:
+    """Return a drive's log and the map to localize it on.
+
+    Args:
+        building: A key of BUILDINGS.
+        seed: Of walls, way, odometry and map.
+        condition: What the drive is like.
+        finest: Distance (m) at which the way is cut, at most the condition's step.
+        length: Of the way (m).
+    """
+    walls, way = make_way(building, seed, finest, length)
     rng = np.random.default_rng([seed, list(BUILDINGS).index(building), 1])
     occupancy = without_blocks(as_map(walls), condition.missing, rng)
     chosen = np.unique(np.searchsorted(way.driven, np.arange(0.0, way.driven[-1], condition.step)))
