@@ -105,7 +105,8 @@ class BackOut:
         change = parameters.acc_lim_x * period
         speed = min(velocity.x + change, max(velocity.x - change, wanted))
         most = parameters.acc_lim_theta * period
-        turn = min(velocity.theta + most, max(velocity.theta - most, -speed * self._curvature))
+        wanted_turn = -min(0.0, speed) * self._curvature  # one that still rolls forward would turn to the wrong side
+        turn = min(velocity.theta + most, max(velocity.theta - most, wanted_turn))
         return Twist2D(speed, 0.0, min(parameters.max_vel_theta, max(-parameters.max_vel_theta, turn)))
 
 
