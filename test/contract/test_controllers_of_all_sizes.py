@@ -5,6 +5,7 @@ as one does that is to drive at its speed. What a controller has in itself must 
 """
 
 import functools
+import itertools
 import math
 import os
 import sys
@@ -21,14 +22,19 @@ from mbf_relay.geometry import IDENTITY, STOP, Pose2D, angle_between  # noqa: E4
 from mbf_relay.outcomes import ControlError, ControlOutcome  # noqa: E402
 from mbf_relay.planning.path import Path  # noqa: E402
 
-SIZED = [name for name in NAMES if name != "mppi"]
-"""MPPI's horizon and lengths are all parameters, by Nav2's names, which `Scaled` does not set."""
-
 START, PERIOD = Pose2D(0.0, 0.0, 0.0), 0.1
-pytestmark = [
-    pytest.mark.parametrize("name", SIZED), pytest.mark.parametrize("size", [0.2, 0.5, 1.2]),
-    pytest.mark.parametrize("speed", [0.2, 1.0, 2.0]),
-]
+SIZES, SPEEDS = (0.2, 0.5, 1.2), (0.2, 1.0, 2.0)
+MPPI_PAIRS = set(itertools.product(SIZES, SPEEDS) if os.environ.get("MBF_RELAY_LONG") else zip(SIZES, SPEEDS))
+"""MPPI takes some ten times the computing of the others: all its sizes at all speeds only under --long."""
+
+pytestmark = pytest.mark.parametrize(
+    "name, size, speed",
+    [
+        (name, size, speed)
+        for name, size, speed in itertools.product(NAMES, SIZES, SPEEDS)
+        if name != "mppi" or (size, speed) in MPPI_PAIRS
+    ],
+)
 
 
 class Scaled:
@@ -79,6 +85,25 @@ class Scaled:
                 min_vel_theta=-turn,
                 min_in_place_vel_theta=0.5 * turn,
                 heading_lookahead=0.325 * self.scale,
+            )
+        elif name == "mppi":  # by Nav2's names
+            near = {"threshold_to_consider": 0.5 * self.scale}
+            braking = {"threshold_to_consider": 0.5 * self.scale + self.stops}
+            values.update(
+                vx_max=self.speed,
+                vx_min=-self.speed,
+                wz_max=turn,
+                ax_max=self.acceleration,
+                vx_std=0.45 * self.speed,
+                wz_std=0.25 * turn,
+                model_dt=max(0.05, 0.5 * self.scale / self.speed / 56),
+                prune_distance=max(1.5 * self.scale, 2.0 * self.speed),
+                CostCritic={"near_goal_distance": 0.5 * self.scale},
+                GoalCritic=braking,
+                PathFollowCritic={**braking, "offset_from_furthest": 3},
+                PathAlignCritic={**near, "cost_weight": 20.0, "offset_from_furthest": 6},
+                PathAngleCritic=near,
+                PreferForwardCritic=near,
             )
         return make(name, **{**values, **changes})
 

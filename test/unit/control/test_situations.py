@@ -32,7 +32,7 @@ UNREST = {"mppi": 0.3}
 MPPI drives the mean of a batch of noisy drives, which is never quite still.
 """
 
-CUTS = {"base_local_planner/TrajectoryPlannerROS": 0.45, "mppi": 0.6}
+CUTS = {"base_local_planner/TrajectoryPlannerROS": 0.45}
 """How far (m) along a path of 1 m that folds back beside itself is driven at least.
 
 0.7 by the others. Their weights, those of
@@ -186,7 +186,7 @@ def test_a_path_folded_back_beside_itself_is_driven_to_its_end(name):
     assert ended.reached and max(pose.x for pose in ended.poses) > CUTS.get(name, 0.7), (
         "the bend may be cut, the way not"
     )
-    assert ended.seconds < 20.0 and turns_back(name, ended.commands) <= (6 if name in FEELS_ITS_WAY else 4)
+    assert ended.seconds < 20.0 and turns_back(name, ended.commands) <= (8 if name in FEELS_ITS_WAY else 4)
 
 
 def test_a_pillar_that_pops_up_two_hands_ahead_is_stopped_for_and_named(name):

@@ -9,7 +9,10 @@ from typing import List, Optional
 import numpy as np
 
 from mbf_relay.control.braking import brakes_free
+from mbf_relay.control.checkers import CREEPING
+from mbf_relay.control.critics.distances import CUT
 from mbf_relay.control.follower import ControlCycle, PathFollower
+from mbf_relay.control.local_path import LocalPath
 from mbf_relay.control.mppi import CRITICS, rollout_kernels
 from mbf_relay.control.mppi.critic import POINT_SPACING, CriticFunction, Rollouts
 from mbf_relay.control.mppi.parameters import ACKERMANN, MppiParameters
@@ -128,6 +131,9 @@ class MppiController(PathFollower):
                 reason = "no drive that was imagined is better than standing here"
                 break
             self._smooth()
+            if self._puts_off(cycle):
+                reason = "the best drives that were imagined begin with standing here"
+                break
             for controls in (self.controls, self._samples[best]):
                 command = self._checked(cycle, controls)
                 if command is not None:
@@ -140,6 +146,19 @@ class MppiController(PathFollower):
         if turn is not None:
             return turn
         raise self.nothing_left(cycle, reason)
+
+    def _puts_off(self, cycle: ControlCycle) -> bool:
+        """Return whether the robot stands, and the mean begins with standing on.
+
+        Where the way ends within the horizon before an obstacle, it costs least to go there last; in the next cycle
+        that is true again. Near the goal the drives are charged for their whole way there, and one creeps up to it.
+        """
+        p = self.parameters
+        if cycle.path.remaining < cycle.state.costmap.width:
+            return False
+        first = np.abs(self._first(self.controls, cycle.state.period))
+        return cycle.window.contains(STOP) and bool(
+            np.hypot(*first[:2]) < CREEPING * p.max_vel_trans and first[2] < CREEPING * p.max_vel_theta)
 
     def report(self, cycle: ControlCycle, drove: bool) -> CycleReport:
         """Return where the best drive leads."""
@@ -198,21 +217,32 @@ class MppiController(PathFollower):
 
     def _data(self, cycle: ControlCycle, way: FreeWay) -> Rollouts:
         path, grid = cycle.path, cycle.state.costmap.grid
-        length = max(POINT_SPACING, min(self.parameters.prune_distance, path.remaining))
+        p, length = self.parameters, max(POINT_SPACING, min(self.parameters.prune_distance, path.remaining))
         arcs = path.robot_arc + np.linspace(0.0, length, max(2, int(length / POINT_SPACING) + 1))
         points = np.column_stack([np.interp(arcs, path.arcs, path.points[:, axis]) for axis in (0, 1)])
         cells = grid.cells_at(points)
         inside = grid.contains_cells(cells)
         columns, rows = np.where(inside[:, None], cells, 0).T
         is_free = ~inside | (cycle.state.costmap.costs[rows, columns] < INSCRIBED)
-        # no drive gets farther: what is near beyond is another leg
-        horizon = path.robot_arc + min(length, self._horizon)
-        reached = path.project(self._poses[:, -1, :2], path.robot_arc, horizon)[:, 1].max()
-        furthest = min(len(points) - 1, int((reached - path.robot_arc) / POINT_SPACING + 0.5))
+        halfway, ends = (self._along(path, steps, length) for steps in (p.time_steps // 2, p.time_steps))
+        furthest = min(len(points) - 1, int(ends[:, 1].max() / POINT_SPACING + 0.5))
         return Rollouts(
-            self.parameters, cycle.state.pose, path.goal, max(path.remaining, cycle.state.pose.distance_to(path.goal)),
-            self._velocities, self._poses, way, cycle.checker, points, is_free, furthest,
+            p, cycle.state.pose, path.goal, max(path.remaining, cycle.state.pose.distance_to(path.goal)),
+            self._velocities, self._poses, way, cycle.checker, points, is_free, halfway, ends, furthest,
         )
+
+    def _along(self, path: LocalPath, steps: int, length: float) -> np.ndarray:
+        """Return where each drive has come to on the path after so many steps: metres across and along it, (B, 2).
+
+        None gets farther than it drives and cuts corners, for what is near beyond that is another leg; nor than
+        `length` (m).
+        """
+        most = path.robot_arc + min(length, self._horizon)
+        places = path.project(self._poses[:, steps - 1, :2], path.robot_arc, most)
+        speeds = np.hypot(self._velocities[:, :steps, 0], self._velocities[:, :steps, 1])
+        driven = speeds.sum(axis=1) * self.parameters.model_dt
+        places[:, 1] = np.minimum(places[:, 1] - path.robot_arc, CUT * driven)
+        return places
 
     def _checked(self, cycle: ControlCycle, controls: np.ndarray) -> Optional[Twist2D]:
         """Return the velocity that controls lead to within a period, or a slower one that can be braked from.
@@ -220,13 +250,18 @@ class MppiController(PathFollower):
         Else None.
         """
         p = self.parameters
-        count = min(len(controls), max(1, round(cycle.state.period / p.model_dt)))
-        wanted = controls[:count].mean(axis=0)
+        wanted = self._first(controls, cycle.state.period)
         for share in SLOWER:
             command = self._drivable(cycle, share * wanted)
             if command != STOP and brakes_free(p, cycle.state, cycle.checker, command):
                 return command
         return None
+
+    def _first(self, controls: np.ndarray, period: float) -> np.ndarray:
+        """Return the mean, shape (3,), of the controls of the next period (s)."""
+        count = min(len(controls), max(1, round(period / self.parameters.model_dt)))
+        mean: np.ndarray = controls[:count].mean(axis=0)
+        return mean
 
     def _drivable(self, cycle: ControlCycle, wanted: np.ndarray) -> Twist2D:
         command = cycle.window.clip(Twist2D(*map(float, wanted)))

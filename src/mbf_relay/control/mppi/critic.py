@@ -33,6 +33,8 @@ class Rollouts:
         checker: The obstacles.
         path: Shape (P, 2), P >= 2: points ahead, POINT_SPACING apart from the one nearest to the robot on.
         path_is_free: Shape (P,), bool: where the robot's centre could be.
+        halfway, ends: Shape (B, 2): where each drive is after half its time, and at its end: metres across and along
+            the path, from the robot's place on it.
         furthest: Index of the point of the path that is nearest to the end of the drive that gets farthest along it.
     """
 
@@ -46,6 +48,8 @@ class Rollouts:
     checker: FootprintChecker
     path: np.ndarray
     path_is_free: np.ndarray
+    halfway: np.ndarray
+    ends: np.ndarray
     furthest: int
 
 

@@ -13,6 +13,9 @@ from mbf_relay.geometry import angle_between, normalize_angles
 from mbf_relay.parameters import parameter
 
 FORWARD, EITHER_WAY, AS_PLANNED = 0, 1, 2
+AT_ONCE = 0.15
+"""Share of PathFollowCritic's charge taken halfway: with less, a robot before a wall waits in front of it and plans to
+drive up to it later."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,12 @@ class PathFollowCriticParameters(CriticParameters):
 
 
 class PathFollowCritic(CriticFunction):
-    """Charges the distance from a drive's end to a point of the path beyond what any drive reaches."""
+    """Charges the distance from a drive's end to a point of the path beyond what any drive reaches.
+
+    It is measured along the path and across it, for a path that folds back leads away from a point that lies beside it;
+    and halfway as well, for a drive that is there late is no match for one that is there soon: in the next cycle the
+    robot would put off going again.
+    """
 
     Parameters = PathFollowCriticParameters
     parameters: PathFollowCriticParameters
@@ -83,8 +91,9 @@ class PathFollowCritic(CriticFunction):
         aim = min(data.furthest + self.parameters.offset_from_furthest, last)
         while aim < last and not data.path_is_free[aim]:
             aim += 1
-        off = data.poses[:, -1, :2] - data.path[aim]
-        return np.hypot(off[:, 0], off[:, 1])
+        arc = aim * POINT_SPACING
+        halfway, end = (np.hypot(places[:, 0], arc - places[:, 1]) for places in (data.halfway, data.ends))
+        return AT_ONCE * halfway + (1.0 - AT_ONCE) * end
 
 
 @dataclass(frozen=True)
