@@ -51,15 +51,21 @@ def record(path, lidars):
 
 
 def run(*command):
-    return subprocess.run(
-        ["rosrun", "mbf_relay"] + list(command), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-        timeout=60,
-    )
+    """Run one of the package's commands, which is to leave nothing behind where temporary files go."""
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            ["rosrun", "mbf_relay"] + list(command), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            timeout=60, env=dict(os.environ, TMPDIR=folder),
+        )
+        assert os.listdir(folder) == [], f"{command[0]} has left {os.listdir(folder)} in {folder}"
+        return done
 
 
 class TestBags(unittest.TestCase):
     def setUp(self):
-        self.folder = tempfile.mkdtemp()
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = folder.name
         self.bag = os.path.join(self.folder, "drive.bag")
 
     def test_run_from_bag_ends_where_the_robot_did(self):

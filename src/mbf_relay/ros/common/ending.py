@@ -9,6 +9,7 @@ node can be ended while it still imports.
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -52,12 +53,14 @@ class NodeEnding:
             self._shut_down = shut_down
 
     def leave(self, status: int) -> None:
-        """End the process, after a shutdown that has begun is done.
+        """End the process, after a shutdown that has begun is done, and libraries have cleaned up.
 
-        What Python does at its end is left out: threads of C++ libraries still run then, and crash now and then.
+        What else Python does at its end is left out: threads of C++ libraries still run then, and crash now and then.
         """
         if self.begun:
             self._done.wait(PATIENCE)
+        threading.Thread(target=self._end_anyway, args=(status,), name="late leave", daemon=True).start()
+        atexit._run_exitfuncs()  # folders in /tmp, above all: rosbag makes one for each bag it reads
         for stream in (sys.stdout, sys.stderr):
             try:
                 stream.flush()
@@ -72,13 +75,13 @@ class NodeEnding:
             shut_down = self._shut_down
         if shut_down is None:
             os._exit(self.interrupted)
-        threading.Thread(target=self._end_anyway, name="late ending", daemon=True).start()
+        threading.Thread(target=self._end_anyway, args=(self.interrupted,), name="late ending", daemon=True).start()
         shut_down(f"signal {int(number)}")
         self._done.set()
 
-    def _end_anyway(self) -> None:
+    def _end_anyway(self, status: int) -> None:
         time.sleep(PATIENCE)
-        os._exit(self.interrupted)
+        os._exit(status)
 
 
 def interrupt_at_death_of(parent: int) -> Callable[[], None]:
