@@ -63,7 +63,7 @@ class GoalTrialsTest(unittest.TestCase):
 
     def test_3_a_robot_whose_relay_is_gone_stands_and_the_next_goal_works(self):
         for how in itertools.islice(itertools.cycle(HOWS), how_many(2, 24)):
-            with trial("relay killed and frozen in a drive") as made:
+            with trial("relay and server killed and frozen in a drive") as made:
                 outcome = self.trials.orphan(how)
                 self.assertLess(outcome.stopped_after, 1.5 * SOON, f"{how.name}: {outcome}")
                 if how == signal.SIGSTOP:
@@ -75,7 +75,7 @@ class GoalTrialsTest(unittest.TestCase):
     def test_4_a_robot_whose_server_is_gone_is_stopped_and_the_next_goal_works(self):
         words = {signal.SIGKILL: "died", signal.SIGSTOP: "hangs"}
         for how in itertools.islice(itertools.cycle(HOWS), how_many(2, 24)):
-            with trial("server killed and frozen in a drive") as made:
+            with trial("relay and server killed and frozen in a drive") as made:
                 outcome = self.trials.lose_server(how)
                 made.measure("last velocity after", 1e3 * outcome.stopped_after, "ms")
                 self.assertLess(outcome.stopped_after, 1.5 * SOON, f"{how.name}: {outcome}")

@@ -54,7 +54,7 @@ class TestPulledSimulator(PulledCase):
             place = CIRCLE[(index + 1) % len(CIRCLE)]  # the test before has left it at the first
             self.wait_until_all_is_back()
             moment, killed = chance.uniform(0.0, 0.5), chance.random() < 0.5
-            with trial("simulator killed and frozen in a drive") as made:
+            with trial("nodes killed and frozen at any moment") as made:
                 sent = self.drive(place)
                 self.wait_for_way(moment, sent)
                 if killed:

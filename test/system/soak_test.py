@@ -66,10 +66,10 @@ class TestSoak(PulledCase):
                 latencies.append(self.drive_to(SQUARE[index % len(SQUARE)]))
             if settled is None and index >= SETTLED * count:
                 settled = Use()
-        with trial("what nodes hold after all goals, against a tenth of them") as made:
+        with trial("goals one after the other") as made:
             for node, (memory, threads, files) in Use().items():
                 before = settled[node]
-                made.measure(f"{node} memory grew by", 100.0 * (memory / before[0] - 1.0), "%")
+                made.measure(f"{node}, memory after a tenth of them grew by", 100.0 * (memory / before[0] - 1.0), "%")
                 self.assertLessEqual(abs(threads - before[1]), FEW, f"{node} has {threads} threads, had {before[1]}")
                 self.assertLessEqual(abs(files - before[2]), FEW, f"{node} has {files} open files, had {before[2]}")
             part = max(1, count // 10)

@@ -97,7 +97,7 @@ def bag(tmp_path_factory):
 
 @settings(max_examples=EXAMPLES, suppress_health_check=list(HealthCheck))
 @given(changes=st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), max_size=4), end=st.integers(0, 10**6))
-@trial("broken bags read")
+@trial("broken files read")
 def test_a_broken_bag_is_read_or_refused_in_a_sentence(bag, tmp_path_factory, changes, end):
     data = bytearray(bag)
     for place, value in changes:
