@@ -15,7 +15,7 @@ import pytest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from controllers import NAMES, make  # noqa: E402
-from kinematics import BURGER, PaperRobot, boxes, costmap_round, discs, drive, nowhere, path_through  # noqa: E402
+from kinematics import BURGER, PaperRobot, boxes, costmap_round, discs, drive, nowhere, path_through, touches  # noqa: E402
 
 from mbf_relay.control.state import ControlState  # noqa: E402
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, angle_between  # noqa: E402
@@ -180,6 +180,33 @@ def test_a_goal_that_something_stands_on_is_blocked(name, size, speed):
     goal = 1.5 * world.stretch
     ended, _ = world.drive(world.controller(name), world.path((0, 0), (1.5, 0)), discs((goal, 0.0, 0.1 * world.scale)))
     assert not ended.reached and ended.contacts == 0 and ended.error.outcome is ControlOutcome.BLOCKED_GOAL
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_told_to_turn_back_beside_a_wall_it_brakes_before_it_swings_into_it(name, size, speed, side):
+    """A turn on the spot was free where the robot was, and turned it into the wall while it still rolled."""
+    world = scaled(size, speed)
+    world.seen.clear()
+    controller = world.controller(name, **{"az_max" if name == "mppi" else "acc_lim_theta": 12.0})
+    robot = PaperRobot(START, world.acceleration)
+    near = side * 0.18 * world.scale
+    wall = boxes((-9.0 * world.scale, min(near, 9.0 * near), 9.0 * world.stretch, max(near, 9.0 * near)))
+    controller.set_path(world.path((0, 0), (6.0, 0)), True)
+    back = world.path((0, 0), (0.02, side * 0.01), (-2.0, side * 0.01))
+    for cycle in range(35):
+        if cycle == 20:
+            came_to = robot.pose
+        if cycle >= 20:  # as planned anew from where the robot is
+            place = Pose2D(robot.pose.x, robot.pose.y, came_to.theta)
+            controller.set_path(Path(place.transform_poses(back.poses), "odom"), False)
+        now = cycle * PERIOD
+        state = ControlState(now, robot.pose, robot.velocity, world.costmap(robot.pose, wall), IDENTITY, PERIOD)
+        try:
+            command = controller.compute_velocity(state)
+        except ControlError:
+            command = STOP
+        robot.move(command, PERIOD)
+        assert not touches(robot.pose, wall, world.footprint), f"after {now:.1f} s at {robot.velocity}"
 
 
 def test_it_turns_on_the_spot(name, size, speed):

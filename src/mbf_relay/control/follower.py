@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Optional, Type
 import numpy as np
 
 from mbf_relay.control.back_out import BackOut
-from mbf_relay.control.braking import arc, stopping_time
+from mbf_relay.control.braking import arc, brakes_free, stopping_time
 from mbf_relay.control.checkers import FACING, BlockedGoalChecker, GoalChecker, StuckChecker
 from mbf_relay.control.controller import Controller
 from mbf_relay.control.follower_parameters import FollowerParameters
@@ -325,10 +325,18 @@ class PathFollower(Controller, abc.ABC):
         return self._turn(cycle, way, still)
 
     def _turn(self, cycle: ControlCycle, way: float, still: Twist2D) -> Twist2D:
-        """Return the command that turns by `way` (rad) on the spot, braking otherwise as `still` does."""
+        """Return the command that turns by `way` (rad) on the spot, braking otherwise as `still` does.
+
+        One that still rolls brakes first, on the arc it is on, where it would swing into something on its way: that the
+        turn is free tells of the spot alone.
+        """
         top = self._overshoot.turn_share(cycle.state.now, way) * cycle.turn
         rate = turn_rate(way, cycle.velocity.theta, self.parameters, cycle.state.period, top)
-        return Twist2D(still.x, still.y, rate)
+        command = Twist2D(still.x, still.y, rate)
+        if still.speed() > 0.0 and not brakes_free(self.parameters, cycle.state, cycle.checker, command):
+            share = still.speed() / max(still.speed(), cycle.velocity.speed())
+            return cycle.window.clip(Twist2D(still.x, still.y, share * cycle.velocity.theta))
+        return command
 
     def turn_to_path(self, cycle: ControlCycle, least: float) -> Optional[Twist2D]:
         """Return a turn on the spot towards the path, None where there is no need or no space for one.
