@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import Callable, Tuple
 
 import numpy as np
 
-from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, CostGrid, Window
+from mbf_relay.costmap.cost_grid import INSCRIBED, CostGrid
 from mbf_relay.costmap.footprint_checker import FootprintChecker
-from mbf_relay.distances import distances_to_zeros
 from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.planning import passage_kernels
 from mbf_relay.planning.path import Path
 
-TRIES = 4
-"""Searches after the first; one mends most paths, a second those along whose detour other obstacles stand."""
-PART = 200
-"""Points of a path around which cells are looked at together: around all of a long one would lie half the map."""
+TRIES = 8
 DETOUR_FACTOR, DETOUR_WIDTHS = 1.5, 5.0  # the longest way round: this times the path, and this many robot's widths more
 
 
@@ -27,9 +22,8 @@ def lead_round(plan: Callable[[CostGrid], Path], costmap: CostGrid) -> Path:
 
     A search keeps the robot's centre out of INSCRIBED cells, so a long or off-centre footprint, whose inscribed circle
     is small, is sent through gaps it cannot pass. Here the footprint is laid along the path as the robot would drive
-    it; where it touches, these cells are closed, with all along the path that are as narrow, and the search is asked
-    again. Where that finds no way, or a much longer one, the first path stands: it may be that obstacles are only
-    marked too large.
+    it; where it touches, these cells are closed and the search is asked again. Where that finds no way, or a much
+    longer one, the first path stands: it may be that obstacles are only marked too large.
 
     Args:
         plan: Plans on a snapshot; raises PlanningError.
@@ -47,7 +41,7 @@ def lead_round(plan: Callable[[CostGrid], Path], costmap: CostGrid) -> Path:
         narrow = touching_cells(checker, path)
         if len(narrow) == 0:
             return path
-        snapshot = _closed(snapshot, narrow, path)
+        snapshot = _closed(snapshot, narrow)
         try:
             path = plan(snapshot)
         except PlanningError as error:
@@ -103,33 +97,9 @@ def driven(points: np.ndarray, reach: float) -> Tuple[np.ndarray, np.ndarray]:
     return poses, arcs
 
 
-def _closed(costmap: CostGrid, cells: np.ndarray, path: Path) -> CostGrid:
-    """Return a snapshot in which a path's narrow cells and their neighbours may not be passed, nor others like them.
-
-    Like them are those beside any part of the path, as far as a robot is long, that lie nearer than half its width, and
-    a cell for the neighbours, to a lethal cell: the next path would only move over to these. What the robot reaches
-    from the path's ends stays open.
-
-    Args:
-        costmap: The snapshot.
-        cells: The narrow ones, (N, 2) columns and rows.
-        path: They lie on.
-    """
-    grid, reach = costmap.grid, costmap.circumscribed_radius
+def _closed(costmap: CostGrid, cells: np.ndarray) -> CostGrid:
+    """Return a snapshot in which these cells and their neighbours may not be passed."""
     costs = costmap.costs.copy()
-    margin = math.ceil(2.0 * reach / grid.resolution)
-    passed = grid.cells_at(path.poses)
-    for part in np.array_split(passed, math.ceil(len(passed) / PART)):
-        (x0, y0), (x1, y1) = part.min(axis=0).tolist(), (part.max(axis=0) + 1).tolist()
-        window = Window(x0, y0, x1, y1).grown(margin).within(grid)
-        near = costmap.costs[window.slices]
-        distances = grid.resolution * distances_to_zeros(near != LETHAL)
-        like = (near < INSCRIBED) & (distances < costmap.half_width + grid.resolution)
-        rows, columns = np.nonzero(like)
-        found = np.column_stack((columns + window.x0, rows + window.y0))
-        from_ends = [np.hypot(*(grid.centers_of(found) - path.poses[end, :2]).T) for end in (0, -1)]
-        columns, rows = found[np.minimum(*from_ends) > reach].T
-        costs[rows, columns] = INSCRIBED
     height, width = costs.shape
     for x in (-1, 0, 1):
         for y in (-1, 0, 1):

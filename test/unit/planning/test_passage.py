@@ -105,19 +105,6 @@ def narrow(costmap, path):
     return touching_cells(FootprintChecker(costmap, unknown_touches=False), path)
 
 
-@pytest.mark.parametrize("name", ["navfn/NavfnROS", "global_planner/GlobalPlanner"])
-def test_one_more_search_leads_round_a_row_of_screens(name):
-    lethal = np.zeros((60, 100), dtype=bool)
-    for number, column in enumerate(range(20, 90, 10)):
-        shift = 4 * (number % 2)
-        lethal[26 - shift:35 - shift, column] = True
-    costmap = snapshot(lethal)
-    planner = Counted(name)
-    path = planner.plan(costmap, at(costmap, 5, 30), at(costmap, 95, 30))
-    assert len(narrow(costmap, path)) == 0
-    assert planner.calls == 2
-
-
 @settings(max_examples=60)
 @given(st.integers(0, 2 ** 32 - 1))
 def test_cells_are_narrow_where_the_footprint_touches_on_the_way(seed):
@@ -244,7 +231,7 @@ def test_the_maps_edge_is_no_obstacle_and_one_on_it_is(corners):
     assert (column, row) in {tuple(cell) for cell in narrow(snapshot(lethal), path).tolist()}
 
 
-def test_closed_cells_are_the_narrow_ones_their_neighbours_and_all_as_narrow_along_the_path():
+def test_closed_cells_are_those_too_narrow_and_their_neighbours_and_the_picture_given_stays():
     costmap = wall([(48, 5)])
     before = costmap.costs.copy()
     first = straight(costmap, (5, 50), (55, 50))
@@ -253,27 +240,11 @@ def test_closed_cells_are_the_narrow_ones_their_neighbours_and_all_as_narrow_alo
     asked_again = planner.snapshots[1]
     closed = (asked_again.costs != before) & (asked_again.costs == INSCRIBED)
     expected = np.zeros_like(closed)
-    walls = np.argwhere(before == LETHAL)
-    margin = math.ceil(2.0 * costmap.circumscribed_radius / RESOLUTION)
-    for y in range(50 - margin, 50 + margin + 1):
-        for x in range(60):
-            beside = RESOLUTION * np.hypot(*(walls - (y, x)).T).min() < costmap.half_width + RESOLUTION
-            expected[y, x] = beside and min(abs(x - 5), abs(x - 55)) * RESOLUTION > costmap.circumscribed_radius
     for x, y in narrow(costmap, first):
         expected[max(y - 1, 0):y + 2, max(x - 1, 0):x + 2] = True
     assert (closed == (expected & (before < INSCRIBED))).all()
-    assert (costmap.costs == before).all(), "the snapshot given stays"
+    assert (costmap.costs == before).all()
     assert asked_again.revision == 0 and asked_again.changed_since(costmap.revision) is None
-
-
-def test_a_goal_beside_a_post_stays_open_where_the_way_to_it_is_led_round():
-    lethal = wall([(48, 5)]).costs == LETHAL
-    lethal[53, 55] = True
-    costmap = snapshot(lethal)
-    planner = Scripted([straight(costmap, (5, 50), (54, 50)), straight(costmap, (5, 50), (5, 90))])
-    lead_round(planner, costmap)
-    assert planner.snapshots[1].costs[50, 30] == INSCRIBED
-    assert planner.snapshots[1].costs[50, 54] == costmap.costs[50, 54] < INSCRIBED
 
 
 def test_closings_add_up_and_end_after_so_many_tries():
