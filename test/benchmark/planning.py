@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import resource
-import subprocess
 import sys
 import threading
 import time
@@ -15,6 +14,7 @@ import numpy as np
 from benchmark import planning_peers
 from benchmark.arena import GOAL, START, arena_costmap
 from benchmark.metric import Metric, NotMeasurable, metric_of, time_call
+from benchmark.processes import told_by
 from benchmark.public_data import public_data
 from mbf_relay import plugins
 from mbf_relay.costmap.cost_grid import LETHAL, CostGrid
@@ -191,9 +191,8 @@ def load_problems(folder: Path, name: str) -> Tuple[CostGrid, List[Tuple[Pose2D,
 def _huge() -> Iterator[Metric]:
     """Yield time and peak memory of plans on a building of 500 m x 500 m, in a process of its own."""
     for case in ("grid path", "navfn"):
-        command = [sys.executable, "-c", f"from benchmark import planning; planning.print_huge({case!r})"]
-        told = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout.split()
-        near, far, megabytes, cells = (float(value) for value in told)
+        told = told_by(f"from benchmark import planning; planning.print_huge({case!r})")
+        near, far, megabytes, cells = (float(value) for value in told.split())
         size = f"{HUGE} x {HUGE}"
         yield Metric(f"plan {size}, {case}, to the next room", near, "ms")
         yield Metric(f"plan {size}, {case}, from corner to corner", far, "ms")
