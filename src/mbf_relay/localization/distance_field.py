@@ -53,32 +53,34 @@ class DistanceField:
         self.origin = occupancy.origin
         self.resolution = occupancy.resolution
         self.max_distance = max_distance
-        self._squares = math.ceil((max_distance / self.resolution) ** 2) < OCCUPIED
+        farthest = math.ceil((max_distance / self.resolution) ** 2)
+        self._squares = farthest < OCCUPIED
+        self._far = farthest if self._squares else OCCUPIED - 1
         codes = np.arange(2 * OCCUPIED)
         below = codes % OCCUPIED
-        distances = self.resolution * np.sqrt(below) if self._squares else max_distance / (OCCUPIED - 1) * below
+        distances = self.resolution * np.sqrt(below) if self._squares else max_distance / self._far * below
         self.face_distances = np.minimum(distances, max_distance).astype(np.float32)
         self.cell_distances = np.where(codes < OCCUPIED, self.face_distances, np.float32(0.0))
         self.codes = np.empty(occupancy.data.shape, dtype=np.uint16)
         for row in range(0, len(self.codes), BAND):  # whole, the distances of a large map would fill gigabytes
-            self._encode(slice(row, row + BAND), slice(0, self.codes.shape[1]))
+            self._encode(slice(row, row + BAND))
         self._free_in_rows = np.cumsum([np.count_nonzero(is_free(row)) for row in occupancy.data])
         self.has_free_cells = bool(self._free_in_rows[-1] > 0)
 
-    def _encode(self, rows: slice, columns: slice) -> None:
-        """Compute the codes of a part of the map, from it and from what lies within `max_distance` of it."""
+    def _encode(self, rows: slice) -> None:
+        """Compute the codes of some rows, from them and from what lies within `max_distance` of them."""
         reach = int(min(self.max_distance / self.resolution, max(self.codes.shape))) + 2
-        near = tuple(slice(max(0, part.start - reach), part.stop + reach) for part in (rows, columns))
-        inner = tuple(slice(p.start - wide.start, p.stop - wide.start) for p, wide in zip((rows, columns), near))
+        near = slice(max(0, rows.start - reach), rows.stop + reach)
+        inner = slice(rows.start - near.start, rows.stop - near.start)
         occupied = self.occupancy.data[near] >= OCCUPIED_FROM
         inside = ~around(~occupied, outside=True)
         distances = distances_to(occupied & ~inside, self.resolution, self.max_distance)[inner]
         if self._squares:
-            far, scaled = math.ceil((self.max_distance / self.resolution) ** 2), np.square(distances / self.resolution)
+            scaled = np.square(distances / self.resolution)
         else:
-            far, scaled = OCCUPIED - 1, distances * np.float32((OCCUPIED - 1) / self.max_distance)
-        codes = np.where(distances < np.float32(self.max_distance), np.rint(scaled), far).astype(np.uint16)
-        self.codes[rows, columns] = codes + np.where(occupied[inner], np.uint16(OCCUPIED), np.uint16(0))
+            scaled = distances * np.float32(self._far / self.max_distance)
+        codes = np.where(distances < np.float32(self.max_distance), np.rint(scaled), self._far).astype(np.uint16)
+        self.codes[rows] = codes + np.where(occupied[inner], np.uint16(OCCUPIED), np.uint16(0))
 
     @property
     def distances(self) -> np.ndarray:
@@ -147,7 +149,7 @@ def check_map(occupancy: OccupancyMap) -> None:
 
 
 def is_free(occupancy: np.ndarray) -> np.ndarray:
-    """Tell for each cell of an occupancy grid (0 to 100, -1 unknown) whether it is free."""
+    """Return for each cell of an occupancy grid (0 to 100, -1 unknown) whether it is free."""
     return np.asarray((occupancy >= 0) & (occupancy <= FREE_TO))
 
 
