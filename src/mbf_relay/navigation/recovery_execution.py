@@ -194,11 +194,7 @@ class RecoveryExecution:
 
     def _blind(self, now: float) -> bool:
         """Return whether what the robot sees or knows of its motion is too old to move on."""
-        try:
-            self._robot.velocity()
-            return bool(self._costmaps["local"].stale_reason(now))
-        except StaleDataError:
-            return True
+        return not self._robot.knows_its_motion or bool(self._costmaps["local"].stale_reason(now))
 
     def _watch_patience(self, now: float) -> None:
         patience = self._parameters().recovery_patience
