@@ -39,12 +39,9 @@ def run_node(name: str, place: str, **arguments: Any) -> None:
     """
     ending = NodeEnding()
     os.environ.setdefault(ALGEBRA_THREADS, "1")  # before NumPy is imported
-    spare_what_nobody_uses()
-    import rospy  # here and below: only what comes after the line above can be interrupted without harm
+    _start_soon()
+    import rospy  # here and below: only what comes after NodeEnding() can be interrupted without harm
 
-    from mbf_relay.ros.common.starting import start_soon
-
-    start_soon()
     module_name, _, function = place.rpartition(".")
     importlib.import_module("mbf_relay.ros.common.reconfigure")  # quietens dynamic_reconfigure
     module = importlib.import_module(module_name)
@@ -65,12 +62,9 @@ def run_program(place: str) -> None:
         place: The function, with its module, as for `run_node`.
     """
     ending = NodeEnding(INTERRUPTED)
-    spare_what_nobody_uses()
+    _start_soon()
     import rospy
 
-    from mbf_relay.ros.common.starting import start_soon
-
-    start_soon()
     module_name, _, function = place.rpartition(".")
     module = importlib.import_module(module_name)
     ending.use(rospy.signal_shutdown)
@@ -88,6 +82,14 @@ def run_program(place: str) -> None:
     elif rospy.core.is_initialized():
         rospy.signal_shutdown("done")
     ending.leave(status)
+
+
+def _start_soon() -> None:
+    """Import rospy, without what nobody uses, and have it start a node sooner."""
+    spare_what_nobody_uses()
+    from mbf_relay.ros.common.starting import start_soon
+
+    start_soon()
 
 
 def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
