@@ -10,6 +10,7 @@ import math
 from typing import Dict, Iterator, List, NamedTuple
 
 import numpy as np
+from scipy.stats import rankdata
 
 from benchmark.map_gaps import KNOWN_START, Condition, make_log
 from benchmark.metric import Metric
@@ -81,9 +82,7 @@ def drive(building: str, seed: int, placed: str) -> Told:
 
 def area_under_curve(values: np.ndarray, right: np.ndarray) -> float:
     """Return the probability that a right pose has a higher value than a wrong one; both shape (N,), ties halved."""
-    order, inverse = np.unique(values, return_inverse=True)
-    counts = np.bincount(inverse, minlength=len(order))
-    ranks = (np.cumsum(counts) - 0.5 * (counts - 1))[inverse]
+    ranks = rankdata(values)
     n_right, n_wrong = int(right.sum()), int((~right).sum())
     if not n_right or not n_wrong:
         return math.nan
