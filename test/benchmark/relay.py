@@ -24,6 +24,8 @@ WARM_UP = 3_000
 IDLE_TIME = 10.0
 WAIT = 10.0
 """Wall time (s) after which a message counts as lost."""
+SETTLED = 1.0
+"""Wall time (s) from the last connection until the relay only does what it does for ever."""
 CLIENT, SERVER = "move_base", "move_base_flex/move_base"
 
 
@@ -88,7 +90,7 @@ class Ends:
         threading.Thread(target=self._keep_saying_status, daemon=True).start()
         links = [*self._publishers.values(), *self._subscribers]
         wait_until(lambda: all(link.get_num_connections() for link in links), "the relay's connections", WAIT)
-        time.sleep(1.0)
+        time.sleep(SETTLED)
 
     def exchange(self, goals: int) -> Dict[str, List[float]]:
         """Send goals, each answered by feedback, cancelled and ended.
