@@ -1,10 +1,7 @@
 """How hypothesis draws: the same examples every time, so that one commit is green or red; anew in the long tests."""
 
-import os
-
 from hypothesis import settings
-
-LONG = os.environ.get("MBF_RELAY_LONG") == "1"
+from tally import LONG
 
 # Time limits of single examples would judge the machine, and a database would remember failures from run to run.
 settings.register_profile("usual", derandomize=True, deadline=None, database=None)

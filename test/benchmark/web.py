@@ -13,6 +13,7 @@ import time
 from typing import Any, Callable, Iterator, List, Tuple
 
 import numpy as np
+from tally import LONG
 
 from benchmark.metric import Metric, NotMeasurable, metric_of
 from benchmark.processes import cpu_seconds, node_pid, resident_bytes
@@ -61,7 +62,7 @@ def metrics(quick: bool) -> Iterator[Metric]:
             here.wait_until_driving()
             yield from here.costs(seconds)
             yield from here.frames(seconds)
-            yield from here.growth(0.5 if quick else 60.0 if os.environ.get("MBF_RELAY_LONG") == "1" else 5.0)
+            yield from here.growth(0.5 if quick else 60.0 if LONG else 5.0)
             probe_port = free_port()
             graph.start(
                 ["rosrun", "mbf_relay", "web_view", "__ns:=/probe", f"_port:={probe_port}", "_base_frame:=probe_base"],

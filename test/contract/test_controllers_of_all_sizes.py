@@ -16,6 +16,7 @@ import pytest
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from controllers import NAMES, make  # noqa: E402
 from kinematics import BURGER, PaperRobot, boxes, costmap_round, discs, drive, nowhere, path_through, touches  # noqa: E402
+from tally import LONG  # noqa: E402
 
 from mbf_relay.control.state import ControlState  # noqa: E402
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, angle_between  # noqa: E402
@@ -24,7 +25,7 @@ from mbf_relay.planning.path import Path  # noqa: E402
 
 START, PERIOD = Pose2D(0.0, 0.0, 0.0), 0.1
 SIZES, SPEEDS = (0.2, 0.5, 1.2), (0.2, 1.0, 2.0)
-MPPI_PAIRS = set(itertools.product(SIZES, SPEEDS) if os.environ.get("MBF_RELAY_LONG") else zip(SIZES, SPEEDS))
+MPPI_PAIRS = set(itertools.product(SIZES, SPEEDS) if LONG else zip(SIZES, SPEEDS))
 """MPPI takes some ten times the computing of the others: all its sizes at all speeds only under --long."""
 
 pytestmark = pytest.mark.parametrize(

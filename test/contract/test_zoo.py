@@ -7,6 +7,7 @@ import pytest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import zoo  # noqa: E402
+from tally import LONG  # noqa: E402
 
 from mbf_relay.navigation.examination import CLAMPED, DOUBTFUL, IGNORED, REFUSED, STOOD_IN  # noqa: E402
 
@@ -24,7 +25,6 @@ UNREAD_UPSTREAM = {
 """Names that the C++ components they stand under do not read either: misspelt, misplaced, or of others."""
 CRAWLING = ("neo_mp_500", "neo_mpo_700")
 """Those that load and do not get there in time, at 50 Hz in cells of 0.02 m; why is not known yet."""
-LONG = bool(os.environ.get("MBF_RELAY_LONG"))
 QUICK = ("dingo_o", "husky", "jackal", "limo_ackermann", "mir100", "turtlebot3_waffle")
 DRIVEN = [name for name in zoo.NAMES if name not in CRAWLING and (LONG or name in QUICK)]
 

@@ -32,6 +32,7 @@ from nav_msgs.msg import OccupancyGrid
 from node.move_base_flex_case import BURGER, PADDING, STATES, MoveBaseFlexCase, is_zero, path_of, pose_at
 from ros_testing import Listener, wait_until
 from std_srvs.srv import Empty
+from tally import LONG
 
 from mbf_relay.costmap import inspection
 from mbf_relay.costmap.cost_grid import CostGrid
@@ -40,7 +41,6 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.ros.common.conversions import header, pose_from_message, pose_to_message
 
-LONG = os.environ.get("MBF_RELAY_LONG") == "1"
 NAN, INF = float("nan"), float("inf")
 
 

@@ -36,12 +36,12 @@ from mbf_msgs.msg import (
 )
 from nav_msgs.msg import Odometry
 from ros_testing import Listener, connected_publisher, wait_until
+from tally import LONG
 
 from mbf_relay.ros.common.action_client import ActionClient
 from mbf_relay.ros.common.outcome_codes import name_of
 
 SERVER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "paper_server.py")
-LONG = os.environ.get("MBF_RELAY_LONG") == "1"
 DELAYS = (0.0, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)
 """Seconds from goal to cancel."""
 REPETITIONS = 50 if LONG else 2

@@ -24,6 +24,7 @@ sys.path.insert(0, str(TEST))
 
 import users_launch_files  # noqa: E402
 from ros_testing import Listener, wait_until  # noqa: E402
+from tally import LONG  # noqa: E402
 
 ROOT = TEST.parent
 MAP = ROOT / "config" / "maps" / "turtlebot3_world.yaml"
@@ -41,7 +42,7 @@ ROBOTS = {
 }
 """What the topics of a robot are called, and its name, where not scan, odom, cmd_vel and none."""
 QUICK = ("fleet", "flex", "mapless", "other_name", "turtlebot3")
-DRIVEN = users_launch_files.NAMES if os.environ.get("MBF_RELAY_LONG") else QUICK
+DRIVEN = users_launch_files.NAMES if LONG else QUICK
 OF_THE_MASTER = ("rosdistro", "roslaunch", "rosversion", "run_id")
 
 

@@ -8,6 +8,7 @@ from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
+from tally import LONG
 
 from mbf_relay import kernels
 
@@ -97,7 +98,7 @@ def test_an_extension_of_another_python_or_numpy_is_not_the_end(forgetful, monke
     assert str(error) in kernels.reason_in_process()
 
 
-@pytest.mark.skipif(not os.environ.get("MBF_RELAY_LONG"), reason="numba compiles every kernel: minutes")
+@pytest.mark.skipif(not LONG, reason="numba compiles every kernel: minutes")
 def test_built_kernels_are_equal_to_numbas_to_the_last_bit(built):
     rooms = ["control", "costmap", "localization", "planning", "tracking", "simulation", "test_distances.py"]
     folders = [f"unit/{room}" for room in rooms] + ["contract"]

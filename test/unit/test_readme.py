@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from readmes import ROOT, block_with, blocks, texts
+from tally import LONG
 
 from mbf_relay.costmap.cost_grid import CostGrid
 from mbf_relay.geometry import Pose2D
@@ -107,7 +108,7 @@ def test_the_package_is_cloned_as_the_first_readme_says(in_new_home, tmp_path):
     assert (tmp_path / "catkin_ws" / "src" / "mbf_relay" / "package.xml").is_file()
 
 
-@pytest.mark.skipif(os.environ.get("MBF_RELAY_LONG") != "1", reason="builds the package once more")
+@pytest.mark.skipif(not LONG, reason="builds the package once more")
 def test_the_package_is_built_in_a_workspace_as_the_first_readme_says(in_new_home, tmp_path):
     place = tmp_path
     for line in workspace_block().splitlines()[:3]:

@@ -15,6 +15,7 @@ distributed = pytest.importorskip("distributed")
 sys.path.insert(0, str(Path(__file__).parent))
 
 import small_worlds  # noqa: E402
+from tally import LONG  # noqa: E402
 
 from mbf_relay.lockstep import batch  # noqa: E402
 from mbf_relay.lockstep.cluster import ClusterError, connected  # noqa: E402
@@ -25,7 +26,6 @@ from mbf_relay.lockstep.sources import sources  # noqa: E402
 from mbf_relay.lockstep.tasks import load_tasks  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[3]
-LONG = os.environ.get("MBF_RELAY_LONG") == "1"
 SHORT = {**small_worlds.FREE, "goal": [0.4, 0.0, 0.0], "reference_path_length": 0.4}
 PATIENCE = 300
 

@@ -1,7 +1,6 @@
 """The tune command: better parameters from a bad start, resumed as if never interrupted, and what is refused."""
 
 import json
-import os
 import sys
 from pathlib import Path
 
@@ -13,6 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import small_worlds  # noqa: E402
 import yaml  # noqa: E402
+from tally import LONG  # noqa: E402
 
 from mbf_relay.lockstep import batch, compare, tune, tune_picture  # noqa: E402
 
@@ -69,7 +69,6 @@ def test_a_whole_number_is_tuned_in_whole_numbers(tmp_path):
     assert isinstance(best["DWAPlannerROS"]["vx_samples"], int)
 
 
-LONG = os.environ.get("MBF_RELAY_LONG") == "1"
 
 
 @pytest.mark.skipif(not LONG, reason="drives 40 trials through the sample worlds")

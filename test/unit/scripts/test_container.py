@@ -7,6 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from tally import LONG
 
 ROOT = Path(__file__).resolve().parents[3]
 DOCKERFILE = ROOT / "scripts" / "Dockerfile"
@@ -93,7 +94,7 @@ def containers(tmp_path):
     containers.close()
 
 
-@pytest.mark.skipif(os.environ.get("MBF_RELAY_LONG") != "1", reason="builds, packages and installs on bare systems")
+@pytest.mark.skipif(not LONG, reason="builds, packages and installs on bare systems")
 def test_a_machine_with_nothing_but_debian_drives_the_circle_by_apt_alone(containers):
     containers.get_base()
     containers.build()

@@ -1,17 +1,17 @@
 """Generated worlds: solvable, repeatable, measured, and read back; BARN's kind of file read."""
 
 import json
-import os
 
 import numpy as np
 import pytest
+from tally import LONG
 
 from mbf_relay.simulation import make_worlds
 from mbf_relay.simulation.difficulty import difficulty_of
 from mbf_relay.simulation.generators import KINDS, generate
 from mbf_relay.simulation.worlds_file import load_worlds_file
 
-COUNT = 1000 if os.environ.get("MBF_RELAY_LONG") == "1" else 30
+COUNT = 1000 if LONG else 30
 BARN = """<sdf version="1.6"><world name="default">{models}<state world_name="default">{states}</state></world></sdf>"""
 MODEL = """<model name="unit_cylinder_{i}"><static>1</static><link name="link"><collision name="collision"><geometry>
 <cylinder><radius>0.075</radius><length>1</length></cylinder></geometry></collision></link></model>"""
