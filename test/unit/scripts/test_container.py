@@ -16,7 +16,7 @@ TAG = f"mbf_relay_test_{os.getpid()}"
 CERTIFICATES, LENT = "/etc/ssl/certs/ca-certificates.crt", "/lent.crt"
 
 
-def run(*command, timeout=3000.0):
+def run(*command, timeout=6000.0):
     done = subprocess.run(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", timeout=timeout
     )
@@ -70,7 +70,7 @@ class Containers:
         """Run a command in it, or what it runs by itself."""
         if self.tool == "docker":
             return run("docker", "run", "--rm", TAG, *command)
-        settings = json.loads(run("buildah", "inspect", "--format", "{{json .OCIv1.Config}}", "--type", "image", TAG))
+        settings = json.loads(run("buildah", "inspect", "--type", "image", TAG))["OCIv1"]["config"]
         container = run("buildah", "from", TAG).strip().splitlines()[-1]
         try:
             words = settings["Entrypoint"] + (list(command) or settings["Cmd"])

@@ -85,11 +85,13 @@ def run_program(place: str) -> None:
 
 
 def _start_soon() -> None:
-    """Import rospy, without what nobody uses, and have it start a node sooner."""
+    """Import rospy, without what nobody uses, and have it start a node sooner and receive with less."""
     spare_what_nobody_uses()
+    from mbf_relay.ros.common.receiving import receive_with_less
     from mbf_relay.ros.common.starting import start_soon
 
     start_soon()
+    receive_with_less()
 
 
 def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import threading
-from typing import Any, Callable, Dict, List, Optional
+from collections import deque
+from typing import Any, Callable, Deque, Dict, List, Optional, Tuple
 
+import genpy
 import rospy
 import tf2_ros
 from geometry_msgs.msg import TransformStamped
@@ -16,14 +18,63 @@ from mbf_relay.ros.common.checks import TF2_END, InvalidMessage, check_stamp, ch
 from mbf_relay.ros.common.conversions import header, transform_from_message, transform_to_message
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 
+MOST_PENDING = 50
+"""Messages of /tf that wait to be read until somebody asks for a transform: about a second's."""
 MOST_TROUBLES = 64
 """Frames whose refused transforms are warned of each by itself; a flood of names is warned of as one."""
 
 
-class CheckedListener(tf2_ros.TransformListener):
+class UnreadTransforms(TFMessage):
+    """A TFMessage that is read where somebody asks for its transforms."""
+
+    _bytes = b""
+    _read: Optional[List[TransformStamped]] = None
+
+    def deserialize(self, text: bytes) -> UnreadTransforms:
+        """Keep what came and return the message."""
+        self._bytes, self._read = text, None
+        return self
+
+    @property
+    def transforms(self) -> List[TransformStamped]:
+        """The transforms; raises genpy.DeserializationError where they cannot be read."""
+        if self._read is None:
+            self._read = TFMessage().deserialize(self._bytes).transforms if self._bytes else []
+        return self._read
+
+    @transforms.setter
+    def transforms(self, transforms: List[TransformStamped]) -> None:
+        self._read = transforms
+
+
+class AttentiveBuffer(tf2_ros.Buffer):
+    """A tf2 buffer that takes in what has come before it answers.
+
+    Attributes:
+        attend: Takes it in.
+    """
+
+    def __init__(self, cache_time: rospy.Duration) -> None:
+        super().__init__(cache_time)
+        self.attend: Callable[[], None] = lambda: None
+
+    def can_transform_core(self, *arguments: Any) -> Any:
+        """Answer as tf2 does."""
+        self.attend()
+        return super().can_transform_core(*arguments)
+
+    def lookup_transform_core(self, *arguments: Any) -> Any:
+        """Answer as tf2 does."""
+        self.attend()
+        return super().lookup_transform_core(*arguments)
+
+
+class CheckedListener:
     """A tf listener that hands tf2 only what it survives: its C++ core ends the process on stamps near 2^32.
 
     What is ahead of the clock is refused too, or it would stay the newest relation until the clock has caught up.
+    Most of what comes is asked for by nobody before the next comes, so it is read in one go when somebody asks: one by
+    one takes ten times as long.
 
     Args:
         buffer: Takes the transforms.
@@ -31,38 +82,88 @@ class CheckedListener(tf2_ros.TransformListener):
         changed: Called after each message that was taken.
     """
 
-    def __init__(self, buffer: Any, cache_time: float, changed: Callable[[], None]) -> None:
-        self._cache_time, self._changed = cache_time, changed
+    def __init__(self, buffer: AttentiveBuffer, cache_time: float, changed: Callable[[], None]) -> None:
+        self._buffer, self._cache_time, self._changed = buffer, cache_time, changed
         self._trouble: Dict[str, ThrottledWarnings] = {}  # by child frame; a busy machine's hiccup is worth no warning
-        super().__init__(buffer, buff_size=1 << 20, tcp_nodelay=True)
+        self._lock = threading.Lock()  # one reads at a time, in the order of coming
+        self._pending: Deque[Tuple[Any, float]] = deque()
+        self._heard_at = rospy.get_time()
+        buffer.attend = self.attend
+        self._subscribers = [
+            rospy.Subscriber(topic, UnreadTransforms, take, buff_size=1 << 20, tcp_nodelay=True)
+            for topic, take in (("/tf", self.take), ("/tf_static", self.take_static))
+        ]
 
-    def callback(self, data: TFMessage) -> None:
+    def close(self) -> None:
+        """Stop listening."""
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+    def take(self, message: Any) -> None:
         """Take a message of /tf."""
-        data.transforms = [transform for transform in data.transforms if self._is_sound(transform, self._cache_time)]
-        super().callback(data)
+        now = self._look_at_clock()
+        self._pending.append((message, now))
+        if len(self._pending) > MOST_PENDING:
+            self.attend()
         self._changed()
 
-    def static_callback(self, data: TFMessage) -> None:
+    def take_static(self, message: Any) -> None:
         """Take a message of /tf_static, whose stamps say nothing."""
-        data.transforms = [transform for transform in data.transforms if self._is_sound(transform, None)]
-        super().static_callback(data)
+        now = self._look_at_clock()
+        with self._lock:
+            self._read(message, now, None)
         self._changed()
 
-    def _is_sound(self, message: TransformStamped, max_age: Optional[float]) -> bool:
+    def attend(self) -> None:
+        """Read what has come."""
+        if not self._pending:
+            return
+        with self._lock:
+            while self._pending:
+                self._read(*self._pending.popleft(), self._cache_time)
+
+    def _look_at_clock(self) -> float:
+        """Return ROS time (s); where it was set back, what came before belongs to a world that is over."""
+        now: float = rospy.get_time()
+        if now < self._heard_at:
+            with self._lock:
+                if now < self._heard_at:
+                    self._heard_at = now
+                    self._pending.clear()
+                    self._buffer.clear()
+        self._heard_at = now
+        return now
+
+    def _read(self, message: Any, now: float, max_age: Optional[float]) -> None:
+        sender = message._connection_header.get("callerid", "")
+        try:
+            transforms = message.transforms
+        except genpy.DeserializationError as error:
+            self._warn_of("", f"refused a message of /tf from {sender}: {error}")
+            return
+        take = self._buffer.set_transform_static if max_age is None else self._buffer.set_transform
+        for transform in transforms:
+            if self._is_sound(transform, now, max_age):
+                take(transform, sender)
+
+    def _is_sound(self, message: TransformStamped, now: float, max_age: Optional[float]) -> bool:
         try:
             check_transform(message)
             if max_age is not None:
-                check_stamp(message.header.stamp.to_sec(), rospy.get_time(), max_age)
+                check_stamp(message.header.stamp.to_sec(), now, max_age)
             elif message.header.stamp.to_sec() >= TF2_END:
                 message.header.stamp = rospy.Time()
         except InvalidMessage as error:
             child = message.child_frame_id if len(self._trouble) < MOST_TROUBLES else ""
             relation = f"'{message.header.frame_id}' to '{message.child_frame_id}'"
-            self._trouble.setdefault(child, ThrottledWarnings()).say(f"refused a transform from {relation}: {error}")
+            self._warn_of(child, f"refused a transform from {relation}: {error}")
             return False
         if message.child_frame_id in self._trouble:
             self._trouble[message.child_frame_id].worked()
         return True
+
+    def _warn_of(self, child: str, text: str) -> None:
+        self._trouble.setdefault(child, ThrottledWarnings()).say(text)
 
 
 class Transforms:
@@ -74,12 +175,12 @@ class Transforms:
     """
 
     def __init__(self, cache_time: float = 10.0, changed: Callable[[], None] = lambda: None) -> None:
-        self.buffer = tf2_ros.Buffer(rospy.Duration(cache_time))
+        self.buffer = AttentiveBuffer(rospy.Duration(cache_time))
         self._listener = CheckedListener(self.buffer, cache_time, changed)
 
     def close(self) -> None:
         """Stop listening."""
-        self._listener.unregister()
+        self._listener.close()
 
     def lookup(
         self, target_frame: str, source_frame: str, stamp: Optional[float] = None, timeout: float = 0.0,

@@ -1,0 +1,143 @@
+"""What comes over a connection: every message, whole and in order, however it is cut up on the way."""
+
+import random
+import socket
+import struct
+import threading
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import rospy  # noqa: E402
+from actionlib_msgs.msg import GoalID  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
+from rospy.exceptions import TransportException, TransportTerminated  # noqa: E402
+from rospy.impl.tcpros_base import TCPROSTransport  # noqa: E402
+from rospy.impl.tcpros_pubsub import TCPROSSub  # noqa: E402
+
+from mbf_relay.ros.common import receiving  # noqa: E402
+
+
+class Connection:
+    """A subscriber's end, and the other one."""
+
+    def __init__(self, monkeypatch, queue_size=None):
+        monkeypatch.setattr("rospy.impl.tcpros_base.is_shutdown", lambda: False)
+        self.far, near = socket.socketpair()
+        self.transport = TCPROSTransport(TCPROSSub("/goal", GoalID, queue_size), "/goal", {"callerid": "/far"})
+        self.transport.socket = near
+
+    def receive(self):
+        return [message.id for message in receiving.receive_once(self.transport)]
+
+    def close(self):
+        self.far.close()
+        self.transport.socket.close()
+
+
+@pytest.fixture
+def connection(monkeypatch):
+    connection = Connection(monkeypatch)
+    yield connection
+    connection.close()
+
+
+def framed(*names):
+    parts = []
+    for name in names:
+        body = struct.pack("<II", 1, 2) + struct.pack("<I", len(name)) + name.encode()
+        parts.append(struct.pack("<I", len(body)) + body)
+    return b"".join(parts)
+
+
+def test_a_message_that_comes_alone_is_there_with_who_sent_it(connection):
+    connection.far.sendall(framed("one"))
+    message, = receiving.receive_once(connection.transport)
+    assert message.id == "one" and message._connection_header == {"callerid": "/far"}
+    assert (connection.transport.stat_num_msg, connection.transport.stat_bytes) == (1, len(framed("one")))
+
+
+def test_several_in_one_piece_are_all_there(connection):
+    connection.far.sendall(framed("one", "", "three"))
+    assert connection.receive() == ["one", "", "three"]
+    connection.far.sendall(framed("four"))
+    assert connection.receive() == ["four"]
+
+
+def test_where_only_the_newest_is_wanted_it_is_the_newest(monkeypatch):
+    connection = Connection(monkeypatch, queue_size=1)
+    connection.far.sendall(framed("old", "new"))
+    assert connection.receive() == ["new"]
+    connection.close()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_however_a_stream_is_cut_up_nothing_is_lost_or_changed(monkeypatch, seed):
+    chance = random.Random(seed)
+    names = ["x" * chance.choice((0, 1, 40, 3000)) + str(number) for number in range(60)]
+    stream, connection = framed(*names), Connection(monkeypatch)
+    connection.transport.protocol.buff_size = chance.choice((7, 64, 4096, 65536))
+
+    def send():
+        begin = 0
+        while begin < len(stream):
+            end = begin + chance.choice((1, 3, 16, 20, 500, 9000))
+            connection.far.sendall(stream[begin:end])
+            begin = end
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    received = []
+    while len(received) < len(names):
+        received += connection.receive()
+    sender.join()
+    assert received == names
+    connection.close()
+
+
+def test_a_publisher_that_is_gone_ends_the_connection(connection):
+    connection.far.close()
+    with pytest.raises(TransportTerminated):
+        connection.receive()
+
+
+def test_a_message_that_cannot_be_read_is_refused_as_rospy_refuses_it(connection):
+    connection.far.sendall(struct.pack("<I", 3) + b"abc")
+    with pytest.raises(TransportException, match="DeserializationError"):
+        connection.receive()
+
+
+def test_who_subscribes_later_in_the_same_process_gets_the_last_latched_one(connection):
+    connection.transport.is_latched = True
+    connection.far.sendall(framed("map"))
+    connection.receive()
+    assert connection.transport.latch.id == "map"
+
+
+def test_simulated_time_is_shown_and_wakes_who_waits_for_it(monkeypatch):
+    monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
+    monkeypatch.setattr(rospy.rostime, "_rostime_current", rospy.Time(1))
+    condition, seen = rospy.rostime._rostime_cond, []
+
+    def wait():
+        with condition:
+            ready.set()
+            condition.wait(20.0)
+            seen.append(rospy.get_rostime())
+
+    ready = threading.Event()
+    waiting = threading.Thread(target=wait)
+    waiting.start()
+    assert ready.wait(20.0)
+    receiving.set_time(Clock(rospy.Time(7, 5)))
+    waiting.join(20.0)
+    assert seen == [rospy.Time(7, 5)]
+
+
+def test_all_that_a_node_receives_comes_this_way(monkeypatch):
+    monkeypatch.setattr(TCPROSTransport, "receive_once", None)
+    monkeypatch.setattr("rospy.impl.simtime._set_rostime_clock_wrapper", None)
+    receiving.receive_with_less()
+    assert TCPROSTransport.receive_once is receiving.receive_once
+    assert rospy.impl.simtime._set_rostime_clock_wrapper is receiving.set_time

@@ -1,0 +1,120 @@
+"""Where the robot is, asked of transforms that wait to be read."""
+
+import io
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import rospy  # noqa: E402
+from geometry_msgs.msg import TransformStamped  # noqa: E402
+from tf2_msgs.msg import TFMessage  # noqa: E402
+
+from mbf_relay.geometry import Pose2D  # noqa: E402
+from mbf_relay.outcomes import TransformError  # noqa: E402
+from mbf_relay.ros.common import transforms  # noqa: E402
+from mbf_relay.ros.common.conversions import header, transform_to_message  # noqa: E402
+
+
+class Robot:
+    """Sends where it is, and is asked."""
+
+    def __init__(self, monkeypatch):
+        self.subscribed, self.now, self.changes = {}, 10.0, 0
+        monkeypatch.setattr("rosgraph.Master.lookupService", lambda *_: "")  # tf2 asks the master for its own service
+        monkeypatch.setattr(rospy, "Subscriber", self._subscribe)
+        monkeypatch.setattr(rospy, "get_time", lambda: self.now)
+        monkeypatch.setattr(rospy, "get_rostime", lambda: rospy.Time.from_sec(self.now))
+        self.transforms = transforms.Transforms(changed=self._note)
+
+    def _subscribe(self, topic, message_class, callback, **_options):
+        self.subscribed[topic] = message_class, callback
+
+    def _note(self):
+        self.changes += 1
+
+    def send(self, x, topic="/tf", child="base", stamp=None, text=None):
+        message_class, callback = self.subscribed[topic]
+        if text is None:
+            stamp = self.now if stamp is None else stamp
+            text = written(TFMessage([TransformStamped(
+                header("odom", stamp), child, transform_to_message(Pose2D(x, 0.0, 0.0)))]))
+        message = message_class().deserialize(text)
+        message._connection_header = {"callerid": "/wheels"}
+        callback(message)
+
+    def x(self, child="base", stamp=None):
+        return self.transforms.lookup("odom", child, stamp).x
+
+
+def written(message):
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    return buffer.getvalue()
+
+
+@pytest.fixture
+def robot(monkeypatch):
+    return Robot(monkeypatch)
+
+
+def test_the_pose_asked_for_is_the_newest_that_came(robot):
+    for step in range(5):
+        robot.now += 0.1
+        robot.send(float(step))
+    assert robot.x() == 4.0 and robot.x(stamp=10.2) == 1.0
+    assert robot.changes == 5
+
+
+def test_who_only_asks_whether_a_pose_is_known_hears_of_what_has_just_come(robot):
+    assert not robot.transforms.can_transform("odom", "base", 10.0)
+    robot.send(1.0)
+    assert robot.transforms.can_transform("odom", "base", 10.0)
+
+
+def test_a_stamp_is_judged_by_when_it_came_not_by_when_somebody_asks(robot):
+    robot.send(1.0)
+    robot.now += 0.1
+    robot.send(2.0, stamp=robot.now + 5.0)
+    robot.now += 5.0
+    assert robot.x() == 1.0, "it was dated five seconds ahead"
+
+
+def test_where_time_is_set_back_nothing_is_left_of_before(robot):
+    robot.send(1.0)
+    robot.x()
+    robot.now += 1.0
+    robot.send(2.0)
+    robot.now = 3.0
+    robot.send(0.0, child="arm")
+    with pytest.raises(TransformError):
+        robot.x()
+    robot.send(5.0)
+    assert robot.x() == 5.0
+
+
+def test_a_message_that_cannot_be_read_takes_no_other_with_it(robot):
+    robot.send(1.0)
+    robot.now += 0.1
+    robot.send(0.0, text=b"\x05\x00\x00\x00broken")
+    robot.send(2.0)
+    assert robot.x() == 2.0
+
+
+def test_what_nobody_asks_for_does_not_pile_up(robot):
+    for _ in range(10 * transforms.MOST_PENDING):
+        robot.now += 0.01
+        robot.send(1.0)
+    assert len(robot.transforms._listener._pending) <= transforms.MOST_PENDING
+
+
+def test_where_the_lidar_sits_is_known_whatever_its_stamp(robot):
+    robot.send(0.3, topic="/tf_static", child="lidar", stamp=2.0 ** 31)
+    assert robot.x("lidar") == 0.3
+
+
+def test_others_in_the_process_read_the_same_message_as_ever():
+    sent = TFMessage([TransformStamped(header("odom", 3.0), "base", transform_to_message(Pose2D(1.0, 2.0, 0.5)))])
+    read = transforms.UnreadTransforms().deserialize(written(sent))
+    assert read.transforms == sent.transforms and written(read) == written(sent)
+    assert transforms.UnreadTransforms().transforms == []
