@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """The amcl node on topics: what comes out, what the services do, and what bad input leaves unharmed."""
 
+import copy
 import functools
 import math
 import os
@@ -14,13 +15,14 @@ from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from nav_msgs.srv import GetMap, GetMapResponse, SetMap
+from sensor_msgs.msg import LaserScan
 from std_srvs.srv import Empty
 from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 
-from ros_testing import Listener, wait_until  # noqa: E402
+from ros_testing import Listener, connected_publisher, wait_until  # noqa: E402
 from synthetic_room import RoomRobot, initial_pose_message, synthetic_room  # noqa: E402
 
 from mbf_relay.geometry import Pose2D, angle_between  # noqa: E402
@@ -156,6 +158,15 @@ class TestAmcl(unittest.TestCase):
         poses = len(self.pose.messages)
         self.drive_until(lambda: len(self.pose.messages) > poses + 4, "updates after bad scans")
         self.assertLess(self.error()[0], 0.3)
+
+    def test_a_scan_that_names_no_frame_does_not_end_localization(self):
+        scans, others = Listener("scan", LaserScan, connected=True), connected_publisher("scan", LaserScan)
+        scan = copy.deepcopy(scans.wait_for(lambda _: True, "a scan"))
+        for scan.header.frame_id in ("laser\0", ""):
+            others.publish(scan)
+        others.unregister()
+        poses = len(self.pose.messages)
+        self.drive_until(lambda: len(self.pose.messages) > poses + 2, "updates after a scan without a frame")
 
     def test_set_map_takes_map_and_pose_and_refuses_an_empty_one(self):
         set_map = rospy.ServiceProxy("set_map", SetMap)

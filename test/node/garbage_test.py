@@ -168,6 +168,10 @@ class GarbageTest(unittest.TestCase):
             transform("odom", "base", w=0.0),
             transform("", "base"),
             transform("odom", ""),
+            transform("odom", "ba\0se"),
+            transform("base", "map"),
+            transform("base", "odom"),
+            transform("base", "base"),
             transform("odom", "base", w=math.inf),
             transform("odom", "base", rospy.Time(1, 0), x=30.0),
         ):
@@ -205,6 +209,7 @@ class GarbageTest(unittest.TestCase):
             dict(range_min=9.0),
             dict(angle_increment=1e30),
             dict(frame="nowhere"),
+            dict(frame="ba\0se"),
         ):
             self.scans.publish(scan(**changes))
         for values in (
@@ -274,6 +279,15 @@ class GarbageTest(unittest.TestCase):
             )
         )()
         self.assertIsNone(self.server.poll(), "the server has died")
+
+    def test_a_goal_in_a_frame_no_name_can_mean_ends_alone_and_in_a_sentence(self):
+        goal = MoveBaseGoal(target_pose=header(PoseStamped(), "m\0ap"))
+        goal.target_pose.pose.orientation.w = 1.0
+        sent = self.client.send(goal)
+        wait_until(lambda: sent.ending is not None, "the goal's end")
+        self.assertIn("names no frame", sent.ending.text)
+        self.drive()
+        self.goes_on()
 
     def test_a_robot_whose_navigation_hangs_stands_and_its_goal_ends(self):
         rospy.ServiceProxy("move_base_flex/hang", Empty)()

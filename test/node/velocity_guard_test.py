@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """The guard between a driver and the simulated wheels: what passes, what stops the robot, and what it says of it."""
 
+import copy
 import os
 import sys
 import unittest
@@ -143,6 +144,13 @@ class TestVelocityGuard(unittest.TestCase):
         self.drive.publish(forward(float("nan")))
         wait_until(lambda: self.passed.last == STILL, "a zero")
         self.check_state("not finite")
+
+    def test_a_scan_that_names_no_frame_does_not_end_the_guard(self):
+        scan, others = copy.deepcopy(self.scans.last), connected_publisher("scan", LaserScan)
+        for scan.header.frame_id in ("base_scan\0", ""):
+            others.publish(scan)
+        others.unregister()
+        self.start_driving()
 
     def test_z_a_guard_that_ends_sends_a_zero_first(self):
         self.start_driving()

@@ -280,9 +280,7 @@ class AmclNode:
         values = self._parameters
         return self.transforms.can_transform(
             values.odom_frame_id, values.base_frame_id, message.header.stamp.to_sec()
-        ) and self.transforms.buffer.can_transform(
-            values.base_frame_id, message.header.frame_id.lstrip("/"), rospy.Time(0), rospy.Duration(0)
-        )
+        ) and self.transforms.can_transform(values.base_frame_id, message.header.frame_id)
 
     def process(self, message: LaserScanMessage) -> None:
         """Run the filter on one scan whose transform is there, and publish what comes out."""

@@ -70,12 +70,16 @@ def check_stamp(stamp: float, now: float, max_age: Optional[float] = None) -> No
         raise InvalidMessage(f"its stamp {stamp:.2f} s is {now - stamp:.2f} s old; at most {max_age:g} s allowed")
 
 
+def check_frames(*names: str) -> None:
+    """Refuse names that no frame can have: empty ones, and those with a NUL, of which tf2, being C, takes none."""
+    for name in names:
+        if not name.strip("/") or "\0" in name:
+            raise InvalidMessage(f"{name!r} names no frame")
+
+
 def check_transform(message: Any) -> None:
     """Refuse a TransformStamped whose numbers mean nothing; its stamp is judged by `check_stamp`."""
-    if not (message.header.frame_id.strip("/") and message.child_frame_id.strip("/")):
-        raise InvalidMessage(
-            f"it goes from '{message.header.frame_id}' to '{message.child_frame_id}'; a frame must have a name"
-        )
+    check_frames(message.header.frame_id, message.child_frame_id)
     moved, turned = message.transform.translation, message.transform.rotation
     check_place(moved.x, moved.y, moved.z)
     squared = sum(min(abs(part), 1e9) ** 2 for part in (turned.x, turned.y, turned.z, turned.w))

@@ -14,8 +14,9 @@ from tf2_msgs.msg import TFMessage
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
-from mbf_relay.ros.common.checks import TF2_END, InvalidMessage, check_stamp, check_transform
+from mbf_relay.ros.common.checks import TF2_END, InvalidMessage, check_frames, check_stamp, check_transform
 from mbf_relay.ros.common.conversions import header, transform_from_message, transform_to_message
+from mbf_relay.ros.common.frame_tree import FrameTree
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 
 MOST_PENDING = 50
@@ -84,6 +85,7 @@ class CheckedListener:
 
     def __init__(self, buffer: AttentiveBuffer, cache_time: float, changed: Callable[[], None]) -> None:
         self._buffer, self._cache_time, self._changed = buffer, cache_time, changed
+        self._tree = FrameTree()
         self._trouble: Dict[str, ThrottledWarnings] = {}  # by child frame; a busy machine's hiccup is worth no warning
         self._lock = threading.Lock()  # one reads at a time, in the order of coming
         self._pending: Deque[Tuple[Any, float]] = deque()
@@ -153,6 +155,7 @@ class CheckedListener:
                 check_stamp(message.header.stamp.to_sec(), now, max_age)
             elif message.header.stamp.to_sec() >= TF2_END:
                 message.header.stamp = rospy.Time()
+            self._tree.add(message.header.frame_id, message.child_frame_id)
         except InvalidMessage as error:
             child = message.child_frame_id if len(self._trouble) < MOST_TROUBLES else ""
             relation = f"'{message.header.frame_id}' to '{message.child_frame_id}'"
@@ -206,10 +209,8 @@ class Transforms:
         max_age: Optional[float] = None,
     ) -> TransformStamped:
         """Return the transform as a message, for whoever needs all three dimensions; arguments as for `lookup`."""
-        if not target_frame.strip("/") or not source_frame.strip("/"):
-            raise TransformError(f"no transform from '{source_frame}' to '{target_frame}': a frame must have a name")
         time = _tf2_time(stamp)
-        frames = target_frame.lstrip("/"), source_frame.lstrip("/")
+        frames = _tf2_frames(target_frame, source_frame)
         try:
             if timeout > 0.0:  # else the look whether it is there would be one more, forty times a second
                 self.buffer.can_transform(*frames, time, rospy.Duration(timeout))
@@ -226,14 +227,22 @@ class Transforms:
             )
         return message
 
-    def can_transform(self, target_frame: str, source_frame: str, stamp: float) -> bool:
-        """Return whether the relation is known at `stamp` (s)."""
+    def can_transform(self, target_frame: str, source_frame: str, stamp: Optional[float] = None) -> bool:
+        """Return whether the relation is known at `stamp` (s), or at all where None."""
         try:
-            time = _tf2_time(stamp)
+            frames, time = _tf2_frames(target_frame, source_frame), _tf2_time(stamp)
         except TransformError:
             return False
-        return bool(
-            self.buffer.can_transform(target_frame.lstrip("/"), source_frame.lstrip("/"), time, rospy.Duration(0)))
+        return bool(self.buffer.can_transform(*frames, time, rospy.Duration(0)))
+
+
+def _tf2_frames(target: str, source: str) -> Tuple[str, str]:
+    """Return the names of two frames as tf2 takes them."""
+    try:
+        check_frames(target, source)
+    except InvalidMessage as error:
+        raise TransformError(f"no transform from {source!r} to {target!r}: {error}") from error
+    return target.lstrip("/"), source.lstrip("/")
 
 
 def _tf2_time(stamp: Optional[float]) -> rospy.Time:

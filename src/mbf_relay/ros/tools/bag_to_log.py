@@ -14,7 +14,7 @@ import tf2_ros
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.logs import RecordedLog, save_log
 from mbf_relay.ros.common.bags import find_scan_topic, open_bag, read_messages, sound_transforms
-from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.checks import InvalidMessage, check_frames
 from mbf_relay.ros.common.conversions import scan_from_message, transform_from_message
 from mbf_relay.ros.common.lidar_geometry import mounting_of, seen_from_above
 
@@ -35,6 +35,7 @@ class BagReader:
             try:
                 odom = self._pose(self._odom, self._base, message.header.stamp)
                 if mount is None:
+                    check_frames(message.header.frame_id)
                     frame = message.header.frame_id.lstrip("/")
                     mount = mounting_of(self._buffer.lookup_transform_core(self._base, frame, rospy.Time(0)).transform)
                 scan = seen_from_above(scan_from_message(message), mount[1])

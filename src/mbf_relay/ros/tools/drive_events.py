@@ -17,7 +17,7 @@ from mbf_relay.report.drive import Drive, GoalRecord
 from mbf_relay.report.drive_log import DriveLog
 from mbf_relay.ros.common import conversions
 from mbf_relay.ros.common.bags import open_bag, read_messages, sound_transforms
-from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.checks import InvalidMessage, check_frames
 
 STATES: Dict[int, str] = {
     value: name for name, value in vars(GoalStatus).items() if name.isupper() and value in range(10)
@@ -141,8 +141,9 @@ class DriveEvents:
 
     def _lookup(self, target: str, source: str) -> Optional[Pose2D]:
         try:
+            check_frames(source)
             found = self._buffer.lookup_transform_core(target, source.lstrip("/"), rospy.Time(0))
-        except tf2_ros.TransformException:
+        except (tf2_ros.TransformException, InvalidMessage):
             return None
         return conversions.transform_from_message(found.transform)
 

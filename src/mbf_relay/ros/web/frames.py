@@ -11,8 +11,9 @@ import tf2_py
 from tf2_msgs.msg import TFMessage
 
 from mbf_relay.geometry import Pose2D
-from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.checks import InvalidMessage, check_frames
 from mbf_relay.ros.common.conversions import transform_from_message
+from mbf_relay.ros.common.frame_tree import FrameTree
 
 KEPT = 10.0
 """Seconds of /tf to look back on."""
@@ -28,6 +29,7 @@ class Frames:
         self._changed = changed
         self._lock = threading.Lock()
         self._newest: Optional[rospy.Time] = None
+        self._tree = FrameTree()
         self._buffer = tf2_py.BufferCore(rospy.Duration(KEPT))
         self._subscribers = [
             rospy.Subscriber("/tf", TFMessage, self._take, False, queue_size=100, buff_size=1 << 20, tcp_nodelay=True),
@@ -49,9 +51,11 @@ class Frames:
             stamp: Time to look at; the newest where None.
             or_newest: Whether the newest will do where there is none at that time.
         """
-        target, source = target.lstrip("/"), source.lstrip("/")
-        if not target or not source:
+        try:
+            check_frames(target, source)
+        except InvalidMessage:
             return None
+        target, source = target.lstrip("/"), source.lstrip("/")
         times = [stamp, rospy.Time(0)] if or_newest else [stamp]
         for time in times:
             if time is None or not 0 <= time.secs < LATEST_STAMP:
@@ -79,10 +83,13 @@ class Frames:
                         self._newest = None
                     self._newest = stamp if self._newest is None else max(stamp, self._newest)
             try:
+                check_frames(transform.header.frame_id, transform.child_frame_id)
+                with self._lock:
+                    self._tree.add(transform.header.frame_id, transform.child_frame_id)
                 if is_static:
                     self._buffer.set_transform_static(transform, "web_view")
                 else:
                     self._buffer.set_transform(transform, "web_view")
-            except tf2_py.TransformException:
+            except (tf2_py.TransformException, InvalidMessage):
                 continue
         self._changed()

@@ -45,3 +45,17 @@ def test_a_robot_is_shown_after_its_clock_was_set_back(frames):
 def test_a_transform_somewhat_late_does_not_make_the_view_forget(frames):
     seen(frames, 100.0, 1.0)
     assert seen(frames, 95.0, 2.0).x == 1.0
+
+
+def test_a_robot_is_still_shown_after_its_map_was_hung_on_it(frames):
+    seen(frames, 1.0, 1.0)
+    wrong = TransformStamped(child_frame_id="map")
+    wrong.header.stamp, wrong.header.frame_id = rospy.Time(1), "base_footprint"
+    wrong.transform.rotation.w = 1.0
+    frames._take(TFMessage([wrong]), False)
+    assert seen(frames, 2.0, 2.0).x == 2.0
+    assert frames.lookup("base_footprint", "map").x == -2.0
+
+
+def test_a_frame_that_no_name_can_mean_is_not_looked_for(frames):
+    assert frames.lookup("map", "base\0") is None
