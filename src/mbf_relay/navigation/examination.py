@@ -79,7 +79,11 @@ def examine_move_base(namespace: Mapping[str, Any], known_elsewhere: Iterable[st
     elsewhere = {*OTHER_MOVE_BASE_NAMES, *NavigatorParameters.names(), *READ_BY_THE_NODE, *known_elsewhere}
     values = _read(found, "", MoveBaseParameters, namespace, elsewhere)
     if values is not None:
-        found.config = server_config(namespace, values)
+        try:
+            found.config = server_config(namespace, values)
+        except ValueError as error:
+            found.add(REFUSED, _named_in(str(error), "local_costmap"), str(error))
+            return found
         _examine(found)
     return found
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Dict, List, Mapping, Tuple
 
+from mbf_relay.parameters import convert
+
 CONSERVATIVE, ROTATE, AGGRESSIVE = "conservative_reset", "rotate_recovery", "aggressive_reset"
 CLEAR_TYPE, ROTATE_TYPE = "clear_costmap_recovery/ClearCostmapRecovery", "rotate_recovery/RotateRecovery"
 
@@ -60,6 +62,9 @@ def server_config(namespace: Mapping[str, Any], values: Any) -> Dict[str, Any]:
     Args:
         namespace: The node's parameters as in the file: plugins' groups and costmaps with the rest.
         values: MoveBaseParameters, made of it.
+
+    Raises:
+        ValueError: The local costmap's circumscribed_radius is no number.
     """
     config = dict(namespace)
     for name, server_name in SERVER_NAMES.items():
@@ -72,7 +77,8 @@ def server_config(namespace: Mapping[str, Any], values: Any) -> Dict[str, Any]:
     config["robot_frame"] = str(costmap.get("robot_base_frame", "base_link")).lstrip("/")
     if "recovery_behaviors" not in namespace:
         config["recovery_behaviors"] = _listed(default_recoveries(values))
-        reach = 4.0 * float(_group(namespace, "local_costmap").get("circumscribed_radius", USUAL_RADIUS))
+        radius = _group(namespace, "local_costmap").get("circumscribed_radius", USUAL_RADIUS)
+        reach = 4.0 * convert("circumscribed_radius", radius, float)
         for name, distance in ((CONSERVATIVE, values.conservative_reset_dist), (AGGRESSIVE, reach)):
             config[name] = {"reset_distance": distance, **_group(namespace, name)}
     own = set(values.names()) - set(SERVER_NAMES.values())

@@ -1,5 +1,6 @@
 """Files written for move_base, read as what a Move Base Flex server needs."""
 
+import math
 from dataclasses import dataclass
 
 import pytest
@@ -83,3 +84,9 @@ def test_rates_and_patience_go_by_the_server_s_names():
 ])
 def test_plugins_are_named_as_move_base_names_them(type_name, name):
     assert plugin_name(type_name) == name
+
+
+@pytest.mark.parametrize("radius", [[], "wide", math.nan])
+def test_a_radius_that_is_no_number_is_named_and_no_traceback(radius):
+    with pytest.raises(ValueError, match="circumscribed_radius"):
+        config(local_costmap={"circumscribed_radius": radius})

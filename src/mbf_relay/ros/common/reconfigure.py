@@ -149,4 +149,10 @@ def serve(
             config[RESTORE_DEFAULTS] = False
         return config
 
-    return Server(config_type, take, namespace=namespace)
+    class StartsWithOurs(Server):  # type: ignore[misc]
+        """Starts with the values in force, not with what stands on the parameter server, of which some was refused."""
+
+        def _copy_from_parameter_server(self) -> None:
+            self.config.update({name: getattr(parameters, name) for name in parameters.names() if name in self.config})
+
+    return StartsWithOurs(config_type, take, namespace=namespace)

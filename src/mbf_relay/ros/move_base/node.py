@@ -49,7 +49,8 @@ class MoveBaseServer:
         elsewhere = (*OTHER_MOVE_BASE_NAMES, *RelayParameters.names(), *NavigatorParameters.names(), *SEARCHED_NAMES)
         values = ros_parameters.fill(MoveBaseParameters, namespace, "~", elsewhere)
         self.settings = OwnSettings(values, "recovery_behaviors" in namespace)
-        config = server_config(namespace, values)
+        relays = set(RelayParameters.names()) - set(NavigatorParameters.names())
+        config = {name: value for name, value in server_config(namespace, values).items() if name not in relays}
         self.global_frame = config["global_frame"]
         transforms = Transforms()
         self._nodes = {side: CostmapNode(f"{side}_costmap", config, transforms) for side in ("global", "local")}

@@ -49,7 +49,8 @@ def serve(action: bool = True, topic: bool = True, own: Optional[Any] = None) ->
     if own is None:
         parameters = ros_parameters.fill(RelayParameters, namespace, "~", known)
     else:
-        given, _notes = RelayParameters.read(namespace)
+        given, notes = RelayParameters.read(namespace)
+        ros_parameters.warn_of(notes, "~")
         parameters = given.replace(server=rospy.get_name(), global_frame=own.global_frame)
     client = ActionClient(
         f"{parameters.server}/move_base",

@@ -140,5 +140,6 @@ class VelocityGuardNode:
 def main() -> None:
     """Run the node until ROS is shut down."""
     node = VelocityGuardNode(parameters.load(VelocityGuardParameters))
+    rospy.loginfo("velocity_guard is ready")
     spare_what_stays()
     node.run()

@@ -91,13 +91,14 @@ def served(monkeypatch, parameters, low, high):
 
     kept, taken = {}, []
 
-    def server(_config_type, take, namespace):
-        kept["take"] = take
-        take({"laser_max_beams": 30, "laser_z_hit": 0.9}, 0)
+    class Server:
+        def __init__(self, _config_type, take, namespace):
+            kept["take"] = take
+            take({"laser_max_beams": 30, "laser_z_hit": 0.9}, 0)
 
     monkeypatch.setitem(sys.modules, "rospy", SimpleNamespace(logerr=lambda *words: taken.append(words)))
     monkeypatch.setitem(sys.modules, "dynamic_reconfigure", types.ModuleType("dynamic_reconfigure"))
-    monkeypatch.setitem(sys.modules, "dynamic_reconfigure.server", SimpleNamespace(Server=server))
+    monkeypatch.setitem(sys.modules, "dynamic_reconfigure.server", SimpleNamespace(Server=Server))
     config_type = SimpleNamespace(
         min={"laser_max_beams": low, "laser_z_hit": 0.0}, max={"laser_max_beams": high, "laser_z_hit": 1.0})
     reconfigure.serve(config_type, parameters, taken.append)

@@ -1,0 +1,143 @@
+"""Whatever a file says of any one parameter, the node starts, or ends with one line that names it."""
+
+import functools
+import json
+import math
+import os
+import random
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, Optional
+
+import pytest
+import yaml
+
+pytest.importorskip("mbf_msgs", reason="needs the built package")
+
+from ros_master import Master  # noqa: E402
+from tally import how_many, trial  # noqa: E402
+
+from mbf_relay import plugins  # noqa: E402
+from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters  # noqa: E402
+from mbf_relay.costmap import LAYERS, factory  # noqa: E402
+from mbf_relay.costmap.layer import Layer  # noqa: E402
+from mbf_relay.costmap.obstacle_layer import SourceParameters  # noqa: E402
+from mbf_relay.costmap.parameters import CostmapParameters  # noqa: E402
+from mbf_relay.localization.node_parameters import INITIAL, AmclParameters  # noqa: E402
+from mbf_relay.navigation.move_base_parameters import MoveBaseParameters  # noqa: E402
+from mbf_relay.navigation.parameters import NavigatorParameters  # noqa: E402
+from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS  # noqa: E402
+from mbf_relay.navigation.waypoints import WaypointFollowerParameters  # noqa: E402
+from mbf_relay.ros.relay.relay import RelayParameters  # noqa: E402
+from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
+from mbf_relay.simulation.faults import Faults  # noqa: E402
+from mbf_relay.simulation.node_parameters import SimulatorParameters  # noqa: E402
+from mbf_relay.view.parameters import WebViewParameters  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[3]
+STARTER = ROOT / "test" / "started_nodes.py"
+MAP = str(ROOT / "config" / "maps" / "turtlebot3_world.yaml")
+ALL = 10000
+"""More starts than there are parameters times values."""
+NEVER_RIGHT = {"group": {"a": 1}, "list": [], "lists": [1, "x", [math.nan]]}
+"""For a number, a text or a switch."""
+VALUES = {
+    **NEVER_RIGHT, "NaN": math.nan, "inf": math.inf, "-inf": -math.inf, "negative": -1, "huge": 1e300,
+    "far below": -1e300, "largest": 2 ** 31 - 1, "tiny": 1e-300, "none": 0, "word": "rubbish", "nothing": "",
+    "true": True, "points": [[0, 0], [1, 0]],
+}
+
+
+@functools.lru_cache
+def file_of(node):
+    """Return what a node runs with in the demo."""
+    path = ROOT / "config" / f"{node}.yaml"
+    return yaml.safe_load(path.read_text()) if path.exists() else {"web_view": {"port": 0}}.get(node, {})
+
+
+def declared():
+    """Yield (node, group, name, type) for each declared parameter of each node."""
+    server = file_of("move_base_flex")
+    sets = [("move_base_flex", "", NavigatorParameters.types())]
+    for side in ("global_costmap", "local_costmap"):
+        names = {"observation_sources": str, "map_type": str}
+        for _name, type_name, _group in factory.layer_groups(server[side]):
+            names.update(plugins.find_class(type_name, Layer, LAYERS).Parameters.types())
+        sets += [("move_base_flex", side, {**names, **CostmapParameters.types()})]
+        sets += [("move_base_flex", f"{side}/scan", SourceParameters.types())]
+    for listed in PLUGIN_LISTS:
+        sets.append(("move_base_flex", "", {listed.kind: list}))
+        for entry in server[listed.kind]:
+            kind = plugins.find_class(entry["type"], listed.base, listed.known)
+            sets.append(("move_base_flex", entry["name"], kind.Parameters.types()))
+    relay = {**RelayParameters.types(), **MoveBaseParameters.types()}
+    sets += [("move_base_relay", "", relay), ("move_base", "", relay)]
+    own = {**dict.fromkeys(INITIAL, Any), "seed": int, "start_anywhere": bool, "saved_odom": Any}
+    sets += [("amcl", "", {**AmclParameters.types(), **own}), ("map_server", "", {"frame_id": Any, "map_folder": Any})]
+    sets += [("simulator", "", SimulatorParameters.types()), ("simulator", "faults", Faults.types())]
+    sets += [("velocity_guard", "", VelocityGuardParameters.types()), ("web_view", "", WebViewParameters.types())]
+    sets += [("waypoint_follower", "", WaypointFollowerParameters.types())]
+    for node, group, types in sets:
+        for name, hint in types.items():
+            yield node, group, name, hint
+
+
+def changed(node, group, name, value):
+    """Return a node's file with one value changed."""
+    values = json.loads(json.dumps(file_of(node)))
+    here = values
+    for part in filter(None, group.split("/")):
+        here[part] = dict(here[part]) if isinstance(here.get(part), dict) else {}
+        here = here[part]
+    here[name] = value
+    return values
+
+
+def trouble(name, hint, what, came_up, status, said):
+    """Return what is wrong with how a node started; empty where nothing is."""
+    lines = [line for line in said.splitlines() if any(level in line for level in ("[WARN]", "[ERROR]", "[FATAL]"))]
+    fatal = [line for line in lines if "[FATAL]" in line]
+    if "Traceback" in said:
+        return "a traceback"
+    if status is None:
+        return "it hangs"
+    if came_up:
+        wrong = hint in (float, int, bool, Optional[float], Optional[int]) and what in NEVER_RIGHT
+        sideways = name in ("max_vel_y", "min_vel_y")  # is not looked at where the robot cannot go there
+        unsaid = wrong and not sideways and not any(name in line for line in lines)
+        return "nothing is said of it" if unsaid else "" if status == 0 else f"it ended with status {status}"
+    return "" if status == 1 and len(fatal) == 1 and name in fatal[0] else f"it ended with status {status}"
+
+
+def test_a_node_given_any_value_of_any_parameter_starts_or_says_in_a_line_what_is_wrong(tmp_path):
+    cases = [(*parameter, what) for parameter in declared() for what in VALUES]
+    random.Random(5).shuffle(cases)
+    cases = cases[:how_many(24, ALL)]
+    arguments = {"map_server": [MAP, "static_map:=another_map"]}
+    work = [
+        (node, changed(node, group, name, VALUES[what]), arguments.get(node, []))
+        for node, group, name, _hint, what in cases
+    ]
+    (tmp_path / "work").write_text(json.dumps(work))
+    master = Master(free_port())
+    environment = dict(os.environ, ROS_MASTER_URI=master.uri, ROS_LOG_DIR=str(tmp_path))
+    a_map = subprocess.Popen(
+        ["rosrun", "mbf_relay", "map_server", MAP, "__name:=a_map"], env=environment, stdout=subprocess.DEVNULL)
+    try:
+        subprocess.run([sys.executable, STARTER, tmp_path / "work", tmp_path / "results"], env=environment, check=True)
+    finally:
+        a_map.terminate()
+        a_map.wait()
+        master.kill()
+    found = []
+    results = [json.loads(line) for line in (tmp_path / "results").read_text().splitlines()]
+    assert len(results) == len(cases)
+    for (node, group, name, hint, what), (came_up, status, said) in zip(cases, results):
+        wrong = trouble(name, hint, what, came_up, status, said)
+        try:
+            with trial("starts of a node with one parameter of any kind"):
+                assert not wrong, f"{node} {group}/{name} = {VALUES[what]}: {wrong}\n{said[-1500:]}"
+        except AssertionError as error:
+            found.append(str(error))
+    assert not found, f"{len(found)} of {len(cases)}:\n" + "\n".join(found)
