@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -29,6 +30,8 @@ TOPICS = (
 """What drive_report.py needs, and what a person did; those without a slash are the robot's own."""
 PLANS = "move_base(_flex)?/[^/]+/plan"
 END_PATIENCE = 5.0
+LEAST_SPACE = 1 << 30
+"""Bytes that rosbag leaves free: with less it goes on as if it recorded, and writes nothing."""
 
 
 class Recording:
@@ -42,6 +45,7 @@ class Recording:
     def __init__(self, folder: str, minutes: float) -> None:
         self._folder, self._minutes = folder, minutes
         self._process: Optional[subprocess.Popen] = None
+        self._ended = False  # or asked to
         self.path = ""
 
     @property
@@ -50,17 +54,43 @@ class Recording:
         return self._process is not None and self._process.poll() is None
 
     def start(self, namespace: str) -> str:
-        """Begin a bag of a robot's topics, `namespace` with a slash at both ends, and return its path."""
+        """Begin a bag of a robot's topics, `namespace` with a slash at both ends, and return its path.
+
+        Raises:
+            OSError: There is no room for it.
+        """
         if not self.is_on:
             os.makedirs(self._folder, exist_ok=True)
+            if self._lack():
+                raise OSError(self._lack())
             self.path = os.path.join(self._folder, time.strftime("web_%Y-%m-%d-%H-%M-%S.bag"))
             self._process = subprocess.Popen(
                 self._command(namespace), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
             )
+            self._ended = False
         return self.path
+
+    def look(self) -> str:
+        """End a bag that gets nothing any more; return why one ends that nobody ended, once, else nothing."""
+        if self._process is None or self._ended:
+            return ""
+        status = self._process.poll()
+        if status is None and self._lack():
+            self.stop()
+            return f"the recording ends: {self._lack()}"
+        self._ended = status is not None
+        return f"the recording has ended: rosbag failed with status {status}" if status else ""
+
+    def _lack(self) -> str:
+        """Return what is said of a disk with too little room, nothing of one that has enough."""
+        free = shutil.disk_usage(self._folder).free
+        if free >= LEAST_SPACE:
+            return ""
+        return f"{self._folder} has {free / 1e6:.0f} MB left, and rosbag leaves {LEAST_SPACE / 1e6:.0f} MB free"
 
     def stop(self) -> None:
         """End the bag, if there is one; rosbag gives it its name on an interrupt."""
+        self._ended = True
         if self._process is not None and self._process.poll() is None:
             self._process.send_signal(signal.SIGINT)
 

@@ -88,6 +88,9 @@ class ViewedRobot:
             return
         self._tell_at = now + self.view.state.period
         holder = self.hands.holder
+        trouble = self._recording.look()
+        if trouble:
+            self._told(trouble)
         self.view.state.show({
             **self.view.words(now), **more, "driver": getattr(holder, "number", None),
             "tour": None if self._tour is None else self._tour.as_dict(), "recording": self._recording.is_on,

@@ -1,0 +1,56 @@
+"""Recordings that somebody started from a browser, and that fail while nobody sees rosbag's own words."""
+
+import shutil
+from types import SimpleNamespace
+
+import pytest
+
+from mbf_relay.ros.web.recording import LEAST_SPACE, Recording
+
+
+@pytest.fixture
+def free(monkeypatch):
+    """Bytes left on every disk."""
+    left = SimpleNamespace(free=LEAST_SPACE)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _path: left)
+    return left
+
+
+@pytest.fixture
+def recording(tmp_path, free):
+    made = Recording(str(tmp_path), 1.0)
+    made._command = lambda _namespace: ["sleep", "60"]
+    yield made
+    made.close()
+
+
+def test_a_person_who_records_to_a_full_disk_is_told_so_at_once(recording, free):
+    free.free = 5000000
+    with pytest.raises(OSError, match="has 5 MB left"):
+        recording.start("/")
+    assert not recording.is_on
+
+
+def test_a_person_whose_disk_gets_full_is_told_that_no_more_is_recorded(recording, free):
+    recording.start("/")
+    assert recording.is_on and recording.look() == ""
+    free.free -= 1
+    assert "MB left" in recording.look()
+    assert recording.look() == ""
+    recording._process.wait()
+    assert not recording.is_on
+
+
+def test_a_person_whose_recording_died_is_told_so_once(recording):
+    recording._command = lambda _namespace: ["false"]
+    recording.start("/")
+    recording._process.wait()
+    assert "failed with status 1" in recording.look()
+    assert recording.look() == ""
+
+
+def test_a_recording_that_somebody_ended_is_no_failure(recording):
+    recording.start("/")
+    recording.stop()
+    assert recording._process.wait() != 0  # sleep's, on an interrupt
+    assert not recording.is_on and recording.look() == ""
