@@ -1,0 +1,43 @@
+#!/usr/bin/env python3
+"""Passes a simulator's clock and readings on in another time, which is set forward and back while it runs."""
+
+import functools
+
+import rospy
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Float64
+from tf2_msgs.msg import TFMessage
+
+BEGIN = 1000.0
+"""Seconds added at first, so that there is a time before."""
+
+
+class ClockStepper:
+    def __init__(self):
+        self.ahead = rospy.Duration(BEGIN)
+        self.publishers = {
+            topic: rospy.Publisher(topic, kind, queue_size=10, tcp_nodelay=True)
+            for topic, kind in (("/clock", Clock), ("/tf", TFMessage), ("scan", LaserScan), ("odom", Odometry))
+        }
+        rospy.Subscriber("clock_step", Float64, self.step)
+        for topic, publisher in self.publishers.items():
+            take = functools.partial(self.pass_on, publisher)
+            rospy.Subscriber(f"/true/{topic.strip('/')}", publisher.data_class, take, queue_size=10, tcp_nodelay=True)
+
+    def step(self, message):
+        self.ahead += rospy.Duration(message.data)
+
+    def pass_on(self, publisher, message):
+        if publisher.data_class is Clock:
+            message.clock += self.ahead
+        for header in [each.header for each in getattr(message, "transforms", [message]) if hasattr(each, "header")]:
+            header.stamp += self.ahead
+        publisher.publish(message)
+
+
+if __name__ == "__main__":
+    rospy.init_node("clock_stepper")
+    stepper = ClockStepper()
+    rospy.spin()
