@@ -149,7 +149,7 @@ def serve(
             config[RESTORE_DEFAULTS] = False
         return config
 
-    class StartsWithOurs(Server):  # type: ignore[misc]
+    class StartsWithOurs(Server):
         """Starts with the values in force, not with what stands on the parameter server, of which some was refused."""
 
         def _copy_from_parameter_server(self) -> None:

@@ -118,3 +118,26 @@ def test_others_in_the_process_read_the_same_message_as_ever():
     read = transforms.UnreadTransforms().deserialize(written(sent))
     assert read.transforms == sent.transforms and written(read) == written(sent)
     assert transforms.UnreadTransforms().transforms == []
+
+
+def test_a_robot_knows_its_place_after_one_message_hung_its_odometry_on_it(robot):
+    robot.send(1.0)
+    message_class, callback = robot.subscribed["/tf"]
+    wrong = TransformStamped(header("base", robot.now), "odom", transform_to_message(Pose2D(5.0, 0.0, 0.0)))
+    message = message_class().deserialize(written(TFMessage([wrong])))
+    message._connection_header = {"callerid": "/intruder"}
+    callback(message)
+    robot.now += 100.0
+    robot.send(2.0)
+    assert robot.x() == 2.0
+    assert robot.transforms.lookup("base", "odom").x == -2.0
+
+
+@pytest.mark.parametrize("name", ["ba\0se", "", "/"])
+def test_a_name_that_no_frame_can_have_is_refused_in_a_sentence(robot, name):
+    robot.send(1.0)
+    with pytest.raises(TransformError, match="names no frame"):
+        robot.x(name)
+    assert not robot.transforms.can_transform("odom", name)
+    robot.send(2.0, child=name)
+    assert robot.x() == 1.0
