@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import ast
+import math
+import operator
 import os
+import re
 import stat
 from pathlib import Path
-from typing import Any, BinaryIO, Dict, Set
+from typing import Any, BinaryIO, Callable, Dict, Set
 from xml.etree.ElementTree import Element
 
 import yaml
@@ -15,6 +19,59 @@ LARGEST_TEXT = 64 << 20
 """Bytes of a file that is read whole."""
 MOST_NODES = 1000000
 """Values in a YAML document once its aliases are written out."""
+LONGEST_ANGLE = 80
+"""Characters of an angle that is written as a calculation."""
+CALCULATIONS: Dict[type, Callable[..., float]] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
+    ast.USub: operator.neg, ast.UAdd: operator.pos,
+}
+"""What an angle may be calculated with, by Python's name of it."""
+
+
+class YamlLoader(yaml.SafeLoader):  # type: ignore[misc]
+    """PyYAML's safe loader with rosparam's angles: `!degrees 60`, `deg(60)`, `!radians pi/2`, `rad(2*pi)`.
+
+    rosparam gives PyYAML's own loader these forms where it is imported, and evaluates what stands there as Python.
+    """
+
+
+def _angle(unit: float, name: str) -> Callable[[YamlLoader, Any], float]:
+    """Return what makes radians of a scalar.
+
+    Args:
+        unit: In radians.
+        name: Under which it may stand with its angle in brackets.
+    """
+    def construct(loader: YamlLoader, node: Any) -> float:
+        text = str(loader.construct_scalar(node)).strip()
+        inner = text[len(name) + 1:-1] if text.startswith(f"{name}(") else text
+        try:
+            if len(inner) > LONGEST_ANGLE:
+                raise ValueError
+            return unit * _calculated(ast.parse(inner.strip(), mode="eval").body)
+        except (SyntaxError, ValueError, ArithmeticError) as error:
+            trouble = f"'{text[:40]}' is no angle"
+            raise yaml.constructor.ConstructorError(None, None, trouble, node.start_mark) from error
+
+    return construct
+
+
+def _calculated(part: Any) -> float:
+    """Return the value of a calculation with numbers and pi; ValueError where it is anything else."""
+    if isinstance(part, ast.Constant) and type(part.value) in (int, float):
+        return float(part.value)
+    if isinstance(part, ast.Name) and part.id == "pi":
+        return math.pi
+    if isinstance(part, ast.UnaryOp) and type(part.op) in CALCULATIONS:
+        return CALCULATIONS[type(part.op)](_calculated(part.operand))
+    if isinstance(part, ast.BinOp) and type(part.op) in CALCULATIONS:
+        return CALCULATIONS[type(part.op)](_calculated(part.left), _calculated(part.right))
+    raise ValueError("it is no calculation")
+
+
+for tag, unit, name in (("!degrees", math.pi / 180.0, "deg"), ("!radians", 1.0, "rad")):
+    YamlLoader.add_constructor(tag, _angle(unit, name))
+    YamlLoader.add_implicit_resolver(tag, re.compile(rf"^{name}\([^)]*\)$"), first=[name[0]])
 
 
 def config_folder() -> Path:
@@ -80,7 +137,7 @@ def parse_yaml(text: str) -> Any:
     """
     loader = None
     try:
-        loader = yaml.SafeLoader(text)
+        loader = YamlLoader(text)
         node = loader.get_single_node()
         if node is None:
             return None

@@ -12,12 +12,15 @@ from tally import LONG  # noqa: E402
 from mbf_relay.navigation.examination import CLAMPED, DOUBTFUL, IGNORED, REFUSED, STOOD_IN  # noqa: E402
 
 UNREAD_UPSTREAM = {
-    "acc_lim_Y", "allow_unknown", "cost_factor", "default_tolerance", "footprint_padding", "inflation_radius",
-    "inflation_unknow", "lethal_cost", "mark_threshold", "max_in_place_vel_theta", "max_vel_rot", "max_vel_y",
+    "acc_lim_Y", "allow_unknown", "alternative_goals_thresh",
+    "cost_factor", "default_tolerance", "footprint_padding", "inflation_radius",
+    "inflation_unknow", "last_plan_if_blocked", "lethal_cost",
+    "lethal_cost_threshold", "mark_threshold", "max_in_place_vel_theta", "max_vel_rot", "max_vel_y",
     "meter_scoring",
     "min_obstacle_height", "min_vel_rot", "min_vel_y", "neutral_cost", "old_navfn_behavior", "orientation_mode",
     "orientation_window_size", "origin_z", "penalize_negative_x", "publish_observations", "publish_potential",
-    "publish_voxel_map", "recovery_behaviour_enabled", "subscribe_to_updates", "unknown_cost_value",
+    "publish_voxel_map", "recovery_behaviour_enabled", "search_alternative_goals",
+    "subscribe_to_updates", "unknown_cost_value",
     "unknown_threshold",
     "use_dijkstra", "use_grid_path", "use_quadratic", "visualize_hc_graph", "visualize_potential", "vtheta_samples",
     "vy_samples", "z_resolution", "z_voxels",

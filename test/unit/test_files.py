@@ -1,6 +1,7 @@
 """Files from outside end in one sentence: broken, huge, endless, or no files at all."""
 
 import json
+import math
 import os
 import random
 import zipfile
@@ -71,6 +72,23 @@ MERGES = "a0: &a0 {k: 1}\n" + "".join(f"a{i}: &a{i} {{<<: [*a{i - 1}, *a{i - 1}]
 def test_a_yaml_bomb_is_refused_at_once(tmp_path, text):
     with pytest.raises(maps.MapFileError):
         maps.load_map(write(tmp_path / "m.yaml", text))
+
+
+@pytest.mark.parametrize("text, degrees", [
+    ("!degrees 60.0", 60.0), ("deg(60)", 60.0), ("deg(-22.5)", -22.5), ("!radians pi/2", 90.0), ("rad(2*pi)", 360.0),
+    ("rad(-pi / 4 + 0)", -45.0), ("!radians 0.5", math.degrees(0.5)),
+])
+def test_angles_are_what_rosparam_makes_of_them(text, degrees):
+    assert files.parse_yaml(f"turn: {text}")["turn"] == pytest.approx(math.radians(degrees), abs=1e-12)
+
+
+@pytest.mark.parametrize("text", [
+    "!radians __import__('os').abort()", "!radians open", "deg(1, 2)", "!degrees much", "rad(1/0)", "rad(2**99)", "deg()",
+    "!radians '" + "+1" * 1000 + "'", "!radians [1]",
+])
+def test_what_stands_for_an_angle_is_calculated_and_nothing_else(text):
+    with pytest.raises(ValueError):
+        files.parse_yaml(f"turn: {text}")
 
 
 def test_harmless_aliases_are_read():

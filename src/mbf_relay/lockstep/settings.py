@@ -6,8 +6,6 @@ import copy
 from pathlib import Path
 from typing import Any, Dict, Iterable, Mapping, Optional, Sequence, Tuple
 
-import yaml
-
 from mbf_relay import files
 from mbf_relay.files import config_folder as config_folder  # where users of this room look for it
 from mbf_relay.parameters import did_you_mean, nearest_of
@@ -98,9 +96,9 @@ def parse_change(text: str) -> Tuple[str, Any]:
     if not (name.strip() and equals):
         raise ValueError(f"'{text}' is no change of a parameter; it must have the form name.of.parameter=value")
     try:
-        return name.strip(), yaml.safe_load(value)
-    except yaml.YAMLError as error:
-        raise ValueError(f"'{value}' (for {name}) is no YAML value: {' '.join(str(error).split())}") from error
+        return name.strip(), files.parse_yaml(value)
+    except ValueError as error:
+        raise ValueError(f"'{value}' (for {name}) is no YAML value: {error}") from error
 
 
 def full_name(name: str, known: Sequence[str]) -> str:

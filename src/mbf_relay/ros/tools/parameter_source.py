@@ -87,7 +87,7 @@ def add_yaml(text: str, path: str, namespace: str, source: ParameterSource) -> N
     for number, line in enumerate(text.splitlines(), 1):
         if "\t" in line[: len(line) - len(line.lstrip())]:
             raise ValueError(f"{path}:{number}: the line begins with a tab; YAML is indented with blanks")
-    loader = yaml.SafeLoader(CONTROL.sub(" ", text))
+    loader = files.YamlLoader(CONTROL.sub(" ", text))
     try:
         root = loader.get_single_node()
         if root is None:
@@ -115,6 +115,7 @@ def _add(node: Any, loader: Any, namespace: str, path: str, source: ParameterSou
         source: Takes the values.
     """
     seen: Dict[str, int] = {}
+    written = {id(key) for key, _ in node.value}  # others come from a group that is merged in, to be overridden
     loader.flatten_mapping(node)
     for key, value in node.value:
         name = str(loader.construct_object(key, deep=True)).strip("/")
@@ -122,7 +123,8 @@ def _add(node: Any, loader: Any, namespace: str, path: str, source: ParameterSou
         if name in seen:
             text = f"stands twice, in lines {seen[name]} and {line}; the last one holds"
             source.trouble.append((full, text))
-        seen[name] = line
+        if id(key) in written:
+            seen[name] = line
         if isinstance(value, yaml.MappingNode) and value.value:
             _add(value, loader, full, path, source)
         else:

@@ -65,6 +65,16 @@ def test_of_a_name_that_stands_twice_both_lines_are_told(tmp_path):
     assert status == 1 and "lines 6 and 7" in told
 
 
+def test_of_what_overrides_a_group_that_is_merged_in_nothing_is_told(tmp_path):
+    status, told = check(tmp_path, GOOD + "common: &common {a: 1, b: 2}\nother: {<<: *common, a: 3}\n")
+    assert "twice" not in told
+
+
+def test_a_turn_rate_in_degrees_is_read_as_rosparam_reads_it(tmp_path):
+    status, told = check(tmp_path, GOOD + "  max_rot_vel: !degrees 60.0\n")
+    assert "tag" not in told and status != 2, told
+
+
 @pytest.mark.parametrize("text, said", [
     ("a:\n\tb: 1\n", "params.yaml:2: the line begins with a tab"),
     ("a: [1, 2\nb: 3\n", "params.yaml:2"),
