@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 
 from mbf_relay import plugins
-from mbf_relay.costmap.cost_grid import LETHAL, NO_INFORMATION, CostGrid
+from mbf_relay.costmap.cost_grid import LETHAL, NO_INFORMATION, CostGrid, Window
+from mbf_relay.costmap.costmap import Costmap
+from mbf_relay.costmap.footprint_checker import FootprintChecker
+from mbf_relay.costmap.inflation_layer import InflationLayer
+from mbf_relay.costmap.layer import Layer
+from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.geometry import Pose2D, angle_between
 from mbf_relay.grid import Grid
 from mbf_relay.outcomes import PlanningError, PlanOutcome
@@ -384,3 +389,46 @@ def test_a_watcher_sees_the_potential_and_the_path_is_the_same(case):
     (_, potential, _), = planner.potential_watcher.seen
     assert potential.shape == costmap.costs.shape
     assert (potential[costmap.costs == LETHAL] == 0.0).all() and potential[0, 0] > potential[9, 8] > 0.0
+
+
+class Walls(Layer):
+    """Walls as they are drawn."""
+
+    def update_bounds(self, context, window):
+        return Window.of(self.grid)
+
+    def update_costs(self, costs, window):
+        np.maximum(costs, self.parameters, out=costs)
+
+
+def inflated(costs, resolution, width):
+    """Return a snapshot as a costmap makes it, for a robot this wide whose base is near its front."""
+    half, (height, length) = 0.5 * width, costs.shape
+    costmap = Costmap("global_costmap", CostmapParameters.from_mapping({
+        "width": length * resolution, "height": height * resolution, "resolution": resolution, "footprint_padding": 0.0,
+        "footprint": [[-half, -half], [-half, half], [0.05, half], [0.05, -half]],
+    }), [
+        Walls("walls", costs),
+        InflationLayer("inflation", InflationLayer.Parameters(inflation_radius=1.0, cost_scaling_factor=3.0)),
+    ])
+    costmap.update(1.0, Pose2D(0.4, 0.6, 0.0))
+    return costmap.snapshot()
+
+
+def test_a_path_round_the_end_of_a_wall_leaves_the_robot_room_to_turn(planner):
+    """Paths kept as far off as the inscribed circle is wide: robots cut the corner and stood before it, wedged."""
+    costs = np.zeros((100, 100), dtype=np.uint8)
+    costs[:, 48:52] = LETHAL
+    costs[40:, 48:52] = 0
+    costmap = inflated(costs, 0.02, 0.2)
+    path = plan(planner, costmap, Pose2D(0.5, 0.2, 1.5), Pose2D(1.5, 0.2, -1.5))
+    clearances = FootprintChecker(costmap).clearances_at(path.poses)
+    assert clearances.min() > costmap.circumscribed_radius
+
+
+def test_of_two_gaps_the_robot_takes_the_one_it_fits_through_at_the_price_of_a_way_round(planner):
+    costs = np.zeros((100, 100), dtype=np.uint8)
+    costs[:, 48:52] = LETHAL
+    costs[20:30, 48:52] = costs[45:65, 48:52] = 0
+    path = plan(planner, inflated(costs, 0.02, 0.2), Pose2D(0.5, 0.5, 0.0), Pose2D(1.5, 0.5, 0.0))
+    assert path.poses[:, 1].max() > 0.95

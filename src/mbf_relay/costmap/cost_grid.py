@@ -84,6 +84,8 @@ class CostGrid:
         history: The latest changes, oldest first: the revision each led to, and the cells it touched.
         obstacle_overlap: Share of a cell by which the footprint's outline may reach into an obstacle's cell.
         tracks: What moves, in `frame`.
+        side_cost, turning_cost: Costs that stand where an obstacle is so near that the robot's sides touch it, and so
+            near that a corner does where the robot turns; INSCRIBED where costs do not tell.
     """
 
     grid: Grid
@@ -97,6 +99,8 @@ class CostGrid:
     history: Tuple[Tuple[int, Window], ...] = ()
     obstacle_overlap: float = OBSTACLE_OVERLAP
     tracks: Tuple[Track, ...] = ()
+    side_cost: int = INSCRIBED
+    turning_cost: int = INSCRIBED
 
     @cached_property
     def half_width(self) -> float:

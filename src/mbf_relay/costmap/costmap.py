@@ -11,7 +11,7 @@ from typing import Any, Collection, Deque, Dict, Iterator, List, Mapping, Option
 import numpy as np
 
 from mbf_relay.costmap import footprint as footprints
-from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, NO_INFORMATION, CostGrid, Window
+from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, INSCRIBED, NO_INFORMATION, CostGrid, Window
 from mbf_relay.costmap.layer import Layer, LayerContext, ZoneLimit, changed_window, shifted, tracks_of
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.parameters import CostmapParameters
@@ -317,7 +317,17 @@ class Costmap:
             return CostGrid(
                 self._grid, self._copy, self.frame, self._footprint, self._inscribed_radius, self._circumscribed_radius,
                 self._history[-1][0], self._last_update or 0.0, tuple(self._history), self.parameters.obstacle_overlap,
-                tracks_of(self.layers))
+                tracks_of(self.layers), *self._near_costs())
+
+    def _near_costs(self) -> Tuple[int, int]:
+        """Return the costs at which the robot's sides touch an obstacle, and a corner where it turns; see CostGrid."""
+        half_width = float(np.abs(self._footprint[:, 1]).max()) if len(self._footprint) else self._inscribed_radius
+        margin = (0.5 - self.parameters.obstacle_overlap) * self._grid.resolution  # an obstacle fills its cell
+        told = []
+        for distance in (half_width, self._circumscribed_radius):
+            costs = [layer.cost_at(distance + margin) for layer in self.layers if layer.enabled]
+            told.append(max((cost for cost in costs if cost is not None), default=INSCRIBED))
+        return told[0], told[1]
 
     def oriented_footprint(self, pose: Pose2D) -> np.ndarray:
         """Return the padded outline at a pose, shape (K, 2) in metres."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Tuple
+from typing import Any, Optional, Tuple
 
 import numpy as np
 
@@ -63,6 +63,10 @@ class InflationLayer(Layer):
         if inscribed_radius != self._inscribed_radius:
             self._inscribed_radius = inscribed_radius
             self._rebuild()
+
+    def cost_at(self, distance: float) -> Optional[int]:
+        squared = math.ceil((distance / self.grid.resolution) ** 2 - 1e-9)
+        return int(self._table[squared]) if squared < len(self._table) else 0
 
     def update_bounds(self, context: LayerContext, window: Window) -> Window:
         if self._redo:

@@ -123,6 +123,10 @@ class Layer(Plugin, abc.ABC):
     def set_footprint(self, inscribed_radius: float) -> None:
         """Take a new inscribed radius (m)."""
 
+    def cost_at(self, distance: float) -> Optional[int]:
+        """Return the cost it writes so far (m) from an obstacle; None of a layer that writes none round obstacles."""
+        return None
+
     def observe(self, source: str, observation: Observation, now: float) -> None:
         """Take what one of `sources` saw, at `now` (s); its age counts from its stamp, from `now` where that is 0."""
 

@@ -60,7 +60,6 @@ class AnyAnglePlanner(GridPlanner):
         super().reconfigure(parameters)
         self._weights = global_planner_weights(
             parameters.neutral_cost, parameters.cost_factor, parameters.lethal_cost, parameters.allow_unknown)
-        self._line_weights = FastMarchingPotential.table_of(self._weights)
 
     def weights(self) -> np.ndarray:
         return self._weights
@@ -72,10 +71,10 @@ class AnyAnglePlanner(GridPlanner):
         return self._potential.field()
 
     def search(self, query: SearchQuery) -> Optional[Tuple[np.ndarray, float]]:
-        steps = follow_steps(self._steps, self._weights, query)
+        steps = follow_steps(self._steps, query)
         if steps is None:
             return None
-        down = descend_potential(self._potential, self._weights, query, all_around=self.wants_potential)
+        down = descend_potential(self._potential, query, all_around=self.wants_potential)
         pulled = [self._pulled(query, found[0]) for found in (steps, down) if found is not None]
         points, cost = min(pulled, key=lambda found: found[1])
         return spaced(points, self.parameters.spacing), cost
@@ -84,9 +83,10 @@ class AnyAnglePlanner(GridPlanner):
         grid = query.costmap.grid
         origin = np.array([grid.origin_x, grid.origin_y])
         cells = np.ascontiguousarray((points - origin) / grid.resolution)
-        count = line_kernels.pull_string(query.costmap.costs, self._line_weights, cells, PASSES)
+        weights = FastMarchingPotential.table_of(query.weights)
+        count = line_kernels.pull_string(query.costmap.costs, weights, cells, PASSES)
         cells = np.ascontiguousarray(cells[:count])
-        cost = line_kernels.polyline_cost(query.costmap.costs, self._line_weights, cells)
+        cost = line_kernels.polyline_cost(query.costmap.costs, weights, cells)
         pulled = cells * grid.resolution + origin
         pulled[0], pulled[-1] = points[0], points[-1]
         return pulled, float(cost)

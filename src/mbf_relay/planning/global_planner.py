@@ -98,19 +98,19 @@ class GlobalPlanner(GridPlanner):
     def search(self, query: SearchQuery) -> Optional[Tuple[np.ndarray, float]]:
         all_around = self.wants_potential and self.parameters.use_dijkstra
         if not self.parameters.use_grid_path:
-            return descend_potential(self._potential, self._weights, query, all_around)
-        return follow_steps(self._steps, self._weights, query, all_around)
+            return descend_potential(self._potential, query, all_around)
+        return follow_steps(self._steps, query, all_around)
 
 
 def follow_steps(
-    steps: CostToGo, weights: np.ndarray, query: SearchQuery, all_around: bool = False
+    steps: CostToGo, query: SearchQuery, all_around: bool = False
 ) -> Optional[Tuple[np.ndarray, float]]:
     """Return points in metres and the cost of the cheapest way from cell to cell, None where there is none."""
     costmap = query.costmap
     if not steps.reach(
-        costmap.costs, weights, query.start_cell, query.goal_cell, query.cancelled, costmap.revision, all_around):
+        costmap.costs, query.weights, query.start_cell, query.goal_cell, query.cancelled, costmap.revision, all_around):
         return None
     cells = steps.path(costmap.costs, query.start_cell)
     points = costmap.grid.centers_of(cells)
     points[0], points[-1] = query.start[:2], query.goal[:2]
-    return points, path_cost(costmap.costs, weights, cells)
+    return points, path_cost(costmap.costs, query.weights, cells)

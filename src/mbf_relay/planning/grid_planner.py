@@ -16,6 +16,7 @@ from mbf_relay.planning.orientation import OrientationMode, oriented
 from mbf_relay.planning.passage import lead_round
 from mbf_relay.planning.path import Path
 from mbf_relay.planning.planner import Cancellation, Planner
+from mbf_relay.planning.weights import shy_of_narrow_places
 
 Cell = Tuple[int, int]
 
@@ -28,6 +29,7 @@ class SearchQuery:
         costmap: The snapshot to plan on.
         start, goal: Where from and where to, in the costmap's frame.
         start_cell, goal_cell: The cells they lie in.
+        weights: What crossing a cell of each cost counts here: the planner's, more where the robot hardly fits.
         cancelled: Stops the search when set.
     """
 
@@ -36,6 +38,7 @@ class SearchQuery:
     goal: Pose2D
     start_cell: Cell
     goal_cell: Cell
+    weights: np.ndarray
     cancelled: Cancellation
 
 
@@ -83,7 +86,7 @@ class GridPlanner(Planner):
     ) -> Path:
         watcher = self.potential_watcher
         self.wants_potential = watcher is not None and watcher.is_watching()
-        weights = self.weights()
+        weights = shy_of_narrow_places(self.weights(), costmap)
         way_out = request.departure(costmap, weights, start)
         start_cell = (int(way_out[-1, 0]), int(way_out[-1, 1]))
         leaving = start
@@ -111,7 +114,7 @@ class GridPlanner(Planner):
         elif weights[costmap.costs[goal_cell[1], goal_cell[0]]] == 0.0:
             error = request.blocked_error(costmap, "goal", goal, PlanOutcome.BLOCKED_GOAL)
         else:
-            found = self._search(SearchQuery(costmap, start, goal, start_cell, goal_cell, cancelled))
+            found = self._search(SearchQuery(costmap, start, goal, start_cell, goal_cell, weights, cancelled))
             if found is not None:
                 return found, goal
             error = request.unreachable_error(start, goal, tolerance)
@@ -121,7 +124,7 @@ class GridPlanner(Planner):
         if nearest is None:
             raise error
         goal = Pose2D(*costmap.grid.center_of(*nearest), goal.theta)
-        found = self._search(SearchQuery(costmap, start, goal, start_cell, nearest, cancelled))
+        found = self._search(SearchQuery(costmap, start, goal, start_cell, nearest, weights, cancelled))
         if found is None:
             raise error
         return found, goal
@@ -131,7 +134,7 @@ class GridPlanner(Planner):
             return self.search(query)
         cost = query.costmap.costs[query.goal_cell[1], query.goal_cell[0]]
         cells = query.start.distance_to(query.goal) / query.costmap.grid.resolution
-        return np.array([query.start[:2], query.goal[:2]]), float(self.weights()[cost]) * cells
+        return np.array([query.start[:2], query.goal[:2]]), float(query.weights[cost]) * cells
 
 
 def _without_repeats(points: np.ndarray) -> np.ndarray:

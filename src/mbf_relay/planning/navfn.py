@@ -53,16 +53,16 @@ class NavfnPlanner(GridPlanner):
         return self._potential.field()
 
     def search(self, query: SearchQuery) -> Optional[Tuple[np.ndarray, float]]:
-        return descend_potential(self._potential, self._weights, query, all_around=self.wants_potential)
+        return descend_potential(self._potential, query, all_around=self.wants_potential)
 
 
 def descend_potential(
-    potential: FastMarchingPotential, weights: np.ndarray, query: SearchQuery, all_around: bool = False
+    potential: FastMarchingPotential, query: SearchQuery, all_around: bool = False
 ) -> Optional[Tuple[np.ndarray, float]]:
     """Return points in metres and the cost of the way down a potential, None where there is none."""
     costmap, grid = query.costmap, query.costmap.grid
     if not potential.reach(
-        costmap.costs, weights, query.start_cell, query.goal_cell, query.cancelled, costmap.revision, all_around):
+        costmap.costs, query.weights, query.start_cell, query.goal_cell, query.cancelled, costmap.revision, all_around):
         return None
     origin = np.array([grid.origin_x, grid.origin_y])
     start = (np.array(query.start[:2]) - origin) / grid.resolution

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbf_relay.costmap.cost_grid import INSCRIBED, NO_INFORMATION
+from mbf_relay.costmap.cost_grid import INSCRIBED, NO_INFORMATION, CostGrid
 
 NAVFN_NEUTRAL, NAVFN_FACTOR, NAVFN_HIGHEST = 50.0, 0.8, 252.0
 """navfn's COST_NEUTRAL, COST_FACTOR and the value just below its COST_OBS."""
+
+NARROW = 6.0
+"""What a cell counts where the robot's sides touch, by what it would count without: a gap as wide as the robot and as
+long as it is then worth a way round of some ten times its width."""
 
 
 def navfn_weights(allow_unknown: bool) -> np.ndarray:
@@ -41,3 +45,21 @@ def path_cost(costs: np.ndarray, weights: np.ndarray, cells: np.ndarray) -> floa
     steps = np.abs(np.diff(cells, axis=0)).sum(axis=1)
     lengths = np.where(steps == 2, np.sqrt(2.0), 1.0)
     return float(((counted[1:] + counted[:-1]) * 0.5 * lengths).sum())
+
+
+def shy_of_narrow_places(weights: np.ndarray, costmap: CostGrid) -> np.ndarray:
+    """Return weights that rise where the robot can hardly turn, up to NARROW times where its sides touch.
+
+    Costs are of the distance to the nearest obstacle, whatever the robot's shape: a path that counts nothing else cuts
+    corners by its inscribed circle, and takes a gap that it does not fit through for one that is merely dear.
+
+    Args:
+        weights: Shape (256,).
+        costmap: Tells at which costs the robot touches.
+    """
+    turning, side = costmap.turning_cost, costmap.side_cost
+    if turning >= side:
+        return weights
+    share = np.clip((np.arange(256) - turning) / (side - turning), 0.0, 1.0)
+    share[INSCRIBED:] = 0.0
+    return np.asarray(weights * (1.0 + (NARROW - 1.0) * share * share), dtype=np.float32)
