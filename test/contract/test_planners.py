@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 import threading
 
 import numpy as np
@@ -391,6 +392,18 @@ def test_a_watcher_sees_the_potential_and_the_path_is_the_same(case):
     assert (potential[costmap.costs == LETHAL] == 0.0).all() and potential[0, 0] > potential[9, 8] > 0.0
 
 
+def walls_with_gaps(*gaps, width=0.29):
+    """Return a snapshot at 0.02 m of three rooms in a row, with a robot this wide: a gap (m) in each wall between."""
+    resolution, height = 0.02, 60
+    costs = np.zeros((height, 60 * (len(gaps) + 1)), dtype=np.uint8)
+    costs[[0, -1]] = costs[:, [0, -1]] = LETHAL
+    for index, gap in enumerate(gaps):
+        cells, column = round(gap / resolution), 60 * (index + 1)
+        costs[:, column:column + 4] = LETHAL
+        costs[30:30 + cells, column:column + 4] = 0
+    return inflated(costs, resolution, width)
+
+
 class Walls(Layer):
     """Walls as they are drawn."""
 
@@ -432,3 +445,33 @@ def test_of_two_gaps_the_robot_takes_the_one_it_fits_through_at_the_price_of_a_w
     costs[20:30, 48:52] = costs[45:65, 48:52] = 0
     path = plan(planner, inflated(costs, 0.02, 0.2), Pose2D(0.5, 0.5, 0.0), Pose2D(1.5, 0.5, 0.0))
     assert path.poses[:, 1].max() > 0.95
+
+
+@pytest.mark.parametrize("gap", [0.02, 0.06, 0.08, 0.16, 0.18, 0.24])
+def test_a_robot_wider_than_every_gap_is_told_where_and_how_wide_the_narrowest_place_is(planner, gap):
+    costmap = walls_with_gaps(1.0, gap)
+    with pytest.raises(PlanningError) as error:
+        plan(planner, costmap, Pose2D(0.4, 0.6, 0.0), Pose2D(3.2, 0.6, 0.0))
+    assert error.value.outcome is PlanOutcome.NO_PATH_FOUND
+    said = re.search(r"narrowest place of the widest way, \((.*), (.*)\), is (.*) m wide; the robot needs 0.29 m",
+                     error.value.message)
+    assert said, error.value.message
+    x, y, width = map(float, said.groups())
+    assert 2.40 <= x <= 2.48 and 0.6 <= y <= 0.6 + gap, "the wall behind the second room"
+    assert width == pytest.approx(gap, abs=0.005)
+
+
+def test_a_robot_that_fits_and_one_that_is_walled_in_are_told_of_no_narrow_place(planner):
+    assert len(plan(planner, walls_with_gaps(1.0, 0.4), Pose2D(0.4, 0.6, 0.0), Pose2D(3.2, 0.6, 0.0))) > 10
+    with pytest.raises(PlanningError) as error:
+        plan(planner, walls_with_gaps(1.0, 0.0), Pose2D(0.4, 0.6, 0.0), Pose2D(3.2, 0.6, 0.0))
+    assert "narrowest" not in error.value.message
+
+
+def test_of_two_gaps_too_narrow_the_wider_one_is_named(planner):
+    costs = walls_with_gaps(1.0, 0.06).costs.copy()
+    costs[costs < LETHAL] = 0
+    costs[10:17, 120:124] = 0
+    costmap = inflated(costs, 0.02, 0.29)
+    with pytest.raises(PlanningError, match=r"\(2\.4\d, 0\.2\d\), is 0\.14 m wide"):
+        plan(planner, costmap, Pose2D(0.4, 0.6, 0.0), Pose2D(3.2, 0.6, 0.0))

@@ -8,10 +8,11 @@ from typing import Any, Optional, Tuple
 
 import numpy as np
 
-from mbf_relay.costmap.cost_grid import CostGrid
+from mbf_relay.costmap.cost_grid import NO_INFORMATION, CostGrid
 from mbf_relay.geometry import Pose2D
-from mbf_relay.outcomes import PlanOutcome
+from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.planning import request
+from mbf_relay.planning.narrowest import narrowest_place
 from mbf_relay.planning.orientation import OrientationMode, oriented
 from mbf_relay.planning.passage import lead_round
 from mbf_relay.planning.path import Path
@@ -79,7 +80,16 @@ class GridPlanner(Planner):
         self, costmap: CostGrid, start: Pose2D, goal: Pose2D, tolerance: float, cancelled: Cancellation
     ) -> Path:
         request.require_finite(start, goal)
-        return lead_round(lambda snapshot: self._plan_on(snapshot, start, goal, tolerance, cancelled), costmap)
+        try:
+            return lead_round(lambda snapshot: self._plan_on(snapshot, start, goal, tolerance, cancelled), costmap)
+        except PlanningError as error:
+            if error.outcome is not PlanOutcome.NO_PATH_FOUND:
+                raise
+            through_unknown = bool(self.weights()[NO_INFORMATION] > 0.0)
+            place = narrowest_place(costmap, start, goal, through_unknown, cancelled)
+            if place is None:
+                raise
+            raise PlanningError(error.outcome, f"{error.message}: {place}") from error
 
     def _plan_on(
         self, costmap: CostGrid, start: Pose2D, goal: Pose2D, tolerance: float, cancelled: Cancellation

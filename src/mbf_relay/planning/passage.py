@@ -7,13 +7,15 @@ from typing import Callable, Tuple
 
 import numpy as np
 
-from mbf_relay.costmap.cost_grid import INSCRIBED, CostGrid
+from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, CostGrid
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.planning import passage_kernels
+from mbf_relay.planning.narrowest import gap_at
 from mbf_relay.planning.path import Path
 
 TRIES = 8
+MARKED_TOO_LARGE = 1.0  # cells by which an obstacle may reach less far than the cells it marks, on each side of a gap
 DETOUR_FACTOR, DETOUR_WIDTHS = 1.5, 5.0  # the longest way round: this times the path, and this many robot's widths more
 
 
@@ -23,29 +25,32 @@ def lead_round(plan: Callable[[CostGrid], Path], costmap: CostGrid) -> Path:
     A search keeps the robot's centre out of INSCRIBED cells, so a long or off-centre footprint, whose inscribed circle
     is small, is sent through gaps it cannot pass. Here the footprint is laid along the path as the robot would drive
     it; where it touches, these cells are closed and the search is asked again. Where that finds no way, or a much
-    longer one, the first path stands: it may be that obstacles are only marked too large.
+    longer one, the first path stands: it may be that obstacles are only marked too large. It does not where there is no
+    other way and it leads through a gap narrower than the robot by more than obstacles can be marked too large.
 
     Args:
         plan: Plans on a snapshot; raises PlanningError.
         costmap: The snapshot as it is.
 
     Raises:
-        PlanningError: That of the first plan, or CANCELED.
+        PlanningError: That of the first plan, CANCELED, or NO_PATH_FOUND where the robot fits through no gap.
     """
     first = path = plan(costmap)
     if costmap.half_width <= costmap.inscribed_radius + (0.5 + costmap.obstacle_overlap) * costmap.grid.resolution:
         return first
     checker = checker_on(costmap)
     snapshot = costmap
+    too_narrow = False
     for _ in range(TRIES):
         narrow = touching_cells(checker, path)
         if len(narrow) == 0:
             return path
+        too_narrow = too_narrow or (path is first and is_too_narrow(checker, narrow))
         snapshot = _closed(snapshot, narrow)
         try:
             path = plan(snapshot)
         except PlanningError as error:
-            if error.outcome is PlanOutcome.CANCELED:
+            if error.outcome is PlanOutcome.CANCELED or (too_narrow and error.outcome is PlanOutcome.NO_PATH_FOUND):
                 raise
             return first
         if path.length > DETOUR_FACTOR * first.length + DETOUR_WIDTHS * costmap.width:
@@ -82,6 +87,18 @@ def touching_cells(checker: FootprintChecker, path: Path) -> np.ndarray:
     cells = costmap.grid.cells_at(poses[narrow])
     on_grid: np.ndarray = cells[costmap.grid.contains_cells(cells)]
     return on_grid
+
+
+def is_too_narrow(checker: FootprintChecker, cells: np.ndarray) -> bool:
+    """Return whether one of some cells (N, 2) lies in a gap that the robot cannot fit through, however it is marked."""
+    costmap = checker.costmap
+    blocked = costmap.costs == LETHAL
+    widest = costmap.width / costmap.grid.resolution - 2.0 * MARKED_TOO_LARGE
+    for column, row in cells.tolist():
+        distance = checker.clearance_at(*costmap.grid.center_of(column, row)) / costmap.grid.resolution
+        if 2.0 * distance - 1.0 < widest and gap_at(blocked, column, row, distance) < widest:
+            return True
+    return False
 
 
 def driven(points: np.ndarray, reach: float) -> Tuple[np.ndarray, np.ndarray]:

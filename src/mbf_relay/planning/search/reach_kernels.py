@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled floods: which cells can be reached, and which of them lies nearest to a goal."""
+"""Compiled floods: which cells can be reached, which is nearest to a goal, where the widest way is narrowest."""
 
 from __future__ import annotations
 
@@ -115,3 +115,53 @@ def way_out(costs, free, passable, start_x, start_y, reach, path):
         for axis in range(2):
             path[n, axis], path[length - 1 - n, axis] = path[length - 1 - n, axis], path[n, axis]
     return length
+
+
+@kernel("int64(uint8[:,::1], int64[::1], int64, int64, uint8[::1])")
+def first_joint(room, order, one, other, cancelled):
+    """Join cells (4-connected) in a given order and return the one by which two of them become connected.
+
+    Args:
+        room: Shape (height, width): 0 where a cell is not to be entered.
+        order: Shape (N,): the cells that may be, each as row * width + column.
+        one, other: The two.
+        cancelled: Shape (1,), non-zero to stop.
+
+    Returns:
+        The cell; -1 where nothing connects them or it was cancelled.
+    """
+    height, width = room.shape
+    parents = np.full(height * width, -1, np.int32)
+    for n in range(order.shape[0]):
+        if n & _CANCEL_CHECK == 0 and cancelled[0] != 0:
+            return -1
+        cell = order[n]
+        parents[cell] = cell
+        row, column = cell // width, cell % width
+        for side in range(4):
+            near_column = column + (side * 2 - 1 if side < 2 else 0)
+            near_row = row + (side * 2 - 5 if side > 1 else 0)
+            if not (0 <= near_column < width and 0 <= near_row < height):
+                continue
+            root = np.int64(near_row * width + near_column)
+            if parents[root] < 0:
+                continue
+            while parents[root] != root:
+                parents[root] = parents[parents[root]]
+                root = parents[root]
+            mine = cell
+            while parents[mine] != mine:
+                parents[mine] = parents[parents[mine]]
+                mine = parents[mine]
+            parents[mine] = root
+        if parents[one] >= 0 and parents[other] >= 0:
+            here, there = one, other
+            while parents[here] != here:
+                parents[here] = parents[parents[here]]
+                here = parents[here]
+            while parents[there] != there:
+                parents[there] = parents[parents[there]]
+                there = parents[there]
+            if here == there:
+                return cell
+    return -1
