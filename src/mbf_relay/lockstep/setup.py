@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Dict, Iterable, List, Optional, Tuple, Type
 
+import numpy as np
+
 from mbf_relay.costmap import LAYERS
 from mbf_relay.costmap.factory import build_costmap, layer_groups
 from mbf_relay.costmap.layer import Layer
 from mbf_relay.costmap.parameters import CostmapParameters
-from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.node_parameters import AmclParameters
 from mbf_relay.lockstep.fitting import fitted
 from mbf_relay.lockstep.settings import Settings, change, flatten, load_own, load_settings, merged
@@ -24,13 +25,16 @@ from mbf_relay.plugins import create, find_class
 from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.robot import RobotModel
 from mbf_relay.simulation.robot_file import load_robot
+from mbf_relay.simulation.world_map import SCAN_HEIGHT
 
 AMCL, ODOMETRY, TRUTH = LOCALIZATIONS = ("amcl", "odometry", "truth")
 KNOWN, NONE = MAPS = ("known", "none")
 
 SERVER = "move_base_flex"
 MARGIN = 3.0
-"""Metres around start and goals that the global costmap covers where there is no map."""
+"""Metres around start and goals that the global costmap covers at least where there is no map."""
+FARTHEST = 30.0
+"""Metres around start and goals beyond which it does not, however large the world is."""
 
 
 @dataclass(frozen=True)
@@ -144,15 +148,15 @@ def known_names(settings: Settings) -> List[str]:
 def without_map(server: Dict[str, Any], task: EpisodeTask) -> Dict[str, Any]:
     """Return the server's parameters for a robot that has no map: a global costmap of what it sees alone.
 
-    The costmap lies still and covers start and goals; what was never seen counts as free, or nothing could be planned.
+    The costmap lies still and covers start, goals and what stands round them, for the way may lead far aside; what was
+    never seen counts as free, or nothing could be planned.
     Where nothing is said of its cells, they are as fine as those in which the controller sees the same obstacles.
     """
     changed = copy.deepcopy(server)
     group = changed["global_costmap"]
     seen = changed.get("local_costmap", {}).get("resolution", CostmapParameters.resolution)
     group.setdefault("resolution", min(seen, CostmapParameters.resolution))
-    points = [task.world.start] + list(task.goals)
-    low, high = _extent(points)
+    low, high = _extent(task)
     group.update(
         static_map=False, rolling_window=False, track_unknown_space=False, origin_x=low[0], origin_y=low[1],
         width=high[0] - low[0], height=high[1] - low[1],
@@ -162,9 +166,14 @@ def without_map(server: Dict[str, Any], task: EpisodeTask) -> Dict[str, Any]:
     return changed
 
 
-def _extent(points: List[Pose2D]) -> Tuple[Tuple[float, float], Tuple[float, float]]:
-    xs, ys = [point.x for point in points], [point.y for point in points]
-    return (min(xs) - MARGIN, min(ys) - MARGIN), (max(xs) + MARGIN, max(ys) + MARGIN)
+def _extent(task: EpisodeTask) -> Tuple[List[float], List[float]]:
+    """Return the lowest and the highest corner (x, y in metres) of what a costmap without a map is to cover."""
+    ends = np.array([pose[:2] for pose in (task.world.start, *task.goals)])
+    solids = np.vstack((task.world.outline(SCAN_HEIGHT).reshape(-1, 2), ends))
+    lowest, highest = ends.min(axis=0), ends.max(axis=0)
+    low = np.maximum(np.minimum(lowest - MARGIN, solids.min(axis=0)), lowest - FARTHEST)
+    high = np.minimum(np.maximum(highest + MARGIN, solids.max(axis=0)), highest + FARTHEST)
+    return low.tolist(), high.tolist()
 
 
 def _check_listed(entries: List[Any], kind: str, name: str) -> None:

@@ -1,6 +1,7 @@
 """The parts an episode is made of: rates, frames, stages."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ from mbf_relay.lockstep.record import waits
 from mbf_relay.lockstep.robot import LockstepRobot
 from mbf_relay.lockstep.setup import without_map
 from mbf_relay.lockstep.stages import Stages, TimedWorker
-from mbf_relay.lockstep.tasks import circle
+from mbf_relay.lockstep.tasks import circle, task_of
 from mbf_relay.outcomes import StaleDataError, TransformError
+from mbf_relay.simulation.worlds_file import world_of
 
 
 @pytest.mark.parametrize("frequency, expected", [(200.0, 2000), (30.0, 300), (7.0, 70), (10.0, 100), (1.0 / 3.0, 4)])
@@ -111,3 +113,12 @@ def test_a_robot_without_a_map_plans_on_cells_as_fine_as_it_drives_on(local, exp
     assert without_map(server, circle())["global_costmap"]["resolution"] == expected
     server["global_costmap"]["resolution"] = 0.2
     assert without_map(server, circle())["global_costmap"]["resolution"] == 0.2, "what somebody says holds"
+
+
+@pytest.mark.parametrize("length, reach", [(2.0, 3.0), (12.0, 6.0), (500.0, 30.0)])
+def test_a_robot_without_a_map_may_be_led_far_aside_by_a_long_wall(length, reach):
+    """It planned 3 m round start and goal: a way that left that was none, and one it lost itself on was OUT_OF_MAP."""
+    wall = {"name": "wall", "start": [0, 0, 0], "goal": [2, 0, 0], "boxes": [[1.0, 0.0, 0.0, 0.1, length, 0.5]]}
+    group = without_map({"global_costmap": {}}, task_of(world_of(Path("worlds.json"), 0, wall)))["global_costmap"]
+    assert group["origin_y"] == pytest.approx(-reach) and group["height"] == pytest.approx(2.0 * reach)
+    assert group["origin_x"] == pytest.approx(-3.0) and group["width"] == pytest.approx(8.0)
