@@ -17,7 +17,7 @@ from mbf_relay.localization.motion_models import make_motion_model
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.resampling import AverageLikelihood, particle_limits, resample
 from mbf_relay.localization.scan_search import Places
-from mbf_relay.localization.tracker import HypothesisTracker
+from mbf_relay.localization.tracker import Corrected, HypothesisTracker
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.scan import LaserScan
 
@@ -182,8 +182,10 @@ class Localizer:
         before = odom_pose if self._odom_pose is None else self._odom_pose
         if self._odom_pose is not None:
             self._propagate(before, odom_pose)
+        log_whole = None
         if self.parameters.robust:
-            self._updates += self._correct(scan, laser_pose_in_base)
+            corrected = self._correct(scan, laser_pose_in_base)
+            self._updates, log_whole = self._updates + corrected.news, corrected.log_whole
         else:
             self._reweight(beams)
             self._updates += 1.0
@@ -191,7 +193,7 @@ class Localizer:
         self._forced = self._forced and self._odom_pose is None
         self._odom_pose = odom_pose
         self._awaited[scan.frame] = False
-        self.last_estimate = self._estimate()
+        self.last_estimate = self._estimate(log_whole)
         if self._updates >= self.parameters.resample_interval:
             self._updates = 0.0
             self._resample()
@@ -222,13 +224,13 @@ class Localizer:
             self._tracker.predict(after.relative_to(before), self._motion_model.covariance(before, after))
         self.poses = self._motion_model.propagate(self.poses, before, after, self._rng)
 
-    def _correct(self, scan: LaserScan, laser_pose: Pose2D) -> float:
-        """Redraw particles with the whole scan in view, weigh them, and normalise; return how much of it was news."""
+    def _correct(self, scan: LaserScan, laser_pose: Pose2D) -> Corrected:
+        """Redraw particles with the whole scan in view, weigh them, and normalise."""
         beams = pick_beams(scan, laser_pose, 1, self.parameters.laser_min_range, self.parameters.laser_max_range)
         corrected = self._tracker.correct(
             self.poses, self.log_weights, beams, scan.frame, self._rng, is_news=self._forced)
         self.poses, self.log_weights = corrected.poses, corrected.log_weights - log_sum_exp(corrected.log_weights)
-        return corrected.news
+        return corrected
 
     def _reweight(self, beams: Beams) -> None:
         """Weigh each particle by how the scan fits, and normalise (table 8.2, line 5)."""
@@ -237,9 +239,13 @@ class Localizer:
         self._averages.update(log_average, self.parameters.recovery_alpha_slow, self.parameters.recovery_alpha_fast)
         self.log_weights = log_weights - log_average
 
-    def _estimate(self) -> Estimate:
-        """Return where the robot is by the hypothesis the particles hold, as surely as its rivals leave it."""
-        own = estimate(self.poses, self.weights)
+    def _estimate(self, log_whole: Optional[np.ndarray]) -> Estimate:
+        """Return where the robot is by the hypothesis the particles hold, as surely as its rivals leave it.
+
+        Args:
+            log_whole: Log-weights of the particles, shape (N,), with the newest scan counted in full, not normalised.
+        """
+        own = estimate(self.poses, self.weights, log_whole)
         rivals = self._tracker.hypotheses.rivals
         if not self.parameters.robust or not rivals:
             return own

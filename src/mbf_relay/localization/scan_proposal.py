@@ -39,12 +39,14 @@ class Proposed(NamedTuple):
     Attributes:
         poses: Shape (N, 3).
         log_weights: Shape (N,), not normalised.
+        log_whole: The same with the whole scan counted and not its news alone, shape (N,).
         best: Where the heaviest cluster fits the scan best.
         explained: Share of the beams the map explains there.
     """
 
     poses: np.ndarray
     log_weights: np.ndarray
+    log_whole: np.ndarray
     best: PoseGaussian
     explained: float
 
@@ -80,8 +82,8 @@ class ScanProposal:
                 top = int(np.argmax(modes.log_masses))
                 best, explained = PoseGaussian(modes.poses[top], modes.covariances[top]), float(modes.explained[top])
         # Of a scan in which little is on the map, what fits does so by chance.
-        credit = min(1.0, explained / FULL_CREDIT) ** 3
-        return Proposed(poses, log_weights + credit * likelihoods, best, explained)
+        likelihoods *= min(1.0, explained / FULL_CREDIT) ** 3
+        return Proposed(poses, log_weights + likelihoods, log_weights + likelihoods / news, best, explained)
 
     def _redraw(
         self, members: np.ndarray, poses: np.ndarray, log_weights: np.ndarray, likelihoods: np.ndarray,

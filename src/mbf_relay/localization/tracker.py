@@ -81,11 +81,13 @@ class Corrected(NamedTuple):
     Attributes:
         poses: Shape (N, 3).
         log_weights: Shape (N,), not normalised.
+        log_whole: The same with the whole scan counted and not its news alone, shape (N,).
         news: Share of the scan, 0 to 1, that earlier ones had not told.
     """
 
     poses: np.ndarray
     log_weights: np.ndarray
+    log_whole: np.ndarray
     news: float
 
 
@@ -150,7 +152,7 @@ class HypothesisTracker:
         endpoints = thin_out(beams.hits)
         way, self._way = self._way, 0.0
         if len(endpoints) < FEWEST_BEAMS:
-            return Corrected(poses, log_weights, min(1.0, way / VIEW))
+            return Corrected(poses, log_weights, log_weights, min(1.0, way / VIEW))
         is_news = is_news or lidar not in self._ways
         news = 1.0 if is_news else min(1.0, max(self._ways[lidar], STANDING) / VIEW)
         since, self._ways[lidar] = self._ways.get(lidar, 0.0), 0.0
@@ -170,8 +172,9 @@ class HypothesisTracker:
         winner = self.hypotheses.challenge(held)
         if winner is not None:
             self._doubt.way, self.fit = 0.0, Reliability()
-            return Corrected(*drawn_around(winner, rng), news)
-        return Corrected(proposed.poses, proposed.log_weights, news)
+            poses, log_weights = drawn_around(winner, rng)
+            return Corrected(poses, log_weights, log_weights, news)
+        return Corrected(proposed.poses, proposed.log_weights, proposed.log_whole, news)
 
     def find(self, hits: np.ndarray, margin: float = START_MARGIN) -> Places:
         """Return all places on the map where a scan with ends at `hits`, shape (B, 2), fits nearly as well as anywhere.

@@ -1,3 +1,4 @@
+import itertools
 import math
 
 import numpy as np
@@ -120,6 +121,27 @@ def test_a_robot_is_as_sure_of_its_place_however_often_it_looks(resample_interva
     along, across, _ = np.array(spreads).T
     assert max(along) < 1.3 * min(along)
     assert max(across) < 2.0 * min(across)
+
+
+def test_a_robot_that_looks_every_two_centimetres_is_as_near_as_one_that_looks_every_metre():
+    """What odometry did since the last scan that was all news must not stay in the pose that is told."""
+    fine, off = 0.02, {}
+    for step, seed in itertools.product((0.02, 0.1, 1.0), (0, 1, 2)):
+        made = localizer(seed=seed, update_min_d=0.0, update_min_a=0.0)
+        rng, wheels = np.random.default_rng([seed, 1]), np.random.default_rng([seed, 2])
+        truth, odom = START, IDENTITY
+        for index in range(round(5.0 / step) + 1):
+            estimate = made.process(odom, scan_at(room(), truth, rng), IDENTITY)
+            if index and index % round(1.0 / step) == 0:
+                turn = abs(angle_between(estimate.pose.theta, truth.theta))
+                off.setdefault(step, []).append((estimate.pose.distance_to(truth), turn))
+            for _ in range(round(step / fine)):
+                noise = 0.07 * math.sqrt(fine) * wheels.standard_normal(2)
+                truth = truth.compose(Pose2D(fine, 0.0, 1.6 * fine))
+                odom = odom.compose(Pose2D(fine + noise[0], 0.0, 1.6 * fine + noise[1]))
+    (seldom, seldom_turned), *often = (np.mean(off[step], axis=0) for step in (1.0, 0.1, 0.02))
+    assert max(distance for distance, _ in often) < 1.5 * seldom + 0.003
+    assert max(turn for _, turn in often) < 1.5 * seldom_turned + 0.0015
 
 
 def test_a_wall_the_map_lacks_pulls_no_harder_on_a_robot_that_looks_more_often():
