@@ -14,8 +14,10 @@ import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
+from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetMap, GetMapResponse, SetMap
 from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Float64
 from std_srvs.srv import Empty
 from tf2_msgs.msg import TFMessage
 
@@ -196,6 +198,24 @@ class TestAmcl(unittest.TestCase):
         wait_until(
             lambda: client.get_configuration()["laser_model_type"] == "likelihood_field", "the defaults to be told"
         )
+
+    def test_blocks_that_changed_are_told_to_who_listens(self):
+        blocks = Listener("/amcl/changed_blocks", OccupancyGrid)
+        self.start_at(self.robot.pose)
+        self.drive_until(lambda: any(0 in m.data for m in blocks.messages), "a block that is as the map has it")
+        message = blocks.messages[-1]
+        self.assertEqual(message.header.frame_id, "map")
+        self.assertEqual(message.info.resolution, 1.0)
+        self.assertEqual(message.info.width * message.info.height, len(message.data))
+        self.assertNotIn(100, message.data)
+
+    def test_likelihood_and_effective_particles_are_told(self):
+        likelihood = Listener("/amcl/log_likelihood", Float64)
+        effective = Listener("/amcl/effective_sample_size", Float64)
+        self.start_at(self.robot.pose)
+        self.drive_until(lambda: likelihood.messages and effective.messages, "likelihood and effective particles")
+        self.assertTrue(math.isfinite(likelihood.messages[-1].data))
+        self.assertGreaterEqual(effective.messages[-1].data, 1.0)
 
     def test_the_pose_is_kept_on_the_parameter_server(self):
         self.start_at(self.robot.pose)

@@ -9,6 +9,7 @@
       scan_proposal.py   particles drawn with the scan in view, for sparse scans and poor odometry
       hypotheses.py      rival places with the evidence of all scans since they came up; evidence.py weighs them
       scan_search.py     one-scan global localization: all places on the map where a scan fits
+      changed_blocks.py  where the map is not what it was
       reliability.py     the probability that the pose is right
     replay.py          recorded logs through the filter (command.py: localize_log.py)
 

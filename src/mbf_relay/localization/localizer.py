@@ -38,6 +38,10 @@ class Localizer:
         log_weights: Shape (N,), logarithms of weights that sum to one.
         map_from_odom: The odometry frame in the map, None before the first estimate.
         last_estimate: The newest estimate, None before the first.
+        log_likelihood: Logarithm of the particles' average likelihood of the newest scan that was used, all of it, up
+            to a constant of the model; None before the first.
+        effective_particles: How many particles of equal weight would say as much (Kong, Liu, Wong 1994), as that scan
+            left them and before they were drawn anew; None before the first.
     """
 
     def __init__(self, parameters: LocalizerParameters, occupancy: OccupancyMap, rng: np.random.Generator) -> None:
@@ -50,6 +54,8 @@ class Localizer:
         self.parameters = parameters
         self.map_from_odom: Optional[Pose2D] = None
         self.last_estimate: Optional[Estimate] = None
+        self.log_likelihood: Optional[float] = None
+        self.effective_particles: Optional[float] = None
         self.poses: np.ndarray
         self.log_weights: np.ndarray
         self._odom_pose: Optional[Pose2D] = None
@@ -136,9 +142,14 @@ class Localizer:
         """
         if self.last_estimate is None or not self.parameters.robust:
             return None
-        _, covariance = mean_and_covariance(self.poses, self.weights)
-        deviation = math.sqrt(0.5 * float(covariance[0, 0] + covariance[1, 1]))
-        return self._tracker.fit.value(self._tracker.hypotheses.share_held, deviation)
+        return self._tracker.reliability(self.poses, self.log_weights)
+
+    def changed_blocks(self) -> OccupancyMap:
+        """Return where the map is not as the scans have it: a cell for each block, 100 changed, 0 not, -1 not seen.
+
+        Counted from poses that can be believed, since the last start; all -1 with `robust` off.
+        """
+        return self._tracker.blocks.as_map()
 
     def find(self, scan: LaserScan, laser_pose_in_base: Pose2D) -> Places:
         """Return all places on the map where one scan fits nearly as well as anywhere; changes nothing.
@@ -186,9 +197,11 @@ class Localizer:
         if self.parameters.robust:
             corrected = self._correct(scan, laser_pose_in_base)
             self._updates, log_whole = self._updates + corrected.news, corrected.log_whole
+            self.log_likelihood = log_sum_exp(log_whole)
         else:
-            self._reweight(beams)
+            self.log_likelihood = self._reweight(beams)
             self._updates += 1.0
+        self.effective_particles = 1.0 / float(np.square(self.weights).sum())
         # As in amcl the first scan after a start, which counts anyway, leaves a request to the second.
         self._forced = self._forced and self._odom_pose is None
         self._odom_pose = odom_pose
@@ -232,12 +245,14 @@ class Localizer:
         self.poses, self.log_weights = corrected.poses, corrected.log_weights - log_sum_exp(corrected.log_weights)
         return corrected
 
-    def _reweight(self, beams: Beams) -> None:
-        """Weigh each particle by how the scan fits, and normalise (table 8.2, line 5)."""
+    def _reweight(self, beams: Beams) -> float:
+        """Weigh each particle by how the scan fits, and normalise (table 8.2, line 5); return the log of the average.
+        """
         log_weights = self.log_weights + self._laser_model.log_likelihoods(self.poses, beams, self._converged)
         log_average = log_sum_exp(log_weights)
         self._averages.update(log_average, self.parameters.recovery_alpha_slow, self.parameters.recovery_alpha_fast)
         self.log_weights = log_weights - log_average
+        return log_average
 
     def _estimate(self, log_whole: Optional[np.ndarray]) -> Estimate:
         """Return where the robot is by the hypothesis the particles hold, as surely as its rivals leave it.
@@ -290,9 +305,7 @@ class Localizer:
     def _make_models(self) -> None:
         self._laser_model = make_laser_model(self.field, self.parameters)
         self._motion_model = make_motion_model(self.parameters)
-        self._tracker = HypothesisTracker(
-            self.field, self.parameters.laser_sigma_hit, recovers=self.parameters.recovery_alpha_fast > 0.0
-        )
+        self._tracker = HypothesisTracker(self.field, self.parameters)
 
 
 def check_initial_pose(pose: Pose2D, covariance: np.ndarray, occupancy: OccupancyMap) -> None:

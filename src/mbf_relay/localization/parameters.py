@@ -70,6 +70,13 @@ class LocalizerParameters(ParameterSet):
         0.07, "least deviation of odometry after one metre; it grows with the root of the way (robust)", unit="m",
         minimum=0.0, maximum=1.0,
     )
+    changed_block_size: float = parameter(
+        1.0, "side of the blocks of the map in which changes are counted (robust)", unit="m", minimum=0.25,
+        maximum=100.0,
+    )
+    semi_static: bool = parameter(
+        False, "leave beams that end in changed blocks out when the robot is placed (robust); for maps that lack much"
+    )
     odom_model_type: str = parameter(
         "diff", "how odometry errs", choices=("diff", "omni", "diff-corrected", "omni-corrected")
     )

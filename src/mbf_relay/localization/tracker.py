@@ -2,6 +2,7 @@
 
 predict    particles and rivals go along with odometry
 correct    particles are drawn where prior and scan agree; rivals climb; all hypotheses are weighed by the scan
+watch      from a pose that can be believed, blocks of the map that changed are told from those that did not
 doubt      where scans stop fitting, rivals are looked for: nearby, where odometry may have slipped; then anywhere
 decide     a rival with better evidence over several scans takes over
 """
@@ -15,10 +16,13 @@ import numpy as np
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.beams import Beams
+from mbf_relay.localization.changed_blocks import ChangedBlocks
 from mbf_relay.localization.distance_field import DistanceField
+from mbf_relay.localization.estimate import mean_and_covariance
 from mbf_relay.localization.evidence import Evidence
-from mbf_relay.localization.gaussians import PoseGaussian
+from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp
 from mbf_relay.localization.hypotheses import Hypotheses
+from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.reliability import Reliability
 from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, apart, thin_out
 from mbf_relay.localization.scan_proposal import ScanProposal
@@ -51,6 +55,9 @@ VIEW = 1.0
 lacks some: counted in full, a robot that looks every few centimetres would be sure, and pulled astray, many times."""
 STANDING = 0.02
 """Way (m) that any scan counts as that nobody asked for, such as one after a turn on the spot."""
+BELIEVED = 0.8
+"""Reliability from which a pose is good enough to say of the map that it changed. A third of the walls missing leaves
+0.9 to a right pose."""
 
 
 class Doubt:
@@ -97,23 +104,21 @@ class HypothesisTracker:
     Attributes:
         hypotheses: The rivals of what the particles hold.
         fit: How scans fitted over the last metres.
+        blocks: Those of the map that changed.
     """
 
-    def __init__(self, field: DistanceField, sigma_hit: float, recovers: bool = False) -> None:
-        """Track on a map.
-
-        Args:
-            field: The map.
-            sigma_hit: Deviation (m) of a hit, in amcl's sense.
-            recovers: Look all over the map soon after scans stop fitting.
-        """
+    def __init__(self, field: DistanceField, parameters: LocalizerParameters) -> None:
+        """Track on a map; with amcl's recovery on, look all over it soon after scans stop fitting."""
+        sigma_hit = parameters.laser_sigma_hit
         self._field = field
         self._likelihood = ScanLikelihood(field, sigma_hit)
         self._proposal = ScanProposal(self._likelihood)
         self._evidence = Evidence(field, sigma_hit)
         self._search: Optional[ScanSearch] = None
-        self._recovers = recovers
+        self._recovers = parameters.recovery_alpha_fast > 0.0
+        self._semi_static = parameters.semi_static
         self.hypotheses = Hypotheses()
+        self.blocks = ChangedBlocks(field, parameters.changed_block_size, sigma_hit)
         self.start()
 
     def start(self, anywhere: bool = False) -> None:
@@ -124,6 +129,7 @@ class HypothesisTracker:
         self._ways: Dict[str, float] = {}  # since the last scan of each lidar that told something
         self._way = self._since_nearby = self._since_anywhere = 0.0
         self.fit = Reliability()
+        self.blocks.forget()
 
     def predict(self, step: Pose2D, noise: np.ndarray) -> None:
         """Move rivals by a step of odometry with noise of a covariance, shape (3, 3), in the base's frame."""
@@ -161,7 +167,8 @@ class HypothesisTracker:
             started = self._start_anywhere(endpoints, laser)
             if started is not None:
                 poses, log_weights = drawn_around(started, rng)
-        proposed = self._proposal.propose(poses, log_weights, endpoints, news, rng)
+        weighed = self._unchanged(poses, log_weights, endpoints) if self._semi_static else endpoints
+        proposed = self._proposal.propose(poses, log_weights, weighed, news, rng)
         held = proposed.best
         fit = self.hypotheses.correct(held.mean, self._likelihood, self._evidence, endpoints, laser, since, news)
         self.fit.look(*fit, way)
@@ -172,9 +179,29 @@ class HypothesisTracker:
         winner = self.hypotheses.challenge(held)
         if winner is not None:
             self._doubt.way, self.fit = 0.0, Reliability()
+            self.blocks.forget()  # counted from a pose that is given up
             poses, log_weights = drawn_around(winner, rng)
             return Corrected(poses, log_weights, log_weights, news)
+        if self.reliability(proposed.poses, proposed.log_weights) >= BELIEVED:
+            self.blocks.look(held.mean, endpoints, laser, news)
         return Corrected(proposed.poses, proposed.log_weights, proposed.log_whole, news)
+
+    def reliability(self, poses: np.ndarray, log_weights: np.ndarray) -> float:
+        """Return the probability that the hypothesis held by particles, shape (N, 3), is right."""
+        _, covariance = mean_and_covariance(poses, np.exp(log_weights - log_sum_exp(log_weights)))
+        deviation = math.sqrt(0.5 * float(covariance[0, 0] + covariance[1, 1]))
+        return self.fit.value(self.hypotheses.share_held, deviation)
+
+    def _unchanged(self, poses: np.ndarray, log_weights: np.ndarray, endpoints: np.ndarray) -> np.ndarray:
+        """Return a scan's ends without those in changed blocks; all of them where the pose is not to be believed.
+
+        Rivals, evidence and reliability are given all: else a wrong pose would explain away what speaks against it.
+        """
+        if self.reliability(poses, log_weights) < BELIEVED:
+            return endpoints
+        mean, _ = mean_and_covariance(poses, np.exp(log_weights - log_sum_exp(log_weights)))
+        kept = endpoints[~self.blocks.holds(np.array(mean), endpoints)]
+        return np.ascontiguousarray(kept) if len(kept) >= FEWEST_BEAMS else endpoints
 
     def find(self, hits: np.ndarray, margin: float = START_MARGIN) -> Places:
         """Return all places on the map where a scan with ends at `hits`, shape (B, 2), fits nearly as well as anywhere.

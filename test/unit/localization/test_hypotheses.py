@@ -69,7 +69,7 @@ def test_the_second_lidar_tells_places_apart_too():
     weights = {}
     for lidars in (("front",), ("front", "rear")):
         field = DistanceField(room(), 2.0)
-        tracker, rng = HypothesisTracker(field, 0.2), np.random.default_rng(1)
+        tracker, rng = HypothesisTracker(field, LocalizerParameters()), np.random.default_rng(1)
         tracker.hypotheses.add(np.array([TRUTH]), np.array([NARROW]), np.array(ELSEWHERE), -7.0)
         poses = PoseGaussian(np.array(ELSEWHERE), NARROW).sample(500, rng)
         beams = pick_beams(scan_at(room(), TRUTH, rng), IDENTITY, 1)

@@ -165,6 +165,18 @@ def test_a_wall_the_map_lacks_pulls_no_harder_on_a_robot_that_looks_more_often()
     assert pulled[200] < max(0.3, 1.5 * pulled[10])
 
 
+@pytest.mark.parametrize("robust", [False, True])
+def test_how_a_scan_fits_and_how_many_particles_it_left_is_told(robust):
+    told = {}
+    for name, start in (("right", START), ("wrong", START.compose(Pose2D(0.6, 0.0, 0.0)))):
+        made = localizer(start=START, robust=robust)
+        assert made.log_likelihood is None
+        made.process(IDENTITY, scan_at(room(), start), IDENTITY)
+        told[name] = made.log_likelihood
+        assert 1.0 <= made.effective_particles <= 2000.0
+    assert told["right"] > told["wrong"] + 0.5
+
+
 def test_resampling_keeps_its_interval_and_can_wait_for_need():
     made, occupancy = localizer(resample_interval=3, robust=False), room()
     drive(made, occupancy, updates=2)

@@ -2,49 +2,91 @@
 
 from __future__ import annotations
 
-from typing import List, Sequence, Tuple
+from typing import List, NamedTuple, Optional, Sequence, Tuple
 
 import rospy
 from geometry_msgs.msg import PoseArray
+from nav_msgs.msg import OccupancyGrid
 from std_msgs.msg import Float64
 from visualization_msgs.msg import Marker, MarkerArray
 
 from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.scan_search import Places
-from mbf_relay.ros.common.conversions import header, pose_to_message
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.ros.common.conversions import header, map_to_message, pose_to_message
 
 Hypotheses = Sequence[Tuple[Pose2D, float]]
 """Places with their shares of the belief, heaviest first."""
 ARROW = (0.5, 0.08, 0.08)
 
 
+class Belief(NamedTuple):
+    """What the filter believes.
+
+    Attributes:
+        hypotheses: Where the robot may be.
+        reliability: Of the first, 0 to 1; None where nothing measures it.
+        changed: Blocks of the map that changed; None where nobody asks.
+        log_likelihood: Of the newest scan, averaged over the particles.
+        effective_particles: How many of equal weight would say as much.
+    """
+
+    hypotheses: Hypotheses
+    reliability: Optional[float]
+    changed: Optional[OccupancyMap]
+    log_likelihood: Optional[float]
+    effective_particles: Optional[float]
+
+
 class BeliefPublisher:
     """Publishes what the filter believes.
 
-    `~hypotheses` (PoseArray, heaviest first), `~hypothesis_weights` (the same as arrows with their weights, for RViz)
-    and `~reliability` (Float64: the probability that the pose is right within 0.5 m and 10 degrees).
+    `~log_likelihood` and `~effective_sample_size` (Float64: how the newest scan fits, and how many particles it left).
+    With `robust` also `~hypotheses` (PoseArray, heaviest first), `~hypothesis_weights` (the same as arrows with their
+    weights, for RViz), `~reliability` (Float64: the probability that the pose is right within 0.5 m and 10 degrees) and
+    `~changed_blocks` (OccupancyGrid: 100 where the map is not as the scans have it, 0 where it is, -1 where not seen).
     """
 
     def __init__(self) -> None:
         self._poses = rospy.Publisher("~hypotheses", PoseArray, queue_size=2, latch=True)
         self._markers = rospy.Publisher("~hypothesis_weights", MarkerArray, queue_size=2, latch=True)
         self._reliability = rospy.Publisher("~reliability", Float64, queue_size=2, latch=True)
+        self._blocks = rospy.Publisher("~changed_blocks", OccupancyGrid, queue_size=2)
+        self._log_likelihood = rospy.Publisher("~log_likelihood", Float64, queue_size=2)
+        self._effective = rospy.Publisher("~effective_sample_size", Float64, queue_size=2)
 
-    def publish(self, hypotheses: Hypotheses, reliability: float, frame: str, stamp: rospy.Time) -> None:
-        """Publish hypotheses and the reliability of the first.
+    def take(self, localizer: Localizer) -> Belief:
+        """Return what a filter believes, as far as somebody listens; its lock is held."""
+        changed = localizer.changed_blocks() if self._blocks.get_num_connections() else None
+        return Belief(
+            localizer.hypotheses(), localizer.reliability(), changed, localizer.log_likelihood,
+            localizer.effective_particles,
+        )
+
+    def publish(self, belief: Belief, frame: str, stamp: rospy.Time) -> None:
+        """Publish a belief.
 
         Args:
-            hypotheses: Where the robot may be.
-            reliability: 0 to 1.
-            frame: The poses'.
-            stamp: Time of the scan they are from.
+            belief: From `take`.
+            frame: The map's.
+            stamp: Time of the scan it is from.
         """
+        for publisher, value in (
+            (self._log_likelihood, belief.log_likelihood), (self._effective, belief.effective_particles)
+        ):
+            if value is not None:
+                publisher.publish(Float64(value))
+        if belief.reliability is None:
+            return
         message = PoseArray(header=header(frame, stamp))
-        message.poses = [pose_to_message(pose) for pose, _ in hypotheses]
+        message.poses = [pose_to_message(pose) for pose, _ in belief.hypotheses]
         self._poses.publish(message)
-        self._reliability.publish(Float64(reliability))
+        self._reliability.publish(Float64(belief.reliability))
         if self._markers.get_num_connections():
-            self._markers.publish(MarkerArray(markers=markers_of(hypotheses, frame, stamp)))
+            self._markers.publish(MarkerArray(markers=markers_of(belief.hypotheses, frame, stamp)))
+        if belief.changed is not None:
+            self._blocks.publish(map_to_message(belief.changed, frame, stamp))
 
 
 def markers_of(hypotheses: Hypotheses, frame: str, stamp: rospy.Time) -> List[Marker]:

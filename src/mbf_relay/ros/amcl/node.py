@@ -306,11 +306,11 @@ class AmclNode:
             if estimate is not None:
                 self._update_seconds = time.perf_counter() - began
                 self._covariance = estimate.covariance
-                hypotheses, self._reliability = self._localizer.hypotheses(), self._localizer.reliability()
+                belief = self._belief_publisher.take(self._localizer)
+                self._reliability = belief.reliability
         if estimate is not None:
             self._publish(estimate, particles, stamp)
-            if self._reliability is not None:
-                self._belief_publisher.publish(hypotheses, self._reliability, values.global_frame_id, stamp)
+            self._belief_publisher.publish(belief, values.global_frame_id, stamp)
         if self._saved_pose.is_due(stamp.to_sec(), values.save_pose_rate):
             self._save_pose(self._saved_pose.save_soon)
 

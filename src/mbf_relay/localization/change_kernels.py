@@ -1,0 +1,77 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""Compiled loop of the blocks of a map that changed: one scan's beams, counted block by block."""
+
+from __future__ import annotations
+
+import math
+
+from mbf_relay.kernels import kernel
+
+LIKE, UNLIKE, FREE = 0, 1, 2
+"""Rows of the counts: beams that ended on what the map has; that ended where it has nothing, or passed through what it
+has; and that passed where it has nothing."""
+
+
+@kernel(
+    "int64(float64[::1], float64[:,::1], float64[::1], int8[:,::1], uint16[:,::1], float32[::1], float32[::1],"
+    " float64[::1], float64, int64, float32[:,::1], int64[::1])"
+)
+def count_beams(pose, endpoints, laser, data, codes, hits, distances, frame, margin, side, counts, touched):
+    """Count beams in the blocks they end in and pass, in steps as long as the distance field allows.
+
+    Args:
+        pose: Of the base, shape (3,), in the map's frame.
+        endpoints: Where beams end, shape (B, 2) in metres, in the base's frame.
+        laser: Position of the sensor in the base's frame, shape (2,).
+        data: Of the map, shape (height, width); what ends in unknown space, below 0, is not counted.
+        codes: Of the distance field, shape (height, width).
+        hits: For each code how well a beam that ends there fits the map, 0 to 1.
+        distances: To the nearest occupied cell (m), for each code.
+        frame: Origin x, y, theta and resolution of the map, shape (4,).
+        margin: Length (m) at both ends of a beam in which a wall is none to it.
+        side: Of a block, in cells.
+        counts: Of beams, shape (3, blocks), zero; filled.
+        touched: Result: blocks with a count, as many as the value returned; as long as there are blocks.
+    """
+    height, width = codes.shape
+    columns = (width + side - 1) // side
+    cos, sin = math.cos(pose[2] - frame[2]), math.sin(pose[2] - frame[2])
+    cos_origin, sin_origin = math.cos(frame[2]), math.sin(frame[2])
+    dx, dy = pose[0] - frame[0], pose[1] - frame[1]
+    base_x, base_y = cos_origin * dx + sin_origin * dy, cos_origin * dy - sin_origin * dx
+    start_x, start_y = base_x + cos * laser[0] - sin * laser[1], base_y + sin * laser[0] + cos * laser[1]
+    scale, found = 1.0 / frame[3], 0
+    for j in range(endpoints.shape[0]):
+        end_x = base_x + cos * endpoints[j, 0] - sin * endpoints[j, 1]
+        end_y = base_y + sin * endpoints[j, 0] + cos * endpoints[j, 1]
+        length = math.hypot(end_x - start_x, end_y - start_y)
+        if length < 1e-9:
+            continue
+        ux, uy = (end_x - start_x) / length, (end_y - start_y) / length
+        gone, last, last_through, ended = min(margin, length), -1, -1, False
+        while not ended:
+            ended = gone >= length - margin
+            at = length if ended else gone
+            column, row = (start_x + at * ux) * scale, (start_y + at * uy) * scale
+            if not (column >= 0.0 and row >= 0.0 and column < width and row < height):
+                break
+            x, y = int(column), int(row)
+            block, code = (y // side) * columns + x // side, codes[y, x]
+            if counts[0, block] == 0.0 and counts[1, block] == 0.0 and counts[2, block] == 0.0:
+                touched[found] = block
+                found += 1
+                counts[2, block] = 1e-6
+            if ended:
+                if data[y, x] >= 0:
+                    counts[0, block] += hits[code]
+                    counts[1, block] += 1.0 - hits[code]
+                break
+            distance = distances[code]
+            if distance == 0.0 and block != last_through:
+                counts[1, block] += 1.0
+                last_through = block
+            elif block != last:
+                counts[2, block] += 1.0
+            last = block
+            gone += max(0.7 * frame[3], min(distance - frame[3], 0.5 * side * frame[3]))
+    return found
