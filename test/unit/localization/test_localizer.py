@@ -9,6 +9,7 @@ from synthetic_room import ORIGIN, room, scan_at
 
 from mbf_relay.geometry import IDENTITY, Pose2D, angle_between
 from mbf_relay.localization.localizer import Localizer
+from mbf_relay.localization.node_parameters import AmclParameters
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.scan import LaserScan
@@ -307,6 +308,13 @@ def test_anywhere_is_found():
     assert np.ptp(made.poses[:, 0]) > 6.0
     truth, _, estimates = drive(made, occupancy, updates=10, start=Pose2D(-1.5, 2.5, 2.0))
     assert estimates[-1].pose.distance_to(truth) < 0.1
+
+
+def test_a_laser_model_that_will_not_be_used_is_named():
+    assert AmclParameters(laser_max_beams=180).without_effect() == ()
+    assert AmclParameters(laser_model_type="beam", do_beamskip=True).without_effect() == (
+        "laser_model_type", "do_beamskip")
+    assert AmclParameters(laser_model_type="beam", robust=False).without_effect() == ()
 
 
 def test_unknown_settings_are_named():

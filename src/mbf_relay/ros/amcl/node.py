@@ -62,6 +62,9 @@ class AmclNode:
         if seed < 0:
             raise ValueError(f"parameter seed is {seed}; it must be at least 0")
         rospy.loginfo("localizing with seed %d", seed)
+        if self._parameters.without_effect():
+            names = ", ".join(self._parameters.without_effect())
+            rospy.logwarn("%s: of no effect with 'robust: true', the default; with 'robust: false' as in amcl", names)
         self._rng = np.random.default_rng(seed)
         self._lock = threading.RLock()
         self._localizer: Optional[Localizer] = None
