@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Optional, Tuple
 
 import numpy as np
@@ -35,6 +35,8 @@ class Mover:
     times: np.ndarray
     poses: np.ndarray
     loop: bool = True
+    _ways: Tuple[np.ndarray, ...] = field(init=False, repr=False, compare=False)
+    _level: Frame = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         times, poses = np.asarray(self.times, dtype=float), np.asarray(self.poses, dtype=float)
@@ -49,16 +51,17 @@ class Mover:
             raise ValueError(f"mover '{name}' has times {times.tolist()}; they must start at 0 and rise")
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "poses", poses)
+        object.__setattr__(self, "_ways", (*poses[:, :2].T.copy(), np.unwrap(poses[:, 2])))
+        object.__setattr__(self, "_level", Frame(
+            np.array([0.0, 0.0, self.body.frame.position[2]]), self.body.frame.rotation))
 
     def frame_at(self, elapsed: float) -> Frame:
         """Return where the body is `elapsed` seconds after the start; it turns the shorter way."""
         period = self.times[-1]
         if self.loop and period > 0.0:
             elapsed = elapsed % period
-        x, y = (float(np.interp(elapsed, self.times, self.poses[:, axis])) for axis in (0, 1))
-        theta = float(np.interp(elapsed, self.times, np.unwrap(self.poses[:, 2])))
-        level = Frame(np.array([0.0, 0.0, self.body.frame.position[2]]), self.body.frame.rotation)
-        return Frame.of(x, y, yaw=theta).compose(level)
+        x, y, theta = (float(np.interp(elapsed, self.times, way)) for way in self._ways)
+        return Frame.of(x, y, yaw=theta).compose(self._level)
 
 
 @dataclass(frozen=True)
