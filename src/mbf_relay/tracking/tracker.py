@@ -15,7 +15,7 @@ GATE = 9.0  # squared deviations within which a cluster may be a thing seen befo
 FIRST_SPEED = 0.5  # m/s: deviation of the velocity of a thing seen for the first time
 SEEN_EMPTY = 0.25  # share of its readings where there was nothing before, from which on a thing may have come there
 DEPTH = 0.08  # m behind a place that must have been seen for it to have been empty
-SURE = 2.0  # deviations of the velocity by which it must differ from zero
+SURE, STILL_SURE = 2.0, 1.0  # deviations of the velocity by which it must differ from zero: at first, once it is known
 CONVINCED, MOST_CONVINCED = 2, 5  # scans in favour, less those against: when a thing moves, and the most that counts
 HIDDEN_NOISE = 4.0  # factor on the deviation where only a part is seen
 
@@ -24,9 +24,9 @@ class Tracker:
     """Follows what is seen in scans by constant-velocity Kalman filters, and tells what moves.
 
     Each coordinate has the same filter, as a disc has no sides. A thing moves if its velocity differs from zero for
-    sure *and* it stands where a while ago the lidar saw through: what merely comes into view, or seems to move because
-    more of it does, passes the first test and not the second. What moves straight away from the lidar passes neither:
-    it hid where it goes to.
+    sure *and* it stood once where a while before the lidar had seen through: what merely comes into view, or seems to
+    move because more of it does, passes the first test and not the second. What moves straight away from the lidar
+    passes neither: it hid where it goes to.
 
     Source: Arras, Grzonka, Luber, Burgard, "Efficient people tracking in laser range data" (2008), for segments and
     filters; Wang, Thorpe, Thrun, "Online simultaneous localization and mapping with detection and tracking of moving
@@ -138,8 +138,10 @@ class Tracker:
         self._radii[thing] = max(self._radii[thing], cluster.radius)
         self._seen[thing] = stamp
         speed = float(np.hypot(*self._states[thing, 2:]))
-        is_fast = speed >= max(self.parameters.track_slowest, SURE * float(np.sqrt(self._variances[thing, 2])))
-        came = float(was_empty[cluster.readings].mean()) >= SEEN_EMPTY
+        is_known = self._belief[thing] >= CONVINCED  # it came once; one that comes nearer slowly is seen to no more
+        sure = (STILL_SURE if is_known else SURE) * float(np.sqrt(self._variances[thing, 2]))
+        is_fast = speed >= max(self.parameters.track_slowest, sure)
+        came = is_known or float(was_empty[cluster.readings].mean()) >= SEEN_EMPTY
         change = 1 if is_fast and came else -1
         self._belief[thing] = min(MOST_CONVINCED, max(0, self._belief[thing] + change))
 

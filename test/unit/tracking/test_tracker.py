@@ -70,6 +70,16 @@ def test_a_thing_that_stops_is_no_longer_one_that_moves():
     assert max(counts) == 1 and not tracker.tracks
 
 
+@pytest.mark.parametrize("bearing", [0.0, 0.9, 2.3])
+def test_one_that_slows_down_on_its_way_to_the_robot_is_not_lost_sight_of(bearing):
+    def world(t):
+        away = 1.9 - 0.3 * min(t, 3.0) - 0.13 * max(0.0, t - 3.0)
+        return [(away * math.cos(bearing), away * math.sin(bearing), 0.12)]
+
+    _, counts = follow(world, seconds=8.0)
+    assert counts[13:] == [1] * len(counts[13:])
+
+
 def test_two_that_cross_keep_their_numbers():
     world = lambda t: [(1.2, -0.8 + 0.2 * t, 0.1), (0.7, 0.8 - 0.2 * t, 0.1)]  # noqa: E731
     rng, tracker, numbers = np.random.default_rng(2), Tracker(TrackerParameters()), []
