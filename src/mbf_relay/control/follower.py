@@ -11,9 +11,10 @@ from typing import Any, ClassVar, Optional, Type
 import numpy as np
 
 from mbf_relay.control.back_out import BackOut
-from mbf_relay.control.braking import arc, brakes_free, stopping_time
+from mbf_relay.control.braking import brakes_free
 from mbf_relay.control.checkers import FACING, BlockedGoalChecker, GoalChecker, StuckChecker
 from mbf_relay.control.controller import Controller
+from mbf_relay.control.evasion import Evasion
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.foresight import Foresight
 from mbf_relay.control.local_path import LocalPath, PathTracker
@@ -121,6 +122,11 @@ class PathFollower(Controller, abc.ABC):
         """Heading error (rad) beyond which the robot turns on the spot before it drives."""
 
     @property
+    def turning_radius(self) -> float:
+        """Least radius (m) of its curves; 0 where it turns on the spot."""
+        return 0.0
+
+    @property
     def horizon(self) -> float:
         """Time (s) ahead for which it predicts at most; the path is cut as long as that takes it."""
         return 1.5
@@ -153,7 +159,7 @@ class PathFollower(Controller, abc.ABC):
         """Return the velocity to command; see Controller."""
         self._cycle, self._drove = None, False
         try:
-            command = self._foreseen(self._decide(state))
+            command = self._foreseen(state)
         except ControlError:
             self._remember(state, STOP)
             self._stuck_checker.reset()
@@ -169,23 +175,23 @@ class PathFollower(Controller, abc.ABC):
         """Return what to show of a cycle; `drove` tells whether `drive` was asked in it."""
         return CycleReport(cycle.state.now, cycle.state.costmap, cycle.path, np.zeros((0, 3)))
 
-    def _foreseen(self, command: Twist2D) -> Twist2D:
-        """Return the command, or as good a stop as there is where the robot could not brake before it meets what moves.
-
-        A robot that would be met no later where it stands goes on.
-        """
+    def _foreseen(self, state: ControlState) -> Twist2D:
+        """Return the command decided on, or where somebody comes along the robot's place what Evasion makes of it."""
+        trouble: Optional[ControlError] = None
+        try:
+            command = self._decide(state)
+        except ControlError as error:
+            trouble, command = error, STOP
         cycle = self._cycle
-        assert cycle is not None
-        if command == STOP or not self.parameters.foresight:
-            return command
-        foresight = Foresight(cycle.state.costmap, cycle.state.now, self.parameters)
-        if foresight.is_blind:
-            return command
-        duration = stopping_time(self.parameters, command, cycle.state.period)
-        poses = arc(cycle.checker, cycle.state, command, duration)
-        meeting = foresight.meetings(poses[None], np.array([len(poses)]), np.array([duration / len(poses)]))
-        cost = foresight.costs(meeting, np.array([duration]), cycle.state.pose)[0]
-        return command if math.isfinite(cost) else cycle.window.clip(STOP)
+        if cycle is not None and self.parameters.foresight:
+            foresight = Foresight(state.costmap, state.pose, state.now, self.parameters)
+            if not foresight.is_blind:
+                evasion = Evasion(self.parameters, foresight, cycle.checker, state, self.turning_radius)
+                decided, command = command, evasion.command(cycle.velocity, command, cycle.window)
+                trouble = None if command != decided else trouble
+        if trouble is not None:
+            raise trouble
+        return command
 
     def _decide(self, state: ControlState) -> Twist2D:
         parameters = self.parameters
@@ -330,7 +336,7 @@ class PathFollower(Controller, abc.ABC):
         One that still rolls brakes first, on the arc it is on, where it would swing into something on its way: that the
         turn is free tells of the spot alone.
         """
-        top = self._overshoot.turn_share(cycle.state.now, way) * cycle.turn
+        top = self._overshoot.turn_share(cycle.state.now, cycle.state.pose.theta, way) * cycle.turn
         rate = turn_rate(way, cycle.velocity.theta, self.parameters, cycle.state.period, top)
         command = Twist2D(still.x, still.y, rate)
         if still.speed() > 0.0 and not brakes_free(self.parameters, cycle.state, cycle.checker, command):

@@ -22,13 +22,14 @@ BETTER = 0.05  # s by which a meeting must come later to be a better one
 class Foresight:
     """What is tracked, asked many times within a cycle.
 
-    A trajectory ends with the robot standing there, so that a place in somebody's way is no good end.
+    A trajectory ends with the robot standing there, so that a place in somebody's way is no good end. What touches the
+    footprint as it stands, or may, counts as no wider than there is room: from it the robot may go away, not nearer.
 
     Attributes:
         is_blind: Whether nothing that moves is known, or nobody wants to hear of it: everything is free then.
     """
 
-    def __init__(self, costmap: CostGrid, now: float, parameters: FollowerParameters) -> None:
+    def __init__(self, costmap: CostGrid, pose: Pose2D, now: float, parameters: FollowerParameters) -> None:
         self._horizon = parameters.foresight_horizon
         self._tracks = as_array(costmap.tracks if parameters.foresight else (), now)
         self.is_blind = len(self._tracks) == 0
@@ -37,30 +38,29 @@ class Foresight:
             angles = np.arange(LEAST_CORNERS) * (2.0 * math.pi / LEAST_CORNERS)
             outline = costmap.circumscribed_radius * np.column_stack((np.cos(angles), np.sin(angles)))
         self._outline = np.ascontiguousarray(outline, dtype=float)
+        self._rooms = np.empty(len(self._tracks))
+        foresight_kernels.rooms_now(self._outline, self._tracks, pose.x, pose.y, pose.theta, self._rooms)
 
-    def meetings(self, poses: np.ndarray, counts: np.ndarray, steps: np.ndarray, stride: int = 1) -> np.ndarray:
+    def meetings(
+        self, poses: np.ndarray, counts: np.ndarray, steps: np.ndarray, wider: float = 0.0
+    ) -> np.ndarray:
         """Return when each trajectory first meets something, shape (N,) in seconds from now; infinite for never.
 
         Args:
             poses: Shape (N, S, 3), float64, C-contiguous, in the costmap's frame.
             counts: Shape (N,), int64: poses of each trajectory.
             steps: Shape (N,), float64: seconds from pose to pose.
-            stride: Poses from one that is looked at to the next.
+            wider: Metres by which tracks count as wider than they are.
         """
         times = np.full(len(poses), math.inf)
         if not self.is_blind:
+            tracks = self._tracks
+            if wider > 0.0:
+                tracks = tracks.copy()
+                tracks[:, 4] += wider
             foresight_kernels.first_meetings(
-                self._outline,
-                self._tracks,
-                poses,
-                counts,
-                steps,
-                stride,
-                self._horizon,
-                WAIT,
-                SURENESS,
-                MOST_SPREAD,
-                times,
+                self._outline, tracks, self._rooms, poses, counts, steps, self._horizon, WAIT, SURENESS,
+                MOST_SPREAD, times,
             )
         return times
 

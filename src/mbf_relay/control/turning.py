@@ -10,7 +10,7 @@ import numpy as np
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.trajectories import speed_to_stop_within
 from mbf_relay.costmap.footprint_checker import FootprintChecker
-from mbf_relay.geometry import Pose2D
+from mbf_relay.geometry import Pose2D, angle_between
 
 SOON = 1.0
 """Seconds after a turn within which the opposite one makes up for it: longer than commands come late."""
@@ -33,23 +33,26 @@ class Overshoot:
 
     def reset(self) -> None:
         """Forget what happened."""
-        self._way, self._turned_at, self._turn_share = 0.0, -math.inf, 1.0
+        self._way, self._target, self._turned_at, self._turn_share = 0.0, 0.0, -math.inf, 1.0
         self.speed_share = 1.0
 
     def slid(self) -> None:
         """Note that the robot was at the goal and is there no more."""
         self.speed_share = max(LEAST_SPEED, 0.5 * self.speed_share)
 
-    def turn_share(self, now: float, way: float) -> float:
+    def turn_share(self, now: float, heading: float, way: float) -> float:
         """Note a turn and return the share of the top rotational speed for it.
 
         Args:
             now: Time (s).
+            heading: Where the robot faces (rad): what it has not turned past, but what lies elsewhere now, is no
+                overshoot.
             way: What is left to turn (rad).
         """
-        if way * self._way < 0.0 and 0.0 <= now - self._turned_at <= SOON:
+        past = angle_between(heading, self._target) * self._way < 0.0
+        if past and way * self._way < 0.0 and 0.0 <= now - self._turned_at <= SOON:
             self._turn_share = max(LEAST_TURN, 0.5 * self._turn_share)
-        self._way, self._turned_at = way, now
+        self._way, self._target, self._turned_at = way, heading + way, now
         return self._turn_share
 
 

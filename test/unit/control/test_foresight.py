@@ -44,10 +44,10 @@ def gap(pose, track):
     return math.hypot(dx, dy) - track.radius
 
 
-def drive(controller, track, seconds=12.0):
-    """Return gaps and poses of a drive along x while a track goes on as it does."""
+def drive(controller, track, seconds=12.0, goal=(2.0, 0.0)):
+    """Return gaps and poses of a drive, along x if nothing else is said, while a track goes on as it does."""
     robot, gaps, poses = PaperRobot(START), [], []
-    controller.set_path(path_through((0, 0), (2.0, 0)), True)
+    controller.set_path(path_through((0, 0), goal), True)
     for cycle in range(int(seconds / 0.1)):
         now = 0.1 * cycle
         try:
@@ -73,9 +73,10 @@ def test_without_foresight_the_robot_drives_into_who_comes():
     assert min(gaps) <= 0.0
 
 
-def test_a_robot_in_somebodys_lane_gets_out_of_it():
+@pytest.mark.parametrize("name", [DWA, PURSUIT, "mppi"])
+def test_a_robot_in_somebodys_lane_gets_out_of_it(name):
     track = mover(0.05, 0.9, 0.0, -0.2)
-    gaps, _ = drive(make(DWA, foresight=True), track, seconds=9.0)
+    gaps, _ = drive(make(name, foresight=True), track, seconds=9.0)
     standing = min(gap(START, track.at(0.1 * cycle)) for cycle in range(90))
     assert standing < 0.0 < min(gaps)
 
@@ -98,19 +99,63 @@ def test_no_command_is_one_from_which_the_robot_braking_would_touch_what_is_trac
             continue
         duration = stopping_time(controller.parameters, command, 0.1)
         poses = arc(FootprintChecker(seen.costmap), seen, command, duration)
-        foresight = Foresight(seen.costmap, now, controller.parameters)
+        foresight = Foresight(seen.costmap, START, now, controller.parameters)
         met = foresight.meetings(poses[None], np.array([len(poses)]), np.array([duration / len(poses)]))[0]
         assert met > duration or met > foresight.meeting_of_standing(START), number
 
 
+@pytest.mark.parametrize("name", [DWA, PURSUIT, "mppi"])
+@pytest.mark.parametrize("angle", [0.0, 1.2, 2.5, -1.8])
+def test_who_comes_faster_than_the_robot_drives_is_let_past_from_any_side(name, angle):
+    away, speed = 1.2, 0.35
+    x, y = away * math.cos(angle), away * math.sin(angle)
+    track = mover(x, y, -speed * x / away, -speed * y / away)
+    gaps, _ = drive(make(name, foresight=True, foresight_horizon=3.0), track, seconds=6.0, goal=(-2.0, 0.3))
+    assert min(gaps) > 0.0
+
+
+@pytest.mark.parametrize("name", [DWA, PURSUIT, "mppi"])
+def test_what_appears_inside_the_footprint_or_jumps_about_makes_no_command_that_was_not_checked(name):
+    rng = np.random.default_rng(3)
+    controller = make(name, foresight=True)
+    controller.set_path(path_through((0, 0), (2.0, 0)), True)
+    robot = PaperRobot(START)
+    for cycle in range(60):
+        now = 0.1 * cycle
+        place = np.array(robot.pose[:2]) + rng.uniform(-0.3, 0.3, 2)
+        track = mover(*place, *rng.uniform(-2.0, 2.0, 2), radius=rng.uniform(0.01, 0.5), now=now)
+        seen = state(robot.pose, robot.velocity, now, track)
+        try:
+            command = controller.compute_velocity(seen)
+        except ControlError:
+            command = STOP
+        assert np.isfinite(command).all() and command.speed() <= 0.22 + 1e-6 and abs(command.theta) <= 2.75 + 1e-6
+        if command != STOP:
+            before = Foresight(seen.costmap, robot.pose, now, controller.parameters)
+            duration = stopping_time(controller.parameters, command, 0.1)
+            poses = arc(FootprintChecker(seen.costmap), seen, command, duration)
+            met = before.meetings(poses[None], np.array([len(poses)]), np.array([duration / len(poses)]))[0]
+            is_stop = command.speed() <= robot.velocity.speed() and abs(command.theta) <= abs(robot.velocity.theta)
+            assert met > duration or met > before.meeting_of_standing(robot.pose) or is_stop, cycle
+        robot.move(command, 0.1)
+
+
+def test_from_what_touches_already_the_robot_may_go_away_and_not_nearer():
+    seen = state(START, STOP, 0.0, mover(0.12, 0.0, 0.0, 0.0, radius=0.1)).costmap
+    foresight = Foresight(seen, START, 0.0, make(DWA, foresight=True).parameters)
+    ways = np.array([[(sign * 0.02 * step, 0.0, 0.0) for step in range(1, 6)] for sign in (1.0, -1.0)])
+    nearer, away = foresight.meetings(ways, np.full(2, 5), np.full(2, 0.1))
+    assert nearer <= 0.1 and away == math.inf
+
+
 def test_the_time_of_a_meeting_is_when_it_happens():
     foresight = Foresight(
-        state(START, STOP, 0.0, mover(0.6, 0.0, -0.2, 0.0)).costmap, 0.0, make(DWA, foresight=True).parameters
+        state(START, STOP, 0.0, mover(0.6, 0.0, -0.2, 0.0)).costmap, START, 0.0, make(DWA, foresight=True).parameters
     )
     expected = (0.6 - 0.041 - 0.1) / 0.2
-    blind = Foresight(state(START, STOP, 0.0).costmap, 0.0, make(DWA, foresight=True).parameters)
+    blind = Foresight(state(START, STOP, 0.0).costmap, START, 0.0, make(DWA, foresight=True).parameters)
     assert foresight.meeting_of_standing(START) == math.inf or foresight.meeting_of_standing(START) <= expected + 0.1
     assert Foresight(
-        state(START, STOP, 0.0, mover(0.4, 0.0, -0.2, 0.0)).costmap, 0.0, make(DWA, foresight=True).parameters
+        state(START, STOP, 0.0, mover(0.4, 0.0, -0.2, 0.0)).costmap, START, 0.0, make(DWA, foresight=True).parameters
     ).meeting_of_standing(START) == pytest.approx((0.4 - 0.141) / 0.2, abs=0.2)
     assert blind.is_blind and blind.meeting_of_standing(START) == math.inf

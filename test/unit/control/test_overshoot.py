@@ -5,17 +5,23 @@ from mbf_relay.control.turning import LEAST_SPEED, LEAST_TURN, SOON, Overshoot
 
 def test_a_robot_that_swings_about_its_goal_turns_ever_slower():
     overshoot = Overshoot()
-    shares = [overshoot.turn_share(0.1 * cycle, (-1) ** cycle) for cycle in range(8)]
+    shares = [overshoot.turn_share(0.1 * cycle, -((-1.0) ** cycle), (-1.0) ** cycle) for cycle in range(8)]
     assert shares[:4] == [1.0, 0.5, 0.25, 0.125] and shares[-1] == LEAST_TURN
     overshoot.reset()
-    assert overshoot.turn_share(1.0, 1.0) == 1.0
+    assert overshoot.turn_share(1.0, 0.0, 1.0) == 1.0
 
 
 def test_a_robot_that_turns_the_other_way_later_or_on_the_same_way_is_not_slowed_down():
     overshoot = Overshoot()
     for cycle in range(20):
-        assert overshoot.turn_share(0.1 * cycle, 2.0 - 0.1 * cycle) == 1.0
-    assert overshoot.turn_share(1.9 + SOON + 0.1, -1.0) == 1.0
+        assert overshoot.turn_share(0.1 * cycle, 0.1 * cycle, 2.0 - 0.1 * cycle) == 1.0
+    assert overshoot.turn_share(1.9 + SOON + 0.1, 2.5, -0.5) == 1.0
+
+
+def test_a_robot_whose_way_swings_round_it_is_not_slowed_down_for_the_rest_of_it():
+    overshoot = Overshoot()
+    for cycle in range(20):
+        assert overshoot.turn_share(0.1 * cycle, 0.0, (-1.0) ** cycle) == 1.0
 
 
 def test_a_robot_that_slides_past_its_goal_comes_back_slower():

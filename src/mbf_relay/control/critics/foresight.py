@@ -26,7 +26,7 @@ class ForesightCost(Critic):
 
     def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
         """Return 0 to 1, or RULED_OUT."""
-        foresight = Foresight(data.checker.costmap, data.now, self.parameters)
+        foresight = Foresight(data.checker.costmap, data.pose, data.now, self.parameters)
         if foresight.is_blind:
             return np.zeros(len(trajectories))
         t = trajectories

@@ -104,6 +104,11 @@ class MppiController(PathFollower):
         """The parameter of that name; a car never turns on the spot."""
         return math.inf if self.parameters.motion_model == ACKERMANN else self.parameters.turn_to_path_angle
 
+    @property
+    def turning_radius(self) -> float:
+        """A car's min_turning_r."""
+        return self.parameters.min_turning_r if self.parameters.motion_model == ACKERMANN else 0.0
+
     def set_path(self, path: Path, is_new_goal: bool) -> None:
         """Follow `path`; see Controller."""
         super().set_path(path, is_new_goal)
@@ -197,7 +202,7 @@ class MppiController(PathFollower):
             self._noises = self._draw()
         low = np.array([max(p.min_vel_x, -cycle.speed), max(p.min_vel_y, -cycle.speed), -cycle.turn])
         high = np.array([min(p.max_vel_x, cycle.speed), min(p.max_vel_y, cycle.speed), cycle.turn])
-        radius = p.min_turning_r if p.motion_model == ACKERMANN else 0.0
+        radius = self.turning_radius
         self._noises[STANDING] = -self.controls
         rollout_kernels.roll_out(
             np.array(cycle.state.pose, dtype=float), np.array(cycle.velocity, dtype=float), self.controls, self._noises,

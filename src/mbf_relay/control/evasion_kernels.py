@@ -1,0 +1,55 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""Compiled loop of evasion: the ways out of a place, driven within accelerations."""
+
+from __future__ import annotations
+
+import math
+
+from mbf_relay.kernels import kernel
+
+TURNED = 0.1  # rad: a robot that is to turn on the spot first drives when no more is left
+
+
+@kernel(
+    "void(float64[::1], float64[::1], float64[:,::1], float64, float64, float64, float64, float64, float64, "
+    "float64[:,:,::1], float64[:,::1])"
+)
+def roll_out(
+    pose, velocity, manoeuvres, speed, turn, radius, acceleration, turn_acceleration, period, poses, first
+):
+    """Drive each manoeuvre: turn to a heading, on the spot or on the way, drive so far, and stand.
+
+    Args:
+        pose: x, y, heading.
+        velocity: Forward (m/s) and rotational (rad/s).
+        manoeuvres: Shape (N, 3): turn (rad), distance (m, below 0 backwards), and above 0 where it turns first.
+        speed, turn: Top speeds, m/s and rad/s.
+        radius: Least radius (m) of a curve.
+        acceleration, turn_acceleration: Limits, m/s^2 and rad/s^2.
+        period: Seconds from pose to pose.
+        poses: Shape (N, S, 3): filled.
+        first: Shape (N, 2): filled with the velocities of the first period.
+    """
+    for n in range(manoeuvres.shape[0]):
+        x, y, theta = pose[0], pose[1], pose[2]
+        v, w = velocity[0], velocity[1]
+        left, way = manoeuvres[n, 0], manoeuvres[n, 1]
+        for step in range(poses.shape[1]):
+            wanted = min(turn, math.sqrt(2.0 * turn_acceleration * abs(left)), abs(left) / period)
+            if radius > 0.0:
+                wanted = min(wanted, abs(v) / radius)
+            wanted = math.copysign(wanted, left)
+            w += min(turn_acceleration * period, max(-turn_acceleration * period, wanted - w))
+            wanted = 0.0
+            if manoeuvres[n, 2] <= 0.0 or abs(left) <= TURNED:
+                wanted = math.copysign(min(speed, math.sqrt(2.0 * acceleration * abs(way)), abs(way) / period), way)
+            v += min(acceleration * period, max(-acceleration * period, wanted - v))
+            middle = theta + 0.5 * w * period
+            x += v * math.cos(middle) * period
+            y += v * math.sin(middle) * period
+            theta += w * period
+            left -= w * period
+            way -= v * period
+            poses[n, step, 0], poses[n, step, 1], poses[n, step, 2] = x, y, theta
+            if step == 0:
+                first[n, 0], first[n, 1] = v, w
