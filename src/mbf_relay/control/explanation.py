@@ -56,6 +56,8 @@ class Explanation:
 
     def _without(self, left_out: Iterable[bool]) -> Explanation:
         kept = [index for index, out in enumerate(left_out) if not out]
+        if len(kept) == len(self.critics):
+            return self
         return Explanation.of([self.critics[index] for index in kept], self.scores[kept], self.velocities)
 
     @property

@@ -277,7 +277,7 @@ class Costmap:
         self._costs[window.slices] = self._default
         for layer in layers:
             layer.update_costs(self._costs, window)
-        self._note_change(changed_window(before, self._costs[window.slices], window))
+        self._note_change(changed_window(before, self._costs, window))
 
     def _note_change(self, changed: Window) -> None:
         if not changed.is_empty:

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Iterable, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
+from mbf_relay.costmap import layer_kernels
 from mbf_relay.costmap.cost_grid import EMPTY, Window
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.geometry import Pose2D
@@ -215,17 +216,15 @@ def shifted(costs: np.ndarray, columns: int, rows: int, fill: int) -> np.ndarray
     return result
 
 
-def changed_window(before: np.ndarray, after: np.ndarray, window: Window) -> Window:
-    """Return the smallest window that holds the cells in which two snapshots of `window` differ."""
-    differs = before != after
-    rows = np.flatnonzero(differs.any(axis=1))
-    if len(rows) == 0:
-        return EMPTY
-    columns = np.flatnonzero(differs.any(axis=0))
-    return Window(
-        window.x0 + int(columns[0]), window.y0 + int(rows[0]), window.x0 + int(columns[-1]) + 1,
-        window.y0 + int(rows[-1]) + 1,
-    )
+def changed_window(before: np.ndarray, costs: np.ndarray, window: Window) -> Window:
+    """Return the smallest window that holds the cells of `window` in which `costs` are not what they were `before`.
+
+    Args:
+        before: The window's cells, in an array of their own.
+        costs: The whole grid.
+        window: Part of it that is not empty.
+    """
+    return Window(*layer_kernels.changed_part(before, costs, window.x0, window.y0))
 
 
 def tracks_of(layers: Iterable[Layer]) -> Tuple[Track, ...]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from mbf_relay.kernels import kernel
 
 _FREE = 0
@@ -86,14 +88,56 @@ def mark_points(costs, origin_x, origin_y, resolution, points):
             costs[int(row), int(column)] = _LETHAL
 
 
+@kernel("boolean(uint8[::1], uint8[::1])")
+def _differ(old, new):
+    """Return whether two rows differ; a loop of its own is turned into vector code, one in a nest is not."""
+    differs = np.uint8(0)
+    for x in range(old.shape[0]):
+        differs |= old[x] ^ new[x]
+    return differs != 0
+
+
+@kernel("UniTuple(int64, 4)(uint8[:,::1], uint8[:,::1], int64, int64)")
+def changed_part(before, costs, x0, y0):
+    """Return first column and row, and those behind the last, of what changed in a part of a grid; 0 where nothing did.
+
+    Args:
+        before: The part as it was, shape (rows, columns).
+        costs: The grid, shape (height, width).
+        x0, y0: Its column and row where the part begins.
+    """
+    rows, columns = before.shape
+    left, right, low, high = columns, 0, rows, 0
+    for y in range(rows):
+        old, new = before[y], costs[y0 + y, x0:x0 + columns]
+        if not _differ(old, new):
+            continue
+        low, high = min(low, y), y + 1
+        first = 0
+        while old[first] == new[first]:
+            first += 1
+        last = columns - 1
+        while old[last] == new[last]:
+            last -= 1
+        left, right = min(left, first), max(right, last + 1)
+    if high == 0:
+        return 0, 0, 0, 0
+    return x0 + left, y0 + low, x0 + right, y0 + high
+
+
+@kernel("void(uint8[::1], uint8[::1])")
+def _raise_row(costs, layer):
+    """Take the higher cost, unknown being the lowest: one more than it, a byte is 0."""
+    for x in range(costs.shape[0]):
+        cost, known = np.uint8(costs[x] + np.uint8(1)), np.uint8(layer[x] + np.uint8(1))
+        costs[x] = np.uint8((known if known > cost else cost) - np.uint8(1))
+
+
 @kernel("void(uint8[:,::1], uint8[:,::1], int64, int64, int64, int64)")
 def merge_maximum(costs, layer, x0, y0, x1, y1):
     """Raise a window of `costs` to the layer's costs; a layer's unknown says nothing, a known cost beats unknown."""
     for y in range(y0, y1):
-        for x in range(x0, x1):
-            cost = layer[y, x]
-            if cost != _NO_INFORMATION and (costs[y, x] == _NO_INFORMATION or costs[y, x] < cost):
-                costs[y, x] = cost
+        _raise_row(costs[y, x0:x1], layer[y, x0:x1])
 
 
 @kernel("void(uint8[:,::1], uint8[:,::1], int64, int64, int64, int64)")

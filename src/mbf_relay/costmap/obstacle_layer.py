@@ -14,6 +14,7 @@ from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, NO_INFORMATION, Windo
 from mbf_relay.costmap.layer import CellLayer, LayerContext, changed_window
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.usual_age import UsualAge
+from mbf_relay.grid import Grid
 from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.scan_monitor import LARGEST_GAP
 
@@ -117,7 +118,7 @@ class ObstacleLayerParameters(ParameterSet):
         return sources
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Rays:
     """An observation made ready for the kernels: where its rays end, which ends are obstacles, how far it reaches."""
 
@@ -169,6 +170,7 @@ class ObstacleLayer(CellLayer):
         super().__init__(name, parameters)
         self.default_cost = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
         self._sources = {key: _Source(value) for key, value in parameters.source_parameters.items()}
+        self._drawn: List[_Rays] = []  # what the cells show, but for what the robot stood on since
 
     @property
     def sources(self) -> Mapping[str, SourceParameters]:
@@ -195,7 +197,12 @@ class ObstacleLayer(CellLayer):
         covered = np.zeros((0, 2), dtype=np.int32)
         if self.parameters.footprint_clearing_enabled:
             covered = footprint.cells_within(self.grid, context.footprint, context.robot_pose)
-        touched = self._touched([rays for s in self._sources.values() for rays in s.kept], covered)
+        observed = [rays for s in self._sources.values() for rays in s.kept]
+        if observed == self._drawn:
+            observed = clearing = []  # they would free again what is free; only the robot may have moved
+        else:
+            self._drawn = observed
+        touched = self._touched(observed, covered)
         before = self.costs[touched.slices].copy()
         grid = (self.grid.origin_x, self.grid.origin_y, self.grid.resolution)
         for rays in clearing:
@@ -205,7 +212,7 @@ class ObstacleLayer(CellLayer):
         for rays in marking:
             layer_kernels.mark_points(self.costs, *grid, rays.marks)
         if not touched.is_empty:
-            self.touch(changed_window(before, self.costs[touched.slices], touched))
+            self.touch(changed_window(before, self.costs, touched))
         return window.union(self.take_pending())
 
     def _touched(self, observations: List[_Rays], covered: np.ndarray) -> Window:
@@ -225,7 +232,16 @@ class ObstacleLayer(CellLayer):
         elif self.parameters.combination_method == MAXIMUM:
             layer_kernels.merge_maximum(costs, self.costs, *window)
 
+    def resize(self, grid: Grid) -> None:
+        super().resize(grid)
+        self._drawn = []
+
+    def shift(self, grid: Grid, columns: int, rows: int) -> None:
+        super().shift(grid, columns, rows)
+        self._drawn = []
+
     def clear(self, window: Window, inside: bool) -> None:
+        self._drawn = []
         window = window.within(self.grid)
         if inside:
             if not window.is_empty:

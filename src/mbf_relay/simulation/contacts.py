@@ -6,7 +6,7 @@ from typing import Dict, List, Mapping, NamedTuple, Tuple
 
 import numpy as np
 
-from mbf_relay.simulation.physics import Physics
+from mbf_relay.simulation.physics import ANY, Physics
 
 REACH = 0.005
 """Distance (m) from a surface at which a contact point is taken to lie on it."""
@@ -33,15 +33,16 @@ class Contact(NamedTuple):
 class Contacts:
     """Finds what the robot touches, anything but the ground."""
 
-    def __init__(self, triangles: np.ndarray, owners: np.ndarray, names: List[str]) -> None:
+    def __init__(self, fixed: List[int], triangles: np.ndarray, owners: np.ndarray, names: List[str]) -> None:
         """Take the fixed surface, to find out whose part of it was touched.
 
         Args:
+            fixed: Numbers of the bodies it takes in the physics.
             triangles: Shape (N, 3, 3) in metres.
             owners: Shape (N,): index in `names` of each triangle's body.
             names: Of the bodies.
         """
-        self._triangles, self._owners, self._names = triangles, owners, names
+        self._fixed, self._triangles, self._owners, self._names = fixed, triangles, owners, names
         self._lower = triangles.min(axis=1) - REACH
         self._upper = triangles.max(axis=1) + REACH
         self._known: Dict[Tuple[int, ...], str] = {}
@@ -54,8 +55,10 @@ class Contacts:
             robot: The robot's number in it.
             loose: Names of the bodies that are not part of the fixed surface, by number.
         """
-        ground = physics.ground
-        touching = [p for p in physics.contacts(robot) if p[2] != ground and (p[8] <= 0.0 or p[9] > 0.0)]
+        # Asked for all, PyBullet tells of the ground first of all, in each step; mostly nothing else is near.
+        other = self._fixed[0] if len(self._fixed) == 1 and not loose else ANY
+        points = physics.contacts(robot, other)
+        touching = [p for p in points if p[2] != physics.ground and (p[8] <= 0.0 or p[9] > 0.0)]
         if not touching:
             return ()
         return tuple(Contact(loose.get(p[2]) or self.owner_at(p[6]), p[6], p[9], p[7]) for p in touching)

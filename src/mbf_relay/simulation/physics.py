@@ -29,6 +29,7 @@ ground; it would solve eight contacts or more for the three a robot stands on.
 """
 
 RAYS = 1
+ANY = -1
 IDENTITY_QUATERNION = (0.0, 0.0, 0.0, 1.0)
 CHUNK = 20000
 """Triangles in one mesh; PyBullet takes 131072 corners at a time."""
@@ -160,7 +161,7 @@ class Physics:
         hits = pybullet.rayTestBatch(starts, ends, collisionFilterMask=LOOSE, physicsClientId=self.client)
         return np.fromiter(map(_hit_fraction, hits), dtype=float, count=len(ends))
 
-    def contacts(self, body: int) -> Sequence[Tuple[Any, ...]]:
-        """Return PyBullet's contact points of a body."""
-        points: Sequence[Tuple[Any, ...]] = pybullet.getContactPoints(bodyA=body, physicsClientId=self.client)
+    def contacts(self, body: int, other: int) -> Sequence[Tuple[Any, ...]]:
+        """Return PyBullet's contact points of a body with another one; with all where that is ANY."""
+        points: Sequence[Tuple[Any, ...]] = pybullet.getContactPoints(body, other, physicsClientId=self.client)
         return points

@@ -48,10 +48,10 @@ class Scene:
             raise ValueError(
                 f"world '{world.name}' has {len(triangles)} triangles; at most {MOST_TRIANGLES} are possible"
             )
-        physics.add_fixed(subdivided(low_enough(triangles), LONGEST_EDGE), FIXED, ROBOT | LOOSE)
+        fixed = physics.add_fixed(subdivided(low_enough(triangles), LONGEST_EDGE), FIXED, ROBOT | LOOSE)
         self._seen = Surface(seen_by_level_rays(triangles, robot.scan_height))
         self._triangles, self._owners = triangles, owners
-        self._contacts = Contacts(triangles, owners, [body.name for body in world.bodies])
+        self._contacts = Contacts(fixed, triangles, owners, [body.name for body in world.bodies])
         self._loose = [(physics.add_loose(b.shape, b.frame, b.mass), b) for b in world.bodies if b.mass > 0.0]
         self._movers: List[Tuple[int, Mover]] = [
             (physics.add_loose(mover.body.shape, mover.frame_at(0.0), 0.0), mover) for mover in world.movers

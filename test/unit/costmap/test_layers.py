@@ -178,6 +178,26 @@ def test_observations_count_as_long_as_they_persist():
         assert (costmap.snapshot().costs == LETHAL).sum() == count
 
 
+@pytest.mark.parametrize("persistence", [0.0, 1.0])
+def test_a_scan_leaves_the_same_cells_however_often_they_are_updated_on_it(persistence):
+    rng = np.random.default_rng(7)
+    layer = {"footprint_clearing_enabled": True, "track_unknown_space": True}
+    once, anew = (with_obstacles({"observation_persistence": persistence}, **layer) for _ in range(2))
+    for step in range(60):
+        pose = Pose2D(*rng.uniform(-1.5, 1.5, 2), 0.0)
+        points = np.column_stack((rng.uniform(-2.5, 2.5, 30), rng.uniform(-2.5, 2.5, 30)))
+        seen = Observation((pose.x, pose.y), points, rng.random(30) < 0.7, float(step))
+        for update in range(3):
+            robot = Pose2D(pose.x + 0.2 * update, pose.y, 0.0)
+            for costmap in (once, anew):
+                if costmap is anew or update == 0:
+                    costmap.observe("scan", seen, float(step))
+                if step % 7 == 3 and update == 1:
+                    costmap.clear(around=robot, side=1.0, inside=step % 2 == 0)
+                costmap.update(step + 0.1 * update, robot)
+            assert (once.snapshot().costs == anew.snapshot().costs).all(), f"update {update} on scan {step}"
+
+
 def test_a_source_that_only_clears_marks_nothing_and_the_other_way_round():
     clears, marks = with_obstacles({"marking": False}), with_obstacles({"clearing": False})
     for costmap in (clears, marks):
@@ -281,11 +301,13 @@ def test_windows_join_grow_shift_and_are_cut():
 def test_the_window_of_a_change_is_the_smallest():
     rng = np.random.default_rng(0)
     for _ in range(50):
-        before = np.zeros((20, 30), np.uint8)
-        after = before.copy()
+        before = rng.integers(0, 255, (20, 30)).astype(np.uint8)
+        costs = rng.integers(0, 255, (230, 140)).astype(np.uint8)
+        costs[200:220, 100:130] = before
         cells = rng.integers(0, 20, (rng.integers(0, 4), 2))
-        after[cells[:, 0], cells[:, 1]] = 1
-        window = changed_window(before, after, Window(100, 200, 130, 220))
+        costs[200 + cells[:, 0], 100 + cells[:, 1]] ^= rng.integers(1, 255, len(cells)).astype(np.uint8)
+        cells = np.argwhere(costs[200:220, 100:130] != before)
+        window = changed_window(before, costs, Window(100, 200, 130, 220))
         if len(cells) == 0:
             assert window.is_empty
         else:

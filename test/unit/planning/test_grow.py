@@ -141,3 +141,17 @@ def test_functions_both_searches_need_are_alike():
 
     for name in ("_make_room", "_is_full"):
         assert source_of(cost_to_go_kernels, name) == source_of(fast_marching_kernels, name)
+
+
+def test_changed_cells_are_found_row_by_row():
+    rng = np.random.default_rng(4)
+    for trial in range(40):
+        seen = rng.integers(0, 256, (23, 37)).astype(np.uint8)
+        costs = np.where(rng.random(seen.shape) < 0.02 * (trial % 4), seen + 1, seen).astype(np.uint8)
+        x0, y0, x1, y1 = rng.integers(0, 10), rng.integers(0, 10), rng.integers(11, 38), rng.integers(11, 24)
+        expected = [(x, y) for y in range(y0, y1) for x in range(x0, x1) if costs[y, x] != seen[y, x]]
+        changed = np.empty((len(expected), 2), dtype=np.int32)
+        assert queue_kernels.changed_cells(costs, seen, x0, y0, x1, y1, changed) == len(expected)
+        assert changed.tolist() == [list(cell) for cell in expected]
+        if expected:
+            assert queue_kernels.changed_cells(costs, seen, x0, y0, x1, y1, changed[1:]) == -1

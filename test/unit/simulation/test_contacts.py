@@ -8,6 +8,7 @@ import trial  # noqa: E402
 
 from mbf_relay.geometry import Twist2D  # noqa: E402
 from mbf_relay.simulation.frames import Frame  # noqa: E402
+from mbf_relay.simulation.physics import ANY  # noqa: E402
 from mbf_relay.simulation.shapes import Body, Box, Cylinder  # noqa: E402
 from mbf_relay.simulation.world import Mover  # noqa: E402
 
@@ -32,6 +33,20 @@ def test_a_touch_is_told_with_its_place_and_the_others_name():
         trial.run(simulation, 2.0, Twist2D(-0.1, 0.0, 0.0))
         assert simulation.true_velocity.x == pytest.approx(-0.1, rel=0.05)
         assert not trial.run(simulation, 0.5)[-1].contacts
+
+
+def test_what_is_asked_of_one_wall_is_what_all_contacts_tell_of_it():
+    with trial.simulate([trial.box("wall", 0.5, 0.3, (0.2, 0.7, 1.0), yaw=0.4)]) as simulation:
+        physics, robot, touched = simulation.physics, simulation.base.body, 0
+        (wall,) = set(range(physics.ground + 1, robot))
+        for speed in (0.2, -0.2):
+            for _ in range(300):
+                simulation.set_command(Twist2D(speed, 0.0, 0.0))
+                simulation.step()
+                points = physics.contacts(robot, wall)
+                assert list(points) == [p for p in physics.contacts(robot, ANY) if p[2] != physics.ground]
+                touched += len(points) > 0
+        assert touched > 20
 
 
 def test_loose_bodies_are_pushed_and_named():

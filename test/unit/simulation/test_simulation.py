@@ -37,7 +37,9 @@ def test_set_down_elsewhere():
     with trial.simulate([trial.box("block", 2.0, 0.0, (1.0, 1.0, 1.0))]) as simulation:
         trial.run(simulation, 1.0, Twist2D(0.2, 0.0, 0.0))
         before = [o.odometry for o in trial.run(simulation, 1.0) if o.odometry is not None][-1]
+        assert simulation.true_pose.x > 0.1
         simulation.set_pose(Pose2D(0.0, 2.0, 1.0))
+        assert simulation.true_pose == simulation.base.pose()
         after = [o.odometry for o in trial.run(simulation, 1.0) if o.odometry is not None][-1]
         assert simulation.true_pose.distance_to(Pose2D(0.0, 2.0, 1.0)) < 1e-3
         assert after.pose.distance_to(before.pose) < 2e-3

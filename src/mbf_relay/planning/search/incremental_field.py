@@ -176,19 +176,16 @@ class IncrementalField(abc.ABC):
             self._set_apart()
             self.invalidated = 0
             return True
-        part = self._looked_at()
-        differs = costs[part] != self._seen[part]
         waiting = self._set_apart()
         self.invalidated = 0
-        if not differs.any():
-            return True
-        rows, columns = np.nonzero(differs)
-        if len(rows) > WORTH_UPDATING * max(int(self._state[queue_kernels.EXPANDED]), 1):
+        changed = self._changed(costs)
+        if changed is None:
             return False
-        changed = np.column_stack((columns + part[1].start, rows + part[0].start)).astype(np.int32)
+        if len(changed) == 0:
+            return True
         if waiting > STORE_PER_CELL * int(self._state[queue_kernels.EXPANDED]) + _FIRST_STORE:
             return False  # many updates have left the same cells waiting many times over
-        unsupported = np.empty(self._seen[part].size + 9 * len(changed), dtype=np.int32)
+        unsupported = np.empty(self._seen[self._looked_at()].size + 9 * len(changed), dtype=np.int32)
         forgotten = int(self.kernels.invalidate(costs, self._table, self._field, changed, unsupported))
         if forgotten < 0:
             return False
@@ -197,6 +194,16 @@ class IncrementalField(abc.ABC):
             self._field, changed, unsupported, forgotten, self._apart_cells, self._apart_keys, self._state)
         self.invalidated = forgotten
         return True
+
+    def _changed(self, costs: np.ndarray) -> Optional[np.ndarray]:
+        """Return columns and rows of the cells that changed since the field looked, (N, 2); None for too many."""
+        rows, columns = self._looked_at()
+        height, width = costs.shape
+        most = int(WORTH_UPDATING * max(int(self._state[queue_kernels.EXPANDED]), 1))
+        changed = np.empty((most, 2), dtype=np.int32)
+        found = queue_kernels.changed_cells(
+            costs, self._seen, columns.start, rows.start, min(columns.stop, width), min(rows.stop, height), changed)
+        return None if found < 0 else changed[:found]
 
     def _set_apart(self) -> int:
         """Empty the queue's ring into its store; returns how many entries wait there."""

@@ -113,6 +113,36 @@ def lowest_connected(costs, free, start_x, start_y, enough):
     return max(lowest, enough)
 
 
+@kernel("boolean(uint8[::1], uint8[::1])")
+def _differ(old, new):
+    differs = np.uint8(0)
+    for x in range(old.shape[0]):
+        differs |= old[x] ^ new[x]
+    return differs != 0
+
+
+@kernel("int64(uint8[:,::1], uint8[:,::1], int64, int64, int64, int64, int32[:,::1])")
+def changed_cells(costs, seen, x0, y0, x1, y1, changed):
+    """Find the cells of a window whose costs are not those seen last; return how many, -1 where there is no room.
+
+    Args:
+        costs, seen: Shape (height, width).
+        x0, y0, x1, y1: Columns and rows of the window, the ends not included.
+        changed: Shape (M, 2): filled with columns and rows, row by row.
+    """
+    count = 0
+    for y in range(y0, y1):
+        if not _differ(seen[y, x0:x1], costs[y, x0:x1]):
+            continue
+        for x in range(x0, x1):
+            if costs[y, x] != seen[y, x]:
+                if count == changed.shape[0]:
+                    return -1
+                changed[count, 0], changed[count, 1] = x, y
+                count += 1
+    return count
+
+
 @kernel("float32(int64, int64, int64, int64, float32, boolean)")
 def _heuristic(x, y, start_x, start_y, slope, octile):
     dx, dy = abs(x - start_x), abs(y - start_y)
