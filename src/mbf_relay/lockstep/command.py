@@ -30,9 +30,10 @@ class Progress:
         """Show that `done` of all were done in `elapsed` seconds; `note` says how they went."""
         share = done / self._total if self._total else 1.0
         left = elapsed * (1.0 - share) / share if share > 0.0 else math.nan
-        rest = f", {_minutes(left)} left" if math.isfinite(left) and done < self._total else ""
-        rate = f", {60.0 * done / elapsed:.0f} a minute" if elapsed > 0.0 else ""
-        text = f"{done}/{self._total} in {_minutes(elapsed)}{rate}{rest}: {note}"
+        rest = f", {_duration(left)} left" if math.isfinite(left) and done < self._total else ""
+        rate = 60.0 * done / elapsed if elapsed > 0.0 else math.inf
+        pace = f", {rate:.{0 if rate >= 10.0 else 1}f} a minute" if math.isfinite(rate) else ""
+        text = f"{done}/{self._total} in {_duration(elapsed)}{pace}{rest}: {note}"
         if self._is_terminal:
             bar = "#" * int(24 * share)
             self._stream.write(f"\r\x1b[K[{bar:<24}] {text}")
@@ -48,6 +49,7 @@ class Progress:
             self._stream.write("\n")
 
 
-def _minutes(seconds: float) -> str:
+def _duration(seconds: float) -> str:
     minutes, rest = divmod(int(seconds + 0.5), 60)
-    return f"{minutes}:{rest:02d}"
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes}:{rest:02d} min"

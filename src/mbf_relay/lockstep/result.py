@@ -132,15 +132,18 @@ class EpisodeResult:
             raise ValueError(str(error)) from error
 
 
-def failed(world: str, seed: int, message: str, scored: bool = False) -> EpisodeResult:
+def failed(world: str, seed: int, message: str, reference_path_length: Optional[float] = None) -> EpisodeResult:
     """Return the result of an episode that could not be driven.
 
     Args:
         world, seed: Which.
         message: Why.
-        scored: Whether its world has scores; this one is 0 then, and counts as such.
+        reference_path_length: Metres; where the world states it, score and SPL are 0, and count as such.
     """
-    return EpisodeResult(world, seed, False, ERROR, message, score=0.0 if scored else None)
+    return EpisodeResult(
+        world, seed, False, ERROR, message, reference_path_length=reference_path_length,
+        score=None if reference_path_length is None else 0.0,
+    )
 
 
 def score(success: bool, time: float, reference_path_length: float, top_speed: float) -> float:

@@ -81,7 +81,7 @@ class EpisodeTask:
 
     def failed(self, seed: int, message: str) -> EpisodeResult:
         """Return the result of an episode that could not be driven; it scores 0 where the world has scores."""
-        return failed(self.name, seed, message, self.reference_path_length is not None)
+        return failed(self.name, seed, message, self.reference_path_length)
 
     def digest(self) -> str:
         """Return a hash over everything that tells this task from another one, whatever folder it came from."""

@@ -18,7 +18,7 @@ DRIVEN = EpisodeResult(
 
 
 def test_a_row_an_episode_and_nothing_that_was_not_measured(tmp_path):
-    write(tmp_path, [DRIVEN, failed("b", 1, "died", scored=True)], trajectories=True)
+    write(tmp_path, [DRIVEN, failed("b", 1, "died", 4.0)], trajectories=True)
     with open(tmp_path / "results.csv", newline="") as file:
         first, second = csv.DictReader(file)
     assert list(first) == [column.name for column in COLUMNS]
@@ -27,6 +27,7 @@ def test_a_row_an_episode_and_nothing_that_was_not_measured(tmp_path):
     )
     assert (first["velocity_average"], first["velocity_peak"], first["closest_approach"]) == ("0.25", "0.2", "")
     assert (second["barn_score"], second["success"], second["time"], second["message"]) == ("0.0", "0", "", "died")
+    assert second["spl"] == "0.0", "a crash would count in the mean of one metric and be left out of the other's"
     with np.load(tmp_path / "trajectories" / "a, quoted-3.npz") as file:
         assert file["truth"].shape == file["believed"].shape == (2, 3) and file["velocity"][1, 0] == -0.2
     text = (tmp_path / "README.md").read_text()
