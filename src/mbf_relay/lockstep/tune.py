@@ -144,7 +144,7 @@ def open_study(options: argparse.Namespace, space: Space, setup: Setup, tasks: S
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     options.out.mkdir(parents=True, exist_ok=True)
     about = {
-        "space": {name: list(bounds) for name, bounds in space.items()}, "metric": options.metric,
+        "ranges": {name: list(bounds) for name, bounds in space.items()}, "metric": options.metric,
         "seeds": options.seeds, "seed": options.seed, "together": options.together,
         **settings_of(Path(options.worlds).name, tasks, setup),
     }

@@ -32,7 +32,10 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         else:
             entries = [generate(options.kind, options.seed + number) for number in range(options.count)]
         options.out.write_text(json.dumps({"worlds": entries}) + "\n", encoding="utf-8")
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        print(f"make_worlds.py: {error.filename or options.out}: {error.strerror}", file=sys.stderr)
+        return 1
+    except ValueError as error:
         print(f"make_worlds.py: {error}", file=sys.stderr)
         return 1
     print(f"{len(entries)} worlds are in {options.out}")

@@ -122,7 +122,7 @@ def test_a_study_of_other_parameters_is_not_continued(tmp_path, capsys):
     common = [worlds(tmp_path, 1), *SLOW, "--trials", "1", "--out", str(tmp_path / "out")]
     assert tune.main([*common, "--param", "mine.pace=0.1:0.2"]) == 0
     assert tune.main([*common, "--param", "mine.pace=0.1:0.3"]) == 1
-    assert "holds a study with other space" in capsys.readouterr().err
+    assert "holds a study with other ranges" in capsys.readouterr().err
 
 
 def test_what_matters_is_told_from_what_does_not():
