@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 
@@ -31,7 +32,11 @@ class Foresight:
 
     def __init__(self, costmap: CostGrid, pose: Pose2D, now: float, parameters: FollowerParameters) -> None:
         self._horizon = parameters.foresight_horizon
-        self._tracks = as_array(costmap.tracks if parameters.foresight else (), now)
+        self._tracks = as_array((costmap.tracks or ()) if parameters.foresight else (), now)
+        if parameters.foresight and costmap.tracks is None:
+            warnings.warn(
+                "foresight is on, but no layer of the local costmap looks for what moves; give it 'track_layer: {}', "
+                "or a layer of type mbf_relay::TrackLayer where it lists its plugins", RuntimeWarning, stacklevel=1)
         self.is_blind = len(self._tracks) == 0
         outline = costmap.footprint
         if len(outline) < 3:

@@ -83,7 +83,7 @@ class CostGrid:
         stamp: Time (s) of the update it shows.
         history: The latest changes, oldest first: the revision each led to, and the cells it touched.
         obstacle_overlap: Share of a cell by which the footprint's outline may reach into an obstacle's cell.
-        tracks: What moves, in `frame`.
+        tracks: What moves, in `frame`; None where no layer looks for that.
         side_cost, turning_cost: Costs that stand where an obstacle is so near that the robot's sides touch it, and so
             near that a corner does where the robot turns; INSCRIBED where costs do not tell.
     """
@@ -98,7 +98,7 @@ class CostGrid:
     stamp: float = 0.0
     history: Tuple[Tuple[int, Window], ...] = ()
     obstacle_overlap: float = OBSTACLE_OVERLAP
-    tracks: Tuple[Track, ...] = ()
+    tracks: Optional[Tuple[Track, ...]] = None
     side_cost: int = INSCRIBED
     turning_cost: int = INSCRIBED
 

@@ -104,9 +104,9 @@ class Layer(Plugin, abc.ABC):
         return ZoneLimit()
 
     @property
-    def tracks(self) -> Tuple[Track, ...]:
-        """What it knows that moves, in the costmap's frame."""
-        return ()
+    def tracks(self) -> Optional[Tuple[Track, ...]]:
+        """What it knows that moves, in the costmap's frame; None where it does not look for that."""
+        return None
 
     def attach(self, rolling: bool, tracks_unknown: bool) -> None:
         """Learn what the costmap is like; called once, before anything else."""
@@ -227,6 +227,8 @@ def changed_window(before: np.ndarray, costs: np.ndarray, window: Window) -> Win
     return Window(*layer_kernels.changed_part(before, costs, window.x0, window.y0))
 
 
-def tracks_of(layers: Iterable[Layer]) -> Tuple[Track, ...]:
-    """Return what moves, as all layers that take part know it."""
-    return tuple(track for layer in layers if layer.enabled for track in layer.tracks)
+def tracks_of(layers: Iterable[Layer]) -> Optional[Tuple[Track, ...]]:
+    """Return what moves, as all layers that take part know it; None where none looks for that."""
+    known = [layer.tracks for layer in layers if layer.enabled]
+    looked_for = [tracks for tracks in known if tracks is not None]
+    return tuple(track for tracks in looked_for for track in tracks) if looked_for else None

@@ -36,6 +36,13 @@ def state(pose, velocity, now, *tracks):
     return ControlState(now, pose, velocity, costmap, IDENTITY, 0.1)
 
 
+def test_foresight_without_anything_that_tracks_is_told_of():
+    controller = make(DWA, foresight=True)
+    controller.set_path(path_through((0, 0), (2, 0)), True)
+    with pytest.warns(RuntimeWarning, match="track_layer"):
+        controller.compute_velocity(ControlState(0.0, START, STOP, costmap_round(START, now=0.0), IDENTITY, 0.1))
+
+
 def gap(pose, track):
     """Return the distance (m) from the burger's outline to a track's disc, by small boxes."""
     local = Pose2D(track.x, track.y, 0.0).relative_to(pose)

@@ -175,7 +175,7 @@ class CostmapNode:
         self.costmap.update(now, pose)
         self._updates.tick(now)
         self._publisher.publish_footprint(self.costmap.oriented_footprint(pose), self.costmap.frame, now)
-        self._tracks.publish(tracks_of(self.costmap.layers), self.costmap.frame)
+        self._tracks.publish(tracks_of(self.costmap.layers) or (), self.costmap.frame)
         frequency = self.costmap.parameters.publish_frequency
         if frequency > 0.0 and now >= self._next_publication - 0.001:
             self._next_publication = now + 1.0 / frequency
