@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import resource
 from typing import Any, Callable, Dict, List, Optional, Tuple
+
+import psutil
 
 from mbf_relay.lockstep import result as outcomes
 from mbf_relay.lockstep.graph import Graph
@@ -140,7 +141,7 @@ class Episode:
         self._record.recoveries += 1
 
     def _machine(self) -> Dict[str, Any]:
-        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+        memory = psutil.Process().memory_info().rss / 2**20  # now: a peak would be that of who started this process
         if self._clock is None:
             return {"memory_mib": round(memory, 1)}
         seconds = {name: round(value, 4) for name, value in sorted(self._stages.seconds.items())}

@@ -66,6 +66,12 @@ def test_a_world_without_a_map_is_crossed_on_odometry(tmp_path):
     assert result.final_error <= 0.3
 
 
+def test_a_drive_is_not_charged_with_memory_that_is_long_given_back(tmp_path):
+    np.ones(50_000_000)  # 380 MiB, and free again
+    told = Episode(task(tmp_path, small_worlds.BENT), BLIND, 1).run().machine["memory_mib"]
+    assert told == pytest.approx(psutil.Process().memory_info().rss / 2**20, abs=100.0)
+
+
 def test_equal_seeds_give_equal_drives_and_other_seeds_other_ones(tmp_path):
     made = task(tmp_path, small_worlds.BENT)
     first, second, other = (Episode(made, BLIND, seed).run() for seed in (4, 4, 5))
