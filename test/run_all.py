@@ -105,8 +105,9 @@ def main() -> int:
     for folder in glob.glob(os.path.join(results, "*")):
         shutil.rmtree(folder, ignore_errors=True)
     # A shell starts what it puts in the background deaf to Ctrl-C, and nodes would inherit that; tests end them with
-    # it.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    # it. Whoever ends this with `timeout` means the tests.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
     runner = Runner(results, long=options.long)
     start = time.monotonic()
     try:

@@ -1,8 +1,14 @@
-"""The order in which tests run, and what is told of the time they took."""
+"""The order in which tests run, what is told of the time they took, and that they end with who runs them."""
 
+import signal
+import subprocess
 import sys
 
 import job_times
+import psutil
+import pytest
+import run_all
+from ros_testing import wait_until
 from run_all import Job, Kind, Runner, find_jobs
 
 ALONE = """
@@ -66,3 +72,21 @@ def test_the_longest_tests_are_named(tmp_path):
 
 def test_without_a_run_there_is_nothing_to_tell(tmp_path):
     assert "no run" in job_times.table(str(tmp_path))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_no_test_drives_on_when_the_runner_is_ended(tmp_path, number):
+    runner = subprocess.Popen(
+        [sys.executable, run_all.__file__, "--results", str(tmp_path), "unit/localization"], stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL)
+    started = psutil.Process(runner.pid)
+    wait_until(lambda: (tmp_path / "unit/localization/output.log").exists() and started.children(), "a job", 60.0)
+    jobs = started.children(recursive=True)
+    runner.send_signal(number)
+    try:
+        assert runner.wait(60.0) == 130
+        wait_until(lambda: not any(job.is_running() for job in jobs), "the end of what it started", 60.0)
+    finally:
+        for process in [runner, *(job for job in jobs if job.is_running())]:
+            process.kill()
+        runner.wait()
