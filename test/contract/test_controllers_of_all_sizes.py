@@ -102,7 +102,7 @@ class Scaled:
                 CostCritic={"near_goal_distance": 0.5 * self.scale},
                 GoalCritic=braking,
                 PathFollowCritic={**braking, "offset_from_furthest": 3},
-                PathAlignCritic={**near, "cost_weight": 20.0, "offset_from_furthest": 6},
+                PathAlignCritic={**braking, "cost_weight": 20.0, "offset_from_furthest": 6},
                 PathAngleCritic=near,
                 PreferForwardCritic=near,
             )
