@@ -1,6 +1,9 @@
 #!/usr/bin/env python3
+import os
 import sys
 
-from mbf_relay.localization.command import main
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported: its threads spin between small matrices
+
+from mbf_relay.localization.command import main  # noqa: E402
 
 sys.exit(main())

@@ -7,9 +7,12 @@
 The names are loaded when they are first asked for, so that results can be read without physics.
 """
 
+import os
 from importlib import import_module
 from typing import Any
 
+# Before NumPy is imported: OpenBLAS's threads spin between small matrices, and add up in an order of their own.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 _HOMES = {
     "Episode": "episode", "EpisodeResult": "result", "Task": "tasks", "circle": "tasks", "load_tasks": "tasks",
     "make_setup": "setup", "config_folder": "settings",

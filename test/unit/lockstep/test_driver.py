@@ -77,3 +77,15 @@ def test_work_here_is_interrupted_by_its_own_computing_alone():
     (task, lost), (_, last) = InProcess().run(act, ["compute", 3], 0.2)
     assert task == "compute" and isinstance(lost, Lost) and "hung" in str(lost) and last == 6
     assert not issubclass(Hung, Exception), "a plugin that keeps every exception cannot keep this one"
+
+
+def test_a_drive_in_ones_own_process_keeps_no_other_core_busy():
+    code = (
+        "import os, mbf_relay.lockstep, numpy\n"
+        "numpy.ones((500, 500)) @ numpy.ones((500, 500))\n"
+        "print(len(os.listdir('/proc/self/task')))"
+    )
+    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, stdout=subprocess.PIPE, env=environment, check=True, timeout=60.0)
+    assert done.stdout.decode().strip() == "1"
