@@ -40,21 +40,22 @@ def lead_round(plan: Callable[[CostGrid], Path], costmap: CostGrid) -> Path:
         return first
     checker = checker_on(costmap)
     snapshot = costmap
-    too_narrow = False
+    narrow = narrow_first = touching_cells(checker, path)
     for _ in range(TRIES):
-        narrow = touching_cells(checker, path)
         if len(narrow) == 0:
             return path
-        too_narrow = too_narrow or (path is first and is_too_narrow(checker, narrow))
         snapshot = _closed(snapshot, narrow)
         try:
             path = plan(snapshot)
         except PlanningError as error:
-            if error.outcome is PlanOutcome.CANCELED or (too_narrow and error.outcome is PlanOutcome.NO_PATH_FOUND):
+            if error.outcome is PlanOutcome.CANCELED:
                 raise
+            if error.outcome is PlanOutcome.NO_PATH_FOUND and is_too_narrow(checker, narrow_first):
+                raise  # asked last, since it takes the distances of the whole map
             return first
         if path.length > DETOUR_FACTOR * first.length + DETOUR_WIDTHS * costmap.width:
             return first
+        narrow = touching_cells(checker, path)
     return first
 
 
