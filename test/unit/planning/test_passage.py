@@ -146,6 +146,13 @@ def test_a_wide_way_is_taken_where_the_short_one_is_too_narrow():
     assert tuple(path.poses[0, :2]) == tuple(start[:2]) and tuple(path.poses[-1, :2]) == tuple(goal[:2])
 
 
+def test_a_robot_that_is_led_round_waits_for_no_distances_of_the_whole_map(monkeypatch):
+    costmap = wall([(48, 5), (70, 12)])
+    monkeypatch.delattr(passage, "is_too_narrow")
+    path = made().plan(costmap, at(costmap, 5, 50), at(costmap, 55, 50))
+    assert len(narrow(costmap, path)) == 0
+
+
 def test_a_gap_that_is_wide_enough_is_passed():
     costmap = wall([(46, 10), (70, 12)])
     planner = made()
