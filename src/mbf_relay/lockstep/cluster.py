@@ -23,6 +23,8 @@ Argument = TypeVar("Argument")
 
 CONNECTING = 10.0
 """Seconds a scheduler may take to answer."""
+GATHERING = 20.0
+"""Seconds for a result that is there to arrive; its worker may die on the way, and Dask would wait for ever."""
 LOOK = 1.0
 """Seconds between two looks at which workers there are."""
 AHEAD = 2
@@ -118,9 +120,14 @@ class DaskCluster:
         if future.status == "cancelled":
             self._require_scheduler()
             return Lost("was cancelled at the scheduler")
-        error = future.exception()
-        if error is None:
-            answer = future.result()
+        try:
+            error = future.exception(GATHERING)
+            answer = future.result(GATHERING) if error is None else None
+        except Exception as late:  # each release of Dask has a TimeoutError of its own
+            if type(late).__name__ != "TimeoutError":
+                raise
+            return _Unfit("its worker was lost, and what it had computed with it")
+        if answer is not None:
             return _Unfit(answer[1].decode()) if answer[0] == driver.REFUSED else value_of(answer)
         if isinstance(error, ImportError):
             return _Unfit(str(error))
