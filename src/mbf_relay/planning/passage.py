@@ -40,8 +40,8 @@ def lead_round(plan: Callable[[CostGrid], Path], costmap: CostGrid) -> Path:
         return first
     checker = checker_on(costmap)
     snapshot = costmap
-    narrow = narrow_first = touching_cells(checker, path)
     for _ in range(TRIES):
+        narrow = touching_cells(checker, path)
         if len(narrow) == 0:
             return path
         snapshot = _closed(snapshot, narrow)
@@ -50,12 +50,11 @@ def lead_round(plan: Callable[[CostGrid], Path], costmap: CostGrid) -> Path:
         except PlanningError as error:
             if error.outcome is PlanOutcome.CANCELED:
                 raise
-            if error.outcome is PlanOutcome.NO_PATH_FOUND and is_too_narrow(checker, narrow_first):
+            if error.outcome is PlanOutcome.NO_PATH_FOUND and is_too_narrow(checker, touching_cells(checker, first)):
                 raise  # asked last, since it takes the distances of the whole map
             return first
         if path.length > DETOUR_FACTOR * first.length + DETOUR_WIDTHS * costmap.width:
             return first
-        narrow = touching_cells(checker, path)
     return first
 
 
