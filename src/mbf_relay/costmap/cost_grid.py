@@ -105,7 +105,7 @@ class CostGrid:
     @cached_property
     def half_width(self) -> float:
         """How far (m) the footprint reaches to the sides of a robot that drives ahead; a round robot has none drawn."""
-        return float(np.abs(self.footprint[:, 1]).max()) if len(self.footprint) else self.inscribed_radius
+        return half_width_of(self.footprint, self.inscribed_radius)
 
     @cached_property
     def width(self) -> float:
@@ -120,3 +120,8 @@ class CostGrid:
                 return changed
             changed = changed.union(window)
         return None
+
+
+def half_width_of(footprint: np.ndarray, inscribed_radius: float) -> float:
+    """Return how far (m) an outline, shape (K, 2), reaches to the sides; the radius where a robot is round, K = 0."""
+    return float(np.abs(footprint[:, 1]).max()) if len(footprint) else inscribed_radius

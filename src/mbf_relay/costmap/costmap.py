@@ -11,7 +11,15 @@ from typing import Any, Collection, Deque, Dict, Iterator, List, Mapping, Option
 import numpy as np
 
 from mbf_relay.costmap import footprint as footprints
-from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, INSCRIBED, NO_INFORMATION, CostGrid, Window
+from mbf_relay.costmap.cost_grid import (
+    EMPTY,
+    FREE_SPACE,
+    INSCRIBED,
+    NO_INFORMATION,
+    CostGrid,
+    Window,
+    half_width_of,
+)
 from mbf_relay.costmap.layer import Layer, LayerContext, ZoneLimit, changed_window, shifted, tracks_of
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.parameters import CostmapParameters
@@ -321,7 +329,7 @@ class Costmap:
 
     def _near_costs(self) -> Tuple[int, int]:
         """Return the costs at which the robot's sides touch an obstacle, and a corner where it turns; see CostGrid."""
-        half_width = float(np.abs(self._footprint[:, 1]).max()) if len(self._footprint) else self._inscribed_radius
+        half_width = half_width_of(self._footprint, self._inscribed_radius)
         margin = (0.5 - self.parameters.obstacle_overlap) * self._grid.resolution  # an obstacle fills its cell
         told = []
         for distance in (half_width, self._circumscribed_radius):
