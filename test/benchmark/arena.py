@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict
+import dataclasses
+from typing import Any, Dict, Optional, Tuple
 
 import numpy as np
 import yaml
@@ -29,16 +30,27 @@ def server_parameters() -> Dict[str, Any]:
     return yaml.safe_load((config_folder() / "move_base_flex.yaml").read_text(encoding="utf-8"))
 
 
-def arena_costmap(scale: int = 1) -> CostGrid:
-    """Return the arena's global costmap, inflated, each cell repeated `scale` times each way."""
+def arena_costmap(scale: int = 1, obstacle: Optional[Tuple[float, float]] = None) -> CostGrid:
+    """Return the arena's global costmap, inflated, each cell repeated `scale` times each way.
+
+    Args:
+        scale: Cells that stand for one of the map, each way.
+        obstacle: Where in the map (m) something 0.1 m wide stands that the map as it is does not have.
+    """
     parameters = server_parameters()
     costmap = factory.build_costmap("global_costmap", parameters["global_costmap"], parameters)
-    costmap.set_map(arena_map())
+    costmap.set_map(arena_map() if obstacle is None else _with_obstacle(arena_map(), obstacle))
     costmap.update(0.0, START)
     snapshot = costmap.snapshot()
     grid = snapshot.grid
     costs = np.ascontiguousarray(np.repeat(np.repeat(snapshot.costs, scale, axis=0), scale, axis=1))
     scaled = Grid(grid.resolution / scale, grid.origin_x, grid.origin_y, grid.width * scale, grid.height * scale)
-    return CostGrid(
-        scaled, costs, snapshot.frame, snapshot.footprint, snapshot.inscribed_radius, snapshot.circumscribed_radius
-    )
+    return dataclasses.replace(snapshot, grid=scaled, costs=costs, history=())
+
+
+def _with_obstacle(occupancy: OccupancyMap, place: Tuple[float, float]) -> OccupancyMap:
+    local = Pose2D(*place, 0.0).relative_to(occupancy.origin)
+    column, row = occupancy.local_grid.cell_at(local.x, local.y)
+    data = occupancy.data.copy()
+    data[row - 1:row + 1, column - 1:column + 1] = 100
+    return dataclasses.replace(occupancy, data=data)

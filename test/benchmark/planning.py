@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 import threading
 import time
@@ -49,7 +50,7 @@ def metrics(quick: bool) -> Iterator[Metric]:
         for case in CASES:
             yield _from_scratch(case, costmap, 5 if quick else 25)
             yield _again(case, costmap, 5 if quick else 25)
-            yield _after_change(case, costmap, 3 if quick else 15)
+            yield _after_change(case, scale, 3 if quick else 15)
         yield _second_look(costmap, 5 if quick else 25)
         yield from planning_peers.metrics(costmap, 1 if quick else 5)
     for case in CASES:
@@ -94,26 +95,13 @@ def _again(case: str, costmap: CostGrid, repeats: int) -> Metric:
     )
 
 
-def _after_change(case: str, costmap: CostGrid, repeats: int) -> Metric:
-    """Time a replan after a robot met something 0.1 m wide near the start, as it comes and goes."""
-    planner = make(case)
+def _after_change(case: str, scale: int, repeats: int) -> Metric:
+    """Time a replan after a robot met something 0.1 m wide on its way, as it comes and goes."""
+    planner, costmap = make(case), arena_costmap(scale)
     path = _plan(planner, costmap)
-    pose = path.poses[len(path) // 6]
-    column, row = costmap.grid.cell_at(float(pose[0]), float(pose[1]))
-    reach = max(1, int(0.05 / costmap.grid.resolution))
-    blocked = costmap.costs.copy()
-    blocked[row - reach:row + reach, column - reach:column + reach] = LETHAL
-    snapshots = [
-        CostGrid(
-            costmap.grid,
-            costs,
-            costmap.frame,
-            costmap.footprint,
-            costmap.inscribed_radius,
-            costmap.circumscribed_radius,
-        )
-        for costs in (costmap.costs, blocked)
-    ]
+    x, y = (float(value) for value in path.poses[len(path) // 6, :2])
+    snapshots = [  # of no revision: what changed has to be looked for
+        dataclasses.replace(seen, revision=0) for seen in (costmap, arena_costmap(scale, obstacle=(x, y)))]
     calls = [0]
 
     def replan() -> None:

@@ -1,5 +1,6 @@
 """Kernels that were compiled when the package was built: what they refuse, and when they are not taken."""
 
+import ast
 import os
 import subprocess
 import sys
@@ -31,6 +32,20 @@ def forgetful():
     forget()
     yield
     forget()
+
+
+def test_helpers_that_kernels_hold_copies_of_are_alike():
+    # numba keeps a compiled file by that file's own change alone, so none may call another's
+    helpers = {}
+    for path in (TEST.parent / "src").rglob("*_kernels.py"):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.FunctionDef) and node.name.startswith("_"):
+                if ast.get_docstring(node) is not None:
+                    node.body = node.body[1:]
+                helpers.setdefault(node.name, {})[path.name] = ast.dump(node)
+    copies = {name: places for name, places in helpers.items() if len(places) > 1}
+    assert {"_differ", "_is_full", "_make_room"} <= set(copies)
+    assert [(name, sorted(places)) for name, places in copies.items() if len(set(places.values())) > 1] == []
 
 
 def test_every_kernel_of_the_package_was_built_from_its_present_source(built):

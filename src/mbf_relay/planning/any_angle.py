@@ -7,6 +7,7 @@ from typing import Any, Optional, Tuple
 
 import numpy as np
 
+from mbf_relay.costmap.cost_grid import CostGrid
 from mbf_relay.geometry import Pose2D
 from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.planning.global_planner import follow_steps
@@ -75,21 +76,23 @@ class AnyAnglePlanner(GridPlanner):
         if steps is None:
             return None
         down = descend_potential(self._potential, query, all_around=self.wants_potential)
-        pulled = [self._pulled(query, found[0]) for found in (steps, down) if found is not None]
+        weights = FastMarchingPotential.table_of(query.weights)
+        pulled = [_pulled(query.costmap, weights, found[0]) for found in (steps, down) if found is not None]
         points, cost = min(pulled, key=lambda found: found[1])
         return spaced(points, self.parameters.spacing), cost
 
-    def _pulled(self, query: SearchQuery, points: np.ndarray) -> Tuple[np.ndarray, float]:
-        grid = query.costmap.grid
-        origin = np.array([grid.origin_x, grid.origin_y])
-        cells = np.ascontiguousarray((points - origin) / grid.resolution)
-        weights = FastMarchingPotential.table_of(query.weights)
-        count = line_kernels.pull_string(query.costmap.costs, weights, cells, PASSES)
-        cells = np.ascontiguousarray(cells[:count])
-        cost = line_kernels.polyline_cost(query.costmap.costs, weights, cells)
-        pulled = cells * grid.resolution + origin
-        pulled[0], pulled[-1] = points[0], points[-1]
-        return pulled, float(cost)
+
+def _pulled(costmap: CostGrid, weights: np.ndarray, points: np.ndarray) -> Tuple[np.ndarray, float]:
+    """Return a path's points (m), shape (N, 2), pulled taut, and what it counts then."""
+    grid = costmap.grid
+    origin = np.array([grid.origin_x, grid.origin_y])
+    cells = np.ascontiguousarray((points - origin) / grid.resolution)
+    count = line_kernels.pull_string(costmap.costs, weights, cells, PASSES)
+    cells = np.ascontiguousarray(cells[:count])
+    cost = line_kernels.polyline_cost(costmap.costs, weights, cells)
+    pulled = cells * grid.resolution + origin
+    pulled[0], pulled[-1] = points[0], points[-1]
+    return pulled, float(cost)
 
 
 def spaced(points: np.ndarray, spacing: float) -> np.ndarray:

@@ -222,7 +222,7 @@ def step_cost(costs, halves, x, y, dx, dy):
 
 
 @kernel("boolean(uint8[:,::1], float32[::1], float32[:,::1], int64, int64)")
-def _is_supported(costs, halves, field, x, y):
+def _is_supported_by_steps(costs, halves, field, x, y):
     """Return whether a neighbour still explains a cell's value: some way on costs no more than it says."""
     value = field[y, x]
     if value == _ROOT:
@@ -259,7 +259,7 @@ def invalidate(costs, halves, field, changed, unsupported):
     for n in range(changed.shape[0]):
         for y in range(max(changed[n, 1] - 1, 0), min(changed[n, 1] + 2, height)):
             for x in range(max(changed[n, 0] - 1, 0), min(changed[n, 0] + 2, width)):
-                if field[y, x] > 0 and not _is_supported(costs, halves, field, x, y):
+                if field[y, x] > 0 and not _is_supported_by_steps(costs, halves, field, x, y):
                     field[y, x] = 0
                     unsupported[count] = y * 65536 + x
                     count += 1
@@ -269,7 +269,7 @@ def invalidate(costs, halves, field, changed, unsupported):
         done += 1
         for y in range(max(middle_y - 1, 0), min(middle_y + 2, height)):
             for x in range(max(middle_x - 1, 0), min(middle_x + 2, width)):
-                if field[y, x] > 0 and not _is_supported(costs, halves, field, x, y):
+                if field[y, x] > 0 and not _is_supported_by_steps(costs, halves, field, x, y):
                     if count == unsupported.shape[0]:
                         return -1
                     field[y, x] = 0

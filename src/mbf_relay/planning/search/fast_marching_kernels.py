@@ -257,7 +257,7 @@ def _below(field, x, y, value):
 
 
 @kernel("boolean(uint8[:,::1], float32[::1], float32[:,::1], int64, int64)")
-def _is_supported(costs, weights, field, x, y):
+def _is_supported_by_front(costs, weights, field, x, y):
     """Return whether lower neighbours still explain a cell's value.
 
     The fast-marching update gives no more than it says.
@@ -277,7 +277,7 @@ def invalidate(costs, weights, field, changed, unsupported):
     count = 0
     for n in range(changed.shape[0]):
         x, y = changed[n, 0], changed[n, 1]
-        if field[y, x] > 0 and not _is_supported(costs, weights, field, x, y):
+        if field[y, x] > 0 and not _is_supported_by_front(costs, weights, field, x, y):
             field[y, x] = 0
             unsupported[count] = y * 65536 + x
             count += 1
@@ -289,7 +289,7 @@ def invalidate(costs, weights, field, changed, unsupported):
             x = middle_x + (side * 2 - 1 if side < 2 else 0)
             y = middle_y + (side * 2 - 5 if side > 1 else 0)
             if 0 <= x < width and 0 <= y < height:
-                if field[y, x] > 0 and not _is_supported(costs, weights, field, x, y):
+                if field[y, x] > 0 and not _is_supported_by_front(costs, weights, field, x, y):
                     if count == unsupported.shape[0]:
                         return -1
                     field[y, x] = 0
