@@ -39,9 +39,8 @@ def contacts(costmap, pose, scale=1.0, headings=256, outside=1):
     corners = costmap.footprint
     for start, end in zip(corners, np.roll(corners, -1, axis=0)):
         count = max(1, math.ceil(np.hypot(*(end - start)) / (grid.resolution / 3)))
-        for i in range(count):
-            local = np.float32(start + (end - start) * i / count) * scale
-            x, y = turned.transform_points(local[None])[0]
+        along = np.float32(start + (end - start) * np.arange(count)[:, None] / count) * scale
+        for x, y in turned.transform_points(along):
             column, row = grid.cell_at(x, y)
             if not grid.contains_cell(column, row):
                 found += outside

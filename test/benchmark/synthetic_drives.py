@@ -132,7 +132,9 @@ def wander(field: DistanceField, scans: int, step: float, rng: np.random.Generat
 
 def _clear(field: DistanceField, x: float, y: float) -> float:
     column, row = field.occupancy.local_grid.cell_at(x - field.origin.x, y - field.origin.y)
-    return float(field.distances[row, column]) if field.occupancy.local_grid.contains_cell(column, row) else 0.0
+    if not field.occupancy.local_grid.contains_cell(column, row):
+        return 0.0
+    return float(field.cell_distances[field.codes[row, column]])
 
 
 def _measure(

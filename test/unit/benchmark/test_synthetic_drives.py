@@ -29,8 +29,8 @@ def test_a_drive_keeps_to_free_space_and_its_readings_end_on_the_map(building):
 
 def distance_at(field, x, y):
     column, row = field.occupancy.local_grid.cell_at(x - field.origin.x, y - field.origin.y)
-    height, width = field.distances.shape
-    return float(field.distances[min(row, height - 1), min(column, width - 1)])
+    height, width = field.codes.shape
+    return float(field.cell_distances[field.codes[min(row, height - 1), min(column, width - 1)]])
 
 
 @pytest.mark.parametrize("building", FAMILIAR)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from mbf_relay.geometry import Pose2D
-from mbf_relay.localization.distance_field import DistanceField
+from mbf_relay.localization.distance_field import is_free
 from mbf_relay.localization.laser_kernels import cast_scan
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.scan import LaserScan
@@ -26,9 +26,10 @@ def room(origin=ORIGIN):
 
 def scan_at(occupancy, pose, rng=None, beams=180, range_max=6.0, stamp=0.0, frame="base_scan"):
     """Return what a lidar at a pose sees, with 1 cm of noise where a generator is given."""
-    field, ranges = DistanceField(occupancy, 2.0), np.empty(beams)
+    blocked = np.ascontiguousarray(~is_free(occupancy.data)).view(np.uint8)
+    frame_of_map, ranges = np.array([*occupancy.origin, occupancy.resolution]), np.empty(beams)
     bearings = np.arange(beams) * (2.0 * math.pi / beams)
-    cast_scan(np.array([pose], dtype=float), field.blocked, field.frame, range_max, bearings, ranges)
+    cast_scan(np.array([pose], dtype=float), blocked, frame_of_map, range_max, bearings, ranges)
     noise = 0.0 if rng is None else rng.normal(0.0, 0.01, beams)
     ranges = np.where(ranges < range_max, ranges + noise, np.inf)
     return LaserScan(ranges, 0.0, bearings[1], 0.12, range_max, stamp, frame)

@@ -48,8 +48,8 @@ def amcl_likelihood(kind, field, scan, laser, pose, parameters):
         bearing = eye.theta + scan.angle_min + index * scan.angle_increment
         x, y = eye.x + reading * math.cos(bearing), eye.y + reading * math.sin(bearing)
         column, row = math.floor((x - ORIGIN.x) / field.resolution), math.floor((y - ORIGIN.y) / field.resolution)
-        inside = 0 <= column < field.distances.shape[1] and 0 <= row < field.distances.shape[0]
-        z = float(field.distances[row, column]) if inside else v.laser_likelihood_max_dist
+        inside = 0 <= column < field.codes.shape[1] and 0 <= row < field.codes.shape[0]
+        z = float(field.cell_distances[field.codes[row, column]]) if inside else v.laser_likelihood_max_dist
         pz = v.laser_z_hit * math.exp(-z * z / (2.0 * v.laser_sigma_hit ** 2)) + v.laser_z_rand / range_max
         total += pz ** 3
         product *= pz
