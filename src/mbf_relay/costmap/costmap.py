@@ -165,15 +165,12 @@ class Costmap:
             for layer in takers:
                 layer.observe(source, observation, observation.stamp if now is None else now)
 
-    def refuse(self, source: str, reason: str) -> None:
-        """Take note that a sensor, one of `sources`, sent what must not be believed.
-
-        The costmap is stale till it does better.
-        """
+    def refuse(self, source: str, reason: str, is_blind: bool = True) -> None:
+        """Take note why a message of a sensor, one of `sources`, is not used; see Layer.refuse."""
         with self._lock:
             for layer in self.layers:
                 if source in layer.sources:
-                    layer.refuse(source, reason)
+                    layer.refuse(source, reason, is_blind)
 
     @property
     def zone_limit(self) -> ZoneLimit:

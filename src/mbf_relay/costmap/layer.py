@@ -131,8 +131,14 @@ class Layer(Plugin, abc.ABC):
     def observe(self, source: str, observation: Observation, now: float) -> None:
         """Take what one of `sources` saw, at `now` (s); its age counts from its stamp, from `now` where that is 0."""
 
-    def refuse(self, source: str, reason: str) -> None:
-        """Take note that one of `sources` sent what must not be believed; it is stale until it is observed again."""
+    def refuse(self, source: str, reason: str, is_blind: bool) -> None:
+        """Take note why a message of one of `sources` is not used.
+
+        Args:
+            source: Its name.
+            reason: Told where it is stale.
+            is_blind: It shows that the sensor sees nothing: stale at once, until it is observed again.
+        """
 
     def set_map(self, occupancy: OccupancyMap) -> None:
         """Take the layer's map."""

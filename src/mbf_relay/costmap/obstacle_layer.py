@@ -139,7 +139,8 @@ class _Source:
         self.parameters = parameters
         self.kept: Deque[_Rays] = deque()
         self.last_update: Optional[float] = None
-        self.trouble: Optional[str] = None
+        self.trouble: Optional[str] = None  # why it is not to be relied on
+        self.unused: Optional[str] = None  # why its last message was not used
         self.usual_age = UsualAge()
 
     def add(self, observation: Observation, now: float, max_height: float) -> None:
@@ -149,7 +150,7 @@ class _Source:
         if self.last_update is not None:
             self.usual_age.renewed(now - self.last_update, measured - self.last_update)
         self.last_update = measured
-        self.trouble = None
+        self.trouble = self.unused = None
         keep_time = self.parameters.observation_persistence
         if keep_time == 0.0:
             while len(self.kept) > 1:
@@ -188,8 +189,11 @@ class ObstacleLayer(CellLayer):
     def observe(self, source: str, observation: Observation, now: float) -> None:
         self._sources[source].add(observation, now, self.highest_mark)
 
-    def refuse(self, source: str, reason: str) -> None:
-        self._sources[source].trouble = reason
+    def refuse(self, source: str, reason: str, is_blind: bool) -> None:
+        if is_blind:
+            self._sources[source].trouble = reason
+        else:
+            self._sources[source].unused = reason
 
     def update_bounds(self, context: LayerContext, window: Window) -> Window:
         clearing = [rays for s in self._sources.values() if s.parameters.clearing for rays in s.kept]
@@ -269,11 +273,15 @@ class ObstacleLayer(CellLayer):
                 return f"{kind} {whose} cannot be relied on: {source.trouble}"
             if limit == 0.0:
                 continue
-            if source.last_update is None:
+            if source.last_update is None and source.unused is None:
                 return f"no data has come from {kind} {whose}"
+            if source.last_update is None:
+                return f"nothing from {kind} {whose} could be used: {source.unused}"
             if now - source.last_update > limit:
-                return (f"{kind} {whose} sent nothing for {now - source.last_update:.2f} s; "
-                        f"at most {limit:.2f} s is allowed")
+                told = f"{now - source.last_update:.2f} s; at most {limit:.2f} s is allowed"
+                if source.unused is None:
+                    return f"{kind} {whose} sent nothing for {told}"
+                return f"{kind} {whose} sent nothing that could be used for {told}; {source.unused}"
         return None
 
 

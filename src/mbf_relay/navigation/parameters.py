@@ -36,7 +36,7 @@ class NavigatorParameters(ParameterSet):
     global_frame: str = parameter("map", "Frame of paths and of reported poses")
     map_frame: str = parameter("map", "Older name of global_frame, read where that is not given")
     robot_frame: str = parameter("base_link", "Frame of the robot's base")
-    odom_topic: str = parameter("odom", "Topic of odometry; empty to do without")
+    odom_topic: str = parameter("odom", "Topic of odometry; empty to do without, as where nobody publishes it")
     tf_timeout: Optional[float] = parameter(
         None, "How long to wait for a transform, standing; 3 for plans and 1 for control where not given", "s", 0.0
     )

@@ -177,6 +177,23 @@ def test_stale_sources_are_named_with_their_age():
     assert "3.00 s" in costmap.stale_reason(3.0)
 
 
+def test_whoever_waits_for_a_sensor_is_told_why_what_it_sent_was_not_used():
+    costmap = factory.build_costmap("local_costmap", NEW_FORM)
+    costmap.update(0.0, IDENTITY)
+    why = "message dropped after 0.53 s: no transform from 'laser' to 'odom'"
+    costmap.refuse("scan", why, is_blind=False)
+    assert costmap.stale_reason(0.0) == (
+        f"local_costmap: nothing from lidar source 'scan' on topic 'scan' could be used: {why}")
+    costmap.observe("scan", Observation((0.0, 0.0), np.zeros((0, 2)), None, 0.0))
+    costmap.refuse("scan", why, is_blind=False)
+    assert costmap.stale_reason(0.1) is None  # one message lost is no reason to stop
+    costmap.update(3.0, IDENTITY)
+    assert "3.00 s" in costmap.stale_reason(3.0) and costmap.stale_reason(3.0).endswith(why)
+    costmap.observe("scan", Observation((0.0, 0.0), np.zeros((0, 2)), None, 3.0))
+    costmap.update(6.0, IDENTITY)
+    assert why not in costmap.stale_reason(6.0)
+
+
 def test_threads_may_observe_update_and_look_at_once():
     costmap = factory.build_costmap("local_costmap", NEW_FORM)
     errors = []

@@ -112,7 +112,7 @@ class SensorInput:
                     self._complain(f"dropped after {now - arrived:.2f} s: {error}")
             except BlindSensor as error:
                 self._costmap.refuse(self._name, str(error))
-                self._complain(f"cannot be relied on: {error}")
+                self._say(f"cannot be relied on: {error}")
             except InvalidMessage as error:
                 self._complain(f"refused: {error}")
             done.append(message)
@@ -122,6 +122,10 @@ class SensorInput:
             self._waiting.extend(kept)
 
     def _complain(self, reason: str) -> None:
+        self._costmap.refuse(self._name, f"message {reason}", is_blind=False)
+        self._say(reason)
+
+    def _say(self, reason: str) -> None:
         self._trouble = f"source '{self._name}' on topic '{self._subscriber.resolved_name}': message {reason}"
         self._warnings.say(f"{self._costmap.name}: {self._trouble}")
 

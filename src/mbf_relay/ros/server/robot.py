@@ -56,7 +56,8 @@ class RosRobot(Robot):
     Args:
         transforms: Where frames are looked up.
         base_frame: The robot's frame.
-        odom_topic: Odometry; where empty, the last command stands in for the velocity.
+        odom_topic: Odometry; where empty, or where nobody ever published it, the last command stands in for the
+            velocity: move_base drives robots whose files name no odometry, too.
         pose_timeout: Age (s) beyond which a transform is refused.
         odom_timeout: Age (s) beyond which odometry is refused.
 
@@ -76,9 +77,10 @@ class RosRobot(Robot):
         self._closing = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
         self._closed = self._blocked = self._held = False
         self._topic = rospy.resolve_name(odom_topic) if odom_topic else ""
+        self._subscriber: Optional[rospy.Subscriber] = None
         if odom_topic:
             # kept as bytes until somebody asks: most of thirty messages a second are never looked at
-            rospy.Subscriber(
+            self._subscriber = rospy.Subscriber(
                 odom_topic, RawOdometry, self._on_odometry, queue_size=1, buff_size=1 << 18, tcp_nodelay=True
             )
 
@@ -92,7 +94,12 @@ class RosRobot(Robot):
 
     def velocity(self) -> Twist2D:
         """Return the newest velocity, body frame; raise StaleDataError where there is none or it is too old."""
-        if not self._topic:
+        if self._subscriber is None:
+            return self.commanded or STOP
+        if self._odometry is None and self._subscriber.get_num_connections() == 0:
+            rospy.logwarn_once(
+                "nobody publishes odometry on %s: the last command stands in for the robot's velocity; name the "
+                "robot's topic by a remapping of odom, or by ~odom_topic", self._topic)
             return self.commanded or STOP
         if self._odometry is None:
             raise StaleDataError(f"no odometry on {self._topic} yet")

@@ -1,0 +1,26 @@
+"""A robot whose files name no odometry drives as under move_base; one whose odometry is silent does not."""
+
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("mbf_msgs", reason="needs the built package")
+
+from mbf_relay.geometry import STOP, Twist2D  # noqa: E402
+from mbf_relay.outcomes import StaleDataError  # noqa: E402
+from mbf_relay.ros.server.robot import RosRobot  # noqa: E402
+
+
+def robot(publishers, commanded):
+    subscriber = SimpleNamespace(get_num_connections=lambda: publishers)
+    return SimpleNamespace(_odometry=None, _topic="/odom", _subscriber=subscriber, commanded=commanded)
+
+
+@pytest.mark.parametrize("commanded", [None, Twist2D(0.2, 0.0, 0.1)])
+def test_a_robot_without_odometry_is_taken_to_drive_as_it_was_told(commanded):
+    assert RosRobot.velocity(robot(0, commanded)) == (commanded or STOP)
+
+
+def test_a_robot_whose_odometry_says_nothing_yet_is_not_driven():
+    with pytest.raises(StaleDataError, match="no odometry on /odom yet"):
+        RosRobot.velocity(robot(1, STOP))
