@@ -30,6 +30,9 @@ MOST_CELLS = 1 << 28
 
 LARGEST_MAP_FILE = 1 << 20
 """Bytes of a map's YAML file."""
+IMAGE_FORMATS = ("PNG", "PPM", "BMP", "GIF", "JPEG", "PCX", "TGA", "TIFF", "WEBP")
+"""What map_server reads by SDL_image and Pillow reads by itself: for EPS it starts Ghostscript on a stranger's file.
+"""
 BAND = 1 << 22
 """Pixels of an image that are turned into cells at a time."""
 _PILLOW = threading.Lock()
@@ -176,6 +179,8 @@ def _read_image(file: BinaryIO, parameters: MapFileParameters) -> np.ndarray:
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)
         with _any_size():
             image = Image.open(file)
+            if image.format not in IMAGE_FORMATS:
+                raise ValueError(f"it is {image.format}; maps are {', '.join(IMAGE_FORMATS)}")
             width, height = image.size
             if not 0 < width * height <= MOST_CELLS or max(width, height) > LARGEST_SIDE:
                 raise ValueError(
@@ -210,7 +215,10 @@ def _any_size() -> Iterator[None]:
 def _channels(image: Image.Image) -> np.ndarray:
     """Return an image as uint8 of shape (height, width, channels), channels 1, 3 or 4 with alpha last."""
     if image.mode.startswith("I") or image.mode == "F":
-        values = np.asarray(image, dtype=np.int64)
+        values = np.asarray(image)
+        if not np.isfinite(values).all() or np.abs(values).max() > np.iinfo(np.int32).max:
+            raise ValueError("it has pixels that are no numbers, or larger than any image's")
+        values = values.astype(np.int64)
         return (values >> 8 if values.size and values.max() > 255 else values).astype(np.uint8)[:, :, None]
     if image.mode in ("LA", "PA", "RGBA") or "transparency" in image.info:
         return np.asarray(image.convert("RGBA"))

@@ -95,6 +95,27 @@ def test_harmless_aliases_are_read():
     assert files.parse_yaml("a: &a [1, 2]\nb: *a\nc: {<<: {d: 3}}") == {"a": [1, 2], "b": [1, 2], "c": {"d": 3}}
 
 
+def test_a_map_whose_image_is_a_program_is_not_run(tmp_path):
+    """PostScript is one, and Pillow has Ghostscript run it."""
+    Image.new("L", (4, 4)).save(str(tmp_path / "m.eps"))
+    with pytest.raises(maps.MapImageError, match="it is EPS"):
+        maps.load_map(write(tmp_path / "m.yaml", map_yaml(image="m.eps")))
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e30])
+def test_a_map_whose_pixels_are_no_numbers_is_refused(tmp_path, value):
+    Image.fromarray(np.full((2, 2), value, dtype=np.float32)).save(str(tmp_path / "m.tiff"))
+    with pytest.raises(maps.MapImageError, match="no numbers"):
+        maps.load_map(write(tmp_path / "m.yaml", map_yaml(image="m.tiff")))
+
+
+@pytest.mark.parametrize("mode", ["trinary", "scale", "raw"])
+@pytest.mark.parametrize("kind", ["L", "1", "P", "LA", "RGB", "RGBA", "I"])
+def test_a_map_of_one_pixel_of_any_kind_is_read(tmp_path, kind, mode):
+    Image.new(kind, (1, 1)).save(str(tmp_path / "m.png"))
+    assert maps.load_map(write(tmp_path / "m.yaml", map_yaml(image="m.png", mode=mode))).data.shape == (1, 1)
+
+
 def test_a_map_too_large_for_a_planner_is_named_before_it_is_unpacked(tmp_path):
     write(tmp_path / "m.pgm", b"P5 40000 40000 255\n")
     with pytest.raises(maps.MapImageError, match="40000 x 40000"):
