@@ -92,8 +92,11 @@ class Witness:
 
     def warnings(self) -> List[str]:
         """Return every warning and error the nodes have logged, but for those that say how slow this machine is."""
-        lines = [f"{message.name}: {message.msg}" for message in list(self._log.messages) if message.level >= Log.WARN]
-        return [line for line in lines if not any(words in line for words in OF_THE_MACHINE)]
+        return [line for line in self.complaints() if not any(words in line for words in OF_THE_MACHINE)]
+
+    def complaints(self) -> List[str]:
+        """Return every warning and error the nodes have logged."""
+        return [f"{message.name}: {message.msg}" for message in list(self._log.messages) if message.level >= Log.WARN]
 
 
 def start_test_node(name: str) -> None:
