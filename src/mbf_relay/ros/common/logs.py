@@ -8,6 +8,29 @@ from typing import Callable
 
 TOPICS_IN_LOGS_DISABLED = "/rosout_disable_topics_generation"
 """rospy's parameter: whether log messages leave out the topics of the node."""
+CONTINUED = "\n  | "
+"""Between the lines of one message."""
+
+
+def plain(text: str) -> str:
+    """Return a text in which nothing can pass for a line of its own, nor steer a terminal.
+
+    Names of frames, goals and plugins are anybody's. What cannot be printed is written as Python writes it; what
+    comes after a line feed, as in a traceback, stays a line, but one that nothing else begins like.
+    """
+    if text.isprintable():
+        return text
+    return CONTINUED.join(
+        "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in line) for line in text.split("\n")
+    )
+
+
+class PlainRecord(logging.LogRecord):
+    """A line of the log that tells the words of strangers in plain text, wherever it goes."""
+
+    def getMessage(self) -> str:
+        """Return the line."""
+        return plain(super().getMessage())
 
 
 def complain_once() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import importlib
+import logging
 import os
 import sys
 import time
@@ -85,7 +86,8 @@ def run_program(place: str) -> None:
 
 
 def _start_soon() -> None:
-    """Import rospy, without what nobody uses, and have it start a node sooner and receive with less."""
+    """Import rospy, without what nobody uses, and have it start a node sooner, receive with less and log plainly."""
+    logging.setLogRecordFactory(logs.PlainRecord)
     spare_what_nobody_uses()
     from mbf_relay.ros.common.receiving import receive_with_less
     from mbf_relay.ros.common.starting import start_soon

@@ -8,6 +8,7 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, TextIO
 
 from mbf_relay.navigation import examination as exam
 from mbf_relay.navigation.examination import Examination, Finding
+from mbf_relay.ros.common.logs import plain
 from mbf_relay.ros.tools.parameter_source import LaunchedNode, ParameterSource, read_launch, read_yaml
 
 TROUBLE = (exam.REFUSED, exam.DOUBTFUL)
@@ -20,7 +21,7 @@ def main(arguments: Optional[Sequence[str]] = None, out: TextIO = sys.stdout) ->
     try:
         nodes = _nodes(options)
     except (ValueError, OSError) as error:
-        print(f"check_config.py: {error}", file=sys.stderr)
+        print(plain(f"check_config.py: {error}"), file=sys.stderr)
         return 2
     if not nodes:
         print("check_config.py: no node of type move_base, move_base_flex or mbf_costmap_nav is launched there",
@@ -60,7 +61,7 @@ def tell(node: LaunchedNode, found: Examination, out: TextIO, quiet: bool) -> No
         for finding in found.of(kind):
             place = node.source.place(finding.name)
             name = f"{finding.name}: " if finding.name and "parameter " not in finding.text else ""
-            print(f"  {kind}: {name}{finding.text}{f'  [{place}]' if place else ''}", file=out)
+            print(plain(f"  {kind}: {name}{finding.text}{f'  [{place}]' if place else ''}"), file=out)
     counts = ", ".join(f"{len(found.of(kind))} {kind}" for kind in exam.KINDS if found.of(kind))
     print(f"  {counts or 'nothing to say'}", file=out)
 

@@ -1,5 +1,6 @@
 """A node whose disk is full, whose home is none or whose master hangs goes on, and says so in a sentence."""
 
+import logging
 import os
 import resource
 import subprocess
@@ -27,15 +28,17 @@ def master():
     master.kill()
 
 
-def words_of_a_node(master, environment, full=False, terminal=subprocess.PIPE):
-    """Run a node until it offers its map, end it, and return what it said, where `terminal` is no file."""
+def words_of_a_node(
+    master, environment, full=False, terminal=subprocess.PIPE, command=("map_server", str(MAP)), offered="/map"
+):
+    """Run a node until it offers a topic, end it, and return what it said, where `terminal` is no file."""
     node = subprocess.Popen(
-        ["rosrun", "mbf_relay", "map_server", str(MAP)], env=dict(environment, ROS_MASTER_URI=master.uri),
+        ["rosrun", "mbf_relay", *command], env=dict(environment, ROS_MASTER_URI=master.uri),
         stdout=terminal, stderr=subprocess.STDOUT, universal_newlines=True,
         preexec_fn=(lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))) if full else None,
     )
     try:
-        wait_until(lambda: master.answer("lookupService", "/static_map"), "the node to come up", 60.0)
+        wait_until(lambda: offered in dict(master.answer("getPublishedTopics", "")), "the node to come up", 60.0)
         node.terminate()
         output = node.communicate(timeout=60.0)[0] or ""
     finally:
@@ -62,6 +65,28 @@ def test_a_node_without_a_home_speaks_on_the_terminal(master, home, tmp_path):
     output = words_of_a_node(master, environment)
     assert "serving a map" in output, output
     assert home is None or "cannot create log directory" in output, output
+
+
+@pytest.mark.parametrize("name, told", [
+    ("map\n[INFO] [12.0]: Goal reached", "map\n  | [INFO] [12.0]: Goal reached"),
+    ("map\r[INFO] [12.0]: Goal reached", r"map\r[INFO] [12.0]: Goal reached"),
+    ("\x1b[2J\x1b]0;title\x07", r"\x1b[2J\x1b]0;title\x07"),
+    ("right\u202eto left, next\u2028line, next\x85one", r"right\u202eto left, next\u2028line, next\x85one"),
+    ("half a sign \ud800", r"half a sign \ud800"),
+    ("a robot's \"própria\" 地图 \\n", "a robot's \"própria\" 地图 \\n"),
+])
+def test_a_stranger_forges_no_line_of_the_log_by_the_name_of_a_frame_or_goal(name, told):
+    record = logs.PlainRecord("rosout", logging.WARNING, "node.py", 1, "goal in frame '%s'", (name,), None)
+    assert logging.Formatter("%(levelname)s: %(message)s").format(record) == f"WARNING: goal in frame '{told}'"
+
+
+def test_a_stranger_forges_no_line_of_a_running_nodes_log_by_the_name_of_a_parameter(master, tmp_path):
+    forged = "A\n[ WARN] [1.0]: forged"
+    master.answer("setParam", "/velocity_guard", {forged: 1})
+    environment = dict(os.environ, ROS_LOG_DIR=str(tmp_path))
+    told = words_of_a_node(master, environment, command=("velocity_guard",), offered="/velocity_guard/state")
+    told += "".join(log.read_text() for log in tmp_path.rglob("velocity_guard*.log"))
+    assert told.count("A\n  | [ WARN] [1.0]: forged") == 2 and forged not in told, told
 
 
 def test_a_robot_whose_node_logs_a_line_does_not_wait_for_a_master_that_hangs(monkeypatch):
