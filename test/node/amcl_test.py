@@ -16,7 +16,7 @@ from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetMap, GetMapResponse, SetMap
-from sensor_msgs.msg import LaserScan
+from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 from std_msgs.msg import Float64
 from std_srvs.srv import Empty
 from tf2_msgs.msg import TFMessage
@@ -34,6 +34,19 @@ from mbf_relay.ros.common.transforms import Transforms  # noqa: E402
 
 START = Pose2D(0.0, 1.0, 0.4)
 initial_pose = functools.partial(initial_pose_message, variance=0.02)
+
+
+def cloud_of(scan):
+    """Return a scan as a lidar of three rings would send it, with a floor below."""
+    ranges = np.array(scan.ranges)
+    angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
+    ring = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles)))[np.isfinite(ranges)]
+    points = np.vstack([np.column_stack((scale * ring, np.full(len(ring), height)))
+                        for scale, height in ((1.0, 0.2), (1.0, 0.4), (1.0, 0.6), (0.5, 0.0))]).astype(np.float32)
+    cloud = PointCloud2(header=scan.header, height=1, width=len(points), point_step=12, row_step=12 * len(points))
+    cloud.fields = [PointField(name, 4 * index, PointField.FLOAT32, 1) for index, name in enumerate("xyz")]
+    cloud.data = points.tobytes()
+    return cloud
 
 
 class TestAmcl(unittest.TestCase):
@@ -160,6 +173,16 @@ class TestAmcl(unittest.TestCase):
         poses = len(self.pose.messages)
         self.drive_until(lambda: len(self.pose.messages) > poses + 4, "updates after bad scans")
         self.assertLess(self.error()[0], 0.3)
+
+    def test_a_robot_whose_lidar_sends_point_clouds_is_followed(self):
+        self.start_at(self.robot.pose)
+        clouds = connected_publisher("cloud_in", PointCloud2)
+        change, self.robot.change_message = self.robot.change_message, lambda message: clouds.publish(
+            cloud_of(message)) or LaserScan()
+        poses = len(self.pose.messages)
+        self.drive_until(lambda: len(self.pose.messages) > poses + 8, "eight updates by clouds alone")
+        self.robot.change_message = change
+        self.assertLess(self.error()[0], 0.15)
 
     def test_a_scan_that_names_no_frame_does_not_end_localization(self):
         scans, others = Listener("scan", LaserScan, connected=True), connected_publisher("scan", LaserScan)

@@ -4,6 +4,7 @@
     motion_models.py   propagate        (sample_motion_model_odometry and its omnidirectional sister)
     laser_models.py    reweight         (beam_range_finder_model, likelihood_field_range_finder_model)
     resampling.py      resample         (KLD-adaptive, with random poses where the fit has dropped)
+    cloud_scan.py      a scan out of a point cloud
     estimate.py        estimate         (clusters, mean and covariance)
     tracker.py         the robust form: predict, correct, doubt, decide
       scan_proposal.py   particles drawn with the scan in view, for sparse scans and poor odometry

@@ -15,6 +15,7 @@ from mbf_relay.localization.beams import Beams, pick_beams, step_between
 from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.laser_kernels import look_up_endpoints, sum_over_endpoints, sum_over_rays
 from mbf_relay.localization.parameters import LocalizerParameters
+from mbf_relay.localization.scan_likelihood import temper
 from mbf_relay.scan import LaserScan
 
 CONVERGED_WITHIN = 0.5
@@ -52,6 +53,14 @@ class LaserModel(abc.ABC):
         Returns:
             Shape (N,).
         """
+
+    def tempered(self, poses: np.ndarray, beams: Beams, converged: bool = False) -> np.ndarray:
+        """Return the log-likelihood as that of a few independent beams, for the robust form; arguments as above.
+
+        Of cubes that are added that is what as many beams would say as likely as their power mean.
+        """
+        count = len(beams.ranges)
+        return self.log_likelihoods(poses, beams, converged) * (count * temper(count) / 3.0)
 
 
 class BeamModel(LaserModel):
@@ -146,6 +155,9 @@ class LikelihoodFieldProbModel(FieldModel):
         sums = np.empty(len(poses))
         sum_over_endpoints(poses, hits, self.field.codes, table, outside, self.field.frame, sums)
         return sums
+
+    def tempered(self, poses: np.ndarray, beams: Beams, converged: bool = False) -> np.ndarray:
+        return self.log_likelihoods(poses, beams, converged) * temper(len(beams.hits))
 
     def beams_to_keep(self, poses: np.ndarray, hits: np.ndarray) -> np.ndarray:
         """Tell which beams enough particles explain; all of them where too many would be left out.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Dict, List, Optional, Tuple
 
@@ -21,6 +22,8 @@ from mbf_relay.localization.tracker import Corrected, HypothesisTracker
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.scan import LaserScan
 
+OWN_MODEL = "likelihood_field"
+"""Laser model, the default, that the robust form has a version of its own of: a mixture, tempered, over all beams."""
 FEWEST_PREDICTED = 1500
 """Particles that odometry moves at least, in the robust form: kept in few, the belief would still leave in few places.
 """
@@ -195,7 +198,7 @@ class Localizer:
             self._propagate(before, odom_pose)
         log_whole = None
         if self.parameters.robust:
-            corrected = self._correct(scan, laser_pose_in_base)
+            corrected = self._correct(scan, laser_pose_in_base, beams)
             self._updates, log_whole = self._updates + corrected.news, corrected.log_whole
             self.log_likelihood = log_sum_exp(log_whole)
         else:
@@ -237,11 +240,14 @@ class Localizer:
             self._tracker.predict(after.relative_to(before), self._motion_model.covariance(before, after))
         self.poses = self._motion_model.propagate(self.poses, before, after, self._rng)
 
-    def _correct(self, scan: LaserScan, laser_pose: Pose2D) -> Corrected:
-        """Redraw particles with the whole scan in view, weigh them, and normalise."""
+    def _correct(self, scan: LaserScan, laser_pose: Pose2D, picked: Beams) -> Corrected:
+        """Redraw particles with the whole scan in view, weigh them, by a laser model that was chosen, and normalise."""
         beams = pick_beams(scan, laser_pose, 1, self.parameters.laser_min_range, self.parameters.laser_max_range)
+        weigh = None
+        if self.parameters.laser_model_type != OWN_MODEL:
+            weigh = functools.partial(self._laser_model.tempered, beams=picked, converged=self._converged)
         corrected = self._tracker.correct(
-            self.poses, self.log_weights, beams, scan.frame, self._rng, is_news=self._forced)
+            self.poses, self.log_weights, beams, scan.frame, self._rng, self._forced, weigh)
         self.poses, self.log_weights = corrected.poses, corrected.log_weights - log_sum_exp(corrected.log_weights)
         return corrected
 

@@ -42,14 +42,8 @@ class AmclParameters(LocalizerParameters):
         frames = ("odom_frame_id", "base_frame_id", "global_frame_id")
         return self.replace(**{name: getattr(self, name).lstrip("/") for name in frames})
 
-    def without_effect(self) -> Tuple[str, ...]:
-        """Return what was chosen that the robust form has no choice in: it has one laser model of its own."""
-        chosen = (name for name in ("laser_model_type", "do_beamskip") if self.robust)
-        default = type(self)()
-        return tuple(name for name in chosen if getattr(self, name) != getattr(default, name))
 
-
-NODE_ONLY = ("seed", "bag_scan_period", "start_anywhere", SAVED_ODOM)
+NODE_ONLY = ("seed", "bag_scan_period", "start_anywhere", "cloud", SAVED_ODOM)
 """Read once at start, beside AmclParameters and the initial pose."""
 
 INITIAL: Dict[str, float] = {

@@ -62,9 +62,8 @@ class LocalizerParameters(ParameterSet):
 
     robust: bool = parameter(
         True,
-        "look at the scan before drawing particles, weighing it by a tempered likelihood field over all beams; false "
-        "for "
-        "amcl's behaviour, with laser_model_type, laser_max_beams, the laser_z_* and beam skipping",
+        "look at the scan before drawing particles; with laser_model_type likelihood_field they are weighed by all "
+        "beams, tempered, without laser_max_beams and the laser_z_*; false for amcl's behaviour",
     )
     robust_odom_error: float = parameter(
         0.07, "least deviation of odometry after one metre; it grows with the root of the way (robust)", unit="m",

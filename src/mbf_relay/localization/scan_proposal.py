@@ -10,8 +10,9 @@ particles in the place of their single one).
 
 from __future__ import annotations
 
+import functools
 import math
-from typing import NamedTuple
+from typing import Callable, NamedTuple, Optional
 
 import numpy as np
 
@@ -19,6 +20,8 @@ from mbf_relay.localization.estimate import cluster, heaviest_first
 from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp
 from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, apart, mixture_around
 
+Weigh = Callable[[np.ndarray], np.ndarray]
+"""Poses in, (N, 3), log-likelihoods of a scan out, (N,)."""
 CLUSTERS = 40
 """Clusters, heaviest first, that are looked into; a tracked robot has one or two, a lost one many."""
 STARTS = 8
@@ -59,7 +62,8 @@ class ScanProposal:
         self._likelihood = likelihood
 
     def propose(
-        self, poses: np.ndarray, log_weights: np.ndarray, endpoints: np.ndarray, news: float, rng: np.random.Generator
+        self, poses: np.ndarray, log_weights: np.ndarray, endpoints: np.ndarray, news: float, rng: np.random.Generator,
+        weigh: Optional[Weigh] = None,
     ) -> Proposed:
         """Return a new particle set.
 
@@ -69,15 +73,20 @@ class ScanProposal:
             endpoints: Of the scan, shape (B, 2), thinned out, in the base's frame.
             news: Share of the scan, 0 to 1, that earlier ones have not told.
             rng: Where chance comes from.
+            weigh: Returns the log-likelihoods of the whole scan at poses; the tempered field's where None.
         """
         labels, count = cluster(poses)
         poses, log_weights = poses.copy(), log_weights.copy()
-        likelihoods = self._likelihood.log(poses, endpoints, news)
+        if weigh is None:
+            look = functools.partial(self._likelihood.log, endpoints=endpoints, news=news)
+        else:
+            look = functools.partial(_counted, weigh, news)
+        likelihoods = look(poses)
         weights = np.exp(log_weights + likelihoods - (log_weights + likelihoods).max())
         best, explained = PoseGaussian(poses[0], np.eye(3)), 0.0
         for rank, (label, _) in enumerate(heaviest_first(labels, weights, count)[:CLUSTERS]):
             members = np.nonzero(labels == label)[0]
-            modes = self._redraw(members, poses, log_weights, likelihoods, endpoints, news, rng)
+            modes = self._redraw(members, poses, log_weights, likelihoods, look, endpoints, news, rng)
             if rank == 0:
                 top = int(np.argmax(modes.log_masses))
                 best, explained = PoseGaussian(modes.poses[top], modes.covariances[top]), float(modes.explained[top])
@@ -86,7 +95,7 @@ class ScanProposal:
         return Proposed(poses, log_weights + likelihoods, log_weights + likelihoods / news, best, explained)
 
     def _redraw(
-        self, members: np.ndarray, poses: np.ndarray, log_weights: np.ndarray, likelihoods: np.ndarray,
+        self, members: np.ndarray, poses: np.ndarray, log_weights: np.ndarray, likelihoods: np.ndarray, look: Weigh,
         endpoints: np.ndarray, news: float, rng: np.random.Generator,
     ) -> Modes:
         """Draw a part of a cluster anew around the maxima of its posterior; changes the three arrays in place.
@@ -114,5 +123,10 @@ class ScanProposal:
             log_weights[members] = total + target - both + np.where(
                 drawn, -math.log(len(members)), math.log(1.0 - share) + own_weights - log_sum_exp(own_weights[~drawn])
             )
-        poses[members], likelihoods[members] = own, self._likelihood.log(own, endpoints, news)
+        poses[members], likelihoods[members] = own, look(own)
         return modes
+
+
+def _counted(weigh: Weigh, news: float, poses: np.ndarray) -> np.ndarray:
+    logs: np.ndarray = weigh(poses) * news
+    return logs

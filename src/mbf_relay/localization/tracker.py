@@ -25,7 +25,7 @@ from mbf_relay.localization.hypotheses import Hypotheses
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.reliability import Reliability
 from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, apart, thin_out
-from mbf_relay.localization.scan_proposal import ScanProposal
+from mbf_relay.localization.scan_proposal import ScanProposal, Weigh
 from mbf_relay.localization.scan_search import Places, ScanSearch
 
 FEWEST_BEAMS = 5
@@ -143,7 +143,7 @@ class HypothesisTracker:
 
     def correct(
         self, poses: np.ndarray, log_weights: np.ndarray, beams: Beams, lidar: str, rng: np.random.Generator,
-        is_news: bool = False,
+        is_news: bool = False, weigh: Optional[Weigh] = None,
     ) -> Corrected:
         """Take a scan.
 
@@ -154,6 +154,7 @@ class HypothesisTracker:
             lidar: Frame of the one that took it: what it has told lately is no news.
             rng: Where chance comes from.
             is_news: Whether the scan counts in full, because somebody asked for it.
+            weigh: Weighs particles by the scan; by the tempered likelihood field where None.
         """
         endpoints = thin_out(beams.hits)
         way, self._way = self._way, 0.0
@@ -168,7 +169,7 @@ class HypothesisTracker:
             if started is not None:
                 poses, log_weights = drawn_around(started, rng)
         weighed = self._unchanged(poses, log_weights, endpoints) if self._semi_static else endpoints
-        proposed = self._proposal.propose(poses, log_weights, weighed, news, rng)
+        proposed = self._proposal.propose(poses, log_weights, weighed, news, rng, weigh)
         held = proposed.best
         fit = self.hypotheses.correct(held.mean, self._likelihood, self._evidence, endpoints, laser, since, news)
         self.fit.look(*fit, way)

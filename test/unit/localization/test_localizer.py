@@ -9,7 +9,6 @@ from synthetic_room import ORIGIN, room, scan_at
 
 from mbf_relay.geometry import IDENTITY, Pose2D, angle_between
 from mbf_relay.localization.localizer import Localizer
-from mbf_relay.localization.node_parameters import AmclParameters
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.scan import LaserScan
@@ -310,11 +309,28 @@ def test_anywhere_is_found():
     assert estimates[-1].pose.distance_to(truth) < 0.1
 
 
-def test_a_laser_model_that_will_not_be_used_is_named():
-    assert AmclParameters(laser_max_beams=180).without_effect() == ()
-    assert AmclParameters(laser_model_type="beam", do_beamskip=True).without_effect() == (
-        "laser_model_type", "do_beamskip")
-    assert AmclParameters(laser_model_type="beam", robust=False).without_effect() == ()
+@pytest.mark.parametrize("setting", [{"laser_z_rand": 0.5}, {"laser_max_beams": 20}, {"laser_sigma_hit": 0.4}])
+@pytest.mark.parametrize("model", ["beam", "likelihood_field_prob"])
+def test_who_chooses_a_laser_model_has_its_parameters_in_the_robust_form_too(model, setting):
+    told = [
+        drive(localizer(laser_model_type=model, **values), room(), updates=4)[2][-1].covariance
+        for values in ({}, setting)
+    ]
+    assert not np.allclose(told[0], told[1], rtol=1e-3)
+
+
+def test_beams_are_skipped_in_the_robust_form_too():
+    """A row of people stands where the map has nothing: three beams of ten, which few particles explain."""
+    occupancy, told = room(), []
+    for skip in (False, True):
+        made = localizer(laser_model_type="likelihood_field_prob", do_beamskip=skip, laser_max_beams=180)
+        for index in range(3):
+            scan = scan_at(occupancy, START, np.random.default_rng(index))
+            scan.ranges[20:74] = 0.5
+            made.request_update()
+            made.process(IDENTITY, scan, IDENTITY)
+        told.append(made.log_likelihood)
+    assert told[1] > told[0] + 1.0
 
 
 def test_unknown_settings_are_named():

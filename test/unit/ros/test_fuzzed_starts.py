@@ -24,6 +24,7 @@ from mbf_relay.costmap import LAYERS, factory  # noqa: E402
 from mbf_relay.costmap.layer import Layer  # noqa: E402
 from mbf_relay.costmap.obstacle_layer import SourceParameters  # noqa: E402
 from mbf_relay.costmap.parameters import CostmapParameters  # noqa: E402
+from mbf_relay.localization.cloud_scan import CloudParameters  # noqa: E402
 from mbf_relay.localization.node_parameters import INITIAL, AmclParameters  # noqa: E402
 from mbf_relay.navigation.move_base_parameters import MoveBaseParameters  # noqa: E402
 from mbf_relay.navigation.parameters import NavigatorParameters  # noqa: E402
@@ -74,7 +75,8 @@ def declared():
     relay = {**RelayParameters.types(), **MoveBaseParameters.types()}
     sets += [("move_base_relay", "", relay), ("move_base", "", relay)]
     own = {**dict.fromkeys(INITIAL, Any), "seed": int, "start_anywhere": bool, "saved_odom": Any}
-    sets += [("amcl", "", {**AmclParameters.types(), **own}), ("map_server", "", {"frame_id": Any, "map_folder": Any})]
+    sets += [("amcl", "", {**AmclParameters.types(), **own}), ("amcl", "cloud", CloudParameters.types())]
+    sets += [("map_server", "", {"frame_id": Any, "map_folder": Any})]
     sets += [("simulator", "", SimulatorParameters.types()), ("simulator", "faults", Faults.types())]
     sets += [("velocity_guard", "", VelocityGuardParameters.types()), ("web_view", "", WebViewParameters.types())]
     sets += [("waypoint_follower", "", WaypointFollowerParameters.types())]

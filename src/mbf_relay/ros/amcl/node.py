@@ -17,6 +17,7 @@ from std_srvs.srv import Empty, EmptyRequest, EmptyResponse, Trigger, TriggerReq
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.beams import pick_beams
+from mbf_relay.localization.cloud_scan import CloudParameters
 from mbf_relay.localization.estimate import Estimate
 from mbf_relay.localization.kept_pose import KeptPose
 from mbf_relay.localization.localizer import Localizer, check_initial_pose
@@ -25,12 +26,13 @@ from mbf_relay.maps import OccupancyMap
 from mbf_relay.outcomes import TransformError
 from mbf_relay.parameters import convert
 from mbf_relay.ros.amcl.belief import BeliefPublisher, describe_places
+from mbf_relay.ros.amcl.cloud_input import CloudInput
 from mbf_relay.ros.amcl.health import ScanWatch, deviation_report
 from mbf_relay.ros.amcl.initial_pose import check_frame, initial_pose_from_message, motion_since
 from mbf_relay.ros.amcl.map_to_odom import MapToOdom
 from mbf_relay.ros.amcl.particle_cloud import ParticleCloud
 from mbf_relay.ros.amcl.saved_pose import SavedPose
-from mbf_relay.ros.amcl.scan_queue import ScanQueue
+from mbf_relay.ros.amcl.scan_queue import AnyScan, CloudScan, ScanQueue
 from mbf_relay.ros.common import diagnostics, parameters
 from mbf_relay.ros.common.checks import InvalidMessage, check_stamp
 from mbf_relay.ros.common.conversions import header, map_from_message, pose_to_message
@@ -62,9 +64,6 @@ class AmclNode:
         if seed < 0:
             raise ValueError(f"parameter seed is {seed}; it must be at least 0")
         rospy.loginfo("localizing with seed %d", seed)
-        if self._parameters.without_effect():
-            names = ", ".join(self._parameters.without_effect())
-            rospy.logwarn("%s: of no effect with 'robust: true', the default; with 'robust: false' as in amcl", names)
         self._rng = np.random.default_rng(seed)
         self._lock = threading.RLock()
         self._localizer: Optional[Localizer] = None
@@ -85,6 +84,7 @@ class AmclNode:
         self._pose_publisher = rospy.Publisher("amcl_pose", PoseWithCovarianceStamped, queue_size=2, latch=True)
         self._cloud_publisher = rospy.Publisher("particlecloud", PoseArray, queue_size=2, latch=True)
         self._belief_publisher = BeliefPublisher()
+        self._cloud_values = parameters.load(CloudParameters, "~cloud")
         self._start_anywhere = convert("start_anywhere", values.get("start_anywhere", False), bool)
 
     def open(self) -> None:
@@ -117,6 +117,8 @@ class AmclNode:
                 "scan", LaserScanMessage, self._take_scan, queue_size=10, buff_size=1 << 20, tcp_nodelay=True
             )
         )
+        self._clouds = CloudInput(self._cloud_values, self._queue, self.transforms,
+                                  lambda: self._parameters.base_frame_id)
         while not rospy.is_shutdown():
             for message in self._queue.take(self.is_ready, timeout=0.1):
                 self.process(message)
@@ -278,14 +280,14 @@ class AmclNode:
         except InvalidMessage as error:
             rospy.logwarn_throttle(5.0, f"scan refused: {error}")
 
-    def is_ready(self, message: LaserScanMessage) -> bool:
+    def is_ready(self, message: AnyScan) -> bool:
         """Return whether odometry is known at a scan's time, and where its lidar sits."""
         values = self._parameters
         return self.transforms.can_transform(
             values.odom_frame_id, values.base_frame_id, message.header.stamp.to_sec()
         ) and self.transforms.can_transform(values.base_frame_id, message.header.frame_id)
 
-    def process(self, message: LaserScanMessage) -> None:
+    def process(self, message: AnyScan) -> None:
         """Run the filter on one scan whose transform is there, and publish what comes out."""
         stamp = message.header.stamp
         self._scan_watch.saw(stamp.to_sec())
@@ -294,7 +296,8 @@ class AmclNode:
                 return
             values, began = self._parameters, time.perf_counter()
             try:
-                scan, laser_pose = self._geometry.scan_in_base(message, values.base_frame_id)
+                scan, laser_pose = message[1:] if isinstance(message, CloudScan) else self._geometry.scan_in_base(
+                    message, values.base_frame_id)
                 self._odom_pose = self.transforms.lookup(values.odom_frame_id, values.base_frame_id, stamp.to_sec())
                 self._odom_stamp = stamp.to_sec()
                 self._newest_scan = scan, laser_pose

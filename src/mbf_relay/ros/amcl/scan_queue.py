@@ -4,12 +4,27 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from typing import Callable, Deque, Dict, List, Optional
+from typing import Callable, Deque, Dict, List, NamedTuple, Optional, Union
 
 import rospy
 from sensor_msgs.msg import LaserScan as LaserScanMessage
+from std_msgs.msg import Header
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.scan import LaserScan
 
 _ONE_SECOND = rospy.Duration(1.0)
+
+
+class CloudScan(NamedTuple):
+    """What a point cloud came to: its header, a scan, and the pose of the scan's frame in the base's."""
+
+    header: Header
+    scan: LaserScan
+    laser_pose: Pose2D
+
+
+AnyScan = Union[LaserScanMessage, CloudScan]
 
 
 class ScanQueue:
@@ -22,9 +37,9 @@ class ScanQueue:
     def __init__(self, length: int = 100) -> None:
         self._changed = threading.Condition()  # guards all below; nothing else is locked while it is held
         self._has_news = False
-        self._waiting: Deque[LaserScanMessage] = deque(maxlen=length)
+        self._waiting: Deque[AnyScan] = deque(maxlen=length)
 
-    def put(self, message: LaserScanMessage) -> None:
+    def put(self, message: AnyScan) -> None:
         """Add a scan; the oldest goes where there is no room."""
         with self._changed:
             if self._waiting and message.header.stamp + _ONE_SECOND < self._waiting[-1].header.stamp:
@@ -40,13 +55,13 @@ class ScanQueue:
                 self._has_news = True
                 self._changed.notify()
 
-    def take(self, is_ready: Callable[[LaserScanMessage], bool], timeout: float) -> List[LaserScanMessage]:
+    def take(self, is_ready: Callable[[AnyScan], bool], timeout: float) -> List[AnyScan]:
         """Return the newest ready scan of each frame; nothing where none is, after news or `timeout` wall seconds."""
         with self._changed:
             self._changed.wait_for(lambda: self._has_news, timeout)
             self._has_news = False
             waiting = list(self._waiting)
-        ready: Dict[str, LaserScanMessage] = {
+        ready: Dict[str, AnyScan] = {
             message.header.frame_id: message for message in waiting if is_ready(message)
         }
         with self._changed:
@@ -60,7 +75,7 @@ class ScanQueue:
             self._waiting.extend(left)
         return sorted(ready.values(), key=lambda message: message.header.stamp)
 
-    def oldest(self) -> Optional[LaserScanMessage]:
+    def oldest(self) -> Optional[AnyScan]:
         """Return the scan that has waited longest, None where none waits."""
         with self._changed:
             return self._waiting[0] if self._waiting else None

@@ -12,7 +12,7 @@ import numpy as np
 import rospy
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import LaserScan as LaserScanMessage
-from sensor_msgs.msg import PointCloud, PointCloud2, PointField
+from sensor_msgs.msg import PointCloud, PointCloud2
 
 from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.layer import MapSource
@@ -21,6 +21,7 @@ from mbf_relay.costmap.obstacle_layer import SourceParameters
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common import checks
 from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.clouds import cloud_points, rigid
 from mbf_relay.ros.common.conversions import map_from_message, scan_from_message
 from mbf_relay.ros.common.lidar_geometry import mounting_of, seen_from_above
 from mbf_relay.ros.common.quick_grids import QuickGrid, QuickGridUpdate
@@ -33,8 +34,6 @@ WARN_PERIOD = 5.0
 """Seconds between two warnings about the same source."""
 
 MESSAGE_TYPES = {"LaserScan": LaserScanMessage, "PointCloud": PointCloud, "PointCloud2": PointCloud2}
-
-FLOATS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
 
 
 class SensorInput:
@@ -159,18 +158,6 @@ class BlindSensor(InvalidMessage):
     """A scan in order by its numbers, of a lidar that sees nothing."""
 
 
-def rigid(message: TransformStamped) -> Tuple[np.ndarray, np.ndarray]:
-    """Return a transform as a rotation matrix (3, 3) and a translation (3,) in metres."""
-    q, t = message.transform.rotation, message.transform.translation
-    x, y, z, w = q.x, q.y, q.z, q.w
-    rotation = np.array([
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
-        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
-        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
-    ])
-    return rotation, np.array([t.x, t.y, t.z])
-
-
 def points_from_message(message: Any, inf_is_valid: bool) -> Tuple[np.ndarray, Optional[np.ndarray]]:
     """Return what a scan or cloud holds in its own frame: points, (N, 2) or (N, 3) in metres, and which are hits.
 
@@ -183,33 +170,6 @@ def points_from_message(message: Any, inf_is_valid: bool) -> Tuple[np.ndarray, O
         checks.check_count(len(message.points), checks.MOST_POINTS, "points in a cloud")
         return np.array([(point.x, point.y, point.z) for point in message.points]).reshape(-1, 3), None
     return cloud_points(message), None
-
-
-def cloud_points(message: PointCloud2) -> np.ndarray:
-    """Return the x, y and z of a point cloud, shape (N, 3) in metres; rows with NaN stay.
-
-    Raises:
-        InvalidMessage: A coordinate is missing, is no float, or the data is shorter than its size says.
-    """
-    fields = {field.name: field for field in message.fields}
-    missing = [name for name in "xyz" if name not in fields]
-    if missing:
-        raise InvalidMessage(f"point cloud without field {', '.join(missing)}; it has {', '.join(fields) or 'none'}")
-    order = ">" if message.is_bigendian else "<"
-    formats = []
-    for name in "xyz":
-        if fields[name].datatype not in FLOATS:
-            raise InvalidMessage(f"field {name} of a point cloud has type {fields[name].datatype}; it must be a float")
-        formats.append(order + FLOATS[fields[name].datatype])
-    checks.check_cloud(message)
-    point = np.dtype({
-        "names": list("xyz"), "formats": formats, "offsets": [fields[name].offset for name in "xyz"],
-        "itemsize": message.point_step})
-    rows = [
-        np.frombuffer(message.data, point, message.width, row * message.row_step) for row in range(message.height)
-    ] if message.width else []
-    points = np.concatenate(rows) if rows else np.zeros(0, point)
-    return np.column_stack([points[name].astype(np.float64) for name in "xyz"])
 
 
 class MapInput:

@@ -15,10 +15,12 @@ from mbf_msgs.msg import ExePathGoal, GetPathGoal, MoveBaseGoal, RecoveryGoal  #
 from nav_msgs.msg import OccupancyGrid  # noqa: E402
 from nav_msgs.msg import Path as PathMessage  # noqa: E402
 from random_messages import message  # noqa: E402
-from sensor_msgs.msg import LaserScan, PointCloud, PointCloud2  # noqa: E402
+from sensor_msgs.msg import LaserScan, PointCloud, PointCloud2, PointField  # noqa: E402
 from tally import how_many, trial  # noqa: E402
 
+from mbf_relay.localization.cloud_scan import CloudParameters  # noqa: E402
 from mbf_relay.outcomes import NavigationError  # noqa: E402
+from mbf_relay.ros.amcl.cloud_input import scan_of_cloud  # noqa: E402
 from mbf_relay.ros.common import bags, checks, conversions  # noqa: E402
 from mbf_relay.ros.costmap.inputs import points_from_message  # noqa: E402
 from mbf_relay.ros.server import messages  # noqa: E402
@@ -48,6 +50,32 @@ def checked_transform(transform):
     return conversions.transform_from_message(transform.transform)
 
 
+def coloured(cloud):
+    """Return a cloud of points as cameras send them, its sizes as they came."""
+    cloud.fields = [PointField(name, 4 * index, PointField.FLOAT32, 1) for index, name in enumerate("xyz")]
+    cloud.header.frame_id = "camera"
+    if cloud.width * cloud.height <= 8:
+        cloud.point_step, cloud.row_step = 12, 12 * cloud.width
+        cloud.data = (bytes(cloud.data) + bytes(96))[:cloud.row_step * cloud.height]
+    return cloud
+
+
+class Mounted:
+    """A tree of transforms in which every sensor sits half a metre above the base."""
+
+    def lookup_message(self, _target, _source):
+        mounted = TransformStamped()
+        mounted.transform.rotation.w, mounted.transform.translation.z = 1.0, 0.5
+        return mounted
+
+
+def scan_of_a(cloud):
+    """Return the scan a cloud comes to, its directions without a reading filled in."""
+    scan = scan_of_cloud(cloud, CloudParameters(), Mounted(), "base_link").scan
+    assert not np.isinf(scan.ranges).any()
+    return scan
+
+
 CONVERSIONS = {
     "pose": (message(Pose), conversions.pose_from_message),
     "transform": (message(TransformStamped), checked_transform),
@@ -59,6 +87,7 @@ CONVERSIONS = {
     "scan as points": (message(LaserScan), lambda scan: points_from_message(scan, True)),
     "cloud": (message(PointCloud), lambda cloud: points_from_message(cloud, True)),
     "cloud of bytes": (message(PointCloud2), lambda cloud: points_from_message(cloud, True)),
+    "cloud as a scan": (message(PointCloud2).map(coloured), lambda cloud: scan_of_a(cloud)),
     "goal of move_base": (message(MoveBaseGoal), messages.navigate_goal),
     "goal of get_path": (message(GetPathGoal), messages.plan_goal),
     "goal of exe_path": (message(ExePathGoal), messages.follow_goal),

@@ -1,0 +1,74 @@
+"""Point clouds for localization: judged at the door, and made scans before they wait for odometry."""
+
+from __future__ import annotations
+
+from typing import Callable
+
+import numpy as np
+import rospy
+from sensor_msgs.msg import PointCloud2
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.cloud_scan import CloudParameters, scan_of_points
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.amcl.scan_queue import CloudScan, ScanQueue
+from mbf_relay.ros.common.checks import InvalidMessage, check_frames, check_stamp
+from mbf_relay.ros.common.clouds import cloud_points, rigid
+from mbf_relay.ros.common.transforms import Transforms
+
+BUFFER_BYTES = 1 << 24
+
+
+class CloudInput:
+    """Takes `cloud_in` of any number of sensors, each told from the others by its frame, into the queue of scans.
+
+    A cloud is hundreds of times a scan's size, so that none waits: it is made a scan when it comes, or left out while
+    its sensor's place on the robot is not known.
+    """
+
+    def __init__(
+        self, values: CloudParameters, queue: ScanQueue, transforms: Transforms, base_frame: Callable[[], str]
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            values: What of a cloud is taken.
+            queue: Where scans wait.
+            transforms: Where frames are looked up.
+            base_frame: Returns the robot's frame.
+        """
+        self._values, self._queue, self._transforms, self._base_frame = values, queue, transforms, base_frame
+        self._subscriber = rospy.Subscriber(
+            "cloud_in", PointCloud2, self._take, queue_size=1, buff_size=BUFFER_BYTES, tcp_nodelay=True
+        )
+
+    def _take(self, message: PointCloud2) -> None:
+        try:
+            check_stamp(message.header.stamp.to_sec(), rospy.get_time())
+            self._queue.put(scan_of_cloud(message, self._values, self._transforms, self._base_frame()))
+        except (InvalidMessage, TransformError) as error:
+            rospy.logwarn_throttle(5.0, f"point cloud refused: {error}")
+
+
+def scan_of_cloud(
+    message: PointCloud2, values: CloudParameters, transforms: Transforms, base_frame: str
+) -> CloudScan:
+    """Return what a cloud has for localization.
+
+    Args:
+        message: The cloud, in the frame of a sensor that is fixed to the robot.
+        values: What of it is taken.
+        transforms: Where frames are looked up.
+        base_frame: The robot's.
+
+    Raises:
+        InvalidMessage: The cloud cannot be read.
+        TransformError: The sensor's frame is not connected to the base's.
+    """
+    check_frames(message.header.frame_id)
+    points = cloud_points(message)
+    rotation, place = rigid(transforms.lookup_message(base_frame, message.header.frame_id))
+    with np.errstate(invalid="ignore", over="ignore"):  # rows that are no numbers; they are left out
+        in_base = points @ rotation.T + place
+        scan = scan_of_points(in_base, place, values, message.header.stamp.to_sec(), message.header.frame_id)
+    return CloudScan(message.header, scan, Pose2D(float(place[0]), float(place[1]), 0.0))

@@ -1,0 +1,53 @@
+"""Point clouds out of messages, and transforms in space to move them by."""
+
+from __future__ import annotations
+
+from typing import Tuple
+
+import numpy as np
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import PointCloud2, PointField
+
+from mbf_relay.ros.common import checks
+from mbf_relay.ros.common.checks import InvalidMessage
+
+FLOATS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
+
+
+def rigid(message: TransformStamped) -> Tuple[np.ndarray, np.ndarray]:
+    """Return a transform as a rotation matrix (3, 3) and a translation (3,) in metres."""
+    q, t = message.transform.rotation, message.transform.translation
+    x, y, z, w = q.x, q.y, q.z, q.w
+    rotation = np.array([
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+    ])
+    return rotation, np.array([t.x, t.y, t.z])
+
+
+def cloud_points(message: PointCloud2) -> np.ndarray:
+    """Return the x, y and z of a point cloud, shape (N, 3) in metres; rows with NaN stay.
+
+    Raises:
+        InvalidMessage: A coordinate is missing, is no float, or the data is shorter than its size says.
+    """
+    fields = {field.name: field for field in message.fields}
+    missing = [name for name in "xyz" if name not in fields]
+    if missing:
+        raise InvalidMessage(f"point cloud without field {', '.join(missing)}; it has {', '.join(fields) or 'none'}")
+    order = ">" if message.is_bigendian else "<"
+    formats = []
+    for name in "xyz":
+        if fields[name].datatype not in FLOATS:
+            raise InvalidMessage(f"field {name} of a point cloud has type {fields[name].datatype}; it must be a float")
+        formats.append(order + FLOATS[fields[name].datatype])
+    checks.check_cloud(message)
+    point = np.dtype({
+        "names": list("xyz"), "formats": formats, "offsets": [fields[name].offset for name in "xyz"],
+        "itemsize": message.point_step})
+    rows = [
+        np.frombuffer(message.data, point, message.width, row * message.row_step) for row in range(message.height)
+    ] if message.width else []
+    points = np.concatenate(rows) if rows else np.zeros(0, point)
+    return np.column_stack([points[name].astype(np.float64) for name in "xyz"])

@@ -1,0 +1,71 @@
+"""Point clouds as localization takes them: judged, turned into the robot's frame, and refused in one line."""
+
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rospy")
+
+from geometry_msgs.msg import TransformStamped  # noqa: E402
+from sensor_msgs.msg import PointCloud2, PointField  # noqa: E402
+
+from mbf_relay.localization.cloud_scan import CloudParameters  # noqa: E402
+from mbf_relay.ros.amcl.cloud_input import scan_of_cloud  # noqa: E402
+from mbf_relay.ros.amcl.scan_queue import ScanQueue  # noqa: E402
+from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
+
+VALUES = CloudParameters(angle_increment=math.pi / 4.0, min_height=0.2, max_height=0.8)
+
+
+class Tilted:
+    """A camera half a metre up that looks straight ahead: z forward, x to the right, y down, as cameras have it."""
+
+    def lookup_message(self, _target, _source):
+        made = TransformStamped()
+        turned, moved = made.transform.rotation, made.transform.translation
+        turned.x, turned.y, turned.z, turned.w = -0.5, 0.5, -0.5, 0.5
+        moved.x, moved.z = 0.1, 0.5
+        return made
+
+
+def cloud(points, frame="camera", kind=np.float32, rows=1):
+    data = np.array(points, dtype=kind).reshape(-1, 3)
+    made = PointCloud2(height=rows, width=len(data) // rows, point_step=3 * data.itemsize)
+    made.row_step, made.data = made.width * made.point_step, data.tobytes()
+    datatype = PointField.FLOAT32 if data.itemsize == 4 else PointField.FLOAT64
+    made.fields = [PointField(name, index * data.itemsize, datatype, 1) for index, name in enumerate("xyz")]
+    made.header.frame_id = frame
+    return made
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_a_camera_that_looks_ahead_sees_a_wall_ahead(kind):
+    made = scan_of_cloud(cloud([(0.0, 0.1, 2.0), (0.5, -5.0, 1.0)], kind=kind), VALUES, Tilted(), "base_link")
+    ahead = np.nonzero(np.isfinite(made.scan.ranges))[0]
+    assert made.scan.ranges[ahead] == pytest.approx([2.0], abs=1e-6)
+    assert abs(made.scan.angles[ahead[0]]) <= math.pi / 8.0 + 1e-9
+    assert made.laser_pose[:] == pytest.approx((0.1, 0.0, 0.0))
+    assert made.scan.frame == made.header.frame_id == "camera"
+
+
+def test_clouds_in_rows_are_read_row_by_row():
+    points = [(0.0, 0.0, 1.0 + 0.1 * index) for index in range(6)]
+    made = scan_of_cloud(cloud(points, rows=2), VALUES, Tilted(), "base_link")
+    assert np.nanmin(made.scan.ranges) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_what_cannot_be_read_is_refused_in_a_sentence():
+    short, nameless, flat = cloud([(0.0, 0.0, 1.0)]), cloud([], frame=""), cloud([(0.0, 0.0, 1.0)])
+    short.data, flat.fields = short.data[:8], flat.fields[:2]
+    for wrong in (short, nameless, flat):
+        with pytest.raises(InvalidMessage):
+            scan_of_cloud(wrong, VALUES, Tilted(), "base_link")
+
+
+def test_two_cameras_count_as_two_lidars():
+    """Each has seen something else; neither must be taken for a newer look of the other."""
+    queue = ScanQueue()
+    for frame in ("front", "rear", "front"):
+        queue.put(scan_of_cloud(cloud([(0.0, 0.0, 1.0)], frame=frame), VALUES, Tilted(), "base_link"))
+    assert sorted(one.header.frame_id for one in queue.take(lambda _: True, 0.0)) == ["front", "rear"]
