@@ -17,6 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import small_worlds  # noqa: E402
 from tally import LONG  # noqa: E402
 
+import mbf_relay  # noqa: E402
 from mbf_relay.lockstep import batch  # noqa: E402
 from mbf_relay.lockstep.cluster import ClusterError, connected  # noqa: E402
 from mbf_relay.lockstep.episodes import EpisodeJob, InProcess, drive_all  # noqa: E402
@@ -26,6 +27,8 @@ from mbf_relay.lockstep.sources import sources  # noqa: E402
 from mbf_relay.lockstep.tasks import load_tasks  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[3]
+PACKAGE = Path(mbf_relay.__file__).parents[1]
+"""Where the package was found: a build's has the kernels, which numba would compile anew in each process."""
 SHORT = {**small_worlds.FREE, "goal": [0.4, 0.0, 0.0], "reference_path_length": 0.4}
 PATIENCE = 300
 
@@ -37,7 +40,7 @@ class Processes:
         self._folder, self._all = folder, []
         self.file = folder / "scheduler.json"
 
-    def _start(self, module, *arguments, source=ROOT / "src"):
+    def _start(self, module, *arguments, source=PACKAGE):
         environment = {
             **os.environ, "PYTHONPATH": str(source), "DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": "15s",
             "DASK_TEMPORARY_DIRECTORY": str(self._folder),
@@ -54,7 +57,7 @@ class Processes:
         until(self.file.is_file)
         return process
 
-    def worker(self, name, source=ROOT / "src"):
+    def worker(self, name, source=PACKAGE):
         arguments = ("--name", name, "--nthreads", "1", "--no-nanny", "--no-dashboard", "--memory-limit", "0")
         return self._start("worker", *arguments, source=source)
 

@@ -5,6 +5,8 @@ import pytest
 
 pytest.importorskip("pybullet")
 
+from driven import circle_by_amcl  # noqa: E402
+
 from mbf_relay.control import velocity_guard as guards  # noqa: E402
 from mbf_relay.control.velocity_guard import VelocityGuard  # noqa: E402
 from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters  # noqa: E402
@@ -47,7 +49,7 @@ class GuardedGraph(Graph):
 
 
 def test_the_circle_takes_no_longer_under_guard(monkeypatch):
-    free = Episode(circle(), SEEING, seed=1).run()
+    free = circle_by_amcl()
     monkeypatch.setattr("mbf_relay.lockstep.episode.Graph", GuardedGraph)
     episode = Episode(circle(), SEEING, seed=1)
     guarded = episode.run()

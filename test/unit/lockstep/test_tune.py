@@ -16,7 +16,7 @@ from tally import LONG  # noqa: E402
 
 from mbf_relay.lockstep import batch, compare, tune, tune_picture  # noqa: E402
 
-SHORT = {**small_worlds.FREE, "goal": [0.6, 0.0, 0.0], "goal_radius": 0.2, "reference_path_length": 0.6}
+SHORT = {**small_worlds.FREE, "goal": [0.3, 0.0, 0.0], "goal_radius": 0.1, "reference_path_length": 0.3}
 SAMPLE = Path(__file__).resolve().parents[3] / "config" / "worlds" / "sample.json"
 SLOW = ["--set", "controllers=[{name: mine, type: small_worlds.Slow}]", "--set", "mine.pace=0.03", "--jobs", "1"]
 
