@@ -13,7 +13,7 @@ from geometry_msgs.msg import Twist
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
-from pulled import NODES, PulledCase, pid_of  # noqa: E402
+from pulled import NODES, PulledCase, goal_at, pid_of  # noqa: E402
 from running_stack import start_test_node  # noqa: E402
 from tally import how_many, trial  # noqa: E402
 
@@ -28,6 +28,7 @@ AT_ONCE, WITHOUT_POSE = 0.25, 0.5
 """Metres the robot may come without what is on the way to its wheels, and without a pose, on a slow machine too."""
 NEEDED = {"/move_base_flex": AT_ONCE, "/velocity_guard": AT_ONCE, "/amcl": WITHOUT_POSE, "/move_base": 0.7}
 """What a drive cannot go on without, and the metres the robot may come; the server waits a second for a relay."""
+PAIRS = (("/move_base_flex", "/velocity_guard"), ("/amcl", "/map_server"), ("/move_base", "/move_base_flex"))
 
 
 class TestPulledNodes(PulledCase):
@@ -87,6 +88,28 @@ class TestPulledNodes(PulledCase):
             with trial("nodes killed and frozen at any moment") as made:
                 self.pull(node, number, place, drives, moment, made)
                 self.check_next_goal(place, f"{node} got signal {int(number)} in trial {index}")
+
+    def test_8_two_nodes_killed_at_once(self):
+        """The robot does not run on without both, and the next goal is reached."""
+        for index in range(how_many(len(PAIRS), 12)):
+            pair, place = PAIRS[index % len(PAIRS)], CIRCLE[(index + 1) % len(CIRCLE)]
+            with trial("two nodes killed at once") as made:
+                self.drive(place)
+                self.signal(pair[0], signal.SIGKILL)
+                os.kill(pid_of(pair[1]), signal.SIGKILL)
+                what = " and ".join(pair) + " killed"
+                self.check_told_to_stand(what, max(NEEDED.get(node, 0.0) for node in pair), made)
+                self.client.cancel_all()
+                self.check_next_goal(place, what)
+
+    def test_9_a_goal_taken_while_localization_and_map_are_killed_ends_once(self):
+        self.wait_until_all_is_back()
+        for node in ("/amcl", "/map_server"):
+            os.kill(pid_of(node), signal.SIGKILL)
+        sent = self.client.send(goal_at(CIRCLE[1]))
+        self.assertIsNotNone(sent.wait(120.0), "waited 120 s for the goal's end, in vain")
+        self.assertEqual(self.witness.touched(), [])
+        self.check_next_goal(CIRCLE[0], "localization and map were killed")
 
     def test_7_a_disk_that_gets_full_on_the_way_stops_no_drive(self):
         self.wait_until_all_is_back()
