@@ -42,6 +42,7 @@ PROOFS = (
     Proof("model of a goal's life", "unit/ros/relay/test_goal_life.py"),
     Proof("drives whose sensors, odometry, commands or clock fail", "unit/lockstep/test_faulty_drives.py"),
     Proof("clocks set while the robot drives", "system/clock_steps.test"),
+    Proof("strangers on /clock", "system/attacked_clock.test"),
     Proof("things set down", "unit/lockstep/test_things_set_down.py"),
     Proof("goals one after the other", "system/soak.test"),
     Proof("messages of any kind converted", "unit/ros/common/test_fuzzed_messages.py"),
