@@ -1,8 +1,11 @@
-"""Processes on a computer that is slower than this one: a quota of processor time, by Linux's control groups."""
+"""Processes on a computer that is slower than this one, by a quota of Linux's control groups, or has more to do."""
 
+import glob
 import os
+import subprocess
+import sys
 from pathlib import Path
-from typing import Iterable
+from typing import Dict, Iterable
 
 ROOT = Path("/sys/fs/cgroup")
 PERIOD = 10000
@@ -49,3 +52,30 @@ class SlowMachine:
         """Move processes to it."""
         for process in processes:
             (self._folder / "cgroup.procs").write_text(str(process), encoding="ascii")
+
+
+class BusyMachine:
+    """So many processes that only compute, for as long as this context manager is entered."""
+
+    def __init__(self, processes: int) -> None:
+        self._count = processes
+
+    def __enter__(self) -> "BusyMachine":
+        self._processes = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(self._count)]
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in self._processes:
+            process.kill()
+            process.wait()
+
+
+def waits_for_a_core(pid: int) -> Dict[str, float]:
+    """Return for how long (s) each thread of a process has been ready to run and had no core, by the kernel's count."""
+    waits = {}
+    for path in glob.glob(f"/proc/{pid}/task/*/schedstat"):
+        try:
+            waits[path] = int(Path(path).read_text(encoding="ascii").split()[1]) / 1e9
+        except OSError:
+            pass  # the thread has ended meanwhile
+    return waits

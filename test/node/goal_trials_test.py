@@ -16,12 +16,15 @@ import rostest
 from actionlib_msgs.msg import GoalStatus
 from benchmark.processes import node_pid, resident_bytes
 from node.goal_trials import BROKEN, FACES, GoalTrials
+from slow_machine import BusyMachine, waits_for_a_core
 from tally import LONG, how_many, trial
 
 DELAYS = (0.0, 0.005, 0.02, 0.06, 0.15, 0.5)
 """Seconds from goal to cancel; whatever is tried beyond these is drawn from between the first and the last."""
 CANCELLED = (GoalStatus.PREEMPTED, GoalStatus.RECALLED)
 HOWS = (signal.SIGKILL, signal.SIGSTOP)
+LOAD = 10
+"""Processes that compute beside it."""
 SOON = 1.0
 """Wall time (s) within which a robot that nobody has a goal for must stand, on a machine with other things to do."""
 
@@ -46,15 +49,29 @@ class GoalTrialsTest(unittest.TestCase):
         self.assertFalse(outcome.went_on, f"{what}: the status went on after the result")
         self.assertLess(outcome.stopped_after, SOON, f"{what}: {outcome}")
 
+    def cancel(self, face, delay, what):
+        """Cancel one goal; note how long a thread of the server had no core meanwhile, which no code can help."""
+        may_succeed = (GoalStatus.SUCCEEDED,) if face in ("get_path", "recovery") else ()
+        with trial(what) as made:
+            before = waits_for_a_core(self.trials.server.pid)
+            outcome = self.trials.cancel(face, delay)
+            waits = waits_for_a_core(self.trials.server.pid)
+            longest = max(wait - before.get(thread, 0.0) for thread, wait in waits.items())
+            made.measure("a thread of the server waited for a core", 1e3 * longest, "ms")
+            self.check(made, outcome, f"{face} cancelled after {1e3 * delay:.0f} ms", CANCELLED + may_succeed)
+
     def test_1_a_robot_called_back_at_any_moment_stands(self):
         moments, chance = list(itertools.product(FACES, DELAYS)), random.Random(1)
         drawn = ((face, chance.uniform(DELAYS[0], DELAYS[-1])) for face in itertools.cycle(FACES))
         moments += itertools.islice(drawn, how_many(len(moments), 5000) - len(moments))
         for face, delay in moments:
-            may_succeed = (GoalStatus.SUCCEEDED,) if face in ("get_path", "recovery") else ()
-            with trial("goals cancelled at 0 to 500 ms") as made:
-                what = f"{face} cancelled after {1e3 * delay:.0f} ms"
-                self.check(made, self.trials.cancel(face, delay), what, CANCELLED + may_succeed)
+            self.cancel(face, delay, "goals cancelled at 0 to 500 ms")
+
+    def test_6_a_robot_called_back_on_a_machine_with_ten_other_things_to_do_stands(self):
+        chance = random.Random(2)
+        with BusyMachine(LOAD):
+            for face in itertools.islice(itertools.cycle(FACES), how_many(len(FACES), 1000)):
+                self.cancel(face, chance.uniform(DELAYS[0], DELAYS[-1]), f"goals cancelled under a load of {LOAD}")
 
     def test_2_a_robot_whose_next_goal_is_nonsense_can_be_called_back(self):
         for kind in itertools.islice(itertools.cycle(BROKEN), how_many(len(BROKEN), 200)):
