@@ -103,6 +103,33 @@ def _cluster(rays: Rays, readings: np.ndarray, gap: float, largest: float) -> Cl
     )
 
 
+def part(cluster: Cluster, rays: Rays, discs: np.ndarray, gap: float) -> List[Cluster]:
+    """Return the things a cluster is of, where several are to be expected there: each reading is of the nearest one.
+
+    Things that pass close by each other, one before the other, are one run of readings.
+
+    Args:
+        cluster: One of the scan's.
+        rays: The scan.
+        discs: Shape (K, 3): x, y and radius (m) of the things expected.
+        gap: Distance (m) from the edge of a thing within which a reading may be of it.
+    """
+    readings = cluster.readings
+    near = np.hypot(discs[:, 0] - cluster.x, discs[:, 1] - cluster.y) < cluster.radius + discs[:, 2] + gap
+    if near.sum() < 2 or len(readings) < 2 * FEWEST:
+        return [cluster]
+    x, y, radii = discs[near].T
+    ends = rays.ends[readings]
+    off = np.abs(np.hypot(ends[:, :1] - x, ends[:, 1:] - y) - radii)
+    nearest = off.argmin(axis=1)
+    there = [disc for disc in range(len(x)) if np.count_nonzero(off[nearest == disc, disc] < gap) >= FEWEST]
+    if len(there) < 2:
+        return [cluster]
+    nearest = off[:, there].argmin(axis=1)
+    pieces = [readings[nearest == disc] for disc in range(len(there))]
+    return [_cluster(rays, piece, gap, 2.0 * cluster.radius)._replace(is_whole=False) for piece in pieces]
+
+
 def _hides(rays: Rays, edge: int, step: int, gap: float) -> bool:
     """Return whether what the next beam beyond an edge sees stands before it, so that more of it may lie behind."""
     beside = (int(edge) + step) % len(rays.hits)

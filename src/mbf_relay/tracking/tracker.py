@@ -7,7 +7,7 @@ from typing import Deque, List, Optional, Tuple
 
 import numpy as np
 
-from mbf_relay.tracking.clusters import Cluster, Rays, find_clusters, rays_of
+from mbf_relay.tracking.clusters import Cluster, Rays, find_clusters, part, rays_of
 from mbf_relay.tracking.parameters import TrackerParameters
 from mbf_relay.tracking.track import Track
 
@@ -15,8 +15,10 @@ GATE = 9.0  # squared deviations within which a cluster may be a thing seen befo
 FIRST_SPEED = 0.5  # m/s: deviation of the velocity of a thing seen for the first time
 SEEN_EMPTY = 0.25  # share of its readings where there was nothing before, from which on a thing may have come there
 DEPTH = 0.08  # m behind a place that must have been seen for it to have been empty
-SURE, STILL_SURE = 2.0, 1.0  # deviations of the velocity by which it must differ from zero: at first, once it is known
+SURE = 1.0  # deviations of the velocity by which it must differ from zero: its place is the test that standing fails
+LONGER = 2.5  # factor on the memory: who is slow has not left his place after the first time, and has after the second
 CONVINCED, MOST_CONVINCED = 2, 5  # scans in favour, less those against: when a thing moves, and the most that counts
+HIDDEN_PATIENCE = 3.0  # factor on how long a thing that moves is remembered while something stands before it
 HIDDEN_NOISE = 4.0  # factor on the deviation where only a part is seen
 
 
@@ -34,6 +36,7 @@ class Tracker:
 
     Attributes:
         parameters: The values in force.
+        moving: Shape (N,), bool: which rays of the last scan end on what moves.
     """
 
     def __init__(self, parameters: TrackerParameters) -> None:
@@ -51,6 +54,7 @@ class Tracker:
         self._radii = np.zeros(0)
         self._seen = np.zeros(0)
         self._belief = np.zeros(0, np.int64)
+        self.moving = np.zeros(0, dtype=bool)
 
     @property
     def tracks(self) -> Tuple[Track, ...]:
@@ -82,14 +86,17 @@ class Tracker:
         self._stamp = stamp
         rays = rays_of(x, y, np.ascontiguousarray(ends[:, :2]), hits)
         self._predict(elapsed or 0.0)
-        clusters = find_clusters(rays, self.parameters.track_gap, self.parameters.track_largest)
+        clusters = self._clusters(rays)
         was_empty = self._was_empty(rays, stamp)
         taken = self._associate(clusters)
         for index, cluster in enumerate(clusters):
             if taken[index] >= 0:
                 self._correct(taken[index], cluster, was_empty, stamp)
+        self.moving = np.zeros(len(hits), dtype=bool)
+        for thing, cluster in zip(taken, clusters):
+            self.moving[cluster.readings] = thing >= 0 and self._belief[thing] >= CONVINCED
         self._begin([cluster for index, cluster in enumerate(clusters) if taken[index] < 0], stamp)
-        self._forget(stamp)
+        self._forget(rays, stamp)
         self._history.append((stamp, rays))
 
     def _predict(self, elapsed: float) -> None:
@@ -101,6 +108,16 @@ class Tracker:
             cross + elapsed * velocity + 0.5 * q * elapsed ** 3,
             velocity + q * elapsed ** 2,
         ))
+
+    def _clusters(self, rays: Rays) -> List[Cluster]:
+        """Return the things in a scan, those parted that run into one where something moves."""
+        gap, found = self.parameters.track_gap, []
+        discs = np.column_stack((self._states[:, :2], self._radii))
+        moving = discs[self._belief >= CONVINCED]
+        for cluster in find_clusters(rays, gap, self.parameters.track_largest):
+            near = np.hypot(moving[:, 0] - cluster.x, moving[:, 1] - cluster.y) < cluster.radius + moving[:, 2] + gap
+            found += part(cluster, rays, discs, gap) if near.any() else [cluster]
+        return found
 
     def _noise(self, cluster: Cluster) -> float:
         """Return the variance (m^2) of a cluster's centre."""
@@ -139,31 +156,24 @@ class Tracker:
         self._seen[thing] = stamp
         speed = float(np.hypot(*self._states[thing, 2:]))
         is_known = self._belief[thing] >= CONVINCED  # it came once; one that comes nearer slowly is seen to no more
-        sure = (STILL_SURE if is_known else SURE) * float(np.sqrt(self._variances[thing, 2]))
+        sure = SURE * float(np.sqrt(self._variances[thing, 2]))
         is_fast = speed >= max(self.parameters.track_slowest, sure)
         came = is_known or float(was_empty[cluster.readings].mean()) >= SEEN_EMPTY
-        change = 1 if is_fast and came else -1
+        against = 0 if is_known and not cluster.is_whole else -1  # half hidden, it seems to stand or to jump
+        change = 1 if is_fast and came else against
         self._belief[thing] = min(MOST_CONVINCED, max(0, self._belief[thing] + change))
 
     def _was_empty(self, rays: Rays, stamp: float) -> np.ndarray:
-        """Return for each ray whether the lidar saw beyond where it ends, `track_memory` ago: shape (N,), bool."""
-        while len(self._history) > 1 and stamp - self._history[1][0] >= self.parameters.track_memory - 1e-6:
+        """Return for each ray whether the lidar saw beyond where it ends, a while ago or longer: shape (N,), bool."""
+        memory = self.parameters.track_memory
+        while len(self._history) > 1 and stamp - self._history[1][0] >= LONGER * memory - 1e-6:
             self._history.popleft()
-        if not self._history or stamp - self._history[0][0] < self.parameters.track_memory - 1e-6:
-            return np.zeros(len(rays.hits), dtype=bool)
-        before = self._history[0][1]
-        if not len(before.bearings):
-            return np.zeros(len(rays.hits), dtype=bool)
-        order = np.argsort(before.bearings, kind="stable")
-        sorted_bearings, depths = before.bearings[order], before.ranges[order]
-        least = np.minimum(depths, np.minimum(np.roll(depths, 1), np.roll(depths, -1)))  # an edge sees past itself
-        across, up = rays.ends[:, 0] - before.x, rays.ends[:, 1] - before.y
-        bearings, distances = np.arctan2(up, across), np.hypot(across, up)
-        index = np.searchsorted(sorted_bearings, bearings) % len(order)
-        turn = np.abs(sorted_bearings[index] - bearings)
-        in_view = np.minimum(turn, 2.0 * np.pi - turn) < 0.1
-        passed: np.ndarray = in_view & (least[index] > distances + DEPTH)
-        return passed
+        result = np.zeros(len(rays.hits), dtype=bool)
+        for age in (memory, LONGER * memory):
+            before = next((each for seen, each in reversed(self._history) if stamp - seen >= age - 1e-6), None)
+            if before is not None and len(before.bearings):
+                result |= _sees_past(before, rays.ends)
+        return result
 
     def _begin(self, clusters: List[Cluster], stamp: float) -> None:
         count = len(clusters)
@@ -179,9 +189,33 @@ class Tracker:
         self._seen = np.append(self._seen, np.full(count, stamp))
         self._belief = np.append(self._belief, np.zeros(count, np.int64))
 
-    def _forget(self, stamp: float) -> None:
-        kept = stamp - self._seen < self.parameters.track_patience
+    def _forget(self, rays: Rays, stamp: float) -> None:
+        away, patience = stamp - self._seen, self.parameters.track_patience
+        kept = away < patience
+        for thing in np.flatnonzero(~kept & (self._belief >= CONVINCED) & (away < HIDDEN_PATIENCE * patience)):
+            kept[thing] = self._is_hidden(thing, rays)
         if kept.all():
             return
         self._numbers, self._states, self._variances = self._numbers[kept], self._states[kept], self._variances[kept]
         self._radii, self._seen, self._belief = self._radii[kept], self._seen[kept], self._belief[kept]
+
+    def _is_hidden(self, thing: int, rays: Rays) -> bool:
+        """Return whether something stands before the place where a thing should be by now."""
+        across, up = self._states[thing, 0] - rays.x, self._states[thing, 1] - rays.y
+        turns = np.abs(rays.bearings - np.arctan2(up, across))
+        ray = int(np.argmin(np.minimum(turns, 2.0 * np.pi - turns)))
+        return bool(rays.hits[ray] and rays.ranges[ray] < np.hypot(across, up) - self._radii[thing])
+
+
+def _sees_past(before: Rays, ends: np.ndarray) -> np.ndarray:
+    """Return for each point, shape (N, 2), whether a scan saw beyond it, shape (N,), bool."""
+    order = np.argsort(before.bearings, kind="stable")
+    sorted_bearings, depths = before.bearings[order], before.ranges[order]
+    least = np.minimum(depths, np.minimum(np.roll(depths, 1), np.roll(depths, -1)))  # an edge sees past itself
+    across, up = ends[:, 0] - before.x, ends[:, 1] - before.y
+    bearings, distances = np.arctan2(up, across), np.hypot(across, up)
+    index = np.searchsorted(sorted_bearings, bearings) % len(order)
+    turn = np.abs(sorted_bearings[index] - bearings)
+    in_view = np.minimum(turn, 2.0 * np.pi - turn) < 0.1
+    passed: np.ndarray = in_view & (least[index] > distances + DEPTH)
+    return passed

@@ -119,3 +119,38 @@ def test_tracks_go_on_as_they_do():
     later = track.at(track.stamp + 2.0)
     assert later.y == pytest.approx(track.y + 2.0 * track.vy) and later.position_variance > track.position_variance
     assert as_array((track,), track.stamp + 2.0)[0, :2] == pytest.approx((later.x, later.y))
+
+
+def test_one_who_walks_behind_another_is_remembered_until_he_is_seen_again():
+    def world(t):
+        return [(0.5, 0.0, 0.15), (0.9, -1.2 + 0.25 * t, 0.06)]  # out of sight for two seconds
+
+    tracker, counts = follow(world, seconds=9.0)
+    first = counts.index(1)
+    assert set(counts[first:]) == {1}
+    (track,) = tracker.tracks
+    assert math.hypot(track.x - 0.9, track.y - (-1.2 + 0.25 * 8.8)) < 0.06
+
+
+def test_two_who_pass_close_by_each_other_keep_their_ways():
+    def world(t):
+        return [(0.7, -1.0 + 0.2 * t, 0.1), (0.95, 1.0 - 0.2 * t, 0.1)]
+
+    tracker, rng = Tracker(TrackerParameters()), np.random.default_rng(3)
+    for step in range(40):
+        t = 0.2 * step
+        tracker.update(0.0, 0.0, *scan(0.0, 0.0, world(t), rng), 10.0 + t)
+        if t < 2.0:
+            continue
+        for track in tracker.tracks:
+            assert track.vy == pytest.approx(0.2 if track.x < 0.82 else -0.2, abs=0.12), f"at {t:.1f} s: {track}"
+            assert abs(track.vx) < 0.12, f"at {t:.1f} s: {track}"
+    assert len(tracker.tracks) == 2
+
+
+def test_the_rays_that_end_on_what_moves_are_told():
+    tracker, _ = follow(lambda t: [(1.0, -0.6 + 0.25 * t, 0.12), (-1.0, 0.0, 0.12)])
+    ends, hits = scan(0.0, 0.0, [(1.0, -0.6 + 0.25 * 4.0, 0.12), (-1.0, 0.0, 0.12)], np.random.default_rng(4))
+    tracker.update(0.0, 0.0, ends, hits, 14.0)
+    on_it = np.hypot(ends[:, 0] - 1.0, ends[:, 1] - 0.4) < 0.2
+    assert (tracker.moving == on_it).all() and on_it.sum() > 5
