@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, Optional, Tuple
 
@@ -120,6 +120,28 @@ class CostGrid:
                 return changed
             changed = changed.union(window)
         return None
+
+
+def without_tracks(costmap: CostGrid, now: float) -> CostGrid:
+    """Return a snapshot in which nothing is marked where something that moves is at a time (s), give or take two cells.
+
+    It will have gone from there: who asks what stands in the way later on is to ask this one.
+    """
+    grid, costs = costmap.grid, costmap.costs.copy()
+    for track in costmap.tracks or ():
+        there = track.at(now)
+        reach = there.radius + 2.0 * grid.resolution
+        left, bottom = grid.cell_at(there.x - reach, there.y - reach)
+        right, top = grid.cell_at(there.x + reach, there.y + reach)
+        window = Window(left, bottom, right + 1, top + 1).within(grid)
+        if window.is_empty:
+            continue
+        rows, columns = np.mgrid[window.slices]
+        across = grid.origin_x + (columns + 0.5) * grid.resolution - there.x
+        up = grid.origin_y + (rows + 0.5) * grid.resolution - there.y
+        part = costs[window.slices]
+        part[(np.hypot(across, up) <= reach) & (part == LETHAL)] = FREE_SPACE
+    return replace(costmap, costs=costs, revision=0, history=())
 
 
 def half_width_of(footprint: np.ndarray, inscribed_radius: float) -> float:

@@ -162,8 +162,9 @@ class Costmap:
             raise ValueError(
                 f"{self.name} has no observation source '{source}'; it has: {', '.join(self.sources) or 'none'}")
         with self._lock:
-            for layer in takers:
-                layer.observe(source, observation, observation.stamp if now is None else now)
+            for layer in sorted(takers, key=lambda taker: taker.tracks is None):
+                rest = layer.observe(source, observation, observation.stamp if now is None else now)
+                observation = observation if rest is None or not layer.enabled else rest
 
     def refuse(self, source: str, reason: str, is_blind: bool = True) -> None:
         """Take note why a message of a sensor, one of `sources`, is not used; see Layer.refuse."""

@@ -128,8 +128,15 @@ class Layer(Plugin, abc.ABC):
         """Return the cost it writes so far (m) from an obstacle; None of a layer that writes none round obstacles."""
         return None
 
-    def observe(self, source: str, observation: Observation, now: float) -> None:
-        """Take what one of `sources` saw, at `now` (s); its age counts from its stamp, from `now` where that is 0."""
+    def observe(self, source: str, observation: Observation, now: float) -> Optional[Observation]:
+        """Take what one of `sources` saw, at `now` (s); its age counts from its stamp, from `now` where that is 0.
+
+        Layers that look for what moves are told first.
+
+        Returns:
+            What the other layers are to be told in its place; None where it is to stay as it is.
+        """
+        return None
 
     def refuse(self, source: str, reason: str, is_blind: bool) -> None:
         """Take note why a message of one of `sources` is not used.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Any, Dict, Mapping, Tuple
@@ -26,6 +27,8 @@ class TrackLayerParameters(TrackerParameters):
 
     enabled: bool = parameter(True, "follow what moves")
     observation_sources: str = parameter("", "names of the lidars, separated by blanks")
+    mark_movers: bool = parameter(
+        True, "what moves stands in the costmap as an obstacle; false leads paths through where somebody walks")
     personal_space: float = parameter(
         0.0, "deviation of the cost round a thing that moves, from its edge outward; 0 for no cost", "m", minimum=0.0)
     personal_space_cost: int = parameter(150, "cost at its edge", minimum=0, maximum=INSCRIBED - 1)
@@ -71,12 +74,17 @@ class TrackLayer(Layer):
     def tracks(self) -> Tuple[Track, ...]:
         return tuple(track for tracker in self._trackers.values() for track in tracker.tracks)
 
-    def observe(self, source: str, observation: Observation, now: float) -> None:
+    def observe(self, source: str, observation: Observation, now: float) -> Observation:
         ends = np.asarray(observation.points, dtype=float)[:, :2]
         hits = np.ones(len(ends), dtype=bool) if observation.hits is None else observation.hits
         finite = np.isfinite(ends).all(axis=1)
         x, y = observation.origin[:2]
         self._trackers[source].update(float(x), float(y), ends[finite], hits[finite], observation.stamp)
+        if self.parameters.mark_movers:
+            return observation
+        stands = hits.copy()
+        stands[finite] &= ~self._trackers[source].moving
+        return dataclasses.replace(observation, hits=stands)
 
     def update_bounds(self, context: LayerContext, window: Window) -> Window:
         before, self._written = self._written, EMPTY

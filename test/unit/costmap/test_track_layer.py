@@ -1,0 +1,72 @@
+"""The track layer: what moves is no wall to who plans, and what stands is one."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mbf_relay.costmap.cost_grid import LETHAL
+from mbf_relay.costmap.factory import build_costmap
+from mbf_relay.costmap.observation import Observation
+from mbf_relay.geometry import Pose2D
+
+BEAMS, REACH = 360, 3.0
+
+
+def costmap_of(**track_layer):
+    return build_costmap("global_costmap", {
+        "global_frame": "odom", "width": 5.0, "height": 5.0, "origin_x": -2.5, "origin_y": -2.5, "resolution": 0.05,
+        "robot_radius": 0.1, "obstacle_range": 3.0, "raytrace_range": 3.0, "observation_sources": "scan",
+        "scan": {"data_type": "LaserScan", "marking": True, "clearing": True}, "track_layer": track_layer,
+    })
+
+
+def scan(discs, stamp):
+    """Return what a lidar at the origin sees of discs (x, y, radius)."""
+    angles = np.arange(BEAMS) * 2.0 * math.pi / BEAMS
+    dx, dy = np.cos(angles), np.sin(angles)
+    ranges = np.full(BEAMS, REACH)
+    for cx, cy, radius in discs:
+        along = cx * dx + cy * dy
+        inside = along ** 2 - cx ** 2 - cy ** 2 + radius ** 2
+        reached = np.where((inside > 0.0) & (along > 0.0), along - np.sqrt(np.maximum(0.0, inside)), math.inf)
+        ranges = np.minimum(ranges, reached)
+    return Observation((0.0, 0.0), np.column_stack((ranges * dx, ranges * dy)), ranges < REACH, stamp)
+
+
+def watch(costmap, world, seconds):
+    """Return the snapshot after a while of scans at 5 Hz."""
+    for step in range(int(seconds * 5.0) + 1):
+        now = 0.2 * step
+        costmap.observe("scan", scan(world(now), 10.0 + now), 10.0 + now)
+        costmap.update(10.0 + now, Pose2D(0.0, 0.0, 0.0))
+    return costmap.snapshot()
+
+
+def is_marked(snapshot, x, y, radius):
+    """Return whether an obstacle is marked on a disc."""
+    rows, columns = np.nonzero(snapshot.costs == LETHAL)
+    centers_x = snapshot.grid.origin_x + (columns + 0.5) * snapshot.grid.resolution
+    centers_y = snapshot.grid.origin_y + (rows + 0.5) * snapshot.grid.resolution
+    return bool((np.hypot(centers_x - x, centers_y - y) < radius + 0.05).any())
+
+
+def crossing(now):
+    """Return a post, and somebody who walks by till he stops after six seconds."""
+    return [(-1.0, 0.5, 0.1), (1.0, -1.0 + 0.25 * min(now, 6.0), 0.12)]
+
+
+@pytest.mark.parametrize("seconds", [2.0, 4.0, 5.0])
+def test_who_walks_by_is_no_wall_to_who_plans_and_a_post_is_one(seconds):
+    snapshot = watch(costmap_of(mark_movers=False), crossing, seconds)
+    assert len(snapshot.tracks) == 1
+    assert not is_marked(snapshot, 1.0, -1.0 + 0.25 * seconds, 0.12) and is_marked(snapshot, -1.0, 0.5, 0.1)
+
+
+def test_who_stops_is_a_wall_again():
+    assert is_marked(watch(costmap_of(mark_movers=False), crossing, 10.0), 1.0, 0.5, 0.12)
+
+
+@pytest.mark.parametrize("parameters", [{"mark_movers": True}, {"mark_movers": False, "enabled": False}])
+def test_who_walks_by_is_an_obstacle_where_nobody_asked_for_less(parameters):
+    assert is_marked(watch(costmap_of(**parameters), crossing, 4.0), 1.0, 0.0, 0.12)
