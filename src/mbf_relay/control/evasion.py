@@ -11,13 +11,15 @@ from mbf_relay.control import evasion_kernels
 from mbf_relay.control.braking import arc, stopping_time
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.foresight import BETTER, Foresight
-from mbf_relay.control.state import ControlState
-from mbf_relay.control.trajectories import VelocityWindow
+from mbf_relay.control.state import ControlState, SpeedLimit
+from mbf_relay.control.trajectories import VelocityWindow, window_of
+from mbf_relay.costmap.cost_grid import without_tracks
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import STOP, Twist2D
 
 HEADINGS = 16  # ways out, all round
 DISTANCES = (1.2, 2.5, 5.0)  # robot's widths they lead away
+ASIDE = 2.5  # robot's widths and a quarter of a turn are far enough aside: the time for both is looked ahead
 MARGIN = 0.4  # of the robot's width that is kept from what moves where there is room
 TURN_WORTH = 0.5  # robot's widths that a radian of turning counts as where ways out are equally good
 MOST_STEPS = 80  # of a manoeuvre: its steps are longer than a period where that would make more
@@ -36,26 +38,50 @@ class Evasion:
     """Looks for ways out: turn towards any side, on the spot or on the way, drive a little, forward or back, and stand.
 
     A command is good where the robot is met nowhere if it goes on, or if it stops: it is on its way through, or nobody
-    comes. Else it takes the way out on which it is met last, of those as good the one with the least to turn and drive.
+    comes. Else it takes the way out on which it is touched last, of those as good the one on which anything comes near
+    last, and of those the one with the least to turn and drive. To be touched is judged for as long as stepping aside
+    takes, for one may flee before somebody faster for a while; to come near is judged for `foresight_horizon`.
+
+    What moves does not stand in the way where it is marked: it will have gone.
 
     Source: Fraichard, Asama, "Inevitable collision states: a step towards safer robots?" (2004), for a horizon's
     length; Petti, Fraichard, "Safe motion planning in dynamic environments" (2005), for a set of manoeuvres.
     """
 
     def __init__(
-        self, parameters: FollowerParameters, foresight: Foresight, checker: FootprintChecker, state: ControlState,
+        self, parameters: FollowerParameters, foresight: Foresight, state: ControlState, limit: SpeedLimit,
         turning_radius: float,
     ) -> None:
-        self._parameters, self._foresight, self._checker = parameters, foresight, checker
-        self._manoeuvres = _manoeuvres(checker.costmap.width, parameters.min_vel_x < 0.0, turning_radius == 0.0)
-        self._turning_radius = turning_radius
-        self._state, self._pose, self._allowed = state, state.pose, checker.contacts_at(state.pose)
-        self._efforts = np.abs(self._manoeuvres[:, 1]) + TURN_WORTH * checker.costmap.width * np.abs(
-            self._manoeuvres[:, 0])
-        self._step = max(state.period, parameters.foresight_horizon / MOST_STEPS)
-        self._steps = math.ceil(parameters.foresight_horizon / self._step)
+        """Get ready for one cycle.
 
-    def command(self, velocity: Twist2D, wanted: Twist2D, window: VelocityWindow) -> Twist2D:
+        Args:
+            parameters: Of the controller.
+            foresight: What moves.
+            state: The robot.
+            limit: How fast it may go here; it may do so however slowly its path was to be followed.
+            turning_radius: Least radius (m) of its curves.
+        """
+        self._parameters, self._foresight, self._state, self._pose = parameters, foresight, state, state.pose
+        self._checker = FootprintChecker(without_tracks(state.costmap, state.now))
+        self._allowed = self._checker.contacts_at(state.pose)
+        self._width = state.costmap.width
+        self._manoeuvres = _manoeuvres(self._width, parameters.min_vel_x < 0.0, turning_radius == 0.0)
+        self._turning_radius = turning_radius
+        self._efforts = np.abs(self._manoeuvres[:, 1]) + TURN_WORTH * self._width * np.abs(self._manoeuvres[:, 0])
+        self._speed = min(limit.share * parameters.max_vel_trans, limit.translation)
+        self._turn = min(limit.share * parameters.max_vel_theta, limit.rotation)
+        self._horizon = max(parameters.foresight_horizon, self._time_aside())
+        self._step = max(state.period, self._horizon / MOST_STEPS)
+        self._steps = math.ceil(self._horizon / self._step)
+
+    def _time_aside(self) -> float:
+        """Return how long (s) the robot takes to turn to its side and leave, at its top speeds."""
+        p, turn = self._parameters, 0.5 * math.pi
+        acceleration = max(1e-9, p.acc_lim_theta)
+        rate = max(1e-9, min(p.max_vel_theta, math.sqrt(turn * acceleration)))
+        return turn / rate + rate / acceleration + ASIDE * self._width / max(1e-9, p.max_vel_trans)
+
+    def command(self, velocity: Twist2D, wanted: Twist2D) -> Twist2D:
         """Return the wanted command or the beginning of a way out, or as good a stop as there is.
 
         That is where the robot could not brake before it meets what moves, and would be met later where it stands.
@@ -63,8 +89,8 @@ class Evasion:
         Args:
             velocity: The robot's now.
             wanted: What it would do.
-            window: The velocities in reach.
         """
+        window = window_of(self._parameters, velocity, self._state.period, self._speed, self._turn)
         command = self._way_out(velocity, wanted, window)
         if command == STOP:
             return command
@@ -75,16 +101,17 @@ class Evasion:
         return command if math.isfinite(cost) else window.clip(STOP)
 
     def _way_out(self, velocity: Twist2D, wanted: Twist2D, window: VelocityWindow) -> Twist2D:
-        enough = 2.0 * self._parameters.foresight_horizon
         stopped, _ = self._driven(wanted, self._manoeuvres[:1])
-        later = self._lateness(np.concatenate((self._held(wanted), stopped))).max()
-        if later >= enough:
+        touched, close = self._meetings(np.concatenate((self._held(wanted), stopped)))
+        if ((touched >= self._horizon) & (close >= self._parameters.foresight_horizon)).any():
             return wanted
         poses, first = self._driven(velocity, self._manoeuvres)
-        now = self._lateness(poses)
-        if now.max() <= later + BETTER:
+        touched_then, close_then = self._meetings(poses)
+        latest = touched_then.max() - BETTER
+        nearly = close_then[touched_then >= latest].max() - BETTER
+        if ((touched >= latest) & (close >= nearly)).any():
             return wanted
-        good = np.flatnonzero(now >= now.max() - BETTER)
+        good = np.flatnonzero((touched_then >= latest) & (close_then >= nearly))
         best = good[np.argmin(self._efforts[good])]
         return window.clip(Twist2D(float(first[best, 0]), 0.0, float(first[best, 1])))
 
@@ -101,23 +128,21 @@ class Evasion:
         p = self._parameters
         poses, first = np.empty((len(manoeuvres), self._steps, 3)), np.empty((len(manoeuvres), 2))
         evasion_kernels.roll_out(
-            np.array(self._pose, dtype=float), np.array((velocity.x, velocity.theta)), manoeuvres, p.max_vel_trans,
-            p.max_vel_theta, self._turning_radius, max(1e-9, p.acc_lim_x), max(1e-9, p.acc_lim_theta), self._step,
+            np.array(self._pose, dtype=float), np.array((velocity.x, velocity.theta)), manoeuvres, self._speed,
+            self._turn, self._turning_radius, max(1e-9, p.acc_lim_x), max(1e-9, p.acc_lim_theta), self._step,
             poses, first,
         )
         return poses, first
 
-    def _lateness(self, poses: np.ndarray) -> np.ndarray:
-        """Return how late each row of poses is met (s), with and without a margin in all, shape (N,).
+    def _meetings(self, poses: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return how late (s) each row of poses is touched, and how late anything comes near or touches, shapes (N,).
 
-        What is met nowhere within the horizon has twice the horizon.
+        Both end with the horizons they are judged for.
         """
-        number, horizon = len(poses), self._parameters.foresight_horizon
+        number, near = len(poses), self._parameters.foresight_horizon
         counts, steps = np.full(number, self._steps), np.full(number, self._step)
         free = self._checker.first_contacts(poses, counts, np.ones(number), self._allowed).steps
         touches = np.where(free < self._steps, free * self._step, math.inf)
-        lateness = np.zeros(number)
-        for wider in (0.0, MARGIN * self._checker.costmap.width):
-            met = self._foresight.meetings(poses, counts, steps, wider)
-            lateness += np.minimum(horizon, np.minimum(touches, met))
-        return lateness
+        touched = np.minimum(touches, self._foresight.meetings(poses, counts, steps, horizon=self._horizon))
+        close = np.minimum(touched, self._foresight.meetings(poses, counts, steps, MARGIN * self._width))
+        return np.minimum(self._horizon, touched), np.minimum(near, close)

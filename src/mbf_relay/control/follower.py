@@ -186,8 +186,9 @@ class PathFollower(Controller, abc.ABC):
         if cycle is not None and self.parameters.foresight:
             foresight = Foresight(state.costmap, state.pose, state.now, self.parameters)
             if not foresight.is_blind:
-                evasion = Evasion(self.parameters, foresight, cycle.checker, state, self.turning_radius)
-                decided, command = command, evasion.command(cycle.velocity, command, cycle.window)
+                limit = self.speed_limit_at(state.pose)
+                evasion = Evasion(self.parameters, foresight, state, limit, self.turning_radius)
+                decided, command = command, evasion.command(cycle.velocity, command)
                 trouble = None if command != decided else trouble
         if trouble is not None:
             raise trouble

@@ -48,7 +48,7 @@ class Foresight:
         foresight_kernels.rooms_now(self._outline, self._tracks, pose.x, pose.y, pose.theta, self._rooms)
 
     def meetings(
-        self, poses: np.ndarray, counts: np.ndarray, steps: np.ndarray, wider: float = 0.0
+        self, poses: np.ndarray, counts: np.ndarray, steps: np.ndarray, wider: float = 0.0, horizon: float = 0.0
     ) -> np.ndarray:
         """Return when each trajectory first meets something, shape (N,) in seconds from now; infinite for never.
 
@@ -57,6 +57,7 @@ class Foresight:
             counts: Shape (N,), int64: poses of each trajectory.
             steps: Shape (N,), float64: seconds from pose to pose.
             wider: Metres by which tracks count as wider than they are.
+            horizon: Seconds to look ahead; `foresight_horizon` where that is longer.
         """
         times = np.full(len(poses), math.inf)
         if not self.is_blind:
@@ -65,8 +66,8 @@ class Foresight:
                 tracks = tracks.copy()
                 tracks[:, 4] += wider
             foresight_kernels.first_meetings(
-                self._outline, tracks, self._rooms, poses, counts, steps, self._horizon, WAIT, SURENESS,
-                MOST_SPREAD, times,
+                self._outline, tracks, self._rooms, poses, counts, steps, max(self._horizon, horizon), WAIT,
+                SURENESS, MOST_SPREAD, times,
             )
         return times
 

@@ -12,6 +12,7 @@ from mbf_relay.control.braking import arc, stopping_time
 from mbf_relay.control.controller import Controller
 from mbf_relay.control.foresight import Foresight
 from mbf_relay.control.state import ControlState
+from mbf_relay.costmap.cost_grid import LETHAL
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D
 from mbf_relay.outcomes import ControlError
@@ -36,6 +37,18 @@ def state(pose, velocity, now, *tracks):
     return ControlState(now, pose, velocity, costmap, IDENTITY, 0.1)
 
 
+def marked(seen):
+    """Return a state in which what moves is marked where it is, as the obstacle layer marks it."""
+    costmap = seen.costmap
+    grid, costs = costmap.grid, costmap.costs.copy()
+    rows, columns = np.mgrid[:grid.height, :grid.width]
+    for track in costmap.tracks:
+        x = grid.origin_x + (columns + 0.5) * grid.resolution - track.x
+        y = grid.origin_y + (rows + 0.5) * grid.resolution - track.y
+        costs[np.hypot(x, y) <= track.radius] = LETHAL
+    return dataclasses.replace(seen, costmap=dataclasses.replace(costmap, costs=costs))
+
+
 def test_foresight_without_anything_that_tracks_is_told_of():
     controller = make(DWA, foresight=True)
     controller.set_path(path_through((0, 0), (2, 0)), True)
@@ -51,14 +64,14 @@ def gap(pose, track):
     return math.hypot(dx, dy) - track.radius
 
 
-def drive(controller, track, seconds=12.0, goal=(2.0, 0.0)):
+def drive(controller, track, seconds=12.0, goal=(2.0, 0.0), seen_as=lambda seen: seen):
     """Return gaps and poses of a drive, along x if nothing else is said, while a track goes on as it does."""
     robot, gaps, poses = PaperRobot(START), [], []
     controller.set_path(path_through((0, 0), goal), True)
     for cycle in range(int(seconds / 0.1)):
         now = 0.1 * cycle
         try:
-            command = controller.compute_velocity(state(robot.pose, robot.velocity, now, track.at(now)))
+            command = controller.compute_velocity(seen_as(state(robot.pose, robot.velocity, now, track.at(now))))
         except ControlError:
             command = STOP
         robot.move(command, 0.1)
@@ -118,6 +131,16 @@ def test_who_comes_faster_than_the_robot_drives_is_let_past_from_any_side(name, 
     x, y = away * math.cos(angle), away * math.sin(angle)
     track = mover(x, y, -speed * x / away, -speed * y / away)
     gaps, _ = drive(make(name, foresight=True, foresight_horizon=3.0), track, seconds=6.0, goal=(-2.0, 0.3))
+    assert min(gaps) > 0.0
+
+
+@pytest.mark.parametrize("name", [DWA, PURSUIT, "mppi"])
+@pytest.mark.parametrize("angle", [0.0, 0.5, 3.0])
+@pytest.mark.parametrize("speed", [0.15, 0.3])
+def test_who_stands_between_the_robot_and_its_path_is_fled_from_at_the_robots_speed(name, angle, speed):
+    x, y = 0.6 * math.cos(angle), 0.6 * math.sin(angle)
+    track = mover(x, y, -speed * x / 0.6, -speed * y / 0.6)
+    gaps, _ = drive(make(name, foresight=True), track, seconds=6.0, seen_as=marked)
     assert min(gaps) > 0.0
 
 
