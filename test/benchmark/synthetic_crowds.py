@@ -24,7 +24,8 @@ QUIET = 0.8
 SPEEDS, RADII, HEIGHT = (0.1, 0.3), (0.06, 0.15), 0.5
 
 FIELD_LENGTH, FIELD_HALF_WIDTH = 8.0, 3.0
-LEVELS = {"easy": ((4, 7), (0.1, 0.2)), "medium": ((8, 12), (0.15, 0.35)), "hard": ((12, 18), (0.2, 0.5))}
+LEVELS = {"easy": ((4, 7), (0.1, 0.2)), "medium": ((8, 12), (0.15, 0.35)), "hard": ((12, 18), (0.2, 0.5)),
+          "dense": ((18, 22), (0.07, 0.33))}
 """How many movers an open field has, and their speeds (m/s): a burger's top speed is 0.22."""
 
 
