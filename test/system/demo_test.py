@@ -77,6 +77,23 @@ class Demo:
 
 
 class TestDemo(unittest.TestCase):
+    driving = None
+    """A demo that drives and shows its page: one for all tests that look at one, until a test ends it."""
+
+    @classmethod
+    def tearDownClass(cls):
+        if cls.driving is not None and cls.driving.process.poll() is None:
+            cls.driving.process.send_signal(signal.SIGINT)
+            cls.driving.process.wait(60.0)
+
+    def drive(self):
+        """Return the demo that drives; start one where there is none."""
+        cls = type(self)
+        if cls.driving is None or cls.driving.process.poll() is not None:
+            cls.driving = Demo("--speed", "4", "--web", "--laps", "99")
+            cls.driving.wait_for("goal 1 of")
+        return cls.driving
+
     def test_1_a_drive_leaves_a_report_and_nothing_else(self):
         demo = Demo("--speed", "2", "--seed", "5", "--relay", "server")
         self.assertEqual(demo.process.wait(PATIENCE), 0, demo.output)
@@ -107,38 +124,33 @@ class TestDemo(unittest.TestCase):
         self.interrupt(demo, signal.SIGTERM)
 
     def test_4_two_interrupts_end_it_while_it_drives(self):
-        demo = Demo("--speed", "4")
-        demo.wait_for("goal 1 of 8")
+        demo = self.drive()
         demo.process.send_signal(signal.SIGINT)
         self.interrupt(demo, signal.SIGINT)
 
     def test_4_a_demo_that_is_killed_leaves_nothing_behind(self):
-        demo = Demo("--speed", "4")
-        demo.wait_for("goal 1 of 8")
+        demo = self.drive()
         demo.process.kill()
         demo.process.wait()
         wait_until(lambda: demo.left_behind() == [], "everything the demo had started to end", 120.0)
 
     def test_4_it_listens_on_the_loopback_interface_alone(self):
-        demo = Demo("--speed", "4")
-        demo.wait_for("goal 1 of 8")
+        demo = self.drive()
         processes = [psutil.Process(pid) for pid in demo.left_behind()]
         listening = {
             c.laddr.ip for process in processes if process.name() not in OF_ROS_CPP
             for c in process.connections() if c.status == psutil.CONN_LISTEN
         }
-        self.interrupt(demo, signal.SIGINT)
         self.assertEqual(listening, {"127.0.0.1"})
 
     def test_4_a_page_shows_the_robot_drive(self):
-        demo = Demo("--speed", "4", "--web")
+        demo = self.drive()
         demo.wait_for("see it at http://127.0.0.1:")
         port = int(re.search(r"see it at http://127.0.0.1:(\d+)/", demo.output).group(1))
         client = WebClient(port)
         client.layer("map", timeout=PATIENCE)
         client.layer("state", lambda state: state["goal"]["driving"], "of a drive", PATIENCE)
         client.close()
-        self.interrupt(demo, signal.SIGINT)
 
     def interrupt(self, demo, number):
         demo.process.send_signal(number)
