@@ -18,6 +18,8 @@ class Beams:
         ranges: Shape (B,) in metres, at most `range_max`; a reading of `range_max` stands for "nothing came back".
         bearings: Shape (B,) in radians, in the frame of the robot's base.
         endpoints: Shape (B, 2) in metres, in the frame of the robot's base.
+        silent: Bool of shape (B,): nothing came back, nor from the beams to both sides; one that is alone is a
+            lidar's lapse. What is too near to be measured is not silent.
         laser_pose: Pose of the sensor in the base's frame.
         range_max: Longest reading (m) that says where something is, itself excluded.
     """
@@ -25,6 +27,7 @@ class Beams:
     ranges: np.ndarray
     bearings: np.ndarray
     endpoints: np.ndarray
+    silent: np.ndarray
     laser_pose: Pose2D
     range_max: float
 
@@ -32,6 +35,11 @@ class Beams:
     def hits(self) -> np.ndarray:
         """Endpoints of the readings that came back from something, shape (H, 2), contiguous."""
         return np.ascontiguousarray(self.endpoints[self.ranges < self.range_max])
+
+    @property
+    def passed(self) -> np.ndarray:
+        """Where silent beams got to, shape (S, 2), contiguous."""
+        return np.ascontiguousarray(self.endpoints[self.silent])
 
 
 def step_between(count: int, max_beams: int, rounded_up: bool) -> int:
@@ -68,8 +76,10 @@ def pick_beams(
     bearings = scan.angles[::step] + laser_pose.theta
     known = ~np.isnan(ranges)
     ranges, bearings = ranges[known], bearings[known]
+    nothing = np.concatenate(([True], ranges > range_max, [True]))
     ranges = np.where((ranges <= range_min) | (ranges > range_max), range_max, ranges)
     endpoints = np.empty((len(ranges), 2))
     endpoints[:, 0] = laser_pose.x + ranges * np.cos(bearings)
     endpoints[:, 1] = laser_pose.y + ranges * np.sin(bearings)
-    return Beams(ranges, bearings, endpoints, laser_pose, range_max)
+    silent = nothing[:-2] & nothing[1:-1] & nothing[2:]
+    return Beams(ranges, bearings, endpoints, silent, laser_pose, range_max)

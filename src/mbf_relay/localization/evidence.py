@@ -6,6 +6,10 @@ Maps are never whole: walls were built, racks moved, blocks never seen. A beam i
     unmapped  it ends where the map has nothing
     through   it ends where the map has nothing, and passed through something the map has on its way
 
+A beam of which nothing came back is of the third kind where it would have met something the map has, and else says
+nothing: at a wrong place of an open map it is all there is to tell it from the right one. Panes, black cloth and walls
+that were taken away are silent too, so that it is no more than a hint.
+
 The share of the unmapped at the pose held is the price of such a beam; it is learnt over tens of metres. On a map that
 lacks a third of its walls, a place that explains ten beams more is no proof. A wall seldom vanishes, so that passing
 through one costs more, and always the same.
@@ -18,8 +22,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mbf_relay.localization.beams import Beams
 from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.laser_kernels import look_up_endpoints, trace_endpoints
+from mbf_relay.localization.scan_likelihood import thin_out
 
 BEAMS = 60
 """Beams of a scan that are looked at."""
@@ -35,13 +41,38 @@ BOUNDS = (0.05, 0.6)
 """Between which it lies: no map is perfect, and one that lacks more tells nothing."""
 
 
+class Seen(NamedTuple):
+    """What a scan has for evidence.
+
+    Attributes:
+        ends: Where beams ended on something, thinned out, shape (B, 2), in the base's frame.
+        passed: Where those got to of which nothing came back, shape (S, 2), in the base's frame.
+        silence: Share of the latter among all beams, 0 to 1.
+        laser: Position of the sensor in the base's frame, shape (2,).
+    """
+
+    ends: np.ndarray
+    passed: np.ndarray
+    silence: float
+    laser: np.ndarray
+
+    @staticmethod
+    def of(beams: Beams) -> Seen:
+        """Return what a scan's beams, all of them, have."""
+        passed = beams.passed
+        return Seen(
+            thin_out(beams.hits), passed[:: max(1, len(passed) // BEAMS)], len(passed) / max(1, len(beams.ranges)),
+            np.array([beams.laser_pose.x, beams.laser_pose.y]),
+        )
+
+
 class Judgement(NamedTuple):
     """What a scan says of poses, each of shape (K,).
 
     Attributes:
         log_likelihoods: Of the scan, tempered.
         hits: Share of the beams that end on something the map has.
-        through: Share of the beams that passed through something the map has.
+        through: Share of the beams, silent ones among them, that passed through something the map has.
     """
 
     log_likelihoods: np.ndarray
@@ -63,32 +94,44 @@ class Evidence:
         self._hits = np.exp(-0.5 * np.square(field.face_distances / sigma)).astype(np.float32)
         self.unmapped = USUAL_UNMAPPED
 
-    def judge(self, poses: np.ndarray, endpoints: np.ndarray, laser: np.ndarray) -> Judgement:
+    def judge(self, poses: np.ndarray, seen: Seen) -> Judgement:
         """Return what a scan says of poses.
 
         Args:
             poses: Shape (K, 3), in the map's frame; the first is the one held. Where little around it is mapped, little
                 is proven by what is mapped elsewhere.
-            endpoints: Shape (B, 2) in metres, in the base's frame.
-            laser: Position of the sensor in the base's frame, shape (2,).
+            seen: Of the scan; at least one beam ended on something.
         """
-        endpoints = np.ascontiguousarray(endpoints[:: max(1, len(endpoints) // BEAMS)])
+        endpoints = np.ascontiguousarray(seen.ends[:: max(1, len(seen.ends) // BEAMS)])
         poses = np.ascontiguousarray(poses)
         hits = np.empty((len(poses), len(endpoints)), dtype=np.float32)
         field = self._field
         look_up_endpoints(poses, endpoints, field.codes, self._hits, 0.0, field.frame, hits)
-        passed = np.empty((len(poses), len(endpoints)), dtype=np.uint8)
-        trace_endpoints(
-            poses, endpoints, laser, field.codes, field.cell_distances, field.frame, WALL_MARGIN, passed
-        )
-        through = passed * (1.0 - hits)
+        through = self._trace(poses, endpoints, seen.laser) * (1.0 - hits)
+        silent_through = self.silent_through(poses, seen)
         price = min(max(self.unmapped, 1.0 - float(hits[0].mean())), BOUNDS[1])
         logs = np.log((1.0 - price) * hits + price * (1.0 - through * (1.0 - THROUGH)))
+        silent = silent_through * (seen.silence * INDEPENDENT_BEAMS * math.log(BOUNDS[1]))
         return Judgement(
-            logs.mean(axis=1) * min(INDEPENDENT_BEAMS, len(endpoints)), hits.mean(axis=1), through.mean(axis=1)
+            logs.mean(axis=1) * min(INDEPENDENT_BEAMS, len(endpoints)) + silent, hits.mean(axis=1),
+            (1.0 - seen.silence) * through.mean(axis=1) + seen.silence * silent_through,
         )
+
+    def silent_through(self, poses: np.ndarray, seen: Seen) -> np.ndarray:
+        """Return at each pose, (K, 3) in, (K,) out, the share of the silent beams that pass through what the map has.
+        """
+        if not len(seen.passed):
+            return np.zeros(len(poses))
+        share: np.ndarray = self._trace(poses, np.ascontiguousarray(seen.passed), seen.laser).mean(axis=1)
+        return share
 
     def learn(self, hits: float, way: float) -> None:
         """Take the share of hits at the pose held, of a scan taken `way` (m) after the last."""
         share = 1.0 - math.exp(-way / LEARNT_OVER)
         self.unmapped = min(max(self.unmapped + share * (1.0 - hits - self.unmapped), BOUNDS[0]), BOUNDS[1])
+
+    def _trace(self, poses: np.ndarray, endpoints: np.ndarray, laser: np.ndarray) -> np.ndarray:
+        passed = np.empty((len(poses), len(endpoints)), dtype=np.uint8)
+        field = self._field
+        trace_endpoints(poses, endpoints, laser, field.codes, field.cell_distances, field.frame, WALL_MARGIN, passed)
+        return passed

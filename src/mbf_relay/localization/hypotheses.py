@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Callable, List, Optional, Tuple
+from typing import Callable, List, Optional
 
 import numpy as np
 
 from mbf_relay.geometry import angle_between
-from mbf_relay.localization.evidence import Evidence
+from mbf_relay.localization.evidence import Evidence, Judgement, Seen
 from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp
 from mbf_relay.localization.scan_likelihood import ScanLikelihood
 
@@ -86,37 +86,35 @@ class Hypotheses:
         held: np.ndarray,
         likelihood: ScanLikelihood,
         evidence: Evidence,
-        endpoints: np.ndarray,
-        laser: np.ndarray,
+        seen: Seen,
         way: float,
         news: float,
-    ) -> Tuple[float, float]:
+    ) -> Judgement:
         """Pull all rivals to where a scan fits, and weigh them and the one held by it.
 
         Args:
             held: Pose of the hypothesis held, the scan already in it, shape (3,).
             likelihood: Of scans, to climb on.
             evidence: Judges the poses.
-            endpoints: Of the scan, shape (B, 2), in the base's frame.
-            laser: Position of the sensor in the base's frame, shape (2,).
+            seen: Of the scan.
             way: Metres driven since the last scan of this lidar.
             news: Share of the scan, 0 to 1, that earlier ones have not told.
 
         Returns:
-            The shares of the beams that hit what the map has, and that passed through it, at the pose held.
+            What the scan says of the pose held, and then of the rivals.
         """
         for rival in self.rivals:
-            modes = likelihood.modes(rival.belief.mean[None, :], rival.belief, endpoints, news)
+            modes = likelihood.modes(rival.belief.mean[None, :], rival.belief, seen.ends, news)
             rival.belief = PoseGaussian(modes.poses[0], modes.covariances[0])
             rival.scans += 1
         poses = np.array([held] + [rival.belief.mean for rival in self.rivals])
-        judged = evidence.judge(poses, endpoints, laser)
+        judged = evidence.judge(poses, seen)
         logs = judged.log_likelihoods * min(1.0, way / WAY_OF_A_SCAN)
         self.held += float(logs[0])
         for rival, log in zip(self.rivals, logs[1:]):
             rival.log_weight += float(log)
         self._tidy(held)
-        return float(judged.hits[0]), float(judged.through[0])
+        return judged
 
     def add(self, poses: np.ndarray, covariances: np.ndarray, held: np.ndarray, log_carried: float = -math.inf) -> None:
         """Add rivals at the odds of a slip so large, or of having been carried; those of one scan share them evenly.

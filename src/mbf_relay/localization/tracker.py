@@ -19,7 +19,7 @@ from mbf_relay.localization.beams import Beams
 from mbf_relay.localization.changed_blocks import ChangedBlocks
 from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.estimate import mean_and_covariance
-from mbf_relay.localization.evidence import Evidence
+from mbf_relay.localization.evidence import Evidence, Seen
 from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp
 from mbf_relay.localization.hypotheses import Hypotheses
 from mbf_relay.localization.parameters import LocalizerParameters
@@ -156,25 +156,25 @@ class HypothesisTracker:
             is_news: Whether the scan counts in full, because somebody asked for it.
             weigh: Weighs particles by the scan; by the tempered likelihood field where None.
         """
-        endpoints = thin_out(beams.hits)
+        seen = Seen.of(beams)
         way, self._way = self._way, 0.0
-        if len(endpoints) < FEWEST_BEAMS:
+        if len(seen.ends) < FEWEST_BEAMS:
+            self._look_at_silence(poses, log_weights, seen, way)
             return Corrected(poses, log_weights, log_weights, min(1.0, way / VIEW))
         is_news = is_news or lidar not in self._ways
         news = 1.0 if is_news else min(1.0, max(self._ways[lidar], STANDING) / VIEW)
         since, self._ways[lidar] = self._ways.get(lidar, 0.0), 0.0
-        laser = np.array([beams.laser_pose.x, beams.laser_pose.y])
         if self._anywhere:
-            started = self._start_anywhere(endpoints, laser)
+            started = self._start_anywhere(seen)
             if started is not None:
                 poses, log_weights = drawn_around(started, rng)
-        weighed = self._unchanged(poses, log_weights, endpoints) if self._semi_static else endpoints
+        weighed = self._unchanged(poses, log_weights, seen.ends) if self._semi_static else seen.ends
         proposed = self._proposal.propose(poses, log_weights, weighed, news, rng, weigh)
         held = proposed.best
-        fit = self.hypotheses.correct(held.mean, self._likelihood, self._evidence, endpoints, laser, since, news)
-        self.fit.look(*fit, way)
+        judged = self.hypotheses.correct(held.mean, self._likelihood, self._evidence, seen, since, news)
+        self.fit.look(float(judged.hits[0]), float(judged.through[0]), way)
         if self._doubt.look(proposed.explained, way):
-            self._look_for_rivals(held, proposed.explained, endpoints, laser, rng)
+            self._look_for_rivals(held, proposed.explained, seen.ends, rng)
         else:
             self._evidence.learn(proposed.explained, way)
         winner = self.hypotheses.challenge(held)
@@ -184,7 +184,7 @@ class HypothesisTracker:
             poses, log_weights = drawn_around(winner, rng)
             return Corrected(poses, log_weights, log_weights, news)
         if self.reliability(proposed.poses, proposed.log_weights) >= BELIEVED:
-            self.blocks.look(held.mean, endpoints, laser, news)
+            self.blocks.look(held.mean, seen.ends, seen.laser, news)
         return Corrected(proposed.poses, proposed.log_weights, proposed.log_whole, news)
 
     def reliability(self, poses: np.ndarray, log_weights: np.ndarray) -> float:
@@ -211,13 +211,20 @@ class HypothesisTracker:
             self._search = ScanSearch(self._field)
         return self._search.search(hits, margin=margin)
 
-    def _start_anywhere(self, endpoints: np.ndarray, laser: np.ndarray) -> Optional[PoseGaussian]:
+    def _look_at_silence(self, poses: np.ndarray, log_weights: np.ndarray, seen: Seen, way: float) -> None:
+        """Tell from a scan of which next to nothing came back whether something should have."""
+        mean, _ = mean_and_covariance(poses, np.exp(log_weights - log_sum_exp(log_weights)))
+        through = seen.silence * float(self._evidence.silent_through(np.array([mean]), seen)[0])
+        if through > 0.0:
+            self.fit.look(self.fit.hits, through, way)
+
+    def _start_anywhere(self, seen: Seen) -> Optional[PoseGaussian]:
         """Begin with all the places where a scan fits; return the best, None where there is none."""
-        modes = self._anywhere_modes(endpoints, START_MARGIN)
+        modes = self._anywhere_modes(seen.ends, START_MARGIN)
         if modes is None:
             return None
         self._anywhere = False
-        judged = self._evidence.judge(modes.poses, endpoints, laser)
+        judged = self._evidence.judge(modes.poses, seen)
         return self.hypotheses.start(
             [PoseGaussian(pose, covariance) for pose, covariance in zip(modes.poses, modes.covariances)],
             judged.log_likelihoods,
@@ -231,7 +238,7 @@ class HypothesisTracker:
         return self._likelihood.modes(places.poses, prior, endpoints)
 
     def _look_for_rivals(
-        self, held: PoseGaussian, explained: float, endpoints: np.ndarray, laser: np.ndarray, rng: np.random.Generator
+        self, held: PoseGaussian, explained: float, endpoints: np.ndarray, rng: np.random.Generator
     ) -> None:
         """Look where odometry may have slipped to, and after a long doubt anywhere."""
         if self._since_nearby >= AGAIN_NEARBY:

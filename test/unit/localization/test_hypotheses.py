@@ -7,12 +7,12 @@ from synthetic_room import ORIGIN, room, scan_at
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.localization.beams import pick_beams
 from mbf_relay.localization.distance_field import DistanceField
-from mbf_relay.localization.evidence import Evidence
+from mbf_relay.localization.evidence import Evidence, Seen
 from mbf_relay.localization.gaussians import PoseGaussian
 from mbf_relay.localization.hypotheses import PROVEN_SCANS, Hypotheses
 from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.parameters import LocalizerParameters
-from mbf_relay.localization.scan_likelihood import ScanLikelihood, thin_out
+from mbf_relay.localization.scan_likelihood import ScanLikelihood
 from mbf_relay.localization.tracker import HypothesisTracker
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.scan import LaserScan
@@ -37,7 +37,7 @@ class Room:
     def see(self, occupancy, truth, way=1.0):
         beams = pick_beams(scan_at(occupancy, truth, np.random.default_rng(1)), IDENTITY, 1)
         self.hypotheses.predict(lambda belief: belief, way)
-        return self.hypotheses.correct(self.held, self.likelihood, self.evidence, thin_out(beams.hits), LASER, way, 1.0)
+        return self.hypotheses.correct(self.held, self.likelihood, self.evidence, Seen.of(beams), way, 1.0)
 
 
 def test_a_rival_never_wins_on_one_scan_however_well_it_fits():
@@ -113,7 +113,7 @@ def test_a_beam_through_a_wall_says_more_than_one_that_ends_on_nothing():
     wall[:, 100] = 100
     evidence = Evidence(DistanceField(OccupancyMap(wall, 0.05, IDENTITY), 2.0), 0.2)
     ends = np.column_stack((np.full(20, 4.0), np.linspace(-0.5, 0.5, 20)))
-    judged = evidence.judge(np.array([[0.4, 2.5, 0.0], [4.0, 2.5, 0.0]]), ends, LASER)
+    judged = evidence.judge(np.array([[0.4, 2.5, 0.0], [4.0, 2.5, 0.0]]), Seen(ends, ends[:0], 0.0, LASER))
     assert judged.through == pytest.approx([0.0, 1.0])
     assert judged.log_likelihoods[0] > judged.log_likelihoods[1] + 5.0
 
@@ -157,11 +157,47 @@ def test_reliability_falls_at_a_wrong_pose_and_is_high_at_the_right_one():
     assert values["wrong"] < 0.3
 
 
+def test_a_robot_among_panes_claims_nothing():
+    """Its lidar looks through them all: the map says that something should have come back."""
+    made = Localizer(LocalizerParameters(), room(), np.random.default_rng(1))
+    made.set_initial_pose(TRUTH, NARROW)
+    made.process(IDENTITY, scan_at(room(), TRUTH), IDENTITY)
+    assert made.reliability() > 0.9
+    glass = LaserScan(np.full(180, np.inf), 0.0, 2.0 * math.pi / 180.0, 0.12, 6.0, 0.0)
+    for index in range(1, 8):
+        made.process(Pose2D(0.05 * index, 0.0, 0.0), glass, IDENTITY)
+    assert made.reliability() < 0.1
+
+
+def test_a_wall_that_should_be_there_and_is_not_speaks_against_a_place():
+    """All that comes back fits both places; of one the map has a wall in a direction where nothing came back."""
+    data = np.zeros((100, 400), dtype=np.int8)
+    data[:3] = 100
+    data[:, 260:263] = 100
+    evidence = Evidence(DistanceField(OccupancyMap(data, 0.05, IDENTITY), 2.0), 0.2)
+    ends = np.column_stack((np.linspace(-0.5, 0.5, 20), np.full(20, -0.9)))
+    passed = np.column_stack((np.full(20, 3.0), np.linspace(0.0, 1.0, 20)))
+    judged = evidence.judge(np.array([[3.0, 1.0, 0.0], [11.5, 1.0, 0.0]]), Seen(ends, passed, 0.5, LASER))
+    assert judged.hits[0] == pytest.approx(judged.hits[1])
+    assert judged.through == pytest.approx([0.0, 0.5])
+    assert judged.log_likelihoods[0] > judged.log_likelihoods[1] + 3.0
+
+
+def test_a_lidar_that_fails_at_single_beams_sees_through_no_wall():
+    scan = scan_at(room(), TRUTH)
+    scan.ranges[::3] = np.inf
+    assert not pick_beams(scan, IDENTITY, 1).silent.any()
+    scan.ranges[10:20] = np.inf
+    assert np.count_nonzero(pick_beams(scan, IDENTITY, 1).silent) >= 8
+    scan.ranges[:] = 0.0
+    assert not pick_beams(scan, IDENTITY, 1).silent.any()
+
+
 def test_a_robot_that_has_seen_nothing_yet_is_neither_right_nor_wrong():
     """In the middle of a hall no beam comes back: the pose it was told is no worse for that, but wears off."""
     made = Localizer(LocalizerParameters(), room(), np.random.default_rng(1))
     made.set_initial_pose(TRUTH, NARROW)
-    nothing = LaserScan(np.full(180, np.inf), 0.0, 2.0 * math.pi / 180.0, 0.12, 6.0, 0.0)
+    nothing = LaserScan(np.full(180, np.inf), 0.0, 2.0 * math.pi / 180.0, 0.12, 0.8, 0.0)
     told = []
     for index in range(8):
         made.process(Pose2D(float(index), 0.0, 0.0), nothing, IDENTITY)

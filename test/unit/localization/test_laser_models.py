@@ -155,7 +155,8 @@ def test_beam_skipping_leaves_out_what_few_particles_explain_but_not_everything(
     poses = np.array(pose) + np.random.default_rng(1).normal(0.0, 0.02, (200, 3))
     kept = model.beams_to_keep(poses, beams.hits)
     assert kept.sum() == len(beams.hits) - 20
-    everything_short = Beams(np.full(40, 0.4), np.zeros(40), np.full((40, 2), 0.3), IDENTITY, 6.0)
+    ranges, none = np.full(40, 0.4), np.zeros(40, dtype=bool)
+    everything_short = Beams(ranges, np.zeros(40), np.full((40, 2), 0.3), none, IDENTITY, 6.0)
     assert model.beams_to_keep(poses, everything_short.hits).all()
     assert is_converged(poses)
     assert not is_converged(np.vstack((poses, [[3.0, 0.5, 0.0]])))
