@@ -1,9 +1,9 @@
-"""Backing out: a short, slow drive backwards out of a place in which a robot can neither go on nor turn."""
+"""Backing out: a short, slow drive, backwards or ahead, out of a place in which a robot can neither go on nor turn."""
 
 from __future__ import annotations
 
 import math
-from typing import Optional
+from typing import NamedTuple, Optional
 
 import numpy as np
 
@@ -20,26 +20,30 @@ TRIES = 4  # without progress, before it is left to whoever sent the robot
 SPEED, SLOWEST = 0.45, 0.15  # of the top speed
 
 # in robot's widths
-REACH = (0.45, 0.9, 1.5)  # the first try, the second, and all later ones without progress
-LEAST = 0.13  # what must be free behind for a try
+REACH = 1.5  # the longest way
+LEAST = 0.13  # the shortest, and how far ends that are looked at lie apart
 PROGRESS = 1.3  # how much nearer to the goal makes the next try a first one
 AHEAD = 0.9  # where on the path the direction lies that it turns to
-FAR = 4.5  # it brakes for nothing farther behind
-HEADING_WORTH = 0.35  # lateral distance that a radian off the path's direction counts as
+FAR = 4.5  # it brakes for nothing farther on the arc
+TURN_WORTH = 3.0  # of way that a radian counts as by which it could not turn to the path's direction at an arc's end
 CURVATURES = np.array([0.0, 0.35, -0.35, 0.7, -0.7, 1.15, -1.15])  # of the arcs tried, one over a width
 
 
 class BackOut:
     """Decides when to back out, along which arc, and when that is enough.
 
-    It begins when driving has failed for a moment, takes the arc whose end lies nearest to the path in place and
-    heading, and ends after a distance that grows from try to try until the robot has got nearer to the goal.
+    It begins when driving has failed for a moment, and takes the shortest arc at whose end the robot is free to turn to
+    where the path leads, or as near to that as it gets.
+
+    Attributes:
+        end: Where the arc ends that is driven, or was last.
     """
 
     def __init__(self) -> None:
         self._failing_since: Optional[float] = None
+        self.end: Optional[Pose2D] = None
         self._from: Optional[Pose2D] = None
-        self._curvature = 0.0
+        self._sign, self._curvature, self._length = -1.0, 0.0, 0.0
         self._tries = 0
         self._best_left = math.inf
 
@@ -64,8 +68,7 @@ class BackOut:
         """Note that driving failed, and begin to back out where it has for long enough and it is free behind."""
         if self._failing_since is None or now < self._failing_since:
             self._failing_since = now
-        hopeless = self._tries >= TRIES or parameters.min_vel_x >= 0.0
-        if hopeless or now - self._failing_since < PATIENCE:
+        if self._tries >= TRIES or now - self._failing_since < PATIENCE:
             return
         width = checker.costmap.width
         ahead = path.point_at(min(path.robot_arc + AHEAD * width, float(path.arcs[-1])))
@@ -73,62 +76,113 @@ class BackOut:
         if abs(angle_between(pose.theta, heading)) < ASKEW:
             return
         self._best_left = min(self._best_left, path.remaining)
-        reach = REACH[min(self._tries, len(REACH) - 1)] * width
-        free, ends = _arcs(pose, checker, reach, CURVATURES / width)
-        lateral = path.project(ends, -math.inf, math.inf)
-        turns = np.abs(normalize_angles(np.arctan2(ahead[1] - ends[:, 1], ahead[0] - ends[:, 0]) - ends[:, 2]))
-        costs = np.where(free >= LEAST * width, lateral[:, 0] + HEADING_WORTH * width * turns - 0.5 * free, np.inf)
+        signs = np.repeat([-1.0, 1.0] if parameters.min_vel_x < 0.0 else [1.0], len(CURVATURES))
+        curvatures = np.resize(CURVATURES, len(signs)) / width
+        arcs = _arcs(pose, checker, REACH * width, signs, curvatures)
+        stride = max(1, round(LEAST * width / arcs.step))
+        which, steps = np.nonzero(np.arange(1, arcs.poses.shape[1] + 1) <= arcs.free[:, None])
+        kept = (steps + 1) % stride == 0
+        which, steps = which[kept], steps[kept]
+        if len(which) == 0:
+            return
+        ends, lengths = arcs.poses[which, steps], arcs.step * (steps + 1)
+        lateral = path.project(ends, -math.inf, math.inf)[:, 0]
+        turns = normalize_angles(np.arctan2(ahead[1] - ends[:, 1], ahead[0] - ends[:, 0]) - ends[:, 2])
+        costs = lengths + lateral + TURN_WORTH * width * _turns_not_free(ends, turns, checker)
         best = int(np.argmin(costs))
-        if np.isfinite(costs[best]):
-            self._from, self._curvature = pose, float(CURVATURES[best]) / width
-            self._tries += 1
+        self.end = Pose2D(*map(float, ends[best]))
+        self._from, self._length, self._tries = pose, float(lengths[best]), self._tries + 1
+        self._sign, self._curvature = float(signs[which[best]]), float(curvatures[which[best]])
 
     def command(
         self, pose: Pose2D, velocity: Twist2D, checker: FootprintChecker, parameters: FollowerParameters, period: float
     ) -> Optional[Twist2D]:
-        """Return the next velocity on the way back, None where it has come far enough or no farther."""
+        """Return the next velocity on the arc, None where the robot has come far enough or comes no farther."""
         if self._from is None:
             return None
         width = checker.costmap.width
-        left = REACH[min(self._tries, len(REACH)) - 1] * width - pose.distance_to(self._from)
+        left = self._length - pose.distance_to(self._from)
         free = 0.0
         if left > 0.0:
-            free = float(_arcs(pose, checker, max(left, LEAST * width), np.array([self._curvature]))[0][0])
+            way = np.array([self._sign]), np.array([self._curvature])
+            arcs = _arcs(pose, checker, max(left, LEAST * width), *way)
+            free = float(arcs.step * arcs.free[0])
         if left <= 0.0 or free < 2.0 * checker.step:
             self._from, self._failing_since = None, None
             return None
-        top = min(SPEED * parameters.max_vel_trans, -parameters.min_vel_x)
+        highest = parameters.max_vel_x if self._sign > 0.0 else -parameters.min_vel_x
+        top = min(SPEED * parameters.max_vel_trans, highest)
         delay = period + parameters.stop_time_buffer
         ahead = math.inf if free >= left else free  # where it is free throughout, it stops on whatever comes next
         slowest = SLOWEST * parameters.max_vel_trans
-        wanted = -min(top, max(slowest, speed_to_stop_within(min(ahead, FAR * width), parameters.acc_lim_x, delay)))
+        to_stop = speed_to_stop_within(min(ahead, FAR * width), parameters.acc_lim_x, delay)
+        wanted = self._sign * min(top, max(slowest, to_stop))
         change = parameters.acc_lim_x * period
         speed = min(velocity.x + change, max(velocity.x - change, wanted))
         most = parameters.acc_lim_theta * period
-        wanted_turn = -min(0.0, speed) * self._curvature  # one that still rolls forward would turn to the wrong side
+        # one that still rolls the other way would turn to the wrong side
+        wanted_turn = max(0.0, self._sign * speed) * self._curvature
         turn = min(velocity.theta + most, max(velocity.theta - most, wanted_turn))
         return Twist2D(speed, 0.0, min(parameters.max_vel_theta, max(-parameters.max_vel_theta, turn)))
 
 
+class _Arcs(NamedTuple):
+    """Arcs from where the robot stands.
+
+    Attributes:
+        poses: Shape (N, S, 3).
+        free: Shape (N,): how many of them come before the first contact.
+        step: Way (m) from one to the next.
+    """
+
+    poses: np.ndarray
+    free: np.ndarray
+    step: float
+
+
 def _arcs(
-    pose: Pose2D, checker: FootprintChecker, length: float, curvatures: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far (m) each arc backwards is free, shape (N,), and the pose where that ends, shape (N, 3)."""
-    most = math.ceil(length / checker.step) + 1
-    targets = np.column_stack((np.full(len(curvatures), -1.0), np.zeros(len(curvatures)), -curvatures))
-    poses, counts = np.empty((len(curvatures), most, 3)), np.empty(len(curvatures), np.int64)
+    pose: Pose2D, checker: FootprintChecker, length: float, signs: np.ndarray, curvatures: np.ndarray
+) -> _Arcs:
+    """Return how far arcs are free.
+
+    Args:
+        pose: Where they begin.
+        checker: The obstacles.
+        length: Of each arc, in metres.
+        signs: Shape (N,): 1 ahead, -1 backwards.
+        curvatures: Shape (N,): turns (rad) to the left per metre driven.
+    """
+    count = math.ceil(length / checker.step)
+    targets = np.column_stack((signs, np.zeros(len(signs)), curvatures))
+    poses, counts = np.empty((len(signs), count + 1, 3)), np.empty(len(signs), np.int64)
     trajectory_kernels.simulate(
         np.array(pose, dtype=float),
         np.full(3, np.nan),
         np.ones(3),
         targets,
-        np.full(len(curvatures), length),
+        np.full(len(signs), length),
         checker.step,
         math.inf,
         poses,
         counts,
-        np.empty(len(curvatures)),
+        np.empty(len(signs)),
     )
-    way = checker.first_contacts(poses, counts, np.ones(len(curvatures)), checker.contacts_at(pose))
-    ends = poses[np.arange(len(poses)), np.maximum(way.steps, 1) - 1]
-    return length * way.steps / counts, ends
+    way = checker.first_contacts(poses, counts, np.ones(len(signs)), checker.contacts_at(pose))
+    return _Arcs(poses[:, :counts[0]], way.steps, length / int(counts[0]))
+
+
+def _turns_not_free(poses: np.ndarray, turns: np.ndarray, checker: FootprintChecker) -> np.ndarray:
+    """Return by how much (rad) less than it should a robot can turn on each spot.
+
+    Args:
+        poses: Shape (N, 3).
+        turns: Shape (N,), to the left.
+        checker: The obstacles.
+    """
+    counts = np.maximum(1, np.ceil(np.abs(turns) / (2.0 * checker.turn_step))).astype(np.int64)
+    turned = np.repeat(poses[:, None], counts.max(), axis=1)
+    shares = np.arange(1, counts.max() + 1) / counts[:, None]
+    turned[:, :, 2] += turns[:, None] * np.minimum(shares, 1.0)
+    way = checker.first_contacts(np.ascontiguousarray(turned), counts, np.ones(len(poses)))
+    missing: np.ndarray = np.abs(turns) * (1.0 - way.steps / counts)
+    return missing

@@ -3,6 +3,7 @@
 import os
 import sys
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "contract"))
@@ -13,7 +14,7 @@ from mbf_relay.control.back_out import PATIENCE, BackOut  # noqa: E402
 from mbf_relay.control.local_path import PathTracker  # noqa: E402
 from mbf_relay.control.state import ControlState  # noqa: E402
 from mbf_relay.costmap.footprint_checker import FootprintChecker  # noqa: E402
-from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D  # noqa: E402
+from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D, angle_between  # noqa: E402
 
 HERE, PERIOD = Pose2D(0.0, 0.0, 0.0), 0.1
 
@@ -39,3 +40,42 @@ def test_one_that_still_rolls_forward_brakes_and_turns_into_nothing_beside_it(si
             turned.append(velocity.theta)
     assert len(turned) >= 2 and not any(turned), turned
     assert velocity.theta != 0.0, "backwards it takes an arc"
+
+
+def driven(back_out, state, path, checker, parameters):
+    """Return the poses of a robot that does as it is told, until it is told nothing."""
+    for now in (0.0, 1.01 * PATIENCE):
+        back_out.failed(now, state.pose, path, checker, parameters)
+    poses, velocity = [state.pose], state.velocity
+    while len(poses) < 200 and back_out.is_active:
+        velocity = back_out.command(poses[-1], velocity, checker, parameters, PERIOD)
+        if velocity is not None:
+            poses.append(poses[-1].compose(Pose2D(velocity.x * PERIOD, 0.0, velocity.theta * PERIOD)))
+    return poses
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_arc_that_is_driven_is_the_one_that_was_found_free(side):
+    """It drove the arc's mirror image, which nobody had looked at, its face away from the path."""
+    parameters = make("dwa_local_planner/DWAPlannerROS").parameters
+    between = boxes((0.1, -2.0, 0.2, 2.0), (-2.0, 0.2, 0.2, 0.3), (-2.0, -0.3, 0.2, -0.2), (-0.5, -2.0, -0.4, 2.0))
+    state = ControlState(0.0, HERE, Twist2D(0.0, 0.0, 0.0), costmap_round(HERE, between), IDENTITY, PERIOD)
+    checker, tracker, back_out = FootprintChecker(state.costmap), PathTracker(), BackOut()
+    tracker.set_path(path_through((0.0, 0.0), (-0.3, side * -0.05), (-0.3, side * -1.0)))
+    poses = driven(back_out, state, tracker.cut(state, 0.6, 1.0, 0.4), checker, parameters)
+    assert len(poses) > 5 and not checker.touches(np.array(poses)).any()
+    assert poses[-1].distance_to(back_out.end) < 0.02
+    assert back_out.end.theta != 0.0 and abs(angle_between(poses[-1].theta, back_out.end.theta)) < 0.1
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_one_that_can_only_drive_ahead_out_of_a_corner_does(side):
+    """In a corner, its back and its side to walls and the way off to the other side, it stood until it was given up."""
+    parameters = make("dwa_local_planner/DWAPlannerROS").parameters
+    corner = boxes((-0.25, -2.0, -0.15, 2.0), (-2.0, side * -0.25, 2.0, side * -0.15))
+    state = ControlState(0.0, HERE, Twist2D(0.0, 0.0, 0.0), costmap_round(HERE, corner), IDENTITY, PERIOD)
+    checker, tracker, back_out = FootprintChecker(state.costmap), PathTracker(), BackOut()
+    tracker.set_path(path_through((0.0, 0.0), (0.0, side * 1.0)))
+    poses = driven(back_out, state, tracker.cut(state, 0.6, 1.0, 0.4), checker, parameters)
+    assert len(poses) > 2 and not checker.touches(np.array(poses)).any()
+    assert poses[-1].x > 0.02 and side * poses[-1].theta > 0.05
