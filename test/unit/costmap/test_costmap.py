@@ -202,7 +202,7 @@ def test_threads_may_observe_update_and_look_at_once():
         try:
             for step in range(150):
                 work(step)
-        except Exception as error:  # noqa: the test reports whatever a thread met
+        except Exception as error:  # the test reports whatever a thread met
             errors.append(error)
 
     rng = np.random.default_rng(1)

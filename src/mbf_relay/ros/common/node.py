@@ -9,6 +9,7 @@ import os
 import sys
 import time
 import traceback
+import xmlrpc.client
 from typing import Any, Callable
 
 from mbf_relay.ros.common import logs
@@ -17,6 +18,8 @@ from mbf_relay.ros.common.lazy_modules import spare_what_nobody_uses
 
 INTERRUPTED = 130
 """Exit status of a program that was interrupted, as shells have it: it did not do what it was asked to."""
+MASTER_PERIOD = 0.1
+"""Wall seconds between two looks for a master that is not there yet."""
 FLUSH_TIME = 0.2
 """Wall seconds that rospy's sending threads need for last words."""
 ALGEBRA_THREADS = "OPENBLAS_NUM_THREADS"
@@ -115,6 +118,7 @@ def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
 
     try:
         logs.complain_once()
+        _wait_for_master()
         rospy.init_node(name, disable_signals=True)
         logs.log_to_terminal()
         logs.log_without_master()
@@ -142,6 +146,25 @@ def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
             return 1
     rospy.signal_shutdown("done")
     return status
+
+
+def _wait_for_master() -> None:
+    """Return when there is a master: rospy waits for one, too, but ends a node that has parameters as arguments."""
+    import rosgraph
+    import rospy
+
+    said = False
+    while not rospy.core.is_shutdown_requested():
+        try:
+            rosgraph.Master(rospy.get_name()).getPid()
+            return
+        except OSError as error:
+            if not said:
+                print(f"no ROS master at {rosgraph.get_master_uri()} ({one_line(error)}); waiting for it", file=sys.stderr)
+            said = True
+            time.sleep(MASTER_PERIOD)
+        except (xmlrpc.client.Error, rosgraph.MasterException):
+            return  # what answers there is for rospy to judge
 
 
 def on_shutdown(last_words: Callable[[], None]) -> None:

@@ -89,6 +89,22 @@ def test_a_signal_ends_a_node_at_any_moment(index, name, masters, tmp_path):
     assert "Traceback" not in output, (master, output)
 
 
+def test_a_robot_whose_master_comes_up_last_has_all_its_nodes(masters, tmp_path):
+    """A node with a parameter among its arguments ended at once, where others wait for the master."""
+    process = start("map_saver", ["_x:=1"], masters["absent"], tmp_path)
+    try:
+        told = tmp_path / "output"
+        wait_until(lambda: process.poll() is not None or "waiting for it" in told.read_text(), "word of the master")
+        assert process.poll() is None, told.read_text()
+        assert f"no ROS master at http://localhost:{masters['absent']} " in told.read_text()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20.0) == 0, told.read_text()
+    finally:
+        process.kill()
+        process.wait()
+    assert "Traceback" not in told.read_text()
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_a_node_that_nobody_can_shut_down(number, tmp_path):
     code = (
