@@ -14,6 +14,7 @@ from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import PoseArray, PoseStamped, PoseWithCovarianceStamped
 from move_base_msgs.msg import MoveBaseAction
 from ros_testing import Listener, connected_publisher, wait_until
+from rosgraph_msgs.msg import Log
 from std_msgs.msg import Empty
 
 from mbf_relay.msg import FollowWaypointsAction, FollowWaypointsActionFeedback, FollowWaypointsGoal
@@ -135,7 +136,12 @@ class WaypointFollowerTest(unittest.TestCase):
     def test_poses_gathered_by_topic_are_shown_and_followed_when_the_path_is_ready(self):
         poses = connected_publisher("addpose", PoseWithCovarianceStamped)
         ready, reset = connected_publisher("path_ready", Empty), connected_publisher("path_reset", Empty)
+        said = []
+        log = rospy.Subscriber("/rosout", Log, lambda m: said.append(m.msg))
+        wait_until(lambda: "/waypoint_follower" in [link.callerid_pub for link in log.impl.connections], "its log")
         ready.publish(Empty())  # without any: nothing to do
+        wait_until(lambda: any("there are no waypoints" in text for text in said), "word of no waypoints")
+        log.unregister()
         since = len(self.shown.messages)
         for number, x in enumerate((1.0, SLOW), 1):
             pose = PoseWithCovarianceStamped()
