@@ -9,7 +9,7 @@ import os
 import sys
 import time
 import traceback
-import xmlrpc.client
+import xmlrpc.client  # nosec B411: what the ROS master speaks
 from typing import Any, Callable
 
 from mbf_relay.ros.common import logs
@@ -160,7 +160,8 @@ def _wait_for_master() -> None:
             return
         except OSError as error:
             if not said:
-                print(f"no ROS master at {rosgraph.get_master_uri()} ({one_line(error)}); waiting for it", file=sys.stderr)
+                where = rosgraph.get_master_uri()
+                print(f"no ROS master at {where} ({one_line(error)}); waiting for it", file=sys.stderr)
             said = True
             time.sleep(MASTER_PERIOD)
         except (xmlrpc.client.Error, rosgraph.MasterException):
