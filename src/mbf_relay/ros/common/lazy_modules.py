@@ -2,16 +2,67 @@
 
 from __future__ import annotations
 
+import importlib.abc
 import importlib.machinery
-import importlib.util
 import sys
+import threading
 from types import ModuleType
-from typing import Optional, Sequence
+from typing import Any, Optional, Sequence
 
 UNUSED = ("roslib.stacks", "ssl", "numpy.ma", "numpy.polynomial")
 """6 MiB of a node's 32, and a tenth of the time its imports take. roslib.stacks brings catkin's package parser, ssl the
 encryption that ROS has none of; rospy imports both, NumPy the others.
 """
+
+
+class LazyModule(ModuleType):
+    """A module that is executed at the first look at it, by whoever looks; others wait until it is whole.
+
+    importlib's own lets other threads look into it half made (Python's issue 114763, mended in 3.12).
+    """
+
+    def __getattribute__(self, attribute: str) -> Any:
+        plain = super().__getattribute__
+        execution: LazyExecution = plain("__spec__").loader_state
+        with execution.lock:
+            if type(self) is LazyModule and not execution.is_under_way:
+                execution.is_under_way = True
+                try:
+                    execution.loader.exec_module(self)
+                    self.__class__ = ModuleType  # type: ignore[assignment]
+                finally:
+                    execution.is_under_way = False
+            return plain(attribute)
+
+
+class LazyExecution(importlib.abc.Loader):
+    """Loads a module without executing it, and keeps what that takes.
+
+    Args:
+        loader: Executes it.
+
+    Attributes:
+        lock: Held while it is executed.
+        is_under_way: It is, and looks at itself.
+    """
+
+    def __init__(self, loader: Any) -> None:
+        self.loader = loader
+        self.lock = threading.RLock()
+        self.is_under_way = False
+
+    def create_module(self, spec: importlib.machinery.ModuleSpec) -> Optional[ModuleType]:
+        """Return the module, not executed; None for a plain one."""
+        created: Optional[ModuleType] = self.loader.create_module(spec)
+        return created
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Leave the module to be executed by the first who looks at it."""
+        spec = module.__spec__
+        assert spec is not None
+        module.__loader__ = spec.loader = self.loader
+        spec.loader_state = self
+        module.__class__ = LazyModule
 
 
 class LazyFinder:
@@ -38,7 +89,7 @@ class LazyFinder:
             return None
         spec = importlib.machinery.PathFinder.find_spec(name, path, target)
         if spec is not None and spec.loader is not None:
-            spec.loader = importlib.util.LazyLoader(spec.loader)
+            spec.loader = LazyExecution(spec.loader)
         return spec
 
 

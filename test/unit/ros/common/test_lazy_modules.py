@@ -20,7 +20,26 @@ def output(code):
     "import numpy.ma; print(numpy.ma.masked_invalid([1.0, np.nan]).sum())",
 ])
 def test_a_plugin_of_a_users_own_has_what_it_imports(use):
-    assert output(IS_SPARED + use) == ["_LazyModule", "1.0"]
+    assert output(IS_SPARED + use) == ["LazyModule", "1.0"]
+
+
+def test_two_threads_that_need_a_module_at_once_both_have_it_whole():
+    """The update of a costmap failed where that of another had begun to look into numpy.ma."""
+    looks = """
+import threading
+ready, missed = threading.Barrier(8), []
+def look():
+    ready.wait()
+    try:
+        np.ma.isMaskedArray(0)
+    except AttributeError as error:
+        missed.append(error)
+sys.setswitchinterval(1e-6)
+threads = [threading.Thread(target=look) for _ in range(8)]
+[thread.start() for thread in threads], [thread.join() for thread in threads]
+print(len(missed))
+"""
+    assert output(IS_SPARED + looks) == ["LazyModule", "0"]
 
 
 def test_encryption_is_there_for_who_wants_it():
