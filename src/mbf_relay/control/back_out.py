@@ -65,7 +65,7 @@ class BackOut:
     def failed(
         self, now: float, pose: Pose2D, path: LocalPath, checker: FootprintChecker, parameters: FollowerParameters
     ) -> None:
-        """Note that driving failed, and begin to back out where it has for long enough and it is free behind."""
+        """Note that driving failed, and begin to back out where it has for long enough and an arc is free."""
         if self._failing_since is None or now < self._failing_since:
             self._failing_since = now
         if self._tries >= TRIES or now - self._failing_since < PATIENCE:

@@ -8,13 +8,15 @@ it: an action's first goal, which a client sends as soon as it sees a connection
 from __future__ import annotations
 
 import threading
-from typing import Any, Dict, Tuple
+import weakref
+from typing import Any, MutableMapping, Tuple
 
 from rospy.impl.masterslave import ROSHandler
 
 _connect_as_rospy = ROSHandler._connect_topic
 _lock = threading.Lock()  # guards the locks
-_locks: Dict[Tuple[str, str], threading.Lock] = {}
+# none stays when its threads are through: publishers come and go for as long as a node lives
+_locks: MutableMapping[Tuple[str, str], threading.Lock] = weakref.WeakValueDictionary()
 
 
 def connect_once() -> None:

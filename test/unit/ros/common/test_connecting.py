@@ -29,7 +29,7 @@ def test_a_goal_sent_on_the_first_connection_is_not_lost_to_a_second(monkeypatch
         thread.start()
     for thread in threads:
         thread.join()
-    assert made == [("/goal", "client")]
+    assert made == [("/goal", "client")] and not connecting._locks
 
 
 def test_a_publisher_that_does_not_answer_keeps_no_other_waiting(monkeypatch):
