@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import List, NamedTuple
+from typing import List, NamedTuple, Tuple
 
 import numpy as np
 
-FEWEST = 3  # readings that make a thing
-BEAMS_APART = 2  # readings that follow each other at this distance or nearer, in beams, may be of one thing
-LEAST_RADIUS = 0.03  # m
+from mbf_relay.tracking import cluster_kernels
+from mbf_relay.tracking.cluster_kernels import FEWEST
 
 
 class Rays(NamedTuple):
@@ -59,48 +58,29 @@ def find_clusters(rays: Rays, gap: float, largest: float) -> List[Cluster]:
         gap: Distance (m) between neighbouring readings that parts two things, where the beams lie close.
         largest: Extent (m) above which it is a wall.
     """
-    found = np.flatnonzero(rays.hits)
-    if len(found) < FEWEST:
-        return []
     count = len(rays.hits)
-    ends, ranges = rays.ends[found], rays.ranges[found]
-    after = np.roll(ends, -1, axis=0)
-    beam = 2.0 * np.pi / count if count > 1 else 0.0
-    turns = np.abs(np.diff(rays.bearings))
-    beam = float(np.median(np.minimum(turns, 2.0 * np.pi - turns))) if len(turns) else beam
-    apart = np.hypot(after[:, 0] - ends[:, 0], after[:, 1] - ends[:, 1])
-    allowed = np.maximum(gap, 3.0 * beam * np.minimum(ranges, np.roll(ranges, -1)))
-    skipped = (np.roll(found, -1) - found) % count
-    breaks = np.flatnonzero((apart > allowed) | (skipped > BEAMS_APART))
-    if len(breaks) == 0:
+    if count < FEWEST:
         return []
-    order = np.roll(np.arange(len(found)), -(int(breaks[0]) + 1))
-    pieces = np.split(order, np.cumsum(np.diff(np.append(breaks, breaks[0] + len(found))))[:-1])
-    result = []
-    for piece in pieces:
-        if len(piece) >= FEWEST:
-            size = ends[piece].max(axis=0) - ends[piece].min(axis=0)
-            if float(np.hypot(*size)) <= largest:
-                result.append(_cluster(rays, found[piece], gap, largest))
-    return result
+    turns = np.abs(np.diff(rays.bearings))
+    beam = float(np.median(np.minimum(turns, 2.0 * np.pi - turns)))
+    discs, runs, order = np.empty((count, 4)), np.empty((count, 2), np.int64), np.empty(count, np.int64)
+    things = cluster_kernels.find_things(*_scan(rays), beam, gap, largest, discs, runs, order)
+    return [
+        Cluster(x, y, radius, is_whole > 0.0, order[begin:end])
+        for (x, y, radius, is_whole), (begin, end) in zip(discs[:things].tolist(), runs[:things].tolist())
+    ]
 
 
 def _cluster(rays: Rays, readings: np.ndarray, gap: float, largest: float) -> Cluster:
-    """Return the disc whose near side the readings lie on: as wide as seen, its centre where they put it on the mean.
-    """
-    ends, ranges, bearings = rays.ends[readings], rays.ranges[readings], rays.bearings[readings]
-    first, last = ends[0] - (rays.x, rays.y), ends[-1] - (rays.x, rays.y)
-    radius = min(0.5 * largest, max(LEAST_RADIUS, 0.5 * float(np.hypot(*(ends[-1] - ends[0])))))
-    ahead = first / max(float(np.hypot(*first)), 1e-6) + last / max(float(np.hypot(*last)), 1e-6)
-    middle = float(np.arctan2(ahead[1], ahead[0]))
-    aside = ranges * np.sin(bearings - middle)
-    depth = float(
-        np.mean(ranges * np.cos(bearings - middle) + np.sqrt(np.maximum(0.0, radius * radius - aside * aside)))
-    )
-    return Cluster(
-        rays.x + depth * float(np.cos(middle)), rays.y + depth * float(np.sin(middle)), radius,
-        not (_hides(rays, readings[0], -1, gap) or _hides(rays, readings[-1], 1, gap)), readings,
-    )
+    disc = np.empty(4)
+    cluster_kernels.measure(*_scan(rays), readings, gap, largest, disc)
+    x, y, radius, is_whole = disc.tolist()
+    return Cluster(x, y, radius, is_whole > 0.0, readings)
+
+
+def _scan(rays: Rays) -> Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, float]:
+    """Return a scan as kernels take it."""
+    return rays.ends, rays.hits, rays.ranges, rays.bearings, rays.x, rays.y
 
 
 def part(cluster: Cluster, rays: Rays, discs: np.ndarray, gap: float) -> List[Cluster]:
@@ -128,9 +108,3 @@ def part(cluster: Cluster, rays: Rays, discs: np.ndarray, gap: float) -> List[Cl
     nearest = off[:, there].argmin(axis=1)
     pieces = [readings[nearest == disc] for disc in range(len(there))]
     return [_cluster(rays, piece, gap, 2.0 * cluster.radius)._replace(is_whole=False) for piece in pieces]
-
-
-def _hides(rays: Rays, edge: int, step: int, gap: float) -> bool:
-    """Return whether what the next beam beyond an edge sees stands before it, so that more of it may lie behind."""
-    beside = (int(edge) + step) % len(rays.hits)
-    return bool(rays.hits[beside] and rays.ranges[beside] < rays.ranges[edge] - gap)

@@ -87,11 +87,9 @@ class Tracker:
         rays = rays_of(x, y, np.ascontiguousarray(ends[:, :2]), hits)
         self._predict(elapsed or 0.0)
         clusters = self._clusters(rays)
-        was_empty = self._was_empty(rays, stamp)
+        self._drop_old_scans(stamp)
         taken = self._associate(clusters)
-        for index, cluster in enumerate(clusters):
-            if taken[index] >= 0:
-                self._correct(taken[index], cluster, was_empty, stamp)
+        self._correct([(thing, cluster) for thing, cluster in zip(taken, clusters) if thing >= 0], rays, stamp)
         self.moving = np.zeros(len(hits), dtype=bool)
         for thing, cluster in zip(taken, clusters):
             self.moving[cluster.readings] = thing >= 0 and self._belief[thing] >= CONVINCED
@@ -142,32 +140,46 @@ class Tracker:
                 taken[cluster], free[thing] = thing, False
         return taken
 
-    def _correct(self, thing: int, cluster: Cluster, was_empty: np.ndarray, stamp: float) -> None:
-        position, cross, velocity = self._variances[thing]
-        total = position + self._noise(cluster)
-        off = np.array([cluster.x, cluster.y]) - self._states[thing, :2]
-        self._states[thing, :2] += position / total * off
-        self._states[thing, 2:] += cross / total * off
-        self._variances[thing] = (
-            position - position * position / total, cross - position * cross / total, velocity - cross * cross / total)
-        if cluster.is_whole:
-            self._radii[thing] += 0.3 * (cluster.radius - self._radii[thing])
-        self._radii[thing] = max(self._radii[thing], cluster.radius)
-        self._seen[thing] = stamp
-        speed = float(np.hypot(*self._states[thing, 2:]))
-        is_known = self._belief[thing] >= CONVINCED  # it came once; one that comes nearer slowly is seen to no more
-        sure = SURE * float(np.sqrt(self._variances[thing, 2]))
-        is_fast = speed >= max(self.parameters.track_slowest, sure)
-        came = is_known or float(was_empty[cluster.readings].mean()) >= SEEN_EMPTY
-        against = 0 if is_known and not cluster.is_whole else -1  # half hidden, it seems to stand or to jump
-        change = 1 if is_fast and came else against
-        self._belief[thing] = min(MOST_CONVINCED, max(0, self._belief[thing] + change))
+    def _correct(self, seen: List[Tuple[int, Cluster]], rays: Rays, stamp: float) -> None:
+        """Take what was seen of things, each of them once."""
+        if not seen:
+            return
+        things = np.array([thing for thing, _ in seen])
+        measured = np.array([(cluster.x, cluster.y) for _, cluster in seen])
+        noises = np.array([self._noise(cluster) for _, cluster in seen])
+        position, cross, velocity = self._variances[things].T
+        total = position + noises
+        off = measured - self._states[things, :2]
+        self._states[things, :2] += (position / total)[:, None] * off
+        self._states[things, 2:] += (cross / total)[:, None] * off
+        self._variances[things] = np.column_stack((
+            position - position * position / total, cross - position * cross / total, velocity - cross * cross / total))
+        self._seen[things] = stamp
+        speeds = np.hypot(self._states[things, 2], self._states[things, 3])
+        sure = SURE * np.sqrt(self._variances[things, 2])
+        is_fast = speeds >= np.maximum(self.parameters.track_slowest, sure)
+        was_empty: Optional[np.ndarray] = None
+        for (thing, cluster), fast in zip(seen, is_fast.tolist()):
+            if cluster.is_whole:
+                self._radii[thing] += 0.3 * (cluster.radius - self._radii[thing])
+            self._radii[thing] = max(self._radii[thing], cluster.radius)
+            is_known = self._belief[thing] >= CONVINCED  # it came once; one that nears slowly is seen to no more
+            came = is_known
+            if fast and not came:
+                was_empty = self._was_empty(rays, stamp) if was_empty is None else was_empty
+                came = float(was_empty[cluster.readings].mean()) >= SEEN_EMPTY
+            against = 0 if is_known and not cluster.is_whole else -1  # half hidden, it seems to stand or to jump
+            change = 1 if fast and came else against
+            self._belief[thing] = min(MOST_CONVINCED, max(0, self._belief[thing] + change))
+
+    def _drop_old_scans(self, stamp: float) -> None:
+        """Keep of the scans those that tell what was empty."""
+        while len(self._history) > 1 and stamp - self._history[1][0] >= LONGER * self.parameters.track_memory - 1e-6:
+            self._history.popleft()
 
     def _was_empty(self, rays: Rays, stamp: float) -> np.ndarray:
         """Return for each ray whether the lidar saw beyond where it ends, a while ago or longer: shape (N,), bool."""
         memory = self.parameters.track_memory
-        while len(self._history) > 1 and stamp - self._history[1][0] >= LONGER * memory - 1e-6:
-            self._history.popleft()
         result = np.zeros(len(rays.hits), dtype=bool)
         for age in (memory, LONGER * memory):
             before = next((each for seen, each in reversed(self._history) if stamp - seen >= age - 1e-6), None)
