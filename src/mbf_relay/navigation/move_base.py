@@ -31,7 +31,7 @@ from mbf_relay.navigation.recovery_policy import Recoverable, TriedBehaviors, re
 from mbf_relay.navigation.registry import Registry
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.task import Ending, Task
-from mbf_relay.navigation.timing import Pacer
+from mbf_relay.navigation.timing import Pacer, Stopwatch
 from mbf_relay.outcomes import ControlOutcome, PlanOutcome, StaleDataError, TransformError
 from mbf_relay.planning.path import Path
 from mbf_relay.planning.planner import Planner
@@ -66,7 +66,9 @@ class NavigationParts(Protocol):
     recoveries: Registry[Recovery]
     recovery_watcher: Optional[RecoveryWatcher]
 
-    def new_plan(self, goal: PlanGoal, retry: bool = True) -> PlannerExecution:
+    def new_plan(
+        self, goal: PlanGoal, retry: bool = True, *, pathless: Optional[Stopwatch] = None
+    ) -> PlannerExecution:
         """Return an execution of `goal` that takes nobody's slot."""
 
     def new_recovery(self, goal: RecoverGoal, controller: str = "") -> RecoveryExecution:
@@ -103,7 +105,7 @@ class MoveBase:
         self._navigator = navigator
         self._behaviors: Tuple[str, ...] = goal.recovery_behaviors or tuple(navigator.recoveries.names)
         self._tried, self._ways = TriedBehaviors(self._behaviors), PathHysteresis()
-        self._progress = GoalProgress()
+        self._progress, self._pathless = GoalProgress(), Stopwatch()
         self._replan_pacer, self._feedback_pacer = Pacer(), Pacer()
         self._replan_trouble = ""
         self._last = FollowFeedback(ControlOutcome.SUCCESS, "")
@@ -174,11 +176,14 @@ class MoveBase:
     # planning
 
     def _new_plan(self, retry: bool = True) -> PlannerExecution:
-        return self._navigator.new_plan(PlanGoal(self.goal.target, planner=self.goal.planner), retry)
+        goal = PlanGoal(self.goal.target, planner=self.goal.planner)
+        return self._navigator.new_plan(goal, retry, pathless=self._pathless)
 
     def _update_plan(self, now: float, at: Planning) -> None:
         if at.drive is not None:
             self._pass_on_feedback(at.drive)
+        if not self._pathless.running:
+            self._pathless.start(now)
         at.plan.update(now)
         if at.plan.goal.target is not self.goal.target:  # it is fixed in the global frame now, for every plan to come
             self.goal = replace(self.goal, target=at.plan.goal.target)
@@ -186,6 +191,7 @@ class MoveBase:
             return
         result = at.plan.task.ended_with()
         if result.path is not None:
+            self._pathless.reset()
             self._ways.restart()
             self._follow(result.path, same_goal=False)
             period = self._replan_period()

@@ -28,6 +28,7 @@ from mbf_relay.navigation.recovery_execution import RecoveryExecution
 from mbf_relay.navigation.registry import Registry
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.task import Ending, Task
+from mbf_relay.navigation.timing import Stopwatch
 from mbf_relay.navigation.worker import InlineWorker, Worker
 from mbf_relay.outcomes import ControlOutcome, PlanOutcome, RecoveryOutcome
 from mbf_relay.plugins import PluginError
@@ -223,7 +224,8 @@ class Navigator:
     # parts that have no slot
 
     def new_plan(
-        self, goal: PlanGoal, retry: bool = True, instance: Any = OWN_INSTANCE, announced: bool = True
+        self, goal: PlanGoal, retry: bool = True, instance: Any = OWN_INSTANCE, announced: bool = True,
+        pathless: Optional[Stopwatch] = None,
     ) -> PlannerExecution:
         """Return an execution of `goal`; its task is done already where no planner has that name.
 
@@ -232,6 +234,7 @@ class Navigator:
             retry: Try again until patience ends.
             instance: Whose plugin plans.
             announced: Tell of the goal and of the path that is found; what is only asked is nobody's goal.
+            pathless: Runs for as long as there is no path: that counts as patience.
         """
         task: Task[PlanResult] = Task()
         try:
@@ -252,6 +255,7 @@ class Navigator:
             task,
             retry,
             self.plan_watcher if announced else None,
+            pathless,
         )
 
     def new_recovery(self, goal: RecoverGoal, controller: str = "", instance: Any = OWN_INSTANCE) -> RecoveryExecution:

@@ -14,7 +14,9 @@ class NavigatorParameters(ParameterSet):
     """Rates, patience and retries, and what counts as arrived, stuck and oscillating."""
 
     planner_frequency: float = parameter(0.0, "Rate of replanning while driving; 0 for none", "Hz", 0.0, 100.0)
-    planner_patience: float = parameter(5.0, "Time to wait for a path before giving up; 0 for ever", "s", 0.0, 100.0)
+    planner_patience: float = parameter(
+        5.0, "Time to wait for a path, before recovery and after it together; 0 for ever", "s", 0.0, 100.0
+    )
     planner_max_retries: int = parameter(-1, "Times a failed plan is tried again; -1 until patience ends", "", -1, 1000)
     controller_frequency: float = parameter(20.0, "Rate of the control loop", "Hz", 0.1, 100.0)
     controller_patience: float = parameter(

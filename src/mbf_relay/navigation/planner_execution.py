@@ -34,7 +34,9 @@ class PlannerExecution:
 
     The plan itself runs on the worker. Behaviour as mbf_abstract_nav's AbstractPlannerExecution and PlannerAction:
     failures are tried again up to planner_max_retries times and planner_patience seconds, a hanging planner is given up
-    after its patience. A planner still in a call that was given up is waited for.
+    after its patience. A planner still in a call that was given up is waited for. It deviates in one thing: what was
+    waited for a path before counts. Once that is all patience, a planner is asked about what was seen since, and its
+    answer is the outcome.
 
     Args:
         goal: What to plan, valid in itself; a target in another frame than the costmap's is fixed there by the first
@@ -46,12 +48,13 @@ class PlannerExecution:
         task: Ends with the result.
         retry: Whether to try again at all; replans while driving do not.
         watcher: Told each path found, with the planner's name.
+        pathless: Runs for as long as no path was found before this execution.
     """
 
     def __init__(
         self, goal: PlanGoal, instance: Optional[PluginInstance[Planner]], robot: Robot, costmap: Any,
         parameters: Callable[[], NavigatorParameters], task: Task[PlanResult], retry: bool = True,
-        watcher: Optional[PlanWatcher] = None,
+        watcher: Optional[PlanWatcher] = None, pathless: Optional[Stopwatch] = None,
     ) -> None:
         self.goal, self.task = goal, task
         self._instance = instance
@@ -67,6 +70,7 @@ class PlannerExecution:
         self._cause: Optional[PlanOutcome] = None
         self._patience_end = math.inf
         self._asked, self._seen_at = -math.inf, math.inf
+        self._pathless, self._waited = pathless or Stopwatch(), 0.0
 
     @property
     def instance(self) -> PluginInstance[Planner]:
@@ -87,7 +91,7 @@ class PlannerExecution:
             return
         if not self._since_goal.running:
             self._since_goal.start(now)
-            self._asked = now
+            self._asked, self._waited = now, self._pathless.elapsed(now)
         if self.task.cancel_requested:
             self.give_up(Ending.CANCELED, PlanOutcome.CANCELED, "Planning was cancelled")
             return
@@ -188,15 +192,18 @@ class PlannerExecution:
         return Path(poses, frame, path.cost)
 
     def _fail(self, now: float, error: PlanningError) -> None:
-        if error.outcome is PlanOutcome.OUT_OF_MAP and self._seen_at < self._asked:
-            # a rolling map follows the robot, and a growing one what it sees, with their next update
+        parameters = self._parameters()
+        is_last_try = 0.0 < parameters.planner_patience <= self._waited
+        if (error.outcome is PlanOutcome.OUT_OF_MAP or is_last_try) and self._seen_at < self._asked:
+            # a rolling map follows the robot, a growing one what it sees, and one that was cleared shows so, with
+            # their next update
             self._wait_for(now, error.outcome, error.message)
             return
-        retries = self._parameters().planner_max_retries
+        retries = parameters.planner_max_retries
         self._retries += 1
         self._last_failure, self._cause = error.message, error.outcome
         tried_enough = retries == 0 or (retries > 0 and self._retries > retries)
-        if not self._retry or tried_enough or error.outcome in HOPELESS:
+        if not self._retry or tried_enough or is_last_try or error.outcome in HOPELESS:
             self.give_up(Ending.ABORTED, error.outcome, error.message)
         else:
             self._pacer.postpone(now, RETRY_DELAY)
@@ -208,7 +215,8 @@ class PlannerExecution:
 
     def _patience_exceeded(self, now: float) -> bool:
         patience = self._parameters().planner_patience
-        return patience > 0.0 and self._since_call.elapsed(now) >= patience
+        waited = self._waited if self._retries else 0.0
+        return patience > 0.0 and self._since_call.elapsed(now) + waited >= patience
 
     def _run_out_of_patience(self) -> None:
         why = self._last_failure or f"planner '{self.instance.name}' has not returned"

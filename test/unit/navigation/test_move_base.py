@@ -108,7 +108,7 @@ def test_a_failed_replan_over_a_blocked_path_stops_and_recovers(make_bench):
         bench.step()
     assert set(bench.robot.sent[count:]) == {STOP}
     result = bench.finish(task)
-    assert result.outcome is PlanOutcome.PAT_EXCEEDED and bench.script.calls["R2"] == 1
+    assert result.outcome is PlanOutcome.NO_PATH_FOUND and bench.script.calls["R2"] == 1
 
 
 def test_only_what_lies_ahead_blocks_a_path():

@@ -230,3 +230,43 @@ def test_who_reads_the_log_learns_why_the_robot_recovers(make_bench, plan, drive
     bench.script.plan, bench.script.velocity = plan or scripted.line, drive
     bench.finish(bench.navigator.move_base(GOAL))
     assert told and all(why.startswith(words) and len(why) > len(words) for why in told)
+
+
+def test_a_robot_wider_than_every_gap_is_told_so_after_one_wait_for_a_path_not_one_after_each_recovery(make_bench):
+    bench = make_bench(planner_patience=5.0)
+    bench.script.plan = NO_WAY
+    result = bench.finish(bench.navigator.move_base(GOAL))
+    assert result.outcome is PlanOutcome.NO_PATH_FOUND and result.message == NO_WAY.message
+    assert bench.script.calls["R1"] == bench.script.calls["R2"] == 1
+    assert bench.now < 1007.0
+
+
+def test_who_stands_in_a_doorway_has_the_time_of_one_patience_to_leave_it(make_bench):
+    bench = make_bench(planner_patience=5.0)
+    arrive(bench)
+    bench.script.plan = failing(NO_WAY, 20, scripted.line)  # five times a second
+    assert bench.finish(bench.navigator.move_base(GOAL)).outcome is NavigateOutcome.SUCCESS
+    assert "R1" not in bench.script.calls
+
+
+def test_a_planner_is_asked_about_what_a_recovery_left_not_about_what_was_seen_before(make_bench):
+    bench = make_bench(planner_patience=1.0)
+    arrive(bench)
+    seen = bench.costmaps["global"]
+    cleared_at = []
+
+    def plan(start, goal):
+        if not cleared_at or seen.stamp < cleared_at[0]:
+            raise NO_WAY
+        return scripted.line(start, goal)
+
+    bench.script.plan, bench.script.recovery = plan, lambda context: cleared_at.append(bench.now) or iter(())
+    task = bench.navigator.move_base(GOAL)
+    for step in range(1000):
+        if step % 4 == 3:  # it is updated less often than the navigator
+            seen.stamp = bench.now
+        if task.done:
+            break
+        bench.step()
+    assert bench.finish(task).outcome is NavigateOutcome.SUCCESS
+    assert bench.script.calls["R1"] == 1 and "R2" not in bench.script.calls
