@@ -38,9 +38,10 @@ ROBOTS = {
     "mapless": {"scan": "front/scan", "odom": "odometry/filtered"},
     "keepout_map": {"scan": "base_scan"},
     "fleet": {"name": "robot1"},
-    "other_name": {"scan": "base_scan", "odom": "base_odometry/odom", "cmd_vel": "navigation/cmd_vel"},
+    "other_name": {"scan": "base_scan", "odom": "base_odometry/odom", "cmd_vel": "navigation/cmd_vel",
+                   "scan_rate": "10"},
 }
-"""What the topics of a robot are called, and its name, where not scan, odom, cmd_vel and none."""
+"""A robot's name, topics and rate of its lidar (Hz), where not none, scan, odom, cmd_vel and 5."""
 QUICK = ("fleet", "flex", "mapless", "other_name", "turtlebot3")
 DRIVEN = users_launch_files.NAMES if LONG else QUICK
 OF_THE_MASTER = ("rosdistro", "roslaunch", "rosversion", "run_id")

@@ -7,32 +7,49 @@ import time
 from typing import Callable, Optional
 
 from mbf_relay.geometry import STOP, Twist2D
+from mbf_relay.ros.common.stepper import CLOCK_STANDS
+
+IN_VAIN = 2
+"""Waits in vain after which commands are taken to be rarer than scans; a machine may well hang for one."""
+FORGET = 20
+"""Scans, all answered or all unanswered, after which commands are taken to come for every scan again."""
 
 
 class CommandSynchronizer:
     """Keeps the newest command for the simulation's thread, which can wait here for the next.
 
     A graph that is slower than the simulation would drive on old scans. With patience, no new scan is made before a
-    command has come since the last one. It waits only while somebody drives: after an interval that brought a command,
-    the last one not a stop. One lock guards all fields; nothing else is called with it held.
+    command has come since the last one. It waits only while somebody drives: after a command that was not a stop.
+
+    A controller of a lower rate than the lidar's has nothing to say before the clock, which stands while it is waited
+    for, has gone on. Such a wait is in vain: the patience runs out, or the server stops a robot whose clock stands.
+    After two of them the wait comes one scan later.
+
+    One lock guards all fields; nothing else is called with it held, but `cancelled`.
+
+    Args:
+        patience: The longest wait in wall seconds, 0 for none.
+        clock: The wall clock, for tests.
     """
 
-    def __init__(self, patience: float) -> None:
-        """Begin without a command; `patience` is the longest wait in wall seconds, 0 for none."""
-        self._patience = patience
+    def __init__(self, patience: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._patience, self._clock = patience, clock
         self._changed = threading.Condition()
         self._newest: Optional[Twist2D] = None
-        self._last = STOP
-        self._since_scan = 0
         self._driven = False
+        self._unanswered = 0  # scans since the last command
+        self._scans_per_command = 1
+        self._in_vain = 0
+        self._alike = 0  # intervals between two scans, the last one and those before it: answered if > 0, else not
         self.heard = 0
         self.given_up = 0
 
     def put(self, command: Twist2D) -> None:
         """Take a command, from any thread."""
         with self._changed:
-            self._newest = self._last = command
-            self._since_scan += 1
+            self._newest = command
+            self._driven = command != STOP
+            self._unanswered = 0
             self.heard += 1
             self._changed.notify_all()
 
@@ -43,7 +60,7 @@ class CommandSynchronizer:
             return command
 
     def wait_for_answer(self, cancelled: Callable[[], bool]) -> bool:
-        """Wait, before a scan is made, for the answer to the last one.
+        """Wait, before a scan is made, for the command it is due after.
 
         Args:
             cancelled: Asked every now and then; ends the wait.
@@ -53,19 +70,35 @@ class CommandSynchronizer:
         """
         if self._patience <= 0.0:
             return True
-        end = time.monotonic() + self._patience
+        begin = self._clock()
         with self._changed:
-            while self._driven and self._last != STOP and not self._since_scan and not cancelled():
-                left = end - time.monotonic()
+            if self._unanswered != self._scans_per_command:
+                return True
+            while self._driven and self._unanswered and not cancelled():
+                left = begin + self._patience - self._clock()
                 if left <= 0.0:
                     self.given_up += 1
                     self._driven = False
+                    self._wait_later()
                     return False
                 self._changed.wait(min(left, 0.1))
+            if not self._driven and self._clock() - begin >= CLOCK_STANDS:
+                self._wait_later()
         return True
 
     def scan_made(self) -> None:
         """Note that a scan went out; answers count from here."""
         with self._changed:
-            self._driven = self._since_scan > 0
-            self._since_scan = 0
+            if self._unanswered:
+                self._alike = min(self._alike, 0) - 1
+            else:
+                self._alike = max(self._alike, 0) + 1
+            self._unanswered += 1
+            if abs(self._alike) >= FORGET:
+                self._scans_per_command, self._in_vain = 1, 0
+
+    def _wait_later(self) -> None:
+        """Take note of a wait in vain; with the lock held."""
+        self._in_vain += 1
+        if self._in_vain >= IN_VAIN:
+            self._scans_per_command, self._in_vain = self._scans_per_command + 1, 0

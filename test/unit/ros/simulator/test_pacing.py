@@ -6,7 +6,7 @@ import threading
 import pytest
 
 from mbf_relay.geometry import STOP, Twist2D
-from mbf_relay.ros.simulator.command_synchronizer import CommandSynchronizer
+from mbf_relay.ros.simulator.command_synchronizer import FORGET, IN_VAIN, CommandSynchronizer
 from mbf_relay.ros.simulator.pacing import CATCH_UP, FactorMeter, RealTimePacer
 
 GO = Twist2D(0.1, 0.0, 0.0)
@@ -129,3 +129,78 @@ def test_a_cancelled_wait_ends_at_once():
     gate.put(GO)
     gate.scan_made()
     assert gate.wait_for_answer(lambda: True)
+
+
+def drive(scan_rate, controller_rate, seconds=5.0):
+    """Return the stops that a robot suffered, and the most scans it ever drove on without a new command.
+
+    The simulation goes by scans; the controller answers as soon as the simulated clock shows its time, at which it has
+    heard all scans made before. Where the clock stands for half a second, the server stops the robot till it goes on.
+
+    Args:
+        scan_rate: Of the lidar (Hz).
+        controller_rate: Of the controller (Hz).
+        seconds: How long to drive, simulated.
+    """
+    clock, stops, oldest, commands, answered = WallClock(), 0, 0, 0, 0
+    gate = CommandSynchronizer(3.0, clock)
+    for scan in range(int(seconds * scan_rate)):
+        now = (scan - 0.1) / scan_rate  # a period of the clock before the scan
+
+        def answer(now=now, scan=scan):
+            nonlocal commands, answered
+            if commands / controller_rate <= now:
+                commands, answered = commands + 1, scan
+                gate.put(GO)
+
+        def stand(answer=answer, scan=scan):
+            nonlocal stops
+            answer()
+            if answered < scan:
+                clock.now += 0.6
+                stops += 1
+                gate.put(STOP)
+            return False
+
+        answer()
+        gate.wait_for_answer(stand)
+        if gate.take() == STOP:
+            gate.put(GO)  # the clock goes on
+        gate.scan_made()
+        oldest = max(oldest, scan + 1 - answered)
+    return stops, oldest
+
+
+def test_a_controller_slower_than_the_lidar_does_not_stutter():
+    assert drive(scan_rate=10.0, controller_rate=5.0) == (2, 2)
+    assert drive(scan_rate=10.0, controller_rate=4.0) == (4, 3)
+    assert drive(scan_rate=10.0, controller_rate=10.0) == (0, 1)
+    assert drive(scan_rate=5.0, controller_rate=10.0) == (0, 1)
+
+
+def test_a_machine_that_hung_does_not_outrun_its_graph_from_then_on():
+    gate = CommandSynchronizer(0.01)
+    gate.put(GO)
+    for _ in range(IN_VAIN):
+        gate.scan_made()
+        assert not gate.wait_for_answer(never)
+        gate.put(GO)
+    gate.scan_made()
+    assert gate.wait_for_answer(never), "commands are taken to come with every other scan"
+    for _ in range(FORGET):
+        gate.put(GO)
+        gate.scan_made()
+    assert not gate.wait_for_answer(never)
+
+
+def test_what_was_learned_of_one_drive_is_forgotten_by_the_next():
+    gate = CommandSynchronizer(0.01)
+    for _ in range(IN_VAIN):
+        gate.put(GO)
+        gate.scan_made()
+        assert not gate.wait_for_answer(never)
+    for _ in range(FORGET):
+        gate.scan_made()
+    gate.put(GO)
+    gate.scan_made()
+    assert not gate.wait_for_answer(never)
