@@ -20,6 +20,9 @@ HAYWARD = "Hayward, Near-miss determination through use of a scale of danger (19
 HALL = "Hall, The Hidden Dimension (1966)"
 SOCIAL = "Biswas et al., SocNavBench (THRI 2021)"
 ARENA = "Kästner et al., Arena-Bench (RA-L 2022)"
+FRANCIS = "Francis et al., Principles and Guidelines for Evaluating Social Robot Navigation Algorithms (THRI 2025)"
+NAV2 = "Nav2, number_of_recoveries in the feedback of NavigateToPose"
+OWN = "this package"
 
 
 class Column(NamedTuple):
@@ -31,7 +34,7 @@ class Column(NamedTuple):
         meaning: One line.
         of: Takes it from a result; None where there is none.
         driven: Whether only an episode that was driven has it.
-        source: Where the metric is defined; empty where its meaning says all.
+        source: Where the metric is defined; empty where the column is no metric.
     """
 
     name: str
@@ -72,44 +75,48 @@ COLUMNS: Sequence[Column] = (
            ANDERSON),
     Column("collision", "", "1 where the robot touched anything but the ground",
            lambda r: int(r.outcome == outcomes.CONTACT), False, BARN),
-    Column("contacts", "", "how often it came to touch something", lambda r: r.contacts),
+    Column("contacts", "", "how often it came to touch something", lambda r: r.contacts, True, FRANCIS),
     Column("contacts_at_fault", "", "of them, those at which it moved towards what it touched",
-           lambda r: r.contacts_at_fault),
+           lambda r: r.contacts_at_fault, True, OWN),
     Column("timeout", "", "1 where time ran out", lambda r: int(r.outcome == outcomes.TIMEOUT), False, BARN),
     Column("spl", "", "success weighted by path length: success x l / max(p, l)", spl, False, ANDERSON),
     Column("barn_score", "", "success x OT / clip(T, 2 OT, 8 OT), OT the reference path at top speed",
            lambda r: r.score, False, BARN),
     Column("time", "s", "time to the end of the drive", lambda r: r.time, True, ARENA),
     Column("path_length", "m", "length of the way driven", lambda r: r.path_length, True, ARENA),
-    Column("path_length_ratio", "", "way driven by reference path, of successes", _ratio),
+    Column("path_length_ratio", "", "way driven by reference path, of successes", _ratio, True,
+           f"{SOCIAL}, which divides by the straight line"),
     Column("velocity_average", "m/s", "way driven by time", lambda r: r.path_length / r.time if r.time else None, True,
            ARENA),
-    Column("velocity_peak", "m/s", "greatest forward or backward speed", _peak),
+    Column("velocity_peak", "m/s", "greatest forward or backward speed", _peak, True, FRANCIS),
     Column("acceleration", "m/s^2", "mean absolute acceleration along the way",
            lambda r: r.smoothness.mean_acceleration, True, ARENA),
     Column("jerk", "m/s^3", "mean absolute change of it", lambda r: r.smoothness.mean_jerk, True, SOCIAL),
     Column("angular_jerk", "rad/s^3", "mean absolute change of the angular acceleration",
            lambda r: r.smoothness.mean_angular_jerk, True, ARENA),
-    Column("turn_changes", "1/m", "how often the turning changed sides", lambda r: r.smoothness.turn_changes_per_metre),
+    Column("turn_changes", "1/m", "how often the turning changed sides", lambda r: r.smoothness.turn_changes_per_metre,
+           True, OWN),
     Column("standing", "", "share of the time in which it neither drove nor turned",
-           lambda r: r.smoothness.standing_share),
+           lambda r: r.smoothness.standing_share, True, f"{FRANCIS}: stalled time, here by the whole"),
     Column("clearance_smallest", "m", "least distance between hull and anything", lambda r: r.smallest_clearance, True,
            ARENA),
-    Column("clearance_mean", "m", "mean distance between hull and what is nearest", lambda r: r.mean_clearance),
-    Column("close_time", "s", f"time with less than {CLOSE:g} m between hull and anything", lambda r: r.close_time),
+    Column("clearance_mean", "m", "mean distance between hull and what is nearest", lambda r: r.mean_clearance, True,
+           FRANCIS),
+    Column("close_time", "s", f"time with less than {CLOSE:g} m between hull and anything",
+           lambda r: r.close_time, True, OWN),
     Column("closest_approach", "m", "least distance between hull and anything that moves by itself",
            lambda r: r.closest_approach, True, SOCIAL),
     Column("time_to_collision", "s", "least time to meeting what moves by itself, had both gone on closing in",
            lambda r: r.time_to_collision, True, HAYWARD),
     Column("personal_space_time", "s", f"time within {PERSONAL_SPACE:g} m of anything that moves by itself",
            lambda r: r.personal_space_time, True, HALL),
-    Column("recoveries", "", "recovery behaviours begun", lambda r: r.recoveries),
-    Column("goals_reached", "", "goals reached, in order", lambda r: r.goals_reached, False),
+    Column("recoveries", "", "recovery behaviours begun", lambda r: r.recoveries, True, NAV2),
+    Column("goals_reached", "", "goals reached, in order", lambda r: r.goals_reached, False, OWN),
     Column("goals", "", "goals asked for", lambda r: r.goals, True),
-    Column("final_error", "m", "distance from the last goal at the end", lambda r: r.final_error),
+    Column("final_error", "m", "distance from the last goal at the end", lambda r: r.final_error, True, OWN),
     Column("localization_error_mean", "m", "mean distance between true and believed position",
-           lambda r: r.localization_error_mean),
-    Column("localization_error_max", "m", "greatest of it", lambda r: r.localization_error_max),
+           lambda r: r.localization_error_mean, True, OWN),
+    Column("localization_error_max", "m", "greatest of it", lambda r: r.localization_error_max, True, OWN),
     Column("wall_time", "s", "time the computer took; depends on the machine", lambda r: r.machine.get("wall"), False),
     Column("message", "", "why it ended so", lambda r: r.message, False),
     Column("digest", "", "hash over the drive: equal digests are equal drives", lambda r: r.digest),

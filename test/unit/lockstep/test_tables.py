@@ -34,6 +34,11 @@ def test_a_row_an_episode_and_nothing_that_was_not_measured(tmp_path):
     assert all(f"| `{column.name}` | {column.unit} |" in text for column in COLUMNS)
 
 
+def test_whoever_cites_a_figure_finds_who_defined_it():
+    unsourced = {column.name for column in COLUMNS if not column.source}
+    assert unsourced == {"world", "seed", "outcome", "goals", "wall_time", "message", "digest"}, "these measure nothing"
+
+
 def test_parquet_is_written_where_it_can_be(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     write(tmp_path, [DRIVEN])
