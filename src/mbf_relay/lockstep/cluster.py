@@ -7,6 +7,7 @@ worker, on a cluster of anybody's making. Here and there workers must have the c
 
 from __future__ import annotations
 
+import json
 import queue
 import tempfile
 import time
@@ -233,14 +234,30 @@ def connected(
 
 
 def _client_of(distributed: Any, scheduler: str, scheduler_file: Optional[Path]) -> Any:
-    if scheduler_file is not None and not scheduler_file.is_file():
-        raise ClusterError(f"scheduler file {scheduler_file} does not exist")
     where = scheduler or str(scheduler_file)
     try:
-        if scheduler_file is not None:
-            return distributed.Client(
-                scheduler_file=str(scheduler_file), timeout=CONNECTING, set_as_default=False, name="mbf_relay"
-            )
-        return distributed.Client(scheduler, timeout=CONNECTING, set_as_default=False, name="mbf_relay")
-    except (OSError, ValueError, TypeError, KeyError) as error:
+        address = _checked(distributed, scheduler or _written_in(scheduler_file))
+        return distributed.Client(address, timeout=CONNECTING, set_as_default=False, name="mbf_relay")
+    except (OSError, ValueError) as error:
         raise ClusterError(f"no scheduler answers at {where}: {' '.join(str(error).split())}") from error
+
+
+def _written_in(scheduler_file: Optional[Path]) -> str:
+    """Return the address in a scheduler's file; raise OSError or ValueError where there is none."""
+    assert scheduler_file is not None
+    if not scheduler_file.is_file():
+        raise ValueError("there is no such file")
+    held = json.loads(scheduler_file.read_text(encoding="utf-8"))
+    if not isinstance(held, dict) or not isinstance(held.get("address"), str):
+        raise ValueError("the file holds no address")
+    return str(held["address"])
+
+
+def _checked(distributed: Any, address: str) -> str:
+    """Return an address that a client can be made for; raise ValueError where it is none.
+
+    A client that fails over its address is never done with closing.
+    """
+    scheme, place = distributed.comm.addressing.parse_address(address)
+    distributed.comm.registry.get_backend(scheme).get_address_host(place)
+    return address

@@ -1,5 +1,6 @@
 """Dask clusters: workers that die, stop, come late or have other sources, and schedulers that are not there."""
 
+import json
 import os
 import shutil
 import signal
@@ -149,3 +150,17 @@ def test_a_scheduler_that_is_not_there_is_named(tmp_path, capsys, option, monkey
         assert batch.main([worlds, option, where, "--out", str(tmp_path / "out")]) == 1
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("batch.py:")]
     assert len(lines) == 1 and where in lines[0]
+
+
+@pytest.mark.parametrize("address, why", [
+    ("somewhere", "missing port number"), ("carrier-pigeon://somewhere:1", "carrier-pigeon"), (5, "holds no address"),
+    (None, "line 1 column 1")])
+def test_a_mistyped_address_or_another_file_is_named_at_once(tmp_path, capsys, address, why):
+    file = tmp_path / "scheduler.json"
+    file.write_text("junk" if address is None else json.dumps({"address": address}))
+    options = [("--scheduler-file", str(file))] + [("--scheduler", address)] * isinstance(address, str)
+    worlds = small_worlds.write(tmp_path / "worlds.json", SHORT)
+    for option, where in options:
+        assert batch.main([worlds, option, where, "--out", str(tmp_path / "out")]) == 1
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith(f"batch.py: no scheduler answers at {where}: ") and why in line
