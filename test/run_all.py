@@ -1,7 +1,8 @@
 """Run the linters and every test: pytest folder by folder, each rostest on a ROS master of its own.
 
-As many jobs run at a time as there are cores. Robots that drive in real time leave most of the machine idle and want
-the rest at once: one job of `system/` runs at a time, beside it what waits for no clock, and that gives way.
+As many jobs run at a time as there are cores, and one more: robots that drive in real time, and nodes that wait for
+each other, leave much of the machine idle and want the rest at once. One job of `system/` runs at a time; what only
+computes gives way to it.
 
 The last line is "N passed, N failed"; the exit status is 0 only where none failed. Everything the tests and their nodes
 wrote stays in the results folder.
@@ -67,7 +68,7 @@ class Job(NamedTuple):
     @property
     def computes(self) -> bool:
         """Whether it only computes, and waits for no node by the wall clock, which would starve on a busy machine."""
-        return self.kind is not Kind.ROSTEST and not self.name.startswith("unit/ros")
+        return not self.drives and self.kind is not Kind.ROSTEST and not self.name.startswith("unit/ros")
 
 
 class Outcome(NamedTuple):
@@ -179,16 +180,20 @@ class Runner:
         self.outcomes: List[Outcome] = []
         self._results = results
         self._long = long
-        self._lock = threading.Lock()
+        self._lock = threading.Condition()  # notified when a job has ended
         self._waiting: List[Job] = []
+        self._begun: List[Job] = []
         self._running: List[subprocess.Popen] = []
-        self._places_to_drive = 0
+        self._cores = self._drives = 1
         self._stopped = False
 
     def run(self, jobs: List[Job], workers: int, drives: int) -> None:
-        """Run the jobs, `workers` at a time and of these `drives` that drive, and return when all have ended."""
-        self._waiting, self._places_to_drive = list(jobs), drives
-        threads = [threading.Thread(target=self._work, daemon=True) for _ in range(workers)]
+        """Run the jobs, `workers` at a time and of these `drives` that drive, and return when all have ended.
+
+        Beside several, one more runs, as long as no more than `workers` compute.
+        """
+        self._waiting, self._cores, self._drives = list(jobs), workers, drives
+        threads = [threading.Thread(target=self._work, daemon=True) for _ in range(self._most())]
         for thread in threads:
             thread.start()
         for thread in threads:
@@ -199,23 +204,39 @@ class Runner:
         """End what runs and start nothing more."""
         with self._lock:
             self._stopped = True
+            self._lock.notify_all()
             running = list(self._running)
         for process in running:
             end_group(process)
 
+    def _most(self) -> int:
+        return self._cores + (self._cores > 1)
+
+    def _may_begin(self, job: Job) -> bool:
+        alike = sum(other.computes == job.computes for other in self._begun)
+        driving = sum(other.drives for other in self._begun)
+        return alike < self._cores and len(self._begun) < self._most() and not (job.drives and driving >= self._drives)
+
+    def _next(self) -> Optional[Job]:
+        """Return the job to begin now, once there is one; None where none is left."""
+        with self._lock:
+            while self._waiting and not self._stopped:
+                for job in self._waiting:
+                    if self._may_begin(job):
+                        self._waiting.remove(job)
+                        self._begun.append(job)
+                        return job
+                self._lock.wait()
+        return None
+
     def _work(self) -> None:
-        while True:
-            with self._lock:
-                job = next((job for job in self._waiting if not job.drives or self._places_to_drive), None)
-                if job is None:
-                    return  # drives that still wait are for those that drive now
-                self._waiting.remove(job)
-                self._places_to_drive -= job.drives
+        for job in iter(self._next, None):
             outcome = self._run_job(job)
-            if outcome is None:
-                return
             with self._lock:
-                self._places_to_drive += job.drives
+                self._begun.remove(job)
+                self._lock.notify_all()
+                if outcome is None:
+                    return
                 self.outcomes.append(outcome)
                 words = "FAILED" if outcome.failed else "passed"
                 print(f"{words}  {job.name}: {counts(outcome)} in {outcome.seconds:.1f} s", flush=True)

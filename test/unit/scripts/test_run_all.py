@@ -18,12 +18,12 @@ os.rmdir(sys.argv[1])
 """
 MEET = """
 import pathlib, sys, threading, time
-mine, other = (pathlib.Path(name) for name in sys.argv[1:])
+mine, *others = (pathlib.Path(name) for name in sys.argv[1:])
 mine.touch()
 end = time.monotonic() + 60.0
-while not other.exists() and time.monotonic() < end:
+while not all(other.exists() for other in others) and time.monotonic() < end:
     threading.Event().wait(0.01)
-sys.exit(not other.exists())
+sys.exit(not all(other.exists() for other in others))
 """
 
 
@@ -46,6 +46,14 @@ def test_robots_that_drive_in_real_time_never_share_the_machine(tmp_path):
 def test_a_drive_leaves_no_core_idle_while_there_is_something_to_compute(tmp_path):
     pair = [tmp_path / "drives", tmp_path / "computes"]
     jobs = [job("system/a", MEET, *pair), job("system/b", ALONE, tmp_path / "road"), job("unit", MEET, *pair[::-1])]
+    assert failed(tmp_path, jobs, workers=2) == []
+
+
+def test_beside_a_drive_each_core_has_something_to_compute(tmp_path):
+    names = ["system/a", "unit/a", "unit/b"]
+    places = [tmp_path / name.replace("/", "-") for name in names]
+    jobs = [job(name, MEET, *places[index:], *places[:index]) for index, name in enumerate(names)]
+    jobs += [job("system/b", ALONE, tmp_path / "road"), job("unit/c", ALONE, tmp_path / "third")]
     assert failed(tmp_path, jobs, workers=2) == []
 
 
