@@ -5,7 +5,7 @@ from __future__ import annotations
 import http.client
 import threading
 import xmlrpc.client  # nosec B411: what the ROS master speaks
-from typing import Any, Callable, Tuple
+from typing import Any, Callable, Dict, Tuple
 
 import rosgraph
 import rospy
@@ -16,7 +16,11 @@ PERIOD = 2.0
 """Wall seconds between two looks."""
 TIMEOUT = 2.0
 """Wall seconds a master may take to answer."""
-SHARED = ("/use_sim_time", "/robot_description")
+GIVEN_BACK_WITHIN = 3.0 * PERIOD
+"""Wall seconds after a new master's start in which those that live give it the parameters of those that died."""
+RUN_ID = "run_id"
+"""Parameter that tells roslaunch's runs apart."""
+SHARED = ("use_sim_time", "robot_description")
 """Parameters beside the node's own that it needs when it starts again."""
 
 
@@ -24,8 +28,10 @@ class MasterWatch:
     """Asks the master now and then whether it knows this node.
 
     A master that does not answer changes nothing: what is connected stays connected. One that answers and does not know
-    the node is another one. It gets the parameters back that this node had, where it has none, and `on_stranger` is
-    told.
+    the node is another one. It gets the parameters back that this node had, where it has none. A node that died
+    before can give nothing back, and would start again with defaults, a larger robot's limits among them: what it had
+    is given back by those that saw it when they started, after all that live had time for their own. Then
+    `on_stranger` is told.
 
     Args:
         on_stranger: Called with a sentence, in a thread of its own, once; it ends the process.
@@ -34,11 +40,12 @@ class MasterWatch:
     def __init__(self, on_stranger: Callable[[str], None]) -> None:
         self._on_stranger = on_stranger
         self._name, self._uri = rospy.get_name(), rosgraph.get_master_uri()
-        self._parameters = {name: rospy.get_param(name) for name in (self._name, *SHARED) if rospy.has_param(name)}
         self._silent = False
         self._stop = threading.Event()
         rospy.on_shutdown(self._stop.set)
-        self._pid = int(self._ask(xmlrpc.client.ServerProxy(self._uri).getPid)[1])
+        master = xmlrpc.client.ServerProxy(self._uri)
+        self._seen: Dict[str, Any] = self._ask(master.getParam, "/")[1]  # rospy's own answer has what is in its cache
+        self._pid = int(self._ask(master.getPid)[1])
         threading.Thread(target=self._loop, name="master watch", daemon=True).start()
 
     def _loop(self) -> None:
@@ -64,12 +71,40 @@ class MasterWatch:
         # A registration that was under way may have reached the new master, and it alone.
         if pid == self._pid and self._ask(master.lookupNode, self._name)[0]:
             return True
-        for name, value in self._parameters.items():
-            if not self._ask(master.hasParam, name)[1]:
-                self._ask(master.setParam, name, value)
+        own = {name: self._seen[name] for name in SHARED if name in self._seen}
+        self._give_back({**own, **part_of(self._seen, self._name)})
+        if not self._stop.wait(PERIOD):
+            rest = dict(self._seen)
+            run_id = {RUN_ID: rest.pop(RUN_ID)} if RUN_ID in rest else {}
+            self._give_back(rest)
+            self._give_back(run_id)  # last: who starts meanwhile goes by it
         return False
+
+    def _give_back(self, seen: Dict[str, Any]) -> None:
+        """Set what of a tree of parameters the master has not; a group of which it has nothing, at once."""
+        master = impatient_proxy(self._uri, TIMEOUT)
+
+        def complete(seen: Dict[str, Any], there: Any, path: str) -> None:
+            for name, value in seen.items():
+                if not isinstance(there, dict) or name not in there:
+                    self._ask(master.setParam, path + name, value)
+                elif isinstance(value, dict):
+                    complete(value, there[name], f"{path}{name}/")
+
+        complete(seen, self._ask(master.getParam, "/")[1], "/")
 
     def _ask(self, call: Callable[..., Any], *arguments: Any) -> Tuple[bool, Any]:
         """Return whether the master could say, and what it said."""
         code, _, value = call(self._name, *arguments)
         return code == 1, value
+
+
+def part_of(tree: Dict[str, Any], name: str) -> Dict[str, Any]:
+    """Return what of a tree of parameters lies below a node's name, as a tree from the root on; {} where nothing."""
+    group, *rest = name.strip("/").split("/", 1)
+    if group not in tree:
+        return {}
+    if not rest:
+        return {group: tree[group]}
+    below = part_of(tree[group], rest[0]) if isinstance(tree[group], dict) else {}
+    return {group: below} if below else {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import importlib
 import logging
+import math
 import os
 import sys
 import time
@@ -120,7 +121,7 @@ def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
 
     try:
         logs.complain_once()
-        _wait_for_master()
+        _wait_for_master(name)
         rospy.init_node(name, disable_signals=True)
         logs.log_to_terminal()
         logs.log_without_master()
@@ -150,24 +151,45 @@ def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
     return status
 
 
-def _wait_for_master() -> None:
-    """Return when there is a master: rospy waits for one, too, but ends a node that has parameters as arguments."""
+def _wait_for_master(name: str) -> None:
+    """Return when there is a master: rospy waits for one, too, but ends a node that has parameters as arguments.
+
+    One that does not know the roslaunch this node is of has come after another's end. Nodes that outlived that one give
+    it the parameters that this node was launched with (see MasterWatch), and these are waited for.
+    """
     import rosgraph
     import rospy
 
-    said = False
+    from mbf_relay.ros.common.master_watch import GIVEN_BACK_WITHIN, RUN_ID
+
+    own = rosgraph.names.make_caller_id(rospy.names.load_mappings(sys.argv).get("__name", name))
+    master, said, given_up_at = rosgraph.Master(own), False, math.inf
+    log = _launch_log()
     while not rospy.core.is_shutdown_requested():
         try:
-            rosgraph.Master(rospy.get_name()).getPid()
-            return
+            master.getPid()
+            if not log or master.hasParam(own) or time.monotonic() > given_up_at:
+                return
+            if master.hasParam(f"/{RUN_ID}") and str(master.getParam(f"/{RUN_ID}")) in log:
+                return
+            given_up_at = min(given_up_at, time.monotonic() + GIVEN_BACK_WITHIN)
         except OSError as error:
             if not said:
                 where = rosgraph.get_master_uri()
                 print(f"no ROS master at {where} ({one_line(error)}); waiting for it", file=sys.stderr)
             said = True
-            time.sleep(MASTER_PERIOD)
         except (xmlrpc.client.Error, rosgraph.MasterException):
             return  # what answers there is for rospy to judge
+        time.sleep(MASTER_PERIOD)
+
+
+def _launch_log() -> str:
+    """Return the log that roslaunch names to its nodes, which has the id of its run in it; empty without roslaunch.
+
+    A node that was forked has the command line of its parent, which roslaunch started.
+    """
+    with open("/proc/self/cmdline", encoding="utf-8", errors="replace") as stream:
+        return next((word for word in stream.read().split("\0") if word.startswith("__log:=")), "")
 
 
 def on_shutdown(last_words: Callable[[], None]) -> None:

@@ -1,4 +1,4 @@
-"""A node whose master is replaced says so, gives its parameters back, and ends, so that it can be started again."""
+"""A node whose master is replaced says so, gives back the parameters it knew, and ends, to be started again."""
 
 import os
 import subprocess
@@ -16,23 +16,34 @@ from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
 MAP = Path(__file__).resolve().parents[4] / "config" / "maps" / "turtlebot3_world.yaml"
 
 
-def test_a_node_ends_for_a_new_master_and_leaves_it_its_parameters(tmp_path):
-    port = free_port()
-    environment = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}", ROS_LOG_DIR=str(tmp_path))
-    master = Master(port)
-    node = subprocess.Popen(
-        ["rosrun", "mbf_relay", "map_server", str(MAP), "_frame_id:=house"], env=environment, stdout=subprocess.PIPE,
+def start(port, folder, *arguments):
+    environment = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}", ROS_LOG_DIR=str(folder))
+    return subprocess.Popen(
+        ["rosrun", "mbf_relay", "map_server", str(MAP), *arguments], env=environment, stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT, universal_newlines=True,
     )
+
+
+def test_a_node_ends_for_a_new_master_and_leaves_it_its_parameters_and_those_of_one_that_died(tmp_path):
+    """A relay or guard that died after its master came back with defaults, another robot's limits among them."""
+    port = free_port()
+    master = Master(port)
+    master.answer("setParam", "/floor/dead", {"frame_id": "first_floor"})
+    node = start(port, tmp_path, "_frame_id:=house")
+    dead = None
     try:
         wait_until(lambda: master.answer("lookupService", "/static_map"), "the node to come up")
         master.kill()
         master = Master(port)
+        dead = start(port, tmp_path, "__name:=dead", "__ns:=/floor", "__log:=/log/of a run/dead.log")
+        assert "serving a map" in dead.stdout.readline()
+        assert master.answer("getParam", "/floor/dead/frame_id") == "first_floor"
         output = node.communicate(timeout=60.0)[0]
         assert node.returncode == 1
         assert "is another one and does not know /map_server" in output and "Traceback" not in output
         assert master.answer("getParam", "/map_server/frame_id") == "house"
     finally:
-        node.kill()
-        node.communicate()
+        for process in filter(None, (node, dead)):
+            process.kill()
+            process.communicate()
         master.kill()

@@ -12,7 +12,7 @@ from mbf_relay.ros.common import master_watch, node
 def closing(monkeypatch):
     """Have rospy be where it has closed a node's topics and does not call that a shutdown yet."""
     monkeypatch.setattr(rospy, "init_node", lambda *_args, **_keywords: None)
-    monkeypatch.setattr(node, "_wait_for_master", lambda: None)
+    monkeypatch.setattr(node, "_wait_for_master", lambda _name: None)
     monkeypatch.setattr(rospy.core, "_in_shutdown", False)
     monkeypatch.setattr(rospy.core, "_shutdown_flag", False)
     for name in ("complain_once", "log_to_terminal", "log_without_master"):
