@@ -1,0 +1,110 @@
+"""One suite over every planner: the room that paths leave a robot, and what is said where none is left."""
+
+import os
+import re
+import sys
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from planners import CASES, made, plan  # noqa: E402
+
+from mbf_relay.costmap.cost_grid import LETHAL, Window  # noqa: E402
+from mbf_relay.costmap.costmap import Costmap  # noqa: E402
+from mbf_relay.costmap.footprint_checker import FootprintChecker  # noqa: E402
+from mbf_relay.costmap.inflation_layer import InflationLayer  # noqa: E402
+from mbf_relay.costmap.layer import Layer  # noqa: E402
+from mbf_relay.costmap.parameters import CostmapParameters  # noqa: E402
+from mbf_relay.geometry import Pose2D  # noqa: E402
+from mbf_relay.outcomes import PlanningError, PlanOutcome  # noqa: E402
+
+
+@pytest.fixture(params=sorted(CASES))
+def planner(request):
+    return made(request.param)
+
+
+def walls_with_gaps(*gaps, width=0.29):
+    """Return a snapshot at 0.02 m of three rooms in a row, with a robot this wide: a gap (m) in each wall between."""
+    resolution, height = 0.02, 60
+    costs = np.zeros((height, 60 * (len(gaps) + 1)), dtype=np.uint8)
+    costs[[0, -1]] = costs[:, [0, -1]] = LETHAL
+    for index, gap in enumerate(gaps):
+        cells, column = round(gap / resolution), 60 * (index + 1)
+        costs[:, column:column + 4] = LETHAL
+        costs[30:30 + cells, column:column + 4] = 0
+    return inflated(costs, resolution, width)
+
+
+class Walls(Layer):
+    """Walls as they are drawn."""
+
+    def update_bounds(self, context, window):
+        return Window.of(self.grid)
+
+    def update_costs(self, costs, window):
+        np.maximum(costs, self.parameters, out=costs)
+
+
+def inflated(costs, resolution, width):
+    """Return a snapshot as a costmap makes it, for a robot this wide whose base is near its front."""
+    half, (height, length) = 0.5 * width, costs.shape
+    costmap = Costmap("global_costmap", CostmapParameters.from_mapping({
+        "width": length * resolution, "height": height * resolution, "resolution": resolution, "footprint_padding": 0.0,
+        "footprint": [[-half, -half], [-half, half], [0.05, half], [0.05, -half]],
+    }), [
+        Walls("walls", costs),
+        InflationLayer("inflation", InflationLayer.Parameters(inflation_radius=1.0, cost_scaling_factor=3.0)),
+    ])
+    costmap.update(1.0, Pose2D(0.4, 0.6, 0.0))
+    return costmap.snapshot()
+
+
+def test_a_path_round_the_end_of_a_wall_leaves_the_robot_room_to_turn(planner):
+    """Paths kept as far off as the inscribed circle is wide: robots cut the corner and stood before it, wedged."""
+    costs = np.zeros((100, 100), dtype=np.uint8)
+    costs[:, 48:52] = LETHAL
+    costs[40:, 48:52] = 0
+    costmap = inflated(costs, 0.02, 0.2)
+    path = plan(planner, costmap, Pose2D(0.5, 0.2, 1.5), Pose2D(1.5, 0.2, -1.5))
+    clearances = FootprintChecker(costmap).clearances_at(path.poses)
+    assert clearances.min() > costmap.circumscribed_radius
+
+
+def test_of_two_gaps_the_robot_takes_the_one_it_fits_through_at_the_price_of_a_way_round(planner):
+    costs = np.zeros((100, 100), dtype=np.uint8)
+    costs[:, 48:52] = LETHAL
+    costs[20:30, 48:52] = costs[45:65, 48:52] = 0
+    path = plan(planner, inflated(costs, 0.02, 0.2), Pose2D(0.5, 0.5, 0.0), Pose2D(1.5, 0.5, 0.0))
+    assert path.poses[:, 1].max() > 0.95
+
+
+@pytest.mark.parametrize("gap", [0.02, 0.06, 0.08, 0.16, 0.18, 0.24])
+def test_a_robot_wider_than_every_gap_is_told_where_and_how_wide_the_narrowest_place_is(planner, gap):
+    costmap = walls_with_gaps(1.0, gap)
+    with pytest.raises(PlanningError) as error:
+        plan(planner, costmap, Pose2D(0.4, 0.6, 0.0), Pose2D(3.2, 0.6, 0.0))
+    assert error.value.outcome is PlanOutcome.NO_PATH_FOUND
+    said = re.search(r"narrowest place of the widest way, \((.*), (.*)\), is (.*) m wide; the robot needs 0.29 m",
+                     error.value.message)
+    assert said, error.value.message
+    x, y, width = map(float, said.groups())
+    assert 2.40 <= x <= 2.48 and 0.6 <= y <= 0.6 + gap, "the wall behind the second room"
+    assert width == pytest.approx(gap, abs=0.005)
+
+
+def test_a_robot_that_fits_and_one_that_is_walled_in_are_told_of_no_narrow_place(planner):
+    assert len(plan(planner, walls_with_gaps(1.0, 0.4), Pose2D(0.4, 0.6, 0.0), Pose2D(3.2, 0.6, 0.0))) > 10
+    with pytest.raises(PlanningError) as error:
+        plan(planner, walls_with_gaps(1.0, 0.0), Pose2D(0.4, 0.6, 0.0), Pose2D(3.2, 0.6, 0.0))
+    assert "narrowest" not in error.value.message
+
+
+def test_of_two_gaps_too_narrow_the_wider_one_is_named(planner):
+    costs = walls_with_gaps(1.0, 0.06).costs.copy()
+    costs[costs < LETHAL] = 0
+    costs[10:17, 120:124] = 0
+    costmap = inflated(costs, 0.02, 0.29)
+    with pytest.raises(PlanningError, match=r"\(2\.4\d, 0\.2\d\), is 0\.14 m wide"):
+        plan(planner, costmap, Pose2D(0.4, 0.6, 0.0), Pose2D(3.2, 0.6, 0.0))
