@@ -11,7 +11,7 @@ from typing import Any, Callable, Iterator, NamedTuple, Optional, Protocol, Sequ
 
 from mbf_relay.lockstep import driver
 from mbf_relay.lockstep.episode import Episode
-from mbf_relay.lockstep.memory import give_back
+from mbf_relay.lockstep.memory import give_back, spare_what_stays
 from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.setup import Setup
 from mbf_relay.lockstep.tasks import EpisodeTask
@@ -76,6 +76,7 @@ def value_of(answer: driver.Answer) -> Any:
 
 def drive(job: EpisodeJob) -> EpisodeResult:
     """Drive one episode. What cannot be driven is a failed result that says why."""
+    spare_what_stays()
     try:
         return Episode(job.task, job.setup, job.seed, clock=time.perf_counter).run()
     except ValueError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 from pathlib import Path
 from typing import Any, Dict, Iterable, Mapping, Optional, Sequence, Tuple
 
@@ -65,14 +66,20 @@ def merged(settings: Mapping[str, Any], own: Mapping[str, Any]) -> Dict[str, Any
 
 def _read(path: Path) -> Dict[str, Any]:
     try:
-        values = files.parse_yaml(files.read_text(str(path)))
+        values = _parsed(files.read_text(str(path)))
     except OSError as error:
         raise ValueError(f"parameter file {path} cannot be read: {error.strerror}") from error
     except ValueError as error:
         raise ValueError(f"parameter file {path} is no YAML: {error}") from error
     if not isinstance(values, dict):
         raise ValueError(f"parameter file {path} holds no parameters")
-    return values
+    return copy.deepcopy(values)
+
+
+@functools.lru_cache(maxsize=16)
+def _parsed(text: str) -> Any:
+    """Return the values of a YAML document, which a study reads anew for each trial; nobody may change them."""
+    return files.parse_yaml(text)
 
 
 def flatten(values: Mapping[str, Any], prefix: str = "") -> Dict[str, Any]:
