@@ -32,13 +32,13 @@ def trials(folder):
     return [(trial.params, trial.state.name, trial.value, trial.intermediate_values) for trial in study.get_trials()]
 
 
-@pytest.mark.parametrize("together", ["1", "4"])
-def test_a_bad_start_is_beaten_and_a_resumed_study_is_that_of_one_go(tmp_path, capsys, together):
+@pytest.mark.parametrize("together, first, count", [("1", "2", "4"), ("4", "3", "6")])
+def test_a_bad_start_is_beaten_and_a_resumed_study_is_that_of_one_go(tmp_path, capsys, together, first, count):
     common = [worlds(tmp_path, 2), *SLOW, "--param", "mine.pace=0.03:0.2", "--together", together]
-    assert tune.main([*common, "--trials", "3", "--out", str(tmp_path / "parts")]) == 0
-    assert tune.main([*common, "--trials", "6", "--out", str(tmp_path / "parts")]) == 0
-    assert tune.main([*common, "--trials", "6", "--out", str(tmp_path / "whole")]) == 0
-    assert len(trials(tmp_path / "whole")) == 6
+    assert tune.main([*common, "--trials", first, "--out", str(tmp_path / "parts")]) == 0
+    assert tune.main([*common, "--trials", count, "--out", str(tmp_path / "parts")]) == 0
+    assert tune.main([*common, "--trials", count, "--out", str(tmp_path / "whole")]) == 0
+    assert len(trials(tmp_path / "whole")) == int(count)
     assert trials(tmp_path / "parts") == trials(tmp_path / "whole")
     best = yaml.safe_load((tmp_path / "whole" / "best" / "move_base_flex.yaml").read_text())
     assert best["mine"]["pace"] > 0.1
