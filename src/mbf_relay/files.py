@@ -116,7 +116,13 @@ def open_regular(path: str, largest: int = LARGEST_TEXT) -> BinaryIO:
 def read_text(path: str, largest: int = LARGEST_TEXT) -> str:
     """Return what a text file holds; errors as for `open_regular`, and ValueError where it is no UTF-8."""
     with open_regular(path, largest) as file:
-        return file.read().decode("utf-8")
+        content = file.read()
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        byte = content[error.start]
+        raise ValueError(f"{path}:{line}: byte 0x{byte:02x} is no UTF-8; save the file as that") from error
 
 
 def read_xml(path: str) -> Element:

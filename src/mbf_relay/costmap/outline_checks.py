@@ -9,6 +9,9 @@ import numpy as np
 
 from mbf_relay.costmap.outline import radii
 
+LEAST_AREA = 1e-6
+"""Square metres below which corners lie on a line: what they stand for would fit anywhere."""
+
 
 def footprint_trouble(corners: np.ndarray) -> str:
     """Return what is wrong with a footprint (K, 2), empty for one that a robot can have.
@@ -20,9 +23,17 @@ def footprint_trouble(corners: np.ndarray) -> str:
     if crossing is not None:
         first, second = crossing
         return f"crosses itself: the edge from corner {first} meets that from corner {second}"
+    if _area(corners) < LEAST_AREA:
+        return "encloses no area: its corners lie on a line"
     if not _holds_origin(corners):
         return "does not hold the base frame's origin, round which the robot turns"
     return ""
+
+
+def _area(corners: np.ndarray) -> float:
+    """Return the area (m^2) of an outline that does not cross itself."""
+    x, y = corners.T
+    return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
 
 
 def _holds_origin(corners: np.ndarray) -> bool:

@@ -110,6 +110,8 @@ def _examine(found: Examination) -> None:
         found.add(IGNORED, name, f"belongs to no plugin that is loaded{hint}")
     for name, text in doubts(found.config):
         found.add(DOUBTFUL, name, text)
+    refused = {finding.name for finding in found.of(REFUSED)}
+    found.findings = [f for f in found.findings if f.kind != IGNORED or f.name not in refused]
 
 
 def _examine_costmap(found: Examination, side: str) -> None:

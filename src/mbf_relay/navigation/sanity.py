@@ -17,6 +17,12 @@ FASTEST_TURN = {"max_vel_theta": 7.0, "max_rot_vel": 7.0, "max_rotational_vel": 
 WIDEST_TOLERANCE = {"xy_goal_tolerance": (2.0, "m"), "yaw_goal_tolerance": (math.tau, "rad")}
 """Tolerances beyond which every goal is reached before it is driven to."""
 
+NEVER_MOVES = {
+    "max_vel_trans": "drive", "max_trans_vel": "drive", "max_vel_x": "drive forward", "max_vel_theta": "turn",
+    "max_rot_vel": "turn", "max_rotational_vel": "turn", "max_vel_th": "turn",
+}
+"""Top speeds, and what a robot never does where they are 0."""
+
 Doubt = Tuple[str, str]
 """Name of the parameter below the node, and what there is to say of it."""
 
@@ -44,6 +50,12 @@ def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any]) -> Iterator
     radius = group.get("robot_radius", config.get("robot_radius", 0.0))
     if _number(radius) > 10.0:
         yield "robot_radius", f"is {radius}; lengths are in metres"
+    if not len(corners) and _is_zero(group.get("robot_radius", config.get("robot_radius"))):
+        yield "robot_radius", f"is {radius}, and there is no footprint: what takes no room fits through every gap"
+    reach = radii(corners)[1] if len(corners) else _number(radius)
+    for name in ("width", "height"):
+        if group.get("rolling_window") is True and 0.0 < _number(group.get(name)) < 2.0 * reach:
+            yield name, f"is {group[name]}; the robot, which reaches {reach:.2f} m, must fit into the costmap round it"
 
 
 def _of_controller(group: Mapping[str, Any]) -> Iterator[Doubt]:
@@ -53,9 +65,16 @@ def _of_controller(group: Mapping[str, Any]) -> Iterator[Doubt]:
     for name, most in FASTEST_TURN.items():
         if _number(group.get(name)) > most:
             yield name, f"is {group[name]}; turn rates are in rad/s, and {most:g} is more than a turn a second"
+    for name, never in NEVER_MOVES.items():
+        if _is_zero(group.get(name)):
+            yield name, f"is {group[name]}; the robot would never {never}"
     for name, (most, unit) in WIDEST_TOLERANCE.items():
         if _number(group.get(name)) > most:
             yield name, f"is {group[name]}; beyond {most:.3g} {unit} most goals count as reached at once"
+
+
+def _is_zero(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and value == 0
 
 
 def _number(value: Any) -> float:

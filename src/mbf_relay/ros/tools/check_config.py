@@ -60,10 +60,15 @@ def tell(node: LaunchedNode, found: Examination, out: TextIO, quiet: bool) -> No
             continue
         for finding in found.of(kind):
             place = node.source.place(finding.name)
-            name = f"{finding.name}: " if finding.name and "parameter " not in finding.text else ""
+            name = f"{finding.name}: " if _has_to_be_named(finding) else ""
             print(plain(f"  {kind}: {name}{finding.text}{f'  [{place}]' if place else ''}"), file=out)
     counts = ", ".join(f"{len(found.of(kind))} {kind}" for kind in exam.KINDS if found.of(kind))
     print(f"  {counts or 'nothing to say'}", file=out)
+
+
+def _has_to_be_named(finding: Finding) -> bool:
+    text = finding.text
+    return bool(finding.name) and "parameter " not in text and not text.startswith(f"{finding.name}: ")
 
 
 def _nodes(options: argparse.Namespace) -> List[LaunchedNode]:

@@ -43,6 +43,7 @@ def test_a_misspelt_name_is_told_with_its_line_and_fails_the_strict(tmp_path):
     ("  max_vel_theta: 90.0\n", "rad/s", ":7]"),
     ("  max_vel_trans: fast\n", "max_vel_trans is 'fast'", ":7]"),
     ("  sim_time: [1.0]\n", "sim_time is [1.0]", ":7]"),
+    ("  max_vel_theta: 0.0\n", "never turn", ":7]"),
 ])
 def test_values_no_robot_could_mean_fail_with_value_and_line(tmp_path, change, said, line):
     status, told = check(tmp_path, GOOD + change)
@@ -54,10 +55,21 @@ def test_values_no_robot_could_mean_fail_with_value_and_line(tmp_path, change, s
     ("[[0.3, 0.2], [-0.3, -0.2], [0.3, -0.2], [-0.3, 0.2]]", "crosses itself"),
     ("[[0.1, 0.2], [0.5, 0.2], [0.5, -0.2], [0.1, -0.2]]", "base frame's origin"),
     ("[[0.1, 0.2], [0.5, 0.2]]", "at least 3"),
+    ("[[0.3, 0.0], [0.0, 0.0], [-0.3, 0.0]]", "encloses no area"),
 ])
 def test_footprints_that_would_hurt_are_refused(tmp_path, footprint, said):
     status, told = check(tmp_path, GOOD.replace("robot_radius: 0.2, global", f"footprint: {footprint}, global"))
     assert status == 1 and "refused" in told and said in told and "params.yaml:3]" in told
+
+
+@pytest.mark.parametrize("old, new, said", [
+    ("robot_radius: 0.2, global", "robot_radius: 0.0, global", "local_costmap/robot_radius: is 0.0, and there is no"),
+    ("rolling_window: true", "rolling_window: true, width: 0.3", "local_costmap/width: is 0.3"),
+    ("{robot_radius: 0.2}", "3", "refused: global_costmap: is 3"),
+])
+def test_a_robot_without_size_or_room_is_told(tmp_path, old, new, said):
+    status, told = check(tmp_path, GOOD.replace(old, new))
+    assert status == 1 and said in told and "not known here" not in told
 
 
 def test_of_a_name_that_stands_twice_both_lines_are_told(tmp_path):
@@ -73,6 +85,12 @@ def test_of_what_overrides_a_group_that_is_merged_in_nothing_is_told(tmp_path):
 def test_a_turn_rate_in_degrees_is_read_as_rosparam_reads_it(tmp_path):
     status, told = check(tmp_path, GOOD + "  max_rot_vel: !degrees 60.0\n")
     assert "tag" not in told and status != 2, told
+
+
+def test_a_file_in_another_encoding_is_told_with_its_line(tmp_path, capsys):
+    (tmp_path / "params.yaml").write_bytes(b"# speeds\n# f\xfcr den Flur\n")
+    assert main([str(tmp_path / "params.yaml")], io.StringIO()) == 2
+    assert "params.yaml:2: byte 0xfc is no UTF-8" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("text, said", [
