@@ -124,7 +124,7 @@ class DwaController(PathFollower):
             trajectory = self.trajectories.poses[winner, : self.trajectories.free[winner]]
         return dataclasses.replace(
             plain, trajectory=trajectory, trajectories=self.trajectories, totals=self.explanation.totals,
-            explanation=str(self.explanation), shows_trajectories=p.publish_traj_pc,
+            explanation=self.explanation, shows_trajectories=p.publish_traj_pc,
         )
 
     def _is_worthwhile(self, explanation: Explanation, width: float) -> bool:

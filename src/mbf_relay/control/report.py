@@ -7,6 +7,7 @@ from typing import Optional, Tuple
 
 import numpy as np
 
+from mbf_relay.control.explanation import Explanation
 from mbf_relay.control.local_path import LocalPath
 from mbf_relay.control.trajectories import Trajectories
 from mbf_relay.costmap.cost_grid import INSCRIBED, CostGrid
@@ -24,7 +25,7 @@ class CycleReport:
         trajectory: Shape (S, 3): where the command would lead; empty where the robot only turns or stands.
         trajectories: The batch it was chosen from, where there was one.
         totals: Shape (N,): their costs; inf for those ruled out.
-        explanation: Why, for a person; empty where there is nothing to say.
+        explanation: Why; as a text, one line for a person. None where there is nothing to say.
         shows_trajectories: Whether the user wants the batch published.
         cost_weights: What the three `cell_costs` weigh, where the user wants them published; None where not.
     """
@@ -35,7 +36,7 @@ class CycleReport:
     trajectory: np.ndarray
     trajectories: Optional[Trajectories] = None
     totals: Optional[np.ndarray] = None
-    explanation: str = ""
+    explanation: Optional[Explanation] = None
     shows_trajectories: bool = False
     cost_weights: Optional[Tuple[float, float, float]] = None
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from mbf_relay.costmap.cost_grid import INSCRIBED, NO_INFORMATION, CostGrid
@@ -60,6 +62,12 @@ def shy_of_narrow_places(weights: np.ndarray, costmap: CostGrid) -> np.ndarray:
     turning, side = costmap.turning_cost, costmap.side_cost
     if turning >= side:
         return weights
+    return np.asarray(weights * _factors(turning, side), dtype=np.float32)
+
+
+@functools.lru_cache(maxsize=16)
+def _factors(turning: int, side: int) -> np.ndarray:
+    """Return by what weights rise: shape (256,); the same for every plan of a robot."""
     share = np.clip((np.arange(256) - turning) / (side - turning), 0.0, 1.0)
     share[INSCRIBED:] = 0.0
-    return np.asarray(weights * (1.0 + (NARROW - 1.0) * share * share), dtype=np.float32)
+    return 1.0 + (NARROW - 1.0) * share * share

@@ -42,8 +42,8 @@ class ControllerTopics:
             self._global_plan.publish(path_to_message(Path(report.path_ahead(), frame), report.now))
         if _heard(self._local_plan):
             self._local_plan.publish(path_to_message(Path(report.trajectory, frame), report.now))
-        if report.explanation and _heard(self._explanation):
-            self._explanation.publish(report.explanation)
+        if report.explanation is not None and _heard(self._explanation):
+            self._explanation.publish(str(report.explanation))
         if report.cost_weights is not None and _heard(self._cost_cloud):
             self._cost_cloud.publish(_cost_cloud(report))
         if report.shows_trajectories and report.trajectories is not None and _heard(self._trajectory_cloud):
