@@ -55,9 +55,10 @@ class Explanation:
         return self._without(critic.passes_by_itself for critic in self.critics)
 
     def _without(self, left_out: Iterable[bool]) -> Explanation:
-        kept = [index for index, out in enumerate(left_out) if not out]
-        if len(kept) == len(self.critics):
+        out = np.fromiter(left_out, dtype=bool, count=len(self.critics))
+        if not self.scores[out].any():  # they said nothing: most of the time nobody comes, and nothing holds the robot
             return self
+        kept = np.flatnonzero(~out)
         return Explanation.of([self.critics[index] for index in kept], self.scores[kept], self.velocities)
 
     @property
