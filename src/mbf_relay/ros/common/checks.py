@@ -10,6 +10,7 @@ import math
 from typing import Any, Optional
 
 from mbf_relay.maps import COARSEST, FINEST, LARGEST_SIDE, MOST_CELLS
+from mbf_relay.scan_monitor import LARGEST_GAP
 
 AHEAD = 2.5
 """Seconds a stamp may be ahead of the clock: amcl post-dates its transform by up to 2 s, as upstream's range allows."""
@@ -99,10 +100,27 @@ def check_scan(message: Any) -> None:
         raise InvalidMessage(
             f"scan of {beams} beams from angle {message.angle_min} by {message.angle_increment} rad; "
             "both must be finite, and at most two turns together")
+    _check_directions(message, beams)
     if not 0.0 <= message.range_min < message.range_max:
         raise InvalidMessage(
             f"scan with range_min {message.range_min} m and range_max {message.range_max} m; "
             "they must be 0 <= range_min < range_max")
+
+
+def _check_directions(message: Any, beams: int) -> None:
+    """Refuse a scan whose beams do not look where it says they do: what they leave out would count as free.
+
+    Fewer beams than said by less than a gap there may be are what a motor does that runs fast. An angle_max of 0 may
+    have been left alone by the driver.
+    """
+    step = message.angle_increment
+    said = math.copysign(1.0, step) * (message.angle_max - message.angle_min)
+    covered = abs(step) * (beams - 1)
+    says = f"it says they look from angle {message.angle_min} to {message.angle_max}"
+    if (step == 0.0 and beams > 1) or said - covered > LARGEST_GAP:
+        raise InvalidMessage(f"scan of {beams} beams by {step} rad, which cover {covered:.2f} rad; {says}")
+    if said < -LARGEST_GAP and message.angle_max != 0.0:
+        raise InvalidMessage(f"scan of {beams} beams by {step} rad, against where {says}")
 
 
 def check_cloud(message: Any) -> None:

@@ -1,0 +1,42 @@
+"""What of a lidar's message is believed: a scan that has fewer beams than it says leaves a robot blind on one side."""
+
+import math
+
+import pytest
+
+pytest.importorskip("mbf_msgs", reason="needs the built package")
+
+from sensor_msgs.msg import LaserScan  # noqa: E402
+
+from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
+from mbf_relay.ros.common.conversions import scan_from_message  # noqa: E402
+
+DEGREE = math.pi / 180.0
+
+
+def scan(first, last, increment, beams):
+    return LaserScan(
+        angle_min=first, angle_max=last, angle_increment=increment, range_max=5.0, ranges=[3.0] * beams)
+
+
+@pytest.mark.parametrize("message, words", [
+    (scan(-math.pi, math.pi, DEGREE, 120), "120 beams"),  # the last 240, ahead and left, got lost
+    (scan(-math.pi, math.pi, 0.0, 360), "360 beams"),  # all of them look behind
+    (scan(0.0, 0.0, 0.0, 360), "360 beams"),
+    (scan(math.pi, -math.pi, DEGREE, 360), "against"),  # or what is left stands on the right
+])
+def test_a_scan_that_contradicts_itself_about_where_it_looks_is_not_driven_by(message, words):
+    with pytest.raises(InvalidMessage, match=words):
+        scan_from_message(message)
+
+
+@pytest.mark.parametrize("message", [
+    scan(0.0, 2.0 * math.pi, DEGREE, 360),  # a beam fewer than it says, as LDS-01's driver has it
+    scan(-math.pi, math.pi, DEGREE, 350),  # a motor that runs a little fast
+    scan(math.pi, -math.pi, -DEGREE, 361),  # upside down
+    scan(-math.pi, 0.0, DEGREE, 360),  # a driver that leaves angle_max alone
+    scan(math.pi / 2.0, 0.0, DEGREE, 360),
+    scan(0.0, 0.0, 0.0, 1),  # one that looks into one direction
+])
+def test_the_drivers_there_are_are_believed(message):
+    assert len(scan_from_message(message).ranges) == len(message.ranges)
