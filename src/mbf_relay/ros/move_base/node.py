@@ -48,7 +48,7 @@ class MoveBaseServer:
         """
         elsewhere = (*OTHER_MOVE_BASE_NAMES, *RelayParameters.names(), *NavigatorParameters.names(), *SEARCHED_NAMES)
         values = ros_parameters.fill(MoveBaseParameters, namespace, "~", elsewhere)
-        self.settings = OwnSettings(values, "recovery_behaviors" in namespace)
+        self.settings = OwnSettings(values, namespace)
         relays = set(RelayParameters.names()) - set(NavigatorParameters.names())
         config = {name: value for name, value in server_config(namespace, values).items() if name not in relays}
         self.global_frame = config["global_frame"]

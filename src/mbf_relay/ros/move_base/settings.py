@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Tuple
+from typing import Any, Mapping, Tuple
 
 import rospy
 
-from mbf_relay.navigation.move_base_files import SERVER_NAMES, default_recoveries, plugin_name
+from mbf_relay.navigation.move_base_files import SERVER_NAMES, adapted, default_recoveries, plugin_name
 from mbf_relay.ros.common import reconfigure
 from mbf_relay.ros.relay.reconfigure import WITHOUT_COUNTERPART, MoveBaseParameters
 from mbf_relay.ros.server.node import MoveBaseFlex
@@ -23,15 +23,15 @@ class OwnSettings:
 
     knows_server = True
 
-    def __init__(self, values: MoveBaseParameters, lists_recoveries: bool) -> None:
+    def __init__(self, values: MoveBaseParameters, namespace: Mapping[str, Any]) -> None:
         """Start with the file's values.
 
         Args:
             values: Those.
-            lists_recoveries: Whether the file has a list of recovery behaviours.
+            namespace: What stands under the node, plugins' groups and a list of recovery behaviours among it.
         """
-        self.values = values
-        self.recoveries: Tuple[str, ...] = () if lists_recoveries else default_recoveries(values)
+        self.values, self._namespace = values, namespace
+        self.recoveries: Tuple[str, ...] = () if "recovery_behaviors" in namespace else default_recoveries(values)
         self._server: Any = None
         self._front: Any = None
 
@@ -44,7 +44,8 @@ class OwnSettings:
 
     def plugin_names(self) -> Tuple[str, str]:
         """Return the names of the planner and the controller in use."""
-        return plugin_name(self.values.base_global_planner), plugin_name(self.values.base_local_planner)
+        planner, controller = self.values.base_global_planner, self.values.base_local_planner
+        return plugin_name(adapted(planner, self._namespace)), plugin_name(adapted(controller, self._namespace))
 
     def _change(self, new: MoveBaseParameters) -> None:
         """Take new values from dynamic_reconfigure.
@@ -55,7 +56,8 @@ class OwnSettings:
         old = self.values
         for kind, name in (("planners", "base_global_planner"), ("controllers", "base_local_planner")):
             if getattr(new, name) != getattr(old, name):
-                self._server.add_plugin(kind, plugin_name(getattr(new, name)), getattr(new, name))
+                type_name = adapted(getattr(new, name), self._namespace)
+                self._server.add_plugin(kind, plugin_name(type_name), type_name)
         for name in WITHOUT_COUNTERPART:
             if getattr(new, name) != getattr(old, name):
                 rospy.logwarn("%s holds from the next start on", name)
