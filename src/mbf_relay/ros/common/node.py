@@ -95,11 +95,13 @@ def _start_soon() -> None:
     spare_what_nobody_uses()
     from mbf_relay.ros.common.connecting import connect_once
     from mbf_relay.ros.common.receiving import receive_with_less
+    from mbf_relay.ros.common.sending import send_with_less
     from mbf_relay.ros.common.starting import start_soon
 
     connect_once()
     start_soon()
     receive_with_less()
+    send_with_less()
 
 
 def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:

@@ -1,0 +1,88 @@
+"""What rospy does for each message that goes out, done with less.
+
+rospy hands each message for each of its listeners to a thread of that listener's own, lest one that hangs hold up the
+others: sixty times a second `/clock` alone wakes ten threads. A small message that the system takes at once, since its
+buffer for that listener has room, needs no thread; whatever might have to wait is left to rospy's.
+"""
+
+from __future__ import annotations
+
+import select
+import time
+from typing import Any, Optional
+
+import rospy.topics
+from rospy.impl.tcpros_pubsub import QueuedConnection
+
+SMALL = 4096
+"""Bytes that the system takes in one piece where it takes any."""
+
+
+def send_with_less() -> None:
+    """Have this process send small messages with less work; before its first publisher."""
+    rospy.topics.QueuedConnection = DirectConnection
+
+
+class DirectConnection(QueuedConnection):
+    """rospy's queue and thread for one listener, and a way past them while nothing waits there."""
+
+    _sending = False  # somebody writes to the socket: the thread, or who publishes; guarded by _lock, as the queue is
+    _room: Optional[Any] = None
+    _queue: Any  # the base class's own, which has no types
+    _error: Any
+
+    def write_data(self, data: bytes) -> bool:
+        """Send what is small and can go at once, else leave it to the thread; returns True.
+
+        Raises:
+            TransportTerminated: The listener is gone.
+        """
+        with self._lock:
+            if self._error:
+                error, self._error = self._error, None
+                raise error
+            direct = len(data) <= SMALL and not self._queue and not self._sending and self._has_room()
+            if direct:
+                self._sending = True
+            else:
+                if self._queue_size > 0 and len(self._queue) == self._queue_size:
+                    del self._queue[0]
+                self._queue.append(data)
+                self._cond_data_available.notify()
+        if not direct:
+            time.sleep(0)  # as rospy does: the thread goes on
+            return True
+        try:
+            self._connection.write_data(data)  # without the lock, which a connection that ends asks for
+        finally:
+            with self._lock:
+                self._sending = False
+                if self._queue:
+                    self._cond_data_available.notify()
+        return True
+
+    def _has_room(self) -> bool:
+        """Return whether the system takes a small message at once."""
+        socket = self._connection.socket
+        if self._connection.done or socket is None:
+            return False
+        if self._room is None:
+            self._room = select.poll()
+            self._room.register(socket, select.POLLOUT)
+        return [event for _, event in self._room.poll(0)] == [select.POLLOUT]
+
+    def _run(self) -> None:
+        while not self._connection.done:
+            with self._lock:
+                while (self._sending or not self._queue) and not self._connection.done:
+                    self._cond_data_available.wait()
+                queue, self._queue = self._queue, []
+                self._sending = True
+            for data in queue:
+                try:
+                    self._connection.write_data(data)
+                except Exception as error:  # whatever it is, who publishes next hears of it
+                    with self._lock:
+                        self._error = error
+            with self._lock:
+                self._sending = False

@@ -1,0 +1,98 @@
+"""Small messages that go out without a thread: whole, in order, and never held up by a listener that hangs."""
+
+import socket
+import threading
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import rospy.topics  # noqa: E402
+from ros_testing import wait_until  # noqa: E402
+from rospy.exceptions import TransportTerminated  # noqa: E402
+from rospy.impl.tcpros_base import TCPROSTransport, TCPROSTransportProtocol  # noqa: E402
+
+from mbf_relay.ros.common import sending  # noqa: E402
+
+SIZES = (sending.SMALL, 7, sending.SMALL + 1, 30, 200_000, 12)
+
+
+@pytest.fixture
+def listener():
+    """Return a connection, and the socket its listener reads."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        near = socket.create_connection(server.getsockname())
+        far = server.accept()[0]
+    far.settimeout(20.0)
+    transport = TCPROSTransport(TCPROSTransportProtocol("/somewhere", None), "somewhere")
+    transport.set_socket(near, "somebody")
+    connection = sending.DirectConnection(transport, 3)
+    yield connection, far
+    transport.close()
+    far.close()
+    connection._thread.join(20.0)
+    assert not connection._thread.is_alive()
+
+
+def read(far, count):
+    data = b""
+    while len(data) < count:
+        data += far.recv(count - len(data))
+    return data
+
+
+def test_messages_of_all_sizes_arrive_whole_and_in_order(listener):
+    connection, far = listener
+    for turn in range(60):
+        message = bytes([turn]) * SIZES[turn % len(SIZES)]
+        connection.write_data(message)
+        if turn % 3 == 2:  # as many as the queue holds
+            expected = b"".join(bytes([each]) * SIZES[each % len(SIZES)] for each in range(turn - 2, turn + 1))
+            assert read(far, len(expected)) == expected
+
+
+def test_a_small_message_goes_out_in_the_thread_that_publishes(listener, monkeypatch):
+    connection, far = listener
+    threads, send = [], connection._connection.write_data
+    monkeypatch.setattr(
+        connection._connection, "write_data", lambda data: (threads.append(threading.current_thread()), send(data)))
+    connection.write_data(b"clock")
+    assert read(far, 5) == b"clock" and threads == [threading.current_thread()]
+
+
+def test_a_listener_that_hangs_holds_up_nobody_and_hears_the_newest_when_it_goes_on(listener):
+    connection, far = listener
+    sent = 0
+    while connection._has_room() or sent < 20_000:  # far more than two buffers hold
+        connection.write_data(sent.to_bytes(4, "big") * 250)
+        sent += 1
+    assert len(connection._queue) == 3
+    heard = []
+    while not heard or heard[-1] != sent - 1:
+        block = read(far, 1000)
+        assert block == block[:4] * 250, "no message is cut"
+        heard.append(int.from_bytes(block[:4], "big"))
+    assert heard == sorted(heard) and len(heard) < sent
+
+
+def test_who_publishes_hears_that_a_listener_is_gone(listener):
+    connection, far = listener
+    far.close()
+
+    def is_told():
+        try:
+            connection.write_data(b"is anybody there?")
+        except TransportTerminated:
+            return True
+        except OSError:  # reset before the pipe breaks
+            return False
+        return False
+
+    wait_until(is_told, "the end of the connection", 20.0)
+    assert connection._connection.done
+
+
+def test_all_that_a_node_publishes_goes_this_way(monkeypatch):
+    monkeypatch.setattr(rospy.topics, "QueuedConnection", None)
+    sending.send_with_less()
+    assert rospy.topics.QueuedConnection is sending.DirectConnection
