@@ -97,6 +97,11 @@ class MasterCase(PulledCase):
         ended = [end.status.goal_id.id for end in self.ends.messages]
         self.assertEqual(len(ended), len(set(ended)))
 
+    def is_as_given(self, node):
+        """Return whether a node has told the master all parameters it had; it is there before it has told the last."""
+        there = rospy.get_param(node, {})
+        return {name: there.get(name) for name in self.given[node]} == self.given[node]
+
     def check_all_is_as_before(self, place):
         """Expect all nodes at a new master, with what their user gave them, and that a user can send the robot on.
 
@@ -105,9 +110,8 @@ class MasterCase(PulledCase):
         for node in EVERYBODY:
             wait_until(lambda node=node: pid_of(node), f"{node} to be back", 90.0)
         os.kill(self.foreigner, signal.SIGTERM)  # C++ nodes know nothing of new masters; their user starts them again
-        for node, given in self.given.items():
-            there = rospy.get_param(node)
-            self.assertEqual({name: there.get(name) for name in given}, given)
+        for node in self.given:
+            wait_until(lambda node=node: self.is_as_given(node), f"the parameters its user gave {node}")
         x, y = (str(value) for value in place[:2])
 
         def arrives():
