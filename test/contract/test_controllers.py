@@ -274,7 +274,7 @@ def test_new_parameters_hold_from_the_next_cycle_on(name):
 
 
 def test_a_robot_slow_to_accelerate_gets_going_where_cycles_are_shorter_than_odometry_s(name):
-    controller, robot = make(name, acc_lim_x=0.2), PaperRobot(START, acceleration=0.2)
+    controller, robot = make(name, acc_lim_x=0.1), PaperRobot(START, acceleration=0.1)
     controller.set_path(STRAIGHT, True)
     readings = [STOP]
     for cycle in range(150):

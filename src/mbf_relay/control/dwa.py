@@ -13,7 +13,7 @@ from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.explanation import Explanation
 from mbf_relay.control.follower import ControlCycle, PathFollower
 from mbf_relay.control.report import CycleReport
-from mbf_relay.control.trajectories import STANDING, Trajectories, roll_out, sample, window_of
+from mbf_relay.control.trajectories import STANDING, Trajectories, is_fastest, roll_out, sample, window_of
 from mbf_relay.geometry import STOP, Twist2D
 from mbf_relay.planning.path import Path
 from mbf_relay.plugins import find_class
@@ -93,7 +93,8 @@ class DwaController(PathFollower):
             turn = self.turn_to_path(cycle, 0.0)
             if turn is not None:
                 return turn
-            if not stands:  # it faces the path and turns too fast to go on from there: else it would swing to and fro
+            # it faces the path and turns too fast to go on from there: else it would swing to and fro
+            if not stands and not is_fastest(cycle.window, velocities[winner]):
                 return cycle.window.clip(STOP)
             turns_only = True
         worthwhile = self._is_worthwhile(self.explanation, width)

@@ -76,6 +76,12 @@ def sample(parameters: DwaParameters, window: VelocityWindow, speed: float) -> n
     return velocities[:found]
 
 
+def is_fastest(window: VelocityWindow, velocity: np.ndarray) -> bool:
+    """Return whether a velocity, (3,), is as fast as the window allows: the robot starts, or must be slow here."""
+    fastest = max(abs(window.low.x), abs(window.high.x), abs(window.low.y), abs(window.high.y))
+    return bool(np.hypot(velocity[0], velocity[1]) >= fastest - 1e-4)
+
+
 def too_slow(parameters: DwaParameters, window: VelocityWindow, velocities: np.ndarray) -> np.ndarray:
     """Tell of each velocity, (N, 3), whether it creeps.
 
