@@ -233,6 +233,7 @@ class TestLife(unittest.TestCase):
 
         def cut(message):
             message.ranges = message.ranges[:len(message.ranges) // 2 + next(numbers) % 7]
+            message.angle_max = message.angle_min + (len(message.ranges) - 1) * message.angle_increment
             return message
 
         def strange(message):
