@@ -23,7 +23,7 @@ from defusedxml import ElementTree
 
 from mbf_relay.report.drive import Drive
 from mbf_relay.report.terminal import Terminal
-from mbf_relay.ros.tools.demo_graph import ENDING_SIGNALS, DemoGraph, GraphError, free_port, last_complaints
+from mbf_relay.ros.tools.demo_graph import ENDING_SIGNALS, DemoGraph, GraphError, free_port, last_errors
 
 GOALS_PER_LAP = 8
 START_PATIENCE = 60.0
@@ -234,7 +234,7 @@ def say_last_word(terminal: Terminal, client: subprocess.Popen, log: str, nodes_
     for line in verdicts:
         terminal.line(line)
     if client.returncode != 0:
-        terminal.line(f"the client ended with status {client.returncode}:\n{last_complaints(log)}")
+        terminal.line(f"the client ended with status {client.returncode}:\n{last_errors(log)}")
         for reason in reasons_of_aborts(nodes_log):
             terminal.line(f"the reason: {reason}")
 

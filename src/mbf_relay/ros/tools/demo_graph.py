@@ -79,7 +79,7 @@ class DemoGraph:
     def check(self) -> None:
         """Raise GraphError where roslaunch has ended, as it does when a required node dies."""
         if self._processes[0].poll() is not None:
-            raise GraphError(f"the nodes have ended:\n{last_complaints(self._log)}\nAll of it: {self._log}")
+            raise GraphError(f"the nodes have ended:\n{last_errors(self._log)}\nAll of it: {self._log}")
 
     def wait_for_parameter(self, name: str, timeout: float) -> None:
         """Return once the master has a parameter, which roslaunch sets before it starts nodes.
@@ -171,9 +171,9 @@ def descendants(pid: int) -> List[int]:
         return []
 
 
-def last_complaints(log: str, count: int = 8) -> str:
+def last_errors(log: str, count: int = 8) -> str:
     """Return the last lines of a log that say what went wrong, else its last lines."""
     with open(log, encoding="utf-8", errors="replace") as stream:
         lines = [line.rstrip() for line in stream if line.strip()]
-    warnings = [line for line in lines if any(word in line for word in ("FATAL", "ERROR", "Error", "REQUIRED"))]
-    return "\n".join((warnings or lines)[-count:])
+    errors = [line for line in lines if any(word in line for word in ("FATAL", "ERROR", "Error", "REQUIRED"))]
+    return "\n".join((errors or lines)[-count:])

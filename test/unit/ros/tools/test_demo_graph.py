@@ -60,13 +60,13 @@ def test_an_interrupt_while_the_graph_starts_leaves_no_process(tmp_path):
 
 
 def test_complaints_come_before_the_last_lines(tmp_path):
-    from mbf_relay.ros.tools.demo_graph import last_complaints
+    from mbf_relay.ros.tools.demo_graph import last_errors
 
     log = tmp_path / "log"
     log.write_text("one\n[FATAL] the map is missing\ntwo\n\n")
-    assert last_complaints(str(log)) == "[FATAL] the map is missing"
+    assert last_errors(str(log)) == "[FATAL] the map is missing"
     log.write_text("one\ntwo\n")
-    assert last_complaints(str(log)) == "one\ntwo"
+    assert last_errors(str(log)) == "one\ntwo"
 
 
 def test_the_relay_s_reasons_are_found_in_the_log_of_the_nodes(tmp_path):
