@@ -47,10 +47,10 @@ def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any]) -> Iterator
         return  # told elsewhere, with all else that is no footprint
     if len(corners) and radii(corners)[1] > 10.0:
         yield "footprint", f"is {text!r}: it reaches {radii(corners)[1]:.1f} m; lengths are in metres"
-    radius = group.get("robot_radius", config.get("robot_radius", 0.0))
+    radius = group.get("robot_radius", config.get("robot_radius"))
     if _number(radius) > 10.0:
         yield "robot_radius", f"is {radius}; lengths are in metres"
-    if not len(corners) and _is_zero(group.get("robot_radius", config.get("robot_radius"))):
+    if not len(corners) and _is_zero(radius):
         yield "robot_radius", f"is {radius}, and there is no footprint: what takes no room fits through every gap"
     reach = radii(corners)[1] if len(corners) else _number(radius)
     for name in ("width", "height"):
@@ -74,8 +74,8 @@ def _of_controller(group: Mapping[str, Any]) -> Iterator[Doubt]:
 
 
 def _is_zero(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and value == 0
+    return _number(value, otherwise=math.nan) == 0.0
 
 
-def _number(value: Any) -> float:
-    return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else 0.0
+def _number(value: Any, otherwise: float = 0.0) -> float:
+    return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else otherwise
