@@ -3,10 +3,7 @@
 import functools
 import json
 import math
-import os
 import random
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any, Optional
 
@@ -15,7 +12,7 @@ import yaml
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
-from ros_master import Master  # noqa: E402
+from node_starts import MAP, how_they_start  # noqa: E402
 from tally import how_many, trial  # noqa: E402
 
 from mbf_relay import plugins  # noqa: E402
@@ -31,14 +28,11 @@ from mbf_relay.navigation.parameters import NavigatorParameters  # noqa: E402
 from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS  # noqa: E402
 from mbf_relay.navigation.waypoints import WaypointFollowerParameters  # noqa: E402
 from mbf_relay.ros.relay.relay import RelayParameters  # noqa: E402
-from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
 from mbf_relay.simulation.faults import Faults  # noqa: E402
 from mbf_relay.simulation.node_parameters import SimulatorParameters  # noqa: E402
 from mbf_relay.view.parameters import WebViewParameters  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[3]
-STARTER = ROOT / "test" / "started_nodes.py"
-MAP = str(ROOT / "config" / "maps" / "turtlebot3_world.yaml")
 ALL = 10000
 """More starts than there are parameters times values."""
 NEVER_RIGHT = {"group": {"a": 1}, "list": [], "lists": [1, "x", [math.nan]]}
@@ -121,21 +115,9 @@ def test_a_node_given_any_value_of_any_parameter_starts_or_says_in_a_line_what_i
         (node, changed(node, group, name, VALUES[what]), arguments.get(node, []))
         for node, group, name, _hint, what in cases
     ]
-    (tmp_path / "work").write_text(json.dumps(work))
-    master = Master(free_port())
-    environment = dict(os.environ, ROS_MASTER_URI=master.uri, ROS_LOG_DIR=str(tmp_path))
-    a_map = subprocess.Popen(
-        ["rosrun", "mbf_relay", "map_server", MAP, "__name:=a_map"], env=environment, stdout=subprocess.DEVNULL)
-    try:
-        subprocess.run([sys.executable, STARTER, tmp_path / "work", tmp_path / "results"], env=environment, check=True)
-    finally:
-        a_map.terminate()
-        a_map.wait()
-        master.kill()
     found = []
-    results = [json.loads(line) for line in (tmp_path / "results").read_text().splitlines()]
-    assert len(results) == len(cases)
-    for (node, group, name, hint, what), (came_up, status, said) in zip(cases, results):
+    starts = how_they_start(work, tmp_path)
+    for (node, group, name, hint, what), (came_up, status, said) in zip(cases, starts):
         wrong = trouble(name, hint, what, came_up, status, said)
         try:
             with trial("starts of a node with one parameter of any kind"):

@@ -3,13 +3,9 @@
 The usual suite tries what the files calculate with; `--long` anything for any argument, and starts what it reaches.
 """
 
-import json
-import os
 import random
 import re
 import shlex
-import subprocess
-import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -18,21 +14,18 @@ import pytest
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 roslaunch_config = pytest.importorskip("roslaunch.config")
 
-from ros_master import Master  # noqa: E402
+from node_starts import how_they_start  # noqa: E402
 from roslaunch.core import RLException  # noqa: E402
 from roslaunch.loader import Loader  # noqa: E402
 from tally import LONG, how_many, trial  # noqa: E402
 
 from mbf_relay.ros.compose.node import MEMBERS  # noqa: E402
-from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[3]
-STARTER = ROOT / "test" / "started_nodes.py"
 VALUES = (
     "true", "rubbish", "inf", "nan", "", "-1", "1e300", "/nowhere/x.yaml", "[1, 2", "{a: 1}", "a b", "é", "0",
     "/dev/null", "/tmp", "~", "../..", "2147483647",
 )
-MAP = ROOT / "config" / "maps" / "turtlebot3_world.yaml"
 STARTED = {*MEMBERS, "simulator", "velocity_guard", "waypoint_follower", "web_view"}
 
 
@@ -98,20 +91,9 @@ def test_an_argument_of_any_kind_is_refused_in_a_line_or_by_the_node_that_gets_i
 
 def started(work, folder):
     """Start nodes with what reached them; return what is wrong with how they did."""
-    (folder / "work").write_text(json.dumps(list(work.values())))
-    master = Master(free_port())
-    environment = dict(os.environ, ROS_MASTER_URI=master.uri, ROS_LOG_DIR=str(folder))
-    a_map = subprocess.Popen(
-        ["rosrun", "mbf_relay", "map_server", MAP, "__name:=a_map"], env=environment, stdout=subprocess.DEVNULL)
-    try:
-        subprocess.run([sys.executable, STARTER, folder / "work", folder / "results"], env=environment, check=True)
-    finally:
-        a_map.terminate()
-        a_map.wait()
-        master.kill()
     found = []
-    for (kind, name, value), line in zip(work, (folder / "results").read_text().splitlines()):
-        came_up, status, said = json.loads(line)
+    starts = how_they_start(list(work.values()), folder)
+    for (kind, name, value), (came_up, status, said) in zip(work, starts):
         fatal = [line for line in said.splitlines() if "[FATAL]" in line]
         fine = status == 0 if came_up else status == 1 and len(fatal) <= 1
         try:
