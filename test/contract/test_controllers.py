@@ -1,5 +1,6 @@
 """What every controller owes whoever drives with it."""
 
+import dataclasses
 import math
 import os
 import sys
@@ -58,6 +59,18 @@ def test_commands_stay_within_limits_and_accelerations(name, path):
     assert np.abs(commands[:, 2]).max() <= 2.75 + 1e-9
     steps = np.abs(np.diff(np.vstack((np.zeros(3), commands)), axis=0))[~np.array(ended.failed)]
     assert steps[:, 0].max() <= 2.5 * 0.1 + 1e-9 and steps[:, 2].max() <= 3.2 * 0.1 + 1e-9
+
+
+@pytest.mark.parametrize("told", [Twist2D(0.6, 0.0, 0.0), Twist2D(0.1, 0.0, 5.0), Twist2D(1.7, 0.0, -50.0)])
+def test_a_robot_whose_odometry_counts_in_another_unit_is_not_driven_faster_and_faster(name, told):
+    """Each command raised what odometry told, and that the next command: in millimetres, and in degrees a second."""
+    controller = make(name)
+    controller.set_path(STRAIGHT, True)
+    try:
+        command = controller.compute_velocity(dataclasses.replace(state(velocity=told), commanded=STOP))
+    except ControlError:
+        return
+    assert abs(command.x) <= 0.22 + 1e-9 and abs(command.theta) <= 2.75 + 1e-9
 
 
 def test_equal_input_gives_equal_output(name):

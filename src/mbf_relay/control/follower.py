@@ -20,7 +20,7 @@ from mbf_relay.control.foresight import Foresight
 from mbf_relay.control.local_path import LocalPath, PathTracker
 from mbf_relay.control.report import CycleReport
 from mbf_relay.control.state import ControlState, GoalTolerance
-from mbf_relay.control.trajectories import VelocityWindow, speed_to_stop_within, window_of
+from mbf_relay.control.trajectories import VelocityWindow, commandable, speed_to_stop_within, window_of
 from mbf_relay.control.turning import Overshoot, free_turn, free_way_round, turn_rate
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import STOP, Pose2D, Twist2D, angle_between
@@ -289,16 +289,13 @@ class PathFollower(Controller, abc.ABC):
     def _velocity_now(self, state: ControlState, parameters: FollowerParameters) -> Twist2D:
         """Return the last command where the robot is on its way to it, component by component, else what was measured.
 
-        Odometry lags; a window built on it alone makes every acceleration come late and every stop overshoot. What it
-        says of a motion that cannot be commanded, as of a wheeled robot that slips sideways, is nothing to brake.
+        Odometry lags; a window built on it alone makes every acceleration come late and every stop overshoot.
         """
-        measured_now = state.velocity
-        if parameters.min_vel_y == parameters.max_vel_y == 0.0:
-            measured_now = Twist2D(measured_now.x, 0.0, measured_now.theta)
         elapsed = math.inf if self._commanded_at is None else state.now - self._commanded_at
         if not 0.0 <= elapsed <= 3.0 * state.period:
-            return measured_now
+            return commandable(parameters, state.velocity, state.commanded or STOP)
         last = self.command if state.commanded is None else state.commanded
+        measured_now = commandable(parameters, state.velocity, last)
         if elapsed < 0.5 * state.period and last == self.command:  # asked again before it could take effect
             return self._started_from
         limits = (parameters.acc_lim_x, parameters.acc_lim_y, parameters.acc_lim_theta)

@@ -61,6 +61,25 @@ def window_of(
     return VelocityWindow(Twist2D(*low), Twist2D(*high))
 
 
+def commandable(parameters: FollowerParameters, velocity: Twist2D, last: Twist2D) -> Twist2D:
+    """Return what a measured velocity is to a controller: no more than could have been commanded.
+
+    What lies beyond, as of a wheeled robot that slips sideways, or that coasts downhill, is nothing to brake bit by
+    bit; and where odometry counts in another unit, each command would raise what is measured, and that the next one.
+
+    Args:
+        parameters: Limits.
+        velocity: As odometry tells it.
+        last: The last command, which may be beyond the limits where these were lowered since.
+    """
+    p = parameters
+    limits = ((p.min_vel_x, p.max_vel_x), (p.min_vel_y, p.max_vel_y), (-p.max_vel_theta, p.max_vel_theta))
+    return Twist2D(*(
+        min(max(value, min(low, now, 0.0)), max(high, now, 0.0))
+        for value, now, (low, high) in zip(velocity, last, limits)
+    ))
+
+
 def sample(parameters: DwaParameters, window: VelocityWindow, speed: float) -> np.ndarray:
     """Return velocities of the window, shape (N, 3): evenly spaced along each component, with its ends and zero.
 

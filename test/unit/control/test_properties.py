@@ -73,7 +73,8 @@ def test_no_command_leaves_limits_or_accelerations(name, seed, x, theta, speed, 
     controller, velocity = make(name), Twist2D(speed, 0.0, turn)
     controller.set_path(path_through((0, 0), (0.7, 0.3), (1.2, -0.4)), True)
     state = ControlState(
-        0.0, Pose2D(x, 0.1, theta), velocity, costmap_round(Pose2D(x, 0.1, theta), scattered(seed)), IDENTITY, period
+        0.0, Pose2D(x, 0.1, theta), velocity, costmap_round(Pose2D(x, 0.1, theta), scattered(seed)), IDENTITY, period,
+        commanded=velocity,  # faster than it may: its limits were lowered
     )
     try:
         command = controller.compute_velocity(state)

@@ -32,9 +32,11 @@ print(json.dumps({f"{kind.__name__}.{outcome.name}": [code_of(outcome, kind), ge
 """
 LACKING = {
     "GetPathResult.BLOCKED_START": 52, "GetPathResult.BLOCKED_GOAL": 53, "ExePathResult.BLOCKED_GOAL": 100,
-    "MoveBaseResult.STOPPED": 11,
+    "MoveBaseResult.STOPPED": 17,
 }
-"""What the release has no name for, and the number that stands for it: INVALID_START, INVALID_GOAL, FAILURE, CANCELED.
+"""What the release has no name for, and the number that stands for it.
+
+INVALID_START, INVALID_GOAL, FAILURE, INTERNAL_ERROR.
 """
 
 

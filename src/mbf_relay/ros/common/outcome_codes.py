@@ -20,7 +20,7 @@ FALLBACKS: Dict[str, str] = {
     "NOT_INITIALIZED": "INTERNAL_ERROR",
     "OUT_OF_MAP": "FAILURE",
     "MAP_ERROR": "INTERNAL_ERROR",
-    "STOPPED": "CANCELED",
+    "STOPPED": "INTERNAL_ERROR",  # nobody cancelled
     "ROBOT_STUCK": "OSCILLATION",
 }
 

@@ -9,7 +9,9 @@ pytest.importorskip("mbf_msgs.msg")
 from actionlib_msgs.msg import GoalStatus  # noqa: E402
 from geometry_msgs.msg import Quaternion  # noqa: E402
 
+from mbf_relay.navigation.goals import NavigateOutcome  # noqa: E402
 from mbf_relay.ros.common.client_goals import ActionEnding  # noqa: E402
+from mbf_relay.ros.common.outcome_codes import code_of  # noqa: E402
 from mbf_relay.ros.relay import answers  # noqa: E402
 
 
@@ -83,6 +85,13 @@ def test_a_failure_has_move_bases_text_and_the_servers_reason(numbers, action, n
 def test_canceled_is_preempted_whoever_asked(numbers, status):
     for action in (numbers.MoveBaseResult, numbers.GetPathResult, numbers.ExePathResult, numbers.RecoveryResult):
         assert answer(status, action.CANCELED).status == GoalStatus.PREEMPTED
+
+
+def test_a_client_whose_server_is_shut_down_is_not_told_that_somebody_cancelled(numbers):
+    outcome = code_of(NavigateOutcome.STOPPED, numbers.MoveBaseResult)
+    found = answer(GoalStatus.ABORTED, outcome, message="move_base_flex is shutting down")
+    assert (found.status, found.text) == (GoalStatus.ABORTED, answers.NO_PLAN)
+    assert "is shutting down" in found.reason
 
 
 def test_a_server_that_cancels_with_an_error_has_failed_unless_it_was_asked(numbers):
