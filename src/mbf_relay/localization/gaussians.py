@@ -64,9 +64,9 @@ class PoseGaussian:
     def log_density(self, poses: np.ndarray) -> np.ndarray:
         """Return the log-density at poses, (N, 3) in, (N,) out."""
         root = np.linalg.cholesky(self.covariance)
-        whitened = np.linalg.solve(root, differences(poses, self.mean).T)
+        whitened = differences(poses, self.mean) @ np.linalg.inv(root).T
         normalizer = LOG_NORMALIZER - np.log(np.diag(root).copy()).sum()
-        logs: np.ndarray = normalizer - 0.5 * np.square(whitened).sum(axis=0)
+        logs: np.ndarray = normalizer - 0.5 * np.einsum("ij,ij->i", whitened, whitened)
         return logs
 
     def sample(self, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -32,6 +32,8 @@ DRAWN = 0.5
 """Share of a cluster that is drawn around its maxima by a scan that is all news; the rest stays where odometry put it.
 """
 
+PREVIEWED = 40
+"""Beams, about, that choose where to climb from."""
 FULL_CREDIT = 0.6
 """Share of the beams the map must explain for a scan to be believed in full; below, with the third power."""
 
@@ -81,7 +83,8 @@ class ScanProposal:
             look = functools.partial(self._likelihood.log, endpoints=endpoints, news=news)
         else:
             look = functools.partial(_counted, weigh, news)
-        likelihoods = look(poses)
+        # One cluster is redrawn as a whole: what its particles were worth only says where to climb from.
+        likelihoods = look(poses) if count > 1 else self._likelihood.log(poses, some_of(endpoints, PREVIEWED), news)
         weights = np.exp(log_weights + likelihoods - (log_weights + likelihoods).max())
         best, explained = PoseGaussian(poses[0], np.eye(3)), 0.0
         for rank, (label, _) in enumerate(heaviest_first(labels, weights, count)[:CLUSTERS]):
@@ -125,6 +128,11 @@ class ScanProposal:
             )
         poses[members], likelihoods[members] = own, look(own)
         return modes
+
+
+def some_of(endpoints: np.ndarray, count: int) -> np.ndarray:
+    """Return about `count` of a scan's ends, shape (B, 2), evenly spread."""
+    return np.ascontiguousarray(endpoints[:: max(1, len(endpoints) // count)])
 
 
 def _counted(weigh: Weigh, news: float, poses: np.ndarray) -> np.ndarray:

@@ -83,11 +83,13 @@ def test_many_beams_do_not_underflow():
     assert logs[0] > logs[1]
 
 
+@pytest.mark.parametrize("reach", [4.0, 0.9])
 @pytest.mark.parametrize("origin", [Pose2D(-3.0, -2.0, 0.0), Pose2D(1.0, 2.0, 0.7)])
-def test_endpoint_kernel_is_what_plain_numpy_gives(origin):
+def test_endpoint_kernel_is_what_plain_numpy_gives(origin, reach):
+    """With all beams long enough to leave the map from most poses, and with all so short that they cannot."""
     rng, field = np.random.default_rng(3), DistanceField(room(origin), 2.0)
     poses = origin.transform_poses(rng.uniform((-1.0, -1.0, -3.0), (9.0, 7.0, 3.0), (200, 3)))
-    endpoints = rng.uniform(-4.0, 4.0, (50, 2))
+    endpoints = rng.uniform(-reach, reach, (50, 2))
     sums, values = np.empty(200), np.empty((200, 50), dtype=np.float32)
     sum_over_endpoints(poses, endpoints, field.codes, field.cell_distances, 7.0, field.frame, sums)
     look_up_endpoints(poses, endpoints, field.codes, field.cell_distances, 7.0, field.frame, values)
@@ -99,6 +101,19 @@ def test_endpoint_kernel_is_what_plain_numpy_gives(origin):
         expected = np.where(inside, field.distances[clipped[:, 1], clipped[:, 0]], 7.0)
         assert row == pytest.approx(expected, abs=1e-6)
         assert total == pytest.approx(expected.sum(), rel=1e-5)
+
+
+@pytest.mark.parametrize("strange", [math.nan, math.inf, -math.inf, 1e300])
+def test_numbers_that_are_none_end_off_the_map(strange):
+    field, sums = DistanceField(room(), 2.0), np.empty(3)
+    ends, outside = np.zeros((6, 2)), 7.0
+    poses = np.array([[0.0, 0.0, 0.0], [strange, 0.0, 0.0], [0.0, 0.0, strange]])
+    for strange_ends in (0, 1):
+        ends[2] = strange if strange_ends else 0.0
+        sum_over_endpoints(poses, ends, field.codes, field.cell_distances, outside, field.frame, sums)
+        assert np.isfinite(sums).all()
+        assert sums[1] == 6 * outside
+        assert sums[0] != 6 * outside
 
 
 def test_rays_end_where_small_steps_meet_a_wall():
