@@ -49,6 +49,12 @@ def cloud_of(scan):
     return cloud
 
 
+def undated(scan):
+    """Return a scan without a stamp."""
+    scan.header.stamp = rospy.Time()
+    return scan
+
+
 class TestAmcl(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -172,6 +178,16 @@ class TestAmcl(unittest.TestCase):
         self.robot.change_ranges = lambda ranges: ranges
         poses = len(self.pose.messages)
         self.drive_until(lambda: len(self.pose.messages) > poses + 4, "updates after bad scans")
+        self.assertLess(self.error()[0], 0.3)
+
+    def test_a_robot_whose_lidar_does_not_date_its_scans_is_followed(self):
+        """map -> odom was dated 0 with them, and the server waited for a newer one for ever."""
+        self.start_at(self.robot.pose)
+        change, self.robot.change_message = self.robot.change_message, undated
+        count, now = len(self.map_to_odom()), rospy.get_time()
+        self.drive_until(lambda: len(self.map_to_odom()) > count + 8, "transforms by undated scans")
+        self.robot.change_message = change
+        self.assertTrue(all(sent.header.stamp.to_sec() > now for sent in self.map_to_odom()[count:]))
         self.assertLess(self.error()[0], 0.3)
 
     def test_a_robot_whose_lidar_sends_point_clouds_is_followed(self):

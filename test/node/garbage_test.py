@@ -207,6 +207,7 @@ class GarbageTest(unittest.TestCase):
             dict(angle_min=math.inf),
             dict(range_max=math.nan),
             dict(range_min=9.0),
+            dict(range_min=120.0, range_max=3500.0, ranges=[3000.0] * 180),  # in millimetres
             dict(angle_increment=1e30),
             dict(frame="nowhere"),
             dict(frame="ba\0se"),

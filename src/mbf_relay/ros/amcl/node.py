@@ -32,7 +32,7 @@ from mbf_relay.ros.amcl.initial_pose import check_frame, initial_pose_from_messa
 from mbf_relay.ros.amcl.map_to_odom import MapToOdom
 from mbf_relay.ros.amcl.particle_cloud import ParticleCloud
 from mbf_relay.ros.amcl.saved_pose import SavedPose
-from mbf_relay.ros.amcl.scan_queue import AnyScan, CloudScan, ScanQueue
+from mbf_relay.ros.amcl.scan_queue import AnyScan, CloudScan, ScanQueue, dated
 from mbf_relay.ros.common import diagnostics, parameters
 from mbf_relay.ros.common.checks import InvalidMessage, check_stamp
 from mbf_relay.ros.common.conversions import header, map_from_message, pose_to_message
@@ -276,7 +276,7 @@ class AmclNode:
     def _take_scan(self, message: LaserScanMessage) -> None:
         try:
             check_stamp(message.header.stamp.to_sec(), rospy.get_time())
-            self._queue.put(message)
+            self._queue.put(dated(message))
         except InvalidMessage as error:
             rospy.logwarn_throttle(5.0, f"scan refused: {error}")
 

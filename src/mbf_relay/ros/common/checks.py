@@ -22,6 +22,8 @@ FASTEST = 1000.0
 """Metres or radians per second; nothing on wheels is faster."""
 LONGEST_RANGE = 1e4
 """Metres that a range sensor may claim to reach."""
+FIRST_RANGE = 10.0
+"""Metres within which a range sensor must begin to see: the nearest it tells, in millimetres, is ten times as far."""
 MOST_BEAMS = 100000
 """Beams of a scan: a hundred times what planar lidars have."""
 MOST_POINTS = 4000000
@@ -105,6 +107,10 @@ def check_scan(message: Any) -> None:
         raise InvalidMessage(
             f"scan with range_min {message.range_min} m and range_max {message.range_max} m; "
             "they must be 0 <= range_min < range_max")
+    if message.range_min > FIRST_RANGE:
+        raise InvalidMessage(
+            f"scan with range_min {message.range_min} m, which shows nothing nearer; at most {FIRST_RANGE:g} m are "
+            "taken: are its ranges in metres?")
 
 
 def _check_directions(message: Any, beams: int) -> None:
