@@ -19,6 +19,10 @@ from typing import Any, ClassVar, Dict, Iterable, List, Mapping, Optional, Seque
 
 T = TypeVar("T", bound="ParameterSet")
 
+LARGEST = 1e9
+"""Of any unit: 30 years, a million kilometres. What lies beyond it, infinity among it, overflows where it is squared or
+counted in cells; where no nearer end is declared, a number goes as far as this."""
+
 
 def parameter(
     default: Any,
@@ -45,7 +49,7 @@ def parameter(
     """
     metadata = dict(
         description=description, unit=unit, minimum=minimum, maximum=maximum, above=above, choices=choices,
-        aliases=tuple(aliases), clamped=clamped,
+        aliases=tuple(aliases), clamped=clamped, largest=math.inf if default == math.inf else LARGEST,
     )
     if isinstance(default, (list, dict)):
         return dataclasses.field(default_factory=lambda: type(default)(default), metadata=metadata)
@@ -226,6 +230,8 @@ def _nearest_allowed(value: Any, field: Any) -> Any:
         return type(value)(maximum)
     if minimum is not None and value < minimum and above is None:
         return type(value)(minimum)
+    if abs(value) > field.metadata["largest"] and (above is None or value > above):
+        return type(value)(math.copysign(field.metadata["largest"], value))
     return field.default
 
 
@@ -291,6 +297,9 @@ def _check_range(name: str, value: Any, metadata: Mapping[str, Any]) -> None:
             raise ValueError(f"parameter {name} is {value}; it must be at most {maximum}{_unit(metadata)}")
         if above is not None and entry <= above:
             raise ValueError(f"parameter {name} is {value}; it must be above {above}{_unit(metadata)}")
+        if isinstance(entry, (int, float)) and abs(entry) > metadata["largest"]:
+            largest = f"{metadata['largest']:g}{_unit(metadata)}"
+            raise ValueError(f"parameter {name} is {value}; it must be within {largest} of 0")
 
 
 def _unit(metadata: Mapping[str, Any]) -> str:

@@ -9,6 +9,24 @@ from mbf_relay.parameters import ParameterSet, parameter
 
 F = TypeVar("F", bound="FollowerParameters")
 
+SLOWEST = 1000.0
+"""Seconds: no robot takes longer to its top speed; its trajectories are followed until it could have stopped."""
+
+
+def check_acceleration(name: str, acceleration: float, fastest: float) -> None:
+    """Refuse an acceleration with which a robot never comes to its top speed, nor to a stand.
+
+    Args:
+        name: Of the parameter.
+        acceleration: Its value (m/s^2 or rad/s^2).
+        fastest: That speed (m/s or rad/s).
+    """
+    if fastest > 0.0 and acceleration * SLOWEST < fastest:
+        raise ValueError(
+            f"parameter {name} is {acceleration:g}, so the robot could never reach or leave {fastest:g}; it must be "
+            f"above 0, and at least {fastest / SLOWEST:g}"
+        )
+
 
 @dataclass(frozen=True)
 class FollowerParameters(ParameterSet):
@@ -86,8 +104,4 @@ class FollowerParameters(ParameterSet):
             ("acc_lim_x", max(self.max_vel_x, -self.min_vel_x)), ("acc_lim_y", max(self.max_vel_y, -self.min_vel_y)),
             ("acc_lim_theta", self.max_vel_theta),
         ):
-            if getattr(self, acceleration) == 0.0 and fastest > 0.0:
-                raise ValueError(
-                    f"parameter {acceleration} is 0, so the robot could never reach or leave {fastest}; it must be "
-                    "above 0"
-                )
+            check_acceleration(acceleration, getattr(self, acceleration), fastest)

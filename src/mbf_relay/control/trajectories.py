@@ -13,8 +13,11 @@ from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.outcomes import ControlError, ControlOutcome
 
 STANDING = 0.05  # of the top speed: slower than this a robot turns on the spot
+MOST_POSES = 1000000
+"""Poses of a batch: with as many, a cycle takes more than half a second."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,7 @@ def sample(parameters: DwaParameters, window: VelocityWindow, speed: float) -> n
     """
     p = parameters
     counts = tuple(max(2, count) for count in (p.vx_samples, p.vy_samples, p.vth_samples))
+    _require_room(math.prod(count + 1 for count in counts), 1)
     slowest = math.hypot(*(min(abs(low), abs(high)) if low * high > 0.0 else 0.0
                            for low, high in zip(window.low[:2], window.high[:2])))
     velocities = np.empty(((counts[0] + 1) * (counts[1] + 1) * (counts[2] + 1), 3))  # each has room for zero besides
@@ -179,6 +183,7 @@ def roll_out(
         velocities, accelerations, period + p.stop_time_buffer, sim_time, distance_left, p.sim_granularity,
         p.angular_sim_granularity, speeds, stopping, durations,
     )
+    _require_room(number, longest + 1)
     poses = np.empty((number, math.ceil(longest) + 1, 3))
     counts, steps = np.empty(number, np.int64), np.empty(number)
     start = np.array(velocity, dtype=float) if not p.use_dwa else np.full(3, np.nan)
@@ -209,6 +214,16 @@ def roll_out(
     )
     return Trajectories(velocities, commands, poses, counts, steps, way.steps, needed, ends, spare,
                         way.highest_costs, way.summed_costs)
+
+
+def _require_room(trajectories: int, poses: float) -> None:
+    """Raise ControlError where a batch is more than a machine holds, and name what makes it so."""
+    if trajectories * poses > MOST_POSES:
+        raise ControlError(
+            ControlOutcome.INTERNAL_ERROR,
+            f"{trajectories} trajectories of {poses:.0f} poses are more than the {MOST_POSES} that can be looked at: "
+            "lower vx_samples, vy_samples, vth_samples, sim_time or stop_time_buffer, or raise sim_granularity, "
+            "angular_sim_granularity or the acceleration limits")
 
 
 def _scales(p: DwaParameters, speeds: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, List, Mapping, Tuple, Type, TypeVar
 
+from mbf_relay.control.follower_parameters import check_acceleration
 from mbf_relay.parameters import ParameterSet, parameter
 
 T = TypeVar("T", bound="TrajectoryPlannerParameters")
@@ -141,8 +142,4 @@ class TrajectoryPlannerParameters(ParameterSet):
         """Refuse y_vels that are no numbers, and a motion that has a speed and no acceleration."""
         self.sideways()
         for acceleration, fastest in (("acc_lim_x", self.max_vel_x), ("acc_lim_theta", self.max_vel_theta)):
-            if getattr(self, acceleration) == 0.0 and fastest > 0.0:
-                raise ValueError(
-                    f"parameter {acceleration} is 0, so the robot could never reach or leave {fastest}; it must be "
-                    "above 0"
-                )
+            check_acceleration(acceleration, getattr(self, acceleration), fastest)

@@ -43,7 +43,9 @@ class CostmapParameters(ParameterSet):
     robot_radius: float = parameter(
         0.46, "radius of a round robot, where no footprint is given", unit="m", minimum=0.0, maximum=10.0, clamped=False
     )
-    footprint_padding: float = parameter(0.01, "how much the footprint is widened", unit="m")
+    footprint_padding: float = parameter(
+        0.01, "how much the footprint is widened", unit="m", minimum=-10.0, maximum=10.0, clamped=False
+    )
     obstacle_overlap: float = parameter(
         OBSTACLE_OVERLAP,
         "share of a cell by which the footprint may reach into an obstacle's cell, which is filled by half "

@@ -12,8 +12,8 @@ from mbf_relay.parameters import ParameterSet, parameter
 class LocalizerParameters(ParameterSet):
     """What the filter, its laser model and its motion model are set to."""
 
-    min_particles: int = parameter(100, "fewest particles", minimum=1)
-    max_particles: int = parameter(5000, "most particles", minimum=1)
+    min_particles: int = parameter(100, "fewest particles", minimum=1, maximum=1000000)
+    max_particles: int = parameter(5000, "most particles", minimum=1, maximum=1000000)
     kld_err: float = parameter(0.01, "largest error between true and estimated distribution", above=0.0, maximum=1.0)
     kld_z: float = parameter(
         0.99, "upper standard normal quantile for the probability that the error stays below kld_err", minimum=0.0
