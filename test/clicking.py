@@ -18,6 +18,7 @@ from mbf_relay.ros.common.transforms import Transforms
 
 RESULTS = os.environ.get("MBF_RELAY_TEST_RESULTS", ".")
 SUCCEEDED = 3
+PRESSES = 6
 
 
 class ClickingTest(unittest.TestCase):
@@ -62,18 +63,18 @@ class ClickingTest(unittest.TestCase):
 
     def _click(self, key, listener, pose, part):
         # A renderer without a graphics card may miss a first press: a person presses again.
-        for _ in range(3):
+        for _ in range(PRESSES):
             before = len(listener.messages)
             self.rviz.drag(key, pose.x, pose.y, pose.theta)
             try:
-                wait_until(lambda: len(listener.messages) > before, f"RViz to publish {listener.topic}", 8.0)
+                wait_until(lambda: len(listener.messages) > before, f"RViz to publish {listener.topic}", 4.0)
             except AssertionError:
                 continue
             clicked = pose_from_message(part(listener.last))
             self.assertLess(clicked.distance_to(pose), 0.05, "RViz's view is not where the test takes it to be")
             self.assertLess(abs(angle_between(clicked.theta, pose.theta)), 0.1)
             return clicked
-        self.fail(f"RViz published nothing on {listener.topic} after three clicks")
+        self.fail(f"RViz published nothing on {listener.topic} after {PRESSES} clicks")
         return None
 
     def assert_reaches(self, goal: Pose2D) -> None:

@@ -97,6 +97,8 @@ class RViz:
         ]
         steps = [
             ("mousemove", column, row, *pause),
+            # A tool's key pressed again puts the tool back: whoever tries a second time starts without one.
+            ("key", "Escape", *pause),
             ("key", key, *pause),
             ("mousedown", 1, *pause),
             *moves,
