@@ -153,6 +153,15 @@ def permutation_test(groups: Mapping[str, Sequence[float]], seed: int = 0) -> fl
     return (1.0 + float((np.abs(signs @ sums) >= observed).sum())) / (RESAMPLINGS + 1.0)
 
 
+def least_groups(chance: float) -> int:
+    """Return how many groups it takes until tests that flip their signs can give less than a chance.
+
+    Args:
+        chance: Which is called rare, e.g. 0.05: of five groups all differ to one side by a chance of 2 / 2^5.
+    """
+    return math.floor(1.0 - math.log2(chance)) + 1
+
+
 def holm(chances: Sequence[float]) -> List[float]:
     """Return chances raised for how many there are (Holm 1979), so that one below 5 % is rare if all are chance."""
     raised, least = [0.0] * len(chances), 0.0

@@ -95,6 +95,15 @@ def test_permutations_of_all_signs_and_of_drawn_ones_agree():
     assert statistics.permutation_test({"a": [0.0], "b": [0.0]}) == 1.0
 
 
+def test_fewer_groups_than_the_least_never_give_a_rare_chance():
+    for chance in (0.05, 0.025, 0.01):
+        least = statistics.least_groups(chance)
+        for count in (least - 1, least):
+            alike = {str(index): [1] for index in range(count)}
+            assert (statistics.sign_test(alike) < chance) == (count == least)
+            assert (statistics.permutation_test(alike) < chance) == (count == least)
+
+
 def test_holms_correction():
     # Holm (1979): the smallest times the number of tests, the next times one less, never falling.
     assert statistics.holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])

@@ -29,16 +29,22 @@ class Contrast(NamedTuple):
         value: Of the batch, over the pairs.
         difference: From the first batch.
         chance: Of such a difference if there were none, corrected for all that is tested (Holm).
+        worlds: How many worlds tell; each counts once, however many seeds it was driven with.
+        needed: How many it takes until a difference in all of them is a rare chance, corrected as `chance` is.
     """
 
     measure: str
     value: IntervalEstimate
     difference: IntervalEstimate
     chance: float
+    worlds: int
+    needed: int = 0
 
     @property
     def verdict(self) -> str:
-        """Return "better", "worse" or "no difference"; all that is compared is the better the larger."""
+        """Return "better", "worse", "no difference" or "too few worlds"; what is compared is the better the larger."""
+        if self.worlds < self.needed:
+            return f"too few worlds to tell ({self.worlds}; it takes {self.needed})"
         if self.chance >= SURE or self.difference.value == 0.0 or math.isnan(self.chance):
             return "no difference"
         return "better" if self.difference.value > 0.0 else "worse"
@@ -59,7 +65,7 @@ def contrasts(batches: Sequence[Sequence[EpisodeResult]]) -> List[List[Contrast]
         found.append([_contrast(measure, shared[0], batch) for measure in MEASURES if measure.name in COMPARED])
     known = [(i, j) for i, row in enumerate(found) for j, one in enumerate(row) if not math.isnan(one.chance)]
     for (i, j), chance in zip(known, statistics.holm([found[i][j].chance for i, j in known])):
-        found[i][j] = found[i][j]._replace(chance=chance)
+        found[i][j] = found[i][j]._replace(chance=chance, needed=statistics.least_groups(SURE / len(known)))
     return found
 
 
@@ -69,7 +75,7 @@ def _contrast(measure: Measure, first: Sequence[EpisodeResult], other: Sequence[
         chance = statistics.sign_test({world: [round(d) for d in group] for world, group in differences.items()})
     else:
         chance = statistics.permutation_test(differences) if differences else math.nan
-    return Contrast(measure.name, statistics.mean(values), statistics.mean(differences), chance)
+    return Contrast(measure.name, statistics.mean(values), statistics.mean(differences), chance, len(differences))
 
 
 def as_table(names: Sequence[str], batches: Sequence[Sequence[EpisodeResult]]) -> str:

@@ -66,6 +66,16 @@ def test_several_batches_stand_in_one_table_each_against_the_first(tmp_path, cap
     assert same.endswith("chance 1.000: no difference")
 
 
+def test_worlds_too_few_to_tell_are_not_called_no_difference(tmp_path, capsys):
+    for worlds, told in ((6, "too few worlds to tell (6; it takes 7)"), (7, "better")):
+        slow, fast = (
+            str(batch(tmp_path / f"{name}{worlds}", [time] * worlds, {})) for name, time in (("s", None), ("f", 10.0))
+        )  # two batches against the first: the rarer has to be twice as rare
+        assert compare.main([slow, slow, fast]) == 0
+        (line,) = [line for line in capsys.readouterr().out.splitlines() if "+1.000" in line]
+        assert line.endswith(told)
+
+
 def test_success_is_drawn_against_difficulty(tmp_path, capsys):
     folder = batch(tmp_path / "a", [None if index > 9 else 9.0 for index in range(20)], {})
     worlds = tmp_path / "worlds.json"
