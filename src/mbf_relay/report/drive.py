@@ -63,7 +63,7 @@ class Drive:
         contacts: Every touch.
         seen: Shape (S, 2): points the lidar saw, map frame (m).
         map: The map driven on, None without one.
-        speed_limits: Top speed (m/s) and top turn rate (rad/s) drawn beside the speeds.
+        speed_limits: Top speed (m/s) and top turn rate (rad/s) of the robot, None where not known.
         wall_time: Seconds the drive took on a wall clock.
         seed: Seed of the simulation.
         goals_asked: How many goals were to be driven; the goals seen where not known.
@@ -80,7 +80,7 @@ class Drive:
     contacts: List[ContactRecord] = field(default_factory=list)
     seen: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
     map: Optional[OccupancyMap] = None
-    speed_limits: Tuple[float, float] = (0.22, 2.84)
+    speed_limits: Optional[Tuple[float, float]] = None
     wall_time: Optional[float] = None
     seed: Optional[int] = None
     goals_asked: Optional[int] = None

@@ -41,8 +41,8 @@ def draw(drive: Drive, path: str, dpi: int = 110) -> None:
     figure.suptitle(headline(drive), x=0.05, y=0.965, ha="left", fontsize=15, fontweight="bold")
     draw_map(figure.add_subplot(layout[:, 0]), drive)
     _draw_error(figure.add_subplot(layout[0, 1]), drive)
-    _draw_speed(figure.add_subplot(layout[1, 1]), drive, 1, "forward speed", "m/s", drive.speed_limits[0])
-    _draw_speed(figure.add_subplot(layout[2, 1]), drive, 2, "turn rate", "rad/s", drive.speed_limits[1])
+    draw_speed(figure.add_subplot(layout[1, 1]), drive, 1, "forward speed", "m/s")
+    draw_speed(figure.add_subplot(layout[2, 1]), drive, 2, "turn rate", "rad/s")
     figure.savefig(path, dpi=dpi)
 
 
@@ -156,17 +156,30 @@ def _draw_error(axes: Any, drive: Drive) -> None:
     _mark_goals(axes, drive)
 
 
-def _draw_speed(axes: Any, drive: Drive, column: int, name: str, unit: str, limit: float) -> None:
+def draw_speed(axes: Any, drive: Drive, column: int, name: str, unit: str) -> None:
+    """Draw one speed over time into axes of matplotlib's.
+
+    Args:
+        axes: Where to.
+        drive: Whose.
+        column: Of commands and measurements (rows of time, forward speed, turn rate).
+        name, unit: For people.
+    """
     start = drive.span[0]
-    axes.set_title(f"{name}: asked and driven, limit dotted", loc="left", fontsize=11, pad=14)
+    limits = () if drive.speed_limits is None else (drive.speed_limits[column - 1],)
+    dotted = ", limit dotted" if limits else ""
+    axes.set_title(f"{name}: asked and driven{dotted}", loc="left", fontsize=11, pad=14)
     axes.set_ylabel(unit)
+    highest = max(limits, default=0.0)
     for rows, colour, width in ((drive.commands, PLAN, 2.2), (drive.measured, TRUTH, 0.9)):
         rows = drive.within_span(rows)
         if len(rows):
             axes.plot(rows[:, 0] - start, rows[:, column], color=colour, linewidth=width)
-    highest = max([limit] + [float(np.abs(drive.within_span(drive.commands)[:, column]).max(initial=0.0))])
-    for sign in (-1.0, 1.0):
-        axes.axhline(sign * limit, color=BAD, linewidth=1.0, linestyle=":")
+            highest = max(highest, float(np.abs(rows[:, column]).max()))
+    for limit in limits:
+        axes.axhline(limit, color=BAD, linewidth=1.0, linestyle=":")
+        axes.axhline(-limit, color=BAD, linewidth=1.0, linestyle=":")
+    highest = highest or 1.0  # nothing drove
     axes.set_ylim(-1.15 * highest, 1.15 * highest)
     _mark_goals(axes, drive)
     if column == 2:

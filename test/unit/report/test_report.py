@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from mbf_relay.geometry import Pose2D, Twist2D
@@ -90,6 +91,21 @@ def test_recoveries_belong_to_the_goal_that_runs():
     log.start_goal(1.0, "b", Pose2D(0, 0, 0))
     log.add_recovery("rotate")
     assert [goal.recoveries for goal in log.drive().goals] == [[], ["rotate"]]
+
+
+def dotted_in(axes):
+    return [line.get_ydata()[0] for line in axes.lines if line.get_linestyle() == ":"]
+
+
+def test_a_robot_faster_than_the_burger_is_seen_to_its_top_speed():
+    drive = straight_drive().drive()
+    drive.measured[50, 1] = 0.8
+    unlimited, limited = Figure().subplots(1, 2)
+    picture.draw_speed(unlimited, drive, 1, "forward speed", "m/s")
+    drive.speed_limits = (1.0, 2.0)
+    picture.draw_speed(limited, drive, 1, "forward speed", "m/s")
+    assert unlimited.get_ylim()[1] > 0.8 and limited.get_ylim()[1] > 1.0
+    assert dotted_in(unlimited) == [] and dotted_in(limited) == [1.0, -1.0]
 
 
 @pytest.mark.parametrize("log", [straight_drive(), DriveLog()], ids=["drive", "nothing recorded"])

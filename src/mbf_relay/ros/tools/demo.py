@@ -24,6 +24,7 @@ from defusedxml import ElementTree
 from mbf_relay.report.drive import Drive
 from mbf_relay.report.terminal import Terminal
 from mbf_relay.ros.tools.demo_graph import ENDING_SIGNALS, DemoGraph, GraphError, free_port, last_errors
+from mbf_relay.simulation.parameters import SimulationParameters
 
 GOALS_PER_LAP = 8
 START_PATIENCE = 60.0
@@ -177,6 +178,8 @@ def watch(graph: DemoGraph, options: argparse.Namespace, logs: str) -> Drive:
     drive = recorder.drive()
     drive.wall_time, drive.seed, drive.goals_asked = wall_time, options.seed, GOALS_PER_LAP * options.laps
     drive.parameters = {node: rospy.get_param(f"/{node}", {}) for node in NODES}
+    robot = SimulationParameters.from_mapping(drive.parameters["simulator"])
+    drive.speed_limits = robot.max_speed, robot.max_turn_rate
     drive.versions = versions()
     terminal.table(drive)
     recorder.close()
