@@ -55,7 +55,8 @@ class FootprintChecker:
         self._costs = np.ascontiguousarray(costmap.costs)
         self._place = (grid.origin_x, grid.origin_y, grid.resolution)
         self._highest = NO_INFORMATION if unknown_touches else LETHAL
-        self._outlines, self._radius = _outlines(costmap.footprint.tobytes(), len(costmap.footprint), grid.resolution)
+        self._outlines, self._boxes, self._radius = _outlines(
+            costmap.footprint.tobytes(), len(costmap.footprint), grid.resolution)
         self._overlap = costmap.obstacle_overlap
         self.step = 0.2 * grid.resolution
         self.turn_step = self.step / max(self._radius, grid.resolution)
@@ -68,7 +69,7 @@ class FootprintChecker:
         """Return for each pose, (N, 3), whether the footprint touches; no field of distances is made for it."""
         touching = np.empty(len(poses), np.uint8)
         footprint_checker_kernels.touching(
-            self._costs, *self._place, self._outlines, self._radius, self._overlap, self._highest,
+            self._costs, *self._place, self._outlines, self._boxes, self._radius, self._overlap, self._highest,
             np.ascontiguousarray(poses, dtype=float), touching,
         )
         return touching.astype(bool)
@@ -164,10 +165,10 @@ def distances_to_obstacles(costs: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=8)
-def _outlines(footprint: bytes, corners: int, resolution: float) -> Tuple[np.ndarray, float]:
+def _outlines(footprint: bytes, corners: int, resolution: float) -> Tuple[np.ndarray, np.ndarray, float]:
     """Return points round an outline, a third of a cell apart, for each heading: (A, P, 2) float32 metres.
 
-    And its radius (m).
+    And the boxes they lie in, (A, 4) float32: their least x and y and their largest, a hair wider; and its radius (m).
     """
     outline = np.frombuffer(footprint).reshape(corners, -1)[:, :2] if corners else np.zeros((1, 2))
     radius = float(np.hypot(outline[:, 0], outline[:, 1]).max())
@@ -180,4 +181,6 @@ def _outlines(footprint: bytes, corners: int, resolution: float) -> Tuple[np.nda
     angles = np.arange(headings) * (2.0 * math.pi / headings)
     cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
     turned = np.stack((cos * ring[:, 0] - sin * ring[:, 1], sin * ring[:, 0] + cos * ring[:, 1]), axis=2)
-    return np.ascontiguousarray(turned, dtype=np.float32), radius
+    hair = 1e-3 * resolution
+    boxes = np.hstack((turned.min(axis=1) - hair, turned.max(axis=1) + hair))
+    return np.ascontiguousarray(turned, dtype=np.float32), np.ascontiguousarray(boxes, dtype=np.float32), radius

@@ -13,6 +13,7 @@ import numpy as np
 from mbf_relay.kernels import kernel
 
 _LETHAL = 254
+_RUN = 16  # poses of a path whose boxes are looked at together: some eight cells' way
 
 
 @kernel("boolean(float32[:,::1], float64, float64, float64)")
@@ -80,19 +81,58 @@ def contacts(
     return found
 
 
+@kernel("boolean(uint8[:,::1], int64, int64, int64, int64, int64)")
+def _is_clear(costs, in_way, x0, y0, x1, y1):
+    """Return whether nothing in the way lies in columns x0 to x1 and rows y0 to y1, the ends included.
+
+    A whole row at a time, without a branch for each cell.
+    """
+    height, width = costs.shape
+    if in_way > _LETHAL and (x0 < 0 or y0 < 0 or x1 >= width or y1 >= height):
+        return False
+    lowest, span = np.uint8(_LETHAL), np.uint8(in_way - _LETHAL)
+    for y in range(max(y0, 0), min(y1 + 1, height)):
+        row = costs[y, max(x0, 0):max(min(x1 + 1, width), 0)]
+        found = np.uint8(0)
+        for x in range(row.shape[0]):
+            found |= np.uint8(np.uint8(row[x] - lowest) <= span)
+        if found != 0:
+            return False
+    return True
+
+
 @kernel(
-    "void(uint8[:,::1], float64, float64, float64, float32[:,:,::1], float64, float64, int64, float64[:,::1], "
-    "uint8[::1])"
+    "void(uint8[:,::1], float64, float64, float64, float32[:,:,::1], float32[:,::1], float64, float64, int64, "
+    "float64[:,::1], uint8[::1])"
 )
-def touching(costs, origin_x, origin_y, resolution, outlines, circumscribed, overlap, in_way, poses, result):
+def touching(costs, origin_x, origin_y, resolution, outlines, boxes, circumscribed, overlap, in_way, poses, result):
     """Fill `result`, shape (N,), with 1 for each of `poses`, shape (N, 3), that has contacts.
 
-    The rest as for `contacts`.
+    The outline is walked round only where something lies in its box, which is looked for in a run of poses at once.
+
+    Args:
+        boxes: Shape (A, 4): the least x and y (m) and the largest of the outline at each heading.
+        costs, origin_x, origin_y, resolution, outlines, circumscribed, overlap, in_way: As for `contacts`.
+        poses, result: See above.
     """
-    for n in range(poses.shape[0]):
-        result[n] = contacts(
-            costs, origin_x, origin_y, resolution, outlines, circumscribed, overlap, in_way, poses[n, 0],
-            poses[n, 1], poses[n, 2], 1.0) > 0
+    headings = outlines.shape[0]
+    windows = np.empty((_RUN, 4), np.int64)
+    widest = 4.0 * circumscribed / resolution + _RUN  # farther apart than on a path: each pose is looked at by itself
+    for first in range(0, poses.shape[0], _RUN):
+        count = min(_RUN, poses.shape[0] - first)
+        for n in range(count):
+            across, up = (poses[first + n, 0] - origin_x) / resolution, (poses[first + n, 1] - origin_y) / resolution
+            box = boxes[int(math.floor(poses[first + n, 2] * headings / (2.0 * math.pi) + 0.5)) % headings]
+            for k in range(4):
+                windows[n, k] = math.floor((up if k & 1 else across) + box[k] / resolution)
+        x0, y0 = windows[:count, 0].min(), windows[:count, 1].min()
+        x1, y1 = windows[:count, 2].max(), windows[:count, 3].max()
+        clear = max(x1 - x0, y1 - y0) <= widest and _is_clear(costs, in_way, x0, y0, x1, y1)
+        for n in range(first, first + count):
+            x0, y0, x1, y1 = windows[n - first]
+            result[n] = not (clear or _is_clear(costs, in_way, x0, y0, x1, y1)) and contacts(
+                costs, origin_x, origin_y, resolution, outlines, circumscribed, overlap, in_way, poses[n, 0],
+                poses[n, 1], poses[n, 2], 1.0) > 0
 
 
 @kernel(

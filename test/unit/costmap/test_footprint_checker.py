@@ -28,6 +28,23 @@ def test_poses_asked_together_touch_as_each_alone_does():
     assert checker.touches(poses).tolist() == [checker.contacts_at(Pose2D(*pose)) > 0 for pose in poses]
 
 
+@pytest.mark.parametrize("unknown_touches", [True, False])
+def test_poses_of_a_path_touch_where_each_would_alone(unknown_touches):
+    rng = np.random.default_rng(4)
+    touching = 0
+    for obstacles in range(0, 200, 10):
+        costmap = random_costmap(rng, obstacles=obstacles)
+        costmap.costs[tuple(rng.integers(0, 60, (2, obstacles // 4)))] = 255
+        checker = FootprintChecker(costmap, unknown_touches)
+        begin, end = rng.uniform(-1.6, 1.6, (2, 2))
+        points = begin + (end - begin) * np.linspace(0.0, 1.0, 75)[:, None]
+        poses = np.column_stack((points, rng.uniform(-7.0, 7.0) + 0.02 * np.arange(75)))
+        expected = [checker.contacts_at(Pose2D(*pose)) > 0 for pose in poses]
+        assert checker.touches(poses).tolist() == expected
+        touching += sum(expected)
+    assert 100 < touching < 1400
+
+
 def test_unknown_cells_and_the_grids_edge_may_be_no_obstacle():
     costmap = random_costmap(np.random.default_rng(1), obstacles=0)
     costmap.costs[:] = 0
