@@ -2,6 +2,9 @@
 
 The proofs are tests, each named after what a robot would have suffered, which `scripts/test --long` runs too; here they
 are run one after the other and what they tell of their trials is counted. A trial is lost where its test fails.
+
+All of it takes hours. What was run in pieces before, each with MBF_RELAY_TEST_RESULTS in a folder of its own, is
+counted with it where MBF_RELAY_TOLD names the folder that these lie in; of one tree, or the figures mean nothing.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ from pathlib import Path
 from typing import Dict, Iterator, List, NamedTuple, Tuple
 
 import run_all
-from tally import Trial, read_trials
+from tally import FILE, Trial, read_trials
 
 from benchmark.metric import Metric, NotMeasurable, metric_of
 from benchmark.report import LOST
@@ -62,12 +65,16 @@ def metrics(quick: bool) -> Iterator[Metric]:
         raise NotMeasurable("there is no ROS here")
     results = tempfile.mkdtemp(prefix="reliability-")
     lost, loads = False, []
+    told = told_before(os.environ.get("MBF_RELAY_TOLD", ""))
     try:
         for proof in PROOFS:
-            for metric in count(proof, results, quick):
+            for metric in count(proof, results, quick, told):
                 lost = lost or (metric.name.endswith(LOST) and metric.value > 0)
                 yield metric
             loads.append(os.getloadavg()[0])
+        for what, trials in sorted(told.items()):
+            lost = lost or any(trial.lost for trial in trials)
+            yield from tried(what, trials)
         yield metric_of("load average of the machine", loads, "", cores=os.cpu_count())
     finally:
         if lost:
@@ -76,13 +83,23 @@ def metrics(quick: bool) -> Iterator[Metric]:
             shutil.rmtree(results)
 
 
-def count(proof: Proof, results: str, quick: bool) -> Iterator[Metric]:
+def told_before(folder: str) -> Dict[str, List[Trial]]:
+    """Return the trials told of anywhere below a folder, by what they tried; none for an empty name."""
+    found: Dict[str, List[Trial]] = {}
+    for path in sorted(Path(folder).rglob(FILE)) if folder else ():
+        for trial in read_trials(path.parent):
+            found.setdefault(trial.what, []).append(trial)
+    return found
+
+
+def count(proof: Proof, results: str, quick: bool, told: Dict[str, List[Trial]]) -> Iterator[Metric]:
     """Run a proof's tests and tell what was tried and lost, and what its trials measured.
 
     Args:
         proof: To run.
         results: Folder for its logs.
         quick: Whether to run its short form.
+        told: What was tried before, by what; taken from where it is counted with what is tried now.
     """
     runner = run_all.Runner(results, long=not quick)
     runner.run([job_of(proof, results)], workers=1, drives=1)
@@ -95,8 +112,13 @@ def count(proof: Proof, results: str, quick: bool) -> Iterator[Metric]:
         run = max(1, outcome.passed + outcome.failed)
         yield counted(proof.what, outcome.failed - lost_trials, run, "tests")
     for what, trials in sorted(by_name.items()):
-        yield counted(what, sum(trial.lost for trial in trials), len(trials), "trials")
-        yield from measured(what, trials)
+        yield from tried(what, told.pop(what, []) + trials)
+
+
+def tried(what: str, trials: List[Trial]) -> Iterator[Metric]:
+    """Tell how many trials there were, how many were lost, and what they measured."""
+    yield counted(what, sum(trial.lost for trial in trials), len(trials), "trials")
+    yield from measured(what, trials)
 
 
 def counted(what: str, lost: int, tried: int, unit: str) -> Metric:

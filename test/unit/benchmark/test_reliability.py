@@ -32,7 +32,8 @@ def tell(tmp_path):
     def run(quick=True, **values):
         path = tmp_path / "test_some.py"
         path.write_text(TESTS.format(**{"lost": None, "beside": False, **values}), encoding="utf-8")
-        metrics = reliability.count(Proof("all of it", str(path)), str(tmp_path / "results"), quick)
+        told = reliability.told_before(str(tmp_path / "pieces"))
+        metrics = reliability.count(Proof("all of it", str(path)), str(tmp_path / "results"), quick, told)
         return {metric.name: metric for metric in metrics}
 
     return run
@@ -50,6 +51,18 @@ def test_what_was_tried_and_what_was_measured_is_told(tell):
 
 def test_the_whole_proof_tries_as_often_as_its_claim_asks_for(tell):
     assert tell(quick=False)["robots sent out, lost"].repeats == 5
+
+
+def test_what_was_run_in_pieces_before_counts_with_it(tell, tmp_path, monkeypatch):
+    for piece in ("one", "two"):
+        (tmp_path / "pieces" / piece).mkdir(parents=True)
+        monkeypatch.setenv("MBF_RELAY_TEST_RESULTS", str(tmp_path / "pieces" / piece))
+        with tally.trial("robots sent out") as made:
+            made.measure("drove on for", 99.0, "ms")
+    monkeypatch.delenv("MBF_RELAY_TEST_RESULTS")
+    metrics = tell()
+    assert metrics["robots sent out, lost"].repeats == 5
+    assert metrics["robots sent out: drove on for, longest"].value == 99.0
 
 
 def test_a_lost_trial_is_told_once(tell):

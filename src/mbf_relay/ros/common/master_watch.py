@@ -16,6 +16,8 @@ PERIOD = 2.0
 """Wall seconds between two looks."""
 TIMEOUT = 2.0
 """Wall seconds a master may take to answer."""
+TRIES = 20
+"""Times a master is asked before its fault is none of the moment: while a launch starts, one answer of many is one."""
 GIVEN_BACK_WITHIN = 3.0 * PERIOD
 """Wall seconds after a new master's start in which those that live give it the parameters of those that died."""
 RUN_ID = "run_id"
@@ -94,9 +96,18 @@ class MasterWatch:
         complete(seen, self._ask(master.getParam, "/")[1], "/")
 
     def _ask(self, call: Callable[..., Any], *arguments: Any) -> Tuple[bool, Any]:
-        """Return whether the master could say, and what it said."""
-        code, _, value = call(self._name, *arguments)
-        return code == 1, value
+        """Return whether the master could say, and what it said.
+
+        Where somebody sets a parameter while rosmaster writes its answer, that answer is a fault: it is asked again.
+        """
+        for left in reversed(range(TRIES)):
+            try:
+                code, _, value = call(self._name, *arguments)
+                return code == 1, value
+            except xmlrpc.client.Fault:
+                if not left:
+                    raise
+        raise AssertionError("not reached")
 
 
 def part_of(tree: Dict[str, Any], name: str) -> Dict[str, Any]:

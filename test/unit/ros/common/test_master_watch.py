@@ -2,7 +2,9 @@
 
 import os
 import subprocess
+import xmlrpc.client
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -11,6 +13,7 @@ pytest.importorskip("mbf_msgs", reason="needs the built package")
 from ros_master import Master  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 
+from mbf_relay.ros.common import master_watch  # noqa: E402
 from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
 
 MAP = Path(__file__).resolve().parents[4] / "config" / "maps" / "turtlebot3_world.yaml"
@@ -47,3 +50,19 @@ def test_a_node_ends_for_a_new_master_and_leaves_it_its_parameters_and_those_of_
             process.kill()
             process.communicate()
         master.kill()
+
+
+def test_a_node_comes_up_while_others_set_their_parameters(monkeypatch):
+    """rosmaster's answer is a fault where its tree grows meanwhile, and the node ended in a traceback."""
+    faults = iter([xmlrpc.client.Fault(1, "RuntimeError: dictionary changed size during iteration")] * 3)
+
+    def get_param(_name, _key):
+        for fault in faults:
+            raise fault
+        return 1, "", {"amcl": {"seed": 1}}
+
+    master = SimpleNamespace(getParam=get_param, getPid=lambda _name: (1, "", 7))
+    monkeypatch.setattr(master_watch.xmlrpc.client, "ServerProxy", lambda _uri: master)
+    monkeypatch.setattr(master_watch, "rospy", SimpleNamespace(get_name=lambda: "/amcl", on_shutdown=lambda end: None))
+    monkeypatch.setattr(master_watch.MasterWatch, "_loop", lambda self: None)
+    assert master_watch.MasterWatch(lambda reason: None)._seen == {"amcl": {"seed": 1}}
