@@ -126,7 +126,7 @@ def test_names_of_nav2s_files_mean_what_they_mean_there():
 
 @pytest.mark.parametrize("changes, word", [
     ({"critics": ["PathCritic"]}, "PathCritic"), ({"motion_model": "Crab"}, "motion_model"),
-    ({"CostCritic": {"cost_weight": "dear"}}, "cost_weight"),
+    ({"CostCritic": {"cost_weight": "dear"}}, "cost_weight"), ({"critics": [[]]}, "critics"),
 ])
 def test_what_cannot_be_is_named(changes, word):
     with pytest.raises(PluginError, match=word):

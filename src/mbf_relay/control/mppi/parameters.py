@@ -102,7 +102,7 @@ class MppiParameters(FollowerParameters):
         names = result.get("critics", cls.__dataclass_fields__["critics"].default)
         groups = {name for name in values if isinstance(values[name], Mapping)}
         if isinstance(names, (list, tuple)):
-            result["critic_parameters"] = {name: values[name] for name in names if name in groups}
+            result["critic_parameters"] = {n: values[n] for n in names if isinstance(n, str) and n in groups}
         return result
 
     @classmethod
