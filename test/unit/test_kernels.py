@@ -125,3 +125,18 @@ def test_built_kernels_are_equal_to_numbas_to_the_last_bit(built):
     text = done.stdout.decode(errors="replace")
     assert done.returncode == 0, text[-4000:]
     assert "kernels compared" in text
+
+
+def test_kernels_for_any_processor_give_the_bits_of_those_for_wide_vectors():
+    program = (
+        "import hashlib, numpy as np; from mbf_relay.costmap import inflation_kernels as k;"
+        "costs = (np.random.default_rng(0).random((90, 130)) < 0.01).astype(np.uint8) * np.uint8(254);"
+        "k.inflate(costs, 0, 0, 130, 90, np.arange(401, dtype=np.uint8), 20, True);"
+        "print(hashlib.sha256(costs).hexdigest())"
+    )
+    told = {
+        subprocess.run(
+            [sys.executable, "-c", program], env={**os.environ, kernels.SWITCH: choice}, capture_output=True, text=True,
+            check=True).stdout
+        for choice in ("", kernels.PLAIN)}
+    assert len(told) == 1

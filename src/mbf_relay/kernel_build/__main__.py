@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Dict, List
 
 from mbf_relay import kernels
-from mbf_relay.kernel_build.kernel_objects import KernelEntry, compile_module, environment
+from mbf_relay.kernel_build.kernel_objects import KernelEntry, all_features, compile_module, environment
 from mbf_relay.kernel_build.wrappers import module_source
 
 MOST_PROCESSES = 4
@@ -70,7 +70,8 @@ def build(folder: Path, objects: Path, compiler: str) -> Path:
         [
             compiler, "-O2", "-shared", "-fPIC", "-fvisibility=hidden", "-Wl,-s",
             "-I", sysconfig.get_paths()["include"], "-I", numpy.get_include(),
-            str(wrappers), *(str(_object(objects, sources, name)) for name in sources), "-lm", "-o", str(made),
+            str(wrappers), *(str(_object(objects, sources, name, each)) for each in all_features() for name in sources),
+            "-lm", "-o", str(made),
         ],
         check=True, capture_output=True, text=True,
     )
@@ -80,23 +81,28 @@ def build(folder: Path, objects: Path, compiler: str) -> Path:
     return target
 
 
-def _compile(sources: Dict[str, str], objects: Path) -> Dict[str, List[KernelEntry]]:
-    """Make the object files that are not there and return what is in all."""
-    missing = [name for name in sources if not _object(objects, sources, name).with_suffix(".json").exists()]
-    os.environ.update(environment())
-    processes = max(1, min(MOST_PROCESSES, os.cpu_count() or 1, len(missing)))
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        paths = [str(_object(objects, sources, name)) for name in missing]
-        for path, entries in zip(paths, pool.map(compile_module, missing, paths)):
-            Path(path).with_suffix(".json").write_text(json.dumps(entries), encoding="utf-8")
-    texts = {name: _object(objects, sources, name).with_suffix(".json").read_text("utf-8") for name in sources}
-    return {name: [KernelEntry(*entry) for entry in json.loads(text)] for name, text in texts.items()}
+def _compile(sources: Dict[str, str], objects: Path) -> Dict[str, List[List[KernelEntry]]]:
+    """Make the object files that are not there and return what is in all: each kernel for each of the features."""
+    found: Dict[str, List[List[KernelEntry]]] = {name: [] for name in sources}
+    for features in all_features():
+        places = {name: _object(objects, sources, name, features) for name in sources}
+        missing = [name for name in sources if not places[name].with_suffix(".json").exists()]
+        os.environ.update(environment(features))
+        processes = max(1, min(MOST_PROCESSES, os.cpu_count() or 1, len(missing)))
+        with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+            paths = [str(places[name]) for name in missing]
+            for path, entries in zip(paths, pool.map(compile_module, missing, paths, [features] * len(missing))):
+                Path(path).with_suffix(".json").write_text(json.dumps(entries), encoding="utf-8")
+        for name, place in places.items():
+            texts = json.loads(place.with_suffix(".json").read_text("utf-8"))
+            found[name].append([KernelEntry(*entry) for entry in texts])
+    return {name: [list(same) for same in zip(*entries)] for name, entries in found.items()}
 
 
-def _object(objects: Path, sources: Dict[str, str], name: str) -> Path:
+def _object(objects: Path, sources: Dict[str, str], name: str, features: str) -> Path:
     """Return where a module's object file is: another one for each state of its source and of what compiles it."""
     made_by = kernels.digest(str(HERE / "kernel_objects.py"))
-    key = hashlib.sha256((sources[name] + made_by + sys.version).encode()).hexdigest()[:16]
+    key = hashlib.sha256((sources[name] + made_by + sys.version + features).encode()).hexdigest()[:16]
     return objects / f"{name}-{key}.o"
 
 

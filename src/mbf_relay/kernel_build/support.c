@@ -11,6 +11,21 @@
 
 #define INTERNAL __attribute__((visibility("hidden")))
 
+/* --- the processor --------------------------------------------------------------------------------------------- */
+
+static bool is_wide = false;
+
+/* Whether this processor, and the system on it, can what the wide kernels are made for, and nobody wants the others. */
+static bool can_wide(void) {
+#ifdef __x86_64__
+    const char *wanted = getenv("MBF_RELAY_KERNELS");
+    __builtin_cpu_init();
+    return __builtin_cpu_supports("avx2") && (wanted == NULL || strcmp(wanted, "plain") != 0);
+#else
+    return false;
+#endif
+}
+
 /* --- arguments ------------------------------------------------------------------------------------------------- */
 
 static bool count_is(const char *kernel, Py_ssize_t count, Py_ssize_t wanted) {

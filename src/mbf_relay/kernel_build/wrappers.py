@@ -19,19 +19,19 @@ ARRAY = re.compile(r"array\((\w+), (\d+)d, C\)")
 TUPLE = re.compile(r"UniTuple\((\w+) x (\d+)\)")
 
 
-def module_source(entries: Mapping[str, List[KernelEntry]], sources: Mapping[str, str]) -> str:
+def module_source(entries: Mapping[str, List[List[KernelEntry]]], sources: Mapping[str, str]) -> str:
     """Return the C source of the module `_kernels`, to be compiled with support.c before it.
 
     Args:
-        entries: Kernels by their module's name.
+        entries: Kernels by their module's name, each made for any processor first, then maybe for those that can more.
         sources: Digest of each module's source, by which a later source is told from this one.
     """
     functions: List[str] = []
     table: List[str] = []
     for module in sorted(entries):
-        for kernel in entries[module]:
-            name = f"wrapper_{len(table)}"
-            functions.append(_wrapper(name, kernel))
+        for same in entries[module]:
+            name, kernel = f"wrapper_{len(table)}", same[0]
+            functions.append(_wrapper(name, kernel, same[-1].symbol))
             table.append(
                 f'    {{"{module}", {{"{kernel.name}", (PyCFunction)(void (*)(void)){name}, METH_FASTCALL, '
                 f"{json.dumps(_help(kernel))}}}}},"
@@ -40,8 +40,14 @@ def module_source(entries: Mapping[str, List[KernelEntry]], sources: Mapping[str
     return "\n".join((*functions, "static struct entry ENTRIES[] = {", *table, "};\n", initializer))
 
 
-def _wrapper(name: str, kernel: KernelEntry) -> str:
-    """Return a C function that calls a kernel by numba's convention: status returned, result and error by address."""
+def _wrapper(name: str, kernel: KernelEntry, wide: str) -> str:
+    """Return a C function that calls a kernel by numba's convention: status returned, result and error by address.
+
+    Args:
+        name: Of the C function.
+        kernel: For any processor.
+        wide: Symbol of the same kernel for processors that can more.
+    """
     declared, taken, passed = ["void *", "struct raised **"], [], ["&result", "&raised"]
     for place, (argument, kind) in enumerate(kernel.arguments):
         array = ARRAY.fullmatch(kind)
@@ -64,6 +70,7 @@ def _wrapper(name: str, kernel: KernelEntry) -> str:
             passed.append(f"({c_type})a{place}")
     result, answer = _result(kernel.result)
     return f"""extern int32_t {kernel.symbol}({", ".join(declared)});
+extern int32_t {wide}({", ".join(declared)});
 static PyObject *{name}(PyObject *self, PyObject *const *args, Py_ssize_t count) {{
     if (!count_is("{kernel.name}", count, {len(kernel.arguments)})) return NULL;
 {chr(10).join(taken)}
@@ -71,7 +78,7 @@ static PyObject *{name}(PyObject *self, PyObject *const *args, Py_ssize_t count)
     struct raised *raised = NULL;
     int32_t status;
     Py_BEGIN_ALLOW_THREADS
-    status = {kernel.symbol}({", ".join(passed)});
+    status = (is_wide ? {wide} : {kernel.symbol})({", ".join(passed)});
     Py_END_ALLOW_THREADS
     if (status != 0) return raise_from("{kernel.name}", raised);
     {answer}
@@ -114,6 +121,7 @@ static struct PyModuleDef MODULE = {PyModuleDef_HEAD_INIT, "_kernels", "Kernels,
 
 PyMODINIT_FUNC PyInit__kernels(void) {
     import_array();
+    is_wide = can_wide();
     PyObject *module = PyModule_Create(&MODULE), *kernels = PyDict_New(), *sources = PyDict_New();
     if (module == NULL || kernels == NULL || sources == NULL) return NULL;
     for (size_t i = 0; i < sizeof(ENTRIES) / sizeof(*ENTRIES); i++)
