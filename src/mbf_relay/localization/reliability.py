@@ -1,8 +1,10 @@
 """Reliability: the probability that the pose told is right within RIGHT_WITHIN and RIGHT_TURN (compare als_ros).
 
-A logistic regression on how the last few metres' scans fitted at the pose held, times the share of the belief that the
-rivals leave it. Its weights were fitted on synthetic drives through corridors and a hall; README.md has how well they
-do on drives through other buildings.
+A Bayes filter over two states, the pose held is right or wrong: by every metre a right one may go wrong and a wrong one
+right, and every scan is evidence for either by how it fits there. A wrong pose fits well for metres at a time, along a
+corridor like the right one; what spoke against it before that still counts, until another hypothesis takes over. Its
+numbers were fitted on made drives; README.md has how well they do on others. The result is times the share of the
+belief that the rivals leave the pose held.
 """
 
 from __future__ import annotations
@@ -12,11 +14,18 @@ import math
 RIGHT_WITHIN, RIGHT_TURN = 0.5, math.pi / 18.0
 """Error (m, rad) up to which a pose counts as right."""
 REMEMBERED = 2.0
-"""Way (m) over which the fit of scans is averaged."""
-CONSTANT, HITS, THROUGH = -2.7, 7.2, -60.0
-"""Of the regression: log-odds of a pose with nothing known, and for the share of hits and of beams through walls. The
-last is set by hand: a made map is so exact that a fit would take one beam through a wall for proof."""
+"""Way (m) over which the fit of scans is averaged for those who ask how they fit of late."""
+CONSTANT, HITS, THROUGH = -0.25, 0.92, -39.0
+"""Log-odds that a metre's scans add: in any case, for the share of hits, and for that of beams through walls."""
+FIRST = 3.0
+"""Metres that the first scan counts as: it hits no wall that an earlier one hit."""
+LEAST = 0.02
+"""Metres that any scan counts as, such as one of a robot that stands: almost nothing, it is the same again."""
+GOES_WRONG, COMES_RIGHT = 0.010, 0.013
+"""Chance by the metre that a right pose goes wrong, and that a wrong one becomes right without being given up."""
 
+MOST = 14.0
+"""Log-odds beyond which nothing is surer."""
 UNSEEN = 0.5
 """Probability that a place is the right one before any scan was seen from it: that of a user's word, or a rival's."""
 
@@ -31,23 +40,27 @@ class Reliability:
 
     def __init__(self) -> None:
         self.hits, self.through, self._way = 0.0, 0.0, 0.0
+        self._right = UNSEEN
 
     def look(self, hits: float, through: float, way: float) -> None:
         """Take the shares of one scan and the way (m) to it."""
-        share = max(0.05, way / (min(self._way, REMEMBERED) + way)) if self._way > 0.0 else 1.0
+        first = self._way == 0.0
+        share = 1.0 if first else max(0.05, way / (min(self._way, REMEMBERED) + way))
         self.hits += share * (hits - self.hits)
         self.through += share * (through - self.through)
         self._way += max(way, 1e-3)
+        in_the_end = COMES_RIGHT / (GOES_WRONG + COMES_RIGHT)
+        right = in_the_end + (self._right - in_the_end) * math.exp(-(GOES_WRONG + COMES_RIGHT) * way)
+        evidence = CONSTANT + HITS * hits + THROUGH * through
+        odds = math.log(right / (1.0 - right)) + evidence * (FIRST if first else min(1.0, max(LEAST, way)))
+        self._right = 1.0 / (1.0 + math.exp(-min(MOST, max(-MOST, odds))))
 
     def value(self, share_held: float, deviation: float) -> float:
-        """Return the probability that the pose is right; where no scan has told yet, as UNSEEN and the spread have it.
+        """Return the probability that the pose is right; before a scan has told, as UNSEEN and the spread have it.
 
         Args:
             share_held: Share of the belief in the hypothesis the pose is from, 0 to 1.
             deviation: Of its position (m), of one axis.
         """
         within = -math.expm1(-0.5 * (RIGHT_WITHIN / max(deviation, 1e-3)) ** 2)
-        if self._way == 0.0:
-            return share_held * within * UNSEEN
-        odds = CONSTANT + HITS * self.hits + THROUGH * self.through
-        return share_held * within / (1.0 + math.exp(-odds))
+        return share_held * within * self._right
