@@ -2,10 +2,12 @@
 """The guard between a driver and the simulated wheels: what passes, what stops the robot, and what it says of it."""
 
 import copy
+import itertools
 import os
 import sys
 import unittest
 
+import numpy as np
 import rosnode
 import rospy
 import rostest
@@ -151,6 +153,22 @@ class TestVelocityGuard(unittest.TestCase):
             others.publish(scan)
         others.unregister()
         self.start_driving()
+
+    def test_a_lidar_that_dates_nothing_lets_the_robot_drive(self):
+        scan, others = copy.deepcopy(self.scans.last), connected_publisher("scan", LaserScan)
+        self.faults.update_configuration({"lidar_silent": True})
+        ranges, turn = np.array(scan.ranges), itertools.count()
+
+        def driven():
+            scan.header.stamp = rospy.Time()
+            scan.ranges = (ranges + 0.001 * (next(turn) % 7)).tolist()  # never twice the same
+            others.publish(scan)
+            return self.x() > -2.0 + 0.4
+
+        try:
+            self.drive_until(driven, "the robot to be driven by scans that have no date")
+        finally:
+            others.unregister()
 
     def test_z_a_guard_that_ends_sends_a_zero_first(self):
         self.start_driving()

@@ -11,9 +11,10 @@ from sensor_msgs.msg import PointCloud2
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.cloud_scan import CloudParameters, scan_of_points
 from mbf_relay.outcomes import TransformError
-from mbf_relay.ros.amcl.scan_queue import CloudScan, ScanQueue, dated
+from mbf_relay.ros.amcl.scan_queue import CloudScan, ScanQueue
 from mbf_relay.ros.common.checks import InvalidMessage, check_frames, check_stamp
 from mbf_relay.ros.common.clouds import cloud_points, rigid
+from mbf_relay.ros.common.conversions import dated
 from mbf_relay.ros.common.transforms import Transforms
 
 BUFFER_BYTES = 1 << 24

@@ -32,10 +32,10 @@ from mbf_relay.ros.amcl.initial_pose import check_frame, initial_pose_from_messa
 from mbf_relay.ros.amcl.map_to_odom import MapToOdom
 from mbf_relay.ros.amcl.particle_cloud import ParticleCloud
 from mbf_relay.ros.amcl.saved_pose import SavedPose
-from mbf_relay.ros.amcl.scan_queue import AnyScan, CloudScan, ScanQueue, dated
+from mbf_relay.ros.amcl.scan_queue import AnyScan, CloudScan, ScanQueue
 from mbf_relay.ros.common import diagnostics, parameters
 from mbf_relay.ros.common.checks import InvalidMessage, check_stamp
-from mbf_relay.ros.common.conversions import header, map_from_message, pose_to_message
+from mbf_relay.ros.common.conversions import dated, header, map_from_message, pose_to_message
 from mbf_relay.ros.common.lidar_geometry import LidarGeometry
 from mbf_relay.ros.common.map_client import request_map
 from mbf_relay.ros.common.node import spare_what_stays

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Union
+from typing import Callable, Deque, Dict, List, NamedTuple, Optional, Union
 
 import rospy
 from sensor_msgs.msg import LaserScan as LaserScanMessage
@@ -25,13 +25,6 @@ class CloudScan(NamedTuple):
 
 
 AnyScan = Union[LaserScanMessage, CloudScan]
-
-
-def dated(message: Any) -> Any:
-    """Return a message, which is of now where it has no stamp, as for the costmaps."""
-    if message.header.stamp.is_zero():
-        message.header.stamp = rospy.get_rostime()
-    return message
 
 
 class ScanQueue:

@@ -61,6 +61,13 @@ def pose_stamped(pose: Pose2D, frame: str, stamp: Any) -> PoseStamped:
     return PoseStamped(header(frame, stamp), pose_to_message(pose))
 
 
+def dated(message: Any) -> Any:
+    """Return a sensor's message, which is of now where it has no stamp."""
+    if message.header.stamp.is_zero():
+        message.header.stamp = rospy.get_rostime()
+    return message
+
+
 def header(frame: str, stamp: Any) -> Header:
     """Return a header; `stamp` in seconds or as rospy.Time."""
     return Header(frame_id=frame, stamp=rospy.Time.from_sec(stamp) if isinstance(stamp, (int, float)) else stamp)

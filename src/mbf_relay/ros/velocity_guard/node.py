@@ -22,7 +22,7 @@ from mbf_relay.geometry import STOP, Twist2D
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common import diagnostics, parameters
 from mbf_relay.ros.common.checks import InvalidMessage
-from mbf_relay.ros.common.conversions import twist_to_message
+from mbf_relay.ros.common.conversions import dated, twist_to_message
 from mbf_relay.ros.common.lidar_geometry import LidarGeometry
 from mbf_relay.ros.common.node import on_shutdown, spare_what_stays
 from mbf_relay.ros.common.transforms import Transforms
@@ -79,7 +79,7 @@ class VelocityGuardNode:
         self._woken.set()
 
     def _take_scan(self, message: LaserScan) -> None:
-        self._scan = message
+        self._scan = dated(message)
         self._woken.set()
 
     def _step(self, now: float) -> None:
