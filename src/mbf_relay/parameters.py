@@ -56,6 +56,8 @@ def parameter(
     return dataclasses.field(default=default, metadata=metadata)
 
 
+SPEED_UNITS = ("m/s", "rad/s")
+
 WORDS_ALIKE = 0.6
 """Share of letters (difflib's ratio) two words must have in common to be one word misspelt."""
 
@@ -225,6 +227,8 @@ def _nearest_allowed(value: Any, field: Any) -> Any:
     """Return the number in range nearest to `value`, else the default, None where none will do."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not field.metadata.get("clamped", True):
         return None
+    if _is_endless_speed(value, field.metadata):
+        return None
     minimum, maximum, above = (field.metadata.get(key) for key in ("minimum", "maximum", "above"))
     if maximum is not None and value > maximum:
         return type(value)(maximum)
@@ -284,6 +288,8 @@ def _convert_tuple(name: str, value: Any, hints: Tuple[Any, ...]) -> Tuple[Any, 
 
 
 def _check_range(name: str, value: Any, metadata: Mapping[str, Any]) -> None:
+    if _is_endless_speed(value, metadata):
+        raise ValueError(f"parameter {name} is {value}{_unit(metadata)}; a speed must be finite")
     choices = metadata.get("choices")
     if choices is not None and value not in choices:
         raise ValueError(f"parameter {name} is {value!r}; it must be one of {', '.join(map(repr, choices))}")
@@ -300,6 +306,11 @@ def _check_range(name: str, value: Any, metadata: Mapping[str, Any]) -> None:
         if isinstance(entry, (int, float)) and abs(entry) > metadata["largest"]:
             largest = f"{metadata['largest']:g}{_unit(metadata)}"
             raise ValueError(f"parameter {name} is {value}; it must be within {largest} of 0")
+
+
+def _is_endless_speed(value: Any, metadata: Mapping[str, Any]) -> bool:
+    """Return whether a value is a speed without end, for which no guess is safe, not even the end of a range."""
+    return metadata.get("unit") in SPEED_UNITS and isinstance(value, float) and math.isinf(value)
 
 
 def _unit(metadata: Mapping[str, Any]) -> str:

@@ -48,6 +48,8 @@ def build_costmap(name: str, values: Mapping[str, Any], above: Optional[Mapping[
     Raises:
         ValueError: A value is wrong; the text names costmap, parameter, value and what is allowed.
     """
+    if not isinstance(values, Mapping):
+        raise ValueError(f"{name}: is {values!r}; it must be a group of parameters")
     values = {**{key: (above or {})[key] for key in SEARCHED_NAMES if key in (above or {})}, **values}
     try:
         parameters, notes = CostmapParameters.read(values)

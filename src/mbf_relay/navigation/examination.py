@@ -116,11 +116,8 @@ def _examine(found: Examination) -> None:
 
 def _examine_costmap(found: Examination, side: str) -> None:
     group = found.config.get(side, {})
-    if not isinstance(group, Mapping):
-        found.add(REFUSED, side, f"is {group!r}; it must be a group of parameters")
-        return
     try:
-        for name in unknown_names(group):
+        for name in unknown_names(group) if isinstance(group, Mapping) else ():
             found.add(IGNORED, f"{side}/{name}", "is not known here")
         costmap = build_costmap(side, group, found.config)
     except ValueError as error:

@@ -7,6 +7,7 @@ from typing import Any, Iterator, List, Mapping, Tuple
 
 import numpy as np
 
+from mbf_relay.costmap.factory import layer_groups
 from mbf_relay.costmap.outline import parse_footprint, radii
 
 FASTEST = {"max_vel_x": 5.0, "max_vel_y": 5.0, "max_vel_trans": 5.0, "max_trans_vel": 5.0, "max_vel_lin": 5.0}
@@ -52,18 +53,35 @@ def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any]) -> Iterator
         yield "robot_radius", f"is {radius}; lengths are in metres"
     if not len(corners) and _is_zero(radius):
         yield "robot_radius", f"is {radius}, and there is no footprint: what takes no room fits through every gap"
-    reach = radii(corners)[1] if len(corners) else _number(radius)
+    inscribed, reach = radii(corners) if len(corners) else (_number(radius), _number(radius))
     for name in ("width", "height"):
         if group.get("rolling_window") is True and 0.0 < _number(group.get(name)) < 2.0 * reach:
             yield name, f"is {group[name]}; the robot, which reaches {reach:.2f} m, must fit into the costmap round it"
+    yield from _of_inflation(group, inscribed)
+
+
+def _of_inflation(group: Mapping[str, Any], inscribed: float) -> Iterator[Doubt]:
+    """Doubt that obstacles are to be inflated by less than the robot's inscribed radius (m), as Nav2 does."""
+    try:
+        layers = layer_groups(group)
+    except ValueError:
+        return  # told elsewhere
+    for name, kind, values in layers:
+        inflation = _number(values.get("inflation_radius"), otherwise=math.inf)
+        if kind == "costmap_2d::InflationLayer" and values.get("enabled") is not False and inflation < inscribed:
+            written = group.get(name)
+            at = f"{name}/inflation_radius" if isinstance(written, Mapping) and "inflation_radius" in written else (
+                "inflation_radius")
+            yield at, (f"is {inflation:g} m, less than the {inscribed:.2f} m from the robot's middle to its nearest "
+                       "edge: paths lead closer to obstacles than it can drive")
 
 
 def _of_controller(group: Mapping[str, Any]) -> Iterator[Doubt]:
     for name, most in FASTEST.items():
-        if _number(group.get(name)) > most:
+        if math.inf > _number(group.get(name)) > most:  # endless speeds are refused
             yield name, f"is {group[name]}; speeds are in m/s, and hardly any robot drives faster than {most:g} m/s"
     for name, most in FASTEST_TURN.items():
-        if _number(group.get(name)) > most:
+        if math.inf > _number(group.get(name)) > most:
             yield name, f"is {group[name]}; turn rates are in rad/s, and {most:g} is more than a turn a second"
     for name, never in NEVER_MOVES.items():
         if _is_zero(group.get(name)):

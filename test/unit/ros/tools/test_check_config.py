@@ -44,6 +44,8 @@ def test_a_misspelt_name_is_told_with_its_line_and_fails_the_strict(tmp_path):
     ("  max_vel_trans: fast\n", "max_vel_trans is 'fast'", ":7]"),
     ("  sim_time: [1.0]\n", "sim_time is [1.0]", ":7]"),
     ("  max_vel_theta: 0.0\n", "never turn", ":7]"),
+    ("  max_vel_trans: .inf\n", "max_vel_trans is inf m/s; a speed must be finite", ":7]"),
+    ("  max_vel_theta: .inf\n", "max_vel_theta is inf rad/s; a speed must be finite", ":7]"),
 ])
 def test_values_no_robot_could_mean_fail_with_value_and_line(tmp_path, change, said, line):
     status, told = check(tmp_path, GOOD + change)
@@ -66,6 +68,10 @@ def test_footprints_that_would_hurt_are_refused(tmp_path, footprint, said):
     ("robot_radius: 0.2, global", "robot_radius: 0.0, global", "local_costmap/robot_radius: is 0.0, and there is no"),
     ("rolling_window: true", "rolling_window: true, width: 0.3", "local_costmap/width: is 0.3"),
     ("{robot_radius: 0.2}", "3", "refused: global_costmap: is 3"),
+    ("{robot_radius: 0.2}", "{robot_radius: 0.2, inflation_radius: 0.05}",
+     "global_costmap/inflation_radius: is 0.05 m"),
+    ("{robot_radius: 0.2}", "{robot_radius: 0.2, inflation_layer: {inflation_radius: 0.0}}",
+     "global_costmap/inflation_layer/inflation_radius: is 0 m"),
 ])
 def test_a_robot_without_size_or_room_is_told(tmp_path, old, new, said):
     status, told = check(tmp_path, GOOD.replace(old, new))
