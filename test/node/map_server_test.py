@@ -28,7 +28,9 @@ ARENA = os.path.join(rospkg.RosPack().get_path("mbf_relay"), "config", "maps", "
 class TestMapServer(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.mkdtemp()
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        cls.folder = folder.name
         cls.arena = load_map(ARENA)
         rospy.wait_for_service("change_map", 30.0)
         cls.change = rospy.ServiceProxy("change_map", LoadMap)
