@@ -3,9 +3,9 @@
 Kernels are plain functions in modules named `*_kernels.py`, and state their signature. When the package is built,
 `mbf_relay.kernel_build` has numba compile them all and links the machine code into one extension module, `_kernels`,
 so that no running node needs numba and LLVM, which fill 100 MiB of a process and take a second to import. The code is
-made for any processor of the kind, and once more for those with wide vectors, and gives the same bits as numba in the
-process, since it is numba's: Cython and pythran would read the same source otherwise, and numba's own pycc, which is on
-its way out, cannot release the interpreter lock.
+made for any processor of the kind, some of it once more for those with wide vectors, and gives the same bits as numba
+in the process, since it is numba's: Cython and pythran would read the same source otherwise, and numba's own pycc,
+which is on its way out, cannot release the interpreter lock.
 
 A kernel that is not in there, such as one of a plugin of a user's own, or one whose source has changed since, is
 compiled by numba when its module is imported, and never at a first goal. Every kernel that another one calls stays in

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Dict, List
 
 from mbf_relay import kernels
-from mbf_relay.kernel_build.kernel_objects import KernelEntry, all_features, compile_module, environment
+from mbf_relay.kernel_build.kernel_objects import KernelEntry, compile_module, environment, features_of
 from mbf_relay.kernel_build.wrappers import module_source
 
 MOST_PROCESSES = 4
@@ -64,14 +64,14 @@ def build(folder: Path, objects: Path, compiler: str) -> Path:
     wrappers.write_text((HERE / "support.c").read_text() + module_source(entries, sources), encoding="utf-8")
     import numpy
 
+    made_of = [str(_object(objects, sources, name, each)) for name in sources for each in features_of(name)]
     target = folder / ("_kernels" + str(sysconfig.get_config_var("EXT_SUFFIX")))
     made = objects / target.name
     subprocess.run(
         [
             compiler, "-O2", "-shared", "-fPIC", "-fvisibility=hidden", "-Wl,-s",
             "-I", sysconfig.get_paths()["include"], "-I", numpy.get_include(),
-            str(wrappers), *(str(_object(objects, sources, name, each)) for each in all_features() for name in sources),
-            "-lm", "-o", str(made),
+            str(wrappers), *made_of, "-lm", "-o", str(made),
         ],
         check=True, capture_output=True, text=True,
     )
@@ -84,9 +84,9 @@ def build(folder: Path, objects: Path, compiler: str) -> Path:
 def _compile(sources: Dict[str, str], objects: Path) -> Dict[str, List[List[KernelEntry]]]:
     """Make the object files that are not there and return what is in all: each kernel for each of the features."""
     found: Dict[str, List[List[KernelEntry]]] = {name: [] for name in sources}
-    for features in all_features():
-        places = {name: _object(objects, sources, name, features) for name in sources}
-        missing = [name for name in sources if not places[name].with_suffix(".json").exists()]
+    for features in sorted({each for name in sources for each in features_of(name)}):
+        places = {name: _object(objects, sources, name, features) for name in sources if features in features_of(name)}
+        missing = [name for name in places if not places[name].with_suffix(".json").exists()]
         os.environ.update(environment(features))
         processes = max(1, min(MOST_PROCESSES, os.cpu_count() or 1, len(missing)))
         with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:

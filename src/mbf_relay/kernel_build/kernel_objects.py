@@ -11,8 +11,10 @@ from mbf_relay import kernels
 CPU = {"x86_64": "x86-64"}
 """LLVM's name of the least a processor of a kind can do, where "generic" is something else."""
 WIDE = {"x86_64": "+avx2"}
-"""What nearly all of a kind can do besides, which nearly halves the time of loops over cells; the module asks for it
-when it is loaded. It changes no bit: nothing is computed in another order."""
+"""What nearly all of a kind can do besides, which nearly halves the time of plain loops over cells; the module asks for
+it when it is loaded. It changes no bit: nothing is computed in another order."""
+WIDENED = ("mbf_relay.costmap.inflation_kernels",)
+"""Modules that gain by it; each takes its time twice when the package is built."""
 
 
 class KernelEntry(NamedTuple):
@@ -38,10 +40,10 @@ def plain_processor() -> str:
     return CPU.get(platform.machine(), "generic")
 
 
-def all_features() -> List[str]:
-    """Return what code is made for: nothing besides the plain processor, then once more what others can."""
+def features_of(module_name: str) -> List[str]:
+    """Return what a module is made for: nothing besides the plain processor, then maybe once more what others can."""
     wide = WIDE.get(platform.machine())
-    return [""] if wide is None else ["", wide]
+    return [""] if wide is None or module_name not in WIDENED else ["", wide]
 
 
 def compile_module(module_name: str, object_path: str, features: str) -> List[KernelEntry]:
@@ -52,7 +54,7 @@ def compile_module(module_name: str, object_path: str, features: str) -> List[Ke
     Args:
         module_name: "mbf_relay.costmap.layer_kernels".
         object_path: Of the file to write.
-        features: One of `all_features`.
+        features: One of `features_of`.
     """
     import llvmlite.binding as llvm
     from numba.core.dispatcher import Dispatcher
@@ -115,5 +117,5 @@ def _target_machine(llvm: Any, features: str) -> Any:
 
 
 def environment(features: str) -> Dict[str, str]:
-    """Return what numba's environment must hold when kernels are compiled ahead for one of `all_features`."""
+    """Return what numba's environment must hold when kernels are compiled ahead for one of `features_of`."""
     return {"NUMBA_CPU_NAME": plain_processor(), "NUMBA_CPU_FEATURES": features, kernels.SWITCH: kernels.TO_BUILD}

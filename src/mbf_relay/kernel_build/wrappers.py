@@ -23,7 +23,7 @@ def module_source(entries: Mapping[str, List[List[KernelEntry]]], sources: Mappi
     """Return the C source of the module `_kernels`, to be compiled with support.c before it.
 
     Args:
-        entries: Kernels by their module's name, each made for any processor first, then maybe for those that can more.
+        entries: Kernels by their module's name, each made for any processor first, some then for those that can more.
         sources: Digest of each module's source, by which a later source is told from this one.
     """
     functions: List[str] = []
