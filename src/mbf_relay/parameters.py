@@ -22,6 +22,8 @@ T = TypeVar("T", bound="ParameterSet")
 LARGEST = 1e9
 """Of any unit: 30 years, a million kilometres. What lies beyond it, infinity among it, overflows where it is squared or
 counted in cells; where no nearer end is declared, a number goes as far as this."""
+SPEED_UNITS = ("m/s", "rad/s")
+"""Units of what may not be without end."""
 
 
 def parameter(
@@ -55,8 +57,6 @@ def parameter(
         return dataclasses.field(default_factory=lambda: type(default)(default), metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
 
-
-SPEED_UNITS = ("m/s", "rad/s")
 
 WORDS_ALIKE = 0.6
 """Share of letters (difflib's ratio) two words must have in common to be one word misspelt."""

@@ -25,7 +25,7 @@ import numpy as np
 from mbf_relay.localization.beams import Beams
 from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.laser_kernels import look_up_endpoints, trace_endpoints
-from mbf_relay.localization.scan_likelihood import thin_out
+from mbf_relay.localization.scan_likelihood import some_of, thin_out
 
 BEAMS = 60
 """Beams of a scan that are looked at."""
@@ -61,7 +61,7 @@ class Seen(NamedTuple):
         """Return what a scan's beams, all of them, have."""
         passed = beams.passed
         return Seen(
-            thin_out(beams.hits), passed[:: max(1, len(passed) // BEAMS)], len(passed) / max(1, len(beams.ranges)),
+            thin_out(beams.hits), some_of(passed, BEAMS), len(passed) / max(1, len(beams.ranges)),
             np.array([beams.laser_pose.x, beams.laser_pose.y]),
         )
 
@@ -102,7 +102,7 @@ class Evidence:
                 is proven by what is mapped elsewhere.
             seen: Of the scan; at least one beam ended on something.
         """
-        endpoints = np.ascontiguousarray(seen.ends[:: max(1, len(seen.ends) // BEAMS)])
+        endpoints = some_of(seen.ends, BEAMS)
         poses = np.ascontiguousarray(poses)
         hits = np.empty((len(poses), len(endpoints)), dtype=np.float32)
         field = self._field

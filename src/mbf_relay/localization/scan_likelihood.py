@@ -107,6 +107,11 @@ def thin_out(endpoints: np.ndarray, most: int = 1 << 30) -> np.ndarray:
     return np.ascontiguousarray(endpoints[first[:: max(1, -(-len(first) // most))]])
 
 
+def some_of(endpoints: np.ndarray, count: int) -> np.ndarray:
+    """Return about `count` of a scan's endpoints, shape (B, 2), every so-manieth of them."""
+    return np.ascontiguousarray(endpoints[:: max(1, len(endpoints) // count)])
+
+
 def apart(poses: np.ndarray, values: np.ndarray, count: int, distance: float, turn: float) -> List[int]:
     """Return indices of up to `count` poses, highest values first, no two within `distance` (m) and `turn` (rad)."""
     order = np.argsort(-values)[: 50 * count]

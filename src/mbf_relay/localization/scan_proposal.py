@@ -18,7 +18,7 @@ import numpy as np
 
 from mbf_relay.localization.estimate import cluster, heaviest_first
 from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp
-from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, apart, mixture_around
+from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, apart, mixture_around, some_of
 
 Weigh = Callable[[np.ndarray], np.ndarray]
 """Poses in, (N, 3), log-likelihoods of a scan out, (N,)."""
@@ -128,11 +128,6 @@ class ScanProposal:
             )
         poses[members], likelihoods[members] = own, look(own)
         return modes
-
-
-def some_of(endpoints: np.ndarray, count: int) -> np.ndarray:
-    """Return about `count` of a scan's ends, shape (B, 2), evenly spread."""
-    return np.ascontiguousarray(endpoints[:: max(1, len(endpoints) // count)])
 
 
 def _counted(weigh: Weigh, news: float, poses: np.ndarray) -> np.ndarray:
