@@ -77,7 +77,7 @@ class TrackLayer(Layer):
     def observe(self, source: str, observation: Observation, now: float) -> Observation:
         ends = np.asarray(observation.points, dtype=float)[:, :2]
         hits = np.ones(len(ends), dtype=bool) if observation.hits is None else observation.hits
-        finite = np.isfinite(ends).all(axis=1)
+        finite = np.isfinite(ends[:, 0]) & np.isfinite(ends[:, 1])
         x, y = observation.origin[:2]
         self._trackers[source].update(float(x), float(y), ends[finite], hits[finite], observation.stamp)
         if self.parameters.mark_movers:

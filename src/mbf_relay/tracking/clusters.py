@@ -61,14 +61,25 @@ def find_clusters(rays: Rays, gap: float, largest: float) -> List[Cluster]:
     count = len(rays.hits)
     if count < FEWEST:
         return []
-    turns = np.abs(np.diff(rays.bearings))
-    beam = float(np.median(np.minimum(turns, 2.0 * np.pi - turns)))
+    beam = _usual_turn(rays.bearings)
     discs, runs, order = np.empty((count, 4)), np.empty((count, 2), np.int64), np.empty(count, np.int64)
     things = cluster_kernels.find_things(*_scan(rays), beam, gap, largest, discs, runs, order)
     return [
         Cluster(x, y, radius, is_whole > 0.0, order[begin:end])
         for (x, y, radius, is_whole), (begin, end) in zip(discs[:things].tolist(), runs[:things].tolist())
     ]
+
+
+def _usual_turn(bearings: np.ndarray) -> float:
+    """Return the median angle (rad) from one bearing to the next, of two or more; np.median takes ten times as long."""
+    turns = np.abs(bearings[1:] - bearings[:-1])
+    turns = np.minimum(turns, 2.0 * np.pi - turns)
+    middle = len(turns) // 2
+    if len(turns) % 2:
+        turns.partition(middle)
+        return float(turns[middle])
+    turns.partition((middle - 1, middle))
+    return 0.5 * float(turns[middle - 1] + turns[middle])
 
 
 def _cluster(rays: Rays, readings: np.ndarray, gap: float, largest: float) -> Cluster:

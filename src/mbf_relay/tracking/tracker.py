@@ -60,6 +60,8 @@ class Tracker:
     def tracks(self) -> Tuple[Track, ...]:
         """What moves, as of the last scan."""
         sure = self._belief >= CONVINCED
+        if not sure.any():
+            return ()
         return tuple(
             Track(int(number), float(self._stamp or 0.0), x, y, vx, vy, float(radius), *variances)
             for number, (x, y, vx, vy), radius, variances in zip(
@@ -88,12 +90,17 @@ class Tracker:
         self._predict(elapsed or 0.0)
         clusters = self._clusters(rays)
         self._drop_old_scans(stamp)
-        taken = self._associate(clusters)
-        self._correct([(thing, cluster) for thing, cluster in zip(taken, clusters) if thing >= 0], rays, stamp)
+        discs, noises = self._measured(clusters)
+        taken = self._associate(discs, noises)
+        known, new = (taken >= 0).nonzero()[0], (taken < 0).nonzero()[0]
+        things, seen = taken[known], [clusters[index] for index in known]
+        if len(things):
+            self._correct(things, discs[known], noises[known], stamp)
+            self._judge(things, seen, rays, stamp)
         self.moving = np.zeros(len(hits), dtype=bool)
-        for thing, cluster in zip(taken, clusters):
-            self.moving[cluster.readings] = thing >= 0 and self._belief[thing] >= CONVINCED
-        self._begin([cluster for index, cluster in enumerate(clusters) if taken[index] < 0], stamp)
+        for index in (self._belief[things] >= CONVINCED).nonzero()[0]:
+            self.moving[seen[index].readings] = True
+        self._begin(discs[new], noises[new], stamp)
         self._forget(rays, stamp)
         self._history.append((stamp, rays))
 
@@ -101,76 +108,96 @@ class Tracker:
         q = self.parameters.track_acceleration ** 2
         position, cross, velocity = self._variances.T
         self._states[:, :2] += elapsed * self._states[:, 2:]
-        self._variances = np.column_stack((
-            position + 2.0 * elapsed * cross + elapsed ** 2 * velocity + 0.25 * q * elapsed ** 4,
-            cross + elapsed * velocity + 0.5 * q * elapsed ** 3,
-            velocity + q * elapsed ** 2,
-        ))
+        predicted = np.empty_like(self._variances)
+        predicted[:, 0] = position + 2.0 * elapsed * cross + elapsed ** 2 * velocity + 0.25 * q * elapsed ** 4
+        predicted[:, 1] = cross + elapsed * velocity + 0.5 * q * elapsed ** 3
+        predicted[:, 2] = velocity + q * elapsed ** 2
+        self._variances = predicted
 
     def _clusters(self, rays: Rays) -> List[Cluster]:
         """Return the things in a scan, those parted that run into one where something moves."""
-        gap, found = self.parameters.track_gap, []
-        discs = np.column_stack((self._states[:, :2], self._radii))
-        moving = discs[self._belief >= CONVINCED]
-        for cluster in find_clusters(rays, gap, self.parameters.track_largest):
+        gap = self.parameters.track_gap
+        found = find_clusters(rays, gap, self.parameters.track_largest)
+        sure = self._belief >= CONVINCED
+        if not sure.any():
+            return found
+        discs, parted = np.column_stack((self._states[:, :2], self._radii)), []
+        moving = discs[sure]
+        for cluster in found:
             near = np.hypot(moving[:, 0] - cluster.x, moving[:, 1] - cluster.y) < cluster.radius + moving[:, 2] + gap
-            found += part(cluster, rays, discs, gap) if near.any() else [cluster]
-        return found
+            parted += part(cluster, rays, discs, gap) if near.any() else [cluster]
+        return parted
 
-    def _noise(self, cluster: Cluster) -> float:
-        """Return the variance (m^2) of a cluster's centre."""
-        deviation = self.parameters.track_noise * (1.0 if cluster.is_whole else HIDDEN_NOISE)
-        return deviation * deviation
+    def _measured(self, clusters: List[Cluster]) -> Tuple[np.ndarray, np.ndarray]:
+        """Return clusters as discs (x, y and radius in m), shape (K, 3), and the variances (m^2) of their centres."""
+        discs = np.array([cluster[:3] for cluster in clusters]).reshape(-1, 3)
+        whole, hidden = self.parameters.track_noise, self.parameters.track_noise * HIDDEN_NOISE
+        deviations = np.array([whole if cluster.is_whole else hidden for cluster in clusters])
+        return discs, deviations * deviations
 
-    def _associate(self, clusters: List[Cluster]) -> List[int]:
-        """Return for each cluster the thing it is, -1 for none: the nearest pairs first, by deviations."""
-        taken = [-1] * len(clusters)
-        if not clusters or not len(self._numbers):
-            return taken
-        centers = np.array([(cluster.x, cluster.y) for cluster in clusters])
-        noises = np.array([self._noise(cluster) for cluster in clusters])
-        off = self._states[:, None, :2] - centers
-        distances = (off ** 2).sum(axis=2) / (self._variances[:, 0][:, None] + noises)
-        free = np.ones(len(self._numbers), dtype=bool)
-        for pair in np.argsort(distances, axis=None, kind="stable"):
-            thing, cluster = divmod(int(pair), len(clusters))
-            if distances[thing, cluster] > GATE:
-                break
+    def _associate(self, discs: np.ndarray, noises: np.ndarray) -> np.ndarray:
+        """Return for each cluster the thing it is, -1 for none: the nearest pairs first, by deviations.
+
+        Args:
+            discs, noises: The clusters; see _measured.
+        """
+        taken = np.full(len(discs), -1)
+        off = self._states[:, None, :2] - discs[:, :2]
+        distances = ((off ** 2).sum(axis=2) / (self._variances[:, 0][:, None] + noises)).ravel()
+        pairs = (distances <= GATE).nonzero()[0]
+        free = [True] * len(self._numbers)
+        for pair in pairs[np.argsort(distances[pairs], kind="stable")].tolist():
+            thing, cluster = divmod(pair, len(discs))
             if free[thing] and taken[cluster] < 0:
                 taken[cluster], free[thing] = thing, False
         return taken
 
-    def _correct(self, seen: List[Tuple[int, Cluster]], rays: Rays, stamp: float) -> None:
-        """Take what was seen of things, each of them once."""
-        if not seen:
-            return
-        things = np.array([thing for thing, _ in seen])
-        measured = np.array([(cluster.x, cluster.y) for _, cluster in seen])
-        noises = np.array([self._noise(cluster) for _, cluster in seen])
+    def _correct(self, things: np.ndarray, discs: np.ndarray, noises: np.ndarray, stamp: float) -> None:
+        """Take where things were seen, each of them once.
+
+        Args:
+            things: Shape (K,): which.
+            discs, noises: Their clusters; see _measured.
+            stamp: Time (s).
+        """
         position, cross, velocity = self._variances[things].T
         total = position + noises
-        off = measured - self._states[things, :2]
+        off = discs[:, :2] - self._states[things, :2]
         self._states[things, :2] += (position / total)[:, None] * off
         self._states[things, 2:] += (cross / total)[:, None] * off
-        self._variances[things] = np.column_stack((
-            position - position * position / total, cross - position * cross / total, velocity - cross * cross / total))
+        corrected = np.empty((len(things), 3))
+        corrected[:, 0] = position - position * position / total
+        corrected[:, 1] = cross - position * cross / total
+        corrected[:, 2] = velocity - cross * cross / total
+        self._variances[things] = corrected
         self._seen[things] = stamp
+
+    def _judge(self, things: np.ndarray, seen: List[Cluster], rays: Rays, stamp: float) -> None:
+        """Take how large things were seen, and what speaks for and against their moving.
+
+        Args:
+            things: Shape (K,): which.
+            seen: Their clusters.
+            rays: The scan.
+            stamp: Time (s).
+        """
+        radii, seen_radii = self._radii[things], np.array([cluster.radius for cluster in seen])
+        is_whole = np.array([cluster.is_whole for cluster in seen])
+        radii = np.where(is_whole, radii + 0.3 * (seen_radii - radii), radii)
+        self._radii[things] = np.maximum(radii, seen_radii)
         speeds = np.hypot(self._states[things, 2], self._states[things, 3])
         sure = SURE * np.sqrt(self._variances[things, 2])
         is_fast = speeds >= np.maximum(self.parameters.track_slowest, sure)
-        was_empty: Optional[np.ndarray] = None
-        for (thing, cluster), fast in zip(seen, is_fast.tolist()):
-            if cluster.is_whole:
-                self._radii[thing] += 0.3 * (cluster.radius - self._radii[thing])
-            self._radii[thing] = max(self._radii[thing], cluster.radius)
-            is_known = self._belief[thing] >= CONVINCED  # it came once; one that nears slowly is seen to no more
-            came = is_known
-            if fast and not came:
-                was_empty = self._was_empty(rays, stamp) if was_empty is None else was_empty
-                came = float(was_empty[cluster.readings].mean()) >= SEEN_EMPTY
-            against = 0 if is_known and not cluster.is_whole else -1  # half hidden, it seems to stand or to jump
-            change = 1 if fast and came else against
-            self._belief[thing] = min(MOST_CONVINCED, max(0, self._belief[thing] + change))
+        is_known = self._belief[things] >= CONVINCED  # it came once; one that nears slowly is seen to no more
+        came, asked = is_known.copy(), (is_fast & ~is_known).nonzero()[0].tolist()
+        if asked:
+            was_empty = self._was_empty(rays, stamp)
+            for index in asked:
+                readings = seen[index].readings
+                came[index] = np.count_nonzero(was_empty[readings]) / len(readings) >= SEEN_EMPTY
+        against = np.where(is_known & ~is_whole, 0, -1)  # half hidden, it seems to stand or to jump
+        change = np.where(is_fast & came, 1, against)
+        self._belief[things] = np.minimum(MOST_CONVINCED, np.maximum(0, self._belief[things] + change))
 
     def _drop_old_scans(self, stamp: float) -> None:
         """Keep of the scans those that tell what was empty."""
@@ -187,23 +214,32 @@ class Tracker:
                 result |= _sees_past(before, rays.ends)
         return result
 
-    def _begin(self, clusters: List[Cluster], stamp: float) -> None:
-        count = len(clusters)
+    def _begin(self, discs: np.ndarray, noises: np.ndarray, stamp: float) -> None:
+        """Follow things seen for the first time.
+
+        Args:
+            discs, noises: Their clusters; see _measured.
+            stamp: Time (s).
+        """
+        count = len(discs)
         if not count:
             return
-        rows = np.array([(cluster.x, cluster.y, 0.0, 0.0) for cluster in clusters])
-        variances = np.array([(self._noise(cluster), 0.0, FIRST_SPEED ** 2) for cluster in clusters])
+        nothing = np.zeros(count)
+        rows = np.column_stack((discs[:, :2], nothing, nothing))
+        variances = np.column_stack((noises, nothing, np.full(count, FIRST_SPEED ** 2)))
         self._numbers = np.append(self._numbers, np.arange(self._next_number, self._next_number + count))
         self._next_number += count
         self._states = np.vstack((self._states, rows))
         self._variances = np.vstack((self._variances, variances))
-        self._radii = np.append(self._radii, [cluster.radius for cluster in clusters])
+        self._radii = np.append(self._radii, discs[:, 2])
         self._seen = np.append(self._seen, np.full(count, stamp))
         self._belief = np.append(self._belief, np.zeros(count, np.int64))
 
     def _forget(self, rays: Rays, stamp: float) -> None:
         away, patience = stamp - self._seen, self.parameters.track_patience
         kept = away < patience
+        if kept.all():
+            return
         for thing in np.flatnonzero(~kept & (self._belief >= CONVINCED) & (away < HIDDEN_PATIENCE * patience)):
             kept[thing] = self._is_hidden(thing, rays)
         if kept.all():
