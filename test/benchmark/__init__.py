@@ -14,6 +14,7 @@ NAMES = (
     "footprint",
     "circle",
     "worlds",
+    "zoo",
     "cluster",
     "environment",
     "web",

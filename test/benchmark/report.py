@@ -1,17 +1,19 @@
 """The metrics in the READMEs: those a newcomer asks for in the repository's, all of them in this folder's.
 
-What the proofs tried and lost has a section of its own in both, for it is seldom taken together with the rest.
+What the proofs tried and lost has a section of its own in both, for it is seldom taken together with the rest, and the
+public robots one in this folder's, for a row of theirs is of words.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple
+from typing import Any, Dict, List, NamedTuple, Sequence, Tuple
 
 from benchmark.metric import Metric, machine_line, round_for_people, table
 
 FIGURES = ("<!-- made by `scripts/benchmark --write` -->", "<!-- end of benchmark -->")
 PROOFS = ("<!-- made by `scripts/benchmark reliability --write` -->", "<!-- end of reliability -->")
+ROBOTS = ("<!-- made by `scripts/benchmark zoo --write` -->", "<!-- end of zoo -->")
 """Lines between which a README has a section."""
 LOST = ", lost"
 """End of the name of a metric that counts what a proof lost."""
@@ -82,39 +84,28 @@ HEADLINES = (
 
 
 def write_sections(machine: Dict[str, Any], results: Results) -> List[Path]:
-    """Write the headlines into the repository's README.md and every metric into this folder's; return the two.
+    """Write the headlines into the repository's README.md and every metric into this folder's; return what was written.
 
     A section none of whose benchmarks was run stays as it is.
 
     Raises:
         ValueError: A README lacks the markers, or a headline's metric is not among its benchmark's.
     """
-    proofs = [result for result in results if result[0] == "reliability"]
-    figures = [result for result in results if result[0] != "reliability"]
-    paths = [HERE.parents[1] / "README.md", HERE / "README.md"]
+    own = {name: [result for result in results if result[0] == name] for name in ("reliability", "zoo")}
+    figures = [result for result in results if result[0] not in own]
+    short, whole = HERE.parents[1] / "README.md", HERE / "README.md"
+    tables = []
     if any(name != "yardstick" for name, _ in figures):
-        _write_section(paths, FIGURES, machine, figures, headline_table)
-    if proofs:
-        _write_section(paths, PROOFS, machine, proofs, proof_table)
-    return paths
-
-
-def _write_section(
-    paths: Sequence[Path], markers: Tuple[str, str], machine: Dict[str, Any], results: Results,
-    short: Callable[[Results], str],
-) -> None:
-    """Write a section of both READMEs.
-
-    Args:
-        paths: Of the README that gets the short table and of the one that gets the whole.
-        markers: Lines before and after the section.
-        machine: That `results` were taken on.
-        results: To show.
-        short: Makes the short table.
-    """
-    for path, text in zip(paths, (short(results), whole_tables(results))):
+        tables += [(short, FIGURES, headline_table(figures)), (whole, FIGURES, whole_tables(figures))]
+    if own["reliability"]:
+        proofs = own["reliability"]
+        tables += [(short, PROOFS, proof_table(proofs)), (whole, PROOFS, whole_tables(proofs))]
+    if own["zoo"]:
+        tables += [(whole, ROBOTS, robot_table(own["zoo"]))]
+    for path, markers, text in tables:
         made = rewrite_section(path.read_text(encoding="utf-8"), markers, f"{machine_line(machine)}\n\n{text}")
         path.write_text(made, encoding="utf-8")
+    return list(dict.fromkeys(path for path, _, _ in tables))
 
 
 def rewrite_section(readme: str, markers: Tuple[str, str], text: str) -> str:
@@ -168,4 +159,15 @@ def proof_table(results: Results) -> str:
     for _, metric in results:
         if metric.name.endswith(LOST):
             lines.append(f"| {metric.name[:-len(LOST)]} | {metric.repeats} | {round_for_people(metric.value)} |")
+    return "\n".join(lines)
+
+
+def robot_table(results: Results) -> str:
+    """Return a row for each public robot: what its metric depends on, and how long it took; as Markdown."""
+    robots = [metric for _, metric in results]
+    columns = list(robots[0].parameters)
+    lines = [f"| robot | {' | '.join(columns)} | time [s] |", "|---" * (len(columns) + 2) + "|"]
+    for robot in robots:
+        cells = [robot.name, *(str(robot.parameters[column]) for column in columns), f"{robot.value:.1f}"]
+        lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)

@@ -1,15 +1,12 @@
 """Public robots' own parameters: each set loads, says only what is true and of use, and drives there and back."""
 
-import os
-import sys
-
 import pytest
+from benchmark import report
+from benchmark import zoo as benchmark
+from contract import zoo
+from tally import LONG
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-import zoo  # noqa: E402
-from tally import LONG  # noqa: E402
-
-from mbf_relay.navigation.examination import CLAMPED, DOUBTFUL, IGNORED, REFUSED, STOOD_IN  # noqa: E402
+from mbf_relay.navigation.examination import CLAMPED, DOUBTFUL, IGNORED, REFUSED, STOOD_IN
 
 UNREAD_UPSTREAM = {
     "acc_lim_Y", "allow_unknown", "alternative_goals_thresh",
@@ -57,6 +54,13 @@ def test_what_it_is_warned_of_is_true(name):
         assert finding.name not in used, finding
     for finding in found.of(CLAMPED, STOOD_IN):
         assert len(finding.text) > 15 and finding.name, finding
+
+
+@pytest.mark.parametrize("name", zoo.NAMES)
+def test_the_table_of_robots_has_it_and_says_what_it_is_warned_of(name):
+    readme = (report.HERE / "README.md").read_text(encoding="utf-8")
+    cells = [name, *map(str, benchmark.described(name).values()), "yes", "0"]
+    assert f"\n| {' | '.join(cells)} | " in readme, "`scripts/benchmark zoo --write` writes the table"
 
 
 @pytest.mark.parametrize("name", zoo.NAMES)

@@ -4,6 +4,7 @@ What a file does not say of a robot is made up as any builder would: wheels near
 """
 
 import copy
+import functools
 import math
 from pathlib import Path
 
@@ -30,6 +31,7 @@ SLACK = 0.01
 """Metres by which the solid robot is smaller than its footprint."""
 
 
+@functools.lru_cache(maxsize=None)
 def examined(name):
     """Return the examination of a robot's parameters."""
     return examine_move_base(SETS[name]["parameters"])

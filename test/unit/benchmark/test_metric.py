@@ -100,6 +100,13 @@ def test_a_section_of_which_nothing_was_measured_stays_as_it_is(names, tmp_path,
         assert "| goals cancelled | 5000 | 1 |" in (tmp_path / "README.md").read_text(encoding="utf-8")
 
 
+def test_a_robot_has_a_row_with_a_cell_for_each_thing_told_of_it():
+    told = {"wheels": "car", "loads": "yes", "ignored": 2}
+    table = report.robot_table([("zoo", Metric("limo", 20.04, "s", parameters=told))])
+    assert table.splitlines() == [
+        "| robot | wheels | loads | ignored | time [s] |", "|---|---|---|---|---|", "| limo | car | yes | 2 | 20.0 |"]
+
+
 def test_headlines_are_few_and_the_whole_table_has_all():
     relay = [
         Metric("goal through the relay", 0.7071, "ms"), Metric("cancel through the relay", 0.2, "ms"),
