@@ -3,6 +3,7 @@
 import math
 import os
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -149,6 +150,17 @@ def test_the_error_explains():
                     now=0.1 * cycle,
                 )
             )
+
+
+def test_a_robot_that_changed_its_mind_and_is_free_to_go_on_does_not_stand_for_ever():
+    """Only motion lifts the ban on going ahead again, and it stands with nothing but that in its way."""
+    controller = on_the_way()
+    controller.set_path(path_through((0, 0), (1.0, 0)), True)
+    here = state()
+    for speed in (0.2, -0.2):
+        for each in controller.critics:
+            each.driven(Twist2D(speed, 0.0, 0.0), SimpleNamespace(pose=here.pose))
+    assert controller.compute_velocity(here).x > 0.0
 
 
 def test_a_users_own_critic_has_its_say():

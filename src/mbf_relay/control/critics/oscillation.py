@@ -19,10 +19,13 @@ class Oscillation(Critic):
 
     Driving forward and back counts always; strafing and turning count only while the robot does not drive forward, for
     then they are no steering. A component that turned back is banned from turning again until the robot has moved
-    oscillation_reset_dist or turned oscillation_reset_angle from where that was.
+    oscillation_reset_dist or turned oscillation_reset_angle from where that was. A robot that a ban alone holds could
+    never get that far, so there bans yield; DWAPlanner lifts them with each new path.
 
     Source: base_local_planner's OscillationCostFunction.
     """
+
+    yields_where_held = True
 
     def __init__(self, name: str, parameters: DwaParameters) -> None:
         super().__init__(name, parameters)
