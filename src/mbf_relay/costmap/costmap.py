@@ -182,6 +182,12 @@ class Costmap:
             min((limit.share for limit in limits), default=1.0),
         )
 
+    @property
+    def sees_all_round(self) -> bool:
+        """Whether its sensors look in all directions at once; see Layer."""
+        with self._lock:
+            return any(layer.sees_all_round for layer in self.layers if layer.enabled)
+
     def set_map(self, occupancy: OccupancyMap, layer: str = "") -> Optional[str]:
         """Take a map; a costmap that is no rolling window takes the size and resolution of its first one of the floor.
 

@@ -108,6 +108,11 @@ class Layer(Plugin, abc.ABC):
         """What it knows that moves, in the costmap's frame; None where it does not look for that."""
         return None
 
+    @property
+    def sees_all_round(self) -> bool:
+        """Whether what it was shown last came from all directions: a robot that turns on the spot shows it no more."""
+        return False
+
     def attach(self, rolling: bool, tracks_unknown: bool) -> None:
         """Learn what the costmap is like; called once, before anything else."""
         self.rolling = rolling

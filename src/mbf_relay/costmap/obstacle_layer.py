@@ -20,6 +20,9 @@ from mbf_relay.scan_monitor import LARGEST_GAP
 
 OVERWRITE, MAXIMUM, NOTHING = 0, 1, 99
 
+UNSEEN = 0.1
+"""Radians between two rays side by side beyond which something is not looked at that a turn would show."""
+
 S = TypeVar("S", bound="ObstacleLayerParameters")
 
 RECONFIGURABLE = ("enabled", "footprint_clearing_enabled", "max_obstacle_height", "combination_method")
@@ -185,6 +188,15 @@ class ObstacleLayer(CellLayer):
     def highest_mark(self) -> float:
         """Height (m) above which points do not become obstacles."""
         return self.parameters.max_obstacle_height
+
+    @property
+    def sees_all_round(self) -> bool:
+        rays = [one for source in self._sources.values() if source.parameters.clearing for one in source.kept]
+        if not rays:
+            return False
+        bearings = np.sort(np.concatenate([np.arctan2(*(one.ends - (one.x, one.y)).T[::-1]) for one in rays]))
+        gaps = np.diff(bearings, append=bearings[:1] + 2.0 * math.pi)
+        return bool(len(gaps)) and float(gaps.max()) <= UNSEEN
 
     def observe(self, source: str, observation: Observation, now: float) -> None:
         self._sources[source].add(observation, now, self.highest_mark)

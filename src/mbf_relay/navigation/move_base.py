@@ -27,7 +27,7 @@ from mbf_relay.navigation.path_hysteresis import PathHysteresis, path_is_blocked
 from mbf_relay.navigation.planner_execution import PlannerExecution
 from mbf_relay.navigation.progress import GoalProgress
 from mbf_relay.navigation.recovery_execution import RecoveryExecution
-from mbf_relay.navigation.recovery_policy import Recoverable, TriedBehaviors, recoverable
+from mbf_relay.navigation.recovery_policy import Recoverable, TriedBehaviors, can_change, recoverable
 from mbf_relay.navigation.registry import Registry
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.task import Ending, Task
@@ -318,7 +318,7 @@ class MoveBase:
             return False
 
         def suits(name: str) -> bool:
-            return change is Recoverable.BY_MOVING or not navigator.recoveries.plugin(name).leaves_place
+            return can_change(change, navigator.recoveries.plugin(name), navigator.costmaps["global"])
 
         where, progress = self._where()[0], navigator.parameters.oscillation_distance
         pose = where.pose if where is not None else None

@@ -10,11 +10,12 @@ STOPPED and MAP_ERROR.
 from __future__ import annotations
 
 from enum import Enum
-from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Set
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Set
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.navigation.goals import NavigateOutcome
 from mbf_relay.outcomes import ControlOutcome, PlanOutcome
+from mbf_relay.recovery.recovery import Recovery
 
 
 class Recoverable(Enum):
@@ -22,7 +23,8 @@ class Recoverable(Enum):
 
     NO = "nothing that a recovery behaviour does"
     BY_CLEARING = "obstacles forgotten and seen anew; the robot's place does not matter"
-    BY_MOVING = "obstacles seen anew, or the robot elsewhere"
+    BY_SEEING = "obstacles seen anew, or from elsewhere; which way the robot faces does not matter"
+    BY_MOVING = "obstacles seen anew, or the robot elsewhere or turned"
 
 
 class RecoveryPolicy(NamedTuple):
@@ -32,7 +34,7 @@ class RecoveryPolicy(NamedTuple):
     reason: str
 
 
-NO, BY_CLEARING, BY_MOVING = Recoverable.NO, Recoverable.BY_CLEARING, Recoverable.BY_MOVING
+NO, BY_CLEARING, BY_SEEING, BY_MOVING = Recoverable
 
 PLANNING: Dict[Enum, RecoveryPolicy] = {
     PlanOutcome.FAILURE: RecoveryPolicy(BY_MOVING, "a planner's word for anything, most often for no path"),
@@ -46,7 +48,7 @@ PLANNING: Dict[Enum, RecoveryPolicy] = {
         BY_CLEARING, "what is marked on the goal may be gone, wherever the robot is"
     ),
     PlanOutcome.NO_PATH_FOUND: RecoveryPolicy(
-        BY_MOVING, "what is marked across the way may be gone, or look otherwise from elsewhere"
+        BY_SEEING, "what is marked across the way may be gone, or look otherwise from elsewhere"
     ),
     PlanOutcome.PAT_EXCEEDED: RecoveryPolicy(
         BY_CLEARING, "a planner that thinks too long may be quicker with fewer obstacles"
@@ -115,6 +117,24 @@ def recoverable(outcome: Enum, cause: Optional[Enum] = None) -> Recoverable:
         cause: What had failed again and again where it ended because patience was over; that decides then.
     """
     return POLICIES[outcome if cause is None else cause].recoverable
+
+
+def can_change(change: Recoverable, behavior: Recovery, costmap: Any) -> bool:
+    """Return whether a behaviour can bring about what changes a failure.
+
+    One that drives the robot elsewhere cannot where its place does not matter; nor one that only turns the sensors
+    round where the robot's heading does not matter and they see all round from where it stands.
+
+    Args:
+        change: What can change the failure.
+        behavior: The behaviour.
+        costmap: Whose `sees_all_round` tells that.
+    """
+    if change in (NO, BY_MOVING):
+        return change is BY_MOVING
+    if behavior.leaves_place:
+        return change is BY_SEEING
+    return not (behavior.only_looks_round and costmap.sees_all_round)
 
 
 NEAR = 0.1

@@ -48,9 +48,12 @@ class Recovery(Plugin, abc.ABC):
 
     Attributes:
         leaves_place: Whether it drives the robot elsewhere; move_base then spares it for what the place can change.
+        only_looks_round: Whether all it does for a planner is to turn the sensors round; move_base then leaves it out
+            where no path is found and they see all round already.
     """
 
     leaves_place: ClassVar[bool] = False
+    only_looks_round: ClassVar[bool] = False
 
     @abc.abstractmethod
     def run(self, context: RecoveryContext) -> Iterator[Twist2D]:

@@ -55,6 +55,7 @@ class Rotate(Recovery):
 
     Parameters = RotateParameters
     parameters: RotateParameters
+    only_looks_round = True
 
     def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
         """Yield the turn.

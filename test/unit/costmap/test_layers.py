@@ -42,6 +42,17 @@ def cost_at(costmap, x, y):
     return int(snapshot.costs[row, column])
 
 
+# --- what sensors see
+
+@pytest.mark.parametrize("beams, sees", [(360, True), (270, False), (30, False), (1, False), (0, False)])
+def test_a_lidar_sees_all_round_where_its_beams_go_all_round(beams, sees):
+    costmap = with_obstacles()
+    assert not costmap.sees_all_round
+    scan = LaserScan(np.full(beams, math.inf), -2.0, math.radians(1.0), 0.1, 3.0, 1.0)
+    costmap.observe("scan", observation_from_scan(scan, Pose2D(0.5, 0.2, 1.0)))
+    assert costmap.sees_all_round is sees
+
+
 # --- the static layer
 
 def test_a_trinary_map_knows_free_lethal_and_unknown():

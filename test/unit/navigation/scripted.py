@@ -90,6 +90,7 @@ class PaperCostmap:
         self.grid = grid
         self.footprint = np.zeros((0, 2))
         self.zone_limit = ZoneLimit()
+        self.sees_all_round = False
 
     def snapshot(self) -> CostGrid:
         return CostGrid(self.grid, self.costs, self.frame, self.footprint, 0.1, 0.1, stamp=self.stamp)
@@ -162,6 +163,10 @@ class ScriptedRecovery(Recovery):
 
 class LeavingRecovery(ScriptedRecovery):
     leaves_place = True
+
+
+class LookingRecovery(ScriptedRecovery):
+    only_looks_round = True
 
 
 class HeldWorker(Worker):

@@ -166,6 +166,18 @@ def test_only_what_a_recovery_can_change_is_recovered_from(make_bench, outcome, 
         assert result.message == "for a reason" and bench.robot.pose == Pose2D(0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize("sees_all_round", [True, False])
+@pytest.mark.parametrize("trouble", ["plan", "velocity"])
+def test_a_robot_that_sees_all_round_does_not_turn_round_where_no_path_is_found(make_bench, trouble, sees_all_round):
+    looking = [{"name": "R1", "type": "scripted.LookingRecovery"}, {"name": "R2", "type": "scripted.LeavingRecovery"}]
+    bench = make_bench(planner_max_retries=0, controller_max_retries=0, recovery_behaviors=looking)
+    bench.costmaps["global"].sees_all_round = sees_all_round
+    setattr(bench.script, trouble, NO_WAY if trouble == "plan" else STUCK)
+    bench.finish(bench.navigator.move_base(GOAL))
+    assert ("R1" in bench.script.calls) is (trouble == "velocity" or not sees_all_round)
+    assert bench.script.calls["R2"] == 1
+
+
 def test_a_goal_in_an_unknown_frame_ends_without_a_move(make_bench):
     bench = make_bench(tf_timeout=0.5, recovery_behaviors=PLACES)
     bench.script.recovery = lambda context: iter([Twist2D(-0.1, 0.0, 0.0)] * 5)
