@@ -40,12 +40,14 @@ def contacts(costmap, pose, scale=1.0, headings=256, outside=1):
     for start, end in zip(corners, np.roll(corners, -1, axis=0)):
         count = max(1, math.ceil(np.hypot(*(end - start)) / (grid.resolution / 3)))
         along = np.float32(start + (end - start) * np.arange(count)[:, None] / count) * scale
-        for x, y in turned.transform_points(along):
-            column, row = grid.cell_at(x, y)
-            if not grid.contains_cell(column, row):
-                found += outside
-            elif costmap.costs[row, column] >= 254:
-                in_x = (x - grid.origin_x) / grid.resolution - column
-                in_y = (y - grid.origin_y) / grid.resolution - row
-                found += not grazes(costmap.costs, column, row, in_x, in_y, overlap)
+        places = turned.transform_points(along)
+        cells = grid.cells_at(places)
+        inside = ((cells >= 0) & (cells < (grid.width, grid.height))).all(axis=1)
+        found += outside * int(np.count_nonzero(~inside))
+        places, cells = places[inside], cells[inside]
+        touching = costmap.costs[cells[:, 1], cells[:, 0]] >= 254
+        for (x, y), (column, row) in zip(places[touching], cells[touching]):
+            in_x = (x - grid.origin_x) / grid.resolution - column
+            in_y = (y - grid.origin_y) / grid.resolution - row
+            found += not grazes(costmap.costs, column, row, in_x, in_y, overlap)
     return found

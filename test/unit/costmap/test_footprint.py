@@ -122,15 +122,13 @@ def plainly_within(grid, outline, pose):
     """Return the cells no corner of which lies outside of an edge of a convex outline."""
     corners = pose.transform_points(outline)
     turn = 1.0 if np.cross(corners[1] - corners[0], corners[2] - corners[1]) > 0.0 else -1.0
-    within = set()
-    for row in range(grid.height):
-        for column in range(grid.width):
-            cell = np.array([[column + i, row + j] for i in (0, 1) for j in (0, 1)])
-            points = grid.resolution * cell + (grid.origin_x, grid.origin_y)
-            edges = zip(corners, np.roll(corners, -1, axis=0))
-            if all(turn * np.cross(end - start, point - start) >= 0.0 for start, end in edges for point in points):
-                within.add((column, row))
-    return within
+    rows, columns = np.mgrid[:grid.height + 1, :grid.width + 1]
+    points = grid.resolution * np.stack((columns, rows), axis=-1) + (grid.origin_x, grid.origin_y)
+    inside = np.ones(rows.shape, dtype=bool)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0)):
+        inside &= turn * np.cross(end - start, points - start) >= 0.0
+    whole = inside[:-1, :-1] & inside[:-1, 1:] & inside[1:, :-1] & inside[1:, 1:]
+    return {(column, row) for row, column in np.argwhere(whole).tolist()}
 
 
 @pytest.mark.parametrize("pose", POSES)
