@@ -376,7 +376,7 @@ class Costmap:
                 reason = layer.stale_reason(now) if layer.enabled else None
                 if reason is not None:
                     return f"{self.name}: {reason}"
-            return self._age_reason(now)
+            return self._age_reason(now, 1.0 if self.sources else math.inf)
 
     def planning_trouble(self, now: float) -> Optional[PlanningError]:
         """Return why the snapshot must not be planned on, or None: sensors may be silent, but there must be a snapshot.
@@ -388,13 +388,13 @@ class Costmap:
                     return PlanningError(PlanOutcome.MAP_ERROR, f"{self.name}: {reason}")
             if self._last_update is None:
                 return PlanningError(PlanOutcome.NOT_INITIALIZED, f"{self.name} was not updated yet")
-            reason = self._age_reason(now)
+            reason = self._age_reason(now, math.inf)
             return PlanningError(PlanOutcome.MAP_ERROR, reason) if reason is not None else None
 
-    def _age_reason(self, now: float) -> Optional[str]:
+    def _age_reason(self, now: float, never_updated: float) -> Optional[str]:
+        """Return why the snapshot is too old, or None; one that is never updated may be `never_updated` (s) old."""
         assert self._last_update is not None
-        age = now - self._last_update
-        limit = max(1.0, 5.0 / self.parameters.update_frequency) if self.parameters.update_frequency > 0.0 else math.inf
-        return (
-            f"{self.name} was last updated {age:.2f} s ago; at most {limit:.2f} s is allowed" if age > limit else None
-        )
+        age, frequency = now - self._last_update, self.parameters.update_frequency
+        limit, why = (max(1.0, 5.0 / frequency), "") if frequency else (never_updated, ": its update_frequency is 0")
+        told = f"{self.name} was last updated {age:.2f} s ago; at most {limit:.2f} s is allowed{why}"
+        return told if age > limit else None

@@ -35,6 +35,9 @@ def doubts(config: Mapping[str, Any]) -> List[Doubt]:
         if isinstance(group, Mapping):
             if name in ("global_costmap", "local_costmap"):
                 found += [(f"{name}/{key}", text) for key, text in _of_costmap(group, config)]
+                if name == "local_costmap" and _is_zero(group.get("update_frequency")):
+                    text = f"is {group['update_frequency']}; nothing is driven by a costmap that is never updated"
+                    found.append((f"{name}/update_frequency", text))
             else:
                 found += [(f"{name}/{key}", text) for key, text in _of_controller(group)]
     return found

@@ -177,6 +177,16 @@ def test_stale_sources_are_named_with_their_age():
     assert "3.00 s" in costmap.stale_reason(3.0)
 
 
+def test_a_costmap_that_sees_and_is_never_updated_is_planned_on_but_not_driven_on():
+    seen_by_camera = yaml.safe_load(yaml.safe_dump(NEW_FORM).replace("LaserScan", "PointCloud2"))
+    costmap = factory.build_costmap("local_costmap", {**seen_by_camera, "update_frequency": 0.0})
+    costmap.update(0.0, IDENTITY)
+    assert costmap.stale_reason(0.5) is None  # as after a client had it updated
+    assert costmap.stale_reason(60.0) == (
+        "local_costmap was last updated 60.00 s ago; at most 1.00 s is allowed: its update_frequency is 0")
+    assert costmap.planning_trouble(60.0) is None
+
+
 def test_whoever_waits_for_a_sensor_is_told_why_what_it_sent_was_not_used():
     costmap = factory.build_costmap("local_costmap", NEW_FORM)
     costmap.update(0.0, IDENTITY)

@@ -158,7 +158,9 @@ class CostmapNode:
         except Exception as error:  # the thread must outlive a mistake; staleness then stops the robot
             rospy.logerr_throttle(WARN_PERIOD, f"{self._name}: update failed: {type(error).__name__}: {error}")
         frequency = self.costmap.parameters.update_frequency
-        return now + 1.0 / frequency if frequency > 0.0 else float("inf")
+        if frequency == 0.0:  # once, as soon as that can be done, and again where a client asks
+            return float("inf") if self.costmap.updates else now + 1.0
+        return now + 1.0 / frequency
 
     def _update(self, now: float) -> None:
         pose = self._robot_pose()

@@ -53,6 +53,12 @@ def test_values_no_robot_could_mean_fail_with_value_and_line(tmp_path, change, s
     assert status == 1
 
 
+def test_a_local_costmap_that_is_never_updated_is_doubted(tmp_path):
+    status, told = check(tmp_path, GOOD.replace("rolling_window: true", "rolling_window: true, update_frequency: 0"))
+    assert "local_costmap/update_frequency: is 0; nothing is driven by" in told and status == 1
+    assert check(tmp_path, GOOD.replace("global_costmap: {", "global_costmap: {update_frequency: 0, "))[0] == 0
+
+
 @pytest.mark.parametrize("footprint, said", [
     ("[[0.3, 0.2], [-0.3, -0.2], [0.3, -0.2], [-0.3, 0.2]]", "crosses itself"),
     ("[[0.1, 0.2], [0.5, 0.2], [0.5, -0.2], [0.1, -0.2]]", "base frame's origin"),
