@@ -2,84 +2,44 @@
 
 import sys
 import types
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from upstream_parameters import CONFIG, DIFFERENT, README, SECTION, UPSTREAM, offered, table
 
-from mbf_relay import files
 from mbf_relay.localization.node_parameters import AmclParameters
 
-CONFIG = Path(__file__).resolve().parents[4] / "config"
-UPSTREAM = files.parse_yaml((Path(__file__).parent / "upstream_cfg.yaml").read_text(encoding="utf-8"))
-EXACT = {("Costmap", "height"), ("Costmap", "width")}
-"""Whole metres upstream, which rounds what a file says; with their fractions here."""
-NO_ZERO = {
-    ("AMCL", "min_particles"): 1, ("AMCL", "max_particles"): 1, ("AMCL", "resample_interval"): 1,
-    ("AMCL", "laser_max_beams"): 2, ("MoveBaseFlex", "controller_frequency"): 0.1,
-}
-"""Where a slider begins that upstream lets go down to 0, with which nothing works there either."""
-BOTH_WAYS = {("VoxelLayer", "combination_method")}
-"""A slider to 2 upstream, where 99 is one of the choices."""
 
-
-@pytest.fixture
-def offered(monkeypatch):
-    """Return what a .cfg file of ours offers: type, default, least and greatest value by name."""
-
-    class Generator:
-        found = {}
-
-        def const(self, name, kind, value, description):
-            return value
-
-        def enum(self, constants, description):
-            return constants
-
-        def add(self, name, kind, level, description, default=None, min=None, max=None, edit_method=""):
-            self.found[name] = (kind, default, min, max)
-
-        def generate(self, *names):
-            return 0
-
-    module = types.ModuleType("dynamic_reconfigure.parameter_generator_catkin")
-    module.ParameterGenerator = Generator
-    for kind in ("bool", "int", "double", "str"):
-        setattr(module, f"{kind}_t", kind)
-    monkeypatch.setitem(sys.modules, "dynamic_reconfigure", types.ModuleType("dynamic_reconfigure"))
-    monkeypatch.setitem(sys.modules, module.__name__, module)
-
-    def read(name):
-        path = CONFIG / f"{name}.cfg"
-        Generator.found = {}
-        with pytest.raises(SystemExit):
-            exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), {"__file__": str(path)})
-        return Generator.found
-
-    return read
+def differing(name, parameter):
+    """Return what is another here, by "type", "low" or "high"."""
+    return DIFFERENT.get(name, {}).get(parameter, {})
 
 
 @pytest.mark.parametrize("name", sorted(UPSTREAM))
-def test_names_types_and_defaults_are_upstream_s(offered, name):
+def test_names_types_and_defaults_are_upstream_s(name):
     found = offered(name)
     for parameter, (kind, default, _low, _high) in UPSTREAM[name].items():
-        assert found[parameter][:2] == ("double" if (name, parameter) in EXACT else kind, default), parameter
+        assert found[parameter][:2] == (differing(name, parameter).get("type", kind), default), parameter
 
 
 @pytest.mark.parametrize("name", sorted(UPSTREAM))
-def test_sliders_begin_and_end_where_upstream_s_do(offered, name):
+def test_sliders_begin_and_end_where_upstream_s_do(name):
     found = offered(name)
-    for parameter, (_kind, _default, low, high) in UPSTREAM[name].items():
-        if (name, parameter) in BOTH_WAYS:
-            continue
-        if low is not None:
-            assert found[parameter][2] == NO_ZERO.get((name, parameter), low), parameter
-        if high is not None:
-            assert found[parameter][3] == pytest.approx(high), parameter
+    for parameter, (_kind, _default, *ends) in UPSTREAM[name].items():
+        for which, end, ours in zip(("low", "high"), ends, found[parameter][2:]):
+            if end is not None:
+                assert ours == pytest.approx(differing(name, parameter).get(which, end)), (parameter, which)
+
+
+def test_the_readme_tells_what_differs_and_why():
+    shown = README.read_text(encoding="utf-8")
+    assert f"{SECTION[0]}\n{table()}\n{SECTION[1]}" in shown, "write it by `python3 -m upstream_parameters`"
+    named = {(name, parameter) for name, parameters in DIFFERENT.items() for parameter in parameters}
+    assert named <= {(name, parameter) for name in UPSTREAM for parameter in UPSTREAM[name]}
 
 
 @pytest.mark.parametrize("path", sorted(CONFIG.glob("*.cfg")), ids=lambda path: path.stem)
-def test_a_slider_of_ours_is_of_a_length_a_hand_can_use(offered, path):
+def test_a_slider_of_ours_is_of_a_length_a_hand_can_use(path):
     for parameter, (kind, default, low, high) in offered(path.stem).items():
         if kind == "double" and low is not None and high is not None:
             assert high - low <= 2000.0 * max(1.0, abs(default)), parameter
