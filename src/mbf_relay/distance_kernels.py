@@ -10,6 +10,23 @@ import numpy as np
 from mbf_relay.kernels import kernel
 
 
+@kernel("void(uint8[::1], int32[::1], int32[::1], int32)")
+def _down_a_row(cells, above, row, far):
+    """Write how far each cell of a row is below the last 0; a loop of its own is turned into vector code."""
+    for x in range(cells.shape[0]):
+        distance = above[x] + np.int32(1)
+        distance = distance if distance < far else far
+        row[x] = np.int32(0) if cells[x] == 0 else distance
+
+
+@kernel("void(int32[::1], int32[::1])")
+def _up_a_row(below, row):
+    """Lower the distances of a row to those from below."""
+    for x in range(row.shape[0]):
+        distance = below[x] + np.int32(1)
+        row[x] = distance if distance < row[x] else row[x]
+
+
 @kernel("void(uint8[:,::1], float32[:,::1])")
 def distances_to_zeros(cells, distances):
     """Write the distance in cells from each cell's centre to that of the nearest cell that is 0.
@@ -21,16 +38,13 @@ def distances_to_zeros(cells, distances):
         distances: Result, shape (height, width).
     """
     height, width = cells.shape
-    far = height + width
+    far = np.int32(height + width)
     column_distances = np.empty((height, width), dtype=np.int32)
-    for x in range(width):
-        column_distances[0, x] = 0 if cells[0, x] == 0 else far
-    for y in range(1, height):
-        for x in range(width):
-            column_distances[y, x] = 0 if cells[y, x] == 0 else min(far, column_distances[y - 1, x] + 1)
+    column_distances[0] = far
+    for y in range(height):
+        _down_a_row(cells[y], column_distances[max(0, y - 1)], column_distances[y], far)
     for y in range(height - 2, -1, -1):
-        for x in range(width):
-            column_distances[y, x] = min(column_distances[y, x], column_distances[y + 1, x] + 1)
+        _up_a_row(column_distances[y + 1], column_distances[y])
 
     nearest = np.empty(width, dtype=np.int64)  # columns, from left to right, that some cell of the row is nearest to
     begins = np.empty(width, dtype=np.int64)  # where each of them begins to be
@@ -51,14 +65,14 @@ def distances_to_zeros(cells, distances):
                 nearest[0], begins[0] = x, 0
                 continue
             before = nearest[last]
-            # below 2^53 the quotient of doubles rounds down to the same whole number as that of integers
-            apart = (x * x - before * before + squares[x] - squares[before]) / (2.0 * (x - before))
-            begin = 1 + np.int64(math.floor(apart))
-            if begin < width:
+            apart, twice = x * x - before * before + squares[x] - squares[before], 2 * (x - before)
+            if apart < twice * (width - 1):
+                # not negative; below 2^53 the quotient of doubles is cut to the same whole number as that of integers
                 last += 1
-                nearest[last], begins[last] = x, begin
-        for x in range(width - 1, -1, -1):
-            column = nearest[last]
-            distances[y, x] = math.sqrt(np.float32((x - column) * (x - column) + squares[column]))
-            if x == begins[last]:
-                last -= 1
+                nearest[last], begins[last] = x, 1 + np.int64(np.float64(apart) / np.float64(twice))
+        end = width
+        for index in range(last, -1, -1):
+            column, square = nearest[index], squares[nearest[index]]
+            for x in range(begins[index], end):
+                distances[y, x] = math.sqrt(np.float32((x - column) * (x - column) + square))
+            end = begins[index]

@@ -50,6 +50,19 @@ def round_stretches(line, circles):
         circles[stretch, 0], circles[stretch, 1], circles[stretch, 2] = x, y, radius + 1e-6
 
 
+@kernel("UniTuple(float64, 2)(float64, float64, float64[:,::1], float64[:,::1], int64)")
+def _nearest_on(x, y, line, ways, corner):
+    """Return the squared distance (m^2) of a point from the piece that begins at a corner, and how far along it."""
+    dx, dy = ways[corner, 0], ways[corner, 1]
+    px = x - line[corner, 0]
+    py = y - line[corner, 1]
+    along = (px * dx + py * dy) * ways[corner, 2]
+    along = 0.0 if along < 0.0 else (1.0 if along > 1.0 else along)
+    px -= along * dx
+    py -= along * dy
+    return px * px + py * py, along
+
+
 @kernel("void(float64[:,::1], float64[:,::1], float64[::1], float64[:,::1])")
 def project(points, line, arcs, result):
     """Find the nearest point of a polyline for each point.
@@ -78,7 +91,7 @@ def project(points, line, arcs, result):
     nearest_corner = 0
     for index in range(points.shape[0]):
         x, y = points[index, 0], points[index, 1]
-        guess = math.hypot(x - line[nearest_corner, 0], y - line[nearest_corner, 1])
+        guess = math.sqrt(_nearest_on(x, y, line, ways, nearest_corner)[0])
         nearest, nearest_along = 1e300, 0.0
         for stretch in range(circles.shape[0]):
             px = x - circles[stretch, 0]
@@ -87,14 +100,7 @@ def project(points, line, arcs, result):
             if px * px + py * py > reach * reach:
                 continue
             for corner in range(stretch * _STRETCH, min(count, (stretch + 1) * _STRETCH)):
-                dx, dy = ways[corner, 0], ways[corner, 1]
-                px = x - line[corner, 0]
-                py = y - line[corner, 1]
-                along = (px * dx + py * dy) * ways[corner, 2]
-                along = 0.0 if along < 0.0 else (1.0 if along > 1.0 else along)
-                px -= along * dx
-                py -= along * dy
-                distance = px * px + py * py
+                distance, along = _nearest_on(x, y, line, ways, corner)
                 if distance < nearest:
                     nearest, nearest_corner, nearest_along = distance, corner, along
             guess = min(guess, math.sqrt(nearest))
