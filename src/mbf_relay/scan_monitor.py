@@ -77,12 +77,15 @@ class ScanMonitor:
     def _blind(self, scan: LaserScan, usable: np.ndarray, forward: float) -> Optional[str]:
         if self._largest_gap <= 0.0:
             return None
-        share = float(usable.mean())
+        share, step = float(usable.mean()), abs(scan.angle_increment)
         if share < USABLE:
             return f"the lidar measures nothing in {100.0 * (1.0 - share):.0f} % of its beams"
-        step = abs(scan.angle_increment)
+        width = len(usable) * step
+        if width < self._largest_gap:
+            return (f"the lidar looks into {math.degrees(width):.0f} degrees in all; what lies beside counts as free, "
+                    f"and more than {math.degrees(self._largest_gap):.0f} may not go unseen")
         allowed = math.floor(self._largest_gap / step) if step > 0.0 else len(usable)
-        for first, count in gaps(usable, closed=len(usable) * step > 2.0 * math.pi - 1.5 * step):
+        for first, count in gaps(usable, closed=width > 2.0 * math.pi - 1.5 * step):
             if count <= allowed or _explained(scan, usable, first, count):
                 continue
             middle = scan.angle_min + scan.angle_increment * (first + (count - 1) / 2.0)

@@ -60,6 +60,17 @@ def test_a_wall_nearer_than_the_lidar_can_read_does_not_make_it_blind():
     assert trouble(scan(np.where(wall < 0.12, 0.0, wall))) is None
 
 
+@pytest.mark.parametrize("beams", [1, 5, 19])
+def test_a_robot_whose_lidar_looks_through_a_keyhole_does_not_drive(beams):
+    """One beam that found the way free was driven by, 1.2 m to the goal; a robot is wider than a beam."""
+    keyhole = scan(np.full(beams, 2.0), angle_min=-0.5 * math.radians(beams), width=math.radians(beams))
+    assert f"{beams} degrees in all" in trouble(keyhole)
+
+
+def test_a_depth_camera_looks_wide_enough():
+    assert trouble(scan(np.full(58, 2.0), angle_min=-0.5, width=1.0)) is None
+
+
 def test_an_open_place_is_seen_to_be_open():
     assert trouble(scan(np.full(360, math.inf))) is None
 

@@ -206,6 +206,8 @@ class VelocityGuard:
         width = abs(scan.angle_increment) * (len(scan.ranges) + 1)
         if asked.speed() == 0.0 or width >= 2.0 * math.pi:
             return False
+        if width < self._parameters.blind_sector:  # a view no wider than what it may not overlook is none
+            return asked.speed() > self._parameters.unseen_speed
         middle = scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1) / 2.0
         off = math.atan2(asked.y, asked.x) - self._laser_in_base.theta - middle
         return abs(math.remainder(off, 2.0 * math.pi)) > width / 2.0 and asked.speed() > self._parameters.unseen_speed

@@ -142,6 +142,13 @@ def test_a_robot_backs_slowly_where_its_lidar_does_not_look():
     assert judged(guard, Twist2D(0.0, 0.0, 1.0)).velocity.theta == 1.0
 
 
+@pytest.mark.parametrize("beams", [1, 5])
+def test_a_robot_whose_lidar_looks_through_a_keyhole_goes_slowly(beams):
+    guard = guard_that_saw(scan_of(np.full(beams, 3.0), angle_min=-0.01 * beams, increment=0.02))
+    verdict = judged(guard, AHEAD)
+    assert verdict.velocity.x == pytest.approx(0.1) and verdict.cause == guards.UNSEEN
+
+
 def test_a_lidar_that_looks_backwards_sees_behind_what_is_before_it():
     guard = VelocityGuard(parameters())
     guard.take_scan(scan_with(0.2, -40, 41), Pose2D(0.0, 0.0, math.pi))

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import Any, Optional
 
+import numpy as np
+
 from mbf_relay.maps import COARSEST, FINEST, LARGEST_SIDE, MOST_CELLS
 from mbf_relay.scan_monitor import LARGEST_GAP
 
@@ -24,6 +26,8 @@ LONGEST_RANGE = 1e4
 """Metres that a range sensor may claim to reach."""
 FIRST_RANGE = 10.0
 """Metres within which a range sensor must begin to see: the nearest it tells, in millimetres, is ten times as far."""
+NEAREST_READING = 100.0
+"""Metres within which a scan with readings must have one: in millimetres, that is nearer than any robot's own hull."""
 MOST_BEAMS = 100000
 """Beams of a scan: a hundred times what planar lidars have."""
 MOST_POINTS = 4000000
@@ -111,6 +115,18 @@ def check_scan(message: Any) -> None:
         raise InvalidMessage(
             f"scan with range_min {message.range_min} m, which shows nothing nearer; at most {FIRST_RANGE:g} m are "
             "taken: are its ranges in metres?")
+
+
+def check_readings(ranges: np.ndarray) -> None:
+    """Refuse readings (m), shape (B,), of which even the nearest is so far that they must be millimetres.
+
+    What stands in all beams alike is no reading but a driver's word for "nothing".
+    """
+    told = ranges[(ranges > 0.0) & (ranges < np.inf)]
+    if len(told) and told.min() > NEAREST_READING and told.min() < told.max():
+        raise InvalidMessage(
+            f"scan whose nearest reading is {told.min():g} m; one within {NEAREST_READING:g} m is needed: are its "
+            "ranges in metres?")
 
 
 def _check_directions(message: Any, beams: int) -> None:

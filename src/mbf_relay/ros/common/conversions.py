@@ -146,7 +146,9 @@ def scan_from_message(message: LaserScanMessage) -> LaserScan:
         InvalidMessage: It has no beams, or its angles or limits mean nothing.
     """
     checks.check_scan(message)
+    ranges = np.array(message.ranges, dtype=np.float64)
+    checks.check_readings(ranges)
     return LaserScan(
-        np.array(message.ranges, dtype=np.float64), message.angle_min, message.angle_increment, message.range_min,
+        ranges, message.angle_min, message.angle_increment, message.range_min,
         min(message.range_max, checks.LONGEST_RANGE), message.header.stamp.to_sec(), message.header.frame_id,
     )

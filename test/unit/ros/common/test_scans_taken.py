@@ -40,3 +40,22 @@ def test_a_scan_that_contradicts_itself_about_where_it_looks_is_not_driven_by(me
 ])
 def test_the_drivers_there_are_are_believed(message):
     assert len(scan_from_message(message).ranges) == len(message.ranges)
+
+
+@pytest.mark.parametrize("range_max", [3.5, 3500.0, math.inf])
+def test_a_lidar_that_counts_in_millimetres_from_zero_on_is_not_driven_by(range_max):
+    """Its walls stood a kilometre off, or beyond range_max, and counted as free."""
+    message = scan(-math.pi, math.pi, DEGREE, 360)
+    message.range_max, message.ranges = range_max, [0.0] * 20 + [math.inf] * 20 + [180.0 + beam for beam in range(320)]
+    with pytest.raises(InvalidMessage, match=r"nearest reading is 180 m.* are its ranges in metres\?"):
+        scan_from_message(message)
+
+
+@pytest.mark.parametrize("ranges", [
+    [65.533] * 360, [30001.0] * 360, [math.inf] * 359 + [math.nan],  # what drivers say where nothing came back
+    [120.0 + 0.1 * beam for beam in range(359)] + [4.0],  # a wide field with one post in it
+])
+def test_a_lidar_in_an_open_place_is_believed(ranges):
+    message = scan(-math.pi, math.pi, DEGREE, 360)
+    message.range_max, message.ranges = 250.0, ranges
+    assert len(scan_from_message(message).ranges) == 360
