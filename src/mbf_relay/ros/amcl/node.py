@@ -37,7 +37,7 @@ from mbf_relay.ros.common import diagnostics, parameters
 from mbf_relay.ros.common.checks import InvalidMessage, check_stamp
 from mbf_relay.ros.common.conversions import dated, header, map_from_message, pose_to_message
 from mbf_relay.ros.common.lidar_geometry import LidarGeometry
-from mbf_relay.ros.common.map_client import request_map
+from mbf_relay.ros.common.map_client import request_map, warn_of_frame
 from mbf_relay.ros.common.node import spare_what_stays
 from mbf_relay.ros.common.transforms import TransformPublisher, Transforms
 from mbf_relay.scan import LaserScan
@@ -97,7 +97,7 @@ class AmclNode:
                 rospy.Subscriber("map", OccupancyGrid, self._take_map, queue_size=1, buff_size=1 << 24)
             )
         else:
-            self._use_map(request_map())
+            self._use_map(request_map(self._parameters.global_frame_id))
         self._services = [
             rospy.Service("global_localization", Empty, self._globalize),
             rospy.Service("request_nomotion_update", Empty, self._request_update),
@@ -152,11 +152,7 @@ class AmclNode:
         with self._lock:
             if self._localizer is not None and self._parameters.first_map_only:
                 return
-        frame = message.header.frame_id.lstrip("/")
-        if frame != self._parameters.global_frame_id:
-            rospy.logwarn(
-                "the map is in frame '%s', not in global_frame_id '%s'", frame, self._parameters.global_frame_id
-            )
+        warn_of_frame(message, self._parameters.global_frame_id)
         try:
             self._use_map(map_from_message(message))
         except ValueError as error:
@@ -193,6 +189,7 @@ class AmclNode:
         try:
             occupancy, (pose, covariance) = map_from_message(request.map), self._read_pose(request.initial_pose)
             check_initial_pose(pose, covariance, occupancy)
+            warn_of_frame(request.map, self._parameters.global_frame_id)
             with self._lock:
                 self._use_map(occupancy)
                 self._start_at(pose, covariance, self._parameters.force_update_after_set_map)

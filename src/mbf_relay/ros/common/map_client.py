@@ -7,6 +7,7 @@ import time
 import xmlrpc.client  # nosec B411: what the ROS master speaks
 
 import rospy
+from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetMap
 
 from mbf_relay.localization.distance_field import check_map
@@ -19,8 +20,18 @@ FIRST_LOOKS = (0.01, 0.02, 0.04, 0.08, 0.15, 0.3)
 """Wall time (s) between looks for a map_server that starts together with whoever asks; rospy looks every 0.3 s."""
 
 
-def request_map() -> OccupancyMap:
+def warn_of_frame(message: OccupancyGrid, frame: str) -> None:
+    """Warn of a map that says it lies in another frame than the one it is taken to lie in."""
+    said = message.header.frame_id.lstrip("/")
+    if said != frame:
+        rospy.logwarn("the map is in frame '%s', not in global_frame_id '%s', where it is taken to lie", said, frame)
+
+
+def request_map(frame: str) -> OccupancyMap:
     """Return what `static_map` serves, once it serves a map that can be localized on.
+
+    Args:
+        frame: Where it is taken to lie.
 
     Raises:
         rospy.ROSInterruptException: The node shuts down.
@@ -30,8 +41,10 @@ def request_map() -> OccupancyMap:
         try:
             _look_for_service(rospy.resolve_name("static_map"))
             rospy.wait_for_service("static_map", timeout=5.0)
-            occupancy = map_from_message(rospy.ServiceProxy("static_map", GetMap)().map)
+            message = rospy.ServiceProxy("static_map", GetMap)().map
+            occupancy = map_from_message(message)
             check_map(occupancy)
+            warn_of_frame(message, frame)
             return occupancy
         except rospy.ROSInterruptException:
             raise

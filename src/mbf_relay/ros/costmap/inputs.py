@@ -208,8 +208,19 @@ class MapInput:
             return
         if notice:
             rospy.logwarn("%s", notice)
-        self.frame = message.header.frame_id
+        self.frame = self._frame_of(message)
         self._on_map()
+
+    def _frame_of(self, message: Any) -> str:
+        """Return where a map lies, and warn where that is a surprise; a costmap that rolls may well be in another."""
+        said, frame = message.header.frame_id.lstrip("/"), self._costmap.frame.lstrip("/")
+        lies = said or frame
+        if said != frame and lies != self.frame and not (said and self._costmap.parameters.rolling_window):
+            rospy.logwarn(
+                "%s: the map on topic '%s' is in frame '%s', not in '%s'; %s", self._costmap.name, self._source.topic,
+                said, frame, "it is placed by their transform" if said else f"it is taken to lie in '{frame}'",
+            )
+        return lies
 
     def _take_update(self, message: Any) -> None:
         try:
