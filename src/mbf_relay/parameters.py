@@ -23,7 +23,7 @@ LARGEST = 1e9
 """Of any unit: 30 years, a million kilometres. What lies beyond it, infinity among it, overflows where it is squared or
 counted in cells; where no nearer end is declared, a number goes as far as this."""
 SPEED_UNITS = ("m/s", "rad/s")
-"""Units of what may not be without end."""
+"""Units of what is refused beyond LARGEST and not taken to a nearer end: who writes that wants no limit at all."""
 
 
 def parameter(
@@ -145,11 +145,19 @@ class ParameterSet:
 
     @classmethod
     def unknown_names(cls, values: Mapping[str, Any]) -> List[str]:
-        """Return the names in `values` that are neither a parameter here nor a group of further parameters."""
-        names = set(cls.names())
+        """Return the names in `values` that mean nothing here, of groups as of single values.
+
+        What reads a group of its own beside its parameters says so: see `groups`.
+        """
+        names = {*cls.names(), *cls.groups(values)}
         for field in dataclasses.fields(cls):
             names.update(field.metadata.get("aliases", ()))
-        return [name for name, value in values.items() if name not in names and not isinstance(value, Mapping)]
+        return [name for name in values if name not in names]
+
+    @classmethod
+    def groups(cls, values: Mapping[str, Any]) -> Iterable[str]:
+        """Return the names under which a group of further parameters is read. Override where there are such."""
+        return ()
 
     @classmethod
     def deprecated_names(cls, values: Mapping[str, Any]) -> Dict[str, str]:
@@ -227,8 +235,8 @@ def _nearest_allowed(value: Any, field: Any) -> Any:
     """Return the number in range nearest to `value`, else the default, None where none will do."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not field.metadata.get("clamped", True):
         return None
-    if _is_endless_speed(value, field.metadata):
-        return None
+    if field.metadata.get("unit") in SPEED_UNITS and abs(value) > LARGEST:
+        return None  # no guess is safe, not even the end of a range
     minimum, maximum, above = (field.metadata.get(key) for key in ("minimum", "maximum", "above"))
     if maximum is not None and value > maximum:
         return type(value)(maximum)
@@ -288,8 +296,6 @@ def _convert_tuple(name: str, value: Any, hints: Tuple[Any, ...]) -> Tuple[Any, 
 
 
 def _check_range(name: str, value: Any, metadata: Mapping[str, Any]) -> None:
-    if _is_endless_speed(value, metadata):
-        raise ValueError(f"parameter {name} is {value}{_unit(metadata)}; a speed must be finite")
     choices = metadata.get("choices")
     if choices is not None and value not in choices:
         raise ValueError(f"parameter {name} is {value!r}; it must be one of {', '.join(map(repr, choices))}")
@@ -306,11 +312,6 @@ def _check_range(name: str, value: Any, metadata: Mapping[str, Any]) -> None:
         if isinstance(entry, (int, float)) and abs(entry) > metadata["largest"]:
             largest = f"{metadata['largest']:g}{_unit(metadata)}"
             raise ValueError(f"parameter {name} is {value}; it must be within {largest} of 0")
-
-
-def _is_endless_speed(value: Any, metadata: Mapping[str, Any]) -> bool:
-    """Return whether a value is a speed without end, for which no guess is safe, not even the end of a range."""
-    return metadata.get("unit") in SPEED_UNITS and isinstance(value, float) and math.isinf(value)
 
 
 def _unit(metadata: Mapping[str, Any]) -> str:

@@ -102,9 +102,15 @@ def test_an_old_name_is_read_and_reported_and_the_present_one_wins():
     assert Example.deprecated_names({"max_speed": 0.5}) == {"max_speed": "speed"}
 
 
-def test_unknown_names_are_told_and_groups_are_left_to_others():
-    values = {"sped": 1, "max_speed": 0.5, "plugin": {"speed": 1}}
-    assert Example.unknown_names(values) == ["sped"]
+def test_unknown_names_are_told_of_groups_as_well_but_of_those_that_are_read():
+    class WithAGroup(Example):
+        @classmethod
+        def groups(cls, values):
+            return ["sensor"]
+
+    values = {"sped": 1, "max_speed": 0.5, "perod": {"a": 1}, "sensor": {"topic": "scan"}}
+    assert Example.unknown_names(values) == ["sped", "perod", "sensor"]
+    assert WithAGroup.unknown_names(values) == ["sped", "perod"]
     assert Example.nearest_name("sped") == "speed"
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Tuple, Type
 
 from mbf_relay import plugins
 from mbf_relay.costmap import LAYERS
@@ -13,6 +13,7 @@ from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters, SourcePara
 from mbf_relay.costmap.outline import parse_footprint
 from mbf_relay.costmap.outline_checks import footprint_trouble
 from mbf_relay.costmap.parameters import CostmapParameters
+from mbf_relay.parameters import ParameterSet
 
 STATIC_NAMES = ("map_topic", "unknown_cost_value", "lethal_cost_threshold", "track_unknown_space")
 OBSTACLE_NAMES = ("max_obstacle_height", "raytrace_range", "obstacle_range", "track_unknown_space")
@@ -165,6 +166,15 @@ def _class_of(type_name: str, group: Mapping[str, Any]) -> str:
     return type_name
 
 
+def _may_be_the_other_s(value: Any) -> bool:
+    """Return whether a value is a layer's or a source's group: one file is often read for both costmaps."""
+    if not isinstance(value, Mapping):
+        return False
+    kinds: List[Type[ParameterSet]] = [SourceParameters]
+    kinds += [plugins.find_class(name, Layer, LAYERS).Parameters for name in LAYERS]
+    return not value or any(set(kind.names()) & set(value) for kind in kinds)
+
+
 def unknown_names(values: Mapping[str, Any]) -> List[str]:
     """Return the parameters in a costmap's part of a file that nothing reads, as "group/name", for warnings."""
     groups = layer_groups(values)
@@ -172,7 +182,7 @@ def unknown_names(values: Mapping[str, Any]) -> List[str]:
     read = set(OLD_FORM_NAMES + SEARCHED_NAMES + ("plugins", "observation_sources"))
     for _, type_name, _ in groups:
         read.update(PARENT_NAMES.get(type_name, ()))
-    result = [name for name in CostmapParameters.unknown_names(values) if name not in read]
+    result: List[str] = []
     sources: Dict[str, Any] = {}
     for layer_name, type_name, group in groups:
         try:
@@ -187,8 +197,13 @@ def unknown_names(values: Mapping[str, Any]) -> List[str]:
             if name not in ranges + tuple(read)
         ]
         if issubclass(layer_class.Parameters, ObstacleLayerParameters):
-            for source in str(group.get("observation_sources", "")).split():
+            for source in layer_class.Parameters.groups(group):
                 sources[f"{prefix}{source}"] = group.get(source, {})
-    for prefix, values in sources.items():
-        result += [f"{prefix}/{name}" for name in SourceParameters.unknown_names(values)]
-    return result
+    for prefix, group in sources.items():
+        result += [f"{prefix}/{name}" for name in SourceParameters.unknown_names(group)]
+    read.update(sources, (name for name, _, _ in groups))
+    own = [
+        name for name in CostmapParameters.unknown_names(values)
+        if name not in read and not _may_be_the_other_s(values[name])
+    ]
+    return own + result

@@ -95,6 +95,11 @@ class ObstacleLayerParameters(ParameterSet):
         return {**super().known(values), "source_parameters": sources}
 
     @classmethod
+    def groups(cls, values: Mapping[str, Any]) -> List[str]:
+        """Return the names of the sources."""
+        return str(values.get("observation_sources", "")).split()
+
+    @classmethod
     def read(cls: Type[S], values: Mapping[str, Any]) -> Tuple[S, List[str]]:
         """Make one as ParameterSet.read does; the notes on a source's values name it."""
         parameters, notes = super().read(values)
@@ -107,7 +112,7 @@ class ObstacleLayerParameters(ParameterSet):
         """Return each source's parameters, out of its group, and the notes on them."""
         inherited = {key: values[key] for key in ("obstacle_range", "raytrace_range") if key in values}
         sources = {}
-        for name in str(values.get("observation_sources", "")).split():
+        for name in cls.groups(values):
             group = values.get(name, {})
             if not isinstance(group, Mapping):
                 raise ValueError(

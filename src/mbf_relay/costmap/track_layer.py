@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any, Dict, Mapping, Tuple
+from typing import Any, Dict, List, Mapping, Tuple
 
 import numpy as np
 
@@ -43,6 +43,11 @@ class TrackLayerParameters(TrackerParameters):
         sources = ObstacleLayerParameters.known(values)["source_parameters"]
         scans = {name: source for name, source in sources.items() if source.data_type == "LaserScan"}
         return {**super().known(values), "source_parameters": scans}
+
+    @classmethod
+    def groups(cls, values: Mapping[str, Any]) -> List[str]:
+        """Return the names of the sources, those that are no lidars too."""
+        return ObstacleLayerParameters.groups(values)
 
 
 class TrackLayer(Layer):

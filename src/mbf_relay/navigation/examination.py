@@ -92,7 +92,7 @@ def examine_server(namespace: Mapping[str, Any]) -> Examination:
     """Tell what becomes of the parameters of a Move Base Flex server."""
     found = Examination(config=dict(namespace))
     for name in NavigatorParameters.unknown_names(namespace):
-        if name not in READ_BY_THE_NODE:
+        if name not in READ_BY_THE_NODE and not isinstance(namespace[name], Mapping):  # see stray_groups
             _note_unknown(found, name, NavigatorParameters)
     _examine(found)
     return found
@@ -190,7 +190,7 @@ def _read(
     prefix = f"{where}/" if where else ""
     if elsewhere is not None:
         for name in kind.unknown_names(values):
-            if name not in elsewhere:
+            if name not in elsewhere and not isinstance(values[name], Mapping):  # see stray_groups
                 _note_unknown(found, prefix + name, kind)
     try:
         made, notes = kind.read(values)

@@ -73,3 +73,19 @@ def test_a_costmap_that_could_not_see_is_refused():
             "plugins": listed(obstacles="costmap_2d::ObstacleLayer"),
             "obstacles": {"observation_sources": "scan", "scan": {"data_type": "Lidar"}},
         })
+
+
+@pytest.mark.parametrize("form", [{}, {"plugins": listed(obstacle_layer="costmap_2d::ObstacleLayer")}])
+def test_a_group_where_a_number_belongs_is_told_of(form):
+    """It was passed over in silence, and the user's number with it."""
+    layer = {**SCAN, "track_slowest": {"a": 1}}
+    told = unknown_names({**form, "updat_frequency": {"a": 1}, "obstacle_layer": layer})
+    assert [name.rpartition("/")[2] for name in told] == ["updat_frequency", "track_slowest"]
+
+
+def test_groups_that_another_costmap_reads_are_no_news():
+    """Many robots load one file of common parameters into both costmaps."""
+    assert unknown_names({
+        "plugins": listed(inflation="costmap_2d::InflationLayer"), "static_layer": {"enabled": True},
+        "obstacle_layer": SCAN, "scan": {"topic": "front/scan"}, "inflation_layer": {},
+    }) == []

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Dict, List, Mapping, Tuple
 
 from mbf_relay.control.follower_parameters import FollowerParameters
+from mbf_relay.control.mppi import CRITICS
 from mbf_relay.parameters import parameter
 
 DIFF_DRIVE, OMNI, ACKERMANN = "DiffDrive", "Omni", "Ackermann"
@@ -100,10 +101,19 @@ class MppiParameters(FollowerParameters):
         if isinstance(turning, Mapping) and "min_turning_r" in turning:
             result["min_turning_r"] = turning["min_turning_r"]
         names = result.get("critics", cls.__dataclass_fields__["critics"].default)
-        groups = {name for name in values if isinstance(values[name], Mapping)}
         if isinstance(names, (list, tuple)):
-            result["critic_parameters"] = {n: values[n] for n in names if isinstance(n, str) and n in groups}
+            result["critic_parameters"] = {
+                name: values[name] for name in names
+                if isinstance(name, str) and isinstance(values.get(name), Mapping)
+            }
         return result
+
+    @classmethod
+    def groups(cls, values: Mapping[str, Any]) -> List[str]:
+        """Return the names of critics, of those not asked for too, and of the groups Nav2 has beside them."""
+        names = values.get("critics", ())
+        asked = [name for name in names if isinstance(name, str)] if isinstance(names, (list, tuple)) else []
+        return [*NAV2_GROUPS, *CRITICS, *asked]
 
     @classmethod
     def unknown_names(cls, values: Mapping[str, Any]) -> List[str]:
@@ -116,6 +126,8 @@ class MppiParameters(FollowerParameters):
         """Return nothing: Nav2's names are no older than the others."""
         return {}
 
+
+NAV2_GROUPS = ("AckermannConstraints", "TrajectoryVisualizer")
 
 NAV2_OF_ITS_OWN = (
     "visualize",

@@ -53,8 +53,13 @@ def warn_of(notes: Iterable[str], where: str) -> None:
 def warn_of_unknown(
     parameter_set: Type[ParameterSet], values: Mapping[str, Any], where: str, known_elsewhere: Iterable[str] = ()
 ) -> None:
-    """Warn about each name in `values` that is unknown or out of date; arguments as for `fill`."""
+    """Warn about each name in `values` that is unknown or out of date; arguments as for `fill`.
+
+    A group right under the node is a costmap's, a plugin's or another part's, and left to whoever reads those.
+    """
     for name in parameter_set.unknown_names(values):
+        if where == "~" and isinstance(values[name], Mapping):
+            continue
         # dynamic_reconfigure leaves its button on the server, where the next start of the node finds it.
         if name not in known_elsewhere and name != RESTORE_DEFAULTS:
             hint = did_you_mean(parameter_set.nearest_name(name))

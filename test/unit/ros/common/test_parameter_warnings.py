@@ -49,3 +49,14 @@ def test_parameters_under_a_name_no_plugin_has_are_told_of(said):
     assert len(said) == 2
     assert "DWAPlanerROS" in said[0] and "'DWAPlannerROS'" in said[0]
     assert "global_costmp" in said[1] and "'global_costmap'" in said[1]
+
+
+def test_a_group_where_a_plugin_s_number_belongs_is_told_of(said):
+    parameters.warn_of_unknown(DwaParameters, {"max_vel_xx": {"a": 1}, "max_vel_x": 0.2}, "~DWAPlannerROS")
+    assert len(said) == 1
+    assert "DWAPlannerROS/max_vel_xx" in said[0] and "'max_vel_x'" in said[0]
+
+
+def test_groups_of_others_under_a_node_are_left_to_them(said):
+    parameters.warn_of_unknown(DwaParameters, {"local_costmap": {"a": 1}}, "~")
+    assert said == []

@@ -44,8 +44,8 @@ def test_a_misspelt_name_is_told_with_its_line_and_fails_the_strict(tmp_path):
     ("  max_vel_trans: fast\n", "max_vel_trans is 'fast'", ":7]"),
     ("  sim_time: [1.0]\n", "sim_time is [1.0]", ":7]"),
     ("  max_vel_theta: 0.0\n", "never turn", ":7]"),
-    ("  max_vel_trans: .inf\n", "max_vel_trans is inf m/s; a speed must be finite", ":7]"),
-    ("  max_vel_theta: .inf\n", "max_vel_theta is inf rad/s; a speed must be finite", ":7]"),
+    ("  max_vel_trans: .inf\n", "max_vel_trans is inf; it must be within 1e+09 m/s of 0", ":7]"),
+    ("  max_vel_theta: .inf\n", "max_vel_theta is inf; it must be within 1e+09 rad/s of 0", ":7]"),
 ])
 def test_values_no_robot_could_mean_fail_with_value_and_line(tmp_path, change, said, line):
     status, told = check(tmp_path, GOOD + change)
