@@ -36,10 +36,13 @@ class Trial(NamedTuple):
 
 
 def how_many(usual: int, long: int) -> int:
-    """Return the number of trials to make; MBF_RELAY_SHARE, 0 to 1, makes a share of the long ones."""
-    if not LONG:
-        return usual
-    return max(usual, round(long * float(os.environ.get("MBF_RELAY_SHARE", "1"))))
+    """Return the number of trials to make."""
+    return max(usual, round(long * share())) if LONG else usual
+
+
+def share() -> float:
+    """Return the share, 0 to 1, of the long trials that MBF_RELAY_SHARE asks for."""
+    return float(os.environ.get("MBF_RELAY_SHARE", "1"))
 
 
 @contextlib.contextmanager

@@ -4,7 +4,8 @@ The proofs are tests, each named after what a robot would have suffered, which `
 are run one after the other and what they tell of their trials is counted. A trial is lost where its test fails.
 
 All of it takes hours. What was run in pieces before, each with MBF_RELAY_TEST_RESULTS in a folder of its own, is
-counted with it where MBF_RELAY_TOLD names the folder that these lie in; of one tree, or the figures mean nothing.
+counted with it where MBF_RELAY_TOLD names the folder that these lie in; of one tree, or the figures mean nothing. With
+MBF_RELAY_SHARE=0 these alone are counted, and nothing is run.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from pathlib import Path
 from typing import Dict, Iterator, List, NamedTuple, Tuple
 
 import run_all
-from tally import FILE, Trial, read_trials
+from tally import FILE, Trial, read_trials, share
 
 from benchmark.metric import Metric, NotMeasurable, metric_of
 from benchmark.report import LOST
@@ -67,7 +68,7 @@ def metrics(quick: bool) -> Iterator[Metric]:
     lost, loads = False, []
     told = told_before(os.environ.get("MBF_RELAY_TOLD", ""))
     try:
-        for proof in PROOFS:
+        for proof in PROOFS if share() > 0.0 else ():
             for metric in count(proof, results, quick, told):
                 lost = lost or (metric.name.endswith(LOST) and metric.value > 0)
                 yield metric
@@ -75,7 +76,8 @@ def metrics(quick: bool) -> Iterator[Metric]:
         for what, trials in sorted(told.items()):
             lost = lost or any(trial.lost for trial in trials)
             yield from tried(what, trials)
-        yield metric_of("load average of the machine", loads, "", cores=os.cpu_count())
+        if loads:
+            yield metric_of("load average of the machine", loads, "", cores=os.cpu_count())
     finally:
         if lost:
             print(f"the logs of what was lost are in {results}", file=sys.stderr)

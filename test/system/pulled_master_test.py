@@ -128,6 +128,7 @@ class MasterCase(PulledCase):
 class TestPulledMaster(MasterCase):
     """Run in the order of their names; the last one leaves this node with a master that does not know it."""
 
+    @trial("master killed and frozen")
     def test_1_a_frozen_master_keeps_no_drive_waiting(self):
         sent = self.drive(CIRCLE[0])
         self.master.send_signal(signal.SIGSTOP)
@@ -137,6 +138,7 @@ class TestPulledMaster(MasterCase):
         finally:
             self.master.send_signal(signal.SIGCONT)
 
+    @trial("master killed and frozen")
     def test_2_without_a_master_drives_end_and_can_be_called_off(self):
         sent = self.drive(CIRCLE[2])
         self.master.kill()
@@ -148,12 +150,14 @@ class TestPulledMaster(MasterCase):
         self.check_told_to_stand("a cancel without a master", within=0.25)
         self.assertIsNotNone(sent.wait(10.0))
 
+    @trial("master killed and frozen")
     def test_3_a_relay_that_dies_after_its_master_leaves_no_robot_driving(self):
         sent = self.drive(CIRCLE[4])
         self.kill("/move_base")
         self.check_told_to_stand("a relay killed without a master", self.factor * NEEDED["/move_base"])
         self.check_one_end(sent)
 
+    @trial("master killed and frozen")
     def test_4_a_new_master_finds_a_robot_that_stands_and_the_next_goal_works(self):
         sent = self.flex.send(FlexGoal(target_pose=goal_at(CIRCLE[4]).target_pose))  # the relay waits for a master
         wait_until(lambda: self.speed() > 0.1 or sent.ending, "the robot to drive")

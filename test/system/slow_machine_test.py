@@ -15,6 +15,7 @@ from benchmark.processes import node_pid  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 from running_stack import Witness, run_client, start_test_node  # noqa: E402
 from slow_machine import SlowMachine  # noqa: E402
+from tally import trial  # noqa: E402
 
 NODES = ("/map_server", "/amcl", "/move_base_flex", "/move_base")
 SHARE = 0.1
@@ -44,6 +45,7 @@ class Cycles:
 
 @unittest.skipUnless(os.environ.get("MBF_RELAY_LONG"), "only with --long: it drives at real time, on an idle machine")
 class TestSlowMachine(unittest.TestCase):
+    @trial("circles driven with a tenth of a core")
     def test_the_circle_is_driven_at_the_rate_asked_for(self):
         try:
             machine = SlowMachine(SHARE)

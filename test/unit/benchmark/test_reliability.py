@@ -65,6 +65,18 @@ def test_what_was_run_in_pieces_before_counts_with_it(tell, tmp_path, monkeypatc
     assert metrics["robots sent out: drove on for, longest"].value == 99.0
 
 
+def test_what_was_run_in_pieces_can_be_counted_alone(tmp_path, monkeypatch):
+    (tmp_path / "piece").mkdir()
+    monkeypatch.setenv("MBF_RELAY_TEST_RESULTS", str(tmp_path / "piece"))
+    with tally.trial("robots sent out"):
+        pass
+    monkeypatch.setenv("MBF_RELAY_TOLD", str(tmp_path))
+    monkeypatch.setenv("MBF_RELAY_SHARE", "0")
+    monkeypatch.setattr(reliability.shutil, "which", lambda name: name)
+    assert [(metric.name, metric.repeats) for metric in reliability.metrics(quick=False)] == [
+        ("robots sent out, lost", 1)]
+
+
 def test_a_lost_trial_is_told_once(tell):
     metrics = tell(lost=1)
     lost = metrics["robots sent out, lost"]

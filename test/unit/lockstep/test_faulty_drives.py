@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("pybullet")
 
 from faulty_drive import FaultyDrive  # noqa: E402
-from tally import LONG  # noqa: E402
+from tally import LONG, trial  # noqa: E402
 
 from mbf_relay.geometry import STOP, Pose2D  # noqa: E402
 from mbf_relay.lockstep.tasks import circle  # noqa: E402
@@ -17,6 +17,7 @@ from mbf_relay.navigation.task import Ending  # noqa: E402
 from mbf_relay.simulation.faults import NO_FAULTS, Faults  # noqa: E402
 from mbf_relay.simulation.shapes import Cylinder  # noqa: E402
 
+FAILING = "drives whose sensors, odometry, commands or clock fail"
 SEEDS = range(1, 6) if LONG else (1,)
 
 
@@ -40,6 +41,7 @@ LIDAR_FAULTS = {
 
 
 @pytest.mark.parametrize("name", LIDAR_FAULTS)
+@trial(FAILING)
 def test_a_robot_whose_lidar_fails_stands_before_the_box_it_cannot_see_and_goes_on_later(drive, name):
     assert drive.step_until(drive.is_driving, 20.0), "it never drove"
     began = drive.now
@@ -57,6 +59,7 @@ def test_a_robot_whose_lidar_fails_stands_before_the_box_it_cannot_see_and_goes_
     assert drive.goal.ending is Ending.SUCCEEDED, drive.goal.result
 
 
+@trial(FAILING)
 def test_a_robot_whose_lidar_falls_silent_stands_within_half_a_second(drive):
     assert drive.step_until(drive.is_driving, 20.0)
     began, drive.simulation.faults = drive.now, Faults(lidar_silent=True)
@@ -70,6 +73,7 @@ def test_a_robot_whose_lidar_falls_silent_stands_within_half_a_second(drive):
 
 
 @pytest.mark.parametrize("name", ["half the rate", "slip", "a dead rear", "every second beam"])
+@trial(FAILING)
 def test_a_robot_drives_on_with_what_harms_little(drive, name):
     kept = []
 
@@ -92,6 +96,7 @@ def test_a_robot_drives_on_with_what_harms_little(drive, name):
 
 @pytest.mark.parametrize("distance", [0.5, 0.8])
 @pytest.mark.parametrize("delay", [0.3, 0.5])
+@trial(FAILING)
 def test_a_robot_whose_commands_come_late_touches_nothing_and_arrives_once_they_come_in_time(drive, delay, distance):
     assert drive.step_until(drive.is_driving, 20.0)
     drive.simulation.faults = Faults(command_delay=delay)
@@ -104,11 +109,13 @@ def test_a_robot_whose_commands_come_late_touches_nothing_and_arrives_once_they_
     assert drive.goal.ending is Ending.SUCCEEDED, drive.goal.result
 
 
+@trial(FAILING)
 def test_a_robot_whose_commands_always_come_late_arrives_all_the_same(drive):
     drive.simulation.faults = Faults(command_delay=0.3)
     drive.arrive()
 
 
+@trial(FAILING)
 def test_a_robot_whose_commands_come_half_a_second_late_comes_there_and_ends_its_goal_without_a_contact(drive):
     """Whether it also comes to face as asked, or says why it swings to and fro, is chance: it turns past it."""
     drive.simulation.faults = Faults(command_delay=0.5)
@@ -120,6 +127,7 @@ def test_a_robot_whose_commands_come_half_a_second_late_comes_there_and_ends_its
 
 @pytest.mark.parametrize("slip", [0.0, 0.3])
 @pytest.mark.parametrize("distance", [0.35, 0.5, 0.8])
+@trial(FAILING)
 def test_a_robot_before_which_something_is_set_down_does_not_push_it(drive, distance, slip):
     drive.simulation.faults = Faults(slip=slip)
     assert drive.step_until(drive.is_driving, 20.0)
@@ -137,6 +145,7 @@ ODOMETRY_FAULTS = {
 
 
 @pytest.mark.parametrize("name", ODOMETRY_FAULTS)
+@trial(FAILING)
 def test_a_robot_whose_odometry_fails_touches_nothing_says_why_and_goes_on_later(drive, name):
     fault, words = ODOMETRY_FAULTS[name]
     assert drive.step_until(drive.is_driving, 20.0), "it never drove"
@@ -149,6 +158,7 @@ def test_a_robot_whose_odometry_fails_touches_nothing_says_why_and_goes_on_later
     drive.arrive()
 
 
+@trial(FAILING)
 def test_a_robot_whose_odometry_froze_while_it_turned_goes_on_through_the_ghosts_it_has_seen():
     """Costmaps were drawn with a wrong heading, and one wall of theirs stands on the goal, behind a pillar."""
     drive = FaultyDrive(5)
@@ -163,6 +173,7 @@ def test_a_robot_whose_odometry_froze_while_it_turned_goes_on_through_the_ghosts
 
 
 @pytest.mark.parametrize("seconds", [100.0, -0.9])
+@trial(FAILING)
 def test_a_robot_whose_clock_is_set_touches_nothing_and_goes_on(drive, seconds):
     assert drive.step_until(drive.is_driving, 20.0), "it never drove"
     parameters = drive.simulation.parameters
@@ -170,6 +181,7 @@ def test_a_robot_whose_clock_is_set_touches_nothing_and_goes_on(drive, seconds):
     drive.arrive()
 
 
+@trial(FAILING)
 def test_a_robot_before_which_people_cross_touches_nobody_and_arrives(drive):
     assert drive.step_until(drive.is_driving, 20.0), "it never drove"
     for side in (1.0, -1.0):

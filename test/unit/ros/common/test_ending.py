@@ -69,8 +69,12 @@ def is_ready_to_end(process):
 
 
 @pytest.mark.parametrize("index, name", CASES)
-@trial("nodes ended by a signal while they start or run")
 def test_a_signal_ends_a_node_at_any_moment(index, name, masters, tmp_path):
+    with trial("nodes ended by a signal while they start or run") as made:
+        end_by_a_signal(index, name, masters, tmp_path, made)
+
+
+def end_by_a_signal(index, name, masters, tmp_path, made):
     chance = random.Random(index)
     master = chance.choice(sorted(masters))
     process = start(name, {**NODES, **CLIENTS}[name], masters[master], tmp_path)
@@ -78,8 +82,10 @@ def test_a_signal_ends_a_node_at_any_moment(index, name, masters, tmp_path):
         wait_until(lambda: is_ready_to_end(process), f"{name} to begin")
         # no condition to wait for: the moment itself is what is tried
         time.sleep(chance.uniform(0.0, STARTED) * chance.random())
+        signalled = time.monotonic()
         process.send_signal(chance.choice((signal.SIGINT, signal.SIGTERM)))
         status = process.wait(20.0)
+        made.measure("ended after", time.monotonic() - signalled, "s")
     finally:
         process.kill()
         process.wait()
