@@ -24,6 +24,8 @@ LARGEST = 1e9
 counted in cells; where no nearer end is declared, a number goes as far as this."""
 SPEED_UNITS = ("m/s", "rad/s")
 """Units of what is refused beyond LARGEST and not taken to a nearer end: who writes that wants no limit at all."""
+SWITCHES = {True: ("true", "yes", "on", "1", "1.0"), False: ("false", "no", "off", "0", "0.0")}
+"""YAML's words and C's numbers for what is on and what is off, in small letters."""
 
 
 def parameter(
@@ -210,7 +212,7 @@ def _read(cls: Type[T], known: Dict[str, Any]) -> Tuple[T, List[str]]:
     fields = {field.name: field for field in dataclasses.fields(cls)}
     notes: List[str] = []
     for name, given in known.items():
-        value, note = _spelt_number(name, given, hints[name])
+        value, note = _spelt(name, given, hints[name])
         notes += [note] if note else []
         value = known[name] = convert(name, value, hints[name])
         try:
@@ -247,11 +249,15 @@ def _nearest_allowed(value: Any, field: Any) -> Any:
     return field.default
 
 
-def _spelt_number(name: str, value: Any, hint: Any) -> Tuple[Any, str]:
-    """Return a number for a text that spells one where a number is wanted, and a note; else the value as it is.
+def _spelt(name: str, value: Any, hint: Any) -> Tuple[Any, str]:
+    """Return what a value of another type spells where a number or a switch is wanted, and a note; else itself.
 
-    YAML 1.1 takes 1e-3 for a text, as it wants a point in it.
+    YAML 1.1 takes 1e-3 for a text, as it wants a point in it; roslaunch's `type="str"` makes texts of all.
     """
+    if hint in (bool, Optional[bool]) and not isinstance(value, bool):
+        for meant, spellings in SWITCHES.items():
+            if str(value).lower() in spellings:
+                return meant, f"parameter {name} is {value!r}: {str(meant).lower()} is used"
     if not isinstance(value, str) or hint not in (float, int, Optional[float], Optional[int]):
         return value, ""
     try:

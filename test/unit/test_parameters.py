@@ -77,6 +77,21 @@ def test_a_value_upstream_takes_is_taken_to_the_range_and_told_of(values, name, 
         assert word in notes[0]
 
 
+@pytest.mark.parametrize("given, active", [
+    (0, False), (1, True), (1.0, True), ("true", True), ("False", False), ("no", False),
+])
+def test_a_switch_in_another_spelling_is_taken_and_told_of(given, active):
+    example, notes = Example.read({"active": given})
+    assert example.active is active
+    assert notes == [f"parameter active is {given!r}: {str(active).lower()} is used"]
+
+
+@pytest.mark.parametrize("given", [2, 0.5, "", "maybe", [True]])
+def test_what_is_no_switch_is_refused(given):
+    with pytest.raises(ValueError, match="active is .*bool"):
+        Example.read({"active": given})
+
+
 def test_values_in_order_are_read_without_a_word():
     assert Example.read({"speed": 0.3, "least": 0.1, "elsewhere": 3}) == (Example(speed=0.3, least=0.1), [])
 

@@ -116,7 +116,9 @@ def test_a_node_given_any_value_of_any_parameter_starts_or_says_in_a_line_what_i
         for node, group, name, _hint, what in cases
     ]
     found = []
-    starts = how_they_start(work, tmp_path)
+    misplaced = {"footprint_padding": 0.01, "clearing_radius": 0.59}  # the second is move_base's own
+    *starts, (_, _, told) = how_they_start([*work, ("move_base", misplaced, [])], tmp_path)
+    assert told.count("not known here") == told.count("footprint_padding is not known here") == 1, told
     for (node, group, name, hint, what), (came_up, status, said) in zip(cases, starts):
         wrong = trouble(name, hint, what, came_up, status, said)
         try:

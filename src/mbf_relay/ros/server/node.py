@@ -59,7 +59,8 @@ class MoveBaseFlex:
         costmap_nodes: Mapping[str, CostmapNode], is_move_base: bool = False, planner: Callable[[], str] = lambda: "",
     ) -> None:
         self._is_move_base, self._planner = is_move_base, planner
-        parameters = ros_parameters.fill(NavigatorParameters, config, "~", READ_BY_THE_NODE)
+        told_of = config if is_move_base else READ_BY_THE_NODE  # move_base's own names are another half's
+        parameters = ros_parameters.fill(NavigatorParameters, config, "~", told_of)
         self.robot = RosRobot(
             transforms, parameters.robot_frame, parameters.odom_topic, parameters.pose_timeout,
             parameters.odom_timeout,
