@@ -18,12 +18,16 @@ from mbf_relay.localization.motion_models import make_motion_model
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.resampling import AverageLikelihood, particle_limits, resample
 from mbf_relay.localization.scan_search import Places
-from mbf_relay.localization.tracker import Corrected, HypothesisTracker
+from mbf_relay.localization.tracker import FEWEST_BEAMS, Corrected, HypothesisTracker
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.scan import LaserScan
 
 OWN_MODEL = "likelihood_field"
 """Laser model, the default, that the robust form has a version of its own of: a mixture, tempered, over all beams."""
+LEAST_SHOWN = 0.1
+"""Way (m) that most beams must show at least before a robot counts as moved that odometry has standing."""
+STANDS = 0.1
+"""Share of the motion that asks for an update up to which odometry has a robot standing."""
 FEWEST_PREDICTED = 1500
 """Particles that odometry moves at least, in the robust form: kept in few, the belief would still leave in few places.
 """
@@ -63,6 +67,7 @@ class Localizer:
         self.log_weights: np.ndarray
         self._odom_pose: Optional[Pose2D] = None
         self._awaited: Dict[str, bool] = {}
+        self._stood: Dict[str, Tuple[Pose2D, np.ndarray]] = {}  # where odometry stands, and each lidar's ranges there
         self._updates = 0.0
         self._converged = False
         self.field = DistanceField(occupancy, parameters.laser_likelihood_max_dist)
@@ -175,7 +180,8 @@ class Localizer:
         """Take one scan.
 
         The filter is updated when the robot has moved far enough since the last update, when it was started anew, and
-        when an update was requested; with several lidars, by the next scan of each.
+        when an update was requested; with several lidars, by the next scan of each. In the robust form also when most
+        beams show that the robot has moved, be it that its odometry stands still, or that it was carried.
 
         Args:
             odom_pose: Of the base in the odometry frame, at the scan's time.
@@ -190,12 +196,15 @@ class Localizer:
         """
         if not odom_pose.is_finite():
             raise ValueError(f"odometry pose {tuple(odom_pose)} is not finite")
+        shown = 0.0
         if not self._is_due(odom_pose, scan.frame):
-            return None
+            shown = self._shown_way(odom_pose, scan)
+            if shown <= max(self.parameters.update_min_d, LEAST_SHOWN):
+                return None
         beams = self._laser_model.pick(scan, laser_pose_in_base)
         before = odom_pose if self._odom_pose is None else self._odom_pose
         if self._odom_pose is not None:
-            self._propagate(before, odom_pose)
+            self._propagate(before, odom_pose, shown)
         log_whole = None
         if self.parameters.robust:
             corrected = self._correct(scan, laser_pose_in_base, beams)
@@ -214,6 +223,7 @@ class Localizer:
             self._updates = 0.0
             self._resample()
         self.map_from_odom = self.last_estimate.pose.compose(odom_pose.inverse())
+        self._stood[scan.frame] = odom_pose, scan.ranges
         return self.last_estimate
 
     def _is_due(self, odom_pose: Pose2D, frame: str) -> bool:
@@ -223,21 +233,39 @@ class Localizer:
                 self._awaited[known] = True
         return self._awaited[frame]
 
-    def _has_moved(self, before: Pose2D, after: Pose2D) -> bool:
+    def _has_moved(self, before: Pose2D, after: Pose2D, share: float = 1.0) -> bool:
+        """Return whether the robot has moved as far as asks for an update, or a share of that."""
         values = self.parameters
         return (
-            abs(after.x - before.x) > values.update_min_d
-            or abs(after.y - before.y) > values.update_min_d
-            or abs(angle_between(before.theta, after.theta)) > values.update_min_a
+            abs(after.x - before.x) > share * values.update_min_d
+            or abs(after.y - before.y) > share * values.update_min_d
+            or abs(angle_between(before.theta, after.theta)) > share * values.update_min_a
         )
 
-    def _propagate(self, before: Pose2D, after: Pose2D) -> None:
-        """Sample where each particle went (table 8.2, line 4)."""
+    def _shown_way(self, odom_pose: Pose2D, scan: LaserScan) -> float:
+        """Return how far (m) most beams have come since odometry stands, or the last scan used; robust form only.
+
+        What walks by moves few of them; 0 where too few came back both times to tell.
+        """
+        stood_at, before = self._stood.get(scan.frame, (odom_pose, scan.ranges))
+        if self._has_moved(stood_at, odom_pose, STANDS) or before.shape != scan.ranges.shape:
+            before = scan.ranges
+        if before is scan.ranges or not self.parameters.robust:
+            self._stood[scan.frame] = odom_pose, scan.ranges
+            return 0.0
+        seen = np.isfinite(before)
+        both = seen & np.isfinite(scan.ranges)
+        if np.count_nonzero(both) < max(FEWEST_BEAMS, 0.5 * np.count_nonzero(seen)):
+            return 0.0
+        return float(np.median(np.abs(scan.ranges[both] - before[both])))
+
+    def _propagate(self, before: Pose2D, after: Pose2D, shown: float) -> None:
+        """Sample where each particle went (table 8.2, line 4); `shown` is the way (m) that the scan shows at least."""
         if self.parameters.robust:
             fewest = min(self.parameters.max_particles, max(self.parameters.min_particles, FEWEST_PREDICTED))
             if len(self.poses) <= fewest // 2:
                 self.poses, self.log_weights = replicate(self.poses, self.log_weights, fewest)
-            self._tracker.predict(after.relative_to(before), self._motion_model.covariance(before, after))
+            self._tracker.predict(after.relative_to(before), self._motion_model.covariance(before, after), shown)
         self.poses = self._motion_model.propagate(self.poses, before, after, self._rng)
 
     def _correct(self, scan: LaserScan, laser_pose: Pose2D, picked: Beams) -> Corrected:

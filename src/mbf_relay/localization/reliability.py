@@ -26,8 +26,8 @@ GOES_WRONG, COMES_RIGHT = 0.010, 0.013
 
 MOST = 14.0
 """Log-odds beyond which nothing is surer."""
-UNSEEN = 0.5
-"""Probability that a place is the right one before any scan was seen from it: that of a user's word, or a rival's."""
+UNSEEN, CHOSEN = 0.5, 0.3
+"""Probability that a pose is right at first: a user's word before any scan, and a rival that takes over."""
 
 
 class Reliability:
@@ -36,24 +36,27 @@ class Reliability:
     Attributes:
         hits: Share of the beams that hit what the map has, averaged over the last metres.
         through: Share of the beams that passed through what the map has, likewise.
+        right: Probability that the pose is right, rivals and spread aside.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, chosen: bool = False) -> None:
+        """Begin with a pose that a user gave, or with one chosen because scans fit there: that they do says no more."""
         self.hits, self.through, self._way = 0.0, 0.0, 0.0
-        self._right = UNSEEN
+        self.right = CHOSEN if chosen else UNSEEN
+        self._first = 0.0 if chosen else FIRST
 
     def look(self, hits: float, through: float, way: float) -> None:
         """Take the shares of one scan and the way (m) to it."""
-        first = self._way == 0.0
-        share = 1.0 if first else max(0.05, way / (min(self._way, REMEMBERED) + way))
+        share = 1.0 if self._way == 0.0 else max(0.05, way / (min(self._way, REMEMBERED) + way))
         self.hits += share * (hits - self.hits)
         self.through += share * (through - self.through)
         self._way += max(way, 1e-3)
         in_the_end = COMES_RIGHT / (GOES_WRONG + COMES_RIGHT)
-        right = in_the_end + (self._right - in_the_end) * math.exp(-(GOES_WRONG + COMES_RIGHT) * way)
+        right = in_the_end + (self.right - in_the_end) * math.exp(-(GOES_WRONG + COMES_RIGHT) * way)
         evidence = CONSTANT + HITS * hits + THROUGH * through
-        odds = math.log(right / (1.0 - right)) + evidence * (FIRST if first else min(1.0, max(LEAST, way)))
-        self._right = 1.0 / (1.0 + math.exp(-min(MOST, max(-MOST, odds))))
+        odds = math.log(right / (1.0 - right)) + evidence * (self._first or min(1.0, max(LEAST, way)))
+        self._first = 0.0
+        self.right = 1.0 / (1.0 + math.exp(-min(MOST, max(-MOST, odds))))
 
     def value(self, share_held: float, deviation: float) -> float:
         """Return the probability that the pose is right; before a scan has told, as UNSEEN and the spread have it.
@@ -63,4 +66,4 @@ class Reliability:
             deviation: Of its position (m), of one axis.
         """
         within = -math.expm1(-0.5 * (RIGHT_WITHIN / max(deviation, 1e-3)) ** 2)
-        return share_held * within * self._right
+        return share_held * within * self.right

@@ -45,9 +45,8 @@ ASTRAY, LOG_CARRIED = 3.0, -14.0
 """Way (m) driven in doubt before rivals are looked for anywhere, and the log-odds that the robot was carried there."""
 RECOVERING_ASTRAY, RECOVERING_LOG_CARRIED = 0.5, -7.0
 """The same with amcl's recovery on, which says that this robot is carried at times."""
-CONTRADICTED = 0.08
-"""Share of beams through walls from which a pose is taken for wrong. Where only much is unmapped the map has a gap, and
-another place that happens to be mapped better is no reason to leave; a wall that is passed through is."""
+WRONG = 0.05
+"""Probability of being right below which a pose is taken for wrong, however well the newest scan fits."""
 ANYWHERE = np.array([100.0, 100.0, 10.0])
 START_MARGIN = 0.2
 VIEW = 1.0
@@ -73,10 +72,13 @@ class Doubt:
         self._usual: Optional[float] = None
         self.way = 0.0
 
-    def look(self, explained: float, way: float) -> bool:
-        """Take the share of one scan and the way (m) to it; return whether it is clearly below the usual."""
+    def look(self, explained: float, way: float, right: float) -> bool:
+        """Take the share of one scan, the way (m) to it and the probability that the pose is right.
+
+        Return whether the share is clearly below the usual, or the pose taken for wrong.
+        """
         usual = explained if self._usual is None else self._usual
-        doubtful = explained < max(self.LEAST, self.LOW * usual)
+        doubtful = explained < max(self.LEAST, self.LOW * usual) or right < WRONG
         self.way = max(0.0, self.way + (way if doubtful else -way))
         self._usual = usual + min(1.0, way / self.LEARNT_OVER) * (explained - usual)
         return doubtful
@@ -131,9 +133,15 @@ class HypothesisTracker:
         self.fit = Reliability()
         self.blocks.forget()
 
-    def predict(self, step: Pose2D, noise: np.ndarray) -> None:
-        """Move rivals by a step of odometry with noise of a covariance, shape (3, 3), in the base's frame."""
-        way = float(np.hypot(step.x, step.y)) + METRES_PER_RADIAN * abs(step.theta)
+    def predict(self, step: Pose2D, noise: np.ndarray, shown: float = 0.0) -> None:
+        """Move rivals by a step of odometry.
+
+        Args:
+            step: In the base's frame before it.
+            noise: Covariance of the step, shape (3, 3), in the base's frame.
+            shown: Way (m) the robot has come at least.
+        """
+        way = max(shown, float(np.hypot(step.x, step.y)) + METRES_PER_RADIAN * abs(step.theta))
         self._way += way
         for lidar in self._ways:
             self._ways[lidar] += way
@@ -173,13 +181,13 @@ class HypothesisTracker:
         held = proposed.best
         judged = self.hypotheses.correct(held.mean, self._likelihood, self._evidence, seen, since, news)
         self.fit.look(float(judged.hits[0]), float(judged.through[0]), way)
-        if self._doubt.look(proposed.explained, way):
+        if self._doubt.look(proposed.explained, way, self.fit.right):
             self._look_for_rivals(held, proposed.explained, seen.ends, rng)
         else:
             self._evidence.learn(proposed.explained, way)
         winner = self.hypotheses.challenge(held)
         if winner is not None:
-            self._doubt.way, self.fit = 0.0, Reliability()
+            self._doubt.way, self.fit = 0.0, Reliability(chosen=True)
             self.blocks.forget()  # counted from a pose that is given up
             poses, log_weights = drawn_around(winner, rng)
             return Corrected(poses, log_weights, log_weights, news)
@@ -251,7 +259,7 @@ class HypothesisTracker:
         astray, log_carried = (
             (RECOVERING_ASTRAY, RECOVERING_LOG_CARRIED) if self._recovers else (ASTRAY, LOG_CARRIED)
         )
-        lost = self._doubt.way >= astray and (self._recovers or self.fit.through > CONTRADICTED)
+        lost = self._doubt.way >= astray and (self._recovers or self.fit.right < WRONG)
         if lost and self._since_anywhere >= AGAIN_ANYWHERE:
             self._since_anywhere = 0.0
             found = self._anywhere_modes(endpoints, START_MARGIN)

@@ -1,3 +1,4 @@
+import dataclasses
 import itertools
 import math
 
@@ -255,6 +256,35 @@ def test_a_robot_that_stands_finds_itself_on_a_map_whose_frame_has_moved_when_up
         made.request_update()
         estimate = made.process(odom, scan_at(room(), truth), IDENTITY)
     assert estimate.pose.distance_to(shift.compose(truth)) < 0.05
+
+
+def test_a_robot_whose_odometry_stands_still_while_it_drives_does_not_claim_to_be_where_it_was():
+    made, occupancy, rng = localizer(), room(), np.random.default_rng(3)
+    truth, odom, _ = drive(made, occupancy, updates=18)
+    known = made.reliability()
+    truth, odom = truth.compose(Pose2D(0.1, 0.0, 0.0)), odom.compose(Pose2D(0.1, 0.0, 0.0))
+    for _ in range(60):
+        truth = truth.compose(Pose2D(0.03, 0.0, 0.05))
+        made.process(odom, scan_at(occupancy, truth, rng), IDENTITY)
+    assert made.reliability() < 0.1 < 0.8 < known
+    for _ in range(22):
+        step = Pose2D(0.3, 0.0, 0.5)
+        truth, odom = truth.compose(step), odom.compose(step)
+        estimate = made.process(odom, scan_at(occupancy, truth, rng), IDENTITY)
+    assert estimate.pose.distance_to(truth) < 0.1 and made.reliability() > 0.5
+
+
+def test_people_all_round_a_robot_that_stands_move_it_nowhere():
+    made, occupancy, rng = localizer(), room(), np.random.default_rng(3)
+    truth, odom, _ = drive(made, occupancy)
+    known = made.reliability()
+    for distance in np.linspace(0.6, 0.9, 20):
+        scan = scan_at(occupancy, truth, rng)
+        people = np.arange(len(scan.ranges)) % 12 < 7
+        shadowed = np.where(people, np.minimum(scan.ranges, distance), scan.ranges)
+        made.process(odom, dataclasses.replace(scan, ranges=shadowed), IDENTITY)
+    assert made.map_from_odom.compose(odom).distance_to(truth) < 0.05
+    assert made.reliability() > 0.9 * known
 
 
 @pytest.mark.parametrize("value", [0, 100, -1])

@@ -153,11 +153,12 @@ def test_starts_are_the_best_that_lie_apart():
 
 def test_one_doubts_when_much_less_is_explained_than_usual():
     doubt = Doubt()
-    assert not any(doubt.look(share, 0.5) for share in (0.8, 0.75, 0.85, 0.7))
-    assert doubt.look(0.4, 0.5) and doubt.look(0.4, 0.5)
+    assert not any(doubt.look(share, 0.5, 0.9) for share in (0.8, 0.75, 0.85, 0.7))
+    assert doubt.look(0.4, 0.5, 0.9) and doubt.look(0.4, 0.5, 0.9)
     assert doubt.way == 1.0
-    assert not doubt.look(0.8, 0.5)
+    assert not doubt.look(0.8, 0.5, 0.9)
     assert doubt.way == 0.5
+    assert doubt.look(0.8, 0.5, 0.01), "what speaks against the pose is not cleared by one scan that fits"
 
 
 @pytest.mark.parametrize("building, seed", [("hall", 0), ("hall", 1), ("corridors", 0), ("office", 1)])
