@@ -14,7 +14,7 @@ import math
 RIGHT_WITHIN, RIGHT_TURN = 0.5, math.pi / 18.0
 """Error (m, rad) up to which a pose counts as right."""
 REMEMBERED = 2.0
-"""Way (m) over which the fit of scans is averaged for those who ask how they fit of late."""
+"""Way (m) over which hits are averaged for those who ask how scans fit of late."""
 CONSTANT, HITS, THROUGH = -0.25, 0.92, -39.0
 """Log-odds that a metre's scans add: in any case, for the share of hits, and for that of beams through walls."""
 FIRST = 3.0
@@ -35,13 +35,12 @@ class Reliability:
 
     Attributes:
         hits: Share of the beams that hit what the map has, averaged over the last metres.
-        through: Share of the beams that passed through what the map has, likewise.
         right: Probability that the pose is right, rivals and spread aside.
     """
 
     def __init__(self, chosen: bool = False) -> None:
         """Begin with a pose that a user gave, or with one chosen because scans fit there: that they do says no more."""
-        self.hits, self.through, self._way = 0.0, 0.0, 0.0
+        self.hits, self._way = 0.0, 0.0
         self.right = CHOSEN if chosen else UNSEEN
         self._first = 0.0 if chosen else FIRST
 
@@ -49,7 +48,6 @@ class Reliability:
         """Take the shares of one scan and the way (m) to it."""
         share = 1.0 if self._way == 0.0 else max(0.05, way / (min(self._way, REMEMBERED) + way))
         self.hits += share * (hits - self.hits)
-        self.through += share * (through - self.through)
         self._way += max(way, 1e-3)
         in_the_end = COMES_RIGHT / (GOES_WRONG + COMES_RIGHT)
         right = in_the_end + (self.right - in_the_end) * math.exp(-(GOES_WRONG + COMES_RIGHT) * way)
