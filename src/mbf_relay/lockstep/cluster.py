@@ -216,15 +216,15 @@ def connected(
             client = _client_of(distributed, scheduler, scheduler_file)  # drivers there end for want of work
             stack.callback(client.close)
         else:
-            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="mbf_relay-"))
-            # Its workers are threads here and cannot be lost; after a laptop's sleep they would be taken for it.
-            stack.enter_context(dask.config.set({
+            # Its workers are threads here and cannot be lost; after a laptop's sleep they would be taken for it. They
+            # keep nothing on the disk either: the folder Dask asks for is gone before the work begins.
+            with tempfile.TemporaryDirectory(prefix="mbf_relay-") as folder, dask.config.set({
                 "temporary-directory": folder, "distributed.scheduler.worker-ttl": None,
-            }))
-            local = stack.enter_context(distributed.LocalCluster(
-                n_workers=processes, threads_per_worker=1, processes=False, memory_limit=0,
-                dashboard_address="127.0.0.1:0", silence_logs=50,
-            ))
+            }):
+                local = stack.enter_context(distributed.LocalCluster(
+                    n_workers=processes, threads_per_worker=1, processes=False, memory_limit=0,
+                    dashboard_address="127.0.0.1:0", silence_logs=50,
+                ))
             client = stack.enter_context(distributed.Client(local, set_as_default=False))
             stack.callback(driver.end_all)
         dashboard = getattr(client, "dashboard_link", "")  # which Noetic's does not tell

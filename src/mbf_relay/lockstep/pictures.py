@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import tempfile
+from io import BytesIO
 from pathlib import Path
 from typing import Iterable, List, Sequence, Tuple
 
@@ -87,10 +87,9 @@ def failure(shown: Sequence[Shown]) -> bytes:
     from mbf_relay.report.picture import draw  # needs matplotlib, which drives do not
 
     ((task, result),) = shown
-    with tempfile.TemporaryDirectory(prefix="mbf_relay-") as folder:
-        path = Path(folder) / "failure.png"
-        draw(drive_of(task, result), str(path))
-        return path.read_bytes()
+    picture = BytesIO()
+    draw(drive_of(task, result), picture)
+    return picture.getvalue()
 
 
 def drive_of(task: EpisodeTask, result: EpisodeResult) -> Drive:

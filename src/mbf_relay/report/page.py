@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
-import os
-import tempfile
+from io import BytesIO
 from typing import Any, Iterable, List, Mapping, Tuple
 
 from mbf_relay.report.drive import Drive
@@ -43,11 +42,9 @@ def write(drive: Drive, path: str) -> None:
         drive: What to show.
         path: File to write.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        picture = os.path.join(folder, "drive.png")
-        draw(drive, picture)
-        with open(picture, "rb") as stream:
-            encoded = base64.b64encode(stream.read()).decode("ascii")
+    picture = BytesIO()
+    draw(drive, picture)
+    encoded = base64.b64encode(picture.getvalue()).decode("ascii")
     with open(path, "w", encoding="utf-8") as stream:
         stream.write(render(drive, encoded))
 

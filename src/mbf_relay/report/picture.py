@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Optional, Tuple
+from typing import Any, BinaryIO, Optional, Tuple, Union
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -16,12 +16,12 @@ from mbf_relay.report.drive import Drive
 PLAN, TRUTH, ESTIMATE, GOAL, BAD, LIMIT = "#9ec9ff", "#1a1a1a", "#e8590c", "#2b8a3e", "#c92a2a", "#868e96"
 
 
-def draw(drive: Drive, path: str, dpi: int = 110) -> None:
+def draw(drive: Drive, target: Union[str, BinaryIO], dpi: int = 110) -> None:
     """Write the picture of a drive as PNG.
 
     Args:
         drive: What to show.
-        path: File to write.
+        target: Path of a file, or an open one, to write.
         dpi: Pixels per inch; the picture measures 14 x 8 inches.
     """
     figure = Figure(figsize=(14.0, 8.0), facecolor="white")
@@ -43,7 +43,7 @@ def draw(drive: Drive, path: str, dpi: int = 110) -> None:
     _draw_error(figure.add_subplot(layout[0, 1]), drive)
     draw_speed(figure.add_subplot(layout[1, 1]), drive, 1, "forward speed", "m/s")
     draw_speed(figure.add_subplot(layout[2, 1]), drive, 2, "turn rate", "rad/s")
-    figure.savefig(path, dpi=dpi)
+    figure.savefig(target, dpi=dpi, format="png")
 
 
 def headline(drive: Drive) -> str:

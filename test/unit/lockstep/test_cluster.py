@@ -1,12 +1,14 @@
 """Dask clusters: workers that die, stop, come late or have other sources, and schedulers that are not there."""
 
 import json
+import math
 import os
 import shutil
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -140,6 +142,15 @@ def test_a_machine_that_slept_has_lost_none_of_its_own_workers():
     with connected(sources([]), 1, say=lambda line: None) as cluster:
         scheduler = cluster._client.cluster.scheduler
         assert scheduler.workers and not scheduler.worker_ttl, "they would be older than that when it wakes up"
+
+
+def test_a_batch_killed_at_work_leaves_nothing_in_the_temporary_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    with connected(sources([]), 1, say=lambda line: None) as cluster:
+        ((_, value),) = cluster.run(math.sqrt, [4.0], 60.0)
+        assert value == 2.0
+        assert not list(tmp_path.iterdir()), "nobody would be there to remove it after kill -9"
 
 
 @pytest.mark.parametrize("option", ["--scheduler", "--scheduler-file"])

@@ -2,6 +2,7 @@
 
 import json
 import math
+import tempfile
 
 import numpy as np
 import pytest
@@ -109,7 +110,8 @@ def test_a_robot_faster_than_the_burger_is_seen_to_its_top_speed():
 
 
 @pytest.mark.parametrize("log", [straight_drive(), DriveLog()], ids=["drive", "nothing recorded"])
-def test_the_picture_is_a_picture_and_the_page_needs_no_other_file(tmp_path, log):
+def test_the_picture_is_a_picture_and_the_page_needs_no_other_file(tmp_path, log, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "full or not there"))
     drive = log.drive()
     picture.draw(drive, str(tmp_path / "report.png"))
     pixels = np.asarray(Image.open(str(tmp_path / "report.png")).convert("L"))
