@@ -13,7 +13,7 @@ from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters, SourcePara
 from mbf_relay.costmap.outline import parse_footprint
 from mbf_relay.costmap.outline_checks import footprint_trouble
 from mbf_relay.costmap.parameters import CostmapParameters
-from mbf_relay.parameters import ParameterSet
+from mbf_relay.parameters import ParameterSet, did_you_mean
 
 STATIC_NAMES = ("map_topic", "unknown_cost_value", "lethal_cost_threshold", "track_unknown_space")
 OBSTACLE_NAMES = ("max_obstacle_height", "raytrace_range", "obstacle_range", "track_unknown_space")
@@ -175,14 +175,15 @@ def _may_be_the_other_s(value: Any) -> bool:
     return not value or any(set(kind.names()) & set(value) for kind in kinds)
 
 
-def unknown_names(values: Mapping[str, Any]) -> List[str]:
-    """Return the parameters in a costmap's part of a file that nothing reads, as "group/name", for warnings."""
+def unknown_names(values: Mapping[str, Any]) -> Dict[str, str]:
+    """Return the parameters in a costmap's part of a file that nothing reads, as "group/name", each with a hint."""
     groups = layer_groups(values)
     old_form = values.get("plugins") is None
     read = set(OLD_FORM_NAMES + SEARCHED_NAMES + ("plugins", "observation_sources"))
     for _, type_name, _ in groups:
         read.update(PARENT_NAMES.get(type_name, ()))
-    result: List[str] = []
+    own: Dict[str, str] = {}
+    below: Dict[str, str] = {}
     sources: Dict[str, Any] = {}
     for layer_name, type_name, group in groups:
         try:
@@ -190,20 +191,18 @@ def unknown_names(values: Mapping[str, Any]) -> List[str]:
         except plugins.PluginError:
             continue  # nothing is known of its parameters
         prefix = "" if old_form else f"{layer_name}/"
-        ranges = ("obstacle_range", "raytrace_range")
-        result += [
-            f"{prefix}{name}"
-            for name in layer_class.Parameters.unknown_names(group)
-            if name not in ranges + tuple(read)
-        ]
+        kind = layer_class.Parameters
+        for name in kind.unknown_names(group):
+            if name not in read:
+                below[f"{prefix}{name}"] = did_you_mean(kind.nearest_name(name))
         if issubclass(layer_class.Parameters, ObstacleLayerParameters):
             for source in layer_class.Parameters.groups(group):
                 sources[f"{prefix}{source}"] = group.get(source, {})
     for prefix, group in sources.items():
-        result += [f"{prefix}/{name}" for name in SourceParameters.unknown_names(group)]
+        for name in SourceParameters.unknown_names(group):
+            below[f"{prefix}/{name}"] = did_you_mean(SourceParameters.nearest_name(name))
     read.update(sources, (name for name, _, _ in groups))
-    own = [
-        name for name in CostmapParameters.unknown_names(values)
-        if name not in read and not _may_be_the_other_s(values[name])
-    ]
-    return own + result
+    for name in CostmapParameters.unknown_names(values):
+        if name not in read and not _may_be_the_other_s(values[name]):
+            own[name] = did_you_mean(CostmapParameters.nearest_name(name))
+    return {**own, **below}

@@ -117,8 +117,8 @@ def _examine(found: Examination) -> None:
 def _examine_costmap(found: Examination, side: str) -> None:
     group = found.config.get(side, {})
     try:
-        for name in unknown_names(group) if isinstance(group, Mapping) else ():
-            found.add(IGNORED, f"{side}/{name}", "is not known here")
+        for name, hint in unknown_names(group).items() if isinstance(group, Mapping) else ():
+            found.add(IGNORED, f"{side}/{name}", f"is not known here{hint}")
         costmap = build_costmap(side, group, found.config)
     except ValueError as error:
         found.add(REFUSED, _named_in(str(error), side), str(error))

@@ -64,16 +64,19 @@ def test_the_form_without_plugins_makes_the_three_layers():
     source = costmap.sources["scan"]
     assert (source.topic, source.obstacle_range, source.raytrace_range) == ("scan", 3.0, 3.5)
     assert costmap.layer("inflation_layer").parameters.inflation_radius == 1.0
-    assert factory.unknown_names(OLD_FORM_GLOBAL) == []
+    assert factory.unknown_names(OLD_FORM_GLOBAL) == {}
 
 
 def test_the_form_with_plugins_makes_those_listed():
     costmap = factory.build_costmap("local_costmap", NEW_FORM)
     assert [layer.name for layer in costmap.layers] == ["obstacles", "inflation"]
     assert costmap.sources["scan"].raytrace_range == 3.5
-    assert factory.unknown_names(NEW_FORM) == []
-    misspelt = {**NEW_FORM, "robot_radios": 1.0, "obstacles": {**NEW_FORM["obstacles"], "scam": 1}}
-    assert factory.unknown_names(misspelt) == ["robot_radios", "obstacles/scam"]
+    assert factory.unknown_names(NEW_FORM) == {}
+    misspelt = {**NEW_FORM, "robot_radios": 1.0, "obstacles": {**NEW_FORM["obstacles"], "scam": 1, "enabld": True}}
+    assert factory.unknown_names(misspelt) == {
+        "robot_radios": "; did you mean 'robot_radius'?", "obstacles/scam": "",
+        "obstacles/enabld": "; did you mean 'enabled'?",
+    }
 
 
 @pytest.mark.parametrize("change, named", [

@@ -131,8 +131,8 @@ def test_a_speed_zone_is_found_where_the_map_has_it():
 
 def test_a_type_that_is_none_is_told_and_names_are_known():
     assert any("type" in note and "3" in note for note in global_costmap("SpeedFilter", type=3).notes)
-    assert unknown_names({"plugins": [{"name": "zones", "type": "nav2_costmap_2d::SpeedFilter"}],
-                          "zones": {"base": 1.0, "filter_info_topic": "x"}}) == ["zones/filter_info_topic"]
+    assert list(unknown_names({"plugins": [{"name": "zones", "type": "nav2_costmap_2d::SpeedFilter"}],
+                               "zones": {"base": 1.0, "filter_info_topic": "x"}})) == ["zones/filter_info_topic"]
 
 
 def test_a_filter_that_is_switched_off_limits_nothing():

@@ -24,7 +24,7 @@ def test_an_unknown_layer_is_left_out_and_named_and_the_others_do_their_work():
     )
     assert [layer.name for layer in costmap.layers] == ["sonar"]
     assert "BoundedExploreLayer" in costmap.failed["explore_boundary"]
-    assert unknown_names({"plugins": listed(explore_boundary="frontier_exploration::BoundedExploreLayer")}) == []
+    assert unknown_names({"plugins": listed(explore_boundary="frontier_exploration::BoundedExploreLayer")}) == {}
 
 
 @pytest.mark.parametrize("extra, kind", [({}, ObstacleLayer), ({"z_voxels": 16}, VoxelLayer)])
@@ -88,4 +88,4 @@ def test_groups_that_another_costmap_reads_are_no_news():
     assert unknown_names({
         "plugins": listed(inflation="costmap_2d::InflationLayer"), "static_layer": {"enabled": True},
         "obstacle_layer": SCAN, "scan": {"topic": "front/scan"}, "inflation_layer": {},
-    }) == []
+    }) == {}

@@ -58,7 +58,7 @@ class AmclNode:
     def __init__(self) -> None:
         values = parameters.read_namespace("~")
         self._parameters: AmclParameters = parameters.fill(
-            AmclParameters, values, "~", tuple(INITIAL) + NODE_ONLY
+            AmclParameters, values, "~", (*INITIAL, *NODE_ONLY, "cloud")
         ).without_slashes()
         seed = convert("seed", values.get("seed", time.time_ns() % 2 ** 31), int)
         if seed < 0:

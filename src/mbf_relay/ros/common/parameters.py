@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Iterable, Mapping, Type, TypeVar
+from typing import Any, Iterable, List, Mapping, Type, TypeVar
 
 import rospy
 
@@ -53,13 +53,8 @@ def warn_of(notes: Iterable[str], where: str) -> None:
 def warn_of_unknown(
     parameter_set: Type[ParameterSet], values: Mapping[str, Any], where: str, known_elsewhere: Iterable[str] = ()
 ) -> None:
-    """Warn about each name in `values` that is unknown or out of date; arguments as for `fill`.
-
-    A group right under the node is a costmap's, a plugin's or another part's, and left to whoever reads those.
-    """
+    """Warn about each name in `values` that is unknown or out of date, groups too; arguments as for `fill`."""
     for name in parameter_set.unknown_names(values):
-        if where == "~" and isinstance(values[name], Mapping):
-            continue
         # dynamic_reconfigure leaves its button on the server, where the next start of the node finds it.
         if name not in known_elsewhere and name != RESTORE_DEFAULTS:
             hint = did_you_mean(parameter_set.nearest_name(name))
@@ -68,6 +63,11 @@ def warn_of_unknown(
             )
     for old, new in parameter_set.deprecated_names(values).items():
         rospy.logwarn("parameter %s has an old name; use '%s'", rospy.resolve_name(join(where, old)), new)
+
+
+def groups_in(values: Mapping[str, Any]) -> List[str]:
+    """Return the names of the groups in `values`, for `known_elsewhere` where somebody else tells of those unknown."""
+    return [name for name, value in values.items() if isinstance(value, Mapping)]
 
 
 def read_namespace(namespace: str) -> Mapping[str, Any]:

@@ -41,8 +41,10 @@ class CostmapNode:
     def __init__(self, name: str, config: Mapping[str, Any], transforms: Transforms) -> None:
         group = config.get(name, {})
         self.costmap = factory.build_costmap(name, group, config)
-        for unknown in factory.unknown_names(group):
-            rospy.logwarn("parameter %s is not known here and is ignored", rospy.resolve_name(f"~{name}/{unknown}"))
+        for unknown, hint in factory.unknown_names(group).items():
+            rospy.logwarn(
+                "parameter %s is not known here and is ignored%s", rospy.resolve_name(f"~{name}/{unknown}"), hint
+            )
         ros_parameters.warn_of(self.costmap.notes, f"~{name}")
         for layer_name, reason in self.costmap.failed.items():
             rospy.logerr("%s: layer '%s' is left out: %s", name, layer_name, reason)

@@ -46,7 +46,10 @@ class MoveBaseServer:
         Raises:
             ValueError: A parameter is wrong.
         """
-        elsewhere = (*OTHER_MOVE_BASE_NAMES, *RelayParameters.names(), *NavigatorParameters.names(), *SEARCHED_NAMES)
+        elsewhere = (
+            *OTHER_MOVE_BASE_NAMES, *RelayParameters.names(), *NavigatorParameters.names(), *SEARCHED_NAMES,
+            *ros_parameters.groups_in(namespace),
+        )
         values = ros_parameters.fill(MoveBaseParameters, namespace, "~", elsewhere)
         self.settings = OwnSettings(values, namespace)
         relays = set(RelayParameters.names()) - set(NavigatorParameters.names())

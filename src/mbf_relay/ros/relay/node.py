@@ -45,7 +45,7 @@ def serve(action: bool = True, topic: bool = True, own: Optional[Any] = None) ->
             `global_frame` and `start`, which returns when goals can be carried out.
     """
     namespace = wishes(ros_parameters.read_namespace("~"))
-    known = MoveBaseParameters.names() + OTHER_MOVE_BASE_NAMES
+    known = MoveBaseParameters.names() + OTHER_MOVE_BASE_NAMES + ros_parameters.groups_in(namespace)
     if own is None:
         parameters = ros_parameters.fill(RelayParameters, namespace, "~", known)
     else:

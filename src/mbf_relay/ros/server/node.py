@@ -59,7 +59,8 @@ class MoveBaseFlex:
         costmap_nodes: Mapping[str, CostmapNode], is_move_base: bool = False, planner: Callable[[], str] = lambda: "",
     ) -> None:
         self._is_move_base, self._planner = is_move_base, planner
-        told_of = config if is_move_base else READ_BY_THE_NODE  # move_base's own names are another half's
+        # move_base's own names are another half's; of groups see _warn_of_stray_groups.
+        told_of = config if is_move_base else (*READ_BY_THE_NODE, *ros_parameters.groups_in(config))
         parameters = ros_parameters.fill(NavigatorParameters, config, "~", told_of)
         self.robot = RosRobot(
             transforms, parameters.robot_frame, parameters.odom_topic, parameters.pose_timeout,

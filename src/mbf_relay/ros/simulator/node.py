@@ -275,7 +275,7 @@ class Simulator:
 
 def main() -> None:
     """Run the node until ROS is shut down."""
-    settings = parameters.load(SimulatorParameters)
+    settings = parameters.load(SimulatorParameters, known_elsewhere=("faults",))
     world = settings.placed(load_world(settings.world, settings.world_name))
     for warning in world.warnings:
         rospy.logwarn("world '%s': %s", world.name, warning)

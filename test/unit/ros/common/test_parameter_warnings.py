@@ -6,6 +6,7 @@ rospy = pytest.importorskip("rospy")
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
 from mbf_relay.control.dwa_parameters import DwaParameters  # noqa: E402
+from mbf_relay.localization.node_parameters import AmclParameters  # noqa: E402
 from mbf_relay.navigation.registry import Registry  # noqa: E402
 from mbf_relay.planning.planner import Planner  # noqa: E402
 from mbf_relay.ros.common import parameters
@@ -57,6 +58,8 @@ def test_a_group_where_a_plugin_s_number_belongs_is_told_of(said):
     assert "DWAPlannerROS/max_vel_xx" in said[0] and "'max_vel_x'" in said[0]
 
 
-def test_groups_of_others_under_a_node_are_left_to_them(said):
-    parameters.warn_of_unknown(DwaParameters, {"local_costmap": {"a": 1}}, "~")
-    assert said == []
+def test_a_group_where_a_node_s_number_belongs_is_told_of(said):
+    values = {"laser_max_rnge": {"a": 1}, "odom_alpha1": 0.1, "cloud": {"selective_resampling": True}}
+    parameters.warn_of_unknown(AmclParameters, values, "~", ["cloud"])
+    assert len(said) == 1
+    assert "laser_max_rnge" in said[0] and "'laser_max_range'" in said[0]
