@@ -36,39 +36,51 @@ def thin(points, spacing, keep):
     keep[last] = 1
 
 
-@kernel("void(float64[:,::1], float64[:,::1])")
-def round_stretches(line, circles):
-    """Write a circle round each _STRETCH pieces of a polyline: centre and radius (m), a hair more than needed."""
-    count = line.shape[0] - 1
-    for stretch in range(circles.shape[0]):
-        first, last = stretch * _STRETCH, min(count, (stretch + 1) * _STRETCH)
-        x = 0.5 * (line[first, 0] + line[last, 0])
-        y = 0.5 * (line[first, 1] + line[last, 1])
-        radius = 0.0
-        for corner in range(first, last + 1):
-            radius = max(radius, math.hypot(line[corner, 0] - x, line[corner, 1] - y))
-        circles[stretch, 0], circles[stretch, 1], circles[stretch, 2] = x, y, radius + 1e-6
-
-
-@kernel("UniTuple(float64, 2)(float64, float64, float64[:,::1], float64[:,::1], int64)")
-def _nearest_on(x, y, line, ways, corner):
-    """Return the squared distance (m^2) of a point from the piece that begins at a corner, and how far along it."""
-    dx, dy = ways[corner, 0], ways[corner, 1]
-    px = x - line[corner, 0]
-    py = y - line[corner, 1]
-    along = (px * dx + py * dy) * ways[corner, 2]
+@kernel("UniTuple(float64, 2)(float64, float64, float64[:,::1], int64)")
+def _nearest_on(x, y, chords, index):
+    """Return the squared distance (m^2) of a point from a chord, see `lay_chords`, and what share of it lies before."""
+    dx, dy = chords[index, 2], chords[index, 3]
+    px = x - chords[index, 0]
+    py = y - chords[index, 1]
+    along = (px * dx + py * dy) * chords[index, 4]
     along = 0.0 if along < 0.0 else (1.0 if along > 1.0 else along)
     px -= along * dx
     py -= along * dy
     return px * px + py * py, along
 
 
+@kernel("void(float64[:,::1], int64, float64[:,::1])")
+def lay_chords(line, step, chords):
+    """Lay a straight piece from each `step`-th corner of a polyline to the next, and to its end.
+
+    Args:
+        line: Shape (K, 2) in metres, K >= 2.
+        step: 1 gives the pieces of the line themselves.
+        chords: Shape (C, 6), filled with where each begins (m), its way (m), one over its squared length, for there
+            shall be no division in loops over it, and how far (m) the line is from it at most, a hair more than needed.
+    """
+    end = line.shape[0] - 1
+    for index in range(chords.shape[0]):
+        first = index * step
+        last = min(end, first + step)
+        dx = line[last, 0] - line[first, 0]
+        dy = line[last, 1] - line[first, 1]
+        length = dx * dx + dy * dy
+        chords[index, 0], chords[index, 1] = line[first, 0], line[first, 1]
+        chords[index, 2], chords[index, 3] = dx, dy
+        chords[index, 4] = 1.0 / length if length > 0.0 else 0.0
+        off = 0.0  # a line is nowhere farther from a chord than at one of its corners
+        for corner in range(first + 1, last):
+            off = max(off, _nearest_on(line[corner, 0], line[corner, 1], chords, index)[0])
+        chords[index, 5] = math.sqrt(off) + 1e-6
+
+
 @kernel("void(float64[:,::1], float64[:,::1], float64[::1], float64[:,::1])")
 def project(points, line, arcs, result):
     """Find the nearest point of a polyline for each point.
 
-    Stretches of the line that cannot hold it, for they lie in a circle farther away than what is known to be near,
-    are passed over.
+    Stretches of the line that cannot hold it, for their chord is farther away than what is known to be near, are
+    passed over.
 
     Args:
         points: Shape (M, 2) in metres; those that follow each other best lie near each other.
@@ -78,31 +90,23 @@ def project(points, line, arcs, result):
             first along the line.
     """
     count = line.shape[0] - 1
-    # from each corner to the next, and one over the squared length: no division in the loop
-    ways = np.empty((count, 3))
-    for corner in range(count):
-        dx = line[corner + 1, 0] - line[corner, 0]
-        dy = line[corner + 1, 1] - line[corner, 1]
-        length = dx * dx + dy * dy
-        ways[corner, 0], ways[corner, 1] = dx, dy
-        ways[corner, 2] = 1.0 / length if length > 0.0 else 0.0
-    circles = np.empty(((count + _STRETCH - 1) // _STRETCH, 3))
-    round_stretches(line, circles)
-    nearest_corner = 0
+    pieces = np.empty((count, 6))
+    lay_chords(line, 1, pieces)
+    stretches = np.empty(((count + _STRETCH - 1) // _STRETCH, 6))
+    lay_chords(line, _STRETCH, stretches)
+    nearest_piece = 0
     for index in range(points.shape[0]):
         x, y = points[index, 0], points[index, 1]
-        guess = math.sqrt(_nearest_on(x, y, line, ways, nearest_corner)[0])
+        guess = math.sqrt(_nearest_on(x, y, pieces, nearest_piece)[0])
         nearest, nearest_along = 1e300, 0.0
-        for stretch in range(circles.shape[0]):
-            px = x - circles[stretch, 0]
-            py = y - circles[stretch, 1]
-            reach = guess + circles[stretch, 2]
-            if px * px + py * py > reach * reach:
+        for stretch in range(stretches.shape[0]):
+            reach = guess + stretches[stretch, 5]
+            if _nearest_on(x, y, stretches, stretch)[0] > reach * reach:
                 continue
-            for corner in range(stretch * _STRETCH, min(count, (stretch + 1) * _STRETCH)):
-                distance, along = _nearest_on(x, y, line, ways, corner)
+            for piece in range(stretch * _STRETCH, min(count, (stretch + 1) * _STRETCH)):
+                distance, along = _nearest_on(x, y, pieces, piece)
                 if distance < nearest:
-                    nearest, nearest_corner, nearest_along = distance, corner, along
+                    nearest, nearest_piece, nearest_along = distance, piece, along
             guess = min(guess, math.sqrt(nearest))
         result[index, 0] = math.sqrt(nearest)
-        result[index, 1] = arcs[nearest_corner] + nearest_along * (arcs[nearest_corner + 1] - arcs[nearest_corner])
+        result[index, 1] = arcs[nearest_piece] + nearest_along * (arcs[nearest_piece + 1] - arcs[nearest_piece])
