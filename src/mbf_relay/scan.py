@@ -33,3 +33,10 @@ class LaserScan:
     def angles(self) -> np.ndarray:
         """Directions of the beams, shape (B,) in radians."""
         return self.angle_min + self.angle_increment * np.arange(len(self.ranges))
+
+    @property
+    def hit(self) -> np.ndarray:
+        """Which beams came back from something within the lidar's reach, bool of shape (B,)."""
+        with np.errstate(invalid="ignore"):
+            within: np.ndarray = (self.ranges >= self.range_min) & (self.ranges < self.range_max)
+        return within

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Tuple
 
 import numpy as np
 
@@ -49,6 +50,37 @@ def step_between(count: int, max_beams: int, rounded_up: bool) -> int:
     return max(1, (count - 1) // (max_beams - 1))
 
 
+def limits_of(scan: LaserScan, laser_min_range: float = -1.0, laser_max_range: float = -1.0) -> Tuple[float, float]:
+    """Return the limits (m) between which, themselves excluded, a scan's readings say where something is.
+
+    Args:
+        scan: The scan.
+        laser_min_range, laser_max_range: The user's limits (m); where not above 0 the scan's own hold.
+
+    Raises:
+        ValueError: The limits leave nothing.
+    """
+    range_max = min(scan.range_max, laser_max_range) if laser_max_range > 0.0 else scan.range_max
+    range_min = max(scan.range_min, laser_min_range) if laser_min_range > 0.0 else scan.range_min
+    if not (range_max > 0.0 and range_min >= 0.0):
+        raise ValueError(
+            f"scan of '{scan.frame}' reaches from {range_min} to {range_max} m; the limits must be positive numbers"
+        )
+    return range_min, range_max
+
+
+def is_hit(ranges: np.ndarray, limits: Tuple[float, float]) -> np.ndarray:
+    """Return which readings came back from something, bool of their shape.
+
+    Args:
+        ranges: Readings (m); NaN and infinite ones are none.
+        limits: See `limits_of`.
+    """
+    with np.errstate(invalid="ignore"):
+        hit: np.ndarray = (ranges > limits[0]) & (ranges < limits[1])
+    return hit
+
+
 def pick_beams(
     scan: LaserScan, laser_pose: Pose2D, step: int, laser_min_range: float = -1.0, laser_max_range: float = -1.0
 ) -> Beams:
@@ -61,23 +93,19 @@ def pick_beams(
         scan: The scan; its angles are those in a frame that differs from the base's by `laser_pose`.
         laser_pose: Pose of the sensor in the base's frame.
         step: Distance between the beams picked.
-        laser_min_range, laser_max_range: The user's limits (m); where not above 0 the scan's own hold.
+        laser_min_range, laser_max_range: See `limits_of`.
 
     Raises:
         ValueError: The limits leave nothing.
     """
-    range_max = min(scan.range_max, laser_max_range) if laser_max_range > 0.0 else scan.range_max
-    range_min = max(scan.range_min, laser_min_range) if laser_min_range > 0.0 else scan.range_min
-    if not (range_max > 0.0 and range_min >= 0.0):
-        raise ValueError(
-            f"scan of '{scan.frame}' reaches from {range_min} to {range_max} m; the limits must be positive numbers"
-        )
+    limits = limits_of(scan, laser_min_range, laser_max_range)
+    range_max = limits[1]
     ranges = np.asarray(scan.ranges, dtype=float)[::step]
     bearings = scan.angles[::step] + laser_pose.theta
     known = ~np.isnan(ranges)
     ranges, bearings = ranges[known], bearings[known]
     nothing = np.concatenate(([True], ranges > range_max, [True]))
-    ranges = np.where((ranges <= range_min) | (ranges > range_max), range_max, ranges)
+    ranges = np.where(is_hit(ranges, limits), ranges, range_max)
     endpoints = np.empty((len(ranges), 2))
     endpoints[:, 0] = laser_pose.x + ranges * np.cos(bearings)
     endpoints[:, 1] = laser_pose.y + ranges * np.sin(bearings)

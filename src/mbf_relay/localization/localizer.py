@@ -9,7 +9,7 @@ from typing import Dict, List, Optional, Tuple
 import numpy as np
 
 from mbf_relay.geometry import Pose2D, angle_between, normalize_angles
-from mbf_relay.localization.beams import Beams, pick_beams
+from mbf_relay.localization.beams import Beams, is_hit, limits_of, pick_beams
 from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.estimate import Estimate, estimate, mean_and_covariance
 from mbf_relay.localization.gaussians import log_sum_exp
@@ -253,8 +253,9 @@ class Localizer:
         if before is scan.ranges or not self.parameters.robust:
             self._stood[scan.frame] = odom_pose, scan.ranges
             return 0.0
-        seen = np.isfinite(before)
-        both = seen & np.isfinite(scan.ranges)
+        limits = limits_of(scan, self.parameters.laser_min_range, self.parameters.laser_max_range)
+        seen = is_hit(before, limits)
+        both = seen & is_hit(scan.ranges, limits)
         if np.count_nonzero(both) < max(FEWEST_BEAMS, 0.5 * np.count_nonzero(seen)):
             return 0.0
         return float(np.median(np.abs(scan.ranges[both] - before[both])))

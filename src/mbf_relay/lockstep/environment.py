@@ -222,8 +222,7 @@ class NavigationEnvironment(gymnasium.Env):
         believed = simulation.true_pose if self._follows_truth else self._task.world.start.compose(odometry.pose)
         place = np.array(self._goal().relative_to(believed)[:2])
         nearest = np.full(self.parameters.beams, scan.range_max)
-        measured = (scan.ranges >= scan.range_min) & (scan.ranges <= scan.range_max)
-        np.minimum.at(nearest, self._sectors[measured], scan.ranges[measured])
+        np.minimum.at(nearest, self._sectors[scan.hit], scan.ranges[scan.hit])
         parts = {"scan": nearest, "goal": place, "velocity": np.array(odometry.velocity)}
         return {name: np.clip(value.astype(np.float32), self.observation_space[name].low,
                               self.observation_space[name].high) for name, value in parts.items()}

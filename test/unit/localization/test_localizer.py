@@ -287,6 +287,18 @@ def test_people_all_round_a_robot_that_stands_move_it_nowhere():
     assert made.reliability() > 0.9 * known
 
 
+@pytest.mark.parametrize("nothing", [0.0, 3.5, 9.0])
+def test_a_robot_that_stands_is_not_taken_to_move_where_its_lidar_flickers(nothing):
+    """Many lidars send 0, or a range beyond their longest, for a beam that came back from nothing."""
+    made, occupancy, rng = localizer(), room(), np.random.default_rng(3)
+    truth, odom, _ = drive(made, occupancy)
+    for turn in range(6):
+        scan = scan_at(occupancy, truth, rng)
+        lost = (np.arange(len(scan.ranges)) % 10 < 7) & (turn % 2 == 1)
+        flickering = dataclasses.replace(scan, ranges=np.where(lost, nothing, scan.ranges), range_max=3.5)
+        assert made.process(odom, flickering, IDENTITY) is None
+
+
 @pytest.mark.parametrize("value", [0, 100, -1])
 def test_maps_of_one_kind_of_cell_do_no_harm(value):
     occupancy = OccupancyMap(np.full((40, 40), value, dtype=np.int8), 0.05, ORIGIN)

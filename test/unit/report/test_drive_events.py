@@ -47,7 +47,7 @@ def write_bag(path, with_truth=True, nan_truths=()):
             bag.write("/tf", TFMessage(frames), stamp)
             bag.write("/cmd_vel", conversions.twist_to_message(conversions.Twist2D(0.2, 0.0, 0.0)), stamp)
             scan = LaserScan(header=conversions.header("base_scan", now), angle_min=0.0, angle_increment=1.0,
-                             range_min=0.1, range_max=3.5, ranges=[1.0, math.inf, math.nan])
+                             range_min=0.1, range_max=3.5, ranges=[1.0, math.inf, math.nan, 0.0, 3.5])
             bag.write("/scan", scan, stamp)
             if with_truth:
                 truth = Odometry(header=conversions.header("map", now))

@@ -101,8 +101,7 @@ class DriveEvents:
         if map_from_laser is not None:
             self._last_scan = now
             scan = conversions.scan_from_message(message)
-            hit = np.isfinite(scan.ranges) & (scan.ranges < scan.range_max)
-            ranges, angles = scan.ranges[hit], scan.angles[hit]
+            ranges, angles = scan.ranges[scan.hit], scan.angles[scan.hit]
             points = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles)))
             self._log.add_seen(map_from_laser.transform_points(points))
 

@@ -41,9 +41,8 @@ def grid_shape(message: Any) -> GridShape:
 def scan_points(message: LaserScan) -> np.ndarray:
     """Return where a scan's beams ended, shape (N, 2), in the scanner's frame."""
     scan = scan_from_message(message)
-    angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
-    hit = np.isfinite(scan.ranges) & (scan.ranges >= scan.range_min) & (scan.ranges < scan.range_max)
-    ends: np.ndarray = np.column_stack((np.cos(angles), np.sin(angles)))[hit] * scan.ranges[hit, None]
+    hit = scan.hit
+    ends: np.ndarray = np.column_stack((np.cos(scan.angles), np.sin(scan.angles)))[hit] * scan.ranges[hit, None]
     return ends
 
 
