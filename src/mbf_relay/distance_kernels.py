@@ -27,34 +27,45 @@ def _up_a_row(below, row):
         row[x] = distance if distance < row[x] else row[x]
 
 
-@kernel("void(uint8[:,::1], float32[:,::1])")
-def distances_to_zeros(cells, distances):
+@kernel("void(float64[::1], float64, float64, float32[::1])")
+def _from_a_column(places, column, square, row):
+    """Write how far cells of a row are from a cell `square` (squared) off it; doubles, for they make vector code."""
+    for x in range(places.shape[0]):
+        away = places[x] - column
+        row[x] = math.sqrt(np.float32(away * away + square))
+
+
+@kernel("void(uint8[:,::1], int64, float32[:,::1])")
+def distances_to_zeros(cells, reach, distances):
     """Write the distance in cells from each cell's centre to that of the nearest cell that is 0.
 
     Squared distances are whole numbers below (width + height)², so that all but the root is exact.
 
     Args:
         cells: Shape (height, width); at least one is 0.
+        reach: Distance (cells) up to which the results are right; those beyond are told some distance beyond it.
         distances: Result, shape (height, width).
     """
     height, width = cells.shape
     far = np.int32(height + width)
+    reach = min(reach, np.int64(far) - 1)  # columns without a 0 are farther
     column_distances = np.empty((height, width), dtype=np.int32)
     column_distances[0] = far
     for y in range(height):
         _down_a_row(cells[y], column_distances[max(0, y - 1)], column_distances[y], far)
-    for y in range(height - 2, -1, -1):
-        _up_a_row(column_distances[y + 1], column_distances[y])
-
     nearest = np.empty(width, dtype=np.int64)  # columns, from left to right, that some cell of the row is nearest to
     begins = np.empty(width, dtype=np.int64)  # where each of them begins to be
     squares = np.empty(width, dtype=np.int64)
-    for y in range(height):
+    places = np.arange(width).astype(np.float64)
+    for y in range(height - 1, -1, -1):
+        if y < height - 1:
+            _up_a_row(column_distances[y + 1], column_distances[y])
+        row = column_distances[y]
+        last = -1
         for x in range(width):
-            squares[x] = np.int64(column_distances[y, x]) * column_distances[y, x]
-        last = 0
-        nearest[0], begins[0] = 0, 0
-        for x in range(1, width):
+            if row[x] > reach:
+                continue
+            squares[x] = np.int64(row[x]) * row[x]
             while last >= 0:
                 before, begin = nearest[last], begins[last]
                 if (begin - before) * (begin - before) + squares[before] <= (begin - x) * (begin - x) + squares[x]:
@@ -70,9 +81,10 @@ def distances_to_zeros(cells, distances):
                 # not negative; below 2^53 the quotient of doubles is cut to the same whole number as that of integers
                 last += 1
                 nearest[last], begins[last] = x, 1 + np.int64(np.float64(apart) / np.float64(twice))
+        if last < 0:
+            distances[y] = far
         end = width
         for index in range(last, -1, -1):
-            column, square = nearest[index], squares[nearest[index]]
-            for x in range(begins[index], end):
-                distances[y, x] = math.sqrt(np.float32((x - column) * (x - column) + square))
-            end = begins[index]
+            begin, column = begins[index], nearest[index]
+            _from_a_column(places[begin:end], np.float64(column), np.float64(squares[column]), distances[y, begin:end])
+            end = begin

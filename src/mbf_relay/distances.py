@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from typing import Optional
+
 import numpy as np
 
 from mbf_relay import distance_kernels
 
 
-def distances_to_zeros(cells: np.ndarray) -> np.ndarray:
+def distances_to_zeros(cells: np.ndarray, farthest: Optional[float] = None) -> np.ndarray:
     """Return the distance in cells from each cell to the nearest that is 0 or False, between their centres.
 
     Args:
         cells: Shape (height, width), bool or uint8.
+        farthest: What is farther away (cells) may be told any distance beyond this one, which takes less time.
 
     Returns:
         Shape (height, width), float32: exact but for the root; infinite where no cell is 0.
@@ -20,7 +24,8 @@ def distances_to_zeros(cells: np.ndarray) -> np.ndarray:
     if cells.all():
         return np.full(cells.shape, np.inf, dtype=np.float32)
     distances = np.empty(cells.shape, dtype=np.float32)
-    distance_kernels.distances_to_zeros(cells, distances)
+    reach = sum(cells.shape) if farthest is None else math.ceil(min(farthest, sum(cells.shape)))
+    distance_kernels.distances_to_zeros(cells, reach, distances)
     return distances
 
 

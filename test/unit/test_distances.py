@@ -14,7 +14,12 @@ def test_every_cell_knows_its_nearest_obstacle_to_the_last_bit(share):
         free.flat[rng.integers(free.size)] = False
         rows, columns = np.indices(free.shape)
         squared = np.min([(rows - y) ** 2 + (columns - x) ** 2 for y, x in np.argwhere(~free)], axis=0)
-        np.testing.assert_array_equal(distances_to_zeros(free), np.sqrt(squared.astype(np.float32)))
+        expected = np.sqrt(squared.astype(np.float32))
+        np.testing.assert_array_equal(distances_to_zeros(free), expected)
+        for farthest in (0.0, 2.5, 7.0):
+            found = distances_to_zeros(free, farthest)
+            np.testing.assert_array_equal(found[expected <= farthest], expected[expected <= farthest])
+            assert (found[expected > farthest] > farthest).all(), "what is far is not told to be near"
 
 
 def test_without_an_obstacle_all_is_infinitely_far():

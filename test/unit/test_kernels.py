@@ -68,7 +68,7 @@ def test_every_kernel_of_the_package_was_built_from_its_present_source(built):
 ])
 def test_an_array_of_another_kind_is_refused_and_never_read_past_its_end(built, cells, distances):
     with pytest.raises(TypeError, match="distances_to_zeros takes as (cells|distances)"):
-        built.KERNELS["mbf_relay.distance_kernels"]["distances_to_zeros"](cells, distances)
+        built.KERNELS["mbf_relay.distance_kernels"]["distances_to_zeros"](cells, 7, distances)
 
 
 def test_arguments_too_few_too_many_or_no_numbers_are_refused(built):

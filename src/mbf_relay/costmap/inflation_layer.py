@@ -88,7 +88,7 @@ def inflate_far(costs: np.ndarray, window: Window, table: np.ndarray, radius: in
     obstacles = costs[around.slices] == LETHAL
     if not obstacles.any():
         return
-    distances = distances_to_zeros(~obstacles)
+    distances = distances_to_zeros(~obstacles, radius)
     inside = window.shifted(-around.x0, -around.y0).slices
     squared = np.rint(np.square(distances[inside], dtype=np.float64)).astype(np.int64)
     raised = np.where(squared < len(table), table[np.minimum(squared, len(table) - 1)], 0)

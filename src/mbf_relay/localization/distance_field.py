@@ -157,7 +157,7 @@ def distances_to(occupied: np.ndarray, resolution: float, max_distance: float) -
     """Return each cell's distance (m) to the nearest occupied one, at most `max_distance`, as float32."""
     if not occupied.any():
         return np.full(occupied.shape, max_distance, dtype=np.float32)
-    cells: np.ndarray = distances_to_zeros(~occupied)
+    cells: np.ndarray = distances_to_zeros(~occupied, max_distance / resolution)
     cells *= np.float32(resolution)
     np.minimum(cells, np.float32(max_distance), out=cells)
     return cells
