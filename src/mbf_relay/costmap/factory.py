@@ -9,7 +9,8 @@ from mbf_relay import plugins
 from mbf_relay.costmap import LAYERS
 from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.layer import Layer
-from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters, SourceParameters
+from mbf_relay.costmap.observation_source import SourceParameters
+from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters
 from mbf_relay.costmap.outline import parse_footprint
 from mbf_relay.costmap.outline_checks import footprint_trouble
 from mbf_relay.costmap.parameters import CostmapParameters

@@ -25,12 +25,14 @@ class Observation:
         hits: Shape (N,), bool: True where something was hit there, False where the ray only shows free space. None
             where all are hits.
         stamp: Time (s) of measurement.
+        frame: The sensor's own frame, which tells it from others on the same topic.
     """
 
     origin: Tuple[float, ...]
     points: np.ndarray
     hits: Optional[np.ndarray]
     stamp: float
+    frame: str = ""
 
 
 def observation_from_scan(

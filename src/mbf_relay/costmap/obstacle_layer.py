@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
-from typing import Any, Deque, Dict, List, Mapping, Optional, Tuple, Type, TypeVar
+from typing import Any, Dict, List, Mapping, Optional, Tuple, Type, TypeVar
 
 import numpy as np
 
@@ -13,10 +12,9 @@ from mbf_relay.costmap import footprint, layer_kernels
 from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, NO_INFORMATION, Window
 from mbf_relay.costmap.layer import CellLayer, LayerContext, changed_window
 from mbf_relay.costmap.observation import Observation
-from mbf_relay.costmap.usual_age import UsualAge
+from mbf_relay.costmap.observation_source import ObservationSource, RayBundle, SourceParameters
 from mbf_relay.grid import Grid
 from mbf_relay.parameters import ParameterSet, parameter
-from mbf_relay.scan_monitor import LARGEST_GAP
 
 OVERWRITE, MAXIMUM, NOTHING = 0, 1, 99
 
@@ -27,44 +25,6 @@ S = TypeVar("S", bound="ObstacleLayerParameters")
 
 RECONFIGURABLE = ("enabled", "footprint_clearing_enabled", "max_obstacle_height", "combination_method")
 """What can be changed at run time, as in costmap_2d."""
-
-
-@dataclass(frozen=True)
-class SourceParameters(ParameterSet):
-    """Parameters of one sensor of an obstacle layer, by costmap_2d's names."""
-
-    topic: str = parameter("", "topic; the source's name where empty")
-    sensor_frame: str = parameter("", "frame the rays start from; the message's own where empty")
-    data_type: str = parameter("PointCloud", "type of message", choices=("LaserScan", "PointCloud", "PointCloud2"))
-    observation_persistence: float = parameter(
-        0.0, "how long observations count; 0 for the newest alone", unit="s", minimum=0.0
-    )
-    expected_update_rate: float = parameter(
-        0.0, "longest time between two messages before the costmap is stale; 0 for more than one of its scans",
-        unit="s", minimum=0.0)
-    min_obstacle_height: float = parameter(0.0, "points below are left out", unit="m")
-    max_obstacle_height: float = parameter(2.0, "points above are left out", unit="m")
-    inf_is_valid: bool = parameter(True, "beams without a return free the cells they pass, up to range_max")
-    largest_gap: float = parameter(
-        LARGEST_GAP,
-        "widest angle ahead in which a LaserScan may measure nothing (NaN, or below range_min) and still count; "
-        "0 where that means nothing is there",
-        unit="rad",
-        minimum=0.0,
-        maximum=2.0 * math.pi,
-    )
-    marking: bool = parameter(True, "points become obstacles")
-    clearing: bool = parameter(False, "rays free the cells they pass")
-    obstacle_range: float = parameter(
-        2.5, "points farther from the sensor do not become obstacles", unit="m", minimum=0.0
-    )
-    raytrace_range: float = parameter(3.0, "rays free cells no farther than this", unit="m", minimum=0.0)
-
-    def check(self) -> None:
-        if self.min_obstacle_height > self.max_obstacle_height:
-            raise ValueError(
-                f"parameter min_obstacle_height is {self.min_obstacle_height} m; it must not be above "
-                f"max_obstacle_height, {self.max_obstacle_height} m")
 
 
 @dataclass(frozen=True)
@@ -126,48 +86,6 @@ class ObstacleLayerParameters(ParameterSet):
         return sources
 
 
-@dataclass(frozen=True, eq=False)
-class _Rays:
-    """An observation made ready for the kernels: where its rays end, which ends are obstacles, how far it reaches."""
-
-    x: float
-    y: float
-    ends: np.ndarray
-    marks: np.ndarray
-    low: Tuple[float, float]
-    high: Tuple[float, float]
-    reach: float
-    stamp: float
-
-
-class _Source:
-    """One sensor: its parameters, the observations still counted and when the newest was measured."""
-
-    def __init__(self, parameters: SourceParameters) -> None:
-        self.parameters = parameters
-        self.kept: Deque[_Rays] = deque()
-        self.last_update: Optional[float] = None
-        self.trouble: Optional[str] = None  # why it is not to be relied on
-        self.unused: Optional[str] = None  # why its last message was not used
-        self.usual_age = UsualAge()
-
-    def add(self, observation: Observation, now: float, max_height: float) -> None:
-        """Keep an observation, newest first, and drop those too old to count."""
-        self.kept.appendleft(prepare(observation, self.parameters, max_height))
-        measured = min(observation.stamp, now) if observation.stamp > 0.0 else now
-        if self.last_update is not None:
-            self.usual_age.renewed(now - self.last_update, measured - self.last_update)
-        self.last_update = measured
-        self.trouble = self.unused = None
-        keep_time = self.parameters.observation_persistence
-        if keep_time == 0.0:
-            while len(self.kept) > 1:
-                self.kept.pop()
-        else:
-            while self.kept and now - self.kept[-1].stamp > keep_time:
-                self.kept.pop()
-
-
 class ObstacleLayer(CellLayer):
     """Keeps what was seen: rays free the cells they pass, what they hit becomes lethal, until a ray passes there."""
 
@@ -178,8 +96,8 @@ class ObstacleLayer(CellLayer):
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
         self.default_cost = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
-        self._sources = {key: _Source(value) for key, value in parameters.source_parameters.items()}
-        self._drawn: List[_Rays] = []  # what the cells show, but for what the robot stood on since
+        self._sources = {key: ObservationSource(value) for key, value in parameters.source_parameters.items()}
+        self._drawn: List[RayBundle] = []  # what the cells show, but for what the robot stood on since
 
     @property
     def sources(self) -> Mapping[str, SourceParameters]:
@@ -236,7 +154,7 @@ class ObstacleLayer(CellLayer):
             self.touch(changed_window(before, self.costs, touched))
         return window.union(self.take_pending())
 
-    def _touched(self, observations: List[_Rays], covered: np.ndarray) -> Window:
+    def _touched(self, observations: List[RayBundle], covered: np.ndarray) -> Window:
         """Return a window that holds every cell the observations and the footprint may change."""
         touched = EMPTY
         for rays in observations:
@@ -280,53 +198,8 @@ class ObstacleLayer(CellLayer):
         return self.parameters.source_timeout if limit == 0.0 and parameters.data_type == "LaserScan" else limit
 
     def stale_reason(self, now: float) -> Optional[str]:
-        for name, source in self._sources.items():
-            limit, is_lidar = self.max_age(name), source.parameters.data_type == "LaserScan"
-            if is_lidar and source.parameters.expected_update_rate == 0.0:
-                limit = source.usual_age.limit(limit)
-            kind = "lidar" if is_lidar else "sensor"
-            whose = f"source '{name}' on topic '{source.parameters.topic}'"
-            if source.trouble is not None:
-                return f"{kind} {whose} cannot be relied on: {source.trouble}"
-            if limit == 0.0:
-                continue
-            if source.last_update is None and source.unused is None:
-                return f"no data has come from {kind} {whose}"
-            if source.last_update is None:
-                return f"nothing from {kind} {whose} could be used: {source.unused}"
-            if now - source.last_update > limit:
-                told = f"{now - source.last_update:.2f} s; at most {limit:.2f} s is allowed"
-                if source.unused is None:
-                    return f"{kind} {whose} sent nothing for {told}"
-                return f"{kind} {whose} sent nothing that could be used for {told}; {source.unused}"
-        return None
-
-
-def prepare(observation: Observation, source: SourceParameters, max_height: float) -> _Rays:
-    """Return an observation's rays with heights and ranges looked at once.
-
-    Args:
-        observation: What was seen.
-        source: The sensor's limits.
-        max_height: The layer's own limit (m) on what becomes an obstacle.
-    """
-    points = np.asarray(observation.points, dtype=np.float64)
-    origin = observation.origin
-    kept = np.isfinite(points).all(axis=1)
-    squared = (points[:, 0] - origin[0]) ** 2 + (points[:, 1] - origin[1]) ** 2
-    marks = squared < source.obstacle_range ** 2
-    if points.shape[1] > 2:
-        heights = points[:, 2]
-        kept &= (heights >= source.min_obstacle_height) & (heights <= source.max_obstacle_height)
-        rise = heights - (origin[2] if len(origin) > 2 else 0.0)
-        marks = (squared + rise ** 2 < source.obstacle_range ** 2) & (heights <= max_height)
-    if observation.hits is not None:
-        marks &= observation.hits
-    ends, marked = np.ascontiguousarray(points[kept, :2]), np.ascontiguousarray(points[kept & marks, :2])
-    x, y, reach = float(origin[0]), float(origin[1]), source.raytrace_range
-    low = (min(x - reach, float(marked[:, 0].min(initial=x))), min(y - reach, float(marked[:, 1].min(initial=y))))
-    high = (max(x + reach, float(marked[:, 0].max(initial=x))), max(y + reach, float(marked[:, 1].max(initial=y))))
-    return _Rays(x, y, ends, marked, low, high, reach, observation.stamp)
+        reasons = (source.stale_reason(name, self.max_age(name), now) for name, source in self._sources.items())
+        return next((reason for reason in reasons if reason is not None), None)
 
 
 VOXEL_RECONFIGURABLE = RECONFIGURABLE + (

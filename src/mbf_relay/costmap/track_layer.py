@@ -12,7 +12,8 @@ import numpy as np
 from mbf_relay.costmap.cost_grid import EMPTY, INSCRIBED, Window
 from mbf_relay.costmap.layer import Layer, LayerContext
 from mbf_relay.costmap.observation import Observation
-from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters, SourceParameters
+from mbf_relay.costmap.observation_source import SourceParameters
+from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters
 from mbf_relay.parameters import parameter
 from mbf_relay.tracking.parameters import TrackerParameters
 from mbf_relay.tracking.track import Track

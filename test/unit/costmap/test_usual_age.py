@@ -39,8 +39,8 @@ def lidar_costmap(**layer):
         "o": {"observation_sources": "scan", "scan": {"data_type": "LaserScan", "marking": True}, **layer}})
 
 
-def scan_at(costmap, stamp, latency=0.0):
-    costmap.observe("scan", Observation((0.0, 0.0), np.array([[1.0, 0.0]]), None, stamp), stamp + latency)
+def scan_at(costmap, stamp, latency=0.0, frame=""):
+    costmap.observe("scan", Observation((0.0, 0.0), np.array([[1.0, 0.0]]), None, stamp, frame), stamp + latency)
     costmap.update(stamp + latency, IDENTITY)
 
 
@@ -64,3 +64,41 @@ def test_a_robot_whose_user_says_how_long_waits_so_long():
     for count in range(1, 10):
         scan_at(costmap, 0.2 * count)
     assert costmap.stale_reason(1.8 + 0.79) is None and costmap.stale_reason(1.8 + 0.81)
+
+
+def two_lidars(costmap, until):
+    """Two lidars on one topic, told apart by their frames, one shortly after the other."""
+    for count in range(1, until + 1):
+        scan_at(costmap, 0.2 * count, frame="front")
+        scan_at(costmap, 0.2 * count + 0.05, frame="rear")
+
+
+def test_a_robot_does_not_drive_on_when_the_front_one_of_its_two_lidars_dies():
+    costmap = lidar_costmap()
+    two_lidars(costmap, 9)
+    assert costmap.stale_reason(1.9) is None
+    for count in range(10, 13):
+        scan_at(costmap, 0.2 * count + 0.05, frame="rear")
+    assert ("lidar source 'scan' on topic 'scan', the one of 2 in frame 'front', sent nothing for 0.70 s" in
+            costmap.stale_reason(2.5))
+    scan_at(costmap, 2.6, frame="front")
+    assert costmap.stale_reason(2.6) is None
+
+
+def test_a_robot_goes_on_when_its_lidar_was_started_again_with_another_frame():
+    costmap = lidar_costmap()
+    for count in range(1, 20):
+        scan_at(costmap, 0.2 * count, frame="base_scan" if count < 10 else "laser")
+    assert costmap.stale_reason(4.0) is None
+
+
+def test_two_lidars_that_send_at_once_hide_nothing_from_each_other():
+    """Only the newest scan of a topic counted, so of two that came between two updates the first was never shown."""
+    costmap = lidar_costmap()
+    two_lidars(costmap, 2)
+    for frame, y in (("front", 0.5), ("rear", -0.5)):
+        costmap.observe("scan", Observation((0.0, 0.0), np.array([[0.5, y]]), None, 0.6, frame), 0.6)
+    costmap.update(0.6, IDENTITY)
+    snapshot = costmap.snapshot()
+    columns, rows = snapshot.grid.cells_at(np.array([[0.5, 0.5], [0.5, -0.5]])).T
+    assert (snapshot.costs[rows, columns] == 254).all()

@@ -19,7 +19,7 @@ from mbf_relay import plugins  # noqa: E402
 from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters  # noqa: E402
 from mbf_relay.costmap import LAYERS, factory  # noqa: E402
 from mbf_relay.costmap.layer import Layer  # noqa: E402
-from mbf_relay.costmap.obstacle_layer import SourceParameters  # noqa: E402
+from mbf_relay.costmap.observation_source import SourceParameters  # noqa: E402
 from mbf_relay.costmap.parameters import CostmapParameters  # noqa: E402
 from mbf_relay.localization.cloud_scan import CloudParameters  # noqa: E402
 from mbf_relay.localization.node_parameters import INITIAL, AmclParameters  # noqa: E402

@@ -6,7 +6,7 @@ import math
 import threading
 from collections import deque
 from dataclasses import replace
-from typing import Any, Callable, Deque, List, Optional, Tuple
+from typing import Any, Callable, Deque, Dict, List, Optional, Tuple
 
 import numpy as np
 import rospy
@@ -17,7 +17,7 @@ from sensor_msgs.msg import PointCloud, PointCloud2
 from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.layer import MapSource
 from mbf_relay.costmap.observation import Observation, observation_from_points, scan_points
-from mbf_relay.costmap.obstacle_layer import SourceParameters
+from mbf_relay.costmap.observation_source import SourceParameters
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common import checks
 from mbf_relay.ros.common.checks import InvalidMessage
@@ -28,6 +28,7 @@ from mbf_relay.ros.common.quick_grids import QuickGrid, QuickGridUpdate
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.scan_monitor import ScanMonitor
+from mbf_relay.senders import Senders
 
 BUFFER_BYTES = 1 << 24
 WARN_PERIOD = 5.0
@@ -58,7 +59,9 @@ class SensorInput:
         self._waiting: Deque[Tuple[float, Any]] = deque(maxlen=50 if parameters.observation_persistence > 0.0 else 5)
         self._trouble: Optional[str] = None
         self._warnings = ThrottledWarnings()
-        self._monitor = ScanMonitor(parameters.largest_gap)
+        self._senders = Senders()
+        self._monitors: Dict[str, ScanMonitor] = {}  # by frame, as is what follows
+        self._blind: Dict[str, str] = {}  # why a lidar cannot be relied on
         self._used_since = math.inf
         self._used_last: Optional[float] = None
         self._subscriber = rospy.Subscriber(
@@ -101,17 +104,18 @@ class SensorInput:
                 measured = min(observation.stamp, arrived) if observation.stamp > 0.0 else arrived
                 self._costmap.observe(self._name, replace(observation, stamp=measured), now)
                 self._trouble = None
-                self._warnings.worked()
                 self._used_since = min(self._used_since, arrived)
                 self._used_last = measured
+                self._refuse_blind()
+                if self._trouble is None:
+                    self._warnings.worked()
             except TransformError as error:
                 if now - arrived <= self._patience:
                     continue
                 if arrived >= self._used_since or self._used_since == math.inf:  # what is older came before tf did
                     self._complain(f"dropped after {now - arrived:.2f} s: {error}")
-            except BlindSensor as error:
-                self._costmap.refuse(self._name, str(error))
-                self._say(f"cannot be relied on: {error}")
+            except BlindSensor:
+                self._refuse_blind()
             except InvalidMessage as error:
                 self._complain(f"refused: {error}")
             done.append(message)
@@ -137,21 +141,33 @@ class SensorInput:
         if isinstance(message, LaserScanMessage):
             self._require_sight(message, sensor)
         rotation, translation = rigid(sensor)
-        seen = observation_from_points(points, hits, rotation, translation, stamp)
+        seen = replace(observation_from_points(points, hits, rotation, translation, stamp), frame=frame.lstrip("/"))
         origin_frame = self._parameters.sensor_frame
         if not origin_frame or origin_frame.lstrip("/") == frame.lstrip("/"):
             return seen
         _, origin = rigid(self._transforms.lookup_message(self._costmap.frame, origin_frame, when))
-        return Observation(tuple(float(value) for value in origin), seen.points, seen.hits, stamp)
+        return replace(seen, origin=tuple(float(value) for value in origin))
 
     def _require_sight(self, message: LaserScanMessage, sensor: TransformStamped) -> None:
         """Raise BlindSensor where a scan shows nothing; `sensor` takes its points to the costmap's frame."""
+        frame = message.header.frame_id.lstrip("/")
         pose, upside_down = mounting_of(sensor.transform)
-        base = self._transforms.lookup_message(self._costmap.robot_frame, message.header.frame_id)
+        base = self._transforms.lookup_message(self._costmap.robot_frame, frame)
         mounting, _ = mounting_of(base.transform)
-        trouble = self._monitor.trouble(seen_from_above(scan_from_message(message), upside_down), -mounting.theta, pose)
+        monitor = self._monitors.setdefault(frame, ScanMonitor(self._parameters.largest_gap))
+        trouble = monitor.trouble(seen_from_above(scan_from_message(message), upside_down), -mounting.theta, pose)
+        self._senders.hear(frame)
+        self._blind.pop(frame, None)
         if trouble is not None:
+            self._blind[frame] = trouble
             raise BlindSensor(trouble)
+
+    def _refuse_blind(self) -> None:
+        """Say that the source cannot be relied on where one of the lidars that share its topic shows nothing."""
+        for frame in self._senders.present:
+            if frame in self._blind:
+                self._costmap.refuse(self._name, self._blind[frame])
+                self._say(f"cannot be relied on: {self._blind[frame]}")
 
 
 class BlindSensor(InvalidMessage):

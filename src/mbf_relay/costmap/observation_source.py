@@ -1,0 +1,181 @@
+"""What comes on one topic of an obstacle layer, made ready, and whether it is fresh enough to drive by."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Deque, Dict, List, Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.costmap.observation import Observation
+from mbf_relay.costmap.usual_age import UsualAge
+from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.scan_monitor import LARGEST_GAP
+from mbf_relay.senders import Senders
+
+
+@dataclass(frozen=True)
+class SourceParameters(ParameterSet):
+    """Parameters of one sensor of an obstacle layer, by costmap_2d's names."""
+
+    topic: str = parameter("", "topic; the source's name where empty")
+    sensor_frame: str = parameter("", "frame the rays start from; the message's own where empty")
+    data_type: str = parameter("PointCloud", "type of message", choices=("LaserScan", "PointCloud", "PointCloud2"))
+    observation_persistence: float = parameter(
+        0.0, "how long observations count; 0 for the newest alone", unit="s", minimum=0.0
+    )
+    expected_update_rate: float = parameter(
+        0.0, "longest time between two messages before the costmap is stale; 0 for more than one of its scans",
+        unit="s", minimum=0.0)
+    min_obstacle_height: float = parameter(0.0, "points below are left out", unit="m")
+    max_obstacle_height: float = parameter(2.0, "points above are left out", unit="m")
+    inf_is_valid: bool = parameter(True, "beams without a return free the cells they pass, up to range_max")
+    largest_gap: float = parameter(
+        LARGEST_GAP,
+        "widest angle ahead in which a LaserScan may measure nothing (NaN, or below range_min) and still count; "
+        "0 where that means nothing is there",
+        unit="rad",
+        minimum=0.0,
+        maximum=2.0 * math.pi,
+    )
+    marking: bool = parameter(True, "points become obstacles")
+    clearing: bool = parameter(False, "rays free the cells they pass")
+    obstacle_range: float = parameter(
+        2.5, "points farther from the sensor do not become obstacles", unit="m", minimum=0.0
+    )
+    raytrace_range: float = parameter(3.0, "rays free cells no farther than this", unit="m", minimum=0.0)
+
+    def check(self) -> None:
+        if self.min_obstacle_height > self.max_obstacle_height:
+            raise ValueError(
+                f"parameter min_obstacle_height is {self.min_obstacle_height} m; it must not be above "
+                f"max_obstacle_height, {self.max_obstacle_height} m")
+
+
+@dataclass(frozen=True, eq=False)
+class RayBundle:
+    """An observation made ready for the kernels: where its rays end, which ends are obstacles, how far it reaches."""
+
+    x: float
+    y: float
+    ends: np.ndarray
+    marks: np.ndarray
+    low: Tuple[float, float]
+    high: Tuple[float, float]
+    reach: float
+    stamp: float
+
+
+class Sensor:
+    """The observations of one sensor that still count, and when the newest was measured."""
+
+    def __init__(self) -> None:
+        self.kept: Deque[RayBundle] = deque()
+        self.last_update = -math.inf
+        self.usual_age = UsualAge()
+
+    def add(self, rays: RayBundle, now: float, keep_time: float) -> None:
+        """Keep an observation, newest first, and drop those older than `keep_time` (s); 0 keeps the newest alone."""
+        measured = min(rays.stamp, now) if rays.stamp > 0.0 else now
+        if self.last_update > -math.inf:
+            self.usual_age.renewed(now - self.last_update, measured - self.last_update)
+        self.last_update = measured
+        self.kept.appendleft(rays)
+        if keep_time == 0.0:
+            while len(self.kept) > 1:
+                self.kept.pop()
+        else:
+            while self.kept and now - self.kept[-1].stamp > keep_time:
+                self.kept.pop()
+
+
+class ObservationSource:
+    """What comes on one topic: of one sensor, or of several, told apart by their frames, that take turns."""
+
+    def __init__(self, parameters: SourceParameters) -> None:
+        self.parameters = parameters
+        self.trouble: Optional[str] = None  # why it is not to be relied on
+        self.unused: Optional[str] = None  # why its last message was not used
+        self._sensors: Dict[str, Sensor] = {}
+        self._senders = Senders()
+
+    def add(self, observation: Observation, now: float, max_height: float) -> None:
+        """Keep what one of its sensors saw."""
+        frame = observation.frame
+        self._senders.hear(frame)
+        rays = prepare(observation, self.parameters, max_height)
+        self._sensors.setdefault(frame, Sensor()).add(rays, now, self.parameters.observation_persistence)
+        self.trouble = self.unused = None
+
+    @property
+    def sensors(self) -> Dict[str, Sensor]:
+        """Its sensors by their frames, but for those that others have replaced."""
+        return {frame: self._sensors[frame] for frame in self._senders.present}
+
+    @property
+    def kept(self) -> List[RayBundle]:
+        """The observations that still count."""
+        return [rays for sensor in self.sensors.values() for rays in sensor.kept]
+
+    def stale_reason(self, name: str, limit: float, now: float) -> Optional[str]:
+        """Return why it shows too little of what is there, None where it does not.
+
+        Args:
+            name: The source's.
+            limit: Age (s) beyond which what a sensor saw says nothing; 0 for never.
+            now: Time (s).
+        """
+        parameters = self.parameters
+        is_lidar = parameters.data_type == "LaserScan"
+        whose = f"{'lidar' if is_lidar else 'sensor'} source '{name}' on topic '{parameters.topic}'"
+        if self.trouble is not None:
+            return f"{whose} cannot be relied on: {self.trouble}"
+        if limit == 0.0:
+            return None
+        sensors = self.sensors
+        if not sensors and self.unused is None:
+            return f"no data has come from {whose}"
+        if not sensors:
+            return f"nothing from {whose} could be used: {self.unused}"
+        for frame, sensor in sensors.items():
+            longest = limit
+            if is_lidar and parameters.expected_update_rate == 0.0:
+                longest = sensor.usual_age.limit(limit)
+            age = now - sensor.last_update
+            if age <= longest:
+                continue
+            which = whose if len(sensors) == 1 else f"{whose}, the one of {len(sensors)} in frame '{frame}',"
+            told = f"{age:.2f} s; at most {longest:.2f} s is allowed"
+            if self.unused is None:
+                return f"{which} sent nothing for {told}"
+            return f"{which} sent nothing that could be used for {told}; {self.unused}"
+        return None
+
+
+def prepare(observation: Observation, source: SourceParameters, max_height: float) -> RayBundle:
+    """Return an observation's rays with heights and ranges looked at once.
+
+    Args:
+        observation: What was seen.
+        source: The sensor's limits.
+        max_height: The layer's own limit (m) on what becomes an obstacle.
+    """
+    points = np.asarray(observation.points, dtype=np.float64)
+    origin = observation.origin
+    kept = np.isfinite(points).all(axis=1)
+    squared = (points[:, 0] - origin[0]) ** 2 + (points[:, 1] - origin[1]) ** 2
+    marks = squared < source.obstacle_range ** 2
+    if points.shape[1] > 2:
+        heights = points[:, 2]
+        kept &= (heights >= source.min_obstacle_height) & (heights <= source.max_obstacle_height)
+        rise = heights - (origin[2] if len(origin) > 2 else 0.0)
+        marks = (squared + rise ** 2 < source.obstacle_range ** 2) & (heights <= max_height)
+    if observation.hits is not None:
+        marks &= observation.hits
+    ends, marked = np.ascontiguousarray(points[kept, :2]), np.ascontiguousarray(points[kept & marks, :2])
+    x, y, reach = float(origin[0]), float(origin[1]), source.raytrace_range
+    low = (min(x - reach, float(marked[:, 0].min(initial=x))), min(y - reach, float(marked[:, 1].min(initial=y))))
+    high = (max(x + reach, float(marked[:, 0].max(initial=x))), max(y + reach, float(marked[:, 1].max(initial=y))))
+    return RayBundle(x, y, ends, marked, low, high, reach, observation.stamp)

@@ -1,0 +1,30 @@
+"""Who sends on one topic: one, several that take turns, or one that another has replaced."""
+
+from __future__ import annotations
+
+from typing import Dict, List, Optional
+
+
+class Senders:
+    """Tells apart, by their names, who sends what comes in one stream.
+
+    Who is heard again after another one is one of several that send at the same time, and is missed where it falls
+    silent. Who is not was replaced: a driver that was started again with another frame is no second lidar.
+    """
+
+    def __init__(self) -> None:
+        self._takes_turns: Dict[str, bool] = {}
+        self._newest: Optional[str] = None
+
+    def hear(self, name: str) -> None:
+        """Take note that one of them has sent something."""
+        if name not in self._takes_turns:
+            self._takes_turns[name] = False
+        elif name != self._newest:
+            self._takes_turns[name] = True
+        self._newest = name
+
+    @property
+    def present(self) -> List[str]:
+        """Those who send: all that take turns, and who was heard last."""
+        return [name for name, takes_turns in self._takes_turns.items() if takes_turns or name == self._newest]
