@@ -3,7 +3,8 @@
 It knows neither costmaps, goals nor a map, and keeps no memory beyond the newest scan and what it has let pass since. A
 velocity passes while its sender goes on sending, the scan is fresh, and the footprint, carried along the arc on which
 the robot would react and brake, keeps a margin from every point of the scan. Else it is slowed down along the same arc,
-or zero. What is nearer than the margin already may not come nearer still, so a robot may always drive away from it.
+or zero. What is nearer than the margin already may not come nearer still, so a robot may always drive away from it. Of
+several lidars on the topic, told apart by their frames, each must be fresh, and the newest scan of each counts.
 (The idea is that of Nav2's collision monitor, here with the footprint on the braking arc in place of zones.)
 """
 
@@ -11,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Deque, NamedTuple, Optional, Tuple
+from typing import Deque, Dict, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from mbf_relay.costmap.observation import scan_points
 from mbf_relay.costmap.outline import clearances, radii
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.scan import LaserScan
+from mbf_relay.senders import Senders
 
 STEP = 0.01
 """Metres that no corner of the footprint exceeds between two poses looked at: no lidar is more exact."""
@@ -48,6 +50,22 @@ class Verdict(NamedTuple):
     text: str
 
 
+class Sight(NamedTuple):
+    """What one lidar saw last.
+
+    Attributes:
+        scan: As seen from above.
+        laser_in_base: Where the lidar sits.
+        points: What is in the way, shape (N, 2) in metres, in the base frame at the scan's time.
+        changed_at: Time (s) at which its readings were first what they are.
+    """
+
+    scan: LaserScan
+    laser_in_base: Pose2D
+    points: np.ndarray
+    changed_at: float
+
+
 class VelocityGuard:
     """Judges velocities by the newest scan. One thread at a time; `now` and stamps are of one clock."""
 
@@ -57,10 +75,8 @@ class VelocityGuard:
         self._radius = radii(self._outline)[1]
         self._longest = MOST_STEPS * max(STEP, 0.5 * float(np.ptp(self._outline, axis=0).min()))  # way to a stop (m)
         self._asked, self._asked_at = STOP, -math.inf
-        self._scan: Optional[LaserScan] = None
-        self._changed_at = -math.inf  # when the readings were first what they are
-        self._points = np.empty((0, 2))
-        self._laser_in_base = IDENTITY
+        self._seen: Dict[str, Sight] = {}  # by the lidar's frame
+        self._lidars = Senders()
         self._passed: Deque[Tuple[float, Twist2D]] = deque([(-math.inf, STOP)])
 
     def take_command(self, now: float, velocity: Twist2D) -> None:
@@ -76,22 +92,33 @@ class VelocityGuard:
 
         The last one again, though the robot drives, is no news.
         """
-        if self._is_frozen(scan):
+        self._lidars.hear(scan.frame)
+        changed_at = self._changed_at(scan)
+        if changed_at is None:
             return
-        self._scan, self._laser_in_base = scan, laser_in_base
         points, hits = scan_points(scan)
         seen = laser_in_base.transform_points(points[hits])
-        self._points = np.vstack((seen, self._blind_points(scan)))
+        points = np.vstack((seen, self._blind_points(scan, laser_in_base)))
+        self._seen[scan.frame] = Sight(scan, laser_in_base, points, changed_at)
 
-    def _is_frozen(self, scan: LaserScan) -> bool:
-        """Return whether a scan is the last one again, though the robot has been sent elsewhere since."""
-        last = self._scan
-        same = last is not None and scan.ranges.tobytes() == last.ranges.tobytes() and np.isfinite(scan.ranges).any()
-        if not same or self._asked == STOP:
-            self._changed_at = scan.stamp
-            return False
-        moved = self._moved(self._changed_at, scan.stamp)
-        return max(math.hypot(moved.x, moved.y), abs(moved.theta)) > MOVED
+    def _changed_at(self, scan: LaserScan) -> Optional[float]:
+        """Return since when (s) a lidar has read what it reads now, None where the robot has been sent elsewhere since.
+        """
+        last = self._seen.get(scan.frame)
+        same = (
+            last is not None
+            and scan.ranges.tobytes() == last.scan.ranges.tobytes()
+            and np.isfinite(scan.ranges).any()
+        )
+        if last is None or not same or self._asked == STOP:
+            return scan.stamp
+        moved = self._moved(last.changed_at, scan.stamp)
+        return None if max(math.hypot(moved.x, moved.y), abs(moved.theta)) > MOVED else last.changed_at
+
+    @property
+    def _sights(self) -> List[Sight]:
+        """What each lidar that there is saw last, the one heard first to the front."""
+        return [self._seen[frame] for frame in self._lidars.present if frame in self._seen]
 
     def verdict(self, now: float) -> Verdict:
         """Return what may go to the wheels at `now` (s), and remember it as gone there."""
@@ -101,7 +128,8 @@ class VelocityGuard:
             self._passed.append((-math.inf, STOP))
         if found.velocity != self._passed[-1][1]:
             self._passed.append((now, found.velocity))
-        while len(self._passed) > 1 and self._passed[1][0] <= self._changed_at:
+        oldest = min((sight.changed_at for sight in self._sights), default=-math.inf)
+        while len(self._passed) > 1 and self._passed[1][0] <= oldest:
             self._passed.popleft()
         return found
 
@@ -115,30 +143,35 @@ class VelocityGuard:
             return Verdict(
                 STOP, SILENT, f"stopped: no velocity has come for {parameters.input_timeout:g} s, or its sender is gone"
             )
-        if self._scan is None:
+        sights = self._sights
+        if not sights:
             return Verdict(STOP, NO_SCAN, "stopped: there is no scan yet")
-        age = now - self._scan.stamp
-        if not abs(age) <= parameters.scan_timeout:
-            return Verdict(
-                STOP,
-                NO_SCAN,
-                f"stopped: the newest scan is {age:.1f} s old, at most {parameters.scan_timeout:g} s allowed",
-            )
+        for sight in sights:
+            age = now - sight.scan.stamp
+            if not abs(age) <= parameters.scan_timeout:
+                whose = f" in {sight.scan.frame}, one of {len(sights)} lidars," if len(sights) > 1 else ""
+                return Verdict(
+                    STOP,
+                    NO_SCAN,
+                    f"stopped: the newest scan{whose} is {age:.1f} s old, "
+                    f"at most {parameters.scan_timeout:g} s allowed",
+                )
         return self._judge_by_scan(asked, now)
 
     def _judge_by_scan(self, asked: Twist2D, now: float) -> Verdict:
-        share, in_the_way = self._free_share(asked, self._points_now(now))
-        limit = self._parameters.unseen_speed / asked.speed() if self._is_unseen(asked) else 1.0
+        sights = self._sights
+        share, in_the_way = self._free_share(asked, np.vstack([self._points_now(sight, now) for sight in sights]))
+        is_unseen = all(self._is_unseen(asked, sight) for sight in sights)
+        limit = self._parameters.unseen_speed / asked.speed() if is_unseen else 1.0
         if not in_the_way and limit >= 1.0:
             return Verdict(asked, PASSING, "passing")
         if in_the_way and share <= limit:
             return _slowed(asked, share, OBSTACLE, in_the_way)
         return _slowed(asked, limit, UNSEEN, "no beam of the lidar looks where the robot is to go")
 
-    def _points_now(self, now: float) -> np.ndarray:
-        """Return the scan's points seen from where the robot must be by now, shape (N, 2) in metres."""
-        assert self._scan is not None
-        return self._moved(self._scan.stamp, now).inverse().transform_points(self._points)
+    def _points_now(self, sight: Sight, now: float) -> np.ndarray:
+        """Return a scan's points seen from where the robot must be by now, shape (N, 2) in metres."""
+        return self._moved(sight.scan.stamp, now).inverse().transform_points(sight.points)
 
     def _moved(self, stamp: float, now: float) -> Pose2D:
         """Return where the velocities that passed must have brought the robot between two times (s), from where it was.
@@ -198,21 +231,19 @@ class VelocityGuard:
         first = int(np.argmax(blocked))
         return first, near[int(np.argmax(too_near[first]))]
 
-    def _is_unseen(self, asked: Twist2D) -> bool:
-        """Return whether the way leads where the lidar, by its angles, does not look; a turn on the spot leads nowhere.
-        """
-        scan = self._scan
-        assert scan is not None
+    def _is_unseen(self, asked: Twist2D, sight: Sight) -> bool:
+        """Return whether the way leads where a lidar by its angles does not look; a turn on the spot leads nowhere."""
+        scan = sight.scan
         width = abs(scan.angle_increment) * (len(scan.ranges) + 1)
         if asked.speed() == 0.0 or width >= 2.0 * math.pi:
             return False
         if width < self._parameters.blind_sector:  # a view no wider than what it may not overlook is none
             return asked.speed() > self._parameters.unseen_speed
         middle = scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1) / 2.0
-        off = math.atan2(asked.y, asked.x) - self._laser_in_base.theta - middle
+        off = math.atan2(asked.y, asked.x) - sight.laser_in_base.theta - middle
         return abs(math.remainder(off, 2.0 * math.pi)) > width / 2.0 and asked.speed() > self._parameters.unseen_speed
 
-    def _blind_points(self, scan: LaserScan) -> np.ndarray:
+    def _blind_points(self, scan: LaserScan, laser_in_base: Pose2D) -> np.ndarray:
         """Return points for what may hide where neighbouring beams measured nothing, shape (N, 2) in the base frame.
 
         What is nearer than range_min reads like a beam that failed. Nothing tells how near it is, so each such beam
@@ -225,9 +256,9 @@ class VelocityGuard:
         )
         if not blind.any():
             return np.empty((0, 2))
-        angles = scan.angles[blind] + self._laser_in_base.theta
+        angles = scan.angles[blind] + laser_in_base.theta
         beams = np.column_stack((np.cos(angles), np.sin(angles)))
-        origin = np.array(self._laser_in_base[:2])
+        origin = np.array(laser_in_base[:2])
         points: np.ndarray = origin + _ways_out(origin, beams, self._outline)[:, None] * beams
         return points
 

@@ -1,5 +1,6 @@
 """What passes to the wheels, and what does not: for any scan, footprint and velocity."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -156,6 +157,37 @@ def test_a_lidar_that_looks_backwards_sees_behind_what_is_before_it():
     assert judged(guard, Twist2D(-0.22, 0.0, 0.0)).velocity.x > -0.22
 
 
+def half_scan(distance, stamp, frame):
+    """Return a scan of half a turn, of a lidar by its frame, that reads one distance (m) all over."""
+    return dataclasses.replace(
+        scan_of(np.full(181, distance), stamp, angle_min=-math.pi / 2, increment=math.pi / 180), frame=frame)
+
+
+FRONT, REAR = Pose2D(0.0, 0.0, 0.0), Pose2D(-0.06, 0.0, math.pi)
+
+
+def test_a_wall_ahead_is_seen_though_the_rear_lidar_spoke_last():
+    """Only the newest scan counted, and the rear one, which looks away, let the robot creep on into the wall."""
+    guard = VelocityGuard(parameters())
+    for stamp in (0.0, 0.2):
+        guard.take_scan(half_scan(0.11, stamp, "front"), FRONT)
+        guard.take_scan(half_scan(3.0, stamp, "rear"), REAR)
+    verdict = judged(guard, AHEAD, 0.2)
+    assert verdict.velocity.x < 0.05 and verdict.cause == guards.OBSTACLE
+    assert judged(guard, Twist2D(-0.22, 0.0, 0.0), 0.2).velocity.x == -0.22, "the rear one sees that the way is free"
+
+
+def test_a_robot_does_not_creep_on_when_the_front_one_of_its_two_lidars_dies():
+    guard = VelocityGuard(parameters())
+    for tick in range(10):
+        if tick < 5:
+            guard.take_scan(half_scan(3.0 - 0.1 * tick, 0.2 * tick, "front"), FRONT)
+        guard.take_scan(half_scan(2.0 + 0.1 * tick, 0.2 * tick, "rear"), REAR)
+        verdict = judged(guard, AHEAD, 0.2 * tick)
+        assert (verdict.velocity == AHEAD) == (0 < tick < 7), tick
+    assert verdict.velocity == STOP and "in front, one of 2 lidars, is 1.0 s old" in verdict.text
+
+
 def test_what_the_robot_drove_since_the_scan_counts():
     guard = guard_that_saw(scan_with(0.27, -50, 50))
     shares = []
@@ -223,7 +255,7 @@ def test_what_passes_never_brings_the_footprint_to_a_point_of_the_scan(outline, 
     passed = judged(guard, velocity).velocity
     assert passed.speed() <= velocity.speed() + 1e-9 and abs(passed.theta) <= abs(velocity.theta) + 1e-9
     limits = parameters(footprint=outline)
-    before, after = clearances_on_the_way(passed, limits, guard._points)
+    before, after = clearances_on_the_way(passed, limits, guard._sights[0].points)
     if len(before):
         free = before > limits.margin
         assert (after[:, free] > 0.0).all(), "it touches what it did not"
@@ -234,8 +266,8 @@ def test_what_passes_never_brings_the_footprint_to_a_point_of_the_scan(outline, 
 @given(OUTLINES, SCANS, VELOCITIES)
 def test_a_velocity_away_from_all_that_is_near_always_passes(outline, ranges, velocity):
     guard = guard_that_saw(scan_of(ranges), outline)
-    _, after = clearances_on_the_way(velocity, parameters(footprint=outline), guard._points)
-    before, _ = clearances_on_the_way(STOP, parameters(footprint=outline), guard._points)
+    _, after = clearances_on_the_way(velocity, parameters(footprint=outline), guard._sights[0].points)
+    before, _ = clearances_on_the_way(STOP, parameters(footprint=outline), guard._sights[0].points)
     if not len(before) or (after >= np.minimum(before, 0.02)).all():
         assert judged(guard, velocity).velocity == velocity
 
