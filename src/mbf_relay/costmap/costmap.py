@@ -133,15 +133,10 @@ class Costmap:
             self._redo_due = True
 
     def set_footprint(self, outline: np.ndarray) -> None:
-        """Take another outline of the robot, without padding, shape (K, 2) in metres.
-
-        Raises:
-            ValueError: It has one or two points, or a number that is not finite.
-        """
-        corners = footprints.parse_footprint(np.asarray(outline, dtype=float))
+        """Take another outline of the robot, without padding, as `parse_footprint` gives it, shape (K, 2) in metres."""
         with self._lock:
-            self._outline = corners
-            self._footprint = footprints.padded(corners, self.parameters.footprint_padding)
+            self._outline = outline
+            self._footprint = footprints.padded(outline, self.parameters.footprint_padding)
             self._inscribed_radius, self._circumscribed_radius = footprints.radii(self._footprint)
             for layer in self.layers:
                 layer.set_footprint(self._inscribed_radius)

@@ -11,8 +11,6 @@ from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.layer import Layer
 from mbf_relay.costmap.observation_source import SourceParameters
 from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters
-from mbf_relay.costmap.outline import parse_footprint
-from mbf_relay.costmap.outline_checks import footprint_trouble
 from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.parameters import ParameterSet, did_you_mean
 
@@ -55,7 +53,6 @@ def build_costmap(name: str, values: Mapping[str, Any], above: Optional[Mapping[
     values = {**{key: (above or {})[key] for key in SEARCHED_NAMES if key in (above or {})}, **values}
     try:
         parameters, notes = CostmapParameters.read(values)
-        _require_sound(values.get("footprint"))
         layers: List[Layer] = []
         failed: Dict[str, str] = {}
         for layer_name, type_name, group in layer_groups(values):
@@ -68,14 +65,6 @@ def build_costmap(name: str, values: Mapping[str, Any], above: Optional[Mapping[
         return Costmap(name, parameters, layers, notes, failed)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from error
-
-
-def _require_sound(footprint: Any) -> None:
-    """Raise ValueError for a footprint whose inner radius would be taken wrongly: the robot would drive into things."""
-    corners = parse_footprint([] if footprint is None else footprint)
-    trouble = footprint_trouble(corners) if len(corners) else ""
-    if trouble:
-        raise ValueError(f"parameter footprint is {footprint!r}: it {trouble}")
 
 
 def _groups_in_vain(values: Mapping[str, Any]) -> List[str]:

@@ -8,6 +8,8 @@ from typing import Any, Tuple
 
 import numpy as np
 
+from mbf_relay.costmap.outline_checks import footprint_trouble
+
 LARGEST_ROBOT = 100.0
 """Metres from the base frame to a corner; an outline is followed cell by cell."""
 MOST_CORNERS = 1000
@@ -23,7 +25,7 @@ def parse_footprint(value: Any) -> np.ndarray:
         value: A list of [x, y] pairs, or a text that holds one, as costmap_2d takes both.
 
     Raises:
-        ValueError: It is no such list, has one or two points, or a number that is not finite.
+        ValueError: It is no such list, has one or two points, a number that is not finite, or no robot can have it.
     """
     points = value
     if isinstance(value, str):
@@ -45,6 +47,9 @@ def parse_footprint(value: Any) -> np.ndarray:
         raise ValueError(f"footprint has {len(corners)} corners; at most {MOST_CORNERS} are taken")
     if not (np.abs(corners) <= LARGEST_ROBOT).all():
         raise ValueError(f"footprint is {value!r}; every number must be finite and within {LARGEST_ROBOT:g} m")
+    trouble = footprint_trouble(corners, radii(corners)[0])
+    if trouble:
+        raise ValueError(f"footprint is {value!r}; it {trouble}")
     return corners
 
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Optional, Tuple
 
 import numpy as np
 
-from mbf_relay.costmap.outline import radii
-
 LEAST_AREA = 1e-6
 """Square metres below which corners lie on a line: what they stand for would fit anywhere."""
+ON_OUTLINE = 1e-9
+"""Metres from an outline within which a point lies on it."""
 
 
-def footprint_trouble(corners: np.ndarray) -> str:
-    """Return what is wrong with a footprint (K, 2), empty for one that a robot can have.
+def footprint_trouble(corners: np.ndarray, inscribed: float) -> str:
+    """Return what is wrong with a footprint (K, 2) of a radius `inscribed` (m), empty for one that a robot can have.
 
     costmap_2d takes its inner radius for that of a circle round the base frame: where the frame lies outside, the robot
     would be taken for one that fits nowhere or everywhere.
@@ -25,7 +25,7 @@ def footprint_trouble(corners: np.ndarray) -> str:
         return f"crosses itself: the edge from corner {first} meets that from corner {second}"
     if _area(corners) < LEAST_AREA:
         return "encloses no area: its corners lie on a line"
-    if not _holds_origin(corners):
+    if inscribed > ON_OUTLINE and not _holds_origin(corners):
         return "does not hold the base frame's origin, round which the robot turns"
     return ""
 
@@ -37,30 +37,27 @@ def _area(corners: np.ndarray) -> float:
 
 
 def _holds_origin(corners: np.ndarray) -> bool:
-    """Return whether the origin is inside or on the outline: its edges go round it once."""
+    """Return whether the origin is inside of the outline: its edges go round it once."""
     x, y = np.ascontiguousarray(corners.T)
     angles = np.arctan2(y, x)
     turns = np.diff(np.append(angles, angles[0]))
     turns = (turns + math.pi) % math.tau - math.pi
-    return abs(turns.sum()) > math.pi or radii(corners)[0] < 1e-9
+    return bool(abs(turns.sum()) > math.pi)
 
 
-def _first_crossing(corners: np.ndarray) -> Any:
+def _first_crossing(corners: np.ndarray) -> Optional[Tuple[int, int]]:
     """Return the indices of two edges that cross in their inside, None where none do."""
     ends = np.roll(corners, -1, axis=0)
-    count = len(corners)
-    for first in range(count):
-        for second in range(first + 2, count):
-            if first == 0 and second == count - 1:
-                continue  # neighbours
-            if _cross(corners[first], ends[first], corners[second], ends[second]):
-                return first, second
-    return None
+    starts_aside = _sides(corners, ends, corners)  # of edge i, where corner j lies
+    ends_aside = np.roll(starts_aside, -1, axis=1)
+    parts = starts_aside * ends_aside < 0.0  # edge i lies between the ends of edge j
+    crossings = np.argwhere(np.triu(parts & parts.T))
+    return (int(crossings[0][0]), int(crossings[0][1])) if len(crossings) else None
 
 
-def _cross(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> bool:
-    """Return whether the segments a-b and c-d cross in their inside; all of shape (2,)."""
-    def side(p: np.ndarray, q: np.ndarray, r: np.ndarray) -> float:
-        return float((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]))
-
-    return side(a, b, c) * side(a, b, d) < 0.0 and side(c, d, a) * side(c, d, b) < 0.0
+def _sides(starts: np.ndarray, ends: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return on which side of each line, shapes (K, 2), each point, shape (N, 2), lies: shape (K, N), 0 on the line."""
+    along = ends - starts
+    off = points[None, :, :] - starts[:, None, :]
+    sides: np.ndarray = np.sign(along[:, None, 0] * off[:, :, 1] - along[:, None, 1] * off[:, :, 0])
+    return sides

@@ -5,8 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
 from mbf_relay.costmap import footprint as fp
 from mbf_relay.costmap.cost_grid import LETHAL, NO_INFORMATION
+from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 
@@ -138,3 +140,23 @@ def test_cells_within_lie_wholly_under_the_robot(pose, outline):
     cells = [tuple(cell) for cell in fp.cells_within(grid, outline, pose).tolist()]
     assert len(set(cells)) == len(cells) > 0
     assert set(cells) == plainly_within(grid, outline, pose)
+
+
+@pytest.mark.parametrize("value, said", [
+    ([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], "encloses no area"),
+    ([[3.0, 3.0], [4.0, 3.0], [4.0, 4.0], [3.0, 4.0]], "does not hold the base frame's origin"),
+    ([[0.3, 0.2], [-0.3, -0.2], [0.3, -0.2], [-0.3, 0.2]], "the edge from corner 0 meets that from corner 2"),
+])
+def test_a_robot_without_width_or_off_its_frame_is_refused_at_run_time_too(value, said):
+    """Files were looked at; by reconfiguring and in the guard a robot of no width fitted through everything."""
+    costmap = build_costmap("local_costmap", {"rolling_window": True, "width": 2.0, "height": 2.0, "robot_radius": 0.2})
+    with pytest.raises(ValueError, match=said):
+        costmap.parameters.replace(footprint=str(value))
+    with pytest.raises(ValueError, match=said):
+        VelocityGuardParameters(footprint=value)
+
+
+def test_a_star_of_many_corners_is_looked_at_at_once():
+    angles = np.arange(1000) * 2.0 * math.pi / 1000
+    star = np.column_stack((np.cos(angles), np.sin(angles))) * np.where(np.arange(1000) % 2, 1.0, 0.5)[:, None]
+    assert len(fp.parse_footprint(star)) == 1000

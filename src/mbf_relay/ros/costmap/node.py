@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from typing import Any, Dict, List, Mapping, Optional
 
-import numpy as np
 import rospy
 from geometry_msgs.msg import Polygon
 
 from mbf_relay.costmap import factory
 from mbf_relay.costmap.layer import tracks_of
-from mbf_relay.costmap.outline import MOST_CORNERS
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common import parameters as ros_parameters
-from mbf_relay.ros.common.checks import check_count
+from mbf_relay.ros.common.conversions import outline_from_message
 from mbf_relay.ros.common.diagnostics import ERROR, OK, WARN, RateMeter, Report
 from mbf_relay.ros.common.node import one_line
 from mbf_relay.ros.common.stepper import Stepper
@@ -144,8 +142,7 @@ class CostmapNode:
 
     def _take_footprint(self, message: Polygon) -> None:
         try:
-            check_count(len(message.points), MOST_CORNERS, "corners")
-            self.costmap.set_footprint(np.array([(point.x, point.y) for point in message.points]))
+            self.costmap.set_footprint(outline_from_message(message))
         except ValueError as error:
             rospy.logerr_throttle(WARN_PERIOD, f"{self._name}: footprint refused: {one_line(error)}")
 
