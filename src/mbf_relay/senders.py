@@ -16,13 +16,12 @@ class Senders:
         self._takes_turns: Dict[str, bool] = {}
         self._newest: Optional[str] = None
 
-    def hear(self, name: str) -> None:
-        """Take note that one of them has sent something."""
-        if name not in self._takes_turns:
-            self._takes_turns[name] = False
-        elif name != self._newest:
-            self._takes_turns[name] = True
+    def hear(self, name: str) -> bool:
+        """Take note that one of them has sent something; return whether it was heard again after another one."""
+        returns = name in self._takes_turns and name != self._newest
+        self._takes_turns[name] = returns or self._takes_turns.get(name, False)
         self._newest = name
+        return returns
 
     @property
     def present(self) -> List[str]:

@@ -18,9 +18,12 @@ from mbf_relay.ros.common.checks import TF2_END, InvalidMessage, check_frames, c
 from mbf_relay.ros.common.conversions import header, transform_from_message, transform_to_message
 from mbf_relay.ros.common.frame_tree import FrameTree
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
+from mbf_relay.senders import Senders
 
 MOST_PENDING = 50
 """Messages of /tf that wait to be read until somebody asks for a transform: about a second's."""
+CONTENTION_PERIOD = 10.0
+"""Seconds between two warnings that a transform has two broadcasters."""
 MOST_TROUBLES = 64
 """Frames whose refused transforms are warned of each by itself; a flood of names is warned of as one."""
 
@@ -86,6 +89,7 @@ class CheckedListener:
     def __init__(self, buffer: AttentiveBuffer, cache_time: float, changed: Callable[[], None]) -> None:
         self._buffer, self._cache_time, self._changed = buffer, cache_time, changed
         self._tree = FrameTree()
+        self._broadcasters: Dict[str, Senders] = {}  # by child frame
         self._trouble: Dict[str, ThrottledWarnings] = {}  # by child frame; a busy machine's hiccup is worth no warning
         self._lock = threading.Lock()  # one reads at a time, in the order of coming
         self._pending: Deque[Tuple[Any, float]] = deque()
@@ -147,6 +151,8 @@ class CheckedListener:
         for transform in transforms:
             if self._is_sound(transform, now, max_age):
                 take(transform, sender)
+                if max_age is not None:
+                    self._hear(sender, transform)
 
     def _is_sound(self, message: TransformStamped, now: float, max_age: Optional[float]) -> bool:
         try:
@@ -164,6 +170,15 @@ class CheckedListener:
         if message.child_frame_id in self._trouble:
             self._trouble[message.child_frame_id].worked()
         return True
+
+    def _hear(self, sender: str, transform: TransformStamped) -> None:
+        """Tell where two nodes broadcast one transform: tf2 takes the newest of either, and poses jump."""
+        broadcasters = self._broadcasters.setdefault(transform.child_frame_id, Senders())
+        if broadcasters.hear(sender) and len(broadcasters.present) > 1:
+            rospy.logwarn_throttle(
+                CONTENTION_PERIOD, "more than one node broadcasts the transform from '%s' to '%s': %s; poses jump "
+                "between what they say, and only one of them may be left", transform.header.frame_id,
+                transform.child_frame_id, ", ".join(broadcasters.present))
 
     def _warn_of(self, child: str, text: str) -> None:
         self._trouble.setdefault(child, ThrottledWarnings()).say(text)

@@ -33,14 +33,14 @@ class Robot:
     def _note(self):
         self.changes += 1
 
-    def send(self, x, topic="/tf", child="base", stamp=None, text=None):
+    def send(self, x, topic="/tf", child="base", stamp=None, text=None, sender="/wheels"):
         message_class, callback = self.subscribed[topic]
         if text is None:
             stamp = self.now if stamp is None else stamp
             text = written(TFMessage([TransformStamped(
                 header("odom", stamp), child, transform_to_message(Pose2D(x, 0.0, 0.0)))]))
         message = message_class().deserialize(text)
-        message._connection_header = {"callerid": "/wheels"}
+        message._connection_header = {"callerid": sender}
         callback(message)
 
     def x(self, child="base", stamp=None):
@@ -141,3 +141,20 @@ def test_a_name_that_no_frame_can_have_is_refused_in_a_sentence(robot, name):
     assert not robot.transforms.can_transform("odom", name)
     robot.send(2.0, child=name)
     assert robot.x() == 1.0
+
+
+def test_of_two_nodes_that_broadcast_one_transform_both_are_named(robot, monkeypatch):
+    """A robot whose odometry came from two nodes drove by both in turn, and was said to be stuck."""
+    told = []
+    monkeypatch.setattr(rospy, "logwarn_throttle", lambda _period, text, *values: told.append(text % values))
+    for sender in ("/wheels", "/wheels", "/ekf", "/ekf"):  # the one was replaced by the other
+        robot.now += 0.1
+        robot.send(1.0, sender=sender)
+        robot.x()
+    assert told == []
+    for sender in ("/wheels", "/ekf"):
+        robot.now += 0.1
+        robot.send(1.1, sender=sender)
+        robot.send(1.0, child=sender.strip("/"), sender=sender)
+        robot.x()
+    assert len(told) == 1 and "'odom' to 'base'" in told[0] and "/ekf" in told[0] and "/wheels" in told[0]
