@@ -191,6 +191,22 @@ class ParameterSet:
         """Return a copy with some parameters changed, validated anew."""
         return dataclasses.replace(self, **changes)
 
+    def reconfigured(self: T, changes: Mapping[str, Any]) -> Tuple[T, List[str]]:
+        """Return a copy with the changes somebody asks for at run time, and notes on what gives way to them.
+
+        A maximum that is lowered below its minimum takes that with it: who asks a robot to drive slower is not refused.
+
+        Raises:
+            ValueError: A value is out of range, or contradicts others.
+        """
+        given, notes = dict(changes), []
+        for low, high in self.ORDERED:
+            highest = given.get(high, math.nan)
+            if low not in changes and getattr(self, low) > highest >= 0.0:
+                notes.append(f"parameter {low} is {getattr(self, low)}; it must be at most {high}: {highest} is used")
+                given[low] = highest
+        return self.replace(**given), notes
+
     def as_dict(self) -> Dict[str, Any]:
         """Return names and values."""
         return dataclasses.asdict(self)

@@ -133,15 +133,18 @@ def serve(
             config.update({name: getattr(parameters, name) for name in names})
             return config
         try:
+            notes: List[str] = []
             if config.get(RESTORE_DEFAULTS):
                 wanted = parameters if defaults is None else defaults()
             else:
                 # the server takes all values into their sliders' ranges, also those nobody asked to change
                 changes = {n: config[n] for n in names if config[n] != within(getattr(state["current"], n), n)}
                 _check_texts(changes)
-                wanted = state["current"].replace(**changes)
+                wanted, notes = state["current"].reconfigured(changes)
             apply(wanted)
             state["current"] = wanted
+            for note in notes:
+                rospy.logwarn("reconfigured: %s", note)
         except ValueError as error:
             rospy.logerr("reconfigure refused: %s", error)
         config.update({name: getattr(state["current"], name) for name in names})

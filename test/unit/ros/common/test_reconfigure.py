@@ -7,7 +7,10 @@ from types import SimpleNamespace
 import pytest
 from upstream_parameters import CONFIG, DIFFERENT, README, SECTION, UPSTREAM, offered, table
 
+from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.localization.node_parameters import AmclParameters
+
+SPEEDS = ("max_vel_x", "max_vel_trans", "min_vel_trans")
 
 
 def differing(name, parameter):
@@ -56,11 +59,13 @@ def served(monkeypatch, parameters, low, high):
             kept["take"] = take
             take({"laser_max_beams": 30, "laser_z_hit": 0.9}, 0)
 
-    monkeypatch.setitem(sys.modules, "rospy", SimpleNamespace(logerr=lambda *words: taken.append(words)))
+    monkeypatch.setitem(sys.modules, "rospy", SimpleNamespace(
+        logerr=lambda *words: taken.append(words), logwarn=lambda *words: taken.append(words)))
     monkeypatch.setitem(sys.modules, "dynamic_reconfigure", types.ModuleType("dynamic_reconfigure"))
     monkeypatch.setitem(sys.modules, "dynamic_reconfigure.server", SimpleNamespace(Server=Server))
     config_type = SimpleNamespace(
-        min={"laser_max_beams": low, "laser_z_hit": 0.0}, max={"laser_max_beams": high, "laser_z_hit": 1.0})
+        min={"laser_max_beams": low, "laser_z_hit": 0.0, **dict.fromkeys(SPEEDS, -10.0)},
+        max={"laser_max_beams": high, "laser_z_hit": 1.0, **dict.fromkeys(SPEEDS, 10.0)})
     reconfigure.serve(config_type, parameters, taken.append)
     return kept["take"], taken
 
@@ -72,3 +77,15 @@ def test_a_value_of_a_file_beyond_its_slider_outlives_the_change_of_another(monk
     assert shown["laser_max_beams"] == 360
     take({"laser_max_beams": 100, "laser_z_hit": 0.5}, 0)
     assert taken[-1].laser_max_beams == 100
+
+
+def test_a_robot_that_is_asked_to_drive_slower_than_its_slowest_does(monkeypatch):
+    """It was refused, in a line of the log, and the robot drove on at full speed."""
+    burger = DwaParameters(max_vel_x=0.22, max_vel_trans=0.22, min_vel_trans=0.11)
+    take, taken = served(monkeypatch, burger, 0, 1)
+    now = {name: getattr(burger, name) for name in SPEEDS}
+    shown = take({**now, "max_vel_x": 0.05, "max_vel_trans": 0.05}, 0)
+    assert [(each.max_vel_x, each.max_vel_trans, each.min_vel_trans) for each in taken[:-1]] == [(0.05, 0.05, 0.05)]
+    assert "min_vel_trans is 0.11" in taken[-1][1] and shown["min_vel_trans"] == 0.05
+    shown = take({**shown, "min_vel_trans": 0.5}, 0)  # but nothing faster is guessed
+    assert "min_vel_trans is 0.5; it must be at most" in str(taken[-1][1]) and shown["min_vel_trans"] == 0.05
