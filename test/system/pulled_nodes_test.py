@@ -26,7 +26,7 @@ OURS = (*NODES[:5], "/simulator")
 WORDS = {signal.SIGKILL: "killed", signal.SIGSTOP: "frozen"}
 LOST = r"transform from 'map' to 'odom' is \d+\.\d\d s old"
 """What ends a drive without localization."""
-AT_ONCE, WITHOUT_POSE = 0.25, 0.5
+AT_ONCE, WITHOUT_POSE = 0.25, 0.35
 """Metres the robot may come without what is on the way to its wheels, and without a pose, on a slow machine too."""
 NEEDED = {"/move_base_flex": AT_ONCE, "/velocity_guard": AT_ONCE, "/amcl": WITHOUT_POSE, "/move_base": 0.7}
 """What a drive cannot go on without, and the metres the robot may come; the server waits a second for a relay."""
