@@ -11,7 +11,6 @@ import math
 import os
 import platform
 import re
-import signal
 import socket
 import subprocess
 import sys
@@ -23,7 +22,7 @@ from defusedxml import ElementTree
 
 from mbf_relay.report.drive import Drive
 from mbf_relay.report.terminal import Terminal
-from mbf_relay.ros.tools.demo_graph import ENDING_SIGNALS, DemoGraph, GraphError, free_port, last_errors
+from mbf_relay.ros.tools.demo_graph import DemoGraph, GraphError, end_on_request, free_port, last_errors
 from mbf_relay.simulation.parameters import SimulationParameters
 
 GOALS_PER_LAP = 8
@@ -35,8 +34,7 @@ NODES = ("simulator", "map_server", "amcl", "move_base_flex", "move_base")
 def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Drive as the command line says and return the exit status."""
     options = parse(arguments)
-    for number in ENDING_SIGNALS:
-        signal.signal(number, _interrupt)
+    end_on_request()
     try:
         drive = run(options)
     except KeyboardInterrupt:
@@ -272,8 +270,4 @@ def versions() -> Dict[str, str]:
         except (rospkg.ResourceNotFound, OSError, ElementTree.ParseError):
             found[name] = "unknown"
     return found
-
-
-def _interrupt(_number: int, _frame: Any) -> None:
-    raise KeyboardInterrupt
 

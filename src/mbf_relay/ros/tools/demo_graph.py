@@ -11,7 +11,7 @@ import socket
 import subprocess
 import time
 import xmlrpc.client  # nosec B411: what the ROS master speaks
-from typing import Dict, Iterator, List, Tuple, cast
+from typing import Any, Dict, Iterator, List, Tuple, cast
 
 import psutil
 
@@ -104,15 +104,32 @@ class DemoGraph:
 @contextlib.contextmanager
 def uninterrupted() -> Iterator[None]:
     """Put off requests to end until the block is done, where a process started must not be lost sight of."""
-    pending: List[int] = []
-    before = {number: signal.signal(number, lambda n, _: pending.append(n)) for number in ENDING_SIGNALS}
+    pending: List[signal.Signals] = []
+    before = {
+        number: signal.signal(number, lambda n, _: pending.append(signal.Signals(n))) for number in ENDING_SIGNALS
+    }
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
     if pending:
-        raise KeyboardInterrupt
+        handler = before[pending[0]]
+        if not callable(handler):
+            raise KeyboardInterrupt
+        handler(pending[0], None)
+
+
+def end_on_request() -> None:
+    """Take the first request to end for a KeyboardInterrupt, and no other: it would interrupt the ending."""
+    for number in ENDING_SIGNALS:
+        signal.signal(number, _interrupt)
+
+
+def _interrupt(_number: int, _frame: Any) -> None:
+    for number in ENDING_SIGNALS:
+        signal.signal(number, lambda _number, _frame: None)
+    raise KeyboardInterrupt
 
 
 def free_port() -> int:

@@ -59,6 +59,29 @@ def test_an_interrupt_while_the_graph_starts_leaves_no_process(tmp_path):
     assert [process.poll() is not None for process in graph._processes] == [True]
 
 
+def test_a_second_interrupt_does_not_keep_the_first_from_ending_everything(tmp_path, monkeypatch):
+    from mbf_relay.ros.tools import demo_graph
+
+    begin = demo_graph.uninterrupted
+
+    def interrupted_again():
+        signal.raise_signal(signal.SIGINT)
+        return begin()
+
+    before = {number: signal.getsignal(number) for number in demo_graph.ENDING_SIGNALS}
+    graph = demo_graph.DemoGraph(["mbf_relay", "demo.launch"], str(tmp_path))
+    graph._command = ["sleep", "600"]
+    try:
+        demo_graph.end_on_request()
+        with pytest.raises(KeyboardInterrupt), graph:
+            monkeypatch.setattr(demo_graph, "uninterrupted", interrupted_again)
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert [process.poll() is not None for process in graph._processes] == [True]
+
+
 def test_complaints_come_before_the_last_lines(tmp_path):
     from mbf_relay.ros.tools.demo_graph import last_errors
 
