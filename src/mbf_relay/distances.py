@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Optional
 
 import numpy as np
 
 from mbf_relay import distance_kernels
 
 
-def distances_to_zeros(cells: np.ndarray, farthest: Optional[float] = None) -> np.ndarray:
+def distances_to_zeros(cells: np.ndarray, farthest: float = math.inf) -> np.ndarray:
     """Return the distance in cells from each cell to the nearest that is 0 or False, between their centres.
 
     Args:
@@ -24,7 +23,7 @@ def distances_to_zeros(cells: np.ndarray, farthest: Optional[float] = None) -> n
     if cells.all():
         return np.full(cells.shape, np.inf, dtype=np.float32)
     distances = np.empty(cells.shape, dtype=np.float32)
-    reach = sum(cells.shape) if farthest is None else math.ceil(min(farthest, sum(cells.shape)))
+    reach = math.ceil(min(farthest, sum(cells.shape)))
     distance_kernels.distances_to_zeros(cells, reach, distances)
     return distances
 

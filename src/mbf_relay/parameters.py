@@ -187,6 +187,11 @@ class ParameterSet:
         """Return the parameter whose name looks most like `name`, for error messages."""
         return nearest_of(name, cls.names())
 
+    @classmethod
+    def hint(cls, name: str) -> str:
+        """Return the end of a message about the unknown `name`; empty where no parameter looks like it."""
+        return did_you_mean(cls.nearest_name(name))
+
     def replace(self: T, **changes: Any) -> T:
         """Return a copy with some parameters changed, validated anew."""
         return dataclasses.replace(self, **changes)

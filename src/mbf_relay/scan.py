@@ -40,3 +40,10 @@ class LaserScan:
         with np.errstate(invalid="ignore"):
             within: np.ndarray = (self.ranges >= self.range_min) & (self.ranges < self.range_max)
         return within
+
+    @property
+    def hit_points(self) -> np.ndarray:
+        """Where those beams ended, shape (H, 2) in metres."""
+        hit = self.hit
+        ranges, angles = self.ranges[hit], self.angles[hit]
+        return np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles)))

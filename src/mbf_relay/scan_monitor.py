@@ -52,8 +52,9 @@ class ScanMonitor:
         """
         with np.errstate(invalid="ignore"):
             usable = scan.ranges >= scan.range_min
-        found = self._frozen(scan, scan.hit, sensor_pose) or self._blind(scan, usable, forward)
-        share = float(scan.hit.mean())
+        hit = scan.hit
+        found = self._frozen(scan, hit, sensor_pose) or self._blind(scan, usable, forward)
+        share = float(hit.mean())
         if found is None and share == 0.0 and self._share_of_returns >= SEEN_BEFORE:
             found = "the lidar sees nothing at all any more, and there were walls in the last scan"
         if found is None:

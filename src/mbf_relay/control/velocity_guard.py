@@ -118,7 +118,7 @@ class VelocityGuard:
     @property
     def _sights(self) -> List[Sight]:
         """What each lidar that there is saw last, the one heard first to the front."""
-        return [self._seen[frame] for frame in self._lidars.present if frame in self._seen]
+        return [self._seen[frame] for frame in self._lidars.present]
 
     def verdict(self, now: float) -> Verdict:
         """Return what may go to the wheels at `now` (s), and remember it as gone there."""

@@ -12,7 +12,7 @@ from mbf_relay.costmap.layer import Layer
 from mbf_relay.costmap.observation_source import SourceParameters
 from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters
 from mbf_relay.costmap.parameters import CostmapParameters
-from mbf_relay.parameters import ParameterSet, did_you_mean
+from mbf_relay.parameters import ParameterSet
 
 STATIC_NAMES = ("map_topic", "unknown_cost_value", "lethal_cost_threshold", "track_unknown_space")
 OBSTACLE_NAMES = ("max_obstacle_height", "raytrace_range", "obstacle_range", "track_unknown_space")
@@ -172,7 +172,6 @@ def unknown_names(values: Mapping[str, Any]) -> Dict[str, str]:
     read = set(OLD_FORM_NAMES + SEARCHED_NAMES + ("plugins", "observation_sources"))
     for _, type_name, _ in groups:
         read.update(PARENT_NAMES.get(type_name, ()))
-    own: Dict[str, str] = {}
     below: Dict[str, str] = {}
     sources: Dict[str, Any] = {}
     for layer_name, type_name, group in groups:
@@ -184,15 +183,16 @@ def unknown_names(values: Mapping[str, Any]) -> Dict[str, str]:
         kind = layer_class.Parameters
         for name in kind.unknown_names(group):
             if name not in read:
-                below[f"{prefix}{name}"] = did_you_mean(kind.nearest_name(name))
-        if issubclass(layer_class.Parameters, ObstacleLayerParameters):
-            for source in layer_class.Parameters.groups(group):
+                below[f"{prefix}{name}"] = kind.hint(name)
+        if issubclass(kind, ObstacleLayerParameters):
+            for source in kind.groups(group):
                 sources[f"{prefix}{source}"] = group.get(source, {})
     for prefix, group in sources.items():
         for name in SourceParameters.unknown_names(group):
-            below[f"{prefix}/{name}"] = did_you_mean(SourceParameters.nearest_name(name))
+            below[f"{prefix}/{name}"] = SourceParameters.hint(name)
     read.update(sources, (name for name, _, _ in groups))
-    for name in CostmapParameters.unknown_names(values):
-        if name not in read and not _may_be_the_other_s(values[name]):
-            own[name] = did_you_mean(CostmapParameters.nearest_name(name))
+    own = {
+        name: CostmapParameters.hint(name) for name in CostmapParameters.unknown_names(values)
+        if name not in read and not _may_be_the_other_s(values[name])
+    }
     return {**own, **below}

@@ -26,7 +26,7 @@ from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.lockstep.settings import config_folder
 from mbf_relay.lockstep.setup import ODOMETRY, TRUTH, make_setup
 from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks, task_of
-from mbf_relay.parameters import ParameterSet, did_you_mean, parameter
+from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.scan import LaserScan
 from mbf_relay.simulation import Simulation
 from mbf_relay.simulation.drive import Odometry
@@ -98,7 +98,7 @@ class NavigationEnvironment(gymnasium.Env):
             ValueError: A file, a name or a value is wrong; the text says which.
         """
         for name in EnvironmentParameters.unknown_names(parameters):
-            hint = did_you_mean(EnvironmentParameters.nearest_name(name))
+            hint = EnvironmentParameters.hint(name)
             raise ValueError(f"the environment has no parameter '{name}'{hint}")
         if localization not in (TRUTH, ODOMETRY):
             raise ValueError(f"localization is '{localization}'; it must be '{TRUTH}' or '{ODOMETRY}'")
@@ -222,7 +222,8 @@ class NavigationEnvironment(gymnasium.Env):
         believed = simulation.true_pose if self._follows_truth else self._task.world.start.compose(odometry.pose)
         place = np.array(self._goal().relative_to(believed)[:2])
         nearest = np.full(self.parameters.beams, scan.range_max)
-        np.minimum.at(nearest, self._sectors[scan.hit], scan.ranges[scan.hit])
+        hit = scan.hit
+        np.minimum.at(nearest, self._sectors[hit], scan.ranges[hit])
         parts = {"scan": nearest, "goal": place, "velocity": np.array(odometry.velocity)}
         return {name: np.clip(value.astype(np.float32), self.observation_space[name].low,
                               self.observation_space[name].high) for name, value in parts.items()}

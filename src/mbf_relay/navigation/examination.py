@@ -213,4 +213,4 @@ def _named_in(note: str, where: str) -> str:
 def _note_unknown(found: Examination, name: str, kind: Type[ParameterSet]) -> None:
     if name.rpartition("/")[2] == "restore_defaults":  # dynamic_reconfigure's button, which it leaves there
         return
-    found.add(IGNORED, name, "is not known here" + did_you_mean(kind.nearest_name(name.rpartition("/")[2])))
+    found.add(IGNORED, name, "is not known here" + kind.hint(name.rpartition("/")[2]))

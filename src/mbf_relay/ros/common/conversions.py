@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 import rospy
-from geometry_msgs.msg import Point, Polygon, Pose, PoseStamped, Quaternion, Transform, Twist, Vector3
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, Twist, Vector3
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from nav_msgs.msg import Path as PathMessage
 from sensor_msgs.msg import LaserScan as LaserScanMessage
 from std_msgs.msg import Header
 
-from mbf_relay.costmap.outline import MOST_CORNERS, parse_footprint
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.planning.path import Path
@@ -94,18 +93,6 @@ def twist_from_message(twist: Twist) -> Twist2D:
 def twist_to_message(velocity: Twist2D) -> Twist:
     """Return a planar velocity as a message."""
     return Twist(Vector3(velocity.x, velocity.y, 0.0), Vector3(0.0, 0.0, velocity.theta))
-
-
-def outline_from_message(message: Polygon) -> np.ndarray:
-    """Return the outline of a robot, shape (K, 2) in metres.
-
-    Raises:
-        ValueError: No robot can have it.
-    """
-    checks.check_count(len(message.points), MOST_CORNERS, "corners")
-    if not message.points:
-        raise InvalidMessage("0 corners; a footprint must have at least 3")
-    return parse_footprint([(point.x, point.y) for point in message.points])
 
 
 def path_from_message(message: PathMessage) -> Path:

@@ -6,7 +6,7 @@ from typing import Any, Iterable, List, Mapping, Type, TypeVar
 
 import rospy
 
-from mbf_relay.parameters import ParameterSet, did_you_mean
+from mbf_relay.parameters import ParameterSet
 from mbf_relay.ros.common.reconfigure import RESTORE_DEFAULTS
 
 T = TypeVar("T", bound=ParameterSet)
@@ -57,10 +57,8 @@ def warn_of_unknown(
     for name in parameter_set.unknown_names(values):
         # dynamic_reconfigure leaves its button on the server, where the next start of the node finds it.
         if name not in known_elsewhere and name != RESTORE_DEFAULTS:
-            hint = did_you_mean(parameter_set.nearest_name(name))
-            rospy.logwarn(
-                "parameter %s is not known here and is ignored%s", rospy.resolve_name(join(where, name)), hint
-            )
+            rospy.logwarn("parameter %s is not known here and is ignored%s", rospy.resolve_name(join(where, name)),
+                          parameter_set.hint(name))
     for old, new in parameter_set.deprecated_names(values).items():
         rospy.logwarn("parameter %s has an old name; use '%s'", rospy.resolve_name(join(where, old)), new)
 

@@ -10,7 +10,7 @@ from typing import Any, Callable, Deque, Dict, List, Optional, Tuple
 
 import numpy as np
 import rospy
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import Polygon, TransformStamped
 from sensor_msgs.msg import LaserScan as LaserScanMessage
 from sensor_msgs.msg import PointCloud, PointCloud2
 
@@ -18,6 +18,7 @@ from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.layer import MapSource
 from mbf_relay.costmap.observation import Observation, observation_from_points, scan_points
 from mbf_relay.costmap.observation_source import SourceParameters
+from mbf_relay.costmap.outline import MOST_CORNERS, parse_footprint
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common import checks
 from mbf_relay.ros.common.checks import InvalidMessage
@@ -186,6 +187,18 @@ def points_from_message(message: Any, inf_is_valid: bool) -> Tuple[np.ndarray, O
         checks.check_count(len(message.points), checks.MOST_POINTS, "points in a cloud")
         return np.array([(point.x, point.y, point.z) for point in message.points]).reshape(-1, 3), None
     return cloud_points(message), None
+
+
+def outline_from_message(message: Polygon) -> np.ndarray:
+    """Return the outline of a robot, shape (K, 2) in metres.
+
+    Raises:
+        ValueError: No robot can have it.
+    """
+    checks.check_count(len(message.points), MOST_CORNERS, "corners")
+    if not message.points:
+        raise InvalidMessage("0 corners; a footprint must have at least 3")
+    return parse_footprint([(point.x, point.y) for point in message.points])
 
 
 class MapInput:

@@ -12,13 +12,12 @@ from mbf_relay.costmap.layer import tracks_of
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common import parameters as ros_parameters
-from mbf_relay.ros.common.conversions import outline_from_message
 from mbf_relay.ros.common.diagnostics import ERROR, OK, WARN, RateMeter, Report
 from mbf_relay.ros.common.node import one_line
 from mbf_relay.ros.common.stepper import Stepper
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 from mbf_relay.ros.common.transforms import Transforms
-from mbf_relay.ros.costmap.inputs import WARN_PERIOD, MapInput, SensorInput
+from mbf_relay.ros.costmap.inputs import WARN_PERIOD, MapInput, SensorInput, outline_from_message
 from mbf_relay.ros.costmap.publisher import CostmapPublisher
 from mbf_relay.ros.costmap.reconfigure import serve_costmap
 from mbf_relay.ros.costmap.tracks import TracksPublisher

@@ -101,9 +101,7 @@ class DriveEvents:
         if map_from_laser is not None:
             self._last_scan = now
             scan = conversions.scan_from_message(message)
-            ranges, angles = scan.ranges[scan.hit], scan.angles[scan.hit]
-            points = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles)))
-            self._log.add_seen(map_from_laser.transform_points(points))
+            self._log.add_seen(map_from_laser.transform_points(scan.hit_points))
 
     def _command(self, message: Any, now: float) -> None:
         self._log.add_command(now, conversions.twist_from_message(message))

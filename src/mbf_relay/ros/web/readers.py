@@ -40,10 +40,7 @@ def grid_shape(message: Any) -> GridShape:
 
 def scan_points(message: LaserScan) -> np.ndarray:
     """Return where a scan's beams ended, shape (N, 2), in the scanner's frame."""
-    scan = scan_from_message(message)
-    hit = scan.hit
-    ends: np.ndarray = np.column_stack((np.cos(scan.angles), np.sin(scan.angles)))[hit] * scan.ranges[hit, None]
-    return ends
+    return scan_from_message(message).hit_points
 
 
 def path_points(message: Path) -> np.ndarray:

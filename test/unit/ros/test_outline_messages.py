@@ -3,7 +3,7 @@
 import pytest
 from geometry_msgs.msg import Point32, Polygon
 
-from mbf_relay.ros.common.conversions import outline_from_message
+from mbf_relay.ros.costmap.inputs import outline_from_message
 
 
 @pytest.mark.parametrize("corners, said", [
