@@ -286,6 +286,13 @@ def test_new_parameters_hold_from_the_next_cycle_on(name):
     assert controller.compute_velocity(state(Pose2D(0.12, 0.0, 0.0), Twist2D(0.2, 0.0, 0.0), 0.5)).x <= 0.12 + 1e-9
 
 
+def test_a_robot_whose_top_speed_forwards_alone_is_lowered_drives_at_that_one(name):
+    """By DWA it crept at 7 mm/s: measured by its speed backwards, all it could drive at was too slow to be worth it."""
+    controller = make(name, max_vel_x=0.05, **({"desired_linear_vel": 0.05} if "pure_pursuit" in name else {}))
+    ended = drive(controller, path_through((0, 0), (0.5, 0)), START)
+    assert ended.reached and max(command.x for command in ended.commands) == pytest.approx(0.05, abs=0.005)
+
+
 def test_a_robot_slow_to_accelerate_gets_going_where_cycles_are_shorter_than_odometry_s(name):
     controller, robot = make(name, acc_lim_x=0.1), PaperRobot(START, acceleration=0.1)
     controller.set_path(STRAIGHT, True)

@@ -110,13 +110,17 @@ def too_slow(parameters: DwaParameters, window: VelocityWindow, velocities: np.n
 
     Translates slower than min_vel_trans, turning less than min_vel_theta.
 
-    What is as fast as the window allows does not: the robot starts, or must be slow here. A turn on the spot is no
-    creeping; how fast it is, is not decided by sampling.
+    What is as fast as the window allows does not: the robot starts, or must be slow here; nor what is as fast as it
+    ever drives in that direction. A turn on the spot is no creeping; how fast it is, is not decided by sampling.
     """
-    fastest = max(abs(window.low.x), abs(window.high.x), abs(window.low.y), abs(window.high.y))
+    p = parameters
+    fastest = np.minimum(
+        max(abs(window.low.x), abs(window.high.x), abs(window.low.y), abs(window.high.y)),
+        np.maximum(np.where(velocities[:, 0] < 0.0, -p.min_vel_x, p.max_vel_x),
+                   np.where(velocities[:, 1] < 0.0, -p.min_vel_y, p.max_vel_y)))
     speeds, turns = np.hypot(velocities[:, 0], velocities[:, 1]), np.abs(velocities[:, 2])
-    slow = (speeds > STANDING * parameters.max_vel_trans) & (speeds < min(parameters.min_vel_trans, fastest) - 1e-4)
-    creeping: np.ndarray = slow & (turns < parameters.min_vel_theta - 1e-4)
+    slow = (speeds > STANDING * p.max_vel_trans) & (speeds < np.minimum(p.min_vel_trans, fastest) - 1e-4)
+    creeping: np.ndarray = slow & (turns < p.min_vel_theta - 1e-4)
     return creeping
 
 
