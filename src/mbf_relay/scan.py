@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+NEAREST = float(np.finfo(np.float32).tiny)
+"""Metres: the shortest range there is; a reading of 0 says that nothing was measured, whatever range_min there is."""
+
 
 @dataclass(frozen=True)
 class LaserScan:
@@ -16,7 +19,7 @@ class LaserScan:
             invalid.
         angle_min: Direction (rad) of the first beam, counter-clockwise from the sensor's x axis.
         angle_increment: Angle (rad) from one beam to the next.
-        range_min, range_max: Readings (m) outside of these are no measurements.
+        range_min, range_max: Readings (m) outside of these are no measurements. A range_min of 0 becomes NEAREST.
         stamp: Time (s) of the scan.
         frame: Name of the sensor's frame.
     """
@@ -28,6 +31,10 @@ class LaserScan:
     range_max: float
     stamp: float
     frame: str = "base_scan"
+
+    def __post_init__(self) -> None:
+        if self.range_min == 0.0:
+            object.__setattr__(self, "range_min", NEAREST)
 
     @property
     def angles(self) -> np.ndarray:

@@ -1,11 +1,14 @@
 """A lidar that delivers nothing must not count as seeing nothing in the way."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
+from mbf_relay.costmap.observation import scan_points
 from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.localization.beams import is_hit, limits_of
 from mbf_relay.scan import LaserScan
 from mbf_relay.scan_monitor import ScanMonitor, gaps
 
@@ -29,6 +32,16 @@ def trouble(reading, forward=0.0, monitor=None, pose=IDENTITY):
 @pytest.mark.parametrize("value", [0.0, math.nan, -1.0, 0.05, -math.inf])
 def test_a_robot_whose_lidar_reads_nothing_anywhere_does_not_drive(value):
     assert "100 %" in trouble(scan(np.full(360, value)))
+
+
+@pytest.mark.parametrize("beams", [(0, 360), (-12, 12)])
+def test_a_robot_whose_lidar_names_no_shortest_range_does_not_take_zeros_for_obstacles_or_for_sight(beams):
+    """With the range_min of 0 that many drivers send, a beam that measured nothing had hit the lidar itself."""
+    blind = dataclasses.replace(changed(beams, 0.0), range_min=0.0)
+    assert "measures nothing" in trouble(blind)
+    seen, hits = scan_points(blind)
+    assert blind.hit.sum() == len(blind.hit_points) == hits.sum() == len(seen) == np.count_nonzero(blind.ranges)
+    assert is_hit(blind.ranges, limits_of(blind)).sum() == len(seen)
 
 
 @pytest.mark.parametrize("beams", [(0, 25), (-12, 12), (-25, 0), (30, 60), (0, 180), (-180, 0), (40, 200)])

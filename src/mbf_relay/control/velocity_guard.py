@@ -250,7 +250,7 @@ class VelocityGuard:
         stands for something where it leaves the footprint.
         """
         with np.errstate(invalid="ignore"):
-            failed = ~((scan.ranges >= scan.range_min) & (scan.ranges > 0.0))  # NaN as well
+            failed = ~(scan.ranges >= scan.range_min)  # NaN as well
         blind = _in_long_runs(failed, self._parameters.blind_sector, abs(scan.angle_increment)) | np.isneginf(
             scan.ranges
         )
