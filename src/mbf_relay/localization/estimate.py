@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import List, Optional, Tuple
+from typing import List, Tuple
 
 import numpy as np
 
@@ -58,24 +58,14 @@ def mean_and_covariance(poses: np.ndarray, weights: np.ndarray) -> Tuple[Pose2D,
     return Pose2D(x, y, math.atan2(sin, cos)), covariance
 
 
-def estimate(poses: np.ndarray, weights: np.ndarray, log_whole: Optional[np.ndarray] = None) -> Estimate:
-    """Return the mean of the heaviest cluster, with the covariance of the whole set.
+def estimate(poses: np.ndarray, weights: np.ndarray) -> Estimate:
+    """Return the mean of the heaviest cluster of particles, shape (N, 3), with the covariance of the whole set.
 
     The mean of all would lie between two places the robot may be in, where it certainly is not.
-
-    Args:
-        poses: Particles, shape (N, 3).
-        weights: Shape (N,): the belief that is carried on. A scan that errs as the one before did adds little to it.
-        log_whole: Their logarithms, up to a constant, with the newest scan counted in full, for the mean alone: its
-            errors are in the pose told once either way, and odometry's since the last full scan are not. The weights'
-            own where None.
     """
     labels, count = cluster(poses)
     label, share = heaviest_first(labels, weights, count)[0]
     members = labels == label
-    told = weights[members]
-    if log_whole is not None:
-        told = np.exp(log_whole[members] - log_whole[members].max())
-    pose, _ = mean_and_covariance(poses[members], told)
+    pose, _ = mean_and_covariance(poses[members], weights[members])
     _, covariance = mean_and_covariance(poses, weights)
     return Estimate(pose, covariance, min(1.0, share), count)

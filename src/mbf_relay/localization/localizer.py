@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from typing import Dict, List, Optional, Tuple
@@ -205,11 +206,11 @@ class Localizer:
         before = odom_pose if self._odom_pose is None else self._odom_pose
         if self._odom_pose is not None:
             self._propagate(before, odom_pose, shown)
-        log_whole = None
+        pose = None
         if self.parameters.robust:
             corrected = self._correct(scan, laser_pose_in_base, beams)
-            self._updates, log_whole = self._updates + corrected.news, corrected.log_whole
-            self.log_likelihood = log_sum_exp(log_whole)
+            self._updates, pose = self._updates + corrected.news, corrected.pose
+            self.log_likelihood = corrected.log_likelihood
         else:
             self.log_likelihood = self._reweight(beams)
             self._updates += 1.0
@@ -218,7 +219,7 @@ class Localizer:
         self._forced = self._forced and self._odom_pose is None
         self._odom_pose = odom_pose
         self._awaited[scan.frame] = False
-        self.last_estimate = self._estimate(log_whole)
+        self.last_estimate = self._estimate(pose)
         if self._updates >= self.parameters.resample_interval:
             self._updates = 0.0
             self._resample()
@@ -289,13 +290,15 @@ class Localizer:
         self.log_weights = log_weights - log_average
         return log_average
 
-    def _estimate(self, log_whole: Optional[np.ndarray]) -> Estimate:
+    def _estimate(self, pose: Optional[np.ndarray]) -> Estimate:
         """Return where the robot is by the hypothesis the particles hold, as surely as its rivals leave it.
 
         Args:
-            log_whole: Log-weights of the particles, shape (N,), with the newest scan counted in full, not normalised.
+            pose: Where the newest scan fits best, shape (3,); the mean of the heaviest cluster where None.
         """
-        own = estimate(self.poses, self.weights, log_whole)
+        own = estimate(self.poses, self.weights)
+        if pose is not None:
+            own = dataclasses.replace(own, pose=Pose2D(*map(float, pose)))
         rivals = self._tracker.hypotheses.rivals
         if not self.parameters.robust or not rivals:
             return own

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import List
+from typing import List, Tuple
 
 import numpy as np
 
@@ -80,18 +80,36 @@ class ScanLikelihood:
     ) -> Modes:
         """Climb from each start, shape (K, 3), to the nearest maximum of prior times likelihood; one of each is kept.
         """
-        poses = np.array(starts, dtype=float, order="C")
-        covariances, explained = np.empty((len(poses), 3, 3)), np.empty(len(poses))
-        sigmas = np.array([max(WIDE_SIGMA, self._sigma), self._sigma])
-        climb(
-            poses, endpoints, self._field.codes, self._field.face_distances, self._field.frame, sigmas, OUTLIERS,
-            news * temper(len(endpoints)), prior.mean, prior.information, ITERATIONS, covariances, explained,
-        )
-        poses[:, 2] = normalize_angles(poses[:, 2])
+        sigmas = (max(WIDE_SIGMA, self._sigma), self._sigma)
+        poses, covariances, explained = self._climb(starts, prior, endpoints, sigmas, news * temper(len(endpoints)))
         heights = self.log(poses, endpoints, news) + prior.log_density(poses)
         kept = apart(poses, heights, len(poses), distance=0.02, turn=0.01)
         masses = heights[kept] + 0.5 * np.linalg.slogdet(covariances[kept])[1]
         return Modes(poses[kept], covariances[kept], masses, explained[kept])
+
+    def sharpest(self, start: np.ndarray, prior: PoseGaussian, endpoints: np.ndarray) -> np.ndarray:
+        """Return the maximum of prior times likelihood, not tempered, next to a start; both poses of shape (3,).
+
+        Beams that err alike make a belief too sure, but hardly draw the maximum aside: tempered, it is left where
+        odometry's error still shows.
+        """
+        poses, _, _ = self._climb(start[None], prior, endpoints, (self._sigma,), 1.0)
+        pose: np.ndarray = poses[0]
+        return pose
+
+    def _climb(
+        self, starts: np.ndarray, prior: PoseGaussian, endpoints: np.ndarray, sigmas: Tuple[float, ...], factor: float
+    ) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the maxima next to starts, shape (K, 3), their covariances and the shares of beams explained there.
+        """
+        poses = np.array(starts, dtype=float, order="C")
+        covariances, explained = np.empty((len(poses), 3, 3)), np.empty(len(poses))
+        climb(
+            poses, endpoints, self._field.codes, self._field.face_distances, self._field.frame, np.array(sigmas),
+            OUTLIERS, factor, prior.mean, prior.information, ITERATIONS, covariances, explained,
+        )
+        poses[:, 2] = normalize_angles(poses[:, 2])
+        return poses, covariances, explained
 
 
 def temper(beams: int) -> float:

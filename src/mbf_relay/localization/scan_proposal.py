@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Callable, NamedTuple, Optional
+from typing import Callable, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -44,14 +44,16 @@ class Proposed(NamedTuple):
     Attributes:
         poses: Shape (N, 3).
         log_weights: Shape (N,), not normalised.
-        log_whole: The same with the whole scan counted and not its news alone, shape (N,).
-        best: Where the heaviest cluster fits the scan best.
+        log_likelihood: Logarithm of the particles' average likelihood of the whole scan, and not its news alone.
+        prior: Where odometry had the heaviest cluster.
+        best: Where that fits the scan best.
         explained: Share of the beams the map explains there.
     """
 
     poses: np.ndarray
     log_weights: np.ndarray
-    log_whole: np.ndarray
+    log_likelihood: float
+    prior: PoseGaussian
     best: PoseGaussian
     explained: float
 
@@ -86,22 +88,27 @@ class ScanProposal:
         # One cluster is redrawn as a whole: what its particles were worth only says where to climb from.
         likelihoods = look(poses) if count > 1 else self._likelihood.log(poses, some_of(endpoints, PREVIEWED), news)
         weights = np.exp(log_weights + likelihoods - (log_weights + likelihoods).max())
-        best, explained = PoseGaussian(poses[0], np.eye(3)), 0.0
+        held = best = PoseGaussian(poses[0], np.eye(3))
+        explained = 0.0
         for rank, (label, _) in enumerate(heaviest_first(labels, weights, count)[:CLUSTERS]):
             members = np.nonzero(labels == label)[0]
-            modes = self._redraw(members, poses, log_weights, likelihoods, look, endpoints, news, rng)
+            prior, modes = self._redraw(members, poses, log_weights, likelihoods, look, endpoints, news, rng)
             if rank == 0:
+                held = prior
                 top = int(np.argmax(modes.log_masses))
                 best, explained = PoseGaussian(modes.poses[top], modes.covariances[top]), float(modes.explained[top])
         # Of a scan in which little is on the map, what fits does so by chance.
         likelihoods *= min(1.0, explained / FULL_CREDIT) ** 3
-        return Proposed(poses, log_weights + likelihoods, log_weights + likelihoods / news, best, explained)
+        log_likelihood = log_sum_exp(log_weights + likelihoods / news)
+        return Proposed(poses, log_weights + likelihoods, log_likelihood, held, best, explained)
 
     def _redraw(
         self, members: np.ndarray, poses: np.ndarray, log_weights: np.ndarray, likelihoods: np.ndarray, look: Weigh,
         endpoints: np.ndarray, news: float, rng: np.random.Generator,
-    ) -> Modes:
+    ) -> Tuple[PoseGaussian, Modes]:
         """Draw a part of a cluster anew around the maxima of its posterior; changes the three arrays in place.
+
+        Return what the cluster was and the maxima.
 
         Those that stay and those drawn are samples of two distributions of one target, and weighed together by the
         balance heuristic (Veach and Guibas 1995). What stays keeps its weight in that: forgotten, the belief would
@@ -127,7 +134,7 @@ class ScanProposal:
                 drawn, -math.log(len(members)), math.log(1.0 - share) + own_weights - log_sum_exp(own_weights[~drawn])
             )
         poses[members], likelihoods[members] = own, look(own)
-        return modes
+        return prior, modes
 
 
 def _counted(weigh: Weigh, news: float, poses: np.ndarray) -> np.ndarray:

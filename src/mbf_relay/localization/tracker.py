@@ -90,13 +90,15 @@ class Corrected(NamedTuple):
     Attributes:
         poses: Shape (N, 3).
         log_weights: Shape (N,), not normalised.
-        log_whole: The same with the whole scan counted and not its news alone, shape (N,).
+        log_likelihood: Logarithm of the particles' average likelihood of the whole scan, and not its news alone.
+        pose: Where the scan fits best, shape (3,); None where it does not tell.
         news: Share of the scan, 0 to 1, that earlier ones had not told.
     """
 
     poses: np.ndarray
     log_weights: np.ndarray
-    log_whole: np.ndarray
+    log_likelihood: float
+    pose: Optional[np.ndarray]
     news: float
 
 
@@ -168,7 +170,7 @@ class HypothesisTracker:
         way, self._way = self._way, 0.0
         if len(seen.ends) < FEWEST_BEAMS:
             self._look_at_silence(poses, log_weights, seen, way)
-            return Corrected(poses, log_weights, log_weights, min(1.0, way / VIEW))
+            return Corrected(poses, log_weights, log_sum_exp(log_weights), None, min(1.0, way / VIEW))
         is_news = is_news or lidar not in self._ways
         news = 1.0 if is_news else min(1.0, max(self._ways[lidar], STANDING) / VIEW)
         since, self._ways[lidar] = self._ways.get(lidar, 0.0), 0.0
@@ -190,10 +192,11 @@ class HypothesisTracker:
             self._doubt.way, self.fit = 0.0, Reliability(chosen=True)
             self.blocks.forget()  # counted from a pose that is given up
             poses, log_weights = drawn_around(winner, rng)
-            return Corrected(poses, log_weights, log_weights, news)
+            return Corrected(poses, log_weights, log_sum_exp(log_weights), None, news)
         if self.reliability(proposed.poses, proposed.log_weights) >= BELIEVED:
             self.blocks.look(held.mean, seen.ends, seen.laser, news)
-        return Corrected(proposed.poses, proposed.log_weights, proposed.log_whole, news)
+        pose = self._likelihood.sharpest(held.mean, proposed.prior, weighed)
+        return Corrected(proposed.poses, proposed.log_weights, proposed.log_likelihood, pose, news)
 
     def reliability(self, poses: np.ndarray, log_weights: np.ndarray) -> float:
         """Return the probability that the hypothesis held by particles, shape (N, 3), is right."""
