@@ -2,9 +2,11 @@
 
 It knows neither costmaps, goals nor a map, and keeps no memory beyond the newest scan and what it has let pass since. A
 velocity passes while its sender goes on sending, the scan is fresh, and the footprint, carried along the arc on which
-the robot would react and brake, keeps a margin from every point of the scan. Else it is slowed down along the same arc,
-or zero. What is nearer than the margin already may not come nearer still, so a robot may always drive away from it. Of
-several lidars on the topic, told apart by their frames, each must be fresh, and the newest scan of each counts.
+the robot would react and brake, keeps a margin from every point of the scan. So it must along the spiral on which a
+differential drive comes to a stand whose wheels are told to stop at once, where these are known. Else it is slowed
+down along the same arc, or zero. What is nearer than the margin already may not come nearer still, so a robot may
+always drive away from it. Of several lidars on the topic, told apart by their frames, each must be fresh, and the
+newest scan of each counts.
 (The idea is that of Nav2's collision monitor, here with the footprint on the braking arc in place of zones.)
 """
 
@@ -16,6 +18,7 @@ from typing import Deque, Dict, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
+from mbf_relay.control.stopping import seconds_to_brake, way_to_a_stand
 from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
 from mbf_relay.costmap.observation import scan_points
 from mbf_relay.costmap.outline import clearances, radii
@@ -30,6 +33,8 @@ MOST_STEPS = 400
 it covers all of the ground between; a velocity whose way is longer still is slowed down."""
 LEAST = 0.1
 """Share of a velocity below which the robot is stopped instead; it would creep up to an obstacle for ever."""
+HALVINGS = 7
+"""Of the range in which the share of a velocity lies that may pass: it is found to less than a hundredth."""
 SELF = 0.03
 """Metres inside of the footprint from which on a reading is the robot's own; nearer to its edge it may be a contact."""
 MOVED = 0.05
@@ -186,50 +191,58 @@ class VelocityGuard:
 
     def _free_share(self, asked: Twist2D, points: np.ndarray) -> Tuple[float, str]:
         """Return the largest share of a velocity that leaves room to brake, and what is in its way; empty for nothing.
-
-        At a share s the robot reacts and brakes on the same arc, within s * reaction_time + s^2 * braking of what it
-        drives in a second.
         """
-        reaction, speed, turn = self._parameters.reaction_time, asked.speed(), abs(asked.theta)
-        braking = max(speed / self._parameters.acc_lim_x, turn / self._parameters.acc_lim_theta) / 2.0
-        seconds = reaction + braking
-        way = (speed + turn * self._radius) * seconds
-        is_too_long = way > self._longest
-        if is_too_long:
-            seconds *= self._longest / way
-        count = 1 + int(min(way / STEP, MOST_STEPS))
-        poses = np.array([_arc(asked, seconds * step / count) for step in range(1, count + 1)])
-        free, point = self._free_poses(poses, points)
-        if free == len(poses) and not is_too_long:
+        in_the_way = self._in_the_way(asked, points)
+        if not in_the_way:
             return 1.0, ""
-        clear = seconds * free / len(poses)
-        share = (
-            2.0 * clear / (reaction + math.sqrt(reaction * reaction + 4.0 * braking * clear)) if clear > 0.0 else 0.0
-        )
-        share = share if share >= LEAST else 0.0
-        if point is None:
-            return share, f"the way to a stop is longer than {self._longest:.1f} m"
-        return share, f"something at ({point[0]:.2f}, {point[1]:.2f}) m from {self._parameters.base_frame}"
+        share, blocked = 0.0, 1.0
+        for _ in range(HALVINGS):
+            middle = 0.5 * (share + blocked)
+            if self._in_the_way(_scaled(asked, middle), points):
+                blocked = middle
+            else:
+                share = middle
+        return share if share >= LEAST else 0.0, in_the_way
 
-    def _free_poses(self, poses: np.ndarray, points: np.ndarray) -> Tuple[int, Optional[np.ndarray]]:
-        """Return how many poses, shape (P, 3), the robot reaches without coming too near to a point, and that point."""
+    def _in_the_way(self, velocity: Twist2D, points: np.ndarray) -> str:
+        """Return what the robot would come too near to, were it to react and brake; empty for nothing."""
+        p, radius = self._parameters, self._radius
+        braking = seconds_to_brake(velocity, p.acc_lim_x, p.acc_lim_theta, p.wheel_separation)
+        seconds = p.reaction_time + 0.5 * braking
+        way = (velocity.speed() + abs(velocity.theta) * radius) * seconds
+        if way > self._longest:
+            return f"the way to a stop is longer than {self._longest:.1f} m"
+        count = 1 + int(min(way / STEP, MOST_STEPS))
+        poses = np.array([_arc(velocity, seconds * step / count) for step in range(1, count + 1)])
+        if p.wheel_separation > 0.0:
+            step = max(STEP, way / MOST_STEPS)
+            begin = _arc(velocity, p.reaction_time)
+            braked = way_to_a_stand(begin, velocity, p.wheel_separation, p.acc_lim_x, step, step / radius)
+            poses = np.concatenate((poses, braked))
+        point = self._too_near(poses, points)
+        if point is None:
+            return ""
+        return f"something at ({point[0]:.2f}, {point[1]:.2f}) m from {p.base_frame}"
+
+    def _too_near(self, poses: np.ndarray, points: np.ndarray) -> Optional[np.ndarray]:
+        """Return the first point that the footprint comes too near to at poses, shape (P, 3), one after the other."""
         margin = self._parameters.margin
         reach = float(np.hypot(poses[:, 0], poses[:, 1]).max()) + self._radius + margin
         near = points[np.hypot(points[:, 0], points[:, 1]) <= reach]
         if not len(near):  # as nearly always, and what follows takes longer
-            return len(poses), None
+            return None
         before = clearances(near, self._outline)
         near, before = near[before > -SELF], before[before > -SELF]
         if not len(near):
-            return len(poses), None
+            return None
         seen = np.vstack([Pose2D(*pose).inverse().transform_points(near) for pose in poses])
         after = clearances(seen, self._outline).reshape(len(poses), len(near))
         too_near = after < np.minimum(margin, before) - TOUCH
         blocked = too_near.any(axis=1)
         if not blocked.any():
-            return len(poses), None
-        first = int(np.argmax(blocked))
-        return first, near[int(np.argmax(too_near[first]))]
+            return None
+        point: np.ndarray = near[int(np.argmax(too_near[int(np.argmax(blocked))]))]
+        return point
 
     def _is_unseen(self, asked: Twist2D, sight: Sight) -> bool:
         """Return whether the way leads where a lidar by its angles does not look; a turn on the spot leads nowhere."""
@@ -264,10 +277,13 @@ class VelocityGuard:
 
 
 def _slowed(asked: Twist2D, share: float, cause: str, why: str) -> Verdict:
-    velocity = Twist2D(*(share * component for component in asked))
     if share <= 0.0:
         return Verdict(STOP, cause, f"stopped: {why}")
-    return Verdict(velocity, cause, f"slowed down to {100.0 * share:.0f} %: {why}")
+    return Verdict(_scaled(asked, share), cause, f"slowed down to {100.0 * share:.0f} %: {why}")
+
+
+def _scaled(velocity: Twist2D, share: float) -> Twist2D:
+    return Twist2D(*(share * component for component in velocity))
 
 
 def _arc(velocity: Twist2D, duration: float) -> Pose2D:

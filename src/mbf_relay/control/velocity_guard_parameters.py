@@ -29,7 +29,13 @@ class VelocityGuardParameters(ParameterSet):
         maximum=1.0,
     )
     acc_lim_x: float = parameter(1.0, "how fast the robot surely slows down", unit="m/s^2", above=0.0)
-    acc_lim_theta: float = parameter(6.0, "how fast it surely stops turning", unit="rad/s^2", above=0.0)
+    wheel_separation: float = parameter(
+        0.0, "distance between the wheels of a differential drive, whose rims slow down by acc_lim_x; 0 where that is "
+        "not known, and speed and turn brake each by itself", unit="m", minimum=0.0,
+    )
+    acc_lim_theta: float = parameter(
+        6.0, "how fast it surely stops turning, where no wheels are known", unit="rad/s^2", above=0.0
+    )
     reaction_time: float = parameter(
         0.2,
         "time a velocity goes on before a better one takes its place: a scan's period or so",

@@ -23,4 +23,4 @@ def test_the_guard_and_the_server_drive_one_robot():
 def test_the_guard_counts_on_no_harder_brakes_than_the_wheels_have():
     guard, wheels = VelocityGuardParameters.from_mapping(read("velocity_guard.yaml")), read("robot/burger.yaml")
     assert guard.acc_lim_x <= wheels["wheel_acceleration"]
-    assert guard.acc_lim_theta <= wheels["wheel_acceleration"] / 0.08, "half the track of a burger"
+    assert guard.wheel_separation == wheels["wheels"]["separation"]
