@@ -15,6 +15,7 @@ from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.observation_source import SourceParameters
 from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters
 from mbf_relay.parameters import parameter
+from mbf_relay.senders import Senders
 from mbf_relay.tracking.parameters import TrackerParameters
 from mbf_relay.tracking.track import Track
 from mbf_relay.tracking.tracker import Tracker
@@ -52,7 +53,9 @@ class TrackLayerParameters(TrackerParameters):
 
 
 class TrackLayer(Layer):
-    """Has a tracker per lidar. It writes nothing into the costmap but personal space, and that only where asked.
+    """Has a tracker per lidar, also of those that share a topic.
+
+    It writes nothing into the costmap but personal space, and that only where asked.
 
     The costmap's frame should be one in which the robot moves smoothly, such as odom: in map, a correction of the pose
     looks as if everything moved.
@@ -63,7 +66,8 @@ class TrackLayer(Layer):
 
     def __init__(self, name: str, parameters: TrackLayerParameters) -> None:
         super().__init__(name, parameters)
-        self._trackers: Dict[str, Tracker] = {source: Tracker(parameters) for source in parameters.source_parameters}
+        self._lidars: Dict[str, Senders] = {source: Senders() for source in parameters.source_parameters}
+        self._trackers: Dict[Tuple[str, str], Tracker] = {}  # by source and frame
         self._written = EMPTY
         self._around: Tuple[Track, ...] = ()
 
@@ -78,18 +82,21 @@ class TrackLayer(Layer):
 
     @property
     def tracks(self) -> Tuple[Track, ...]:
-        return tuple(track for tracker in self._trackers.values() for track in tracker.tracks)
+        return tuple(track for (source, frame), tracker in self._trackers.items()
+                     if frame in self._lidars[source].present for track in tracker.tracks)
 
     def observe(self, source: str, observation: Observation, now: float) -> Observation:
         ends = np.asarray(observation.points, dtype=float)[:, :2]
         hits = np.ones(len(ends), dtype=bool) if observation.hits is None else observation.hits
         finite = np.isfinite(ends[:, 0]) & np.isfinite(ends[:, 1])
         x, y = observation.origin[:2]
-        self._trackers[source].update(float(x), float(y), ends[finite], hits[finite], observation.stamp)
+        self._lidars[source].hear(observation.frame)
+        tracker = self._trackers.setdefault((source, observation.frame), Tracker(self.parameters))
+        tracker.update(float(x), float(y), ends[finite], hits[finite], observation.stamp)
         if self.parameters.mark_movers:
             return observation
         stands = hits.copy()
-        stands[finite] &= ~self._trackers[source].moving
+        stands[finite] &= ~tracker.moving
         return dataclasses.replace(observation, hits=stands)
 
     def update_bounds(self, context: LayerContext, window: Window) -> Window:

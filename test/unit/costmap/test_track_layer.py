@@ -1,5 +1,6 @@
 """The track layer: what moves is no wall to who plans, and what stands is one."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -61,6 +62,23 @@ def test_who_walks_by_is_no_wall_to_who_plans_and_a_post_is_one(seconds):
     snapshot = watch(costmap_of(mark_movers=False), crossing, seconds)
     assert len(snapshot.tracks) == 1
     assert not is_marked(snapshot, 1.0, -1.0 + 0.25 * seconds, 0.12) and is_marked(snapshot, -1.0, 0.5, 0.1)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.05])
+def test_who_walks_by_is_no_wall_where_two_lidars_share_a_topic(late):
+    """They shared a tracker: it broke off at scans of one moment, and began anew at each older than the other's."""
+    costmap = costmap_of(mark_movers=False)
+    for step in range(21):
+        now = 10.0 + 0.2 * step
+        front, rear = scan(crossing(now - 10.0), now), scan([(-1.0, 0.5, 0.1)], now - late)
+        costmap.observe("scan", dataclasses.replace(front, frame="front"), now)
+        away = np.s_[BEAMS // 4:-BEAMS // 4]
+        costmap.observe("scan", dataclasses.replace(
+            rear, frame="rear", points=rear.points[away], hits=rear.hits[away]), now)
+        costmap.update(now, Pose2D(0.0, 0.0, 0.0))
+    snapshot = costmap.snapshot()
+    assert len(snapshot.tracks) == 1
+    assert not is_marked(snapshot, 1.0, 0.0, 0.12) and is_marked(snapshot, -1.0, 0.5, 0.1)
 
 
 def test_who_stops_is_a_wall_again():
