@@ -7,6 +7,7 @@ computer's work. So the usual case is a short way of its own, and whatever is un
 
 from __future__ import annotations
 
+import errno
 import struct
 from typing import Any, Sequence
 
@@ -14,6 +15,7 @@ import rospy.impl.simtime
 from genpy import DeserializationError
 from rosgraph_msgs.msg import Clock
 from rospy import rostime
+from rospy.exceptions import TransportTerminated
 from rospy.impl.tcpros_base import TCPROSTransport
 
 _LENGTH = struct.Struct("<I")
@@ -38,7 +40,9 @@ def receive_once(transport: Any) -> Sequence[Any]:
     try:
         transport.socket.setblocking(True)
         data = transport.socket.recv(protocol.buff_size)
-    except OSError:
+    except OSError as error:
+        if error.errno == errno.EBADF:  # who stopped to listen has closed it: rospy would tell of it, and reconnect
+            raise TransportTerminated("nobody listens any more") from error
         return _receive_as_rospy(transport)  # type: ignore[no-any-return]  # which meets it too, and knows what to do
     size = len(data)
     if size < _LENGTH.size or _LENGTH.unpack_from(data)[0] != size - _LENGTH.size:

@@ -33,7 +33,7 @@ class Connection:
 
     def close(self):
         self.far.close()
-        self.transport.socket.close()
+        self.transport.close()
 
 
 @pytest.fixture
@@ -100,6 +100,16 @@ def test_a_publisher_that_is_gone_ends_the_connection(connection):
     connection.far.close()
     with pytest.raises(TransportTerminated):
         connection.receive()
+
+
+def test_a_node_that_stops_listening_between_two_messages_leaves_no_traceback(monkeypatch, connection, caplog):
+    """As velocity_guard where it knows its lidars: rospy took the closed socket for a fault and opened another."""
+    reconnects, transport = [], connection.transport
+    monkeypatch.setattr(transport, "receive_once", lambda: receiving.receive_once(transport))
+    monkeypatch.setattr(transport, "_reconnect", lambda: (reconnects.append(transport), transport.close()))
+    transport.socket.close()
+    transport.receive_loop(lambda messages, _transport: None)
+    assert transport.done and not reconnects and "Traceback" not in caplog.text
 
 
 def test_a_message_that_cannot_be_read_is_refused_as_rospy_refuses_it(connection):
