@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Dict, List, Optional
 
+HOW_TO_GO_ON = "if it was taken away for good, start this node again"
+"""What to say of one of several that has fallen silent: nothing tells whether it died or was removed."""
+
 
 class Senders:
     """Tells apart, by their names, who sends what comes in one stream.

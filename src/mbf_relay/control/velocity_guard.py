@@ -24,7 +24,7 @@ from mbf_relay.costmap.observation import scan_points
 from mbf_relay.costmap.outline import clearances, radii
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.scan import LaserScan
-from mbf_relay.senders import Senders
+from mbf_relay.senders import HOW_TO_GO_ON, Senders
 
 STEP = 0.01
 """Metres that no corner of the footprint exceeds between two poses looked at: no lidar is more exact."""
@@ -154,12 +154,14 @@ class VelocityGuard:
         for sight in sights:
             age = now - sight.scan.stamp
             if not abs(age) <= parameters.scan_timeout:
-                whose = f" in {sight.scan.frame}, one of {len(sights)} lidars," if len(sights) > 1 else ""
+                whose, how = "", ""
+                if len(sights) > 1:
+                    whose, how = f" in {sight.scan.frame}, one of {len(sights)} lidars,", f"; {HOW_TO_GO_ON}"
                 return Verdict(
                     STOP,
                     NO_SCAN,
                     f"stopped: the newest scan{whose} is {age:.1f} s old, "
-                    f"at most {parameters.scan_timeout:g} s allowed",
+                    f"at most {parameters.scan_timeout:g} s allowed{how}",
                 )
         return self._judge_by_scan(asked, now)
 

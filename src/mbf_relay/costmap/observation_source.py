@@ -13,7 +13,7 @@ from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.usual_age import UsualAge
 from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.scan_monitor import LARGEST_GAP
-from mbf_relay.senders import Senders
+from mbf_relay.senders import HOW_TO_GO_ON, Senders
 
 
 @dataclass(frozen=True)
@@ -146,8 +146,9 @@ class ObservationSource:
             age = now - sensor.last_update
             if age <= longest:
                 continue
-            which = whose if len(sensors) == 1 else f"{whose}, the one of {len(sensors)} in frame '{frame}',"
-            told = f"{age:.2f} s; at most {longest:.2f} s is allowed"
+            which, told = whose, f"{age:.2f} s; at most {longest:.2f} s is allowed"
+            if len(sensors) > 1:
+                which, told = f"{whose}, the one of {len(sensors)} in frame '{frame}',", f"{told}; {HOW_TO_GO_ON}"
             if self.unused is None:
                 return f"{which} sent nothing for {told}"
             return f"{which} sent nothing that could be used for {told}; {self.unused}"

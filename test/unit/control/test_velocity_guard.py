@@ -186,6 +186,7 @@ def test_a_robot_does_not_creep_on_when_the_front_one_of_its_two_lidars_dies():
         verdict = judged(guard, AHEAD, 0.2 * tick)
         assert (verdict.velocity == AHEAD) == (0 < tick < 7), tick
     assert verdict.velocity == STOP and "in front, one of 2 lidars, is 1.0 s old" in verdict.text
+    assert "start this node again" in verdict.text, "and how to go on without it"
 
 
 def test_what_the_robot_drove_since_the_scan_counts():

@@ -29,7 +29,7 @@ from mbf_relay.ros.common.quick_grids import QuickGrid, QuickGridUpdate
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.scan_monitor import ScanMonitor
-from mbf_relay.senders import Senders
+from mbf_relay.senders import HOW_TO_GO_ON, Senders
 
 BUFFER_BYTES = 1 << 24
 WARN_PERIOD = 5.0
@@ -165,10 +165,12 @@ class SensorInput:
 
     def _refuse_blind(self) -> None:
         """Say that the source cannot be relied on where one of the lidars that share its topic shows nothing."""
-        for frame in self._senders.present:
+        present = self._senders.present
+        for frame in present:
             if frame in self._blind:
-                self._costmap.refuse(self._name, self._blind[frame])
-                self._say(f"cannot be relied on: {self._blind[frame]}")
+                which = f" (the one of {len(present)} in frame '{frame}'; {HOW_TO_GO_ON})" if len(present) > 1 else ""
+                self._costmap.refuse(self._name, self._blind[frame] + which)
+                self._say(f"cannot be relied on: {self._blind[frame]}{which}")
 
 
 class BlindSensor(InvalidMessage):
