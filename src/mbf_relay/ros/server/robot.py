@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from typing import Any, Callable, Optional
+from typing import Any, Callable, Dict, Optional, Tuple
 
 import genpy
 import rospy
@@ -16,7 +16,7 @@ from mbf_relay.navigation.odometry_monitor import OdometryMonitor
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.outcomes import StaleDataError
 from mbf_relay.ros.common.checks import InvalidMessage, check_stamp
-from mbf_relay.ros.common.conversions import twist_from_message, twist_to_message
+from mbf_relay.ros.common.conversions import transform_from_message, twist_from_message, twist_to_message
 from mbf_relay.ros.common.diagnostics import RateMeter
 from mbf_relay.ros.common.transforms import Transforms
 
@@ -71,7 +71,8 @@ class RosRobot(Robot):
         self._transforms, self._base_frame = transforms, base_frame
         self._pose_timeout, self._odom_timeout = pose_timeout, odom_timeout
         self._odometry: Optional[RawOdometry] = None
-        self._monitor = OdometryMonitor()
+        self._poses: Dict[str, Tuple[float, Pose2D]] = {}  # those looked up last, with their times (s), by frame
+        self._monitors: Dict[str, OdometryMonitor] = {}
         self.commands = RateMeter(pause=COMMANDS_PAUSE)
         self._publisher = rospy.Publisher("cmd_vel", Twist, _Wheels(self), queue_size=1, tcp_nodelay=True)
         self._closing = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
@@ -86,14 +87,22 @@ class RosRobot(Robot):
 
     def pose_in(self, frame: str) -> Pose2D:
         """Return the newest pose of the base in `frame`; raise TransformError where it is unknown or too old."""
-        return self._transforms.lookup(frame, self._base_frame, max_age=self._pose_timeout)
+        found = self._transforms.lookup_message(frame, self._base_frame, max_age=self._pose_timeout)
+        pose = transform_from_message(found.transform)
+        self._poses[frame] = found.header.stamp.to_sec(), pose
+        return pose
 
     def transform(self, target_frame: str, source_frame: str) -> Pose2D:
         """Return the newest transform to `target_frame`; raise TransformError where it is unknown or too old."""
         return self._transforms.lookup(target_frame, source_frame, max_age=self._pose_timeout)
 
     def velocity(self) -> Twist2D:
-        """Return the newest velocity, body frame; raise StaleDataError where there is none or it is too old."""
+        """Return the newest velocity, body frame.
+
+        Raises:
+            StaleDataError: There is none, it is too old, or it is contradicted by the poses beside it, those of tf as
+                well: where the true transform ended another node's old one may go on.
+        """
         if self._subscriber is None:
             return self.commanded or STOP
         if self._odometry is None and self._subscriber.get_num_connections() == 0:
@@ -118,9 +127,11 @@ class RosRobot(Robot):
         position, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
         # as it is: a driver that fills in velocities alone is none to refuse
         pose = Pose2D(position.x, position.y, 2.0 * math.atan2(turn.z, turn.w))
-        trouble = self._monitor.trouble(stamp, pose, velocity)
-        if trouble is not None:
-            raise StaleDataError(f"{trouble} ({self._topic})")
+        poses = {f"tf, {self._base_frame} in {frame}": timed for frame, timed in list(self._poses.items())}
+        for where, (at, seen) in {self._topic: (stamp, pose), **poses}.items():
+            trouble = self._monitors.setdefault(where, OdometryMonitor()).trouble(at, seen, velocity)
+            if trouble is not None:
+                raise StaleDataError(f"{trouble} ({where})")
         return velocity
 
     def command(self, velocity: Twist2D) -> None:

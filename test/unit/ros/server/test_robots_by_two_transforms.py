@@ -1,0 +1,71 @@
+"""A transform that another node keeps alive is no sign that the robot stands."""
+
+import pytest
+
+pytest.importorskip("mbf_msgs", reason="needs the built package")
+
+import rospy  # noqa: E402
+from geometry_msgs.msg import TransformStamped  # noqa: E402
+from nav_msgs.msg import Odometry  # noqa: E402
+
+from mbf_relay.outcomes import StaleDataError  # noqa: E402
+from mbf_relay.ros.server.robot import RosRobot  # noqa: E402
+
+
+class Broadcast:
+    """A robot that drives by odometry of 20 Hz; its transform ends after a second.
+
+    Args:
+        goes_on: Whether another one does.
+    """
+
+    def __init__(self, monkeypatch, goes_on):
+        self.now, self._goes_on = 10.0, goes_on
+        for name in ("Publisher", "Subscriber"):
+            monkeypatch.setattr(rospy, name, lambda *_arguments, **_more: object())
+        monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+        monkeypatch.setattr(rospy, "get_time", lambda: self.now)
+        self.robot = RosRobot(self, "base", "odom", 1.0, 1.0)
+
+    def lookup_message(self, _frame, _base, max_age):
+        """Return what tf has."""
+        told = self.now if self._goes_on else min(self.now, 11.0)
+        message = TransformStamped()
+        message.header.stamp = rospy.Time.from_sec(told)
+        message.transform.translation.x = 0.2 * min(told, 11.0)
+        message.transform.rotation.w = 1.0
+        assert self.now - told <= max_age
+        return message
+
+    def seen(self, seconds):
+        """Return the velocities a controller gets in so many seconds."""
+        velocities = []
+        for _ in range(round(20 * seconds)):
+            self.now += 0.05
+            odometry = Odometry()
+            odometry.header.stamp = rospy.Time.from_sec(self.now)
+            odometry.pose.pose.position.x, odometry.twist.twist.linear.x = 0.2 * self.now, 0.2
+            self.robot._odometry = _Told(odometry)
+            self.robot.pose_in("odom")
+            velocities.append(self.robot.velocity())
+        return velocities
+
+
+class _Told:
+    def __init__(self, message):
+        self._message = message
+
+    def read(self):
+        return self._message
+
+
+def test_a_robot_is_not_driven_by_a_transform_that_repeats_itself_while_odometry_tells_of_motion(monkeypatch):
+    """It drove on for 0.7 m and was said to be stuck."""
+    broadcast = Broadcast(monkeypatch, goes_on=True)
+    assert len(broadcast.seen(1.5)) == 30
+    with pytest.raises(StaleDataError, match=r"repeats the same pose .* \(tf, base in odom\)"):
+        broadcast.seen(0.2)
+
+
+def test_a_robot_whose_transform_comes_late_is_not_taken_for_one_that_contradicts_itself(monkeypatch):
+    assert len(Broadcast(monkeypatch, goes_on=False).seen(1.9)) == 38
