@@ -5,13 +5,14 @@ carried; where it was started anywhere, many places may look alike. Each such pl
 that goes along with odometry, is pulled to where scans fit, and gathers evidence (Jensfelt and Kristensen 2001). It
 enters at the odds of what must have happened, the scan that brought it up not counted, and takes the place of the one
 held when it has the better evidence over several scans and a way: never on one scan, since something always looks like
-something else. Who is deposed becomes a rival and may come back.
+something else. Who is deposed becomes a rival and may come back. Each has its own probability of being right, which
+goes by how scans fitted where it was, and takes that along.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Callable, List, Optional
 
 import numpy as np
@@ -19,6 +20,7 @@ import numpy as np
 from mbf_relay.geometry import angle_between
 from mbf_relay.localization.evidence import Evidence, Judgement, Seen
 from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp
+from mbf_relay.localization.reliability import Reliability
 from mbf_relay.localization.scan_likelihood import ScanLikelihood
 
 MOST = 100
@@ -46,12 +48,14 @@ class Hypothesis:
         log_weight: Log of its share of the belief.
         scans: Since it came up.
         way: Metres driven since.
+        fit: How scans fitted there since, and with that the probability that it is right.
     """
 
     belief: PoseGaussian
     log_weight: float
     scans: int = 0
     way: float = 0.0
+    fit: Reliability = field(default_factory=Reliability)
 
 
 class Hypotheses:
@@ -59,16 +63,17 @@ class Hypotheses:
 
     Attributes:
         held: Log of the share of the belief the particles hold.
+        fit: How scans fitted at the one they hold.
         rivals: All others.
     """
 
     def __init__(self) -> None:
-        self.held = 0.0
-        self.rivals: List[Hypothesis] = []
+        self.clear()
 
     def clear(self) -> None:
-        """Forget all rivals."""
-        self.held, self.rivals = 0.0, []
+        """Forget all rivals, and how scans fitted."""
+        self.held, self.fit = 0.0, Reliability()
+        self.rivals: List[Hypothesis] = []
 
     @property
     def share_held(self) -> float:
@@ -88,6 +93,7 @@ class Hypotheses:
         evidence: Evidence,
         seen: Seen,
         way: float,
+        since: float,
         news: float,
     ) -> Judgement:
         """Pull all rivals to where a scan fits, and weigh them and the one held by it.
@@ -97,7 +103,8 @@ class Hypotheses:
             likelihood: Of scans, to climb on.
             evidence: Judges the poses.
             seen: Of the scan.
-            way: Metres driven since the last scan of this lidar.
+            way: Metres driven since the last scan.
+            since: Metres driven since the last scan of this lidar.
             news: Share of the scan, 0 to 1, that earlier ones have not told.
 
         Returns:
@@ -109,7 +116,9 @@ class Hypotheses:
             rival.scans += 1
         poses = np.array([held] + [rival.belief.mean for rival in self.rivals])
         judged = evidence.judge(poses, seen)
-        logs = judged.log_likelihoods * min(1.0, way / WAY_OF_A_SCAN)
+        for fit, hits, through in zip([self.fit] + [r.fit for r in self.rivals], judged.hits, judged.through):
+            fit.look(float(hits), float(through), way)
+        logs = judged.log_likelihoods * min(1.0, since / WAY_OF_A_SCAN)
         self.held += float(logs[0])
         for rival, log in zip(self.rivals, logs[1:]):
             rival.log_weight += float(log)
@@ -130,7 +139,8 @@ class Hypotheses:
         for i in new:
             slip = math.hypot(poses[i][0] - held[0], poses[i][1] - held[1]) / SLIP_SIZE
             log_weight = self.held + max(LOG_SLIPPED - slip, log_carried) - math.log(len(new))
-            self.rivals.append(Hypothesis(PoseGaussian(poses[i], covariances[i]), log_weight))
+            belief = PoseGaussian(poses[i], covariances[i])
+            self.rivals.append(Hypothesis(belief, log_weight, fit=Reliability(chosen=True)))
         self._tidy(held)
 
     def start(self, beliefs: List[PoseGaussian], log_weights: np.ndarray) -> PoseGaussian:
@@ -152,8 +162,8 @@ class Hypotheses:
         if best is None or best.log_weight < self.held + LEAD:
             return None
         self.rivals.remove(best)
-        self.rivals.append(Hypothesis(held, self.held, PROVEN_SCANS, PROVEN_WAY))
-        self.held = best.log_weight
+        self.rivals.append(Hypothesis(held, self.held, PROVEN_SCANS, PROVEN_WAY, self.fit))
+        self.held, self.fit = best.log_weight, best.fit
         return best.belief
 
     def _tidy(self, held: np.ndarray) -> None:

@@ -26,8 +26,8 @@ GOES_WRONG, COMES_RIGHT = 0.010, 0.013
 
 MOST = 14.0
 """Log-odds beyond which nothing is surer."""
-UNSEEN, CHOSEN = 0.5, 0.3
-"""Probability that a pose is right at first: a user's word before any scan, and a rival that takes over."""
+UNSEEN, CHOSEN = 0.5, 0.2
+"""Probability that a pose is right at first: a user's word before any scan, and a rival that comes up."""
 
 
 class Reliability:

@@ -23,7 +23,6 @@ from mbf_relay.localization.evidence import Evidence, Seen
 from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp
 from mbf_relay.localization.hypotheses import Hypotheses
 from mbf_relay.localization.parameters import LocalizerParameters
-from mbf_relay.localization.reliability import Reliability
 from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, apart, thin_out
 from mbf_relay.localization.scan_proposal import ScanProposal, Weigh
 from mbf_relay.localization.scan_search import Places, ScanSearch
@@ -106,8 +105,7 @@ class HypothesisTracker:
     """Keeps the hypotheses about where the robot is.
 
     Attributes:
-        hypotheses: The rivals of what the particles hold.
-        fit: How scans fitted over the last metres.
+        hypotheses: What the particles hold, and its rivals.
         blocks: Those of the map that changed.
     """
 
@@ -132,7 +130,6 @@ class HypothesisTracker:
         self._anywhere = anywhere
         self._ways: Dict[str, float] = {}  # since the last scan of each lidar that told something
         self._way = self._since_nearby = self._since_anywhere = 0.0
-        self.fit = Reliability()
         self.blocks.forget()
 
     def predict(self, step: Pose2D, noise: np.ndarray, shown: float = 0.0) -> None:
@@ -181,15 +178,14 @@ class HypothesisTracker:
         weighed = self._unchanged(poses, log_weights, seen.ends) if self._semi_static else seen.ends
         proposed = self._proposal.propose(poses, log_weights, weighed, news, rng, weigh)
         held = proposed.best
-        judged = self.hypotheses.correct(held.mean, self._likelihood, self._evidence, seen, since, news)
-        self.fit.look(float(judged.hits[0]), float(judged.through[0]), way)
-        if self._doubt.look(proposed.explained, way, self.fit.right):
+        self.hypotheses.correct(held.mean, self._likelihood, self._evidence, seen, way, since, news)
+        if self._doubt.look(proposed.explained, way, self.hypotheses.fit.right):
             self._look_for_rivals(held, proposed.explained, seen.ends, rng)
         else:
             self._evidence.learn(proposed.explained, way)
         winner = self.hypotheses.challenge(held)
         if winner is not None:
-            self._doubt.way, self.fit = 0.0, Reliability(chosen=True)
+            self._doubt.way = 0.0
             self.blocks.forget()  # counted from a pose that is given up
             poses, log_weights = drawn_around(winner, rng)
             return Corrected(poses, log_weights, log_sum_exp(log_weights), None, news)
@@ -202,7 +198,7 @@ class HypothesisTracker:
         """Return the probability that the hypothesis held by particles, shape (N, 3), is right."""
         _, covariance = mean_and_covariance(poses, np.exp(log_weights - log_sum_exp(log_weights)))
         deviation = math.sqrt(0.5 * float(covariance[0, 0] + covariance[1, 1]))
-        return self.fit.value(self.hypotheses.share_held, deviation)
+        return self.hypotheses.fit.value(self.hypotheses.share_held, deviation)
 
     def _unchanged(self, poses: np.ndarray, log_weights: np.ndarray, endpoints: np.ndarray) -> np.ndarray:
         """Return a scan's ends without those in changed blocks; all of them where the pose is not to be believed.
@@ -226,8 +222,9 @@ class HypothesisTracker:
         """Tell from a scan of which next to nothing came back whether something should have."""
         mean, _ = mean_and_covariance(poses, np.exp(log_weights - log_sum_exp(log_weights)))
         through = seen.silence * float(self._evidence.silent_through(np.array([mean]), seen)[0])
+        fit = self.hypotheses.fit
         if through > 0.0:
-            self.fit.look(self.fit.hits, through, way)
+            fit.look(fit.hits, through, way)
 
     def _start_anywhere(self, seen: Seen) -> Optional[PoseGaussian]:
         """Begin with all the places where a scan fits; return the best, None where there is none."""
@@ -262,7 +259,7 @@ class HypothesisTracker:
         astray, log_carried = (
             (RECOVERING_ASTRAY, RECOVERING_LOG_CARRIED) if self._recovers else (ASTRAY, LOG_CARRIED)
         )
-        lost = self._doubt.way >= astray and (self._recovers or self.fit.right < WRONG)
+        lost = self._doubt.way >= astray and (self._recovers or self.hypotheses.fit.right < WRONG)
         if lost and self._since_anywhere >= AGAIN_ANYWHERE:
             self._since_anywhere = 0.0
             found = self._anywhere_modes(endpoints, START_MARGIN)

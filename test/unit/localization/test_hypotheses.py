@@ -9,7 +9,7 @@ from mbf_relay.localization.beams import pick_beams
 from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.evidence import Evidence, Seen
 from mbf_relay.localization.gaussians import PoseGaussian
-from mbf_relay.localization.hypotheses import PROVEN_SCANS, Hypotheses
+from mbf_relay.localization.hypotheses import LEAD, PROVEN_SCANS, Hypotheses
 from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.reliability import Reliability
@@ -38,7 +38,7 @@ class Room:
     def see(self, occupancy, truth, way=1.0):
         beams = pick_beams(scan_at(occupancy, truth, np.random.default_rng(1)), IDENTITY, 1)
         self.hypotheses.predict(lambda belief: belief, way)
-        return self.hypotheses.correct(self.held, self.likelihood, self.evidence, Seen.of(beams), way, 1.0)
+        return self.hypotheses.correct(self.held, self.likelihood, self.evidence, Seen.of(beams), way, way, 1.0)
 
 
 def test_a_rival_never_wins_on_one_scan_however_well_it_fits():
@@ -52,6 +52,27 @@ def test_a_rival_never_wins_on_one_scan_however_well_it_fits():
     assert scans >= PROVEN_SCANS
     assert winner.mean == pytest.approx(np.array(TRUTH), abs=0.05)
     assert len(made.hypotheses.rivals) == 1  # who was deposed may come back
+
+
+def test_a_place_that_fitted_for_metres_is_believed_when_it_takes_over_and_the_one_given_up_is_not():
+    """A robot that was put down wrong and finds itself need not drive metres more until anybody believes it."""
+    made = Room(room(), ELSEWHERE)
+    made.add(TRUTH)
+    for _ in range(8):
+        made.see(room(), TRUTH)
+    before = made.hypotheses.fit.right
+    assert made.hypotheses.challenge(PoseGaussian(made.held, NARROW)) is not None
+    assert made.hypotheses.fit.right > 0.5 > made.hypotheses.rivals[0].fit.right == before
+
+
+def test_a_place_that_never_fitted_is_not_believed_when_it_takes_over():
+    made = Room(room(), ELSEWHERE)
+    made.add((-1.0, 0.5, -1.5))
+    for _ in range(8):
+        made.see(room(), TRUTH)
+    made.hypotheses.rivals[0].log_weight = made.hypotheses.held + 2.0 * LEAD  # where the one held fits worse still
+    assert made.hypotheses.challenge(PoseGaussian(made.held, NARROW)) is not None
+    assert made.hypotheses.fit.right < 0.1
 
 
 def test_standing_still_proves_nothing():
