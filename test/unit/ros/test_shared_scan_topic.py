@@ -1,17 +1,30 @@
 """Two lidars on one topic: what one of them sees says nothing of the other."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import TransformStamped, Twist, Vector3
 from sensor_msgs.msg import LaserScan
 
+from mbf_relay.control.velocity_guard import OBSTACLE
+from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
 from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.geometry import IDENTITY
+from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.costmap import inputs
+from mbf_relay.ros.velocity_guard import node
 
 BEAMS = 180
+
+
+def scan_of(frame, ranges, stamp=1.0):
+    """Return a scan of half a turn; readings (m), or one for all."""
+    message = LaserScan(angle_min=-math.pi / 2, angle_increment=math.pi / BEAMS, range_min=0.1, range_max=3.5)
+    message.header.frame_id, message.ranges = frame, np.broadcast_to(ranges, BEAMS)
+    message.header.stamp = inputs.rospy.Time.from_sec(stamp)
+    return message
 
 
 class StillFrames:
@@ -34,16 +47,85 @@ def lidars(monkeypatch):
     sensor = inputs.SensorInput("scan", source, costmap, StillFrames(), patience=0.2, max_age=1.0)
     monkeypatch.setattr(sensor, "_say", lambda reason: None)
 
-    def send(stamp, frame, ranges):
-        monkeypatch.setattr(inputs.rospy, "get_time", lambda: stamp)
-        message = LaserScan(angle_min=-math.pi / 2, angle_increment=math.pi / BEAMS, range_min=0.1, range_max=3.5)
-        message.header.frame_id, message.ranges = frame, ranges
-        message.header.stamp = inputs.rospy.Time.from_sec(stamp)
-        sensor._keep(message)
-        sensor.feed(stamp)
-        costmap.update(stamp, IDENTITY)
+    def send(stamp, frame, ranges, *more):
+        for now, whose in ((stamp, frame), *more):
+            monkeypatch.setattr(inputs.rospy, "get_time", lambda now=now: now)
+            sensor._keep(scan_of(whose, ranges, now))
+        sensor.feed(now)
+        costmap.update(now, IDENTITY)
 
     return costmap, send
+
+
+class Mountings:
+    """Where lidars sit, told to who listens."""
+
+    def __init__(self):
+        self.told, self._known = {"front": 0.0}, {}
+        self.is_heard = True
+
+    def listen(self):
+        self.is_heard = True
+
+    def close(self):
+        self.is_heard = False
+
+    def lookup_message(self, _base, frame):
+        if self.is_heard:
+            self._known.update(self.told)
+        if frame not in self._known:
+            raise TransformError(f"no transform from '{frame}'")
+        message = TransformStamped()
+        message.transform.rotation.z = math.sin(self._known[frame] / 2.0)
+        message.transform.rotation.w = math.cos(self._known[frame] / 2.0)
+        return message
+
+
+@pytest.fixture
+def guard(monkeypatch):
+    """Return a guard node whose robot is asked to drive ahead."""
+    for name in ("Publisher", "Subscriber"):
+        monkeypatch.setattr(inputs.rospy, name, lambda *_, **__: SimpleNamespace(publish=lambda message: None))
+    monkeypatch.setattr(inputs.rospy, "loginfo_throttle", lambda period, text: None)
+    monkeypatch.setattr(node, "on_shutdown", lambda function: None)
+    monkeypatch.setattr(node, "Transforms", Mountings)
+    monkeypatch.setattr(node.diagnostics, "Diagnostics", lambda: SimpleNamespace(add=lambda name, report: None))
+    footprint = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]]
+    return node.VelocityGuardNode(VelocityGuardParameters(footprint=footprint))
+
+
+def asked(guard, speed, *scans):
+    """Return the speed that passes after scans of one moment."""
+    for message in scans:
+        guard._take_scan(message)
+    guard._take_command(Twist(linear=Vector3(x=speed)))
+    guard._step(1.0)
+    return guard._verdict.velocity.x
+
+
+def test_a_wall_ahead_is_guarded_against_where_two_lidars_send_at_one_moment(guard):
+    """The one that came last displaced the other, and where they keep time it was always the same."""
+    guard._transforms.told["rear"] = math.pi
+    for _ in range(2):
+        passed = asked(guard, 0.2, scan_of("front", 0.12), scan_of("rear", 3.0))
+    assert passed < 0.05 and guard._verdict.cause == OBSTACLE
+
+
+def test_a_lidar_whose_place_is_told_later_is_looked_at_from_then_on(guard):
+    """The guard listened to no transform any more once it had placed the first one."""
+    assert asked(guard, -0.2, scan_of("front", 3.0)) > -0.2, "nothing looks back"
+    guard._transforms.told["rear"] = math.pi
+    for _ in range(2):
+        passed = asked(guard, -0.2, scan_of("front", 3.0), scan_of("rear", 3.0))
+    assert passed == -0.2 and not guard._transforms.is_heard
+
+
+def test_a_fast_lidar_does_not_displace_a_slow_one_before_the_next_update(lidars):
+    costmap, send = lidars
+    for stamp, frame in [(0.1, "slow"), (0.11, "fast"), (0.12, "slow")]:
+        send(stamp, frame, np.full(BEAMS, 2.0))
+    send(0.2, "slow", np.full(BEAMS, 1.0), *((0.2 + 0.01 * count, "fast") for count in range(1, 9)))
+    assert costmap.layers[0]._sources["scan"].sensors["slow"].last_update == 0.2
 
 
 def test_a_robot_does_not_drive_on_when_the_front_one_of_its_two_lidars_delivers_nothing(lidars):

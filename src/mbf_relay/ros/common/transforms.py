@@ -194,11 +194,20 @@ class Transforms:
 
     def __init__(self, cache_time: float = 10.0, changed: Callable[[], None] = lambda: None) -> None:
         self.buffer = AttentiveBuffer(rospy.Duration(cache_time))
-        self._listener = CheckedListener(self.buffer, cache_time, changed)
+        self._cache_time, self._changed = cache_time, changed
+        self._listener: Optional[CheckedListener] = None
+        self.listen()
+
+    def listen(self) -> None:
+        """Listen, where it does not."""
+        if self._listener is None:
+            self._listener = CheckedListener(self.buffer, self._cache_time, self._changed)
 
     def close(self) -> None:
-        """Stop listening."""
-        self._listener.close()
+        """Stop listening; what is known stays."""
+        if self._listener is not None:
+            self._listener.close()
+            self._listener = None
 
     def lookup(
         self, target_frame: str, source_frame: str, stamp: Optional[float] = None, timeout: float = 0.0,

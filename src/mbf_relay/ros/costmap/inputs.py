@@ -32,6 +32,8 @@ from mbf_relay.scan_monitor import ScanMonitor
 from mbf_relay.senders import HOW_TO_GO_ON, Senders
 
 BUFFER_BYTES = 1 << 24
+MOST_WAITING, MOST_OF_ONE = 50, 5
+"""Messages that wait for the next update or for tf: in all, and of one sensor where only its newest counts."""
 WARN_PERIOD = 5.0
 """Seconds between two warnings about the same source."""
 
@@ -57,7 +59,8 @@ class SensorInput:
         self._name, self._parameters, self._costmap, self._transforms = name, parameters, costmap, transforms
         self._patience, self._max_age = patience, max_age or None
         self._lock = threading.Lock()  # guards the messages that wait; nothing else is locked while it is held
-        self._waiting: Deque[Tuple[float, Any]] = deque(maxlen=50 if parameters.observation_persistence > 0.0 else 5)
+        self._waiting: Deque[Tuple[float, Any]] = deque(maxlen=MOST_WAITING)
+        self._most = MOST_WAITING if parameters.observation_persistence > 0.0 else MOST_OF_ONE
         self._trouble: Optional[str] = None
         self._warnings = ThrottledWarnings()
         self._senders = Senders()
@@ -66,8 +69,8 @@ class SensorInput:
         self._used_since = math.inf
         self._used_last: Optional[float] = None
         self._subscriber = rospy.Subscriber(
-            parameters.topic, MESSAGE_TYPES[parameters.data_type], self._keep, queue_size=1, buff_size=BUFFER_BYTES,
-            tcp_nodelay=True)
+            parameters.topic, MESSAGE_TYPES[parameters.data_type], self._keep, queue_size=MOST_OF_ONE,
+            buff_size=BUFFER_BYTES, tcp_nodelay=True)
 
     @property
     def trouble(self) -> Optional[str]:
@@ -92,6 +95,10 @@ class SensorInput:
         with self._lock:
             if self._waiting and now < self._waiting[-1][0]:
                 self._waiting.clear()  # time was set back: what waits belongs to a world that is over
+            frame = message.header.frame_id
+            same = [index for index, (_, other) in enumerate(self._waiting) if other.header.frame_id == frame]
+            if len(same) >= self._most:  # a fast lidar must not displace a slow one on its topic
+                del self._waiting[same[0]]
             self._waiting.append((now, message))
 
     def feed(self, now: float) -> None:

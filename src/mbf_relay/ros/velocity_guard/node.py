@@ -2,14 +2,15 @@
 
 Mbf_relay.control.velocity_guard judges.
 
-One thread, the main one, does everything. Callbacks leave the newest velocity and the newest scan and wake it.
+One thread, the main one, does everything. Callbacks leave the newest velocity and the newest scans and wake it.
 """
 
 from __future__ import annotations
 
 import math
 import threading
-from typing import Dict, Optional
+from collections import deque
+from typing import Deque, Dict, Optional
 
 import rospy
 from geometry_msgs.msg import Twist
@@ -31,6 +32,8 @@ LOOK_PERIOD = 0.05
 """Wall seconds between two looks at the clock while the robot is driven; simulated clocks may run fast."""
 JUDGE_PERIOD = 0.1
 """Seconds of ROS time after which a velocity is judged again, though neither another one nor a scan has come."""
+MOST_SCANS = 10
+"""Scans that may wait to be looked at, of all lidars on the topic: of each the newest counts."""
 IDLE_PERIOD = 0.5
 """Wall seconds between two looks while the robot stands."""
 
@@ -41,12 +44,13 @@ class VelocityGuardNode:
     def __init__(self, settings: VelocityGuardParameters) -> None:
         self._settings = settings
         self._guard = VelocityGuard(settings)
-        self._transforms: Optional[Transforms] = Transforms()
+        self._transforms = Transforms()
         self._lidars = LidarGeometry(self._transforms)
         self._trouble = ""  # why scans are of no use
+        self._unplaced = ""  # frame of a lidar of which tf does not know where it sits
         self._woken = threading.Event()
         self._command: Optional[Twist] = None
-        self._scan: Optional[LaserScan] = None
+        self._scans: Deque[LaserScan] = deque(maxlen=MOST_SCANS)
         self._sending = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
         self._closed = False
         self._verdict = Verdict(STOP, STANDING, "standing: no velocity is asked for")
@@ -57,7 +61,7 @@ class VelocityGuardNode:
         self._velocity = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
         on_shutdown(self.close)
         self._commands = rospy.Subscriber("cmd_vel_raw", Twist, self._take_command, queue_size=1, tcp_nodelay=True)
-        rospy.Subscriber("scan", LaserScan, self._take_scan, queue_size=1, buff_size=1 << 18, tcp_nodelay=True)
+        rospy.Subscriber("scan", LaserScan, self._take_scan, queue_size=MOST_SCANS, buff_size=1 << 18, tcp_nodelay=True)
         self._diagnostics = diagnostics.Diagnostics()
         self._diagnostics.add("velocities", self._report)
 
@@ -79,21 +83,24 @@ class VelocityGuardNode:
         self._woken.set()
 
     def _take_scan(self, message: LaserScan) -> None:
-        self._scan = dated(message)
+        self._scans.append(dated(message))
         self._woken.set()
 
     def _step(self, now: float) -> None:
         """Judge what came; publish each velocity that was asked for, and what becomes of the last one."""
-        scan, self._scan = self._scan, None
+        scans: Dict[str, LaserScan] = {}
+        while self._scans:
+            scan = self._scans.popleft()
+            scans[scan.header.frame_id] = scan
         command, self._command = self._command, None
-        if scan is not None:
+        for scan in scans.values():
             self._see(scan)
         if command is not None:
             asked = Twist2D(command.linear.x, command.linear.y, command.angular.z)
             self._guard.take_command(now, asked)
         elif self._commands.get_num_connections() == 0:
             self._guard.forget_command()
-        elif scan is None and 0.0 <= now - self._judged_at < JUDGE_PERIOD:
+        elif not scans and 0.0 <= now - self._judged_at < JUDGE_PERIOD:
             return
         self._judged_at = now
         before, self._verdict = self._verdict, self._guard.verdict(now)
@@ -107,13 +114,18 @@ class VelocityGuardNode:
     def _see(self, message: LaserScan) -> None:
         try:
             self._guard.take_scan(*self._lidars.scan_in_base(message, self._settings.base_frame))
-        except (InvalidMessage, TransformError) as error:
+        except InvalidMessage as error:
             self._trouble = str(error)
             return
+        except TransformError as error:
+            self._trouble = str(error)
+            self._unplaced = message.header.frame_id
+            self._transforms.listen()
+            return
         self._trouble = ""
-        if self._transforms is not None:  # lidars do not move on a robot
+        if self._unplaced in ("", message.header.frame_id):  # lidars do not move on a robot
+            self._unplaced = ""
             self._transforms.close()
-            self._transforms = None
 
     def _send(self, velocity: Twist2D) -> None:
         with self._sending:
