@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from programs import program
 from ros_master import Master
 
 from mbf_relay.ros.tools.demo_graph import free_port
@@ -25,7 +26,7 @@ def how_they_start(work, folder):
     master = Master(free_port())
     environment = dict(os.environ, ROS_MASTER_URI=master.uri, ROS_LOG_DIR=str(folder))
     a_map = subprocess.Popen(
-        ["rosrun", "mbf_relay", "map_server", MAP, "__name:=a_map"], env=environment, stdout=subprocess.DEVNULL)
+        [program("map_server"), MAP, "__name:=a_map"], env=environment, stdout=subprocess.DEVNULL)
     try:
         starter = ROOT / "test" / "started_nodes.py"
         subprocess.run([sys.executable, starter, folder / "work", folder / "results"], env=environment, check=True)

@@ -163,8 +163,9 @@ def find_linters() -> List[Job]:
         return []
     commands = {
         "ruff": ["check", "--no-cache", CHECKOUT, "--config", os.path.join(CHECKOUT, ".ruff.toml")],
-        "mypy": ["--config-file", os.path.join(CHECKOUT, ".mypy.ini"), "--cache-dir", os.devnull,
-                 "--python-executable", sys.executable],
+        # what it remembers, by contents, spares 35 of 40 s of a core at the next run, in whichever checkout that is
+        "mypy": ["--config-file", os.path.join(CHECKOUT, ".mypy.ini"), "--python-executable", sys.executable,
+                 "--cache-dir", os.path.join(os.path.dirname(folder), "mypy_cache")],
         "bandit": ["-q", "-c", os.path.join(CHECKOUT, ".bandit.yaml"), "-r", os.path.join(CHECKOUT, "src")],
     }
     return [

@@ -18,6 +18,7 @@ from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
+from programs import program  # noqa: E402
 from synthetic_room import lidar_message, mounting, synthetic_room  # noqa: E402
 
 from mbf_relay.geometry import Pose2D  # noqa: E402
@@ -54,7 +55,7 @@ def run(*command):
     """Run one of the package's commands, which is to leave nothing behind where temporary files go."""
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
-            ["rosrun", "mbf_relay"] + list(command), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            [program(command[0]), *command[1:]], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             timeout=60, env=dict(os.environ, TMPDIR=folder),
         )
         assert os.listdir(folder) == [], f"{command[0]} has left {os.listdir(folder)} in {folder}"

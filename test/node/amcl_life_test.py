@@ -20,6 +20,7 @@ from std_srvs.srv import Empty
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 
+from programs import program  # noqa: E402
 from ros_testing import Listener, connected_publisher, wait_until  # noqa: E402
 from synthetic_room import RoomRobot, initial_pose_message, synthetic_room  # noqa: E402
 
@@ -46,7 +47,7 @@ class Amcl:
         self.namespace = namespace
         arguments = [f"_{name}:={value}" for name, value in {**USUAL, **parameters}.items() if value is not None]
         self._process = subprocess.Popen(
-            ["rosrun", "mbf_relay", "amcl", f"__ns:=/{namespace}", f"scan:=/{scan}"] + arguments, start_new_session=True
+            [program("amcl"), f"__ns:=/{namespace}", f"scan:=/{scan}"] + arguments, start_new_session=True
         )
         self.poses = Listener(f"/{namespace}/amcl_pose", PoseWithCovarianceStamped, connected=True)
 

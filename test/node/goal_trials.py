@@ -22,10 +22,11 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Twist
 from mbf_msgs import msg as mbf
 from move_base_msgs import msg as move_base_msgs
 from nav_msgs.msg import Odometry
+from programs import program
 from ros_testing import Listener, wait_until
 
 SERVER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "paper_server.py")
-RELAY = ["rosrun", "mbf_relay", "move_base_relay", "__name:=move_base"]
+RELAY = [program("move_base_relay"), "__name:=move_base"]
 TERMINAL = (2, 3, 4, 5, 8)
 NAN, INF = float("nan"), float("inf")
 STANDS_FOR = 0.25

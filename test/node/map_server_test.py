@@ -16,6 +16,7 @@ from nav_msgs.srv import GetMap, LoadMap, LoadMapResponse
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 
+from programs import program  # noqa: E402
 from ros_testing import Listener  # noqa: E402
 
 from mbf_relay.geometry import Pose2D  # noqa: E402
@@ -80,7 +81,7 @@ class TestMapServer(unittest.TestCase):
         self.change(path)
         stem = os.path.join(self.folder, "saved")
         done = subprocess.run(
-            ["rosrun", "mbf_relay", "map_saver", "-f", stem],
+            [program("map_saver"), "-f", stem],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             timeout=30,
@@ -94,7 +95,7 @@ class TestMapServer(unittest.TestCase):
             (["map_saver", "--occ", "10", "--free", "20"], b"--occ is 10"),
         ):
             done = subprocess.run(
-                ["rosrun", "mbf_relay"] + command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=30
+                [program(command[0]), *command[1:]], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=30
             )
             self.assertEqual(done.returncode, 1, done.stdout)
             self.assertIn(complaint, done.stdout)

@@ -30,6 +30,7 @@ from mbf_msgs.msg import (
 from mbf_msgs.srv import CheckPath, CheckPathRequest, CheckPoint, CheckPose, CheckPoseRequest
 from nav_msgs.msg import OccupancyGrid
 from node.move_base_flex_case import BURGER, PADDING, STATES, MoveBaseFlexCase, is_zero, path_of, pose_at
+from programs import program
 from ros_testing import Listener, wait_until
 from std_srvs.srv import Empty
 from tally import LONG
@@ -291,7 +292,7 @@ class MoveBaseFlexTest(MoveBaseFlexCase):
             name = f"wrong_{abs(hash(words))}"
             rospy.set_param(name, {**rospy.get_param("move_base_flex"), **parameters})
             node = subprocess.Popen(
-                ["rosrun", "mbf_relay", "move_base_flex", f"__name:={name}"],
+                [program("move_base_flex"), f"__name:={name}"],
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 universal_newlines=True,

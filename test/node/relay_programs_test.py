@@ -18,13 +18,14 @@ from move_base_msgs.msg import MoveBaseActionGoal
 from move_base_msgs.msg import MoveBaseActionResult as Result
 from node.relay_case import RelayCase
 from node.scripted_server import SCRIPTS
+from programs import program
 from ros_testing import Listener, connected_publisher, wait_until
 
 
 @contextlib.contextmanager
 def started(executable, *arguments):
     """Run a node of the package as `move_base`; end it in the end."""
-    process = subprocess.Popen(["rosrun", "mbf_relay", executable, *arguments])
+    process = subprocess.Popen([program(executable), *arguments])
     try:
         yield process
     finally:
@@ -102,7 +103,7 @@ class RelayProgramsTest(RelayCase):
     def run_client(self, name, status, *arguments):
         """Run a client, check its exit status and return what it said."""
         done = subprocess.run(
-            ["rosrun", "mbf_relay", name, *arguments],
+            [program(name), *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             timeout=60.0,

@@ -12,6 +12,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, Twist
 from map_msgs.msg import OccupancyGridUpdate
 from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult
 from nav_msgs.msg import OccupancyGrid
+from programs import program
 from ros_testing import Listener, wait_until
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import LaserScan
@@ -69,7 +70,7 @@ class ViewProcess:
         self.environment = dict(os.environ, **({"ROS_MASTER_URI": master} if master else {}))
         words = [f"_{key}:={value}" for key, value in {"port": self.port, **parameters}.items()]
         self.log = os.path.join(os.environ.get("ROS_TEST_RESULTS_DIR", "/tmp"), f"{name}.log")
-        self.command = ["rosrun", "mbf_relay", "web_view", f"__name:={name}", *words]
+        self.command = [program("web_view"), f"__name:={name}", *words]
         self.start()
 
     def start(self):

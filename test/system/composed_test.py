@@ -19,6 +19,7 @@ from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 from benchmark.processes import node_pid  # noqa: E402
+from programs import program  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 from running_stack import Witness, run_client, start_test_node  # noqa: E402
 
@@ -63,7 +64,7 @@ class TestComposed(unittest.TestCase):
         ) as single:
             single.wait_for_parameter("/use_sim_time", 60.0)
             client = subprocess.run(
-                ["rosrun", "mbf_relay", "movebase_client.py"], env=single.environment, stdout=subprocess.PIPE,
+                [program("movebase_client.py")], env=single.environment, stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT, timeout=240.0,
             )
             self.assertEqual(client.returncode, 0, client.stdout)

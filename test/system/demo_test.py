@@ -17,6 +17,7 @@ import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
+from programs import program  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 from running_stack import OF_THE_MACHINE  # noqa: E402
 from web_client import WebClient  # noqa: E402
@@ -44,7 +45,7 @@ class Demo:
         self.log = os.path.join(self.folder, "demo.log")
         with open(self.log, "wb") as stream:
             self.process = subprocess.Popen(
-                ["rosrun", "mbf_relay", "demo.py", "--no-rviz", "--report", self.folder, *options],
+                [program("demo.py"), "--no-rviz", "--report", self.folder, *options],
                 stdout=stream, stderr=subprocess.STDOUT, env=dict(os.environ, **{MARK: self.mark}),
             )
 

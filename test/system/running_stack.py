@@ -10,6 +10,7 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."
 import numpy as np  # noqa: E402
 import rospy  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
+from programs import program  # noqa: E402
 from ros_testing import Listener, wait_until  # noqa: E402
 from rosgraph_msgs.msg import Log  # noqa: E402
 from visualization_msgs.msg import MarkerArray  # noqa: E402
@@ -34,7 +35,7 @@ class Run(NamedTuple):
 def run_client(name: str, *arguments: str, timeout: float = 240.0) -> Run:
     """Run one of the package's executables as a user does and return how it ended."""
     process = subprocess.Popen(
-        ["rosrun", "mbf_relay", name, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        [program(name), *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         universal_newlines=True,
     )
     try:

@@ -20,6 +20,7 @@ from rosgraph_msgs.msg import Log
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
+from programs import program  # noqa: E402
 from ros_testing import Listener, connected_publisher, wait_until  # noqa: E402
 from running_stack import Witness, start_test_node  # noqa: E402
 from web_page import WebPage, missing  # noqa: E402
@@ -38,7 +39,7 @@ class Server:
         self.port = free_port()
         self.url = f"http://127.0.0.1:{self.port}/"
         words = [f"_{key}:={value}" for key, value in {"port": self.port, **parameters}.items()]
-        self._command = ["rosrun", "mbf_relay", "web_view", f"__name:={name}", *words]
+        self._command = [program("web_view"), f"__name:={name}", *words]
         self.start()
 
     def start(self):

@@ -9,6 +9,7 @@ import unittest
 
 import rospy
 import rostest
+from programs import program
 
 PATIENCE = 60.0
 NUMBERS = itertools.count(1)
@@ -82,7 +83,7 @@ def add_test_of_taken(executable, arguments, words):
 def start(executable, arguments):
     """Start an executable under a name of its own, since parameters outlive their node."""
     return subprocess.Popen(
-        ["rosrun", "mbf_relay", executable, *arguments, f"__name:=case_{next(NUMBERS)}"], stdout=subprocess.PIPE,
+        [program(executable), *arguments, f"__name:=case_{next(NUMBERS)}"], stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT, universal_newlines=True,
     )
 

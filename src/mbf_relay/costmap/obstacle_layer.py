@@ -117,7 +117,7 @@ class ObstacleLayer(CellLayer):
         rays = [one for source in self._sources.values() if source.parameters.clearing for one in source.kept]
         if not rays:
             return False
-        bearings = np.sort(np.concatenate([np.arctan2(*(one.ends - (one.x, one.y)).T[::-1]) for one in rays]))
+        bearings = np.sort(np.concatenate([np.arctan2(one.ends[:, 1] - one.y, one.ends[:, 0] - one.x) for one in rays]))
         gaps = np.diff(bearings, append=bearings[:1] + 2.0 * math.pi)
         return bool(len(gaps)) and float(gaps.max()) <= UNSEEN
 

@@ -13,6 +13,7 @@ import pytest
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
+from programs import program
 from ros_testing import wait_until
 from tally import LONG, trial
 
@@ -54,7 +55,7 @@ def start(name, arguments, port, folder):
     environment = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}", ROS_LOG_DIR=str(folder))
     with open(str(folder / "output"), "wb") as log:
         return subprocess.Popen(
-            ["rosrun", "mbf_relay", name, *arguments], env=environment, stdout=log, stderr=subprocess.STDOUT
+            [program(name), *arguments], env=environment, stdout=log, stderr=subprocess.STDOUT
         )
 
 
@@ -62,7 +63,7 @@ def is_ready_to_end(process):
     """Return whether a process has blocked SIGTERM, which is the first thing a node does."""
     assert process.poll() is None, "it ended by itself"
     if "python" not in os.path.basename(os.readlink(f"/proc/{process.pid}/exe")):
-        return False  # rosrun, which is a shell and blocks signals now and then
+        return False  # env, which looks for the interpreter
     with open(f"/proc/{process.pid}/status", encoding="ascii") as stream:
         blocked = next(line for line in stream if line.startswith("SigBlk"))
     return int(blocked.split()[1], 16) >> (signal.SIGTERM - 1) & 1

@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
+from programs import program  # noqa: E402
 from ros_master import Master  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 
@@ -22,7 +23,7 @@ MAP = Path(__file__).resolve().parents[4] / "config" / "maps" / "turtlebot3_worl
 def start(port, folder, *arguments):
     environment = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}", ROS_LOG_DIR=str(folder))
     return subprocess.Popen(
-        ["rosrun", "mbf_relay", "map_server", str(MAP), *arguments], env=environment, stdout=subprocess.PIPE,
+        [program("map_server"), str(MAP), *arguments], env=environment, stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT, universal_newlines=True,
     )
 

@@ -12,6 +12,7 @@ pytest.importorskip("mbf_msgs", reason="needs the built package")
 
 import rospy  # noqa: E402
 import rospy.impl.paramserver  # noqa: E402
+from programs import program  # noqa: E402
 from ros_master import Master  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 
@@ -33,7 +34,7 @@ def words_of_a_node(
 ):
     """Run a node until it offers a topic, end it, and return what it said, where `terminal` is no file."""
     node = subprocess.Popen(
-        ["rosrun", "mbf_relay", *command], env=dict(environment, ROS_MASTER_URI=master.uri),
+        [program(command[0]), *command[1:]], env=dict(environment, ROS_MASTER_URI=master.uri),
         stdout=terminal, stderr=subprocess.STDOUT, universal_newlines=True,
         preexec_fn=(lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))) if full else None,
     )
