@@ -9,6 +9,7 @@ from typing import List, Tuple
 import numpy as np
 
 from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.gaussian_kernels import moments
 from mbf_relay.localization.resampling import hash_table
 from mbf_relay.localization.resampling_kernels import label_clusters
 
@@ -46,16 +47,18 @@ def heaviest_first(labels: np.ndarray, weights: np.ndarray, count: int) -> List[
 
 def mean_and_covariance(poses: np.ndarray, weights: np.ndarray) -> Tuple[Pose2D, np.ndarray]:
     """Return the weighted mean pose and covariance, shape (3, 3); the heading's is -2 ln R as in amcl."""
+    mean, spread, covariance = np.empty(3), np.empty((3, 3)), np.zeros((3, 3))
+    length = moments(np.ascontiguousarray(poses), np.ascontiguousarray(weights), mean, spread)
+    covariance[:2, :2] = spread[:2, :2]
+    covariance[2, 2] = max(0.0, -2.0 * math.log(min(1.0, max(1e-300, length))))
+    return Pose2D(*map(float, mean)), covariance
+
+
+def deviation_of(poses: np.ndarray, weights: np.ndarray) -> float:
+    """Return the deviation (m), of one axis, of the positions of weighted poses, (N, 3) and (N,)."""
     share = weights / weights.sum()
-    headings = poses[:, 2].copy()
-    x, y, cos, sin = (
-        float((share * values).sum()) for values in (poses[:, 0], poses[:, 1], np.cos(headings), np.sin(headings))
-    )
-    offsets = poses[:, :2] - (x, y)
-    covariance = np.zeros((3, 3))
-    covariance[:2, :2] = (offsets * share[:, None]).T @ offsets
-    covariance[2, 2] = max(0.0, -2.0 * math.log(min(1.0, max(1e-300, math.hypot(cos, sin)))))
-    return Pose2D(x, y, math.atan2(sin, cos)), covariance
+    variances = [float(share @ np.square(axis - share @ axis)) for axis in (poses[:, 0], poses[:, 1])]
+    return math.sqrt(0.5 * sum(variances))
 
 
 def estimate(poses: np.ndarray, weights: np.ndarray) -> Estimate:
@@ -65,7 +68,8 @@ def estimate(poses: np.ndarray, weights: np.ndarray) -> Estimate:
     """
     labels, count = cluster(poses)
     label, share = heaviest_first(labels, weights, count)[0]
-    members = labels == label
-    pose, _ = mean_and_covariance(poses[members], weights[members])
-    _, covariance = mean_and_covariance(poses, weights)
+    pose, covariance = mean_and_covariance(poses, weights)
+    if count > 1:
+        members = labels == label
+        pose, _ = mean_and_covariance(poses[members], weights[members])
     return Estimate(pose, covariance, min(1.0, share), count)

@@ -9,6 +9,7 @@ from typing import Tuple
 import numpy as np
 
 from mbf_relay.geometry import Pose2D, normalize_angles
+from mbf_relay.localization.gaussian_kernels import log_mixture, moments
 
 FLOOR = np.array([0.02, 0.02, 0.01])
 """Least deviations (m, m, rad) of a cluster of particles: what lies in one place can neither spread nor be fitted."""
@@ -29,14 +30,9 @@ class PoseGaussian:
     @staticmethod
     def fitted(poses: np.ndarray, weights: np.ndarray) -> PoseGaussian:
         """Return the distribution with the moments of weighted poses, shape (N, 3)."""
-        share = weights / weights.sum()
-        headings = poses[:, 2].copy()
-        x, y, cos, sin = (
-            (share * values).sum() for values in (poses[:, 0], poses[:, 1], np.cos(headings), np.sin(headings))
-        )
-        mean = np.array([x, y, math.atan2(sin, cos)])
-        offsets = differences(poses, mean)
-        return PoseGaussian(mean, (offsets * share[:, None]).T @ offsets)
+        mean, covariance = np.empty(3), np.empty((3, 3))
+        moments(np.ascontiguousarray(poses), np.ascontiguousarray(weights), mean, covariance)
+        return PoseGaussian(mean, covariance)
 
     def shortfall(self) -> np.ndarray:
         """Return the deviations, shape (3,), of independent noise that makes it no narrower than FLOOR."""
@@ -63,11 +59,7 @@ class PoseGaussian:
 
     def log_density(self, poses: np.ndarray) -> np.ndarray:
         """Return the log-density at poses, (N, 3) in, (N,) out."""
-        root = np.linalg.cholesky(self.covariance)
-        whitened = differences(poses, self.mean) @ np.linalg.inv(root).T
-        normalizer = LOG_NORMALIZER - np.log(np.diag(root).copy()).sum()
-        logs: np.ndarray = normalizer - 0.5 * np.einsum("ij,ij->i", whitened, whitened)
-        return logs
+        return PoseMixture((self,), np.ones(1)).log_density(poses)
 
     def sample(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """Draw poses, shape (count, 3)."""
@@ -83,25 +75,21 @@ class PoseMixture:
 
     def log_density(self, poses: np.ndarray) -> np.ndarray:
         """Return the log-density at poses, (N, 3) in, (N,) out."""
-        logs = [math.log(share) + part.log_density(poses) for part, share in zip(self.parts, self.shares)]
-        log_density: np.ndarray = np.logaddexp.reduce(logs, axis=0)
-        return log_density
+        roots = np.linalg.cholesky([part.covariance for part in self.parts])
+        heights = np.log(self.shares) + LOG_NORMALIZER - np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
+        means, logs = np.array([part.mean for part in self.parts]), np.empty(len(poses))
+        log_mixture(np.ascontiguousarray(poses), means, np.linalg.inv(roots), heights, logs)
+        return logs
 
     def sample(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw poses, shape (count, 3)."""
-        chosen = rng.choice(len(self.parts), count, p=self.shares)
-        means = np.array([part.mean for part in self.parts])
-        roots = np.array([np.linalg.cholesky(part.covariance) for part in self.parts])
-        poses: np.ndarray = means[chosen] + np.einsum("nij,nj->ni", roots[chosen], rng.standard_normal((count, 3)))
+        """Draw poses, shape (count, 3), those of one part after those of another."""
+        poses: np.ndarray = rng.standard_normal((count, 3))
+        end = 0
+        for part, drawn in zip(self.parts, rng.multinomial(count, self.shares)):
+            own, end = poses[end:end + drawn], end + drawn
+            own[:] = own @ np.linalg.cholesky(part.covariance).T + part.mean
         poses[:, 2] = normalize_angles(poses[:, 2])
         return poses
-
-
-def differences(poses: np.ndarray, mean: np.ndarray) -> np.ndarray:
-    """Return poses minus a pose, shape (N, 3), with headings wrapped to [-pi, pi)."""
-    offsets: np.ndarray = poses - mean
-    offsets[:, 2] = normalize_angles(offsets[:, 2])
-    return offsets
 
 
 def log_sum_exp(values: np.ndarray) -> float:

@@ -177,8 +177,8 @@ class LikelihoodFieldProbModel(FieldModel):
 
 def is_converged(poses: np.ndarray) -> bool:
     """Return whether all particles lie within half a metre of their mean in x and in y."""
-    offsets = np.abs(poses[:, :2] - poses[:, :2].mean(axis=0))
-    return bool(offsets.max() <= CONVERGED_WITHIN)
+    axes = poses[:, 0], poses[:, 1]
+    return all(max(axis.max() - axis.mean(), axis.mean() - axis.min()) <= CONVERGED_WITHIN for axis in axes)
 
 
 MODELS: Dict[str, Callable[[DistanceField, LocalizerParameters], LaserModel]] = {

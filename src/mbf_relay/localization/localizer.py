@@ -202,7 +202,7 @@ class Localizer:
             shown = self._shown_way(odom_pose, scan)
             if shown <= max(self.parameters.update_min_d, LEAST_SHOWN):
                 return None
-        beams = self._laser_model.pick(scan, laser_pose_in_base)
+        beams = self._pick(scan, laser_pose_in_base)
         before = odom_pose if self._odom_pose is None else self._odom_pose
         if self._odom_pose is not None:
             self._propagate(before, odom_pose, shown)
@@ -270,11 +270,17 @@ class Localizer:
             self._tracker.predict(after.relative_to(before), self._motion_model.covariance(before, after), shown)
         self.poses = self._motion_model.propagate(self.poses, before, after, self._rng)
 
-    def _correct(self, scan: LaserScan, laser_pose: Pose2D, picked: Beams) -> Corrected:
+    def _pick(self, scan: LaserScan, laser_pose: Pose2D) -> Beams:
+        """Return the beams the filter looks at: all in the robust form."""
+        if not self.parameters.robust:
+            return self._laser_model.pick(scan, laser_pose)
+        return pick_beams(scan, laser_pose, 1, self.parameters.laser_min_range, self.parameters.laser_max_range)
+
+    def _correct(self, scan: LaserScan, laser_pose: Pose2D, beams: Beams) -> Corrected:
         """Redraw particles with the whole scan in view, weigh them, by a laser model that was chosen, and normalise."""
-        beams = pick_beams(scan, laser_pose, 1, self.parameters.laser_min_range, self.parameters.laser_max_range)
         weigh = None
         if self.parameters.laser_model_type != OWN_MODEL:
+            picked = self._laser_model.pick(scan, laser_pose)
             weigh = functools.partial(self._laser_model.tempered, beams=picked, converged=self._converged)
         corrected = self._tracker.correct(
             self.poses, self.log_weights, beams, scan.frame, self._rng, self._forced, weigh)

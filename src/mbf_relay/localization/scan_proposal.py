@@ -17,7 +17,7 @@ from typing import Callable, NamedTuple, Optional, Tuple
 import numpy as np
 
 from mbf_relay.localization.estimate import cluster, heaviest_first
-from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp
+from mbf_relay.localization.gaussians import PoseGaussian, PoseMixture, log_sum_exp
 from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, apart, mixture_around, some_of
 
 Weigh = Callable[[np.ndarray], np.ndarray]
@@ -26,6 +26,8 @@ CLUSTERS = 40
 """Clusters, heaviest first, that are looked into; a tracked robot has one or two, a lost one many."""
 STARTS = 8
 MANY_STARTS = 150
+LOOKED_AT = 60
+"""Particles for each start, about, that are looked at to choose it."""
 AT_LARGE = np.array([1.0, 1.0, 0.7])
 """Deviations (m, m, rad) from which a cluster is more than one place, and is climbed from many."""
 DRAWN = 0.5
@@ -85,8 +87,8 @@ class ScanProposal:
             look = functools.partial(self._likelihood.log, endpoints=endpoints, news=news)
         else:
             look = functools.partial(_counted, weigh, news)
-        # One cluster is redrawn as a whole: what its particles were worth only says where to climb from.
-        likelihoods = look(poses) if count > 1 else self._likelihood.log(poses, some_of(endpoints, PREVIEWED), news)
+        # One cluster is redrawn as a whole: what its particles are worth is known afterwards.
+        likelihoods = look(poses) if count > 1 else np.zeros(len(poses))
         weights = np.exp(log_weights + likelihoods - (log_weights + likelihoods).max())
         held = best = PoseGaussian(poses[0], np.eye(3))
         explained = 0.0
@@ -119,22 +121,37 @@ class ScanProposal:
         fitted = PoseGaussian.fitted(poses[members], np.exp(own_weights - total))
         prior = fitted.widened(fitted.shortfall())
         own = poses[members] + fitted.shortfall() * rng.standard_normal((len(members), 3))
-        spread = np.sqrt(np.diag(prior.covariance))
-        count = MANY_STARTS if (spread > AT_LARGE).any() else STARTS
-        starts = own[apart(own, likelihoods[members] + own_weights, count, distance=0.1, turn=0.06)]
+        starts = self._starts(own, own_weights, np.sqrt(np.diag(prior.covariance)), endpoints, news)
         modes = self._likelihood.modes(np.vstack((starts, prior.mean)), prior, endpoints, news)
         around = mixture_around(modes)
         drawn = rng.random(len(members)) < DRAWN * news
         if drawn.any() and not drawn.all():
             share = float(drawn.mean())
             own[drawn] = around.sample(int(drawn.sum()), rng)
-            target = prior.log_density(own)
-            both = np.logaddexp(math.log(1.0 - share) + target, math.log(share) + around.log_density(own))
-            log_weights[members] = total + target - both + np.where(
+            both = PoseMixture((prior, *around.parts), np.append(1.0 - share, share * around.shares))
+            log_weights[members] = total + prior.log_density(own) - both.log_density(own) + np.where(
                 drawn, -math.log(len(members)), math.log(1.0 - share) + own_weights - log_sum_exp(own_weights[~drawn])
             )
         poses[members], likelihoods[members] = own, look(own)
         return prior, modes
+
+    def _starts(
+        self, poses: np.ndarray, log_weights: np.ndarray, spread: np.ndarray, endpoints: np.ndarray, news: float
+    ) -> np.ndarray:
+        """Return where to climb from, shape (K, 3): where weight and some of the beams are best, apart from each other.
+
+        Args:
+            poses: Of a cluster, shape (N, 3).
+            log_weights: Shape (N,).
+            spread: Deviations of the cluster (m, m, rad), shape (3,).
+            endpoints: Of the scan, shape (B, 2), in the base's frame.
+            news: Share of the scan, 0 to 1, that earlier ones have not told.
+        """
+        count = MANY_STARTS if (spread > AT_LARGE).any() else STARTS
+        some = slice(None, None, max(1, len(poses) // (LOOKED_AT * count)))
+        looked_at = poses[some]
+        values = self._likelihood.log(looked_at, some_of(endpoints, PREVIEWED), news) + log_weights[some]
+        return looked_at[apart(looked_at, values, count, distance=0.1, turn=0.06)]
 
 
 def _counted(weigh: Weigh, news: float, poses: np.ndarray) -> np.ndarray:

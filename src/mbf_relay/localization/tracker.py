@@ -18,7 +18,7 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.beams import Beams
 from mbf_relay.localization.changed_blocks import ChangedBlocks
 from mbf_relay.localization.distance_field import DistanceField
-from mbf_relay.localization.estimate import mean_and_covariance
+from mbf_relay.localization.estimate import deviation_of, mean_and_covariance
 from mbf_relay.localization.evidence import Evidence, Seen
 from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp
 from mbf_relay.localization.hypotheses import Hypotheses
@@ -196,8 +196,7 @@ class HypothesisTracker:
 
     def reliability(self, poses: np.ndarray, log_weights: np.ndarray) -> float:
         """Return the probability that the hypothesis held by particles, shape (N, 3), is right."""
-        _, covariance = mean_and_covariance(poses, np.exp(log_weights - log_sum_exp(log_weights)))
-        deviation = math.sqrt(0.5 * float(covariance[0, 0] + covariance[1, 1]))
+        deviation = deviation_of(poses, np.exp(log_weights - log_weights.max()))
         return self.hypotheses.fit.value(self.hypotheses.share_held, deviation)
 
     def _unchanged(self, poses: np.ndarray, log_weights: np.ndarray, endpoints: np.ndarray) -> np.ndarray:

@@ -5,9 +5,10 @@ import pytest
 from benchmark.synthetic_drives import Rough, make_drive
 from synthetic_room import room, scan_at
 
-from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.geometry import IDENTITY, Pose2D, normalize_angles
 from mbf_relay.localization.beams import pick_beams
 from mbf_relay.localization.distance_field import DistanceField
+from mbf_relay.localization.estimate import deviation_of, mean_and_covariance
 from mbf_relay.localization.gaussians import FLOOR, PoseGaussian, PoseMixture, log_sum_exp
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.refinement_kernels import invert, linearize
@@ -152,6 +153,38 @@ def test_densities_are_normalised_and_samples_have_their_moments():
     fitted = PoseGaussian.fitted(part.sample(40000, np.random.default_rng(1)), np.ones(40000))
     assert fitted.mean == pytest.approx(part.mean, abs=0.01)
     assert fitted.covariance == pytest.approx(part.covariance, abs=0.004)
+
+
+def test_moments_and_densities_are_what_plain_numpy_gives():
+    """Sums are taken in another order, so that the last digits differ."""
+    rng = np.random.default_rng(3)
+    poses = np.column_stack((rng.normal(5.0, 0.3, 500), rng.normal(-2.0, 0.2, 500), rng.normal(3.1, 0.2, 500)))
+    poses[:, 2], weights = normalize_angles(poses[:, 2]), rng.random(500)
+
+    def differences(mean):
+        return np.column_stack((poses[:, :2] - mean[:2], normalize_angles(poses[:, 2] - mean[2])))
+
+    share = weights / weights.sum()
+    turned = share @ np.exp(1j * poses[:, 2])
+    mean = np.array([share @ poses[:, 0], share @ poses[:, 1], np.angle(turned)])
+    covariance = (differences(mean) * share[:, None]).T @ differences(mean)
+    fitted = PoseGaussian.fitted(poses, weights)
+    assert fitted.mean == pytest.approx(mean, abs=1e-12)
+    assert fitted.covariance == pytest.approx(covariance, abs=1e-12)
+    told, told_covariance = mean_and_covariance(poses, weights)
+    assert tuple(told) == pytest.approx(mean, abs=1e-12)
+    assert told_covariance[:2, :2] == pytest.approx(covariance[:2, :2], abs=1e-12)
+    assert told_covariance[2, 2] == pytest.approx(-2.0 * math.log(abs(turned)), abs=1e-12)
+    assert deviation_of(poses, weights) == pytest.approx(math.sqrt(0.5 * (covariance[0, 0] + covariance[1, 1])))
+
+    parts = (fitted, PoseGaussian(mean + (0.5, 0.0, 6.0), np.diag([0.2, 0.1, 0.3])), PoseGaussian(mean, np.eye(3)))
+    shares, densities = np.array([0.6, 0.3, 0.1]), np.zeros(500)
+    for part, one in zip(parts, shares):
+        squares = np.einsum("ni,ij,nj->n", differences(part.mean), part.information, differences(part.mean))
+        density = np.exp(-0.5 * squares) / math.sqrt((2.0 * math.pi) ** 3 * np.linalg.det(part.covariance))
+        densities += one * density
+        assert part.log_density(poses) == pytest.approx(np.log(density), abs=1e-9)
+    assert PoseMixture(parts, shares).log_density(poses) == pytest.approx(np.log(densities), abs=1e-9)
 
 
 def test_near_walls_do_not_outvote_far_ones():
