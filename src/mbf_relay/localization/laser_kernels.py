@@ -9,40 +9,45 @@ import numpy as np
 
 from mbf_relay.kernels import kernel
 
-MOST_CELLS = 1 << 31
-"""What a cell's number must stay below: it is kept in 32 bits."""
+MOST_CELLS = 1 << 24
+"""What the number of a cell around a pose must stay below: it is reckoned in float32, which counts so far."""
 
 
-@kernel("float64(float64[:,::1], uint16[::1], int64, float64, float64, float64, float64, float32[::1], int32[::1])")
-def sum_inside(ends, codes, width, column0, row0, cos, sin, table, cells):
+@kernel(
+    "float64(float32[:,::1], uint16[::1], int64, float32, float32, float32, float32, float32, float32[::1], int32[::1])"
+)
+def sum_inside(ends, codes, first, width, column0, row0, cos, sin, table, cells):
     """Add up what a table says of where beams end that are known to end on the map.
 
     First all cells, then all terms in four sums: loops without a branch, of which the compiler makes vector code and
-    in which no addition waits for the last.
+    in which no addition waits for the last. Cells are counted from one that no beam ends before, which keeps numbers
+    small: in float32, four at a time, an end is where it should be to 1e-4 of a cell.
 
     Args:
         ends: Of the beams, shape (2, B), in cells, in the base's frame.
         codes: Of the distance field, row after row.
+        first: Number of the cell that the others are counted from.
         width: Of a row.
-        column0, row0: Where the base is, in cells.
+        column0, row0: Where the base is, in cells from that cell on.
         cos, sin: Of its heading.
         table: The term of a beam that ends in a cell, for each code.
         cells: Room for B numbers.
     """
     beams = ends.shape[1]
     for j in range(beams):
-        column = np.int32(column0 + cos * ends[0, j] - sin * ends[1, j])
-        row = np.int32(row0 + sin * ends[0, j] + cos * ends[1, j])
-        cells[j] = np.int32(np.float64(row) * width + np.float64(column))
+        column = np.int32(column0 + (cos * ends[0, j] - sin * ends[1, j]))
+        row = np.int32(row0 + (sin * ends[0, j] + cos * ends[1, j]))
+        cells[j] = np.int32(np.float32(row) * width + np.float32(column))
+    around = codes[first:]
     total0, total1, total2, total3 = 0.0, 0.0, 0.0, 0.0
     whole = beams - beams % 4
     for j in range(0, whole, 4):
-        total0 += table[codes[cells[j]]]
-        total1 += table[codes[cells[j + 1]]]
-        total2 += table[codes[cells[j + 2]]]
-        total3 += table[codes[cells[j + 3]]]
+        total0 += table[around[cells[j]]]
+        total1 += table[around[cells[j + 1]]]
+        total2 += table[around[cells[j + 2]]]
+        total3 += table[around[cells[j + 3]]]
     for j in range(whole, beams):
-        total0 += table[codes[cells[j]]]
+        total0 += table[around[cells[j]]]
     return (total0 + total1) + (total2 + total3)
 
 
@@ -62,14 +67,15 @@ def sum_over_endpoints(poses, endpoints, codes, table, outside, frame, sums):
     height, width = codes.shape
     cos_origin, sin_origin = math.cos(frame[2]), math.sin(frame[2])
     scale = 1.0 / frame[3]
-    ends, cells, flat = np.empty((2, endpoints.shape[0])), np.empty(endpoints.shape[0], np.int32), codes.ravel()
-    reach, countable = 0.0, height * width < MOST_CELLS
+    ends = np.empty((2, endpoints.shape[0]), np.float32)
+    cells, flat, reach, countable = np.empty(endpoints.shape[0], np.int32), codes.ravel(), 0.0, True
     for j in range(endpoints.shape[0]):
         ends[0, j], ends[1, j] = endpoints[j, 0] * scale, endpoints[j, 1] * scale
-        length = math.hypot(ends[0, j], ends[1, j])
+        length = math.hypot(endpoints[j, 0], endpoints[j, 1]) * scale
         countable = countable and length < MOST_CELLS  # not so what is no number
         reach = max(reach, length)
-    reach += 1.0
+    reach += 2.0
+    countable = countable and 2.0 * reach * width < MOST_CELLS
     for i in range(poses.shape[0]):
         dx, dy = poses[i, 0] - frame[0], poses[i, 1] - frame[1]
         column0 = (cos_origin * dx + sin_origin * dy) * scale
@@ -78,7 +84,10 @@ def sum_over_endpoints(poses, endpoints, codes, table, outside, frame, sums):
         cos, sin = math.cos(heading), math.sin(heading)
         inside = column0 > reach and row0 > reach and column0 < width - reach and row0 < height - reach
         if countable and inside and abs(cos) <= 1.0:
-            sums[i] = sum_inside(ends, flat, width, column0, row0, cos, sin, table, cells)
+            column, row = math.floor(column0 - reach), math.floor(row0 - reach)
+            sums[i] = sum_inside(
+                ends, flat, int(row) * width + int(column), width, column0 - column, row0 - row, cos, sin, table, cells
+            )
             continue
         total = 0.0
         for j in range(endpoints.shape[0]):
