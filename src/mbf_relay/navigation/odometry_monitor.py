@@ -1,15 +1,17 @@
-"""Whether odometry can be believed: one that repeats its pose and tells a velocity says nothing of the robot."""
+"""Whether odometry and its transform can be believed: what repeats itself while the robot moves says nothing of it."""
 
 from __future__ import annotations
 
 from typing import Optional
 
-from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D
+from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D, angle_between
 
 REPEATED_FOR = 0.5
 """Seconds for which odometry may repeat a pose to the last bit and tell of motion: what moves changes its last bits."""
 MOVES = 0.02
 """Metres or radians per second from which the robot is said to move."""
+CAME = 0.03
+"""Metres or radians from which odometry has come somewhere else."""
 
 
 class OdometryMonitor:
@@ -35,3 +37,35 @@ class OdometryMonitor:
             return None
         return (f"odometry repeats the same pose for {stamp - self._since:.2f} s although it tells a velocity of "
                 f"{velocity.speed():.2f} m/s and {velocity.theta:.2f} rad/s")
+
+
+class TransformMonitor:
+    """Holds the poses of tf against odometry's, which say the same in frames of their own.
+
+    Where the node that broadcasts odometry's transform ends, another one's old pose may go on. What was contradicted
+    stays so until the pose changes: a robot that stands meanwhile has not got nearer to where tf has it.
+    """
+
+    def __init__(self) -> None:
+        self._pose: Optional[Pose2D] = None
+        self._told = IDENTITY
+        self._since = 0.0
+
+    def trouble(self, stamp: float, pose: Pose2D, told: Pose2D) -> Optional[str]:
+        """Return why a pose must not be driven on, or None.
+
+        Args:
+            stamp: Its time (s).
+            pose: Of the base by tf, in any frame.
+            told: Of the base by odometry.
+        """
+        if pose == IDENTITY or pose != self._pose or stamp < self._since:
+            self._pose, self._told, self._since = pose, told, stamp
+            return None
+        way, turn = told.distance_to(self._told), abs(angle_between(told.theta, self._told.theta))
+        if max(way, turn) <= CAME:
+            self._since = stamp
+        if stamp - self._since <= REPEATED_FOR:
+            return None
+        return (f"the pose by tf repeats itself for {stamp - self._since:.2f} s although odometry has come {way:.2f} m "
+                f"and {turn:.2f} rad")

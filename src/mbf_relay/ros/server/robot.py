@@ -12,7 +12,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
-from mbf_relay.navigation.odometry_monitor import OdometryMonitor
+from mbf_relay.navigation.odometry_monitor import OdometryMonitor, TransformMonitor
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.outcomes import StaleDataError
 from mbf_relay.ros.common.checks import InvalidMessage, check_stamp
@@ -72,7 +72,8 @@ class RosRobot(Robot):
         self._pose_timeout, self._odom_timeout = pose_timeout, odom_timeout
         self._odometry: Optional[RawOdometry] = None
         self._poses: Dict[str, Tuple[float, Pose2D]] = {}  # those looked up last, with their times (s), by frame
-        self._monitors: Dict[str, OdometryMonitor] = {}
+        self._tf_monitors: Dict[str, TransformMonitor] = {}
+        self._monitor = OdometryMonitor()
         self.commands = RateMeter(pause=COMMANDS_PAUSE)
         self._publisher = rospy.Publisher("cmd_vel", Twist, _Wheels(self), queue_size=1, tcp_nodelay=True)
         self._closing = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
@@ -100,8 +101,7 @@ class RosRobot(Robot):
         """Return the newest velocity, body frame.
 
         Raises:
-            StaleDataError: There is none, it is too old, or it is contradicted by the poses beside it, those of tf as
-                well: where the true transform ended another node's old one may go on.
+            StaleDataError: There is none, it is too old, or odometry's poses contradict it or those of tf.
         """
         if self._subscriber is None:
             return self.commanded or STOP
@@ -127,11 +127,13 @@ class RosRobot(Robot):
         position, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
         # as it is: a driver that fills in velocities alone is none to refuse
         pose = Pose2D(position.x, position.y, 2.0 * math.atan2(turn.z, turn.w))
-        poses = {f"tf, {self._base_frame} in {frame}": timed for frame, timed in list(self._poses.items())}
-        for where, (at, seen) in {self._topic: (stamp, pose), **poses}.items():
-            trouble = self._monitors.setdefault(where, OdometryMonitor()).trouble(at, seen, velocity)
+        trouble = self._monitor.trouble(stamp, pose, velocity)
+        if trouble is not None:
+            raise StaleDataError(f"{trouble} ({self._topic})")
+        for frame, (at, seen) in list(self._poses.items()):
+            trouble = self._tf_monitors.setdefault(frame, TransformMonitor()).trouble(at, seen, pose)
             if trouble is not None:
-                raise StaleDataError(f"{trouble} ({where})")
+                raise StaleDataError(f"{trouble} ('{self._base_frame}' in '{frame}' and {self._topic})")
         return velocity
 
     def command(self, velocity: Twist2D) -> None:

@@ -20,7 +20,7 @@ class Broadcast:
     """
 
     def __init__(self, monkeypatch, goes_on):
-        self.now, self._goes_on = 10.0, goes_on
+        self.now, self.x, self._goes_on = 10.0, 2.0, goes_on
         for name in ("Publisher", "Subscriber"):
             monkeypatch.setattr(rospy, name, lambda *_arguments, **_more: object())
         monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
@@ -37,14 +37,15 @@ class Broadcast:
         assert self.now - told <= max_age
         return message
 
-    def seen(self, seconds):
+    def seen(self, seconds, speed=0.2):
         """Return the velocities a controller gets in so many seconds."""
         velocities = []
         for _ in range(round(20 * seconds)):
             self.now += 0.05
+            self.x += 0.05 * speed
             odometry = Odometry()
             odometry.header.stamp = rospy.Time.from_sec(self.now)
-            odometry.pose.pose.position.x, odometry.twist.twist.linear.x = 0.2 * self.now, 0.2
+            odometry.pose.pose.position.x, odometry.twist.twist.linear.x = self.x, speed
             self.robot._odometry = _Told(odometry)
             self.robot.pose_in("odom")
             velocities.append(self.robot.velocity())
@@ -60,11 +61,13 @@ class _Told:
 
 
 def test_a_robot_is_not_driven_by_a_transform_that_repeats_itself_while_odometry_tells_of_motion(monkeypatch):
-    """It drove on for 0.7 m and was said to be stuck."""
+    """It drove on for 0.7 m and was said to be stuck; or stood, forgot why, and drove on again."""
     broadcast = Broadcast(monkeypatch, goes_on=True)
     assert len(broadcast.seen(1.5)) == 30
-    with pytest.raises(StaleDataError, match=r"repeats the same pose .* \(tf, base in odom\)"):
-        broadcast.seen(0.2)
+    with pytest.raises(StaleDataError, match="tf repeats itself .*'base' in 'odom' and /odom"):
+        broadcast.seen(0.5)
+    with pytest.raises(StaleDataError, match="repeats itself"):
+        broadcast.seen(2.0, speed=0.0)  # nor does it set out again once it stands
 
 
 def test_a_robot_whose_transform_comes_late_is_not_taken_for_one_that_contradicts_itself(monkeypatch):
