@@ -10,6 +10,9 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.simulation.robot import RobotModel
 from mbf_relay.simulation.shapes import cut
 
+HAIR = 1e-6
+"""Metres by which rounding may move a point, and more."""
+
 
 def obstruction(triangles: np.ndarray, owners: np.ndarray, pose: Pose2D, robot: RobotModel) -> Optional[int]:
     """Return whose surface the robot would cut, or whose inside it would stand in, None where there is room.
@@ -21,6 +24,8 @@ def obstruction(triangles: np.ndarray, owners: np.ndarray, pose: Pose2D, robot: 
         robot: Who needs room.
     """
     inverse = pose.inverse()
+    near = _abreast(triangles, inverse, robot.outline)
+    triangles, owners = triangles[near], owners[near]
     for height in robot.heights():
         segments, indices = cut(triangles, height)
         if not len(segments):
@@ -39,6 +44,20 @@ def obstruction(triangles: np.ndarray, owners: np.ndarray, pose: Pose2D, robot: 
 def surface_obstructs(triangles: np.ndarray, pose: Pose2D, robot: RobotModel) -> bool:
     """Return whether one closed surface, shape (N, 3, 3) in metres, leaves no room for the robot at `pose`."""
     return obstruction(triangles, np.zeros(len(triangles), dtype=int), pose, robot) is not None
+
+
+def _abreast(triangles: np.ndarray, inverse: Pose2D, outline: np.ndarray) -> np.ndarray:
+    """Return which triangles lie as far aside as the outline or the x axis: no others meet it, or the ray along x.
+
+    Args:
+        triangles: Shape (N, 3, 3) in metres.
+        inverse: Of the robot's pose.
+        outline: Of the robot, shape (K, 2) in metres.
+    """
+    aside = inverse.transform_points(triangles[:, :, :2].reshape(-1, 2))[:, 1].reshape(-1, 3)
+    right, left = min(0.0, outline[:, 1].min()) - HAIR, max(0.0, outline[:, 1].max()) + HAIR
+    abreast: np.ndarray = (aside.min(axis=1) <= left) & (aside.max(axis=1) >= right)
+    return abreast
 
 
 def _crosses_outline(segments: np.ndarray, outline: np.ndarray) -> np.ndarray:
