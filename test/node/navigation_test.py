@@ -197,10 +197,11 @@ class NavigationTest(unittest.TestCase):
             ended = {message.status.goal_id.id: message.status.status for message in results.messages}
             self.assertEqual(len(results.messages), len(names) + 1, "some goal ended twice")
             self.assertEqual(ended.pop(names[-1]), GoalStatus.SUCCEEDED)
-            for index, name in enumerate(names[:-1]):
-                # the wait above gives a plan the time to be done before the next goal comes
-                may_succeed = (GoalStatus.SUCCEEDED,) if action == "get_path" and index % 50 == 49 else ()
+            # a plan may be done before the next goal comes, on a busy machine any of them
+            may_succeed = (GoalStatus.SUCCEEDED,) if action == "get_path" else ()
+            for name in names[:-1]:
                 self.assertIn(ended[name], CANCELLED + may_succeed, name)
+            self.assertFalse(set(ended.values()).isdisjoint(CANCELLED), "none was replaced")
             results.close()
             goals.unregister()
 
