@@ -10,11 +10,9 @@ from sensor_msgs.msg import PointCloud2
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.cloud_scan import CloudParameters, scan_of_points
-from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.amcl.scan_queue import CloudScan, ScanQueue
-from mbf_relay.ros.common.checks import InvalidMessage, check_frames, check_stamp
+from mbf_relay.ros.common.checks import check_frames
 from mbf_relay.ros.common.clouds import cloud_points, rigid
-from mbf_relay.ros.common.conversions import dated
 from mbf_relay.ros.common.transforms import Transforms
 
 BUFFER_BYTES = 1 << 24
@@ -44,11 +42,9 @@ class CloudInput:
         )
 
     def _take(self, message: PointCloud2) -> None:
-        try:
-            check_stamp(message.header.stamp.to_sec(), rospy.get_time())
-            self._queue.put(scan_of_cloud(dated(message), self._values, self._transforms, self._base_frame()))
-        except (InvalidMessage, TransformError) as error:
-            rospy.logwarn_throttle(5.0, f"point cloud refused: {error}")
+        self._queue.offer(
+            message, rospy.get_time(),
+            lambda cloud: scan_of_cloud(cloud, self._values, self._transforms, self._base_frame()))
 
 
 def scan_of_cloud(

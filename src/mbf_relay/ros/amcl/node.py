@@ -34,8 +34,7 @@ from mbf_relay.ros.amcl.particle_cloud import ParticleCloud
 from mbf_relay.ros.amcl.saved_pose import SavedPose
 from mbf_relay.ros.amcl.scan_queue import AnyScan, CloudScan, ScanQueue
 from mbf_relay.ros.common import diagnostics, parameters
-from mbf_relay.ros.common.checks import InvalidMessage, check_stamp
-from mbf_relay.ros.common.conversions import dated, header, map_from_message, pose_to_message
+from mbf_relay.ros.common.conversions import header, map_from_message, pose_to_message
 from mbf_relay.ros.common.lidar_geometry import LidarGeometry
 from mbf_relay.ros.common.map_client import request_map, warn_of_frame
 from mbf_relay.ros.common.node import spare_what_stays
@@ -271,11 +270,7 @@ class AmclNode:
     # --- scans ----------------------------------------------------------------------------------------------------
 
     def _take_scan(self, message: LaserScanMessage) -> None:
-        try:
-            check_stamp(message.header.stamp.to_sec(), rospy.get_time())
-            self._queue.put(dated(message))
-        except InvalidMessage as error:
-            rospy.logwarn_throttle(5.0, f"scan refused: {error}")
+        self._queue.offer(message, rospy.get_time())
 
     def is_ready(self, message: AnyScan) -> bool:
         """Return whether odometry is known at a scan's time, and where its lidar sits."""

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from typing import Callable, Deque, Dict, List, NamedTuple, Optional, Union
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Union
 
 import rospy
 from sensor_msgs.msg import LaserScan as LaserScanMessage
 from std_msgs.msg import Header
 
 from mbf_relay.geometry import Pose2D
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.common.checks import InvalidMessage, check_stamp
+from mbf_relay.ros.common.conversions import dated
+from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 from mbf_relay.scan import LaserScan
 
 _ONE_SECOND = rospy.Duration(1.0)
@@ -34,10 +38,27 @@ class ScanQueue:
     the filter moves by odometry, and a scan it is late for would only make it later.
     """
 
-    def __init__(self, length: int = 100) -> None:
+    def __init__(self, length: int = 100, warnings: Optional[ThrottledWarnings] = None) -> None:
         self._changed = threading.Condition()  # guards all below; nothing else is locked while it is held
         self._has_news = False
         self._waiting: Deque[AnyScan] = deque(maxlen=length)
+        self._warnings = warnings or ThrottledWarnings()
+
+    def offer(self, message: Any, now: float, make: Callable[[Any], AnyScan] = lambda message: message) -> None:
+        """Add what a sensor sent, or tell why it is refused: not where that is over at once, as at a graph's start.
+
+        Args:
+            message: With a header.
+            now: The clock (s), 0 before its first message.
+            make: Makes a scan of it.
+        """
+        try:
+            check_stamp(message.header.stamp.to_sec(), now)
+            self.put(make(dated(message)))
+        except (InvalidMessage, TransformError) as error:
+            self._warnings.say(f"a message of {message._type} refused: {error}")
+        else:
+            self._warnings.worked()
 
     def put(self, message: AnyScan) -> None:
         """Add a scan; the oldest goes where there is no room."""

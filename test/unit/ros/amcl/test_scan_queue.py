@@ -16,6 +16,7 @@ from sensor_msgs.msg import LaserScan as LaserScanMessage  # noqa: E402
 
 from mbf_relay.ros.amcl.scan_queue import ScanQueue  # noqa: E402
 from mbf_relay.ros.common.lidar_geometry import LidarGeometry, mounting_of, seen_from_above  # noqa: E402
+from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings  # noqa: E402
 from mbf_relay.scan import LaserScan  # noqa: E402
 
 
@@ -159,3 +160,15 @@ def test_a_scan_is_given_as_soon_as_its_transform_has_come():
     queue.look_again()
     worker.join(30.0)
     assert stamps(given) == [("front", 1.0)]
+
+
+def test_a_scan_that_comes_before_the_clock_is_worth_no_warning_but_wrong_stamps_that_go_on_are():
+    told, wall = [], [0.0]
+    queue = ScanQueue(warnings=ThrottledWarnings(lambda: wall[0], lambda _, text: told.append(text)))
+    queue.offer(message(2.6), 0.0)
+    queue.offer(message(3.0), 3.0)
+    assert not told and stamps(queue.take(lambda _: True, 0.0)) == [("front", 3.0)]
+    for wall[0] in (1.0, 2.0, 3.0):
+        queue.offer(message(900.0), 3.0)
+    assert "a message of sensor_msgs/LaserScan refused: its stamp 900.00 s is 897.00 s ahead of the clock" in told[0]
+    assert queue.oldest() is None
