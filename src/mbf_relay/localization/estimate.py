@@ -56,9 +56,8 @@ def mean_and_covariance(poses: np.ndarray, weights: np.ndarray) -> Tuple[Pose2D,
 
 def deviation_of(poses: np.ndarray, weights: np.ndarray) -> float:
     """Return the deviation (m), of one axis, of the positions of weighted poses, (N, 3) and (N,)."""
-    share = weights / weights.sum()
-    variances = [float(share @ np.square(axis - share @ axis)) for axis in (poses[:, 0], poses[:, 1])]
-    return math.sqrt(0.5 * sum(variances))
+    _, covariance = mean_and_covariance(poses, weights)
+    return math.sqrt(0.5 * float(covariance[0, 0] + covariance[1, 1]))
 
 
 def estimate(poses: np.ndarray, weights: np.ndarray) -> Estimate:
