@@ -9,7 +9,7 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, TextIO
 from mbf_relay.navigation import examination as exam
 from mbf_relay.navigation.examination import Examination, Finding
 from mbf_relay.ros.common.logs import plain
-from mbf_relay.ros.tools.parameter_source import LaunchedNode, ParameterSource, read_launch, read_yaml
+from mbf_relay.ros.tools.parameter_source import Launch, LaunchedNode, ParameterSource, read_launch, read_yaml
 
 TROUBLE = (exam.REFUSED, exam.DOUBTFUL)
 """What makes the exit status 1; with --strict, everything but what is used."""
@@ -19,15 +19,17 @@ def main(arguments: Optional[Sequence[str]] = None, out: TextIO = sys.stdout) ->
     """Run the command; return the exit status: 0, 1 where something needs a human, 2 where nothing could be read."""
     options = _parse(sys.argv[1:] if arguments is None else arguments)
     try:
-        nodes = _nodes(options)
+        nodes, not_read = _read(options)
     except (ValueError, OSError) as error:
         print(plain(f"check_config.py: {error}"), file=sys.stderr)
         return 2
+    for text in not_read:
+        print(plain(f"not read: {text}"), file=out)
     if not nodes:
         print("check_config.py: no node of type move_base, move_base_flex or mbf_costmap_nav is launched there",
               file=sys.stderr)
         return 2
-    worst = 0
+    worst = 1 if not_read and options.strict else 0
     for node in nodes:
         found = examine(node)
         tell(node, found, out, options.quiet)
@@ -71,20 +73,22 @@ def _has_to_be_named(finding: Finding) -> bool:
     return bool(finding.name) and "parameter " not in text and not text.startswith(f"{finding.name}: ")
 
 
-def _nodes(options: argparse.Namespace) -> List[LaunchedNode]:
-    launch = [name for name in options.files if name.endswith((".launch", ".xml"))]
-    if launch:
-        nodes: List[LaunchedNode] = []
-        for name in launch:
-            nodes += read_launch(name, dict(_pair(text) for text in options.arg))
-        return nodes
+def _read(options: argparse.Namespace) -> Launch:
+    launch_files = [name for name in options.files if name.endswith((".launch", ".xml"))]
+    if launch_files:
+        all_of_them = Launch([], [])
+        for name in launch_files:
+            launch = read_launch(name, dict(_pair(text) for text in options.arg))
+            all_of_them.nodes.extend(launch.nodes)
+            all_of_them.not_read.extend(launch.not_read)
+        return all_of_them
     source = ParameterSource()
     for name in options.files:
         path, _, namespace = name.partition("@")
         read_yaml(path, namespace, source)
     if not source.values:
         raise ValueError("the files hold no parameters")
-    return [LaunchedNode("the files", _type_of(source.values, options.node), source)]
+    return Launch([LaunchedNode("the files", _type_of(source.values, options.node), source)], [])
 
 
 def _type_of(values: Mapping[str, Any], wanted: str) -> str:
@@ -117,6 +121,8 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
         "--node", default="", choices=("", "move_base", "move_base_flex"),
         help="what reads the YAML files; told by the plugin lists in them where not given",
     )
-    parser.add_argument("--strict", action="store_true", help="exit status 1 also for what is changed or ignored")
+    parser.add_argument(
+        "--strict", action="store_true", help="exit status 1 also for what is changed, ignored or not read"
+    )
     parser.add_argument("--quiet", action="store_true", help="leave out what is used as it stands")
     return parser.parse_args(arguments)

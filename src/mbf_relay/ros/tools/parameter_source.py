@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 import re
 from dataclasses import dataclass, field
-from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, Mapping, NamedTuple, Tuple
 from xml.etree.ElementTree import Element
 
 import yaml
 
 from mbf_relay import files
+
+if TYPE_CHECKING:
+    from mbf_relay.ros.tools.substitution import Substitution
 
 TYPES = {"move_base": "move_base", "mbf_costmap_nav": "move_base_flex", "move_base_flex": "move_base_flex"}
 """Executables of the servers, each with the one here that takes its place."""
@@ -26,11 +29,13 @@ class ParameterSource:
         values: Nested as in the files.
         places: "FILE:LINE" by the parameter's name, its parts joined by slashes.
         trouble: What the files give cause for: name and text each.
+        missing: What should have been read and is not here, a sentence each.
     """
 
     values: Dict[str, Any] = field(default_factory=dict)
     places: Dict[str, str] = field(default_factory=dict)
     trouble: List[Tuple[str, str]] = field(default_factory=list)
+    missing: List[str] = field(default_factory=list)
 
     def put(self, name: str, value: Any, place: str) -> None:
         """Set a value, as the parameter server does: groups are merged, all else is replaced."""
@@ -62,6 +67,18 @@ class LaunchedNode(NamedTuple):
     name: str
     type: str
     source: ParameterSource
+
+
+class Launch(NamedTuple):
+    """What there is in a launch file and its includes.
+
+    Attributes:
+        nodes: The servers.
+        not_read: Includes that are not here, a sentence each.
+    """
+
+    nodes: List[LaunchedNode]
+    not_read: List[str]
 
 
 def read_yaml(
@@ -131,7 +148,7 @@ def _add(node: Any, loader: Any, namespace: str, path: str, source: ParameterSou
             source.put(full, loader.construct_object(value, deep=True), f"{path}:{line}")
 
 
-def read_launch(path: str, given: Mapping[str, str]) -> List[LaunchedNode]:
+def read_launch(path: str, given: Mapping[str, str]) -> Launch:
     """Return the servers that a launch file launches, its includes' among them.
 
     Args:
@@ -139,39 +156,45 @@ def read_launch(path: str, given: Mapping[str, str]) -> List[LaunchedNode]:
         given: Arguments by name.
 
     Raises:
-        ValueError: It cannot be understood; the text names the file.
+        ValueError: It cannot be understood, or what a server needs is not here; the text names the file.
         OSError: It or a file it names cannot be read.
     """
-    return _LaunchReader(path, dict(given), 0, {}).nodes
+    from mbf_relay.ros.tools.substitution import Substitution
+
+    launch = Launch([], [])
+    _LaunchReader(path, Substitution(path, given), 0, {}, launch)
+    return launch
 
 
 class _LaunchReader:
     """Reads one launch file, as roslaunch does, as far as parameters of servers go."""
 
-    def __init__(self, path: str, arguments: Dict[str, str], depth: int, above: Dict[str, ParameterSource]) -> None:
+    def __init__(
+        self, path: str, substitution: Substitution, depth: int, above: Dict[str, ParameterSource], launch: Launch,
+    ) -> None:
         """Read it.
 
         Args:
             path: The file.
-            arguments: Given from outside; defaults in the file come second.
+            substitution: With the arguments given from outside; defaults in the file come second.
             depth: Of includes.
             above: What was loaded for a node from outside of it, by the node's name.
+            launch: Takes what is found.
         """
         if depth > DEEPEST_INCLUDE:
             raise ValueError(f"{path}: includes are nested deeper than {DEEPEST_INCLUDE}")
-        self._path, self._arguments, self._depth, self._above = path, arguments, depth, above
-        self.nodes: List[LaunchedNode] = []
+        self._path, self._substitution, self._depth, self._above = path, substitution, depth, above
+        self._launch = launch
         self._walk(files.read_xml(path), "")
 
     def _walk(self, parent: Element, namespace: str) -> None:
         for element in parent:
             if not isinstance(element.tag, str) or not self._applies(element):
                 continue
-            inner = self._text(element, "ns")
             if element.tag == "arg":
                 self._take_argument(element)
             elif element.tag == "group":
-                self._walk(element, f"{namespace}/{inner}".strip("/"))
+                self._walk(element, f"{namespace}/{self._text(element, 'ns')}".strip("/"))
             elif element.tag == "include":
                 self._include(element)
             elif element.tag in ("param", "rosparam"):
@@ -182,17 +205,26 @@ class _LaunchReader:
     def _take_node(self, element: Element) -> None:
         name = self._text(element, "name")
         source = self._above.get(name, ParameterSource())
+        if source.missing:
+            raise ValueError(source.missing[0])
         for child in element:
             if isinstance(child.tag, str) and self._applies(child):
                 self._take_values(child, source, self._text(child, "ns"))
-        self.nodes.append(LaunchedNode(name, TYPES[self._text(element, "type")], source))
+        self._launch.nodes.append(LaunchedNode(name, TYPES[self._text(element, "type")], source))
 
     def _take_outside(self, element: Element, namespace: str) -> None:
-        """Take parameters set outside of the node they are for, by their full names."""
+        """Take parameters set outside of the node they are for, by their full names.
+
+        What is not here is missed only by the node it is for, which may be none of the servers.
+        """
         full = f"{namespace}/{self._text(element, 'ns')}/{self._text(element, 'name')}"
         parts = [part for part in full.split("/") if part]
         if len(parts) > 1 or (element.tag == "rosparam" and parts):
-            self._take_values(element, self._above.setdefault(parts[0], ParameterSource()), "/".join(parts[1:]), True)
+            source = self._above.setdefault(parts[0], ParameterSource())
+            try:
+                self._take_values(element, source, "/".join(parts[1:]), True)
+            except (ValueError, OSError) as error:
+                source.missing.append(str(error))
 
     def _take_values(
         self, element: Element, source: ParameterSource, namespace: str, named: bool = False
@@ -211,7 +243,8 @@ class _LaunchReader:
             source.put(name, text if element.get("type") in ("str", "string") else _typed(text), self._path)
         elif element.tag == "rosparam" and element.get("command", "load") == "load":
             target = f"{namespace}/{self._text(element, 'param')}".strip("/")
-            substitute = self._substituted if element.get("subst_value", "").lower() == "true" else str
+            is_substituted = element.get("subst_value", "").lower() == "true"
+            substitute = self._substitution.resolved if is_substituted else str
             if element.get("file"):
                 read_yaml(self._text(element, "file"), target, source, substitute)
             elif element.text and element.get("param"):
@@ -220,41 +253,42 @@ class _LaunchReader:
                 add_yaml(substitute(element.text), self._path, target, source)
 
     def _take_argument(self, element: Element) -> None:
-        name = self._text(element, "name")
-        if element.get("value") is not None:
-            self._arguments[name] = self._text(element, "value")
-        elif name not in self._arguments and element.get("default") is not None:
-            self._arguments[name] = self._text(element, "default")
+        name, value, default = self._text(element, "name"), element.get("value"), element.get("default")
+        if value is not None:
+            self._substitution.give(name, value, self._substitution)
+        elif default is not None and not self._substitution.knows(name):
+            self._substitution.give(name, default, self._substitution)
 
     def _include(self, element: Element) -> None:
-        passed = dict(self._arguments) if element.get("pass_all_args", "").lower() == "true" else {}
+        """Read an included file; one of a package or a robot that is not here is noted, and left out."""
+        from mbf_relay.ros.tools.substitution import Substitution
+
+        try:
+            path = self._text(element, "file")
+        except ValueError as error:
+            self._launch.not_read.append(str(error))
+            return
+        if not os.path.isfile(path):
+            self._launch.not_read.append(f"{path}: there is no such file; {self._path} includes it")
+            return
+        passed = Substitution(path)
+        if element.get("pass_all_args", "").lower() == "true":
+            passed.give_all(self._substitution)
         for child in element:
             if child.tag == "arg" and self._applies(child):
-                passed[self._text(child, "name")] = self._text(child, "value") or self._text(child, "default")
-        path = self._text(element, "file")
-        if not os.path.isfile(path):
-            return  # another package's, of a robot that is not here
-        self.nodes += _LaunchReader(path, passed, self._depth + 1, self._above).nodes
+                passed.give(self._text(child, "name"), child.get("value") or child.get("default") or "",
+                            self._substitution)
+        _LaunchReader(path, passed, self._depth + 1, self._above, self._launch)
 
     def _applies(self, element: Element) -> bool:
         wanted, unwanted = element.get("if"), element.get("unless")
         return (wanted is None or self._is_true(wanted)) and (unwanted is None or not self._is_true(unwanted))
 
     def _is_true(self, text: str) -> bool:
-        return self._substituted(text).strip().lower() in ("true", "1")
+        return self._substitution.resolved(text).strip().lower() in ("true", "1")
 
     def _text(self, element: Element, name: str) -> str:
-        return self._substituted(element.get(name) or "")
-
-    def _substituted(self, text: str) -> str:
-        from roslaunch.substitution_args import SubstitutionException, resolve_args
-        from rospkg import ResourceNotFound
-
-        try:
-            made = resolve_args(text, {"arg": self._arguments, "filename": self._path}, resolve_anon=True)
-        except (SubstitutionException, ResourceNotFound, ValueError) as error:
-            raise ValueError(f"{self._path}: {text!r} cannot be resolved: {error}") from error
-        return str(made)
+        return self._substitution.resolved(element.get(name) or "")
 
 
 def _typed(text: str) -> Any:

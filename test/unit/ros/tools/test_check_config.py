@@ -134,3 +134,55 @@ def test_a_launch_file_is_read_with_its_arguments_includes_and_namespaces(tmp_pa
 def test_a_launch_file_without_a_server_is_told(tmp_path, capsys):
     assert check(tmp_path, "<launch/>", name="none.launch")[0] == 2
     assert "no node of type move_base" in capsys.readouterr().err
+
+
+NODE = """<node pkg="move_base" type="move_base" name="move_base">
+  <param name="base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>
+  <rosparam file="$(find laptop_robot)/config/common.yaml" command="load" ns="local_costmap"/>
+</node>"""
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    """Return a robot's repository, cloned where it is in no ROS package path: two packages beside each other."""
+    for name in ("laptop_robot", "laptop_robot_launch"):
+        (tmp_path / name / "config").mkdir(parents=True)
+        (tmp_path / name / "package.xml").write_text(
+            f"<package format='2'><name>{name}</name><version>1.0.0</version><description>-</description>"
+            "<maintainer email='a@b.c'>-</maintainer><license>BSD</license></package>")
+    (tmp_path / "laptop_robot" / "config" / "common.yaml").write_text("robot: 1\n")
+    return tmp_path / "laptop_robot_launch"
+
+
+def test_a_robots_repository_is_read_on_a_laptop_without_a_workspace(checkout):
+    status, told = check(checkout, f"<launch>{NODE}</launch>", name="nav.launch")
+    assert status == 0 and "local_costmap/robot" in told and "common.yaml:1]" in told
+
+
+def test_what_no_server_needs_may_lie_in_packages_that_are_not_here(checkout):
+    status, told = check(checkout, f"""<launch>
+      <arg name="map_file" default="$(find maps_at_work)/floor.yaml"/>
+      <node pkg="map_server" type="map_server" name="map_server" args="$(arg map_file)"/>
+      <rosparam file="$(find arm_at_work)/limits.yaml" command="load" ns="arm"/>
+      <include file="$(find drivers_at_work)/base.launch"><arg name="map_file" value="$(arg map_file)"/></include>
+      <include file="$(find laptop_robot)/localization.launch"/>
+      {NODE}</launch>""", name="nav.launch")
+    assert status == 0 and "local_costmap/robot" in told
+    assert "not read: $(find drivers_at_work)/base.launch: there is no package drivers_at_work" in told
+    assert "laptop_robot/localization.launch: there is no such file" in told
+    assert "maps_at_work" not in told and "arm_at_work" not in told
+
+
+@pytest.mark.parametrize("line, said", [
+    ('<rosparam file="$(arg files)/a.yaml" command="load"/>', "argument files has no value; give --arg files:=VALUE"),
+    ('<param name="speed" value="$(arg far)"/>', "there is no package maps_at_work"),
+    ('<rosparam file="$(find maps_at_work)/a.yaml" command="load"/>', "there is no package maps_at_work"),
+    ('<param name="speed" value="$(find)"/>', "nav.launch: '$(find)' cannot be resolved"),
+])
+@pytest.mark.parametrize("outside", [False, True])
+def test_what_the_server_needs_and_is_not_here_is_named(checkout, capsys, line, said, outside):
+    above, within = (f'<group ns="move_base">{line}</group>', "") if outside else ("", line)
+    launch = f"""<launch><arg name="files"/><arg name="far" default="$(find maps_at_work)/a.yaml"/>
+      {above}{NODE.replace("</node>", within + "</node>")}</launch>"""
+    assert check(checkout, launch, name="nav.launch")[0] == 2
+    assert said in capsys.readouterr().err

@@ -73,6 +73,6 @@ def test_no_value_is_refused_or_doubtful_or_lost(folder, name):
 @pytest.mark.parametrize("name", users_launch_files.NAMES)
 def test_check_config_reads_what_roslaunch_loads(folder, name):
     path = str(folder / f"{name}.launch")
-    servers = {node.name: node for node in read_launch(path, users_launch_files.arguments_of(name, MAP))}
+    servers = {node.name: node for node in read_launch(path, users_launch_files.arguments_of(name, MAP)).nodes}
     server = users_launch_files.SERVERS.get(name, "/move_base").rpartition("/")[2]
     assert servers[server].source.values == server_values(folder, name)

@@ -1,0 +1,93 @@
+"""What $(…) stands for in a launch file: as roslaunch has it, on a machine that need not be the robot."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from pathlib import Path
+from typing import Dict, Mapping, Optional
+
+from roslaunch.substitution_args import ArgException, SubstitutionException, resolve_args
+from rospkg import ResourceNotFound, RosPack
+
+FIND = re.compile(r"\$\(find\s+([\w.-]+)\s*\)")
+
+
+class Substitution:
+    """Resolves the texts of one launch file, and holds its arguments.
+
+    A package is looked for where ROS looks, then in the repository the file lies in, which need not be in a workspace.
+    An argument whose own text cannot be resolved, such as a map in a package that is not here, is an error only where
+    its value is wanted.
+    """
+
+    def __init__(self, path: str, arguments: Optional[Mapping[str, str]] = None) -> None:
+        """Begin with what is given from outside.
+
+        Args:
+            path: The launch file.
+            arguments: By name.
+        """
+        self._path, self._values = path, dict(arguments or {})
+        self._unresolved: Dict[str, str] = {}
+
+    def knows(self, name: str) -> bool:
+        """Return whether an argument was given."""
+        return name in self._values or name in self._unresolved
+
+    def give(self, name: str, text: str, within: Substitution) -> None:
+        """Give an argument the text that stands in a file, whose substitution is `within`."""
+        try:
+            self._values[name] = within.resolved(text)
+        except ValueError as error:
+            self._unresolved[name] = str(error)
+
+    def give_all(self, within: Substitution) -> None:
+        """Give all the arguments of the file `within` is of."""
+        self._values.update(within._values)
+        self._unresolved.update(within._unresolved)
+
+    def resolved(self, text: str) -> str:
+        """Return a text with values in the place of $(…).
+
+        Raises:
+            ValueError: There is none for one of them; the text names the file, and what is not there.
+        """
+        context = {"arg": self._values, "filename": self._path}
+        try:
+            return str(resolve_args(FIND.sub(self._package, text), context, resolve_anon=True))
+        except ArgException as error:
+            name = str(error)
+            reason = self._unresolved.get(name)
+            raise ValueError(reason or f"{self._path}: the argument {name} has no value; give --arg {name}:=VALUE, or "
+                             "check the launch file that includes this one") from error
+        except ResourceNotFound as error:
+            raise ValueError(f"{text}: there is no package {error.args[0]} in ROS_PACKAGE_PATH or beside "
+                             f"{self._path}") from error
+        except (SubstitutionException, ValueError) as error:
+            raise ValueError(f"{self._path}: {text!r} cannot be resolved: {error}") from error
+
+    def _package(self, find: re.Match[str]) -> str:
+        """Return the folder of a package of the same repository; of any other, $(find …) as it stands."""
+        name = find.group(1)
+        if name in _packages("").list():
+            return find.group(0)
+        here = _packages(str(_repository(Path(self._path).resolve())))
+        return str(here.get_path(name)) if name in here.list() else find.group(0)
+
+
+def _repository(path: Path) -> Path:
+    """Return the folder of the checkout a file lies in; outside of one, the folder that its package lies in."""
+    for folder in path.parents:
+        if (folder / ".git").exists():
+            return folder
+    for folder in path.parents:
+        if (folder / "package.xml").exists():
+            return folder.parent
+    return path.parent
+
+
+@lru_cache(maxsize=None)
+def _packages(folder: str) -> RosPack:
+    """Return the packages below a folder; those ROS knows where it is empty."""
+    return RosPack([folder]) if folder else RosPack()
