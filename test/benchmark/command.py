@@ -15,7 +15,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tu
 
 from benchmark import NAMES, ONLY_BY_NAME
 from benchmark.metric import Metric, NotMeasurable, describe_machine, machine_line, table
-from benchmark.report import write_sections
+from benchmark.report import HEADLINES, write_sections
 from mbf_relay.parameters import did_you_mean, nearest_of
 
 Results = List[Tuple[str, Metric]]
@@ -32,9 +32,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         failed: List[str] = []
     else:
         machine = describe_machine()
-        names = list(
-            dict.fromkeys(["yardstick", *(options.names or [name for name in NAMES if name not in ONLY_BY_NAME])])
-        )
+        names = list(dict.fromkeys(["yardstick", *options.names]))
         print(machine_line(machine), flush=True)
         results, failed = run(names, options.quick)
     for name in dict.fromkeys(name for name, _ in results):
@@ -151,4 +149,8 @@ def _parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:
         if name not in NAMES:
             hint = did_you_mean(nearest_of(name, NAMES))
             parser.error(f"there is no benchmark '{name}' (available: {', '.join(NAMES)}){hint}")
+    options.names = options.names or [name for name in NAMES if name not in ONLY_BY_NAME]
+    stated = {headline.benchmark for headline in HEADLINES}.intersection(options.names)
+    if options.quick and options.write and not options.taken and stated:
+        parser.error("a first look takes smaller cases than the README states figures of: leave out --quick or --write")
     return options

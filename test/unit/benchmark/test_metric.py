@@ -139,6 +139,20 @@ def test_unknown_benchmark_names_the_nearest(capsys):
     assert "did you mean 'planning'" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("names", [[], ["planning"], ["reliability", "control"]])
+def test_who_asks_for_figures_of_a_first_look_in_the_readme_waits_for_nothing(names, capsys, monkeypatch):
+    monkeypatch.setattr(command, "run", lambda names, quick: pytest.fail(f"{names} measured in vain"))
+    with pytest.raises(SystemExit):
+        command.main([*names, "--quick", "--write"])
+    assert "leave out --quick or --write" in capsys.readouterr().err
+
+
+def test_the_short_form_of_the_proofs_may_stand_in_the_readme(monkeypatch):
+    monkeypatch.setattr(command, "run", lambda names, quick: ([], []))
+    monkeypatch.setattr(command, "write_sections", lambda machine, results: [])
+    assert command.main(["reliability", "--quick", "--write"]) == 0
+
+
 def test_metrics_taken_one_after_the_other_make_one_table(tmp_path, capsys):
     for name, benchmark in (("late", "worlds"), ("early", "planning")):
         text = command.as_json({"cores": 2}, [(benchmark, Metric(name, 1.5, "ms", parameters={"n": 1}))])
