@@ -31,11 +31,11 @@ from mbf_relay.navigation.recovery_policy import Recoverable, TriedBehaviors, ca
 from mbf_relay.navigation.registry import Registry
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.task import Ending, Task
-from mbf_relay.navigation.timing import Pacer, Stopwatch
 from mbf_relay.outcomes import ControlOutcome, PlanOutcome, StaleDataError, TransformError
 from mbf_relay.planning.path import Path
 from mbf_relay.planning.planner import Planner
 from mbf_relay.recovery.recovery import Recovery
+from mbf_relay.timing import Pacer, Stopwatch
 
 NO_REPLAN_WITHIN = 0.1
 """Metres to the goal below which the path stays as it is."""

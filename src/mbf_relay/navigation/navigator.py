@@ -28,10 +28,10 @@ from mbf_relay.navigation.recovery_execution import RecoveryExecution
 from mbf_relay.navigation.registry import Registry
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.task import Ending, Task
-from mbf_relay.navigation.timing import Stopwatch
 from mbf_relay.navigation.worker import InlineWorker, Worker
 from mbf_relay.outcomes import ControlOutcome, PlanOutcome, RecoveryOutcome
 from mbf_relay.plugins import PluginError
+from mbf_relay.timing import Stopwatch
 
 OWN_INSTANCE = "move_base"
 """The instance of planners and recoveries that move_base uses, so that goals of the slots do not disturb it."""

@@ -14,11 +14,11 @@ from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.registry import PluginInstance
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.task import Ending, Task
-from mbf_relay.navigation.timing import Pacer, Stopwatch
 from mbf_relay.navigation.worker import Job
 from mbf_relay.outcomes import PlanningError, PlanOutcome, TransformError
 from mbf_relay.planning.path import Path
 from mbf_relay.planning.planner import Cancellation, Planner
+from mbf_relay.timing import Pacer, Stopwatch
 
 RETRY_DELAY = 0.2
 """Seconds between two tries: what a plan depends on changes no faster, and a plan that fails at once must not spin."""

@@ -8,8 +8,8 @@ from mbf_relay.geometry import Pose2D, Twist2D, angle_between
 from mbf_relay.navigation.command_delay import CommandDelay
 from mbf_relay.navigation.goals import FollowFeedback
 from mbf_relay.navigation.parameters import NavigatorParameters
-from mbf_relay.navigation.timing import Stopwatch
 from mbf_relay.outcomes import ControlOutcome
+from mbf_relay.timing import Stopwatch
 
 STOPPED = 1e-3
 """m/s and rad/s below which a robot counts as standing and a command as zero."""

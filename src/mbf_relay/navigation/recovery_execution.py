@@ -12,10 +12,10 @@ from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.registry import PluginInstance
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.task import Ending, Task
-from mbf_relay.navigation.timing import Pacer, Stopwatch
 from mbf_relay.navigation.worker import Job
 from mbf_relay.outcomes import RecoveryError, RecoveryOutcome, StaleDataError, TransformError
 from mbf_relay.recovery.recovery import Recovery, RecoveryContext
+from mbf_relay.timing import Pacer, Stopwatch
 
 
 class RecoverySurroundings(RecoveryContext):

@@ -14,6 +14,7 @@ from mbf_relay.outcomes import RecoveryError, RecoveryOutcome
 from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.recovery.maneuver import CheckedPose, look, measured
 from mbf_relay.recovery.recovery import Recovery, RecoveryContext
+from mbf_relay.timing import Stopwatch
 
 LEAST = 2.0  # checked steps that count as having backed up at all
 
@@ -43,7 +44,7 @@ class BackUp(Recovery):
                 FAILURE.
         """
         p = self.parameters
-        start, begun, speed = look(context, self.name).pose, context.now, 0.0
+        start, tried, speed = look(context, self.name).pose, Stopwatch(context.now), 0.0
         while True:
             place = look(context, self.name)
             moved = -place.pose.relative_to(start).x
@@ -59,7 +60,7 @@ class BackUp(Recovery):
                     RecoveryOutcome.IMPASSABLE,
                     f"'{self.name}' cannot drive back: an obstacle is {free:.2f} m behind the robot",
                 )
-            if context.now - begun > p.timeout:
+            if tried.elapsed(context.now) > p.timeout:
                 raise RecoveryError(
                     RecoveryOutcome.PAT_EXCEEDED,
                     f"'{self.name}' moved {moved:.2f} m of {p.distance:.2f} m within {p.timeout:.1f} s; see whether "

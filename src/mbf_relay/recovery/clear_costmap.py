@@ -9,6 +9,7 @@ from mbf_relay.geometry import STOP, Twist2D
 from mbf_relay.outcomes import RecoveryError, RecoveryOutcome, TransformError
 from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.recovery.recovery import Recovery, RecoveryContext
+from mbf_relay.timing import Stopwatch
 
 FRESH_TIMEOUT = 1.0
 """Seconds to wait for the costmaps to show what the sensors see now; a server that has rested them would wait for ever.
@@ -82,6 +83,7 @@ def clear_round_robot(
 
 def stand_until_updated(context: RecoveryContext, costmaps: List[Any], since: float) -> Iterator[Twist2D]:
     """Yield stops until every costmap was updated after `since` (s), for FRESH_TIMEOUT at most."""
+    stood = Stopwatch(since)
     yield STOP
-    while context.now - since < FRESH_TIMEOUT and any(costmap.snapshot().stamp <= since for costmap in costmaps):
+    while stood.elapsed(context.now) < FRESH_TIMEOUT and any(costmap.snapshot().stamp <= since for costmap in costmaps):
         yield STOP

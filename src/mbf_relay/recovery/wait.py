@@ -8,6 +8,7 @@ from typing import Iterator
 from mbf_relay.geometry import STOP, Twist2D
 from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.recovery.recovery import Recovery, RecoveryContext
+from mbf_relay.timing import Stopwatch
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,6 @@ class Wait(Recovery):
 
     def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
         """Yield stops until the time is over."""
-        start = context.now
-        while context.now - start < self.parameters.duration:
+        waited = Stopwatch(context.now)
+        while waited.elapsed(context.now) < self.parameters.duration:
             yield STOP

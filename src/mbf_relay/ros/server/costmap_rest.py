@@ -7,8 +7,8 @@ import threading
 from typing import Mapping
 
 from mbf_relay.navigation.parameters import NavigatorParameters
-from mbf_relay.navigation.timing import Stopwatch
 from mbf_relay.ros.costmap.node import CostmapNode
+from mbf_relay.timing import Stopwatch
 
 
 class CostmapRest:

@@ -12,8 +12,8 @@ ROUNDING = 1e-6
 class Stopwatch:
     """Time since something; starts anew when the clock jumps back."""
 
-    def __init__(self) -> None:
-        self._since: Optional[float] = None
+    def __init__(self, since: Optional[float] = None) -> None:
+        self._since = since
 
     @property
     def running(self) -> bool:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbf_relay.navigation.timing import Pacer, Stopwatch
+from mbf_relay.timing import Pacer, Stopwatch
 
 
 def test_a_stopwatch_measures_from_its_start():
