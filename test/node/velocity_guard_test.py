@@ -170,6 +170,21 @@ class TestVelocityGuard(unittest.TestCase):
         finally:
             others.unregister()
 
+    def test_a_lidar_that_nobody_placed_beside_one_that_works_is_named(self):
+        scan, others = copy.deepcopy(self.scans.last), connected_publisher("scan", LaserScan)
+
+        def warned():
+            for scan.header.frame_id in ("nobody_placed", "nor_this"):
+                scan.header.stamp = rospy.get_rostime()
+                others.publish(scan)
+            return all(self.guards_report(DiagnosticStatus.WARN, frame) for frame in ("nobody_placed", "nor_this"))
+
+        try:
+            self.drive_until(warned, "a warning that names both lidars, while the robot drives", speed=0.02)
+        finally:
+            others.unregister()
+        self.drive_until(lambda: self.guards_report(DiagnosticStatus.OK, "passing"), "the all-clear", speed=0.02)
+
     def test_z_a_guard_that_ends_sends_a_zero_first(self):
         self.start_driving()
         rosnode.kill_nodes(["/velocity_guard"])

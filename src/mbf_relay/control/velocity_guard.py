@@ -97,7 +97,7 @@ class VelocityGuard:
 
         The last one again, though the robot drives, is no news.
         """
-        self._lidars.hear(scan.frame)
+        self._lidars.hear(scan.frame, scan.stamp)
         changed_at = self._changed_at(scan)
         if changed_at is None:
             return

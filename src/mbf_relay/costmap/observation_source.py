@@ -104,7 +104,7 @@ class ObservationSource:
     def add(self, observation: Observation, now: float, max_height: float) -> None:
         """Keep what one of its sensors saw."""
         frame = observation.frame
-        self._senders.hear(frame)
+        self._senders.hear(frame, now)
         rays = prepare(observation, self.parameters, max_height)
         self._sensors.setdefault(frame, Sensor()).add(rays, now, self.parameters.observation_persistence)
         self.trouble = self.unused = None

@@ -90,7 +90,7 @@ class TrackLayer(Layer):
         hits = np.ones(len(ends), dtype=bool) if observation.hits is None else observation.hits
         finite = np.isfinite(ends[:, 0]) & np.isfinite(ends[:, 1])
         x, y = observation.origin[:2]
-        self._lidars[source].hear(observation.frame)
+        self._lidars[source].hear(observation.frame, now)
         tracker = self._trackers.setdefault((source, observation.frame), Tracker(self.parameters))
         tracker.update(float(x), float(y), ends[finite], hits[finite], observation.stamp)
         if self.parameters.mark_movers:

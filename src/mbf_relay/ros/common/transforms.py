@@ -152,7 +152,7 @@ class CheckedListener:
             if self._is_sound(transform, now, max_age):
                 take(transform, sender)
                 if max_age is not None:
-                    self._hear(sender, transform)
+                    self._hear(sender, transform, now)
 
     def _is_sound(self, message: TransformStamped, now: float, max_age: Optional[float]) -> bool:
         try:
@@ -171,10 +171,10 @@ class CheckedListener:
             self._trouble[message.child_frame_id].worked()
         return True
 
-    def _hear(self, sender: str, transform: TransformStamped) -> None:
+    def _hear(self, sender: str, transform: TransformStamped, now: float) -> None:
         """Tell where two nodes broadcast one transform: tf2 takes the newest of either, and poses jump."""
         broadcasters = self._broadcasters.setdefault(transform.child_frame_id, Senders())
-        if broadcasters.hear(sender) and len(broadcasters.present) > 1:
+        if broadcasters.hear(sender, now) and len(broadcasters.present) > 1:
             rospy.logwarn_throttle(
                 CONTENTION_PERIOD, "more than one node broadcasts the transform from '%s' to '%s': %s; poses jump "
                 "between what they say, and only one of them may be left", transform.header.frame_id,

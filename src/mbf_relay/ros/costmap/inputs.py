@@ -164,7 +164,7 @@ class SensorInput:
         mounting, _ = mounting_of(base.transform)
         monitor = self._monitors.setdefault(frame, ScanMonitor(self._parameters.largest_gap))
         trouble = monitor.trouble(seen_from_above(scan_from_message(message), upside_down), -mounting.theta, pose)
-        self._senders.hear(frame)
+        self._senders.hear(frame, message.header.stamp.to_sec())
         self._blind.pop(frame, None)
         if trouble is not None:
             self._blind[frame] = trouble

@@ -27,6 +27,7 @@ from mbf_relay.ros.common.conversions import dated, twist_to_message
 from mbf_relay.ros.common.lidar_geometry import LidarGeometry
 from mbf_relay.ros.common.node import on_shutdown, spare_what_stays
 from mbf_relay.ros.common.transforms import Transforms
+from mbf_relay.senders import AT_ONCE
 
 LOOK_PERIOD = 0.05
 """Wall seconds between two looks at the clock while the robot is driven; simulated clocks may run fast."""
@@ -34,6 +35,8 @@ JUDGE_PERIOD = 0.1
 """Seconds of ROS time after which a velocity is judged again, though neither another one nor a scan has come."""
 MOST_SCANS = 10
 """Scans that may wait to be looked at, of all lidars on the topic: of each the newest counts."""
+UNPLACED_PERIOD = 10.0
+"""Seconds between two warnings of a lidar that tf cannot place."""
 IDLE_PERIOD = 0.5
 """Wall seconds between two looks while the robot stands."""
 
@@ -47,7 +50,7 @@ class VelocityGuardNode:
         self._transforms = Transforms()
         self._lidars = LidarGeometry(self._transforms)
         self._trouble = ""  # why scans are of no use
-        self._unplaced = ""  # frame of a lidar of which tf does not know where it sits
+        self._unplaced: Dict[str, float] = {}  # frames of lidars that tf cannot place, and when they were heard last
         self._woken = threading.Event()
         self._command: Optional[Twist] = None
         self._scans: Deque[LaserScan] = deque(maxlen=MOST_SCANS)
@@ -94,7 +97,7 @@ class VelocityGuardNode:
             scans[scan.header.frame_id] = scan
         command, self._command = self._command, None
         for scan in scans.values():
-            self._see(scan)
+            self._see(scan, now)
         if command is not None:
             asked = Twist2D(command.linear.x, command.linear.y, command.angular.z)
             self._guard.take_command(now, asked)
@@ -111,7 +114,7 @@ class VelocityGuardNode:
         if (self._verdict.cause, self._verdict.velocity == STOP) != (before.cause, before.velocity == STOP):
             self._tell()
 
-    def _see(self, message: LaserScan) -> None:
+    def _see(self, message: LaserScan, now: float) -> None:
         try:
             self._guard.take_scan(*self._lidars.scan_in_base(message, self._settings.base_frame))
         except InvalidMessage as error:
@@ -119,13 +122,23 @@ class VelocityGuardNode:
             return
         except TransformError as error:
             self._trouble = str(error)
-            self._unplaced = message.header.frame_id
+            self._unplaced[message.header.frame_id] = now
             self._transforms.listen()
             return
         self._trouble = ""
-        if self._unplaced in ("", message.header.frame_id):  # lidars do not move on a robot
-            self._unplaced = ""
+        self._unplaced.pop(message.header.frame_id, None)
+        if self._without():
+            rospy.logwarn_throttle(UNPLACED_PERIOD, f"passing velocities {self._without()}")
+        else:  # lidars do not move on a robot
             self._transforms.close()
+
+    def _without(self) -> str:
+        """Return which lidars are not looked at though they send, and why; empty for none."""
+        now = rospy.get_time()
+        frames = [frame for frame, heard_at in self._unplaced.items() if abs(now - heard_at) <= AT_ONCE]
+        if not frames:
+            return ""
+        return f"without the lidar in {' and '.join(frames)}: tf does not tell where it sits in {self._settings.base_frame}"
 
     def _send(self, velocity: Twist2D) -> None:
         with self._sending:
@@ -140,12 +153,12 @@ class VelocityGuardNode:
             rospy.loginfo_throttle(2.0, text)
 
     def _text(self) -> str:
-        trouble = f" ({self._trouble})" if self._verdict.cause == NO_SCAN and self._trouble else ""
-        return self._verdict.text + trouble
+        trouble = self._trouble if self._verdict.cause == NO_SCAN else self._without()
+        return f"{self._verdict.text} ({trouble})" if trouble else self._verdict.text
 
     def _report(self) -> diagnostics.Report:
         values = {f"velocities, {cause}": count for cause, count in sorted(dict(self._counts).items())}
-        fine = self._verdict.cause in (PASSING, STANDING)
+        fine = self._verdict.cause in (PASSING, STANDING) and not self._without()
         return diagnostics.OK if fine else diagnostics.WARN, self._text(), values
 
 
