@@ -8,17 +8,20 @@ import rospy
 import rostest
 from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import Twist
-from std_msgs.msg import Float64
+from mbf_msgs.msg import RecoveryAction, RecoveryGoal
+from std_msgs.msg import Bool, Float64
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
-from pulled import PulledCase, goal_at  # noqa: E402
+from pulled import SLOW, PulledCase, goal_at  # noqa: E402
 from ros_testing import connected_publisher, wait_until  # noqa: E402
 from running_stack import start_test_node  # noqa: E402
 from tally import trial  # noqa: E402
 
+from mbf_relay.ros.common.action_client import ActionClient  # noqa: E402
 from mbf_relay.simulation.arena import CIRCLE  # noqa: E402
 
+RECOVERY = "move_base_flex/recovery"
 STEPS = (5.0, -5.0, 0.4, -0.4, 3600.0, -100.0)
 """Seconds."""
 CAUSES = r"transform|time|clock|scan|odometry"
@@ -32,6 +35,40 @@ class TestClockSteps(PulledCase):
         wait_until(
             lambda: abs(rospy.get_time() - before - seconds) < 0.5 * abs(seconds) or seconds > 0.0 and
             rospy.get_time() > before + seconds, f"the clock to be set by {seconds} s")
+
+    def turn_round(self):
+        """Begin a recovery that turns the robot; return its goal once it turns."""
+        self.wait_until_all_is_back()
+        sent = self.recovery.send(RecoveryGoal(behavior="rotate_recovery"))
+        wait_until(lambda: abs(self.truth.last.twist.twist.angular.z) > 0.2 or sent.ending, "the robot to turn")
+        self.assertIsNone(sent.ending)
+        self.heard = len(self.commands.messages)
+        return sent
+
+    def check_recovery_ends(self, sent, what):
+        self.assertIsNotNone(sent.wait(60.0), f"waited 60 s for the end of a recovery, {what}")
+        wait_until(lambda: self.commands.last == Twist() and self.speed() < SLOW, f"the robot to stand, {what}")
+
+    def test_a_robot_whose_clock_is_set_while_it_recovers_turns_on_or_stands(self):
+        self.steps, self.recovery = connected_publisher("clock_step", Float64), ActionClient(RECOVERY, RecoveryAction)
+        self.assertTrue(self.recovery.wait_for_server(60.0))
+        for seconds in STEPS:
+            with trial("clocks set while the robot recovers"):
+                sent = self.turn_round()
+                self.set_clock(seconds)
+                self.check_recovery_ends(sent, f"the clock set by {seconds} s")
+        self.check_arrival(self.client.send(goal_at(CIRCLE[0])), "the clock was set in recoveries")
+
+    def test_a_robot_whose_clock_stands_while_it_recovers_stands_too_and_turns_on_with_it(self):
+        self.pause, self.recovery = connected_publisher("clock_pause", Bool), ActionClient(RECOVERY, RecoveryAction)
+        self.assertTrue(self.recovery.wait_for_server(60.0))
+        with trial("clocks set while the robot recovers"):
+            sent = self.turn_round()
+            self.pause.publish(True)
+            wait_until(lambda: self.is_told_to_stand() and self.speed() < SLOW, "the robot to stand with its clock")
+            self.pause.publish(False)
+            self.check_recovery_ends(sent, "the clock paused")
+        self.check_arrival(self.client.send(goal_at(CIRCLE[0])), "the clock was paused in a recovery")
 
     def test_a_robot_whose_clock_is_set_goes_on_or_stands_and_its_client_hears_why(self):
         self.wait_until_all_is_back()

@@ -138,7 +138,8 @@ class VelocityGuardNode:
         frames = [frame for frame, heard_at in self._unplaced.items() if abs(now - heard_at) <= AT_ONCE]
         if not frames:
             return ""
-        return f"without the lidar in {' and '.join(frames)}: tf does not tell where it sits in {self._settings.base_frame}"
+        base = self._settings.base_frame
+        return f"without the lidar in {' and '.join(frames)}: tf does not tell where it sits in {base}"
 
     def _send(self, velocity: Twist2D) -> None:
         with self._sending:
