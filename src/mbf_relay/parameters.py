@@ -38,6 +38,7 @@ def parameter(
     choices: Optional[Sequence[Any]] = None,
     aliases: Sequence[str] = (),
     clamped: bool = True,
+    is_frame: bool = False,
 ) -> Any:
     """Declare a parameter as a dataclass field.
 
@@ -50,10 +51,11 @@ def parameter(
         choices: The allowed values.
         aliases: Older names still read, with one warning.
         clamped: False where a user's value out of range is refused, not taken to it: where a guess could hurt.
+        is_frame: It names a frame, as tf2 does: the slash is taken off with which tf's names began.
     """
     metadata = dict(
         description=description, unit=unit, minimum=minimum, maximum=maximum, above=above, choices=choices,
-        aliases=tuple(aliases), clamped=clamped, largest=math.inf if default == math.inf else LARGEST,
+        aliases=tuple(aliases), clamped=clamped, is_frame=is_frame, largest=math.inf if default == math.inf else LARGEST,
     )
     if isinstance(default, (list, dict)):
         return dataclasses.field(default_factory=lambda: type(default)(default), metadata=metadata)
@@ -104,6 +106,8 @@ class ParameterSet:
         for field in dataclasses.fields(self):
             value = convert(field.name, getattr(self, field.name), hints[field.name])
             _check_range(field.name, value, field.metadata)
+            if field.metadata.get("is_frame"):
+                value = value.lstrip("/")
             object.__setattr__(self, field.name, value)
         for low, high in self.ORDERED:
             if getattr(self, low) > getattr(self, high):

@@ -15,7 +15,9 @@ from mbf_relay.parameters import ParameterSet, parameter
 class VelocityGuardParameters(ParameterSet):
     """Parameters of `velocity_guard`."""
 
-    base_frame: str = parameter("base_link", "frame of the robot, in which velocities and the footprint are given")
+    base_frame: str = parameter(
+        "base_link", "frame of the robot, in which velocities and the footprint are given", is_frame=True
+    )
     footprint: Any = parameter((), "outline of the robot in its base frame, [[x, y], ...]", unit="m")
     robot_radius: float = parameter(
         0.46, "radius of a round robot, where no footprint is given", unit="m", above=0.0, maximum=10.0

@@ -26,7 +26,7 @@ class CostmapFilterParameters(ParameterSet):
     enabled: bool = parameter(True, "take part in the costmap")
     filter_mask_topic: str = parameter("filter_mask", "topic of the mask, a map as map_server publishes one")
     filter_mask_file: str = parameter("", "the mask's YAML file, read once, in place of the topic")
-    filter_mask_frame: str = parameter("map", "frame of a mask out of a file")
+    filter_mask_frame: str = parameter("map", "frame of a mask out of a file", is_frame=True)
 
 
 class CostmapFilter(CellLayer):

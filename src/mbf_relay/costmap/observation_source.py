@@ -21,7 +21,7 @@ class SourceParameters(ParameterSet):
     """Parameters of one sensor of an obstacle layer, by costmap_2d's names."""
 
     topic: str = parameter("", "topic; the source's name where empty")
-    sensor_frame: str = parameter("", "frame the rays start from; the message's own where empty")
+    sensor_frame: str = parameter("", "frame the rays start from; the message's own where empty", is_frame=True)
     data_type: str = parameter("PointCloud", "type of message", choices=("LaserScan", "PointCloud", "PointCloud2"))
     observation_persistence: float = parameter(
         0.0, "how long observations count; 0 for the newest alone", unit="s", minimum=0.0

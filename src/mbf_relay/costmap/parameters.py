@@ -24,8 +24,8 @@ RECONFIGURABLE = (
 class CostmapParameters(ParameterSet):
     """Parameters of a costmap, by costmap_2d's names; its layers' stand in groups beside them."""
 
-    global_frame: str = parameter("map", "frame of the costmap")
-    robot_base_frame: str = parameter("base_link", "frame of the robot's base")
+    global_frame: str = parameter("map", "frame of the costmap", is_frame=True)
+    robot_base_frame: str = parameter("base_link", "frame of the robot's base", is_frame=True)
     update_frequency: float = parameter(5.0, "updates per second", unit="Hz", minimum=0.0, maximum=100.0)
     publish_frequency: float = parameter(
         0.0, "publications per second; 0 for none", unit="Hz", minimum=0.0, maximum=100.0

@@ -30,17 +30,12 @@ class AmclParameters(LocalizerParameters):
     first_map_only: bool = parameter(False, "take only the first map from the topic")
     force_update_after_initialpose: bool = parameter(False, "update with the next scan after an initial pose")
     force_update_after_set_map: bool = parameter(False, "update with the next scan after a new map by service")
-    odom_frame_id: str = parameter("odom", "frame of the odometry")
-    base_frame_id: str = parameter("base_link", "frame of the robot")
-    global_frame_id: str = parameter("map", "frame of the map")
+    odom_frame_id: str = parameter("odom", "frame of the odometry", is_frame=True)
+    base_frame_id: str = parameter("base_link", "frame of the robot", is_frame=True)
+    global_frame_id: str = parameter("map", "frame of the map", is_frame=True)
     std_warn_level_x: float = parameter(0.2, "deviation in x from which diagnostics warn", unit="m", minimum=0.0)
     std_warn_level_y: float = parameter(0.2, "deviation in y from which diagnostics warn", unit="m", minimum=0.0)
     std_warn_level_yaw: float = parameter(0.1, "deviation in yaw from which diagnostics warn", unit="rad", minimum=0.0)
-
-    def without_slashes(self) -> AmclParameters:
-        """Return these with frame names as tf2 wants them."""
-        frames = ("odom_frame_id", "base_frame_id", "global_frame_id")
-        return self.replace(**{name: getattr(self, name).lstrip("/") for name in frames})
 
 
 NODE_ONLY = ("seed", "bag_scan_period", "start_anywhere", "cloud", SAVED_ODOM)

@@ -73,8 +73,8 @@ def server_config(namespace: Mapping[str, Any], values: Any) -> Dict[str, Any]:
         type_name = adapted(getattr(values, parameter), namespace)
         config[kind] = [{"name": plugin_name(type_name), "type": type_name}]
     costmap = _group(namespace, "global_costmap")
-    config["global_frame"] = str(costmap.get("global_frame", "map")).lstrip("/")
-    config["robot_frame"] = str(costmap.get("robot_base_frame", "base_link")).lstrip("/")
+    config["global_frame"] = str(costmap.get("global_frame", "map"))
+    config["robot_frame"] = str(costmap.get("robot_base_frame", "base_link"))
     if "recovery_behaviors" not in namespace:
         config["recovery_behaviors"] = _listed(default_recoveries(values))
         radius = _group(namespace, "local_costmap").get("circumscribed_radius", USUAL_RADIUS)

@@ -35,9 +35,9 @@ class NavigatorParameters(ParameterSet):
     shutdown_costmaps: bool = parameter(False, "Whether costmaps rest while nothing is asked of them")
     shutdown_costmaps_delay: float = parameter(1.0, "Time after the last goal before costmaps rest", "s", 0.0, 60.0)
 
-    global_frame: str = parameter("map", "Frame of paths and of reported poses")
-    map_frame: str = parameter("map", "Older name of global_frame, read where that is not given")
-    robot_frame: str = parameter("base_link", "Frame of the robot's base")
+    global_frame: str = parameter("map", "Frame of paths and of reported poses", is_frame=True)
+    map_frame: str = parameter("map", "Older name of global_frame, read where that is not given", is_frame=True)
+    robot_frame: str = parameter("base_link", "Frame of the robot's base", is_frame=True)
     odom_topic: str = parameter("odom", "Topic of odometry; empty to do without, as where nobody publishes it")
     tf_timeout: Optional[float] = parameter(
         None, "How long to wait for a transform, standing; 3 for plans and 1 for control where not given", "s", 0.0

@@ -15,7 +15,7 @@ class WaypointFollowerParameters(ParameterSet):
     They hold for what comes by its topics; goals of the action say theirs.
     """
 
-    goal_frame_id: str = parameter("map", "frame of poses that name none")
+    goal_frame_id: str = parameter("map", "frame of poses that name none", is_frame=True)
     addpose_topic: str = parameter("initialpose", "topic whose poses are waypoints, in RViz that of 2D Pose Estimate")
     wait_duration: float = parameter(0.0, "how long to stand at each", unit="s", minimum=0.0)
     number_of_loops: int = parameter(0, "how often to begin again after the last", minimum=0)

@@ -46,11 +46,13 @@ class SimulatorParameters(SimulationParameters):
 
     picture_folder: str = parameter("", "where take_pictures leaves its files; empty for the folder ROS logs to")
 
-    world_frame: str = parameter("map", "frame of the true pose, of obstacles and of poses to be set down at")
-    odom_frame: str = parameter("odom", "frame of the odometry")
-    base_frame: str = parameter("base_footprint", "frame of the robot on the ground")
-    scan_frame: str = parameter("base_scan", "frame of the lidar")
-    imu_frame: str = parameter("imu_link", "frame of the inertial sensor")
+    world_frame: str = parameter(
+        "map", "frame of the true pose, of obstacles and of poses to be set down at", is_frame=True
+    )
+    odom_frame: str = parameter("odom", "frame of the odometry", is_frame=True)
+    base_frame: str = parameter("base_footprint", "frame of the robot on the ground", is_frame=True)
+    scan_frame: str = parameter("base_scan", "frame of the lidar", is_frame=True)
+    imu_frame: str = parameter("imu_link", "frame of the inertial sensor", is_frame=True)
     publish_odom_tf: bool = parameter(True, "send the odometry on /tf too")
 
     def check(self) -> None:

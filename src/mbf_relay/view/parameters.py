@@ -22,8 +22,10 @@ class WebViewParameters(ParameterSet):
     drive_token: str = parameter("", "word that lets it drive too; likewise")
     max_clients: int = parameter(32, "browsers at a time; one more is told so and turned away", minimum=1, maximum=1000)
 
-    map_frame: str = parameter("map", "frame in which all is drawn and goals are given")
-    base_frame: str = parameter("base_footprint", "frame of the robot, where no amcl of its namespace names one")
+    map_frame: str = parameter("map", "frame in which all is drawn and goals are given", is_frame=True)
+    base_frame: str = parameter(
+        "base_footprint", "frame of the robot, where no amcl of its namespace names one", is_frame=True
+    )
     teleop_speed: float = parameter(0.2, "speed with the stick pushed to its end", unit="m/s", above=0.0)
     teleop_turn: float = parameter(1.0, "rate of turn with the stick pushed to its end", unit="rad/s", above=0.0)
     record_folder: str = parameter("", "where bags go; empty for the folder ROS keeps its files in (~/.ros)")

@@ -67,6 +67,16 @@ def test_a_world_without_a_map_is_crossed_on_odometry(tmp_path):
     assert result.final_error <= 0.3
 
 
+def test_a_robot_whose_files_name_frames_as_tf_did_drives_alike(tmp_path):
+    server = dict(BLIND.settings[SERVER], global_frame="/map", robot_frame="/base_footprint")
+    for name, frame in (("global_costmap", "/map"), ("local_costmap", "/odom")):
+        server[name] = {**server[name], "global_frame": frame, "robot_base_frame": "/base_footprint"}
+    old = dataclasses.replace(BLIND, settings={**BLIND.settings, SERVER: server})
+    driven = [Episode(task(tmp_path, small_worlds.BENT), setup, seed=1).run() for setup in (BLIND, old)]
+    assert driven[1].success, driven[1].message
+    assert driven[0].trajectory == driven[1].trajectory
+
+
 def test_a_drive_is_not_charged_with_memory_that_is_long_given_back(tmp_path):
     np.ones(50_000_000)  # 380 MiB, and free again
     told = Episode(task(tmp_path, small_worlds.BENT), BLIND, 1).run().machine["memory_mib"]

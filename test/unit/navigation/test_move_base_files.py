@@ -5,7 +5,9 @@ from dataclasses import dataclass
 
 import pytest
 
+from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.navigation.move_base_files import default_recoveries, plugin_name, server_config
+from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.parameters import ParameterSet, parameter
 
 
@@ -69,8 +71,9 @@ def test_a_distance_the_file_gives_a_default_recovery_holds():
 
 def test_frames_are_the_global_costmap_s_without_a_slash():
     made = config(global_costmap={"global_frame": "/odom", "robot_base_frame": "/base_footprint"})
-    assert (made["global_frame"], made["robot_frame"]) == ("odom", "base_footprint")
-    assert made["global_costmap"]["global_frame"] == "/odom"
+    read = NavigatorParameters.from_mapping(made)
+    assert (read.global_frame, read.robot_frame) == ("odom", "base_footprint")
+    assert CostmapParameters.from_mapping(made["global_costmap"]).global_frame == "odom"
 
 
 def test_rates_and_patience_go_by_the_server_s_names():

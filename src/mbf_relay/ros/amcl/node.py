@@ -56,9 +56,7 @@ class AmclNode:
 
     def __init__(self) -> None:
         values = parameters.read_namespace("~")
-        self._parameters: AmclParameters = parameters.fill(
-            AmclParameters, values, "~", (*INITIAL, *NODE_ONLY, "cloud")
-        ).without_slashes()
+        self._parameters = parameters.fill(AmclParameters, values, "~", (*INITIAL, *NODE_ONLY, "cloud"))
         seed = convert("seed", values.get("seed", time.time_ns() % 2 ** 31), int)
         if seed < 0:
             raise ValueError(f"parameter seed is {seed}; it must be at least 0")
@@ -130,7 +128,6 @@ class AmclNode:
         return reconfigure.serve(AMCLConfig, self._parameters, self._reconfigure)
 
     def _reconfigure(self, wanted: AmclParameters) -> None:
-        wanted = wanted.without_slashes()
         with self._lock:
             if self._localizer is not None:
                 self._localizer.reconfigure(wanted)

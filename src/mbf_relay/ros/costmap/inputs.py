@@ -151,7 +151,7 @@ class SensorInput:
         rotation, translation = rigid(sensor)
         seen = replace(observation_from_points(points, hits, rotation, translation, stamp), frame=frame.lstrip("/"))
         origin_frame = self._parameters.sensor_frame
-        if not origin_frame or origin_frame.lstrip("/") == frame.lstrip("/"):
+        if not origin_frame or origin_frame == frame.lstrip("/"):
             return seen
         _, origin = rigid(self._transforms.lookup_message(self._costmap.frame, origin_frame, when))
         return replace(seen, origin=tuple(float(value) for value in origin))
@@ -251,7 +251,7 @@ class MapInput:
 
     def _frame_of(self, message: Any) -> str:
         """Return where a map lies, and warn where that is a surprise; a costmap that rolls may well be in another."""
-        said, frame = message.header.frame_id.lstrip("/"), self._costmap.frame.lstrip("/")
+        said, frame = message.header.frame_id.lstrip("/"), self._costmap.frame
         lies = said or frame
         if said != frame and lies != self.frame and not (said and self._costmap.parameters.rolling_window):
             rospy.logwarn(

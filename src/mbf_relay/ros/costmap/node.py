@@ -196,7 +196,7 @@ class CostmapNode:
 
     def _place_map(self, layer: str, frame: str) -> None:
         """Tell a layer where its map lies, where that may change."""
-        if frame.lstrip("/") != self.costmap.frame.lstrip("/"):
+        if frame != self.costmap.frame:
             try:
                 self.costmap.set_map_from_costmap(self._transforms.lookup(frame, self.costmap.frame), layer)
             except TransformError as error:

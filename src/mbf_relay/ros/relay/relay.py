@@ -62,7 +62,7 @@ class RelayParameters(ParameterSet):
     )
     stop_on_server_loss: bool = parameter(
         True, "send zero velocity when a goal has ended and none follows, be it that the server was lost")
-    global_frame: str = parameter("map", "frame of ~current_goal")
+    global_frame: str = parameter("map", "frame of ~current_goal", is_frame=True)
 
 
 class ClientGoal(Protocol):
