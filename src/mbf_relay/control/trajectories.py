@@ -12,10 +12,11 @@ from mbf_relay.control import trajectory_kernels
 from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.costmap.footprint_checker import FootprintChecker
-from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.outcomes import ControlError, ControlOutcome
 
 STANDING = 0.05  # of the top speed: slower than this a robot turns on the spot
+NEVER = 1 << 30  # poses: no trajectory has as many free
 MOST_POSES = 1000000
 """Poses of a batch: with as many, a cycle takes more than half a second."""
 
@@ -212,12 +213,27 @@ def roll_out(
         needed,
         spare,
     )
-    change = accelerations * period
-    commands = (
-        velocities if p.use_dwa else np.clip(velocities, np.array(velocity) - change, np.array(velocity) + change)
-    )
+    commands = velocities
+    if not p.use_dwa:
+        change = accelerations * period
+        commands = np.clip(velocities, np.array(velocity) - change, np.array(velocity) + change)
+        needed[~_brake_free(p, checker, pose, commands, period)] = NEVER
     return Trajectories(velocities, commands, poses, counts, steps, way.steps, needed, ends, spare,
                         way.highest_costs, way.summed_costs)
+
+
+def _brake_free(
+    parameters: DwaParameters, checker: FootprintChecker, pose: Pose2D, commands: np.ndarray, period: float
+) -> np.ndarray:
+    """Tell of each command, (N, 3), whether the robot can still stop after it; shape (N,).
+
+    A trajectory that accelerates leads through velocities it has not sampled: that there is room to stop from where it
+    is going says nothing of what is commanded now.
+    """
+    different, which = np.unique(commands, axis=0, return_inverse=True)
+    stops = roll_out(parameters.replace(use_dwa=True), checker, pose, STOP, different, period, math.inf, 0.0)
+    brakes: np.ndarray = (stops.free >= stops.needed)[which]
+    return brakes
 
 
 def _require_room(trajectories: int, poses: float) -> None:

@@ -4,14 +4,17 @@ import math
 
 import numpy as np
 import pytest
-from kinematics import PaperRobot, boxes, costmap_round, drive, path_through
+from kinematics import PaperRobot, boxes, costmap_round, discs, drive, path_through
 
 from mbf_relay.control import CONTROLLERS
+from mbf_relay.control.braking import brakes_free
 from mbf_relay.control.controller import Controller
 from mbf_relay.control.state import ControlState
 from mbf_relay.control.trajectory_planner import as_dwa
 from mbf_relay.control.trajectory_planner_parameters import DYNAMIC, TrajectoryPlannerParameters
-from mbf_relay.geometry import IDENTITY, STOP, Pose2D
+from mbf_relay.costmap.footprint_checker import FootprintChecker
+from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
+from mbf_relay.outcomes import ControlError
 from mbf_relay.plugins import PluginError, create
 
 NAME = "base_local_planner/TrajectoryPlannerROS"
@@ -120,3 +123,24 @@ def test_sideways_drift_of_a_robot_that_cannot_brake_it_is_no_reason_to_stop():
     command = controller.compute_velocity(
         ControlState(0.0, Pose2D(0.0, 0.0, 0.0), drifting, costmap_round(Pose2D(0.0, 0.0, 0.0)), IDENTITY, 0.1))
     assert command.x > 0.1 and command.y == 0.0
+
+
+@pytest.mark.parametrize("dwa", [False, True])
+def test_a_heavy_robot_that_turns_at_speed_is_told_nothing_it_could_not_stop_from(dwa):
+    """Its brakes need three seconds: that it could stop from the velocity it slows down to says nothing of now."""
+    limits = dict(acc_lim_x=0.35, acc_lim_theta=0.8, max_vel_x=1.0, sim_time=1.0, vx_samples=3, vtheta_samples=10)
+    driven = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        controller, turn, pose = made(dwa=dwa, **limits), float(rng.uniform(-1.2, 1.2)), Pose2D(0.0, 0.0, 0.0)
+        posts = discs(*((*rng.uniform((0.6, -1.5), (2.0, 1.5)), 0.1) for _ in range(3)))
+        controller.set_path(path_through((0.0, 0.0), (1.0, 0.4 * turn), (1.5, 1.5 * turn)), True)
+        velocity = Twist2D(1.0, 0.0, turn)
+        state = ControlState(0.0, pose, velocity, costmap_round(pose, posts, size=6.0), IDENTITY, 0.1)
+        try:
+            command = controller.compute_velocity(state)
+        except ControlError:
+            continue  # and stands as soon as it can
+        driven += 1
+        assert brakes_free(as_dwa(controller.parameters, 0.05), state, FootprintChecker(state.costmap), command), seed
+    assert driven > 20
