@@ -55,7 +55,8 @@ def parameter(
     """
     metadata = dict(
         description=description, unit=unit, minimum=minimum, maximum=maximum, above=above, choices=choices,
-        aliases=tuple(aliases), clamped=clamped, is_frame=is_frame, largest=math.inf if default == math.inf else LARGEST,
+        aliases=tuple(aliases), clamped=clamped, is_frame=is_frame,
+        largest=math.inf if default == math.inf else LARGEST,
     )
     if isinstance(default, (list, dict)):
         return dataclasses.field(default_factory=lambda: type(default)(default), metadata=metadata)

@@ -15,6 +15,9 @@ from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.scan_monitor import LARGEST_GAP
 from mbf_relay.senders import HOW_TO_GO_ON, Senders
 
+LEVEL = 0.02
+"""Rise over distance up to which beams count as level; such a lidar's plane stays at its own height."""
+
 
 @dataclass(frozen=True)
 class SourceParameters(ParameterSet):
@@ -104,10 +107,31 @@ class ObservationSource:
     def add(self, observation: Observation, now: float, max_height: float) -> None:
         """Keep what one of its sensors saw."""
         frame = observation.frame
-        self._senders.hear(frame, now)
         rays = prepare(observation, self.parameters, max_height)
+        self.trouble = self._overlooks(observation, max_height) if len(rays.marks) == 0 else None
+        if self.trouble is not None:
+            return
+        self._senders.hear(frame, now)
         self._sensors.setdefault(frame, Sensor()).add(rays, now, self.parameters.observation_persistence)
-        self.trouble = self.unused = None
+        self.unused = None
+
+    def _overlooks(self, observation: Observation, max_height: float) -> Optional[str]:
+        """Return why nothing a level lidar hits can become an obstacle, None where it can.
+
+        One that is mounted below or above the heights that count shows free space whatever is there.
+        """
+        low, high = self.parameters.min_obstacle_height, min(self.parameters.max_obstacle_height, max_height)
+        origin, is_lidar = observation.origin, self.parameters.data_type == "LaserScan"
+        if not (is_lidar and self.parameters.marking) or len(origin) < 3 or low <= origin[2] <= high:
+            return None
+        hits = np.isfinite(observation.points).all(axis=1)
+        hits &= True if observation.hits is None else observation.hits
+        offsets = observation.points[hits] - origin
+        if len(offsets) == 0 or (np.abs(offsets[:, 2]) > LEVEL * np.hypot(offsets[:, 0], offsets[:, 1])).any():
+            return None
+        return (f"it looks level at {origin[2]:.2f} m, and what lies between {low:g} and {high:g} m becomes an "
+                "obstacle (min_obstacle_height, max_obstacle_height): nothing of what it sees would; where others see "
+                "in its place, marking: false says so")
 
     @property
     def sensors(self) -> Dict[str, Sensor]:

@@ -157,6 +157,10 @@ class Graph:
         except TransformError as error:
             return str(error)
         for costmap in self.costmaps.values():
+            try:
+                self.robot.pose_in(costmap.frame)
+            except TransformError as error:
+                return f"{costmap.name}: {error}"
             reason = costmap.stale_reason(self.now)
             if reason is not None:
                 return reason

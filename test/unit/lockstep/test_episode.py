@@ -77,6 +77,14 @@ def test_a_robot_whose_files_name_frames_as_tf_did_drives_alike(tmp_path):
     assert driven[0].trajectory == driven[1].trajectory
 
 
+def test_a_costmap_in_a_frame_that_nobody_broadcasts_is_named(tmp_path):
+    server = dict(BLIND.settings[SERVER])
+    server["local_costmap"] = {**server["local_costmap"], "global_frame": "odom_combined"}
+    lost = dataclasses.replace(BLIND, settings={**BLIND.settings, SERVER: server})
+    result = Episode(task(tmp_path, small_worlds.BENT), lost, seed=1).run()
+    assert not result.success and "local_costmap" in result.message and "odom_combined" in result.message
+
+
 def test_a_drive_is_not_charged_with_memory_that_is_long_given_back(tmp_path):
     np.ones(50_000_000)  # 380 MiB, and free again
     told = Episode(task(tmp_path, small_worlds.BENT), BLIND, 1).run().machine["memory_mib"]
