@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import struct
+import time
 from typing import Any, Sequence
 
 import rospy.impl.simtime
@@ -18,6 +19,8 @@ from rospy import rostime
 from rospy.exceptions import TransportTerminated
 from rospy.impl.tcpros_base import TCPROSTransport
 
+CLOCK_PAUSE = 0.1
+"""Wall seconds between two looks at /clock of a node that only dates what it says."""
 _LENGTH = struct.Struct("<I")
 _receive_as_rospy = TCPROSTransport.receive_once
 
@@ -25,7 +28,7 @@ _receive_as_rospy = TCPROSTransport.receive_once
 def receive_with_less() -> None:
     """Have this process receive messages and take over simulated time with less work; before rospy.init_node."""
     TCPROSTransport.receive_once = receive_once
-    rospy.impl.simtime._set_rostime_clock_wrapper = set_time
+    rospy.impl.simtime._set_rostime_clock_wrapper = _clock.take
 
 
 def receive_once(transport: Any) -> Sequence[Any]:
@@ -59,6 +62,34 @@ def receive_once(transport: Any) -> Sequence[Any]:
     if transport.is_latched:
         transport.latch = message
     return (message,)
+
+
+class ClockReader:
+    """Takes over the times of /clock.
+
+    Attributes:
+        pause: Wall time (s) from one to the next; what comes meanwhile waits, and of that the newest counts.
+    """
+
+    pause = 0.0
+
+    def take(self, message: Clock) -> None:
+        """Take a time, in rospy's thread of /clock, which then reads on."""
+        set_time(message)
+        if self.pause > 0.0:
+            time.sleep(self.pause)
+
+
+_clock = ClockReader()
+
+
+def look_at_clock_seldom() -> None:
+    """Have this process look at /clock every CLOCK_PAUSE.
+
+    For a node that does nothing at a time of its own and only dates what it says: to wake for each message is nearly
+    all it would ever do.
+    """
+    _clock.pause = CLOCK_PAUSE
 
 
 def set_time(message: Clock) -> None:

@@ -23,6 +23,7 @@ from mbf_relay.maps import (
 from mbf_relay.ros.common.conversions import map_to_message
 from mbf_relay.ros.common.diagnostics import OK, Diagnostics, Report
 from mbf_relay.ros.common.node import spare_what_stays
+from mbf_relay.ros.common.receiving import look_at_clock_seldom
 
 USAGE = "usage: map_server MAP.yaml (or, as it was long ago: map_server IMAGE RESOLUTION)"
 
@@ -123,6 +124,7 @@ def read_arguments(arguments: List[str]) -> OccupancyMap:
 
 def main() -> None:
     """Serve the map named on the command line until ROS shuts down."""
+    look_at_clock_seldom()
     server = MapServer(read_arguments(rospy.myargv(sys.argv)[1:]))
     spare_what_stays()
     rospy.spin()

@@ -150,4 +150,17 @@ def test_all_that_a_node_receives_comes_this_way(monkeypatch):
     monkeypatch.setattr("rospy.impl.simtime._set_rostime_clock_wrapper", None)
     receiving.receive_with_less()
     assert TCPROSTransport.receive_once is receiving.receive_once
-    assert rospy.impl.simtime._set_rostime_clock_wrapper is receiving.set_time
+    assert rospy.impl.simtime._set_rostime_clock_wrapper == receiving._clock.take
+
+
+@pytest.mark.parametrize("is_idle, rests", [(False, []), (True, [receiving.CLOCK_PAUSE] * 2)])
+def test_who_only_dates_what_it_says_does_not_wake_for_each_time(monkeypatch, is_idle, rests):
+    taken, rested = [], []
+    monkeypatch.setattr(receiving, "set_time", lambda message: taken.append(message.clock.secs))
+    monkeypatch.setattr(receiving.time, "sleep", rested.append)
+    monkeypatch.setattr(receiving, "_clock", receiving.ClockReader())
+    if is_idle:
+        receiving.look_at_clock_seldom()
+    for seconds in (7, 8):
+        receiving._clock.take(Clock(rospy.Time(seconds)))
+    assert (taken, rested) == ([7, 8], rests)
