@@ -11,7 +11,7 @@ from __future__ import annotations
 import collections
 import threading
 import time
-from typing import Any, Callable, Deque, Optional, Tuple
+from typing import Any, Callable, Deque, Optional, Sequence, Tuple
 
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
@@ -61,6 +61,7 @@ class ActionServer:
     Attributes:
         lock: The one lock of the server: goal and cancel callbacks run under it, goals take it.
         is_alive: Whether what carries out goals works; while it does not, no status makes it look as if it did.
+        is_stopped: Whether it has left the topics for good.
     """
 
     def __init__(
@@ -84,13 +85,17 @@ class ActionServer:
         self.lock = self.goals.lock
         self.is_alive: Callable[[], bool] = lambda: True
         self._late_comers = _LateComers()
-        self._stopped = threading.Event()
+        self.is_stopped = False
         self._changed = False
         self._told_at = self._wait = 0.0
         self._publishes = False
 
     def start(self) -> None:
         """Open the topics and begin to tell the status."""
+        start_together([self])
+
+    def open(self) -> None:
+        """Open the topics; who calls this has `look` called from then on."""
         name = rospy.remap_name(self._name)
         queue = rospy.get_param("actionlib_server_pub_queue_size", 50)
         queue = queue if queue > 0 else 50
@@ -108,13 +113,11 @@ class ActionServer:
             self._links = [self._status, self._result, self._feedback, renewals, self._cancel_link, self._goal_link]
             self._publishes = True
             self.publish_status()
-        threading.Thread(target=self._keep_telling, name=f"status of {name}", daemon=True).start()
 
     def stop(self) -> None:
         """Leave the topics."""
-        self._stopped.set()
         with self.lock:
-            self._publishes = False
+            self._publishes, self.is_stopped = False, True
             for link in self._links:
                 link.unregister()
 
@@ -162,13 +165,28 @@ class ActionServer:
         except rospy.ROSException:
             pass  # rospy closes topics from another thread when the node ends
 
-    def _keep_telling(self) -> None:
-        while not self._stopped.wait(LOOK_PERIOD) and not rospy.is_shutdown():
-            self.goals.look(self._is_connected, self._client_timeout)
-            if self.is_alive() and time.monotonic() - self._told_at >= (self._wait if self._changed else STATUS_PERIOD):
-                self.publish_status()
+    def look(self) -> None:
+        """Look at leases, and tell the status where it is time; call every LOOK_PERIOD."""
+        self.goals.look(self._is_connected, self._client_timeout)
+        if self.is_alive() and time.monotonic() - self._told_at >= (self._wait if self._changed else STATUS_PERIOD):
+            self.publish_status()
 
     def _is_connected(self, node: str) -> bool:
         """Return whether a node that sends goals is connected."""
         links = (*self._goal_link.impl.connections, *self._cancel_link.impl.connections)
         return any(link.callerid_pub == node for link in links)
+
+
+def start_together(servers: Sequence[ActionServer]) -> None:
+    """Start servers of one node; one thread tells the status of all, as what waking one costs is most of the work."""
+    for server in servers:
+        server.open()
+    threading.Thread(target=_keep_telling, args=(servers,), name="status of actions", daemon=True).start()
+
+
+def _keep_telling(servers: Sequence[ActionServer]) -> None:
+    while not (rospy.is_shutdown() or all(server.is_stopped for server in servers)):
+        for server in servers:
+            if not server.is_stopped:
+                server.look()
+        time.sleep(LOOK_PERIOD)

@@ -79,10 +79,11 @@ class Action:
         self._ros_now = ros_now
         self._server = make_server(f"~{name}", action_type, self._on_goal, self._on_cancel, self._recalled)
 
-    def start(self) -> None:
-        """Advertise."""
+    @property
+    def server(self) -> Any:
+        """The action server, which asks whether navigation is alive."""
         self._server.is_alive = self.is_alive
-        self._server.start()
+        return self._server
 
     # callbacks: they note what was asked and wake the stepper
 

@@ -20,7 +20,7 @@ from mbf_relay.navigation.worker import ThreadWorker
 from mbf_relay.planning.path import Path
 from mbf_relay.ros.common import parameters as ros_parameters
 from mbf_relay.ros.common import reconfigure
-from mbf_relay.ros.common.action_server import ActionServer
+from mbf_relay.ros.common.action_server import ActionServer, start_together
 from mbf_relay.ros.common.diagnostics import ERROR, OK, WARN, Diagnostics, RateMeter, Report
 from mbf_relay.ros.common.node import spare_what_stays
 from mbf_relay.ros.common.stepper import Stepper
@@ -112,8 +112,7 @@ class MoveBaseFlex:
         self._pause_services = PauseServices(self.robot, self._stepper.wake)
         self._stepper.start()
         self._watchdog.start()
-        for action in self._actions:
-            action.start()
+        start_together([action.server for action in self._actions])
         self._diagnostics = Diagnostics()
         self._diagnostics.add("navigation", self._report)
         for side, node in self._costmap_nodes.items():
