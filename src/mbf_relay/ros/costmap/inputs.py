@@ -28,6 +28,7 @@ from mbf_relay.ros.common.lidar_geometry import mounting_of, seen_from_above
 from mbf_relay.ros.common.quick_grids import QuickGrid, QuickGridUpdate
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 from mbf_relay.ros.common.transforms import Transforms
+from mbf_relay.scan import LaserScan
 from mbf_relay.scan_monitor import ScanMonitor
 from mbf_relay.senders import HOW_TO_GO_ON, Senders
 
@@ -141,13 +142,14 @@ class SensorInput:
         self._warnings.say(f"{self._costmap.name}: {self._trouble}")
 
     def _observation(self, message: Any) -> Observation:
-        points, hits = points_from_message(message, self._parameters.inf_is_valid)
+        scan = scan_from_message(message) if isinstance(message, LaserScanMessage) else None
+        points, hits = points_from(message, scan, self._parameters.inf_is_valid)
         frame = message.header.frame_id
         stamp = message.header.stamp.to_sec()
         when = stamp if stamp > 0.0 else None
         sensor = self._transforms.lookup_message(self._costmap.frame, frame, when)
-        if isinstance(message, LaserScanMessage):
-            self._require_sight(message, sensor)
+        if scan is not None:
+            self._require_sight(scan, sensor)
         rotation, translation = rigid(sensor)
         seen = replace(observation_from_points(points, hits, rotation, translation, stamp), frame=frame.lstrip("/"))
         origin_frame = self._parameters.sensor_frame
@@ -156,15 +158,15 @@ class SensorInput:
         _, origin = rigid(self._transforms.lookup_message(self._costmap.frame, origin_frame, when))
         return replace(seen, origin=tuple(float(value) for value in origin))
 
-    def _require_sight(self, message: LaserScanMessage, sensor: TransformStamped) -> None:
+    def _require_sight(self, scan: LaserScan, sensor: TransformStamped) -> None:
         """Raise BlindSensor where a scan shows nothing; `sensor` takes its points to the costmap's frame."""
-        frame = message.header.frame_id.lstrip("/")
+        frame = scan.frame.lstrip("/")
         pose, upside_down = mounting_of(sensor.transform)
         base = self._transforms.lookup_message(self._costmap.robot_frame, frame)
         mounting, _ = mounting_of(base.transform)
         monitor = self._monitors.setdefault(frame, ScanMonitor(self._parameters.largest_gap))
-        trouble = monitor.trouble(seen_from_above(scan_from_message(message), upside_down), -mounting.theta, pose)
-        self._senders.hear(frame, message.header.stamp.to_sec())
+        trouble = monitor.trouble(seen_from_above(scan, upside_down), -mounting.theta, pose)
+        self._senders.hear(frame, scan.stamp)
         self._blind.pop(frame, None)
         if trouble is not None:
             self._blind[frame] = trouble
@@ -184,14 +186,21 @@ class BlindSensor(InvalidMessage):
     """A scan in order by its numbers, of a lidar that sees nothing."""
 
 
-def points_from_message(message: Any, inf_is_valid: bool) -> Tuple[np.ndarray, Optional[np.ndarray]]:
+def points_from(
+    message: Any, scan: Optional[LaserScan], inf_is_valid: bool
+) -> Tuple[np.ndarray, Optional[np.ndarray]]:
     """Return what a scan or cloud holds in its own frame: points, (N, 2) or (N, 3) in metres, and which are hits.
+
+    Args:
+        message: The cloud.
+        scan: The scan, as read from the message; None for a cloud.
+        inf_is_valid: See `scan_points`.
 
     Raises:
         InvalidMessage: The message cannot be read.
     """
-    if isinstance(message, LaserScanMessage):
-        return scan_points(scan_from_message(message), inf_is_valid)
+    if scan is not None:
+        return scan_points(scan, inf_is_valid)
     if isinstance(message, PointCloud):
         checks.check_count(len(message.points), checks.MOST_POINTS, "points in a cloud")
         return np.array([(point.x, point.y, point.z) for point in message.points]).reshape(-1, 3), None

@@ -22,7 +22,7 @@ from mbf_relay.localization.cloud_scan import CloudParameters  # noqa: E402
 from mbf_relay.outcomes import NavigationError  # noqa: E402
 from mbf_relay.ros.amcl.cloud_input import scan_of_cloud  # noqa: E402
 from mbf_relay.ros.common import bags, checks, conversions  # noqa: E402
-from mbf_relay.ros.costmap.inputs import points_from_message  # noqa: E402
+from mbf_relay.ros.costmap.inputs import points_from  # noqa: E402
 from mbf_relay.ros.server import messages  # noqa: E402
 
 EXAMPLES = how_many(30, 5000)
@@ -84,9 +84,9 @@ CONVERSIONS = {
     "grid": (message(OccupancyGrid), conversions.map_from_message),
     "grid that fits": (message(OccupancyGrid).map(fitting_grid), conversions.map_from_message),
     "scan": (message(LaserScan), conversions.scan_from_message),
-    "scan as points": (message(LaserScan), lambda scan: points_from_message(scan, True)),
-    "cloud": (message(PointCloud), lambda cloud: points_from_message(cloud, True)),
-    "cloud of bytes": (message(PointCloud2), lambda cloud: points_from_message(cloud, True)),
+    "scan as points": (message(LaserScan), lambda scan: points_from(scan, conversions.scan_from_message(scan), True)),
+    "cloud": (message(PointCloud), lambda cloud: points_from(cloud, None, True)),
+    "cloud of bytes": (message(PointCloud2), lambda cloud: points_from(cloud, None, True)),
     "cloud as a scan": (message(PointCloud2).map(coloured), lambda cloud: scan_of_a(cloud)),
     "goal of move_base": (message(MoveBaseGoal), messages.navigate_goal),
     "goal of get_path": (message(GetPathGoal), messages.plan_goal),
