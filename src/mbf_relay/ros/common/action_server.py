@@ -42,9 +42,12 @@ class _LateComers(rospy.SubscribeListener):
 
     def note(self, message: Any) -> None:
         """Keep a result that is sent now."""
-        now = time.monotonic()
-        self._sent.append((now, message))
-        while now - self._sent[0][0] > LATE:
+        self._sent.append((time.monotonic(), message))
+
+    def forget(self) -> None:
+        """Let go of what was sent too long ago; call now and then, whether or not anything is sent."""
+        oldest = time.monotonic() - LATE
+        while self._sent and self._sent[0][0] < oldest:
             self._sent.popleft()
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Callable[[Any], None]) -> None:
@@ -168,6 +171,7 @@ class ActionServer:
     def look(self) -> None:
         """Look at leases, and tell the status where it is time; call every LOOK_PERIOD."""
         self.goals.look(self._is_connected, self._client_timeout)
+        self._late_comers.forget()
         if self.is_alive() and time.monotonic() - self._told_at >= (self._wait if self._changed else STATUS_PERIOD):
             self.publish_status()
 

@@ -39,6 +39,8 @@ REMEMBER_AT_MOST = 2000
 LIST_AT_MOST = 600
 """Number of finished goals in the status, the newest. A client of actionlib's takes a goal for lost that ended and is
 not in the status when its result still waits to be looked at; of twenty clients at 20 Hz, each has 1.5 s for that."""
+LONGEST_ID = 1000
+"""Characters of a goal's id at most: the status repeats each five times a second. actionlib's have some forty."""
 LONGEST_LOOK = 0.3
 """Wall time (s) that a lease loses in one look at most.
 
@@ -170,6 +172,8 @@ class GoalTracker:
             goal: The goal.
             client: Name of the node it came from.
         """
+        if _is_too_long(goal_id):
+            return
         with self.lock:
             now, stamp = self._ros_now(), goal_id.stamp
             goal_id = GoalID(
@@ -194,6 +198,8 @@ class GoalTracker:
 
     def take_cancel(self, goal_id: GoalID) -> None:
         """Take a cancel message: of one goal, of all up to a time, or of all."""
+        if _is_too_long(goal_id):
+            return
         with self.lock:
             everything = not goal_id.id and not goal_id.stamp
             for tracked in list(self._goals.values()):
@@ -293,3 +299,13 @@ class GoalTracker:
         for place, (name, finished_at) in enumerate(ended):
             if place < surplus or now - finished_at > REMEMBER_FOR:
                 del self._goals[name]
+
+
+def _is_too_long(goal_id: GoalID) -> bool:
+    """Return whether an id is no name but a burden, and say so; its goal is not taken, and nobody can wait for it."""
+    too_long = len(goal_id.id) > LONGEST_ID
+    if too_long:
+        logging.getLogger("rosout").error(
+            "refused a goal, or its cancel, whose id has %d characters; at most %d allowed: '%s...'",
+            len(goal_id.id), LONGEST_ID, goal_id.id[:40])
+    return too_long

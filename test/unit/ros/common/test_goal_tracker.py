@@ -18,6 +18,7 @@ from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult, MoveBas
 from mbf_relay.ros.common import goal_lease  # noqa: E402
 from mbf_relay.ros.common.goal_tracker import (  # noqa: E402
     ACTIVE,
+    LONGEST_ID,
     PENDING,
     PREEMPTING,
     RECALLED,
@@ -150,6 +151,17 @@ def test_a_robot_takes_the_goal_of_a_client_that_has_no_clock_yet():
     server.now = 0.0
     server.goal("first", stamp=0.0)
     assert len(server.taken) == 1 and not server.results
+
+
+def test_a_goal_whose_name_is_megabytes_does_not_fill_the_memory_of_the_robot(caplog):
+    server = Server()
+    running = server.goal("a", client="a client")
+    assert server.goal("b" * 5000000) is None
+    server.tracker.take_cancel(GoalID(id="c" * 5000000))
+    assert sum(len(status.goal_id.id) for status in server.tracker.listed()) == 1
+    assert not running.has_ended and not server.cancelled
+    assert all(len(record.getMessage()) < 200 for record in caplog.records)
+    assert server.goal("d" * LONGEST_ID) is not None
 
 
 def test_goals_without_a_name_are_told_apart():

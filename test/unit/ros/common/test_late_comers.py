@@ -20,6 +20,17 @@ def test_a_result_sent_just_before_a_client_was_connected_reaches_it():
     assert heard_by(late_comers) == ["first", "second"]
 
 
+def test_results_of_a_crowd_that_has_left_are_not_held_for_ever(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(action_server.time, "monotonic", lambda: now[0])
+    late_comers = action_server._LateComers()
+    for number in range(1000):
+        late_comers.note(f"result {number}")
+    now[0] += action_server.LATE + 0.1
+    late_comers.forget()
+    assert not late_comers._sent
+
+
 def test_a_client_that_comes_later_hears_nothing_of_old_goals(monkeypatch):
     now = [100.0]
     monkeypatch.setattr(action_server.time, "monotonic", lambda: now[0])

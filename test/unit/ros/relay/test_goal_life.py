@@ -3,6 +3,9 @@
 Two things hold at every moment: each goal ends once, and a robot for which nobody has a goal stands within a second.
 """
 
+import collections
+import gc
+
 import pytest
 
 pytest.importorskip("mbf_msgs.msg")
@@ -11,11 +14,12 @@ from actionlib_msgs.msg import GoalStatus  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule  # noqa: E402
-from paper_graph import Graph, scripted, steer  # noqa: E402
+from paper_graph import STEP, Graph, scripted, steer  # noqa: E402
 from tally import how_many, trial  # noqa: E402
 
 from mbf_relay.geometry import STOP  # noqa: E402
 from mbf_relay.outcomes import ControlError, ControlOutcome  # noqa: E402
+from mbf_relay.ros.common.goal_tracker import REMEMBER_FOR  # noqa: E402
 
 RUNS = how_many(60, 10000)
 TOPICS = st.sampled_from(["goal", "cancel", "lease", "status", "result", "feedback", "cmd_vel"])
@@ -32,6 +36,33 @@ def graph():
     graph.run(1.0)
     assert graph.wheels != STOP
     return graph
+
+
+def held():
+    """Return how many objects there are of each class that goals are made of, here and in messages."""
+    gc.collect()
+    kinds = [type(each) for each in gc.get_objects()]
+    rooms = ("mbf_relay.ros.", "mbf_relay.navigation.task", "actionlib_msgs.", "move_base_msgs.", "mbf_msgs.")
+    return collections.Counter(kind.__qualname__ for kind in kinds if kind.__module__.startswith(rooms))
+
+
+def send_many(graph, goals, begin):
+    """Send goals that replace each other, have some called off, and wait until they are remembered no longer."""
+    for index in range(begin, begin + goals):
+        graph.goal(f"many {index}", x=50.0)
+        if index % 3 == 0:
+            graph.cancel(f"many {index}")
+        graph.run(STEP)
+    graph.cancel()
+    graph.run(REMEMBER_FOR + 10.0)
+
+
+def test_nodes_that_have_had_a_thousand_goals_hold_no_more_than_after_a_few(graph):
+    send_many(graph, 50, 0)
+    few = held()
+    send_many(graph, 1000, 50)
+    grown = {kind: (few[kind], count) for kind, count in held().items() if count > few[kind] + 20}
+    assert len(graph.relay.results) == 1051 and not grown
 
 
 def stands(graph):
