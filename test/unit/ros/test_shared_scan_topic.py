@@ -86,7 +86,8 @@ def guard(monkeypatch):
     """Return a guard node whose robot is asked to drive ahead."""
     for name in ("Publisher", "Subscriber"):
         monkeypatch.setattr(inputs.rospy, name, lambda *_, **__: SimpleNamespace(publish=lambda message: None))
-    monkeypatch.setattr(inputs.rospy, "loginfo_throttle", lambda period, text: None)
+    for name in ("loginfo_throttle", "logwarn_throttle"):
+        monkeypatch.setattr(inputs.rospy, name, lambda period, text: None)
     monkeypatch.setattr(node, "on_shutdown", lambda function: None)
     monkeypatch.setattr(node, "Transforms", Mountings)
     monkeypatch.setattr(node.diagnostics, "Diagnostics", lambda: SimpleNamespace(add=lambda name, report: None))

@@ -112,7 +112,7 @@ class VelocityGuardNode:
         if command is not None or self._verdict.velocity != before.velocity:
             self._send(self._verdict.velocity)
         if (self._verdict.cause, self._verdict.velocity == STOP) != (before.cause, before.velocity == STOP):
-            self._tell()
+            self._tell(now)
 
     def _see(self, message: LaserScan, now: float) -> None:
         try:
@@ -127,14 +127,14 @@ class VelocityGuardNode:
             return
         self._trouble = ""
         self._unplaced.pop(message.header.frame_id, None)
-        if self._without():
-            rospy.logwarn_throttle(UNPLACED_PERIOD, f"passing velocities {self._without()}")
+        without = self._without(now)
+        if without:
+            rospy.logwarn_throttle(UNPLACED_PERIOD, f"passing velocities {without}")
         else:  # lidars do not move on a robot
             self._transforms.close()
 
-    def _without(self) -> str:
+    def _without(self, now: float) -> str:
         """Return which lidars are not looked at though they send, and why; empty for none."""
-        now = rospy.get_time()
         frames = [frame for frame, heard_at in self._unplaced.items() if abs(now - heard_at) <= AT_ONCE]
         if not frames:
             return ""
@@ -146,21 +146,22 @@ class VelocityGuardNode:
             if not self._closed:
                 self._velocity.publish(twist_to_message(velocity))
 
-    def _tell(self) -> None:
+    def _tell(self, now: float) -> None:
         """Say what the guard does from now on and why; each reason once, when it begins."""
-        text = self._text()
+        text = self._text(now)
         self._state.publish(text)
         if self._verdict.cause not in (PASSING, STANDING):
             rospy.loginfo_throttle(2.0, text)
 
-    def _text(self) -> str:
-        trouble = self._trouble if self._verdict.cause == NO_SCAN else self._without()
+    def _text(self, now: float) -> str:
+        trouble = self._trouble if self._verdict.cause == NO_SCAN else self._without(now)
         return f"{self._verdict.text} ({trouble})" if trouble else self._verdict.text
 
     def _report(self) -> diagnostics.Report:
         values = {f"velocities, {cause}": count for cause, count in sorted(dict(self._counts).items())}
-        fine = self._verdict.cause in (PASSING, STANDING) and not self._without()
-        return diagnostics.OK if fine else diagnostics.WARN, self._text(), values
+        now = rospy.get_time()
+        fine = self._verdict.cause in (PASSING, STANDING) and not self._without(now)
+        return diagnostics.OK if fine else diagnostics.WARN, self._text(now), values
 
 
 def main() -> None:
