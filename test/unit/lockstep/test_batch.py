@@ -17,7 +17,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 import small_worlds  # noqa: E402
 
 import mbf_relay  # noqa: E402
-from mbf_relay.lockstep import batch  # noqa: E402
+from mbf_relay.lockstep import batch, batch_report  # noqa: E402
+from mbf_relay.lockstep.cluster import ClusterError  # noqa: E402
 from mbf_relay.lockstep.results_file import LINES, read_lines  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -128,6 +129,21 @@ def test_results_of_other_code_are_not_continued(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("mbf_relay.lockstep.sources.package_digest", lambda: "other")
     assert batch.main([worlds, "--out", str(tmp_path / "out")]) == 1
     assert "holds results of other code (sources was" in capsys.readouterr().err
+
+
+def test_who_edits_the_package_while_a_batch_runs_gets_its_summary_and_a_line_for_the_pictures(
+        tmp_path, capsys, monkeypatch):
+    """It ended in a traceback behind hours of driving, for no worker had the sources of its start."""
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.BLOCKED_START)
+
+    def none_is_fit(*_arguments, **_options):
+        raise ClusterError("no worker is fit; it has sources 'b', here is 'a'")
+
+    monkeypatch.setattr(batch_report, "workers_for", none_is_fit)
+    assert batch.main([worlds, "--out", str(tmp_path / "out")]) == 0
+    shown = capsys.readouterr()
+    assert "no worker is fit; it has sources 'b', here is 'a'" in shown.err
+    assert "results and summary are in" in shown.out and (tmp_path / "out" / "summary.json").exists()
 
 
 def test_seeds_are_a_number_or_a_range(tmp_path, capsys):
