@@ -33,6 +33,10 @@ class DwaParameters(FollowerParameters):
     steady_scale: float = parameter(
         0.01, "what a change of the turn by 1 rad/s costs, as metres off the path", "m", minimum=0.0
     )
+    counter_steering_scale: float = parameter(
+        0.12, "what turning to the other side than last costs, as metres off the path; less where it is narrow", "m",
+        minimum=0.0,
+    )
     slow_scale: float = parameter(
         0.1,
         "what a velocity below both min_vel_trans and min_vel_theta costs, as metres off the path",
@@ -80,6 +84,7 @@ class DwaParameters(FollowerParameters):
             "prefer_forward",
             "slow",
             "steady",
+            "counter_steering",
         ),
         "critics in the order they are asked; package.module.Class for one of your own",
     )

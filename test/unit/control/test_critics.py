@@ -117,9 +117,36 @@ def test_weights_come_from_the_parameters():
     for name, parameter in weights.items():
         assert critic(name, **{parameter: 7.5}).scale == 7.5
     for name, parameter in dict(
-        prefer_forward="prefer_forward_scale", slow="slow_scale", steady="steady_scale"
+        prefer_forward="prefer_forward_scale", slow="slow_scale", steady="steady_scale",
+        counter_steering="counter_steering_scale"
     ).items():
         assert critic(name, **{parameter: 0.5, "path_distance_bias": 10.0}).scale == 5.0
+
+
+class TestCounterSteering:
+    def scores(self, *turns):
+        """Return scores and turns of a batch after these turns were driven."""
+        batch, data = random_scene(np.random.default_rng(4))
+        counter = critic("counter_steering")
+        for turn in turns:
+            counter.driven(Twist2D(0.2, 0.0, turn), data)
+        return counter.score(batch, data), batch.velocities[:, 2], data.horizon_scale
+
+    def test_a_robot_that_has_not_turned_may_turn_either_way(self):
+        assert not self.scores()[0].any()
+
+    @pytest.mark.parametrize("side", [1.0, -1.0])
+    def test_to_turn_to_the_other_side_is_charged_and_to_go_on_is_not(self, side):
+        scores, turns, whole = self.scores(side * 0.3)
+        assert not scores[side * turns >= 0.0].any()
+        assert scores[side * turns < -0.12] == pytest.approx(whole)
+        assert (np.abs(side * turns[scores > 0.0]) > 0.0).all()
+
+    def test_once_turned_the_other_side_is_the_charged_one(self):
+        assert self.scores(0.3, -0.3)[0] == pytest.approx(self.scores(-0.3)[0])
+
+    def test_going_nearly_straight_changes_no_side(self):
+        assert self.scores(0.3, -0.03)[0] == pytest.approx(self.scores(0.3)[0])
 
 
 class TestOscillation:

@@ -12,6 +12,7 @@ CRITICS = {
     "twirling": "mbf_relay.control.critics.motion.Twirling",
     "prefer_forward": "mbf_relay.control.critics.motion.PreferForward",
     "slow": "mbf_relay.control.critics.motion.Slow",
+    "counter_steering": "mbf_relay.control.critics.motion.CounterSteering",
     "steady": "mbf_relay.control.critics.motion.Steady",
 }
 """Names in the parameter `critics` and the classes they stand for."""

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mbf_relay.control.critics.critic import Critic, CriticData
+from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.trajectories import Trajectories, too_slow
+from mbf_relay.geometry import Twist2D
 
 
 class Twirling(Critic):
@@ -50,6 +54,36 @@ class Steady(Critic):
         """Return rad/s."""
         changes: np.ndarray = np.abs(trajectories.velocities[:, 2] - data.velocity.theta)
         return changes
+
+
+class CounterSteering(Critic):
+    """Charges turning to the other side than the robot turned last, less where it is narrow.
+
+    The charge is the same from WHOLE on, and the side is the other one once it was worth it: a robot goes straight on
+    rather than after each bend of a path by a degree or two, and a bend worth more than that it takes as it is.
+    """
+
+    STRAIGHT = 0.02  # of the top rotational speed: a slower turn has no side
+    WHOLE = 0.04  # of the top rotational speed: a turn from which on all is charged
+
+    def __init__(self, name: str, parameters: DwaParameters) -> None:
+        super().__init__(name, parameters)
+        self._side = 0.0
+
+    @property
+    def scale(self) -> float:
+        """counter_steering_scale, in the path critic's unit."""
+        return self.parameters.counter_steering_scale * self.parameters.path_distance_bias
+
+    def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
+        """Return 0 to 1."""
+        whole = max(self.WHOLE * self.parameters.max_vel_theta, 1e-6)
+        return data.horizon_scale * np.clip(-self._side * trajectories.velocities[:, 2] / whole, 0.0, 1.0)
+
+    def driven(self, command: Twist2D, data: CriticData) -> None:
+        """Note the side."""
+        if abs(command.theta) > self.STRAIGHT * self.parameters.max_vel_theta:
+            self._side = math.copysign(1.0, command.theta)
 
 
 class Slow(Critic):
