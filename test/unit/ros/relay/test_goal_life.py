@@ -100,6 +100,14 @@ def test_a_robot_whose_server_is_stopped_is_stopped_within_a_second_by_the_relay
     assert stands(graph) and graph.relay.results == [("a", GoalStatus.ABORTED)]
 
 
+def test_a_robot_whose_server_is_stopped_while_its_status_is_late_stands_a_second_after_the_last_of_it(graph):
+    graph.network.delays["status"] = 0.3
+    graph.run(0.1)
+    graph.stop(graph.server)
+    graph.run(0.4)
+    assert stands(graph) and graph.relay.results == [("a", GoalStatus.ABORTED)]
+
+
 def test_a_robot_whose_server_was_killed_is_stopped_by_the_relay_and_the_next_goal_works(graph):
     graph.kill_server()
     assert stands(graph) and graph.relay.results == [("a", GoalStatus.ABORTED)]
