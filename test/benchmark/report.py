@@ -17,6 +17,8 @@ ROBOTS = ("<!-- made by `scripts/benchmark zoo --write` -->", "<!-- end of zoo -
 """Lines between which a README has a section."""
 LOST = ", lost"
 """End of the name of a metric that counts what a proof lost."""
+FEW = 10
+"""Trials of which the short table says nothing where none was lost: they prove little."""
 
 HERE = Path(__file__).resolve().parent
 
@@ -154,10 +156,10 @@ def headline_table(results: Results) -> str:
 
 
 def proof_table(results: Results) -> str:
-    """Return what was tried how often, and how much of it was lost, as Markdown."""
+    """Return what was tried how often, and how much of it was lost, as Markdown; of a FEW only where some was lost."""
     lines = ["| what was tried | how often | lost |", "|---|---|---|"]
     for _, metric in results:
-        if metric.name.endswith(LOST):
+        if metric.name.endswith(LOST) and (metric.repeats > FEW or metric.value > 0.0):
             lines.append(f"| {metric.name[:-len(LOST)]} | {metric.repeats} | {round_for_people(metric.value)} |")
     return "\n".join(lines)
 

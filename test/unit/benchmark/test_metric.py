@@ -100,6 +100,11 @@ def test_a_section_of_which_nothing_was_measured_stays_as_it_is(names, tmp_path,
         assert "| goals cancelled | 5000 | 1 |" in (tmp_path / "README.md").read_text(encoding="utf-8")
 
 
+def test_few_trials_are_told_in_short_only_where_one_was_lost():
+    made = [Metric("master killed, lost", lost, repeats=4) for lost in (0.0, 1.0)]
+    assert [report.proof_table([("reliability", metric)]).count("master") for metric in made] == [0, 1]
+
+
 def test_a_robot_has_a_row_with_a_cell_for_each_thing_told_of_it():
     told = {"wheels": "car", "loads": "yes", "ignored": 2}
     table = report.robot_table([("zoo", Metric("limo", 20.04, "s", parameters=told))])
