@@ -42,13 +42,13 @@ def leave(
     (folder / "summary.json").write_text(as_json(done), encoding="utf-8")
     tables.write(folder, done, trajectories)
     by_name = {task.name: task for task in tasks}
+    made = "results, summary and pictures"
     try:
         draw(folder, [(by_name[result.world], result) for result in done if result.world in by_name], processes)
     except ValueError as error:  # of the cluster, as where the package's files were edited meanwhile
         print(f"no pictures: {error}", file=sys.stderr)
-        print(f"results and summary are in {folder}")
-        return
-    print(f"results, summary and pictures are in {folder}")
+        made = "results and summary"
+    print(f"{made} are in {folder}")
 
 
 def draw(folder: Path, shown: Sequence[pictures.Shown], processes: int) -> None:

@@ -126,7 +126,7 @@ def test_weights_come_from_the_parameters():
 class TestCounterSteering:
     def scores(self, *turns):
         """Return scores and turns of a batch after these turns were driven."""
-        batch, data = random_scene(np.random.default_rng(4))
+        batch, data = random_scene(np.random.default_rng(4), velocity=Twist2D(0.1, 0.0, 0.0))
         counter = critic("counter_steering")
         for turn in turns:
             counter.driven(Twist2D(0.2, 0.0, turn), data)
@@ -139,8 +139,8 @@ class TestCounterSteering:
     def test_to_turn_to_the_other_side_is_charged_and_to_go_on_is_not(self, side):
         scores, turns, whole = self.scores(side * 0.3)
         assert not scores[side * turns >= 0.0].any()
-        assert scores[side * turns < -0.12] == pytest.approx(whole)
-        assert (np.abs(side * turns[scores > 0.0]) > 0.0).all()
+        assert (scores[side * turns < 0.0] > 0.0).all()
+        assert (side * turns < -0.12).any() and scores[side * turns < -0.12] == pytest.approx(whole)
 
     def test_once_turned_the_other_side_is_the_charged_one(self):
         assert self.scores(0.3, -0.3)[0] == pytest.approx(self.scores(-0.3)[0])

@@ -61,6 +61,8 @@ class CounterSteering(Critic):
 
     The charge is the same from WHOLE on, and the side is the other one once it was worth it: a robot goes straight on
     rather than after each bend of a path by a degree or two, and a bend worth more than that it takes as it is.
+
+    A new goal is no reason to forget the side: goals that replace each other find a robot that drives.
     """
 
     STRAIGHT = 0.02  # of the top rotational speed: a slower turn has no side
