@@ -12,6 +12,8 @@ MOVES = 0.02
 """Metres or radians per second from which the robot is said to move."""
 CAME = 0.03
 """Metres or radians from which odometry has come somewhere else."""
+SETTLES = 0.1
+"""Seconds by which odometry may lag behind tf: after a standstill began, both tell of the motion before it."""
 
 
 class OdometryMonitor:
@@ -43,29 +45,35 @@ class TransformMonitor:
     """Holds the poses of tf against odometry's, which say the same in frames of their own.
 
     Where the node that broadcasts odometry's transform ends, another one's old pose may go on. What was contradicted
-    stays so until the pose changes: a robot that stands meanwhile has not got nearer to where tf has it.
+    stays so until the pose changes: a robot that stands meanwhile has not got nearer to where tf has it. The two come
+    by different ways: where odometry was while tf first had a pose is read off only once both are of the same time.
     """
 
     def __init__(self) -> None:
         self._pose: Optional[Pose2D] = None
-        self._told = IDENTITY
-        self._since = 0.0
+        self._told: Optional[Pose2D] = None  # by odometry, where it had got to with this pose
+        self._first = self._since = 0.0
 
-    def trouble(self, stamp: float, pose: Pose2D, told: Pose2D) -> Optional[str]:
+    def trouble(self, stamp: float, pose: Pose2D, told_at: float, told: Pose2D) -> Optional[str]:
         """Return why a pose must not be driven on, or None.
 
         Args:
             stamp: Its time (s).
             pose: Of the base by tf, in any frame.
+            told_at: The time of odometry (s).
             told: Of the base by odometry.
         """
-        if pose == IDENTITY or pose != self._pose or stamp < self._since:
-            self._pose, self._told, self._since = pose, told, stamp
+        if pose == IDENTITY or pose != self._pose or stamp < self._first:
+            self._pose, self._told, self._first = pose, None, stamp
+            return None
+        if self._told is None:
+            if told_at >= self._first + SETTLES:
+                self._told, self._since = told, stamp
             return None
         way, turn = told.distance_to(self._told), abs(angle_between(told.theta, self._told.theta))
         if max(way, turn) <= CAME:
             self._since = stamp
         if stamp - self._since <= REPEATED_FOR:
             return None
-        return (f"the pose by tf repeats itself for {stamp - self._since:.2f} s although odometry has come {way:.2f} m "
+        return (f"the pose by tf repeats itself for {stamp - self._first:.2f} s although odometry has come {way:.2f} m "
                 f"and {turn:.2f} rad")

@@ -131,7 +131,7 @@ class RosRobot(Robot):
         if trouble is not None:
             raise StaleDataError(f"{trouble} ({self._topic})")
         for frame, (at, seen) in list(self._poses.items()):
-            trouble = self._tf_monitors.setdefault(frame, TransformMonitor()).trouble(at, seen, pose)
+            trouble = self._tf_monitors.setdefault(frame, TransformMonitor()).trouble(at, seen, stamp, pose)
             if trouble is not None:
                 raise StaleDataError(f"{trouble} ('{self._base_frame}' in '{frame}' and {self._topic})")
         return velocity

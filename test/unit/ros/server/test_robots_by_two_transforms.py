@@ -21,6 +21,7 @@ class Broadcast:
 
     def __init__(self, monkeypatch, goes_on):
         self.now, self.x, self._goes_on = 10.0, 2.0, goes_on
+        self._sent = []
         for name in ("Publisher", "Subscriber"):
             monkeypatch.setattr(rospy, name, lambda *_arguments, **_more: object())
         monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
@@ -37,8 +38,8 @@ class Broadcast:
         assert self.now - told <= max_age
         return message
 
-    def seen(self, seconds, speed=0.2):
-        """Return the velocities a controller gets in so many seconds."""
+    def seen(self, seconds, speed=0.2, late=0, asked=True):
+        """Return the velocities a controller gets in so many seconds; odometry comes so many messages `late`."""
         velocities = []
         for _ in range(round(20 * seconds)):
             self.now += 0.05
@@ -46,9 +47,11 @@ class Broadcast:
             odometry = Odometry()
             odometry.header.stamp = rospy.Time.from_sec(self.now)
             odometry.pose.pose.position.x, odometry.twist.twist.linear.x = self.x, speed
-            self.robot._odometry = _Told(odometry)
-            self.robot.pose_in("odom")
-            velocities.append(self.robot.velocity())
+            self._sent.append(_Told(odometry))
+            self.robot._odometry = self._sent[max(-1 - late, -len(self._sent))]
+            if asked:
+                self.robot.pose_in("odom")
+                velocities.append(self.robot.velocity())
         return velocities
 
 
@@ -72,3 +75,14 @@ def test_a_robot_is_not_driven_by_a_transform_that_repeats_itself_while_odometry
 
 def test_a_robot_whose_transform_comes_late_is_not_taken_for_one_that_contradicts_itself(monkeypatch):
     assert len(Broadcast(monkeypatch, goes_on=False).seen(1.9)) == 38
+
+
+@pytest.mark.parametrize("speed, late", [(1.0, 1), (0.2, 4)])
+@pytest.mark.parametrize("pause", [0.0, 5.0], ids=["it is watched", "nobody looks for a while"])
+def test_a_robot_that_stopped_as_odometry_came_late_may_set_out_again(monkeypatch, speed, late, pause):
+    """It stood for good: where odometry was before the last bit of its way was held against where it is since."""
+    broadcast = Broadcast(monkeypatch, goes_on=True)
+    broadcast.seen(0.75, speed)
+    assert len(broadcast.seen(0.25, speed, late)) == 5
+    broadcast.seen(pause, 0.0, late, asked=False)
+    assert len(broadcast.seen(2.0, 0.0, late)) == 40
