@@ -52,7 +52,7 @@ class TransformMonitor:
     def __init__(self) -> None:
         self._pose: Optional[Pose2D] = None
         self._told: Optional[Pose2D] = None  # by odometry, where it had got to with this pose
-        self._first = self._since = 0.0
+        self._since = 0.0
 
     def trouble(self, stamp: float, pose: Pose2D, told_at: float, told: Pose2D) -> Optional[str]:
         """Return why a pose must not be driven on, or None.
@@ -63,17 +63,16 @@ class TransformMonitor:
             told_at: The time of odometry (s).
             told: Of the base by odometry.
         """
-        if pose == IDENTITY or pose != self._pose or stamp < self._first:
-            self._pose, self._told, self._first = pose, None, stamp
-            return None
+        if pose == IDENTITY or pose != self._pose or stamp < self._since:
+            self._pose, self._told, self._since = pose, None, stamp
         if self._told is None:
-            if told_at >= self._first + SETTLES:
-                self._told, self._since = told, stamp
-            return None
+            if told_at < self._since + SETTLES:
+                return None
+            self._told = told
         way, turn = told.distance_to(self._told), abs(angle_between(told.theta, self._told.theta))
         if max(way, turn) <= CAME:
             self._since = stamp
         if stamp - self._since <= REPEATED_FOR:
             return None
-        return (f"the pose by tf repeats itself for {stamp - self._first:.2f} s although odometry has come {way:.2f} m "
+        return (f"the pose by tf repeats itself for {stamp - self._since:.2f} s although odometry has come {way:.2f} m "
                 f"and {turn:.2f} rad")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections import defaultdict
 from typing import Any, Callable, Dict, Optional, Tuple
 
 import genpy
@@ -72,7 +73,7 @@ class RosRobot(Robot):
         self._pose_timeout, self._odom_timeout = pose_timeout, odom_timeout
         self._odometry: Optional[RawOdometry] = None
         self._poses: Dict[str, Tuple[float, Pose2D]] = {}  # those looked up last, with their times (s), by frame
-        self._tf_monitors: Dict[str, TransformMonitor] = {}
+        self._tf_monitors: Dict[str, TransformMonitor] = defaultdict(TransformMonitor)
         self._monitor = OdometryMonitor()
         self.commands = RateMeter(pause=COMMANDS_PAUSE)
         self._publisher = rospy.Publisher("cmd_vel", Twist, _Wheels(self), queue_size=1, tcp_nodelay=True)
@@ -131,7 +132,7 @@ class RosRobot(Robot):
         if trouble is not None:
             raise StaleDataError(f"{trouble} ({self._topic})")
         for frame, (at, seen) in list(self._poses.items()):
-            trouble = self._tf_monitors.setdefault(frame, TransformMonitor()).trouble(at, seen, stamp, pose)
+            trouble = self._tf_monitors[frame].trouble(at, seen, stamp, pose)
             if trouble is not None:
                 raise StaleDataError(f"{trouble} ('{self._base_frame}' in '{frame}' and {self._topic})")
         return velocity

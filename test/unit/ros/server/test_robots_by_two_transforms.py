@@ -39,7 +39,7 @@ class Broadcast:
         return message
 
     def seen(self, seconds, speed=0.2, late=0, asked=True):
-        """Return the velocities a controller gets in so many seconds; odometry comes so many messages `late`."""
+        """Return the velocities a controller gets where `asked`; odometry comes with a delay of `late` messages."""
         velocities = []
         for _ in range(round(20 * seconds)):
             self.now += 0.05
@@ -48,7 +48,7 @@ class Broadcast:
             odometry.header.stamp = rospy.Time.from_sec(self.now)
             odometry.pose.pose.position.x, odometry.twist.twist.linear.x = self.x, speed
             self._sent.append(_Told(odometry))
-            self.robot._odometry = self._sent[max(-1 - late, -len(self._sent))]
+            self.robot._odometry = self._sent[-1 - late:][0]
             if asked:
                 self.robot.pose_in("odom")
                 velocities.append(self.robot.velocity())
