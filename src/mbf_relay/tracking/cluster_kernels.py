@@ -47,15 +47,27 @@ def measure(ends, hits, ranges, bearings, x, y, readings, gap, largest, disc):
     disc[2], disc[3] = radius, 0.0 if hidden else 1.0
 
 
+@kernel("float64(float64[::1])")
+def _usual_turn(bearings):
+    """Return the median angle (rad) from one bearing to the next, of two or more."""
+    count = bearings.shape[0] - 1
+    turns = np.empty(count)
+    for index in range(count):
+        turn = abs(bearings[index + 1] - bearings[index])
+        turns[index] = min(turn, 2.0 * math.pi - turn)
+    turns.sort()
+    middle = count // 2
+    return turns[middle] if count % 2 else 0.5 * (turns[middle - 1] + turns[middle])
+
+
 @kernel(
-    "int64(float64[:,::1], boolean[::1], float64[::1], float64[::1], float64, float64, float64, float64, float64, "
+    "int64(float64[:,::1], boolean[::1], float64[::1], float64[::1], float64, float64, float64, float64, "
     "float64[:,::1], int64[:,::1], int64[::1])")
-def find_things(ends, hits, ranges, bearings, x, y, beam, gap, largest, discs, runs, order):
+def find_things(ends, hits, ranges, bearings, x, y, gap, largest, discs, runs, order):
     """Tell which runs of neighbouring readings are things, and return how many.
 
     Args:
         ends, hits, ranges, bearings, x, y: The scan of N rays; see Rays.
-        beam: Angle between neighbouring beams.
         gap: Distance (m) between neighbouring readings that parts two things, where the beams lie close.
         largest: Extent (m) above which a run is a wall.
         discs: Shape (N, 4), written: one row for each thing; see measure.
@@ -70,6 +82,7 @@ def find_things(ends, hits, ranges, bearings, x, y, beam, gap, largest, discs, r
             found += 1
     if found < FEWEST:
         return 0
+    beam = _usual_turn(bearings)
     ends_a_run, first_break = np.zeros(found, np.bool_), -1
     for index in range(found):
         one, other = hitting[index], hitting[(index + 1) % found]

@@ -28,20 +28,23 @@ class Rays(NamedTuple):
     bearings: np.ndarray
 
 
-class Cluster(NamedTuple):
-    """A thing in one scan, taken for a disc.
+class Clusters(NamedTuple):
+    """The things in one scan, taken for discs.
 
     Attributes:
-        x, y, radius: Metres.
-        is_whole: Whether nothing nearer stands before one of its edges.
-        readings: Indices of its rays.
+        discs: Shape (K, 4): x, y and radius in metres, and 1 where nothing nearer stands before one of the edges, else 0.
+        runs: Shape (K, 2): where the readings of each begin and end in `order`.
+        order: Indices of rays.
     """
 
-    x: float
-    y: float
-    radius: float
-    is_whole: bool
-    readings: np.ndarray
+    discs: np.ndarray
+    runs: np.ndarray
+    order: np.ndarray
+
+    def readings(self, index: int) -> np.ndarray:
+        """Return the indices of the rays that hit one of the things."""
+        begin, end = self.runs[index]
+        return self.order[begin:end]
 
 
 def rays_of(x: float, y: float, ends: np.ndarray, hits: np.ndarray) -> Rays:
@@ -50,7 +53,7 @@ def rays_of(x: float, y: float, ends: np.ndarray, hits: np.ndarray) -> Rays:
     return Rays(x, y, ends, hits, np.hypot(across, up), np.arctan2(up, across))
 
 
-def find_clusters(rays: Rays, gap: float, largest: float) -> List[Cluster]:
+def find_clusters(rays: Rays, gap: float, largest: float) -> Clusters:
     """Return the things in a scan that are small enough to be seen as a whole.
 
     Args:
@@ -59,34 +62,9 @@ def find_clusters(rays: Rays, gap: float, largest: float) -> List[Cluster]:
         largest: Extent (m) above which it is a wall.
     """
     count = len(rays.hits)
-    if count < FEWEST:
-        return []
-    beam = _usual_turn(rays.bearings)
     discs, runs, order = np.empty((count, 4)), np.empty((count, 2), np.int64), np.empty(count, np.int64)
-    things = cluster_kernels.find_things(*_scan(rays), beam, gap, largest, discs, runs, order)
-    return [
-        Cluster(x, y, radius, is_whole > 0.0, order[begin:end])
-        for (x, y, radius, is_whole), (begin, end) in zip(discs[:things].tolist(), runs[:things].tolist())
-    ]
-
-
-def _usual_turn(bearings: np.ndarray) -> float:
-    """Return the median angle (rad) from one bearing to the next, of two or more; np.median takes ten times as long."""
-    turns = np.abs(bearings[1:] - bearings[:-1])
-    turns = np.minimum(turns, 2.0 * np.pi - turns)
-    middle = len(turns) // 2
-    if len(turns) % 2:
-        turns.partition(middle)
-        return float(turns[middle])
-    turns.partition((middle - 1, middle))
-    return 0.5 * float(turns[middle - 1] + turns[middle])
-
-
-def _cluster(rays: Rays, readings: np.ndarray, gap: float, largest: float) -> Cluster:
-    disc = np.empty(4)
-    cluster_kernels.measure(*_scan(rays), readings, gap, largest, disc)
-    x, y, radius, is_whole = disc.tolist()
-    return Cluster(x, y, radius, is_whole > 0.0, readings)
+    things = cluster_kernels.find_things(*_scan(rays), gap, largest, discs, runs, order)
+    return Clusters(discs[:things], runs[:things], order)
 
 
 def _scan(rays: Rays) -> Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, float]:
@@ -94,28 +72,56 @@ def _scan(rays: Rays) -> Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, f
     return rays.ends, rays.hits, rays.ranges, rays.bearings, rays.x, rays.y
 
 
-def part(cluster: Cluster, rays: Rays, discs: np.ndarray, gap: float) -> List[Cluster]:
-    """Return the things a cluster is of, where several are to be expected there: each reading is of the nearest one.
-
-    Things that pass close by each other, one before the other, are one run of readings.
+def part_clusters(found: Clusters, rays: Rays, expected: np.ndarray, moving: np.ndarray, gap: float) -> Clusters:
+    """Return clusters with those parted that are of several things, near something that moves.
 
     Args:
-        cluster: One of the scan's.
+        found: Of the scan.
         rays: The scan.
-        discs: Shape (K, 3): x, y and radius (m) of the things expected.
+        expected: Shape (N, 3): x, y and radius (m) of the things that may be there.
+        moving: Shape (N,), bool: which of them move.
         gap: Distance (m) from the edge of a thing within which a reading may be of it.
     """
-    readings = cluster.readings
-    near = np.hypot(discs[:, 0] - cluster.x, discs[:, 1] - cluster.y) < cluster.radius + discs[:, 2] + gap
+    movers, discs, readings = expected[moving], [], []
+    for index, disc in enumerate(found.discs):
+        near = np.hypot(movers[:, 0] - disc[0], movers[:, 1] - disc[1]) < disc[2] + movers[:, 2] + gap
+        pieces = _part(disc, found.readings(index), rays, expected, gap) if near.any() else []
+        for piece in pieces or [found.readings(index)]:
+            discs.append(_disc_of(rays, piece, gap, 2.0 * disc[2]) if pieces else disc)
+            readings.append(piece)
+    ends = np.cumsum([len(piece) for piece in readings], dtype=np.int64)
+    runs = np.column_stack((np.append(0, ends[:-1]), ends)) if readings else np.zeros((0, 2), np.int64)
+    return Clusters(
+        np.array(discs).reshape(-1, 4), np.ascontiguousarray(runs), np.concatenate([found.order[:0], *readings]))
+
+
+def _part(disc: np.ndarray, readings: np.ndarray, rays: Rays, expected: np.ndarray, gap: float) -> List[np.ndarray]:
+    """Return the readings of the things a cluster is of, where several are expected there; empty where it is one.
+
+    Each reading is of the nearest. Things that pass close by each other, one before the other, are one run of readings.
+
+    Args:
+        disc: Shape (4,): the cluster; see Clusters.
+        readings: Its rays.
+        rays, expected, gap: As for `part_clusters`.
+    """
+    near = np.hypot(expected[:, 0] - disc[0], expected[:, 1] - disc[1]) < disc[2] + expected[:, 2] + gap
     if near.sum() < 2 or len(readings) < 2 * FEWEST:
-        return [cluster]
-    x, y, radii = discs[near].T
+        return []
+    x, y, radii = expected[near].T
     ends = rays.ends[readings]
     off = np.abs(np.hypot(ends[:, :1] - x, ends[:, 1:] - y) - radii)
     nearest = off.argmin(axis=1)
-    there = [disc for disc in range(len(x)) if np.count_nonzero(off[nearest == disc, disc] < gap) >= FEWEST]
+    there = [each for each in range(len(x)) if np.count_nonzero(off[nearest == each, each] < gap) >= FEWEST]
     if len(there) < 2:
-        return [cluster]
+        return []
     nearest = off[:, there].argmin(axis=1)
-    pieces = [readings[nearest == disc] for disc in range(len(there))]
-    return [_cluster(rays, piece, gap, 2.0 * cluster.radius)._replace(is_whole=False) for piece in pieces]
+    return [readings[nearest == each] for each in range(len(there))]
+
+
+def _disc_of(rays: Rays, readings: np.ndarray, gap: float, largest: float) -> np.ndarray:
+    """Return the disc of a part of a cluster, of which never the whole is seen."""
+    disc = np.empty(4)
+    cluster_kernels.measure(*_scan(rays), readings, gap, largest, disc)
+    disc[3] = 0.0
+    return disc

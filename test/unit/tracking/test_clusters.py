@@ -54,8 +54,7 @@ def test_things_are_those_of_the_plain_way(seed):
     hits = rng.random(count) < rng.choice([0.3, 0.9, 1.0])
     rays = rays_of(x, y, np.column_stack((x + ranges * np.cos(angles), y + ranges * np.sin(angles))), hits)
     found, plain = find_clusters(rays, 0.1, 0.8), plain_clusters(rays, 0.1, 0.8)
-    assert [list(cluster.readings) for cluster in found] == [list(readings) for *_, readings in plain]
-    for cluster, (center_x, center_y, radius, is_whole, _) in zip(found, plain):
-        assert (cluster.x, cluster.y, cluster.radius) == pytest.approx((center_x, center_y, radius), abs=1e-9)
-        assert cluster.is_whole == is_whole
-    assert found or count < 360 or not hits.all()
+    assert [list(found.readings(index)) for index in range(len(found.runs))] == [list(each) for *_, each in plain]
+    for disc, (center_x, center_y, radius, is_whole, _) in zip(found.discs, plain):
+        assert disc[:3] == pytest.approx((center_x, center_y, radius), abs=1e-9)
+        assert disc[3] == is_whole

@@ -109,8 +109,8 @@ def test_scans_with_little_in_them_are_no_trouble(count):
 
 def test_a_disc_is_measured_where_it_is():
     ends, hits = scan(0.0, 0.0, [(1.0, 0.3, 0.15)], np.random.default_rng(0))
-    (cluster,) = find_clusters(rays_of(0.0, 0.0, ends, hits), 0.1, 0.8)
-    assert (cluster.x, cluster.y, cluster.radius) == pytest.approx((1.0, 0.3, 0.15), abs=0.04) and cluster.is_whole
+    (disc,) = find_clusters(rays_of(0.0, 0.0, ends, hits), 0.1, 0.8).discs
+    assert disc[:3] == pytest.approx((1.0, 0.3, 0.15), abs=0.04) and disc[3] == 1.0
 
 
 def test_tracks_go_on_as_they_do():

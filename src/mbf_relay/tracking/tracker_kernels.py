@@ -1,0 +1,192 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""Compiled loops of the tracker: prediction, association, correction, and what was seen to be empty before.
+
+Things lie in one table, a row each; its columns are the module's names. Each loop does in the tracker's order what its
+plain reference in the tests does with whole arrays, to the last bit.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mbf_relay.kernels import kernel
+
+X, Y, VX, VY = 0, 1, 2, 3
+POSITION, CROSS, VELOCITY = 4, 5, 6  # variances of position, position with velocity, velocity; alike for x and y
+RADIUS, SEEN, BELIEF, NUMBER = 7, 8, 9, 10
+COLUMNS = 11
+
+_SEEN_EMPTY = 0.25  # share of its readings where there was nothing before, from which on a thing may have come there
+_SURE = 1.0  # deviations of the velocity by which it must differ from zero: its place is the test that standing fails
+_IN_VIEW = 0.1  # rad between a direction and the beam that looked there
+
+
+@kernel("void(float64[:,::1], float64, float64, float64, float64, float64)")
+def predict(things, elapsed, squared, position_noise, cross_noise, velocity_noise):
+    """Move things on by constant velocity.
+
+    Args:
+        things: Shape (N, 11), changed.
+        elapsed, squared: Seconds, and their square.
+        position_noise, cross_noise, velocity_noise: What the acceleration adds to the variances meanwhile.
+    """
+    for n in range(things.shape[0]):
+        position, cross, velocity = things[n, POSITION], things[n, CROSS], things[n, VELOCITY]
+        things[n, X] += elapsed * things[n, VX]
+        things[n, Y] += elapsed * things[n, VY]
+        things[n, POSITION] = position + 2.0 * elapsed * cross + squared * velocity + position_noise
+        things[n, CROSS] = cross + elapsed * velocity + cross_noise
+        things[n, VELOCITY] = velocity + velocity_noise
+
+
+@kernel("void(float64[:,::1], float64[:,::1], float64[::1], float64, int64[::1])")
+def associate(things, discs, noises, gate, taken):
+    """Find for each cluster the thing it is: the nearest pairs first, by deviations; of pairs as near, the first.
+
+    Args:
+        things: Shape (N, 11).
+        discs: Shape (K, 4): the clusters.
+        noises: Shape (K,): variances (m^2) of their centres.
+        gate: Squared deviations within which a cluster may be a thing.
+        taken: Shape (K,), written: the thing, -1 for none.
+    """
+    count = discs.shape[0]
+    taken[:] = -1
+    near, distances = np.empty(64, np.int64), np.empty(64)
+    pairs = 0
+    for n in range(things.shape[0]):
+        for k in range(count):
+            across, up = things[n, X] - discs[k, 0], things[n, Y] - discs[k, 1]
+            distance = (across * across + up * up) / (things[n, POSITION] + noises[k])
+            if not distance <= gate:
+                continue
+            if pairs == near.shape[0]:
+                near, distances = np.append(near, np.empty_like(near)), np.append(distances, np.empty_like(distances))
+            place = pairs
+            while place > 0 and distances[place - 1] > distance:
+                near[place], distances[place] = near[place - 1], distances[place - 1]
+                place -= 1
+            near[place], distances[place] = n * count + k, distance
+            pairs += 1
+    free = np.ones(things.shape[0], np.bool_)
+    for index in range(pairs):
+        n, k = near[index] // count, near[index] % count
+        if free[n] and taken[k] < 0:
+            taken[k] = n
+            free[n] = False
+
+
+@kernel("void(float64[:,::1], float64[:,::1], float64[::1], int64[::1], float64)")
+def correct(things, discs, noises, taken, stamp):
+    """Take where things were seen, and how large.
+
+    Args:
+        things: Shape (N, 11), changed.
+        discs, noises, taken: See `associate`; a disc's last column tells whether the whole of it was seen.
+        stamp: Time (s).
+    """
+    for k in range(discs.shape[0]):
+        n = taken[k]
+        if n < 0:
+            continue
+        position, cross, velocity = things[n, POSITION], things[n, CROSS], things[n, VELOCITY]
+        total = position + noises[k]
+        across, up = discs[k, 0] - things[n, X], discs[k, 1] - things[n, Y]
+        things[n, X] += position / total * across
+        things[n, Y] += position / total * up
+        things[n, VX] += cross / total * across
+        things[n, VY] += cross / total * up
+        things[n, POSITION] = position - position * position / total
+        things[n, CROSS] = cross - position * cross / total
+        things[n, VELOCITY] = velocity - cross * cross / total
+        things[n, SEEN] = stamp
+        radius, seen_radius = things[n, RADIUS], discs[k, 2]
+        if discs[k, 3] > 0.0:
+            radius = radius + 0.3 * (seen_radius - radius)
+        things[n, RADIUS] = max(radius, seen_radius)
+
+
+@kernel("void(float64[::1], float64[::1], int64[::1], float64[::1], float64[::1])")
+def arrange(bearings, ranges, order, directions, depths):
+    """Sort a scan by its directions, each as deep as the least of it and its neighbours: an edge sees past itself.
+
+    Args:
+        bearings, ranges: Shape (N,): of the rays (rad, m).
+        order: Shape (N,): what sorts the bearings.
+        directions, depths: Shape (N,), written.
+    """
+    count = bearings.shape[0]
+    for index in range(count):
+        directions[index] = bearings[order[index]]
+        depth = ranges[order[index]]
+        depth = min(depth, ranges[order[index - 1]], ranges[order[(index + 1) % count]])
+        depths[index] = depth
+
+
+@kernel("boolean(float64, float64, float64, float64, float64[::1], float64[::1], float64)")
+def _sees_past(x, y, sensor_x, sensor_y, directions, depths, margin):
+    """Return whether a scan, see `arrange`, saw beyond a point, `margin` (m) at least."""
+    count = directions.shape[0]
+    across, up = x - sensor_x, y - sensor_y
+    bearing = math.atan2(up, across)
+    low, high = 0, count
+    while low < high:
+        middle = (low + high) // 2
+        if directions[middle] < bearing:
+            low = middle + 1
+        else:
+            high = middle
+    index = low % count
+    turn = abs(directions[index] - bearing)
+    return min(turn, 2.0 * math.pi - turn) < _IN_VIEW and depths[index] > math.hypot(across, up) + margin
+
+
+@kernel(
+    "void(float64[:,::1], float64[:,::1], int64[::1], float64[:,::1], int64[:,::1], int64[::1], float64, float64,"
+    " float64[::1], float64[::1], float64, float64, float64[::1], float64[::1], float64, float64, int64, int64,"
+    " boolean[::1])")
+def judge(
+    things, discs, taken, ends, runs, order, x, y, directions, depths, other_x, other_y, other_directions, other_depths,
+    slowest, margin, convinced, most_convinced, moving,
+):
+    """Take what speaks for and against the moving of what was seen, and mark the readings of what moves.
+
+    Args:
+        things: Shape (N, 11), changed.
+        discs, taken: See `correct`.
+        ends: Shape (R, 2): where the scan's rays end (m).
+        runs, order: The readings of cluster k are order[runs[k, 0]] to order[runs[k, 1] - 1].
+        x, y, directions, depths: A scan of a while ago: where it was taken, and see `arrange`; empty for none.
+        other_x, other_y, other_directions, other_depths: One of longer ago.
+        slowest: Speed (m/s) below which nothing moves, as what does not differ from standing for sure.
+        margin: Metres beyond a reading that must have been seen for its place to have been empty.
+        convinced, most_convinced: Belief from which on a thing moves, and the highest there is.
+        moving: Shape (R,), set where readings are of what moves.
+    """
+    for k in range(discs.shape[0]):
+        n = taken[k]
+        if n < 0:
+            continue
+        speed = math.hypot(things[n, VX], things[n, VY])
+        is_fast = speed >= max(slowest, _SURE * math.sqrt(things[n, VELOCITY]))
+        is_known = things[n, BELIEF] >= convinced  # it came once; one that nears slowly is seen to no more
+        came = is_known
+        first, last = runs[k, 0], runs[k, 1]
+        if is_fast and not is_known:
+            empty = 0
+            for place in range(first, last):
+                end_x, end_y = ends[order[place], 0], ends[order[place], 1]
+                if (directions.shape[0] > 0 and _sees_past(end_x, end_y, x, y, directions, depths, margin)) or (
+                        other_directions.shape[0] > 0
+                        and _sees_past(end_x, end_y, other_x, other_y, other_directions, other_depths, margin)):
+                    empty += 1
+            came = empty / (last - first) >= _SEEN_EMPTY
+        # half hidden, it seems to stand or to jump
+        against = 0.0 if is_known and not discs[k, 3] > 0.0 else -1.0
+        belief = things[n, BELIEF] + (1.0 if is_fast and came else against)
+        things[n, BELIEF] = min(np.float64(most_convinced), max(0.0, belief))
+        if things[n, BELIEF] >= convinced:
+            for place in range(first, last):
+                moving[order[place]] = True
