@@ -54,7 +54,7 @@ class ScanMonitor:
             usable = scan.ranges >= scan.range_min
         hit = scan.hit
         found = self._frozen(scan, hit, sensor_pose) or self._blind(scan, usable, forward)
-        share = float(hit.mean())
+        share = float(np.count_nonzero(hit)) / max(1, len(hit))
         if found is None and share == 0.0 and self._share_of_returns >= SEEN_BEFORE:
             found = "the lidar sees nothing at all any more, and there were walls in the last scan"
         if found is None:
@@ -77,13 +77,16 @@ class ScanMonitor:
     def _blind(self, scan: LaserScan, usable: np.ndarray, forward: float) -> Optional[str]:
         if self._largest_gap <= 0.0:
             return None
-        share, step = float(usable.mean()), abs(scan.angle_increment)
+        measured, step = int(np.count_nonzero(usable)), abs(scan.angle_increment)
+        share = measured / max(1, len(usable))
         if share < USABLE:
             return f"the lidar measures nothing in {100.0 * (1.0 - share):.0f} % of its beams"
         width = len(usable) * step
         if width < self._largest_gap:
             return (f"the lidar looks into {math.degrees(width):.0f} degrees in all; what lies beside counts as free, "
                     f"and more than {math.degrees(self._largest_gap):.0f} may not go unseen")
+        if measured == len(usable):
+            return None
         allowed = math.floor(self._largest_gap / step) if step > 0.0 else len(usable)
         for first, count in gaps(usable, closed=width > 2.0 * math.pi - 1.5 * step):
             if count <= allowed or _explained(scan, usable, first, count):

@@ -67,6 +67,7 @@ class Costmap:
         self._size_due = self._redo_due = False  # the next update takes another size; it redoes every cell
         self._copy: Optional[np.ndarray] = None  # of the costs, made when somebody asks
         self._history: Deque[Tuple[int, Window]] = deque(maxlen=HISTORY)
+        self._near: Optional[Tuple[int, int]] = None  # see _near_costs
         for layer in self.layers:
             layer.attach(parameters.rolling_window, parameters.track_unknown_space)
         self._resize(self._grid)
@@ -119,7 +120,7 @@ class Costmap:
                 raise ValueError(
                     f"{self.name} has the size, origin and resolution of its map; width, height, resolution, origin_x "
                     "and origin_y cannot be changed")
-            self.parameters = parameters
+            self.parameters, self._near = parameters, None
             self._size_due |= resized
             if not np.array_equal(parameters.outline(), old.outline()):
                 self.set_footprint(parameters.outline())
@@ -130,12 +131,12 @@ class Costmap:
         """Give the layer of that name other values; they show from the next update on."""
         with self._lock:
             next(layer for layer in self.layers if layer.name == name).reconfigure(parameters)
-            self._redo_due = True
+            self._redo_due, self._near = True, None
 
     def set_footprint(self, outline: np.ndarray) -> None:
         """Take another outline of the robot, without padding, as `parse_footprint` gives it, shape (K, 2) in metres."""
         with self._lock:
-            self._outline = outline
+            self._outline, self._near = outline, None
             self._footprint = footprints.padded(outline, self.parameters.footprint_padding)
             self._inscribed_radius, self._circumscribed_radius = footprints.radii(self._footprint)
             for layer in self.layers:
@@ -314,7 +315,7 @@ class Costmap:
             layer.resize(grid)
         self._history.clear()
         self._history.append((next(_revisions), Window.of(grid)))
-        self._copy = None
+        self._copy = self._near = None
 
     def snapshot(self) -> CostGrid:
         """Return the present snapshot; it does not change when the costmap does."""
@@ -328,6 +329,11 @@ class Costmap:
 
     def _near_costs(self) -> Tuple[int, int]:
         """Return the costs at which the robot's sides touch an obstacle, and a corner where it turns; see CostGrid."""
+        if self._near is None:
+            self._near = self._find_near_costs()
+        return self._near
+
+    def _find_near_costs(self) -> Tuple[int, int]:
         half_width = half_width_of(self._footprint, self._inscribed_radius)
         margin = (0.5 - self.parameters.obstacle_overlap) * self._grid.resolution  # an obstacle fills its cell
         told = []

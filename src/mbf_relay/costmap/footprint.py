@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mbf_relay.costmap import footprint_kernels
+from mbf_relay.costmap.cost_grid import FREE_SPACE
 from mbf_relay.costmap.footprint_kernels import IN_COLLISION, ON_UNKNOWN, OUTSIDE
 from mbf_relay.costmap.outline import footprint_from_radius, padded, parse_footprint, radii
 from mbf_relay.geometry import Pose2D
@@ -12,7 +13,7 @@ from mbf_relay.grid import Grid
 
 __all__ = [
     "IN_COLLISION", "ON_UNKNOWN", "OUTSIDE", "cells_within", "footprint_cells", "footprint_cost", "footprint_costs",
-    "footprint_from_radius", "padded", "parse_footprint", "radii",
+    "footprint_from_radius", "free_within", "padded", "parse_footprint", "radii",
 ]
 
 def footprint_cost(grid: Grid, costs: np.ndarray, footprint: np.ndarray, pose: Pose2D) -> float:
@@ -61,6 +62,17 @@ def footprint_cells(grid: Grid, footprint: np.ndarray, pose: Pose2D) -> np.ndarr
         grid.width, grid.height, np.ascontiguousarray(corners[:, 0]), np.ascontiguousarray(corners[:, 1]), cells
     )
     return cells[:count]
+
+
+def free_within(grid: Grid, costs: np.ndarray, footprint: np.ndarray, pose: Pose2D) -> None:
+    """Free the `cells_within` a convex footprint in costs of shape (height, width)."""
+    if len(footprint) < 3:
+        cells = footprint_cells(grid, footprint, pose)
+        costs[cells[:, 1], cells[:, 0]] = FREE_SPACE
+        return
+    footprint_kernels.free_within(
+        costs, grid.origin_x, grid.origin_y, grid.resolution, np.ascontiguousarray(footprint, dtype=np.float64),
+        *pose)
 
 
 def cells_within(grid: Grid, footprint: np.ndarray, pose: Pose2D) -> np.ndarray:

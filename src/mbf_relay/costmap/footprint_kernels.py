@@ -19,6 +19,7 @@ OUTSIDE = -3.0  # part of the footprint lies outside the grid
 
 _LETHAL = 254
 _NO_INFORMATION = 255
+_FREE = 0
 _INSCRIBED = 253
 
 
@@ -208,6 +209,19 @@ def cells_within(width, height, origin_x, origin_y, resolution, footprint, x, y,
                 cells[count, 0], cells[count, 1] = column, row
                 count += 1
     return count
+
+
+@kernel("void(uint8[:,::1], float64, float64, float64, float64[:,::1], float64, float64, float64)")
+def free_within(costs, origin_x, origin_y, resolution, footprint, x, y, theta):
+    """Free the cells of `cells_within`, whose arguments these are, in costs of shape (height, width)."""
+    height, width = costs.shape
+    reach = 0.0
+    for i in range(len(footprint)):
+        reach = max(reach, math.hypot(footprint[i, 0], footprint[i, 1]))
+    side = int(2.0 * reach / resolution) + 2
+    cells = np.empty((min(side, width) * min(side, height), 2), np.int32)
+    for cell in range(cells_within(width, height, origin_x, origin_y, resolution, footprint, x, y, theta, cells)):
+        costs[cells[cell, 1], cells[cell, 0]] = _FREE
 
 
 @kernel("void(uint8[:,::1], float64, float64, float64, float64[:,::1], float64[:,::1], int64[:,::1])")

@@ -14,6 +14,48 @@ _LETHAL = 254
 _NO_INFORMATION = 255
 
 
+@kernel(
+    "UniTuple(int64, 2)(float64[:,::1], boolean[::1], float64, float64, float64, float64, float64, float64, float64,"
+    " float64[:,::1], float64[:,::1], float64[::1])")
+def make_ready(points, hits, x, y, z, lowest, highest, highest_mark, obstacle_range, ends, marks, box):
+    """Choose of an observation the rays that count and the ends that become obstacles; return how many of both.
+
+    Args:
+        points: Shape (N, 2) or (N, 3) in metres; heights count where there are three columns.
+        hits: Shape (N,): whether anything was there.
+        x, y, z: Where the sensor was (m).
+        lowest, highest: Heights (m) of the points that count.
+        highest_mark: Height (m) above which none becomes an obstacle.
+        obstacle_range: Distance (m) from the sensor from which on none does.
+        ends, marks: Shape (N, 2), filled from the front.
+        box: Shape (4,), filled with the least x and y and the largest of the marks and the sensor.
+    """
+    number, marked = 0, 0
+    squared_range = obstacle_range * obstacle_range
+    box[0], box[1], box[2], box[3] = x, y, x, y
+    for n in range(points.shape[0]):
+        end_x, end_y = points[n, 0], points[n, 1]
+        if not (math.isfinite(end_x) and math.isfinite(end_y)):
+            continue
+        across, up = end_x - x, end_y - y
+        squared = across * across + up * up
+        near = squared < squared_range
+        if points.shape[1] > 2:
+            height = points[n, 2]
+            if not (math.isfinite(height) and lowest <= height <= highest):
+                continue
+            rise = height - z
+            near = squared + rise * rise < squared_range and height <= highest_mark
+        ends[number, 0], ends[number, 1] = end_x, end_y
+        number += 1
+        if near and hits[n]:
+            marks[marked, 0], marks[marked, 1] = end_x, end_y
+            marked += 1
+            box[0], box[1] = min(box[0], end_x), min(box[1], end_y)
+            box[2], box[3] = max(box[2], end_x), max(box[3], end_y)
+    return number, marked
+
+
 @kernel("void(uint8[:,::1], float64, float64, float64, float64, float64, float64[:,::1], float64)")
 def clear_rays(costs, origin_x, origin_y, resolution, sensor_x, sensor_y, ends, reach):
     """Free the cells from a sensor to each end point, as costmap_2d's obstacle layer draws its rays.

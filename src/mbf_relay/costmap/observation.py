@@ -46,12 +46,25 @@ def observation_from_scan(
         inf_is_valid: Beams without a return show free space up to range_max; otherwise they say nothing.
         height: The sensor's height (m) in the costmap's frame; without it, heights are not looked at.
     """
-    points, hits = scan_points(scan, inf_is_valid)
+    return observation_from_level_points(*scan_points(scan, inf_is_valid), sensor_pose, scan.stamp, height)
+
+
+def observation_from_level_points(
+    points: np.ndarray, hits: np.ndarray, sensor_pose: Pose2D, stamp: float, height: Optional[float] = None
+) -> Observation:
+    """Return what a level lidar saw, from its `scan_points`, which are the same for several costmaps.
+
+    Args:
+        points, hits: See scan_points.
+        sensor_pose, height: As for observation_from_scan.
+        stamp: Time (s) of the scan.
+    """
     ends = sensor_pose.transform_points(points)
     if height is None:
-        return Observation((sensor_pose.x, sensor_pose.y), ends, hits, scan.stamp)
-    ends = np.column_stack((ends, np.full(len(ends), height)))
-    return Observation((sensor_pose.x, sensor_pose.y, height), ends, hits, scan.stamp)
+        return Observation((sensor_pose.x, sensor_pose.y), ends, hits, stamp)
+    raised = np.empty((len(ends), 3))
+    raised[:, :2], raised[:, 2] = ends, height
+    return Observation((sensor_pose.x, sensor_pose.y, height), raised, hits, stamp)
 
 
 def scan_points(scan: LaserScan, inf_is_valid: bool = True) -> Tuple[np.ndarray, np.ndarray]:

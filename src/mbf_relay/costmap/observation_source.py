@@ -9,6 +9,7 @@ from typing import Deque, Dict, List, Optional, Tuple
 
 import numpy as np
 
+from mbf_relay.costmap import layer_kernels
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.usual_age import UsualAge
 from mbf_relay.parameters import ParameterSet, parameter
@@ -187,20 +188,14 @@ def prepare(observation: Observation, source: SourceParameters, max_height: floa
         source: The sensor's limits.
         max_height: The layer's own limit (m) on what becomes an obstacle.
     """
-    points = np.asarray(observation.points, dtype=np.float64)
-    origin = observation.origin
-    kept = np.isfinite(points).all(axis=1)
-    squared = (points[:, 0] - origin[0]) ** 2 + (points[:, 1] - origin[1]) ** 2
-    marks = squared < source.obstacle_range ** 2
-    if points.shape[1] > 2:
-        heights = points[:, 2]
-        kept &= (heights >= source.min_obstacle_height) & (heights <= source.max_obstacle_height)
-        rise = heights - (origin[2] if len(origin) > 2 else 0.0)
-        marks = (squared + rise ** 2 < source.obstacle_range ** 2) & (heights <= max_height)
-    if observation.hits is not None:
-        marks &= observation.hits
-    ends, marked = np.ascontiguousarray(points[kept, :2]), np.ascontiguousarray(points[kept & marks, :2])
-    x, y, reach = float(origin[0]), float(origin[1]), source.raytrace_range
-    low = (min(x - reach, float(marked[:, 0].min(initial=x))), min(y - reach, float(marked[:, 1].min(initial=y))))
-    high = (max(x + reach, float(marked[:, 0].max(initial=x))), max(y + reach, float(marked[:, 1].max(initial=y))))
-    return RayBundle(x, y, ends, marked, low, high, reach, observation.stamp)
+    points = np.ascontiguousarray(observation.points, dtype=np.float64)
+    hits = np.ones(len(points), np.bool_) if observation.hits is None else np.ascontiguousarray(observation.hits, bool)
+    x, y, *height = map(float, observation.origin)
+    reach = source.raytrace_range
+    ends, marked, box = np.empty((len(points), 2)), np.empty((len(points), 2)), np.empty(4)
+    number, marks = layer_kernels.make_ready(
+        points, hits, x, y, height[0] if height else 0.0, source.min_obstacle_height, source.max_obstacle_height,
+        max_height, source.obstacle_range, ends, marked, box)
+    left, bottom, right, top = box.tolist()
+    low, high = (min(x - reach, left), min(y - reach, bottom)), (max(x + reach, right), max(y + reach, top))
+    return RayBundle(x, y, ends[:number], marked[:marks], low, high, reach, observation.stamp)

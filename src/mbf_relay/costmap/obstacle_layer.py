@@ -98,6 +98,7 @@ class ObstacleLayer(CellLayer):
         self.default_cost = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
         self._sources = {key: ObservationSource(value) for key, value in parameters.source_parameters.items()}
         self._drawn: List[RayBundle] = []  # what the cells show, but for what the robot stood on since
+        self._outline, self._outline_reach = np.zeros((0, 2)), 0.0  # the footprint, and how far (m) it reaches
 
     @property
     def sources(self) -> Mapping[str, SourceParameters]:
@@ -131,38 +132,45 @@ class ObstacleLayer(CellLayer):
             self._sources[source].unused = reason
 
     def update_bounds(self, context: LayerContext, window: Window) -> Window:
-        clearing = [rays for s in self._sources.values() if s.parameters.clearing for rays in s.kept]
-        marking = [rays for s in self._sources.values() if s.parameters.marking for rays in s.kept]
-        covered = np.zeros((0, 2), dtype=np.int32)
-        if self.parameters.footprint_clearing_enabled:
-            covered = footprint.cells_within(self.grid, context.footprint, context.robot_pose)
-        observed = [rays for s in self._sources.values() for rays in s.kept]
+        kept = [(source.parameters, source.kept) for source in self._sources.values()]
+        clearing = [rays for parameters, bundles in kept if parameters.clearing for rays in bundles]
+        marking = [rays for parameters, bundles in kept if parameters.marking for rays in bundles]
+        stands = self.parameters.footprint_clearing_enabled
+        observed = [rays for _, bundles in kept for rays in bundles]
         if observed == self._drawn:
             observed = clearing = []  # they would free again what is free; only the robot may have moved
         else:
             self._drawn = observed
-        touched = self._touched(observed, covered)
+        touched = self._touched(observed, self._stood_on(context) if stands else EMPTY)
+        if touched.is_empty:
+            return window.union(self.take_pending())
         before = self.costs[touched.slices].copy()
         grid = (self.grid.origin_x, self.grid.origin_y, self.grid.resolution)
         for rays in clearing:
             reach = math.ceil(rays.reach / self.grid.resolution)
             layer_kernels.clear_rays(self.costs, *grid, rays.x, rays.y, rays.ends, float(reach))
-        self.costs[covered[:, 1], covered[:, 0]] = FREE_SPACE
+        if stands:
+            footprint.free_within(self.grid, self.costs, context.footprint, context.robot_pose)
         for rays in marking:
             layer_kernels.mark_points(self.costs, *grid, rays.marks)
-        if not touched.is_empty:
-            self.touch(changed_window(before, self.costs, touched))
+        self.touch(changed_window(before, self.costs, touched))
         return window.union(self.take_pending())
 
-    def _touched(self, observations: List[RayBundle], covered: np.ndarray) -> Window:
-        """Return a window that holds every cell the observations and the footprint may change."""
-        touched = EMPTY
+    def _stood_on(self, context: LayerContext) -> Window:
+        """Return a window that holds every cell the robot may stand on."""
+        if context.footprint is not self._outline:
+            self._outline = context.footprint
+            self._outline_reach = float(np.hypot(self._outline[:, 0], self._outline[:, 1]).max(initial=0.0))
+        (x, y, _), reach = context.robot_pose, self._outline_reach
+        (left, bottom), (right, top) = self.grid.cell_at(x - reach, y - reach), self.grid.cell_at(x + reach, y + reach)
+        return Window(left - 1, bottom - 1, right + 2, top + 2)
+
+    def _touched(self, observations: List[RayBundle], stood_on: Window) -> Window:
+        """Return a window that holds every cell the observations may change and the robot stands on."""
+        touched = stood_on
         for rays in observations:
             (left, bottom), (right, top) = self.grid.cell_at(*rays.low), self.grid.cell_at(*rays.high)
             touched = touched.union(Window(left, bottom, right + 1, top + 1).grown(2))  # a ray may end a cell further
-        if len(covered):
-            (left, bottom), (right, top) = covered.min(axis=0).tolist(), covered.max(axis=0).tolist()
-            touched = touched.union(Window(left, bottom, right + 1, top + 1))
         return touched.within(self.grid)
 
     def update_costs(self, costs: np.ndarray, window: Window) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from statistics import median
 from typing import Deque, Tuple
@@ -22,6 +23,7 @@ class UsualAge:
 
     def __init__(self) -> None:
         self._renewals: Deque[Tuple[float, float]] = deque(maxlen=REMEMBERED)
+        self._limit = math.inf
 
     def renewed(self, age: float, period: float) -> None:
         """Take note that data came that were measured `period` (s) after the last, which were `age` (s) old then.
@@ -32,13 +34,14 @@ class UsualAge:
             self._renewals.clear()
         else:
             self._renewals.append((age, period))
+        self._limit = math.inf
+        if len(self._renewals) >= FEWEST:
+            ages, periods = zip(*self._renewals)
+            self._limit = max(SHORTEST, float(max(ages) + median(periods)))
 
     def limit(self, longest: float) -> float:
         """Return the age (s) from which the sensor is silent: one message may get lost, or be as late as lately.
 
         It is `longest` (s) at most, and while nothing is usual yet.
         """
-        if len(self._renewals) < FEWEST:
-            return longest
-        ages, periods = zip(*self._renewals)
-        return min(longest, max(SHORTEST, float(max(ages) + median(periods))))
+        return min(longest, self._limit)

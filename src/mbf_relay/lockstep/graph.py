@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Callable, Deque, NamedTuple, Optional, Tuple
+from typing import Callable, Deque, Dict, NamedTuple, Optional, Tuple
 
 import numpy as np
 
 from mbf_relay.control.state import GoalTolerance
 from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.factory import build_costmap
-from mbf_relay.costmap.observation import observation_from_scan
+from mbf_relay.costmap.observation import observation_from_level_points, scan_points
 from mbf_relay.geometry import Twist2D
 from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.node_parameters import AmclParameters, initial_pose_from
@@ -216,6 +216,7 @@ class Graph:
             with self._stages.stage("localization"):
                 self._localizer.process(odom_pose, scan, self.laser_in_base)
                 self.robot.map_from_odom = self._localizer.map_from_odom
+        points: Dict[bool, Tuple[np.ndarray, np.ndarray]] = {}  # of the scan; by whether infinity shows free space
         with self._stages.stage("costmaps"):
             for costmap in self.costmaps.values():
                 try:
@@ -230,7 +231,10 @@ class Graph:
                     if trouble is not None:
                         costmap.refuse(name, trouble)
                     else:
-                        seen = observation_from_scan(scan, laser, source.inf_is_valid, self._scan_height)
+                        if source.inf_is_valid not in points:
+                            points[source.inf_is_valid] = scan_points(scan, source.inf_is_valid)
+                        seen = observation_from_level_points(
+                            *points[source.inf_is_valid], laser, scan.stamp, self._scan_height)
                         costmap.observe(name, seen, self.now)
 
     def _update(self, costmap: Costmap) -> None:
