@@ -9,11 +9,12 @@ import os
 import re
 import stat
 from pathlib import Path
-from typing import Any, BinaryIO, Callable, Dict, Set
-from xml.etree.ElementTree import Element
+from typing import TYPE_CHECKING, Any, BinaryIO, Callable, Dict, Set
 
 import yaml
-from defusedxml import DefusedXmlException, ElementTree
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
 
 LARGEST_TEXT = 64 << 20
 """Bytes of a file that is read whole."""
@@ -127,6 +128,8 @@ def read_text(path: str, largest: int = LARGEST_TEXT) -> str:
 
 def read_xml(path: str) -> Element:
     """Return the root of an XML file; errors as for `open_regular`, and ValueError where it is no XML."""
+    from defusedxml import DefusedXmlException, ElementTree  # no node reads any but the simulator
+
     with open_regular(path) as file:
         try:
             root: Element = ElementTree.parse(file).getroot()

@@ -12,7 +12,6 @@ server.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 import typing
 from typing import Any, ClassVar, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Type, TypeVar
@@ -73,6 +72,8 @@ def nearest_of(name: str, known: Iterable[str]) -> Optional[str]:
     Names are words joined by underscores; where as many stand in both, each must look like its counterpart, or
     max_vel_rot would be taken for max_vel_y.
     """
+    import difflib  # for the few files that have a slip
+
     for match in difflib.get_close_matches(name, list(known), n=5):
         words, others = name.split("_"), match.split("_")
         if len(words) != len(others) or all(map(_is_alike, words, others)):
@@ -81,6 +82,8 @@ def nearest_of(name: str, known: Iterable[str]) -> Optional[str]:
 
 
 def _is_alike(word: str, other: str) -> bool:
+    import difflib
+
     return difflib.SequenceMatcher(None, word, other).ratio() >= WORDS_ALIKE
 
 

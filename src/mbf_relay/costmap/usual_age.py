@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from statistics import median
 from typing import Deque, Tuple
 
 REMEMBERED = 9
@@ -37,7 +36,9 @@ class UsualAge:
         self._limit = math.inf
         if len(self._renewals) >= FEWEST:
             ages, periods = zip(*self._renewals)
-            self._limit = max(SHORTEST, float(max(ages) + median(periods)))
+            ordered = sorted(periods)
+            usual = 0.5 * (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2])  # their median
+            self._limit = max(SHORTEST, float(max(ages) + usual))
 
     def limit(self, longest: float) -> float:
         """Return the age (s) from which the sensor is silent: one message may get lost, or be as late as lately.

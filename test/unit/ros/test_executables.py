@@ -53,6 +53,28 @@ def test_a_robots_memory_is_not_filled_with_libraries_no_node_needs():
     assert unused & set(done.stdout.decode().split()) == set()
 
 
+def test_what_the_navigation_on_a_robot_does_not_use_takes_no_memory(tmp_path):
+    # As the executables start: what run_node imports before it spares anything would be there all the same.
+    nodes = [f"mbf_relay.ros.{name}.node" for name in ("map_server", "amcl", "server", "relay")]
+    (tmp_path / "probe.py").write_text(
+        "import importlib, sys\nfrom mbf_relay.ros.common.lazy_modules import LazyModule\n"
+        f"for name in {nodes}:\n    importlib.import_module(name)\n"
+        "USAGE = ' '.join(name for name, module in list(sys.modules.items()) if type(module) is not LazyModule)\n"
+    )
+    code = "from mbf_relay.ros.common.node import run_node; run_node('probe', 'probe.main')"
+    environment = dict(os.environ, PYTHONPATH=os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    done = subprocess.run(
+        [sys.executable, "-c", code, "--help"], stdout=subprocess.PIPE, check=True, env=environment, timeout=60.0)
+    found = set(done.stdout.decode().split())
+    assert "rospy" in found and "nav_msgs.msg._OccupancyGrid" in found
+    unused = {
+        "PIL", "defusedxml", "difflib", "html.entities", "importlib.resources.abc", "ipaddress", "pydoc",
+        "sensor_msgs.msg._Imu", "ssl", "statistics", "visualization_msgs.msg._InteractiveMarker",
+        "xml.dom.minidom",
+    }
+    assert unused & found == set()
+
+
 def test_algebra_on_small_matrices_keeps_no_other_core_of_the_robot_busy(tmp_path):
     # OpenBLAS's threads wait in a loop: with one more of them amcl took thrice the processor time.
     (tmp_path / "probe.py").write_text(

@@ -10,7 +10,6 @@ import os
 import sys
 import time
 import traceback
-import xmlrpc.client  # nosec B411: what the ROS master speaks
 from typing import Any, Callable
 
 from mbf_relay.ros.common import logs
@@ -159,6 +158,8 @@ def _wait_for_master(name: str) -> None:
     One that does not know the roslaunch this node is of has come after another's end. Nodes that outlived that one give
     it the parameters that this node was launched with (see MasterWatch), and these are waited for.
     """
+    import xmlrpc.client  # nosec B411: what the ROS master speaks
+
     import rosgraph
     import rospy
 

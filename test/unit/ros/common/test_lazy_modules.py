@@ -53,3 +53,19 @@ def test_it_is_asked_for_once():
 
 def test_a_module_that_is_not_there_is_missed_as_ever():
     assert output("print(LazyFinder(['no.such']).find_spec('no.such', []))") == ["None"]
+
+
+def test_who_imports_it_once_more_or_looks_for_a_module_by_its_file_does_not_execute_it():
+    looks = "import numpy.ma; importlib.import_module('numpy.ma'); import inspect; inspect.getmodule(sys._getframe()); "
+    assert output("import importlib; " + looks + IS_SPARED) == ["LazyModule"]
+
+
+def test_a_server_of_xmlrpc_tells_of_its_methods():
+    told = """
+import pydoc
+from xmlrpc.server import SimpleXMLRPCDispatcher
+server = SimpleXMLRPCDispatcher()
+server.register_function(sum)
+print(type(pydoc).__name__, server.system_methodHelp("sum").split()[0], pydoc.HTMLDoc.__name__)
+"""
+    assert output(told) == ["LazyModule", "Return", "HTMLDoc"]
