@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import struct
 import threading
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, BinaryIO, Iterator, Tuple
+from typing import TYPE_CHECKING, Any, BinaryIO, Iterator, Optional, Tuple
 
 import numpy as np
 import yaml
@@ -35,6 +36,10 @@ IMAGE_FORMATS = ("PNG", "PPM", "BMP", "GIF", "JPEG", "PCX", "TGA", "TIFF", "WEBP
 """
 BAND = 1 << 22
 """Pixels of an image that are turned into cells at a time."""
+PLAIN_HEAD = re.compile(rb"P5\s(?:\s|#[^\r\n]*[\r\n])*([0-9]{1,9})\s+([0-9]{1,9})\s+255\s")
+"""How a PGM image of bytes begins: width and height, with comments before them."""
+LONGEST_HEAD = 4096
+"""Bytes it is looked for in."""
 _PILLOW = threading.Lock()
 
 FREE = 0
@@ -153,18 +158,43 @@ def load_map_image(image_path: str, parameters: MapFileParameters) -> OccupancyM
         OSError: The file cannot be opened.
         MapImageError: It is no image, or has no pixel.
     """
-    from PIL import Image
-
     try:
         file = files.open_regular(image_path, MOST_CELLS * 8)
     except ValueError as error:
         raise MapImageError(f"map image {error}") from error
     with file:
+        plain = _read_plain(file, parameters)
+        if plain is not None:
+            return OccupancyMap(plain, parameters.resolution, Pose2D(*parameters.origin))
+        from PIL import Image
+
         try:
             return OccupancyMap(
                 _read_image(file, parameters), parameters.resolution, Pose2D(*parameters.origin))
         except (OSError, ValueError, SyntaxError, struct.error, EOFError, Image.DecompressionBombError) as error:
             raise MapImageError(f"map image {image_path} cannot be read: {error}") from error
+
+
+def _read_plain(file: BinaryIO, parameters: MapFileParameters) -> Optional[np.ndarray]:
+    """Return the occupancy a PGM file as map_saver's shows; None for any other, and one that is too short or too large.
+
+    Pillow is 3 MiB of a process, and most maps need none.
+    """
+    match = PLAIN_HEAD.match(file.read(LONGEST_HEAD))
+    width, height = map(int, match.groups()) if match else (0, 0)
+    begin = match.end() if match else 0
+    is_whole = 0 < width * height <= min(MOST_CELLS, file.seek(0, os.SEEK_END) - begin)
+    if not is_whole or max(width, height) > LARGEST_SIDE:
+        file.seek(0)
+        return None
+    file.seek(begin)
+    rows = max(1, BAND // width)
+    data = np.empty((height, width), dtype=np.int8)
+    for top in range(0, height, rows):
+        bottom = min(top + rows, height)
+        band = np.frombuffer(file.read((bottom - top) * width), dtype=np.uint8)
+        data[height - bottom:height - top] = _occupancy(band.reshape(bottom - top, width, 1), parameters)
+    return data
 
 
 def _read_image(file: BinaryIO, parameters: MapFileParameters) -> np.ndarray:

@@ -1,7 +1,11 @@
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from PIL import Image
 
+from mbf_relay import maps
 from mbf_relay.geometry import Pose2D
 from mbf_relay.maps import MapFileError, MapImageError, OccupancyMap, load_map, save_map
 
@@ -67,6 +71,44 @@ def test_sixteen_bit_and_palette_images_are_read_by_their_brightness(tmp_path):
     assert load_map(path).data.tolist() == [[100, 0]]
     Image.fromarray(np.array([[0, 255]], dtype=np.uint8)).convert("P").save(str(tmp_path / "map.png"))
     assert load_map(path).data.tolist() == [[100, 0]]
+
+
+def plain_map(folder, content):
+    (folder / "map.pgm").write_bytes(content)
+    path = folder / "map.yaml"
+    path.write_text(
+        "image: map.pgm\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\n"
+        "free_thresh: 0.196\n")
+    return str(path)
+
+
+def test_a_map_as_map_saver_writes_it_takes_no_library_of_images(tmp_path):
+    path = plain_map(tmp_path, b"P5\n# 0.050 m/pix\n2 1\n255\n\x00\xfe")
+    code = f"import sys; from mbf_relay import maps; print(maps.load_map({path!r}).data.tolist(), 'PIL' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, check=True, timeout=60.0)
+    assert done.stdout.decode().strip() == "[[100, 0]] False"
+
+
+@pytest.mark.parametrize("head", [
+    b"P5\n3 2\n255\n", b"P5 3 2 255 ", b"P5\n#one\n# two\r\n3\t2\r255\n", b"P5\n3 #width\n2\n255\n",
+    b"P5\n3 2\n100\n", b"P5\n3 2\n255\n#", b"P5\n03 002 255\n", b"P5\n3 2\n#end\n255\n",
+])
+@pytest.mark.parametrize("band", [1, 4, 1 << 22])
+def test_it_shows_what_pillow_finds_in_it(tmp_path, monkeypatch, head, band):
+    monkeypatch.setattr(maps, "BAND", band)
+    path = plain_map(tmp_path, head + b"\x00\x50\x80\xc8\xfe\xff and what comes after")
+    shown = load_map(path).data.tolist()
+    monkeypatch.setattr(maps, "_read_plain", lambda *_: None)
+    assert shown == load_map(path).data.tolist()
+
+
+@pytest.mark.parametrize("content", [
+    b"", b"P5", b"P5\n3 2\n255\n\x00\x01", b"P5\n0 2\n255\n\x00", b"P5\n40000 1\n255\n" + bytes(40000),
+    b"P5\n999999999 999999999\n255\n\x00", b"P5\n-3 2\n255\n" + bytes(6),
+])
+def test_a_map_that_is_cut_off_or_too_large_is_refused(tmp_path, content):
+    with pytest.raises(MapImageError, match="map.pgm"):
+        load_map(plain_map(tmp_path, content))
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7])
