@@ -30,7 +30,7 @@ NAVIGATION = ("map_server", "amcl", "move_base_flex", "move_base")
 """move_base is the relay."""
 OTHERS = ("velocity_guard", "simulator")
 PARENT = "compose"
-"""Whose children the navigation's nodes are where they are composed; it counts with them."""
+"""Who watches the navigation's nodes where they are composed; it counts with them."""
 MODULES = {
     "map_server": "mbf_relay.ros.map_server.node", "amcl": "mbf_relay.ros.amcl.node",
     "move_base_flex": "mbf_relay.ros.server.node", "move_base": "mbf_relay.ros.relay.node",

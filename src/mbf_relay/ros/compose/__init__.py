@@ -1,1 +1,1 @@
-"""Several nodes forked from one parent, which has imported what they all need."""
+"""Several nodes forked from one process, which has imported what they all need."""

@@ -9,9 +9,7 @@ import pkgutil
 import sys
 from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple
 
-from mbf_relay.ros.common.lazy_modules import spare_what_nobody_uses
-from mbf_relay.ros.common.node import ALGEBRA_THREADS, run_node, spare_what_stays
-from mbf_relay.ros.compose.family import Family
+from mbf_relay.ros.compose.family import Family  # what else nodes need is imported in children alone
 
 USAGE = """usage: compose [--no-respawn] -- NODE [ARGUMENT...] [-- NODE [ARGUMENT...]]... [-- [REMAPPING...]]
 
@@ -22,7 +20,8 @@ what they need. A node that ends is started again. Remappings behind a last -- a
 OPTION = "--no-respawn"
 WHEN_NEEDED = (
     "mbf_relay.ros.common.reconfigure",  # quietens dynamic_reconfigure
-    "configparser", "dynamic_reconfigure.server", "encodings.idna", "mbf_relay.ros.common.master_watch", "tempfile",
+    "configparser", "dynamic_reconfigure.server", "encodings.idna", "mbf_relay.ros.common.connecting",
+    "mbf_relay.ros.common.master_watch", "mbf_relay.ros.common.sending", "mbf_relay.ros.common.starting",
     "unicodedata",
 )
 """Modules that nodes import once they run."""
@@ -59,8 +58,7 @@ def main() -> int:
     except ValueError as error:
         print(f"compose: {error}", file=sys.stderr)
         return 1
-    preload([MEMBERS[line[0]].place for line in lines])
-    return Family({line[0]: functools.partial(live, line) for line in lines}, respawns).run()
+    return Family(preload, {line[0]: functools.partial(live, line) for line in lines}, respawns).run()
 
 
 def read_arguments(arguments: Sequence[str]) -> Tuple[bool, List[List[str]]]:
@@ -94,20 +92,22 @@ def read_arguments(arguments: Sequence[str]) -> Tuple[bool, List[List[str]]]:
     return OPTION not in options, [line + for_all for line in lines]
 
 
-def preload(places: Sequence[str]) -> None:
+def preload(names: Sequence[str]) -> None:
     """Import what nodes will import, in a process without threads, and leave it to no child to collect.
 
     Args:
-        places: Their main functions.
+        names: Of their executables; one by itself imports what its parameters name when it has read them.
     """
+    from mbf_relay.ros.common.lazy_modules import spare_what_nobody_uses
+    from mbf_relay.ros.common.node import ALGEBRA_THREADS, spare_what_stays
+
     os.environ.setdefault(ALGEBRA_THREADS, "1")  # before NumPy is imported
     spare_what_nobody_uses()
-    for name in (*WHEN_NEEDED, *(place.rpartition(".")[0] for place in places)):
+    for name in (*WHEN_NEEDED, *(MEMBERS[name].place.rpartition(".")[0] for name in names)):
         importlib.import_module(name)
-    importlib.import_module("PIL.Image").preinit()  # what reads a map's image
     package = importlib.import_module("mbf_relay")
     for module in pkgutil.walk_packages(package.__path__, "mbf_relay.", onerror=lambda name: None):
-        if module.name.split(".")[1] in COMMON_ROOMS:
+        if len(names) > 1 and module.name.split(".")[1] in COMMON_ROOMS:
             importlib.import_module(module.name)
     spare_what_stays()  # a collection writes to all it looks at, and a page that is written to is shared no more
 
@@ -116,6 +116,8 @@ def live(line: Sequence[str]) -> None:
     """Be a node, by its command line; does not return."""
     import rosgraph
     import rospy
+
+    from mbf_relay.ros.common.node import run_node
 
     sys.argv = list(line)
     remappings: Dict[str, str] = rospy.names.get_mappings()  # rospy has read the parent's

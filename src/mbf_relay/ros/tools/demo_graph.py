@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
 import random
 import signal
@@ -15,7 +14,7 @@ from typing import Any, Dict, Iterator, List, Tuple, cast
 
 import psutil
 
-from mbf_relay.ros.common.ending import interrupt_at_death_of
+from mbf_relay.ros.common.ending import adopt_orphans, interrupt_at_death_of
 
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 INTERRUPT_PATIENCE = 25.0
@@ -157,12 +156,6 @@ def end(process: subprocess.Popen) -> None:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-
-
-def adopt_orphans() -> None:
-    """Become the parent of descendants whose own parent ends, so that they stay in sight (Linux: prctl(2))."""
-    set_child_subreaper = 36
-    ctypes.CDLL(None, use_errno=True).prctl(set_child_subreaper, 1, 0, 0, 0)
 
 
 def kill_descendants() -> None:

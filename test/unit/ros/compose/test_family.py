@@ -23,10 +23,16 @@ def sleep(name):
 def fail():
     sys.exit(3)
 
+def prepare(names):
+    if "unprepared" in sys.argv:
+        raise MemoryError
+    if "slow" in sys.argv:
+        time.sleep(60.0)
+
 tasks = {"one": lambda: sleep("one"), "two": lambda: sleep("two")}
 if "fail" in sys.argv:
     tasks = {"bad": fail, "good": lambda: None}
-sys.exit(Family(tasks, respawns="respawn" in sys.argv).run())
+sys.exit(Family(prepare, tasks, respawns="respawn" in sys.argv).run())
 """
 
 
@@ -92,3 +98,25 @@ def test_a_child_that_does_not_end_is_killed():
 def test_without_respawn_the_end_of_all_is_the_end_and_tells_of_a_failure():
     with Running("fail") as program:
         assert program.process.wait(30.0) == 1
+
+
+def test_who_prepared_what_the_nodes_share_does_not_stay_and_hold_it_once_more():
+    with Running("respawn") as program:
+        children = {program.told()[1].pid for _ in range(2)}
+        wait_until(
+            lambda: {child.pid for child in psutil.Process(program.process.pid).children(recursive=True)} == children,
+            "the two nodes to be all there are")
+
+
+def test_nodes_that_cannot_be_prepared_are_told_of():
+    with Running("unprepared") as program:
+        assert program.process.wait(30.0) == 1
+
+
+def test_a_signal_while_they_are_prepared_ends_all():
+    with Running("respawn", "slow") as program:
+        nursery, = wait_until(
+            lambda: psutil.Process(program.process.pid).children(), "somebody to prepare what the nodes share")
+        program.process.send_signal(signal.SIGINT)
+        assert program.process.wait(30.0) == 0
+        assert has_ended(nursery)
