@@ -1,8 +1,11 @@
-"""What a run of the tests took its time for: each job, and the tests in it that took longest."""
+"""What a run of the tests took its time for: each job, what it computed, and the tests in it that took longest."""
 
 import glob
 import json
 import os
+import subprocess
+import threading
+import time
 import xml.etree.ElementTree as ElementTree
 from typing import Dict, List, Tuple
 
@@ -10,10 +13,28 @@ TOLD = 3
 """Tests named for each job."""
 SHORTEST = 0.5
 """Seconds below which a test is not named."""
+_PAUSE = threading.Event()
 
 
-def write(results: str, seconds: Dict[str, float]) -> None:
-    """Leave what `table` reads: the seconds of each job, beside the reports with those of each test."""
+def wait(process: subprocess.Popen, timeout: float) -> float:
+    """Wait until a process has ended; return the seconds that it and what it waited for have computed.
+
+    Raises:
+        subprocess.TimeoutExpired: It has not, after `timeout` seconds of the wall clock.
+    """
+    end = time.monotonic() + timeout
+    while os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT | os.WNOHANG) is None:
+        if time.monotonic() >= end:
+            raise subprocess.TimeoutExpired(process.args, timeout)
+        _PAUSE.wait(0.05)
+    with open(f"/proc/{process.pid}/stat", encoding="utf-8", errors="replace") as stream:
+        ticks = stream.read().rpartition(")")[2].split()[11:15]  # utime, stime, and both of its children
+    process.wait()
+    return sum(int(each) for each in ticks) / os.sysconf("SC_CLK_TCK")
+
+
+def write(results: str, seconds: Dict[str, Tuple[float, float]]) -> None:
+    """Leave what `table` reads: the seconds of each job and those it computed, beside the reports of its tests."""
     with open(os.path.join(results, "seconds.json"), "w", encoding="utf-8") as stream:
         json.dump(seconds, stream, indent=1)
 
@@ -22,15 +43,16 @@ def table(results: str) -> str:
     """Return the table of the last run in Markdown, the longest job first."""
     try:
         with open(os.path.join(results, "seconds.json"), encoding="utf-8") as stream:
-            seconds: Dict[str, float] = json.load(stream)
+            seconds: Dict[str, Tuple[float, float]] = json.load(stream)
     except OSError as error:
         return f"no run of the tests has ended here yet: {error}"
-    rows = ["| job | s | its longest tests (s) |", "|---|---|---|"]
-    for job in sorted(seconds, key=lambda name: -seconds[name]):
+    rows = ["| job | s | computing, s | its longest tests (s) |", "|---|---|---|---|"]
+    for job in sorted(seconds, key=lambda name: -seconds[name][0]):
         longest = sorted(tests(os.path.join(results, job)), reverse=True)[:TOLD]
         words = ", ".join(f"{name} {time:.0f}" for time, name in longest if time >= SHORTEST)
-        rows.append(f"| {job} | {seconds[job]:.0f} | {words} |")
-    rows.append(f"| sum | {sum(seconds.values()):.0f} | |")
+        rows.append(f"| {job} | {seconds[job][0]:.0f} | {seconds[job][1]:.0f} | {words} |")
+    lasted, computed = (sum(each) for each in zip(*seconds.values()))
+    rows.append(f"| sum | {lasted:.0f} | {computed:.0f} | |")
     return "\n".join(rows)
 
 

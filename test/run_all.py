@@ -80,6 +80,7 @@ class Outcome(NamedTuple):
     skipped: int
     seconds: float
     log: str
+    cpu_seconds: float = 0.0
 
 
 def main() -> int:
@@ -117,7 +118,7 @@ def main() -> int:
         runner.stop()
         print("interrupted", file=sys.stderr)
         return 130
-    job_times.write(results, {outcome.job.name: outcome.seconds for outcome in runner.outcomes})
+    job_times.write(results, {o.job.name: (o.seconds, o.cpu_seconds) for o in runner.outcomes})
     return report(runner.outcomes, time.monotonic() - start)
 
 
@@ -263,8 +264,9 @@ class Runner:
             if job.computes:
                 give_way(process)
             try:
-                process.wait(TIME_LIMIT * (LONGER if self._long else 1))
+                cpu_seconds = job_times.wait(process, TIME_LIMIT * (LONGER if self._long else 1))
             except subprocess.TimeoutExpired:
+                cpu_seconds = 0.0
                 stream.write(f"\nended after {time.monotonic() - start:.0f} s\n".encode())
         end_group(process)
         with self._lock:
@@ -276,7 +278,7 @@ class Runner:
             passed, failed, skipped = read_rostest(log) if job.kind is Kind.ROSTEST else read_pytest(report_file)
         if process.returncode != 0 and failed == 0:
             failed = 1
-        return Outcome(job, passed, failed, skipped, time.monotonic() - start, log)
+        return Outcome(job, passed, failed, skipped, time.monotonic() - start, log, cpu_seconds)
 
     def _environment(self, folder: str) -> Dict[str, str]:
         environment = dict(os.environ, ROS_LOG_DIR=os.path.join(folder, "log"), ROS_TEST_RESULTS_DIR=folder)
@@ -356,7 +358,9 @@ def report(outcomes: List[Outcome], seconds: float) -> int:
     if len(outcomes) > SLOWEST:
         print("\nlongest: " + ", ".join(f"{outcome.job.name} {outcome.seconds:.0f} s" for outcome in slowest)
               + "; scripts/test --times tells more")
-    print(f"\n{len(outcomes)} jobs in {seconds:.0f} s" + (f", {skipped} tests skipped" if skipped else ""))
+    computed = sum(o.cpu_seconds for o in outcomes) / 60
+    print(f"\n{len(outcomes)} jobs in {seconds:.0f} s, which computed {computed:.1f} min"
+          + (f", {skipped} tests skipped" if skipped else ""))
     print(f"{passed} passed, {failed} failed")
     return 1 if failed else 0
 

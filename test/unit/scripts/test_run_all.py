@@ -72,10 +72,18 @@ def test_the_longest_tests_are_named(tmp_path):
     report.parent.mkdir()
     report.write_text('<testsuites><testsuite><testcase name="short" time="0.1"/><testcase name="long" time="7.2"/>'
                       '</testsuite></testsuites>')
-    job_times.write(str(tmp_path), {"node/relay.test": 2.0, "unit": 8.0})
+    job_times.write(str(tmp_path), {"node/relay.test": (2.0, 1.0), "unit": (8.0, 6.0)})
     assert job_times.table(str(tmp_path)).splitlines()[2:] == [
-        "| unit | 8 | long 7 |", "| node/relay.test | 2 |  |", "| sum | 10 | |",
+        "| unit | 8 | 6 | long 7 |", "| node/relay.test | 2 | 1 |  |", "| sum | 10 | 7 | |",
     ]
+
+
+def test_what_the_children_of_a_job_compute_is_counted(tmp_path):
+    compute = "import time\nwhile time.process_time() < 0.5: pass"
+    child = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {compute!r}], check=True)"
+    runner = Runner(str(tmp_path), long=False)
+    runner.run([job("unit", child)], workers=1, drives=1)
+    assert runner.outcomes[0].cpu_seconds >= 0.5
 
 
 def test_without_a_run_there_is_nothing_to_tell(tmp_path):
