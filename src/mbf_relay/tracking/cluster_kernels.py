@@ -47,6 +47,31 @@ def measure(ends, hits, ranges, bearings, x, y, readings, gap, largest, disc):
     disc[2], disc[3] = radius, 0.0 if hidden else 1.0
 
 
+@kernel("float64(float64[::1], int64)")
+def _smallest(values, rank):
+    """Return the value of that rank, the lowest being 0, and put those below it before it (Hoare's selection)."""
+    low, high = 0, values.shape[0] - 1
+    while low < high:
+        pivot = values[(low + high) // 2]
+        left, right = low, high
+        while left <= right:
+            while values[left] < pivot:
+                left += 1
+            while pivot < values[right]:
+                right -= 1
+            if left <= right:
+                values[left], values[right] = values[right], values[left]
+                left += 1
+                right -= 1
+        if rank <= right:
+            high = right
+        elif rank >= left:
+            low = left
+        else:
+            break
+    return values[rank]
+
+
 @kernel("float64(float64[::1])")
 def _usual_turn(bearings):
     """Return the median angle (rad) from one bearing to the next, of two or more."""
@@ -55,9 +80,9 @@ def _usual_turn(bearings):
     for index in range(count):
         turn = abs(bearings[index + 1] - bearings[index])
         turns[index] = min(turn, 2.0 * math.pi - turn)
-    turns.sort()
     middle = count // 2
-    return turns[middle] if count % 2 else 0.5 * (turns[middle - 1] + turns[middle])
+    upper = _smallest(turns, middle)
+    return upper if count % 2 else 0.5 * (turns[:middle].max() + upper)
 
 
 @kernel(
