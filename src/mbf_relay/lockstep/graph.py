@@ -171,12 +171,12 @@ class Graph:
         self._next_update = -math.inf
         return self.navigator.move_base(goal)
 
-    def step(self) -> StepReport:
-        """Advance by one step of the simulation and all that is due then."""
-        stages = self._stages
-        with stages.stage("simulation"):
-            observations = self.simulation.step()
-        self.steps += 1
+    def step(self, most: int = 1) -> StepReport:
+        """Advance by at most so many steps of the simulation, to the first at which something is due, and do that."""
+        most = min(most, self._steps_to_navigation(), *(rate.steps_left(self.steps) for _, rate in self._updated))
+        with self._stages.stage("simulation"):
+            steps, observations = self.simulation.advance(most)
+        self.steps += steps
         if observations.odometry is not None:
             odometry = observations.odometry
             self.robot.add_odometry(odometry.stamp, odometry.pose, odometry.velocity)
@@ -190,6 +190,11 @@ class Graph:
             if rate.is_due(self.steps):
                 self._update(costmap)
         return StepReport(observations.contacts, self._navigate())
+
+    def _steps_to_navigation(self) -> int:
+        """Return how many steps may pass before navigation is due; never too many."""
+        steps = (self._next_update - 1e-9 - self.now) * self.simulation.parameters.physics_rate
+        return int(min(1e9, max(1.0, steps)))
 
     def _navigate(self) -> bool:
         """Advance navigation where it is due; plugins run inline, so what is due changes by its own updates alone."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 
 class Rate:
     """Is due at the first step at or after each multiple of its period; exact, for it counts steps."""
@@ -25,8 +27,12 @@ class Rate:
             )
         self._count = 0
 
+    def steps_left(self, step: int) -> int:
+        """Return how many steps after step number `step` it is due next, 1 or more."""
+        return max(1, math.ceil(self._count * self._steps - 1e-6) - step)
+
     def is_due(self, step: int) -> bool:
-        """Return whether something is due at step number `step`; asked once per step, with rising numbers."""
+        """Return whether something is due at step number `step`; asked with rising numbers, at least when it is."""
         if step < self._count * self._steps - 1e-6:
             return False
         self._count = int((step + 1e-6) / self._steps) + 1

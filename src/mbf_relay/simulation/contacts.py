@@ -58,6 +58,8 @@ class Contacts:
         # Asked for all, PyBullet tells of the ground first of all, in each step; mostly nothing else is near.
         other = self._fixed[0] if len(self._fixed) == 1 and not loose else ANY
         points = physics.contacts(robot, other)
+        if not points:
+            return ()
         touching = [p for p in points if p[2] != physics.ground and (p[8] <= 0.0 or p[9] > 0.0)]
         if not touching:
             return ()

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Deque, Optional
 
 from mbf_relay.simulation.drive import Odometry
-from mbf_relay.simulation.faults import Faults
+from mbf_relay.simulation.faults import NO_FAULTS, Faults
 
 
 class FaultyOdometry:
@@ -25,6 +25,9 @@ class FaultyOdometry:
             now: Time (s).
             faults: What is made to go wrong.
         """
+        if faults is NO_FAULTS and not self._under_way:
+            self._last = reading
+            return reading
         if faults.odom_frozen and self._last is not None:
             reading = replace(self._last, stamp=now)
         self._last = reading

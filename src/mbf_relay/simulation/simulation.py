@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import math
 from typing import Any, Optional, Tuple, Union
 
 import numpy as np
@@ -77,6 +79,8 @@ class Simulation:
         self._scan_steps, self._odom_steps, self._imu_steps, self._joint_steps = (
             parameters.steps_between(name) for name in ("scan_rate", "odom_rate", "imu_rate", "joint_state_rate")
         )
+        periods = self._scan_steps, self._odom_steps, self._imu_steps, self._joint_steps
+        self._reading_steps = functools.reduce(math.gcd, periods)  # between steps at which any sensor may be due
         self._steps = self._first_step = self._pose_read = 0
         self._pose = self.base.pose()  # at the step `_pose_read`
         self._odom_angles = self._joint_angles = self._drivetrain.wheel_angles()
@@ -134,13 +138,27 @@ class Simulation:
         """Advance by one physics step and return what the sensors that were due then read."""
         parameters, faults = self.parameters, self.faults
         slip = 1.0 - (1.0 - parameters.wheel_slip) * (1.0 - faults.slip)
-        self._drivetrain.advance(slip, self.scene.restless)
+        restless = self.scene.restless
+        self._drivetrain.advance(slip, restless)
         self._steps += 1
-        self.scene.advance((self._steps - self._first_step) / parameters.physics_rate)
+        if restless:
+            self.scene.advance((self._steps - self._first_step) / parameters.physics_rate)
         self.physics.step()
         if parameters.scan_skew and self._scan_steps:
             self.lidar.sweep(self.base.frame(), self._steps)
         return self._read(self.scene.contacts_of(self.base.body))
+
+    def advance(self, most: int) -> Tuple[int, Observations]:
+        """Advance by at most so many steps, until a sensor reads something or something is touched.
+
+        Returns:
+            How many steps were taken, and what the last of them brought.
+        """
+        for count in range(1, most):
+            observations = self.step()
+            if observations is not NOTHING:
+                return count, observations
+        return most, self.step()
 
     def close(self) -> None:
         """Free the physics."""
@@ -172,14 +190,10 @@ class Simulation:
 
     def _read(self, contacts: Tuple[Contact, ...]) -> Observations:
         """Return the readings due at this step."""
-        scan, odom, imu, joints = (
-            self._due(self._scan_steps),
-            self._due(self._odom_steps),
-            self._due(self._imu_steps),
-            self._due(self._joint_steps),
-        )
-        if not (scan or odom or imu or joints):
+        if not self._due(self._reading_steps):
             return Observations(contacts=contacts) if contacts else NOTHING
+        scan, odom, imu, joints = map(
+            self._due, (self._scan_steps, self._odom_steps, self._imu_steps, self._joint_steps))
         now = self.now
         angles = self._drivetrain.wheel_angles() if odom or joints else self._odom_angles
         return Observations(
