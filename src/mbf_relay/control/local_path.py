@@ -53,7 +53,7 @@ class LocalPath:
 
     def point_at(self, arc: float) -> np.ndarray:
         """Return the point (2,) at an arc length, clipped to this stretch."""
-        return np.array([np.interp(arc, self.arcs, self.points[:, 0]), np.interp(arc, self.arcs, self.points[:, 1])])
+        return np.array([path_kernels.interpolate(arc, self.arcs, self.points, axis) for axis in (0, 1)])
 
     def project(self, points: np.ndarray, start: float, end: float) -> np.ndarray:
         """Return each point's distance to the path and the arc length nearest to it.
@@ -93,6 +93,7 @@ class PathTracker:
         self._arcs = np.zeros(0)
         self._robot_arc: Optional[float] = None
         self._spacing = 0.0  # m between the points; 0 where they are still to be made
+        self._length = 0.0  # m along the path as it was given
 
     def set_path(self, path: Path) -> None:
         """Follow another path; the robot's place on it is found anew.
@@ -103,14 +104,15 @@ class PathTracker:
         poses = np.asarray(path.poses, dtype=float)
         if poses.ndim != 2 or len(poses) == 0:
             raise ControlError(ControlOutcome.INVALID_PATH, "the path is empty; it must have at least one pose")
-        broken = np.flatnonzero(~np.isfinite(poses).all(axis=1))
-        if len(broken):
+        if not np.isfinite(poses).all():
+            broken = np.flatnonzero(~np.isfinite(poses).all(axis=1))
             raise ControlError(
                 ControlOutcome.INVALID_PATH,
                 f"pose {broken[0]} of the path is {tuple(poses[broken[0]])}; every number must be finite",
             )
         size = float(np.abs(poses[:, :2]).max())
-        if size > LONGEST or np.hypot(*np.diff(poses[:, :2], axis=0).T).sum() > LONGEST:
+        self._length = float(_arcs_along(np.ascontiguousarray(poses[:, :2]))[-1])
+        if size > LONGEST or self._length > LONGEST:
             raise ControlError(
                 ControlOutcome.INVALID_PATH,
                 f"the path is too long or too far away to be followed: beyond {LONGEST / 1e3:g} km",
@@ -149,8 +151,7 @@ class PathTracker:
         self._spacing = spacing
         assert self.path is not None
         poses = np.asarray(self.path.poses, dtype=float)
-        length = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
-        self._points, self._arcs = _thin(poses, max(spacing, length / MOST_POINTS))
+        self._points, self._arcs = _thin(poses, max(spacing, self._length / MOST_POINTS))
 
     def _locate(self, robot: Pose2D, width: float) -> tuple[float, float]:
         """Return distance to and arc length of the robot's place: near the last one, or wherever that is far off."""
@@ -189,12 +190,11 @@ class PathTracker:
 
 def _thin(poses: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
     """Return positions at least `spacing` (m) apart, the last one kept, and their arc lengths."""
-    points = poses[:, :2]
-    keep = np.zeros(len(points), dtype=np.uint8)
-    path_kernels.thin(np.ascontiguousarray(points), spacing, keep)
-    points = _smoothed(points[keep.astype(bool)], spacing)
-    steps = np.hypot(*np.diff(points, axis=0).T) if len(points) > 1 else np.zeros(0)
-    return points, np.concatenate(([0.0], np.cumsum(steps)))
+    points = np.ascontiguousarray(poses[:, :2])
+    keep = np.empty(len(points), dtype=np.uint8)
+    path_kernels.thin(points, spacing, keep)
+    points = _smoothed(points[keep.view(bool)], spacing)
+    return points, _arcs_along(points)
 
 
 def _smoothed(points: np.ndarray, spacing: float) -> np.ndarray:
@@ -202,15 +202,13 @@ def _smoothed(points: np.ndarray, spacing: float) -> np.ndarray:
 
     Its ends stay; at a right angle it passes the corner within a third of SMOOTHING.
     """
-    arcs = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T)))) if len(points) > 1 else np.zeros(1)
-    count = int(arcs[-1] / spacing)
-    if count < 4:
-        return np.ascontiguousarray(points)
-    places = np.linspace(0.0, arcs[-1], count + 1)
-    line = np.column_stack([np.interp(places, arcs, points[:, axis]) for axis in (0, 1)])
-    reach = max(1, round(0.5 * SMOOTHING / SPACING))
-    before = 2.0 * line[0] - line[reach:0:-1]  # mirrored at the ends, which thereby stay where they are
-    after = 2.0 * line[-1] - line[-2 : -2 - reach : -1]
-    sums = np.cumsum(np.vstack((np.zeros((1, 2)), before, line, after)), axis=0)
-    width = 2 * reach + 1
-    return np.ascontiguousarray((sums[width:] - sums[:-width]) / width)
+    arcs = _arcs_along(points)
+    smooth = np.empty((int(arcs[-1] / spacing) + 1, 2))
+    count = path_kernels.smooth(points, arcs, spacing, max(1, round(0.5 * SMOOTHING / SPACING)), smooth)
+    return smooth if count else points
+
+
+def _arcs_along(points: np.ndarray) -> np.ndarray:
+    arcs = np.empty(len(points))
+    path_kernels.measure(points, arcs)
+    return arcs

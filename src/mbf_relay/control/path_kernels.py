@@ -36,6 +36,82 @@ def thin(points, spacing, keep):
     keep[last] = 1
 
 
+@kernel("void(float64[:,::1], float64[::1])")
+def measure(points, arcs):
+    """Fill the way (m) to each point, shape (N,), along points (N, 2)."""
+    arcs[0] = 0.0
+    for n in range(1, points.shape[0]):
+        arcs[n] = arcs[n - 1] + math.hypot(points[n, 0] - points[n - 1, 0], points[n, 1] - points[n - 1, 1])
+
+
+@kernel("void(float64[:,::1], float64, float64[:,::1])")
+def look_ahead(poses, way, points):
+    """Fill `points`, shape (N, 2), with what lies `way` (m) ahead of each of `poses`, shape (N, 3)."""
+    for n in range(poses.shape[0]):
+        points[n, 0], points[n, 1] = poses[n, 0], poses[n, 1]
+        if way != 0.0:
+            points[n, 0] += way * math.cos(poses[n, 2])
+            points[n, 1] += way * math.sin(poses[n, 2])
+
+
+@kernel("float64(float64, float64[::1], float64[:,::1], int64)")
+def interpolate(place, places, values, column):
+    """Return a column of `values`, shape (N, 2), where `place` lies among rising `places`, as numpy.interp does."""
+    last = places.shape[0] - 1
+    if place <= places[0]:
+        return values[0, column]
+    if place >= places[last]:
+        return values[last, column]
+    low, high = 0, last
+    while high - low > 1:
+        middle = (low + high) // 2
+        if places[middle] <= place:
+            low = middle
+        else:
+            high = middle
+    if places[low] == place:
+        return values[low, column]
+    slope = (values[low + 1, column] - values[low, column]) / (places[low + 1] - places[low])
+    return slope * (place - places[low]) + values[low, column]
+
+
+@kernel("int64(float64[:,::1], float64[::1], float64, int64, float64[:,::1])")
+def smooth(points, arcs, spacing, reach, result):
+    """Resample a path and take the mean of each point and `reach` of them to either side; return how many there are.
+
+    The ends stay, for what lies beyond them is taken for the path mirrored there. Nothing is done, and 0 returned, where
+    it comes to less than five points.
+
+    Args:
+        points: Shape (N, 2) in metres.
+        arcs: Shape (N,), the way (m) to each of them.
+        spacing: Metres between the points of the result.
+        reach: 1 to 3.
+        result: Shape (M, 2), filled from the front; M is arcs[-1] / spacing and 1 more, or larger.
+    """
+    end = arcs[-1]
+    count = int(end / spacing)
+    if count < 4:
+        return 0
+    step = end / count
+    width = 2 * reach + 1
+    for column in range(2):
+        line = np.empty(count + 1 + 2 * reach)
+        for n in range(count + 1):
+            line[reach + n] = interpolate(end if n == count else n * step, arcs, points, column)
+        first, last = line[reach], line[reach + count]
+        for n in range(1, reach + 1):
+            line[reach - n] = 2.0 * first - line[reach + n]
+            line[reach + count + n] = 2.0 * last - line[reach + count - n]
+        sums = np.empty(line.shape[0] + 1)
+        sums[0] = 0.0
+        for n in range(line.shape[0]):
+            sums[n + 1] = sums[n] + line[n]
+        for n in range(count + 1):
+            result[n, column] = (sums[n + width] - sums[n]) / width
+    return count + 1
+
+
 @kernel("UniTuple(float64, 2)(float64, float64, float64[:,::1], int64)")
 def _nearest_on(x, y, chords, index):
     """Return the squared distance (m^2) of a point from a chord, see `lay_chords`, and what share of it lies before."""

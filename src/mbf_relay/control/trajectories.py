@@ -115,13 +115,11 @@ def too_slow(parameters: DwaParameters, window: VelocityWindow, velocities: np.n
     ever drives in that direction. A turn on the spot is no creeping; how fast it is, is not decided by sampling.
     """
     p = parameters
-    fastest = np.minimum(
-        max(abs(window.low.x), abs(window.high.x), abs(window.low.y), abs(window.high.y)),
-        np.maximum(np.where(velocities[:, 0] < 0.0, -p.min_vel_x, p.max_vel_x),
-                   np.where(velocities[:, 1] < 0.0, -p.min_vel_y, p.max_vel_y)))
-    speeds, turns = np.hypot(velocities[:, 0], velocities[:, 1]), np.abs(velocities[:, 2])
-    slow = (speeds > STANDING * p.max_vel_trans) & (speeds < np.minimum(p.min_vel_trans, fastest) - 1e-4)
-    creeping: np.ndarray = slow & (turns < p.min_vel_theta - 1e-4)
+    fastest = max(abs(window.low.x), abs(window.high.x), abs(window.low.y), abs(window.high.y))
+    creeping = np.empty(len(velocities), np.bool_)
+    trajectory_kernels.too_slow(
+        np.ascontiguousarray(velocities), np.array((p.min_vel_x, p.min_vel_y)), np.array((p.max_vel_x, p.max_vel_y)),
+        fastest, STANDING * p.max_vel_trans, p.min_vel_trans, p.min_vel_theta, creeping)
     return creeping
 
 

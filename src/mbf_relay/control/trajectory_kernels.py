@@ -61,6 +61,28 @@ def sample(low, high, counts, fastest, velocities):
     return found
 
 
+@kernel("void(float64[:,::1], float64[::1], float64[::1], float64, float64, float64, float64, boolean[::1])")
+def too_slow(velocities, lowest, highest, fastest, standing, least, least_turn, result):
+    """Tell of each velocity whether it creeps: slower than `least` (m/s), turning less than `least_turn` (rad/s).
+
+    Args:
+        velocities: Shape (N, 3), body frame.
+        lowest, highest: Shape (2,): how fast (m/s) the robot ever drives along x and y; what is as fast does not creep.
+        fastest: Nor does what is as fast as this (m/s).
+        standing: Up to this speed (m/s) it stands, or turns on the spot, which is no creeping.
+        least, least_turn: See above.
+        result: Shape (N,), filled.
+    """
+    for n in range(velocities.shape[0]):
+        x, y = velocities[n, 0], velocities[n, 1]
+        along_x = -lowest[0] if x < 0.0 else highest[0]
+        along_y = -lowest[1] if y < 0.0 else highest[1]
+        speed = math.hypot(x, y)
+        result[n] = (
+            standing < speed < min(least, min(fastest, max(along_x, along_y))) - 1e-4
+            and abs(velocities[n, 2]) < least_turn - 1e-4)
+
+
 @kernel(
     "float64(float64[:,::1], float64[::1], float64, float64, float64, float64, float64, float64[::1], float64[::1], "
     "float64[::1])"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from typing import Optional, Tuple
+from typing import Optional
 
 import numpy as np
 
 from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, CostGrid
 from mbf_relay.geometry import Pose2D
+from mbf_relay.navigation import hysteresis_kernels
 
 PATIENCE = 0.5
 """Seconds for which replans must lead another way before the first change."""
@@ -67,36 +67,9 @@ class PathHysteresis:
 
 def is_same_way(old: np.ndarray, new: np.ndarray, width: float) -> bool:
     """Return whether two paths from here on, (N, 3) and (M, 3), stay nearer to each other than `width` (m)."""
-    (old_near, old_far), (new_near, new_far) = (_beginnings(path, width) for path in (old, new))
-    return _farthest(old_near, new_far) <= width and _farthest(new_near, old_far) <= width
-
-
-def _farthest(points: np.ndarray, others: np.ndarray) -> float:
-    """Return the distance (m) of points, (K, 2), from other ones, (L, 2), where it is greatest."""
-    distances = np.hypot(points[:, None, 0] - others[None, :, 0], points[:, None, 1] - others[None, :, 1])
-    return float(distances.min(axis=1).max())
-
-
-def _beginnings(path: np.ndarray, width: float) -> Tuple[np.ndarray, np.ndarray]:
-    """Return points of what is compared of a path, (K, 2), and of twice as much, to compare another with, (L, 2)."""
-    steps = np.hypot(np.diff(path[:, 0]), np.diff(path[:, 1]))
-    arcs = np.concatenate(([0.0], np.cumsum(steps)))
-    ahead, spacing = AHEAD * width, SPACING * width
-    return _spread(path, arcs, ahead, spacing), _spread(path, arcs, 2.0 * ahead, spacing)
-
-
-def _spread(path: np.ndarray, arcs: np.ndarray, length: float, spacing: float) -> np.ndarray:
-    """Return points of a path's first `length` (m), (K, 2).
-
-    Args:
-        path: Shape (N, 3).
-        arcs: Way (m) to each of its poses, shape (N,).
-        length: How much of it.
-        spacing: Metres between the points, where the path has as many.
-    """
-    end = min(length, float(arcs[-1]))
-    wanted = np.linspace(0.0, end, max(2, math.ceil(end / spacing) + 1))
-    return np.column_stack((np.interp(wanted, arcs, path[:, 0]), np.interp(wanted, arcs, path[:, 1])))
+    return bool(hysteresis_kernels.is_same_way(
+        np.ascontiguousarray(old, dtype=float), np.ascontiguousarray(new, dtype=float), AHEAD * width, SPACING * width,
+        width))
 
 
 def path_is_blocked(costmap: CostGrid, poses: np.ndarray, robot: Optional[Pose2D]) -> bool:

@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from mbf_relay.control import path_kernels
 from mbf_relay.control.critics.critic import Critic, CriticData
 from mbf_relay.control.trajectories import Trajectories
 from mbf_relay.geometry import normalize_angles
@@ -40,15 +41,12 @@ class _OnPath(Critic):
         held = data.measured.get(shift)
         if held is not None and held[0] is trajectories:
             return held[1]
-        ends = trajectories.ends
-        points = ends[:, :2]
-        if shift != 0.0:
-            headings = ends[:, 2].copy()
-            points = points + shift * np.column_stack((np.cos(headings), np.sin(headings)))
+        points = np.empty((len(trajectories), 2))
+        path_kernels.look_ahead(trajectories.ends, shift, points)
         reach = self.parameters.max_vel_trans * self.parameters.sim_time + abs(shift) + MARGIN * data.width
         arc = data.path.robot_arc
         result = data.path.project(points, arc - LOOK_BACK * data.width - abs(shift), arc + reach)
-        result[:, 1] = np.minimum(result[:, 1], self._farthest(trajectories, data, shift))
+        np.minimum(result[:, 1], self._farthest(trajectories, data, shift), out=result[:, 1])
         data.measured[shift] = trajectories, result
         return result
 

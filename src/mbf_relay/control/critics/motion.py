@@ -80,7 +80,8 @@ class CounterSteering(Critic):
     def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
         """Return 0 to 1."""
         whole = max(self.WHOLE * self.parameters.max_vel_theta, 1e-6)
-        return data.horizon_scale * np.clip(-self._side * trajectories.velocities[:, 2] / whole, 0.0, 1.0)
+        charge = np.minimum(np.maximum(-self._side * trajectories.velocities[:, 2] / whole, 0.0), 1.0)
+        return np.asarray(data.horizon_scale * charge)
 
     def driven(self, command: Twist2D, data: CriticData) -> None:
         """Note the side."""

@@ -45,6 +45,8 @@ class Oscillation(Critic):
 
     def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
         """Return 0 or RULED_OUT."""
+        if not self._allowed:
+            return np.zeros(len(trajectories))
         banned = np.zeros(len(trajectories), dtype=bool)
         for component, sign in self._allowed.items():
             banned |= trajectories.velocities[:, COMPONENTS.index(component)] * sign < 0.0
