@@ -79,8 +79,8 @@ def interpolate(place, places, values, column):
 def smooth(points, arcs, spacing, reach, result):
     """Resample a path and take the mean of each point and `reach` of them to either side; return how many there are.
 
-    The ends stay, for what lies beyond them is taken for the path mirrored there. Nothing is done, and 0 returned, where
-    it comes to less than five points.
+    The ends stay, for what lies beyond them is taken for the path mirrored there. Nothing is done, and 0 returned,
+    where it comes to less than five points.
 
     Args:
         points: Shape (N, 2) in metres.

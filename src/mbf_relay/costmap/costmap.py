@@ -329,8 +329,7 @@ class Costmap:
 
     def _near_costs(self) -> Tuple[int, int]:
         """Return the costs at which the robot's sides touch an obstacle, and a corner where it turns; see CostGrid."""
-        if self._near is None:
-            self._near = self._find_near_costs()
+        self._near = self._near or self._find_near_costs()
         return self._near
 
     def _find_near_costs(self) -> Tuple[int, int]:

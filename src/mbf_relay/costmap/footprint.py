@@ -12,7 +12,7 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 
 __all__ = [
-    "IN_COLLISION", "ON_UNKNOWN", "OUTSIDE", "cells_within", "footprint_cells", "footprint_cost", "footprint_costs",
+    "IN_COLLISION", "ON_UNKNOWN", "OUTSIDE", "footprint_cells", "footprint_cost", "footprint_costs",
     "footprint_from_radius", "free_within", "padded", "parse_footprint", "radii",
 ]
 
@@ -65,7 +65,11 @@ def footprint_cells(grid: Grid, footprint: np.ndarray, pose: Pose2D) -> np.ndarr
 
 
 def free_within(grid: Grid, costs: np.ndarray, footprint: np.ndarray, pose: Pose2D) -> None:
-    """Free the `cells_within` a convex footprint in costs of shape (height, width)."""
+    """Free the cells that lie wholly within a convex footprint, in costs of shape (height, width).
+
+    Nothing but the robot can be there. A cell that the outline only crosses may hold what stands beside the robot; to
+    take it for free, as costmap_2d does, blinds the robot to what it is about to touch.
+    """
     if len(footprint) < 3:
         cells = footprint_cells(grid, footprint, pose)
         costs[cells[:, 1], cells[:, 0]] = FREE_SPACE
@@ -73,20 +77,3 @@ def free_within(grid: Grid, costs: np.ndarray, footprint: np.ndarray, pose: Pose
     footprint_kernels.free_within(
         costs, grid.origin_x, grid.origin_y, grid.resolution, np.ascontiguousarray(footprint, dtype=np.float64),
         *pose)
-
-
-def cells_within(grid: Grid, footprint: np.ndarray, pose: Pose2D) -> np.ndarray:
-    """Return the cells that lie wholly within a convex footprint: (N, 2) int32.
-
-    Nothing but the robot can be there. A cell that the outline only crosses may hold what stands beside the robot; to
-    take it for free, as costmap_2d does, blinds the robot to what it is about to touch.
-    """
-    if len(footprint) < 3:
-        return footprint_cells(grid, footprint, pose)
-    side = int(2.0 * float(np.hypot(footprint[:, 0], footprint[:, 1]).max()) / grid.resolution) + 2
-    cells = np.empty((min(side, grid.width) * min(side, grid.height), 2), dtype=np.int32)
-    count: int = footprint_kernels.cells_within(
-        grid.width, grid.height, grid.origin_x, grid.origin_y, grid.resolution,
-        np.ascontiguousarray(footprint, dtype=np.float64), pose.x, pose.y, pose.theta, cells,
-    )
-    return cells[:count]

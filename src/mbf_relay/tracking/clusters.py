@@ -32,7 +32,7 @@ class Clusters(NamedTuple):
     """The things in one scan, taken for discs.
 
     Attributes:
-        discs: Shape (K, 4): x, y and radius in metres, and 1 where nothing nearer stands before one of the edges, else 0.
+        discs: Shape (K, 4): x, y and radius in metres; 1 where nothing nearer stands before one of the edges, else 0.
         runs: Shape (K, 2): where the readings of each begin and end in `order`.
         order: Indices of rays.
     """

@@ -135,11 +135,12 @@ def plainly_within(grid, outline, pose):
 
 @pytest.mark.parametrize("pose", POSES)
 @pytest.mark.parametrize("outline", [BURGER, BURGER[::-1], fp.footprint_from_radius(0.2)])
-def test_cells_within_lie_wholly_under_the_robot(pose, outline):
+def test_cells_freed_lie_wholly_under_the_robot(pose, outline):
     grid = Grid(0.025, -0.5, -0.5, 40, 40)
-    cells = [tuple(cell) for cell in fp.cells_within(grid, outline, pose).tolist()]
-    assert len(set(cells)) == len(cells) > 0
-    assert set(cells) == plainly_within(grid, outline, pose)
+    costs = np.full((40, 40), 254, dtype=np.uint8)
+    fp.free_within(grid, costs, outline, pose)
+    freed = {(column, row) for row, column in np.argwhere(costs == 0).tolist()}
+    assert freed == plainly_within(grid, outline, pose) != set()
 
 
 @pytest.mark.parametrize("value, said", [

@@ -101,3 +101,31 @@ def test_a_map_in_another_frame_is_sampled_at_cell_centres():
             map_column, map_row = math.floor((at_x + 0.2) / 0.04), math.floor((at_y + 0.1) / 0.04)
             inside = 0 <= map_column < 50 and 0 <= map_row < 40
             assert costs[row, column] == (layer[map_row, map_column] if inside else 7)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_what_of_an_observation_counts_is_chosen_as_with_whole_arrays(seed):
+    rng = np.random.default_rng(seed)
+    columns, count = (3 if seed % 3 else 2), int(rng.integers(0, 80))
+    points = rng.normal(0.0, 2.0, (count, columns))
+    points[rng.random((count, columns)) < 0.05] = np.nan
+    points[rng.random((count, columns)) < 0.05] = np.inf
+    hits = rng.random(count) < 0.7
+    (x, y, z), (lowest, highest, highest_mark, reach) = rng.normal(0.0, 1.0, 3), (-1.0, 2.0, 1.0, 2.5)
+
+    with np.errstate(invalid="ignore"):
+        kept = np.isfinite(points).all(axis=1)
+        squared = (points[:, 0] - x) ** 2 + (points[:, 1] - y) ** 2
+        marks = hits & (squared < reach ** 2)
+        if columns > 2:
+            kept &= (points[:, 2] >= lowest) & (points[:, 2] <= highest)
+            marks = hits & (squared + (points[:, 2] - z) ** 2 < reach ** 2) & (points[:, 2] <= highest_mark)
+    marked = points[kept & marks, :2]
+
+    ends_found, marks_found, box = np.empty((count, 2)), np.empty((count, 2)), np.empty(4)
+    numbers = layer_kernels.make_ready(
+        points, hits, x, y, z, lowest, highest, highest_mark, reach, ends_found, marks_found, box)
+    assert numbers == (kept.sum(), len(marked))
+    assert (ends_found[:numbers[0]] == points[kept, :2]).all() and (marks_found[:numbers[1]] == marked).all()
+    around = np.vstack((marked, [[x, y]]))
+    assert box.tolist() == [*around.min(axis=0), *around.max(axis=0)]

@@ -1,13 +1,14 @@
 """One way or another: which replans a drive takes when several ways lead to its goal."""
 
 import itertools
+import math
 
 import numpy as np
 import pytest
 from scripted import FORWARD, GOAL, bowed_path, failing
 
 from mbf_relay.geometry import Pose2D, Twist2D
-from mbf_relay.navigation.path_hysteresis import PathHysteresis, is_same_way
+from mbf_relay.navigation.path_hysteresis import AHEAD, SPACING, PathHysteresis, is_same_way
 from mbf_relay.outcomes import ControlError, ControlOutcome
 
 WAYS = {side: bowed_path(side * 0.4) for side in (-1, 1)}
@@ -94,3 +95,30 @@ def test_ways_are_the_same_up_to_the_robots_width():
     longer = np.vstack((bowed_path(0.4).poses, [[6.0, 0.0, 0.0]]))
     assert not is_same_way(bowed_path(0.4).poses, longer, 0.2)  # it leads on past where the other one ends
     assert is_same_way(np.zeros((1, 3)), np.array([[0.0, 0.1, 0.0]]), 0.2)
+
+
+def plain_is_same_way(old, new, width):
+    """Compare each point of one way's beginning with all of the other's."""
+    def spread(path, length):
+        arcs = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))))
+        end = min(length, arcs[-1])
+        wanted = np.linspace(0.0, end, max(2, math.ceil(end / (SPACING * width)) + 1))
+        return np.column_stack([np.interp(wanted, arcs, path[:, axis]) for axis in (0, 1)])
+
+    def farthest(points, others):
+        return np.hypot(*(points[:, None] - others[None]).T).min(axis=0).max()
+
+    ahead = AHEAD * width
+    return max(farthest(spread(old, ahead), spread(new, 2.0 * ahead)),
+               farthest(spread(new, ahead), spread(old, 2.0 * ahead))) <= width
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_ways_are_the_same_where_every_point_of_one_has_one_of_the_other_near(seed):
+    rng = np.random.default_rng(seed)
+    steps = rng.normal((0.05, 0.0, 0.0), 0.03, (rng.integers(1, 80), 3))
+    old = np.cumsum(steps, axis=0)
+    new = old[:rng.integers(1, len(old) + 1)] + rng.normal(0.0, rng.choice([0.02, 0.08, 0.2]), 3)
+    if seed % 4 == 0 and len(new) > 3:
+        new[2] = new[1]  # a pose twice
+    assert is_same_way(old, new, 0.2) == plain_is_same_way(old, new, 0.2)
