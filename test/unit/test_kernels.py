@@ -143,3 +143,13 @@ def test_kernels_for_any_processor_give_the_bits_of_those_for_wide_vectors():
             check=True).stdout
         for choice in ("", kernels.PLAIN)}
     assert len(told) == 1
+
+
+def test_a_module_that_cannot_be_loaded_fails_the_build_and_not_the_nodes(tmp_path):
+    from mbf_relay.kernel_build.__main__ import _require_loadable
+
+    broken = tmp_path / "_kernels.so"
+    broken.write_bytes(b"no machine code")
+    with pytest.raises(subprocess.CalledProcessError) as refused:
+        _require_loadable(broken)
+    assert str(broken) in refused.value.stderr and "Traceback" not in refused.value.stderr

@@ -75,10 +75,26 @@ def build(folder: Path, objects: Path, compiler: str) -> Path:
         ],
         check=True, capture_output=True, text=True,
     )
+    _require_loadable(made)
     staged = target.with_suffix(f".{os.getpid()}")  # beside it, so that a node that starts now finds one or the other
     staged.write_bytes(made.read_bytes())
     staged.replace(target)
     return target
+
+
+def _require_loadable(path: Path) -> None:
+    """Load an extension module in another process; what it lacks would else be found out by nodes, and only said there.
+
+    Raises:
+        subprocess.CalledProcessError: It cannot be loaded.
+    """
+    program = (
+        "import sys\n"
+        "from importlib.util import module_from_spec, spec_from_file_location\n"
+        "try: module_from_spec(spec_from_file_location('mbf_relay._kernels', sys.argv[1]))\n"
+        "except ImportError as error: sys.exit(str(error))"
+    )
+    subprocess.run([sys.executable, "-c", program, str(path)], check=True, capture_output=True, text=True)
 
 
 def _compile(sources: Dict[str, str], objects: Path) -> Dict[str, List[List[KernelEntry]]]:
