@@ -1,7 +1,9 @@
 """What rqt_reconfigure shows is what it shows of upstream's nodes: names, types, defaults and the ends of sliders."""
 
 import sys
+import threading
 import types
+import xmlrpc.server
 from types import SimpleNamespace
 
 import pytest
@@ -89,3 +91,47 @@ def test_a_robot_that_is_asked_to_drive_slower_than_its_slowest_does(monkeypatch
     assert "min_vel_trans is 0.11" in taken[-1][1] and shown["min_vel_trans"] == 0.05
     shown = take({**shown, "min_vel_trans": 0.5}, 0)  # but nothing faster is guessed
     assert "min_vel_trans is 0.5; it must be at most" in str(taken[-1][1]) and shown["min_vel_trans"] == 0.05
+
+
+@pytest.fixture
+def master(monkeypatch):
+    """A master that keeps parameters, and counts who asks it."""
+    class Handler(xmlrpc.server.SimpleXMLRPCRequestHandler):
+        def do_POST(self):
+            kept.asked += 1
+            super().do_POST()
+
+    server = xmlrpc.server.SimpleXMLRPCServer(("localhost", 0), Handler, logRequests=False)
+    kept = SimpleNamespace(asked=0, parameters={}, refused=())
+
+    def set_parameter(_caller, name, value):
+        kept.parameters[name] = value
+        return (-1, "not this one", 0) if name in kept.refused else (1, "", 0)
+
+    server.register_multicall_functions()
+    server.register_function(set_parameter, "setParam")
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
+    thread.start()
+    monkeypatch.setenv("ROS_MASTER_URI", f"http://localhost:{server.server_address[1]}")
+    yield kept
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+def test_a_start_does_not_keep_the_master_busy_with_each_slider(master):
+    pytest.importorskip("rospy")
+    from mbf_relay.ros.common import reconfigure
+
+    values = {f"/node/parameter_{n}": value for n, value in enumerate([True, 1, -0.5, "text"] * 10)}
+    reconfigure._tell_master(values)
+    assert master.parameters == values and master.asked == 1
+
+
+def test_a_master_that_refuses_a_parameter_is_told_of(master):
+    rospy = pytest.importorskip("rospy")
+    from mbf_relay.ros.common import reconfigure
+
+    master.refused = ("/node/b",)
+    with pytest.raises(rospy.ROSException, match="not this one"):
+        reconfigure._tell_master({"/node/a": 1, "/node/b": 2})
