@@ -114,7 +114,7 @@ def _tell_master(values: Mapping[str, Any]) -> None:
     calls = xmlrpc.client.MultiCall(xmlrpc.client.ServerProxy(rosgraph.get_master_uri()))
     for name, value in values.items():
         calls.setParam(rospy.get_name(), name, value)
-    for code, text, _ in calls():
+    for code, text, _ in calls():  # type: ignore[attr-defined]
         if code != 1:
             raise rospy.ROSException(f"the master refused a parameter: {text}")
 

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import os
 import time
+from functools import lru_cache
 
 import rospkg
 import rospy.impl.init
+from rospy.impl.statistics import SubscriberStatisticsLogger
 
 LOGGING = "ROS_PYTHON_LOG_CONFIG_FILE"
 """Environment variable: the file that rospy configures Python's logging by."""
 FIRST_LOOK = 0.001
 """Wall time (s) until rospy first looks whether the master has answered; it has after a few ms."""
+
+_are_there_statistics = SubscriberStatisticsLogger.is_enabled
 
 
 class SlowingClock:
@@ -28,11 +32,14 @@ class SlowingClock:
 
 def start_soon() -> None:
     """Prepare rospy.init_node, which waits 0.1 s for what is there after 5 ms, and reads the manifests of all packages.
+
+    For each subscription rospy asks the master whether to keep statistics; the first answer holds for all.
     """
     rospy.impl.init.time = SlowingClock()
     path = logging_configuration()
     if path:
         os.environ.setdefault(LOGGING, path)
+    SubscriberStatisticsLogger.is_enabled = staticmethod(lru_cache(maxsize=None)(_are_there_statistics))
 
 
 def logging_configuration() -> str:

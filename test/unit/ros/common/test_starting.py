@@ -6,6 +6,8 @@ import pytest
 
 rospkg = pytest.importorskip("rospkg", reason="needs ROS")
 
+from rospy.impl.statistics import SubscriberStatisticsLogger  # noqa: E402
+
 from mbf_relay.ros.common import starting  # noqa: E402
 
 
@@ -15,6 +17,7 @@ def nothing_chosen(monkeypatch, tmp_path):
     monkeypatch.setenv("ROS_HOME", str(tmp_path))
     monkeypatch.setenv("ROS_ETC_DIR", str(tmp_path / "etc"))
     monkeypatch.setattr("rospy.impl.init.time", __import__("time"))
+    monkeypatch.setattr(SubscriberStatisticsLogger, "is_enabled", SubscriberStatisticsLogger.is_enabled)
 
 
 def own_file(folder, ending):
@@ -66,3 +69,12 @@ def test_rospy_waits_by_it(monkeypatch):
 
     starting.start_soon()
     assert isinstance(rospy.impl.init.time, starting.SlowingClock)
+
+
+@pytest.mark.parametrize("answer", [True, False])
+def test_the_master_is_asked_for_statistics_once_and_not_for_each_subscription(monkeypatch, answer):
+    asked = []
+    monkeypatch.setattr("rospy.get_param", lambda *names: asked.append(names) or answer)
+    starting.start_soon()
+    assert {SubscriberStatisticsLogger.is_enabled() for _ in range(5)} == {answer}
+    assert asked == [("/enable_statistics", False)]
