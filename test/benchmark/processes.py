@@ -29,9 +29,9 @@ def node_pid(node: str, asker: str) -> int:
 
 
 def cpu_seconds(pid: int) -> float:
-    """Return the processor time (s) a process has used."""
+    """Return the processor time (s) a process has used, and those it started that have ended."""
     times = psutil.Process(pid).cpu_times()
-    return float(times.user + times.system)
+    return float(times.user + times.system + times.children_user + times.children_system)
 
 
 def resident_bytes(pid: int) -> int:
