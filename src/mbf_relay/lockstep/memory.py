@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import ctypes
 import functools
 import gc
+
+from mbf_relay import memory
 
 
 @functools.lru_cache(maxsize=None)
@@ -15,13 +16,11 @@ def spare_what_stays() -> None:
 
 
 def give_back() -> None:
-    """Free what a drive has left, and hand free memory to the system where the C library is glibc.
+    """Free what a drive has left, and hand free memory to the system.
 
     A drive's parts know each other in circles, so that only the collector frees them, and it counts objects, not the
     megabytes of costmaps and worlds that hang on them. What is freed then lies between what lives on: a process that
     drives one world after the other would hold several times what one drive takes.
     """
     gc.collect()
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-    if trim is not None:
-        trim(0)
+    memory.give_back_free()

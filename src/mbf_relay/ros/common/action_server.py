@@ -16,6 +16,7 @@ from typing import Any, Callable, Deque, Optional, Sequence, Tuple
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
+from mbf_relay.memory import give_back_free
 from mbf_relay.ros.common.goal_tracker import GoalTracker, TrackedGoal
 
 STATUS_PERIOD = 0.2
@@ -65,6 +66,7 @@ class ActionServer:
         lock: The one lock of the server: goal and cancel callbacks run under it, goals take it.
         is_alive: Whether what carries out goals works; while it does not, no status makes it look as if it did.
         is_stopped: Whether it has left the topics for good.
+        tells_of_goals: Whether its last status told of any, be it that they ended lately.
     """
 
     def __init__(
@@ -88,7 +90,7 @@ class ActionServer:
         self.lock = self.goals.lock
         self.is_alive: Callable[[], bool] = lambda: True
         self._late_comers = _LateComers()
-        self.is_stopped = False
+        self.is_stopped = self.tells_of_goals = False
         self._changed = False
         self._told_at = self._wait = 0.0
         self._publishes = False
@@ -144,6 +146,7 @@ class ActionServer:
             self._changed = False
             message = GoalStatusArray(status_list=self.goals.listed())
             message.header.stamp = rospy.get_rostime()
+            self.tells_of_goals = bool(message.status_list)
             self._wait = min(STATUS_PERIOD, len(message.status_list) / STATUSES_PER_SECOND)
             self._publish(self._status, message)
 
@@ -189,8 +192,13 @@ def start_together(servers: Sequence[ActionServer]) -> None:
 
 
 def _keep_telling(servers: Sequence[ActionServer]) -> None:
+    told = False
     while not (rospy.is_shutdown() or all(server.is_stopped for server in servers)):
         for server in servers:
             if not server.is_stopped:
                 server.look()
+        tell = any(server.tells_of_goals for server in servers)
+        if told and not tell:
+            give_back_free()  # what goals took: nobody waits for this node any more, and nobody yet
+        told = tell
         time.sleep(LOOK_PERIOD)

@@ -90,11 +90,16 @@ class SentGoal:
         return self.ending
 
     def finish(self, ending: ActionEnding) -> None:
-        """Note how it ended and tell whoever sent it; called once, by the client."""
-        self.ending = ending
+        """Note how it ended and tell whoever sent it; called once, by the client.
+
+        It lets go of the callbacks: who is called often knows the goal, and each would keep the other until the
+        collector comes.
+        """
+        self.ending, on_end = ending, self.on_end
+        self.on_feedback = self.on_end = None
         self._done.set()
-        if self.on_end is not None:
-            self.on_end(ending)
+        if on_end is not None:
+            on_end(ending)
 
 
 class ClientGoals:
@@ -207,8 +212,9 @@ class ClientGoals:
     def take_feedback(self, message: Any) -> None:
         """Take a feedback message."""
         sent = self._goals.get(message.status.goal_id.id)
-        if sent is not None and sent.on_feedback is not None:
-            sent.on_feedback(message.feedback)
+        on_feedback = None if sent is None else sent.on_feedback
+        if on_feedback is not None:
+            on_feedback(message.feedback)
 
     def take_result(self, message: Any) -> None:
         """Take a result message."""

@@ -158,6 +158,7 @@ class GoalTracker:
         self._empty_result, self._recalled = empty_result, recalled or empty_result
         self._clock, self._ros_now = clock, ros_now
         self._goals: Dict[str, TrackedGoal] = {}  # oldest first
+        self._bygone: Dict[str, float] = {}  # when goals finished of which nothing else is known any more, oldest first
         self._last_cancel = Time()
         self._looked_at = clock()
         self._numbers = itertools.count(1)
@@ -181,7 +182,7 @@ class GoalTracker:
                 id=goal_id.id or f"{client}-unnamed-{next(self._numbers)}-{now.to_sec():.3f}",
             )
             known = self._goals.get(goal_id.id)
-            if known is not None and (known.has_come or known.has_ended):
+            if goal_id.id in self._bygone or (known is not None and (known.has_come or known.has_ended)):
                 return
             tracked = self._goals[goal_id.id] = TrackedGoal(self, goal_id, goal, client)
             if known is not None:
@@ -206,7 +207,7 @@ class GoalTracker:
                 until = bool(goal_id.stamp) and tracked.status.goal_id.stamp <= goal_id.stamp
                 if everything or until or tracked.status.goal_id.id == goal_id.id:
                     self._request_cancel(tracked)
-            if goal_id.id and goal_id.id not in self._goals:
+            if goal_id.id and goal_id.id not in self._goals and goal_id.id not in self._bygone:
                 early = self._goals[goal_id.id] = TrackedGoal(self, goal_id, None, "")
                 early.status.status, early.finished_at = RECALLING, self._clock()
                 self._sink.status_changed()
@@ -294,11 +295,22 @@ class GoalTracker:
             self._on_cancel(tracked)
 
     def _forget(self, now: float) -> None:
-        ended = [(name, goal.finished_at) for name, goal in self._goals.items() if goal.finished_at is not None]
-        surplus = len(ended) - REMEMBER_AT_MOST
-        for place, (name, finished_at) in enumerate(ended):
-            if place < surplus or now - finished_at > REMEMBER_FOR:
-                del self._goals[name]
+        """Keep of what the status does not tell of any more only the name, and that not for ever."""
+        for name, goal in list(self._goals.items()):
+            if goal.finished_at is not None and now - goal.finished_at > LIST_FOR:
+                if goal.has_ended:
+                    del self._goals[name]
+                    self._bygone[name] = goal.finished_at
+                elif now - goal.finished_at > REMEMBER_FOR:
+                    del self._goals[name]  # a cancel whose goal never came
+        finished = [name for name, goal in self._goals.items() if goal.finished_at is not None]
+        while self._bygone:
+            name, finished_at = next(iter(self._bygone.items()))
+            if len(self._bygone) + len(finished) <= REMEMBER_AT_MOST and now - finished_at <= REMEMBER_FOR:
+                break
+            del self._bygone[name]
+        for name in finished[:max(0, len(finished) - REMEMBER_AT_MOST)]:
+            del self._goals[name]
 
 
 def _is_too_long(goal_id: GoalID) -> bool:

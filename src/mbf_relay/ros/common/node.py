@@ -12,6 +12,7 @@ import time
 import traceback
 from typing import Any, Callable
 
+from mbf_relay import memory
 from mbf_relay.ros.common import logs
 from mbf_relay.ros.common.ending import NodeEnding
 from mbf_relay.ros.common.lazy_modules import spare_what_nobody_uses
@@ -212,13 +213,9 @@ def spare_what_stays() -> None:
     A collection of all that stops every thread for a tenth of a second, in the middle of a drive. What was needed to
     start alone goes back to the system: a MiB or more.
     """
-    import ctypes  # NumPy has imported it
-
     gc.collect()
     gc.freeze()
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc's
-    if trim is not None:
-        trim(0)
+    memory.give_back_free()
 
 
 def one_line(error: BaseException) -> str:

@@ -18,7 +18,7 @@ from mbf_relay.ros.common import parameters as ros_parameters
 from mbf_relay.ros.common.action_client import ActionClient
 from mbf_relay.ros.common.action_server import ActionServer
 from mbf_relay.ros.common.diagnostics import ERROR, OK, WARN, Diagnostics, Report
-from mbf_relay.ros.common.node import on_shutdown
+from mbf_relay.ros.common.node import on_shutdown, spare_what_stays
 from mbf_relay.ros.relay.answers import Answer
 from mbf_relay.ros.relay.goal_frame import GoalFrame
 from mbf_relay.ros.relay.reconfigure import (
@@ -91,6 +91,8 @@ def serve(action: bool = True, topic: bool = True, own: Optional[Any] = None) ->
         settings.serve()
     diagnostics = Diagnostics()
     diagnostics.add("relay", lambda: report(relay, client, parameters.server, publishers))
+    if own is None:
+        spare_what_stays()
     # goals come last: all above takes its time on a busy machine, and a goal's lease is renewed by the loop below
     if server is not None:
         server.start()

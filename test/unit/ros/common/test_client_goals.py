@@ -1,5 +1,8 @@
 """A client's goals: leases, what an earlier life left, and what is lost."""
 
+import gc
+import weakref
+
 import pytest
 
 pytest.importorskip("mbf_msgs.msg")
@@ -59,6 +62,27 @@ def test_a_server_that_knows_of_no_leases_gets_goals_as_actionlib_s_clients_send
     assert "+" not in goals.send(MoveBaseGoal()).goal_id
     goals.check()
     assert links.renewed == []
+
+
+def test_what_a_relay_made_for_a_goal_goes_with_the_goal():
+    """Each goal and its errand kept each other, until a collection that comes once in thousands of goals."""
+    class Errand:
+        goal = None
+
+        def take(self, _ending):
+            pass
+
+    goals = make(Links())
+    gc.disable()
+    try:
+        errand = Errand()
+        errand.goal = goals.send(MoveBaseGoal(), on_feedback=errand.take, on_end=errand.take)
+        name, left = errand.goal.goal_id, weakref.ref(errand)
+        goals.take_result(MoveBaseActionResult(status=GoalStatus(goal_id=GoalID(id=name), status=GoalStatus.SUCCEEDED)))
+        del errand
+        assert left() is None
+    finally:
+        gc.enable()
 
 
 @pytest.mark.parametrize("mark", ["", "+lease"])

@@ -2,6 +2,7 @@
 """
 
 import copy
+import tracemalloc
 
 import pytest
 
@@ -18,11 +19,13 @@ from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult, MoveBas
 from mbf_relay.ros.common import goal_lease  # noqa: E402
 from mbf_relay.ros.common.goal_tracker import (  # noqa: E402
     ACTIVE,
+    LIST_FOR,
     LONGEST_ID,
     PENDING,
     PREEMPTING,
     RECALLED,
     RECALLING,
+    REMEMBER_AT_MOST,
     REMEMBER_FOR,
     TERMINAL,
     TRANSITIONS,
@@ -162,6 +165,29 @@ def test_a_goal_whose_name_is_megabytes_does_not_fill_the_memory_of_the_robot(ca
     assert not running.has_ended and not server.cancelled
     assert all(len(record.getMessage()) < 200 for record in caplog.records)
     assert server.goal("d" * LONGEST_ID) is not None
+
+
+def test_a_robot_that_a_crowd_of_clients_has_left_holds_little_of_their_goals():
+    """The states of 2000 goals, kept a minute lest one begins anew, were most of what a relay grew by."""
+    server = Server()
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        for number in range(REMEMBER_AT_MOST):
+            goal = server.goal(f"client-{number}")
+            goal.set_accepted()
+            goal.set_succeeded()
+            server.tracker.look()
+        del goal
+        server.wait(LIST_FOR + 1.0)
+        for heard in (server.taken, server.results):
+            heard.clear()
+        assert tracemalloc.get_traced_memory()[0] - before < 300 * REMEMBER_AT_MOST
+    finally:
+        tracemalloc.stop()
+    server.goal("client-7")
+    server.tracker.take_cancel(GoalID(id="client-8"))
+    assert not server.taken and not server.results and not server.tracker.listed(), "it began anew"
 
 
 def test_goals_without_a_name_are_told_apart():

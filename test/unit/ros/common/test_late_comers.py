@@ -40,3 +40,22 @@ def test_a_client_that_comes_later_hears_nothing_of_old_goals(monkeypatch):
     assert heard_by(late_comers) == []
     late_comers.note("new")
     assert heard_by(late_comers) == ["new"]
+
+
+def test_memory_is_given_back_when_the_last_goal_is_told_of_no_more_and_not_while_the_robot_drives(monkeypatch):
+    class Server:
+        is_stopped = tells_of_goals = False
+
+        def look(self):
+            told.append(self.tells_of_goals)
+            if not rounds:
+                self.is_stopped = True
+                return
+            self.tells_of_goals = rounds.pop(0)
+
+    told, given_back, rounds = [], [], [False, True, True, False, False, True, False, False]
+    monkeypatch.setattr(action_server.rospy, "is_shutdown", lambda: False)
+    monkeypatch.setattr(action_server.time, "sleep", lambda _seconds: None)
+    monkeypatch.setattr(action_server, "give_back_free", lambda: given_back.append(len(told)))
+    action_server._keep_telling([Server()])
+    assert given_back == [4, 7]

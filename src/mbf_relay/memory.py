@@ -1,0 +1,26 @@
+"""Free memory, given back to the system where the C library is glibc; elsewhere nothing is done, and nothing said."""
+
+from __future__ import annotations
+
+ARENAS_AT_MOST = 1
+"""Places that threads take memory from. glibc makes eight for each core: each fills up for itself with pieces too small
+to give back, and a node has a thread for each connection. Python runs one thread at a time, so one place serves all."""
+_M_ARENA_MAX = -8  # malloc.h
+
+
+def share_arenas() -> None:
+    """Have the threads to come share what memory is taken from; before there are many."""
+    _call("mallopt", _M_ARENA_MAX, ARENAS_AT_MOST)
+
+
+def give_back_free() -> None:
+    """Hand what is free back to the system: a millisecond at most, in which other threads may wait for memory."""
+    _call("malloc_trim", 0)
+
+
+def _call(name: str, *numbers: int) -> None:
+    import ctypes  # which NumPy has imported by the time that this is of use
+
+    function = getattr(ctypes.CDLL(None), name, None)  # another C library may have none, or one that does nothing
+    if function is not None:
+        function(*numbers)
