@@ -14,6 +14,8 @@ LARGEST_ROBOT = 100.0
 """Metres from the base frame to a corner; an outline is followed cell by cell."""
 MOST_CORNERS = 1000
 """Corners of an outline."""
+LONGEST_SHOWN = 200
+"""Characters of an outline that a refusal repeats."""
 CIRCLE_CORNERS = 16
 """Corners of the polygon that stands for a round robot, as in costmap_2d."""
 
@@ -32,25 +34,31 @@ def parse_footprint(value: Any) -> np.ndarray:
         try:
             points = ast.literal_eval(value.strip() or "[]")
         except (ValueError, SyntaxError) as error:
-            raise ValueError(f"footprint is {value!r}; it must be a list of points [[x, y], ...]") from error
+            raise ValueError(f"footprint is {_shown(value)}; it must be a list of points [[x, y], ...]") from error
     if not isinstance(points, (list, tuple, np.ndarray)):
-        raise ValueError(f"footprint is {value!r}; it must be a list of points [[x, y], ...]")
+        raise ValueError(f"footprint is {_shown(value)}; it must be a list of points [[x, y], ...]")
     if len(points) == 0:
         return np.zeros((0, 2))
     try:
         corners = np.array([(float(x), float(y)) for x, y in points])
     except (TypeError, ValueError) as error:
-        raise ValueError(f"footprint is {value!r}; each point must be a pair of numbers [x, y]") from error
+        raise ValueError(f"footprint is {_shown(value)}; each point must be a pair of numbers [x, y]") from error
     if len(corners) < 3:
-        raise ValueError(f"footprint is {value!r}; it has {len(corners)} points and must have at least 3")
+        raise ValueError(f"footprint is {_shown(value)}; it has {len(corners)} points and must have at least 3")
     if len(corners) > MOST_CORNERS:
         raise ValueError(f"footprint has {len(corners)} corners; at most {MOST_CORNERS} are taken")
     if not (np.abs(corners) <= LARGEST_ROBOT).all():
-        raise ValueError(f"footprint is {value!r}; every number must be finite and within {LARGEST_ROBOT:g} m")
+        raise ValueError(f"footprint is {_shown(value)}; every number must be finite and within {LARGEST_ROBOT:g} m")
     trouble = footprint_trouble(corners, radii(corners)[0])
     if trouble:
-        raise ValueError(f"footprint is {value!r}; it {trouble}")
+        raise ValueError(f"footprint is {_shown(value)}; it {trouble}")
     return corners
+
+
+def _shown(value: Any) -> str:
+    """Return a footprint as a line of a log bears it."""
+    text = repr(value)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}... ({len(text)} characters)"
 
 
 def footprint_from_radius(radius: float) -> np.ndarray:
