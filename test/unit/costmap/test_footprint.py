@@ -163,7 +163,7 @@ def test_a_star_of_many_corners_is_looked_at_at_once():
     assert len(fp.parse_footprint(star)) == 1000
 
 
-@pytest.mark.parametrize("points", [[[float("nan"), 0.0]] * 1000, [[0.1, 0.1]] * 1000, [[1e9, 0.0]] * 500, ["x" * 10**6]])
+@pytest.mark.parametrize("points", [[[math.nan, 0.0]] * 1000, [[0.1, 0.1]] * 1000, [[1e9, 0.0]] * 500, ["x" * 10**6]])
 def test_the_refusal_of_a_long_footprint_does_not_fill_the_log_of_the_robot(points):
     for value in (points, str(points)):
         with pytest.raises(ValueError) as refusal:
