@@ -50,8 +50,8 @@ def moments(poses, weights, mean, covariance):
     return math.hypot(cos, sin) / total
 
 
-@kernel("void(float64[:,::1], float64[:,::1], float64[:,:,::1], float64[::1], float64[::1])")
-def log_mixture(poses, means, whitening, log_heights, logs):
+@kernel("void(float64[:,::1], float64[:,::1], float64[:,:,::1], float64[::1], float64[::1], float64[::1])")
+def log_mixture(poses, means, whitening, log_heights, first, logs):
     """Compute the log-density of a mixture of normal distributions at poses.
 
     Args:
@@ -59,7 +59,8 @@ def log_mixture(poses, means, whitening, log_heights, logs):
         means: Of the parts, shape (K, 3).
         whitening: Inverse of the lower triangular root of each part's covariance, shape (K, 3, 3).
         log_heights: Log-density of each part at its mean, its share in it, shape (K,).
-        logs: Result, shape (N,).
+        first: Result, shape (N,): of the first part alone, its share in it.
+        logs: Result, shape (N,): of all.
     """
     for i in range(poses.shape[0]):
         highest, total = -np.inf, 0.0
@@ -73,6 +74,7 @@ def log_mixture(poses, means, whitening, log_heights, logs):
             log = log_heights[k] - 0.5 * (u * u + v * v + w * w)
             if k == 0:
                 highest, total = log, 1.0
+                first[i] = log
             elif log > highest:
                 total = 1.0 + total * math.exp(highest - log)
                 highest = log

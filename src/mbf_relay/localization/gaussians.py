@@ -75,11 +75,17 @@ class PoseMixture:
 
     def log_density(self, poses: np.ndarray) -> np.ndarray:
         """Return the log-density at poses, (N, 3) in, (N,) out."""
+        return self.log_densities(poses)[1]
+
+    def log_densities(self, poses: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return the log-densities of the first part alone and of the mixture at poses, (N, 3) in, each (N,) out."""
         roots = np.linalg.cholesky([part.covariance for part in self.parts])
         heights = np.log(self.shares) + LOG_NORMALIZER - np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
-        means, logs = np.array([part.mean for part in self.parts]), np.empty(len(poses))
-        log_mixture(np.ascontiguousarray(poses), means, np.linalg.inv(roots), heights, logs)
-        return logs
+        means = np.array([part.mean for part in self.parts])
+        first, logs = np.empty(len(poses)), np.empty(len(poses))
+        log_mixture(np.ascontiguousarray(poses), means, np.linalg.inv(roots), heights, first, logs)
+        first -= math.log(self.shares[0])
+        return first, logs
 
     def sample(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """Draw poses, shape (count, 3), those of one part after those of another."""

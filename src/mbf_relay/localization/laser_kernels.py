@@ -21,7 +21,8 @@ def sum_inside(ends, codes, first, width, column0, row0, cos, sin, table, cells)
 
     First all cells, then all terms in four sums: loops without a branch, of which the compiler makes vector code and
     in which no addition waits for the last. Cells are counted from one that no beam ends before, which keeps numbers
-    small: in float32, four at a time, an end is where it should be to 1e-4 of a cell.
+    small: in float32, many at a time, an end is where it should be to 1e-4 of a cell. None is below 0; said so, as that
+    of an unsigned kind, it is not looked at again.
 
     Args:
         ends: Of the beams, shape (2, B), in cells, in the base's frame.
@@ -42,12 +43,12 @@ def sum_inside(ends, codes, first, width, column0, row0, cos, sin, table, cells)
     total0, total1, total2, total3 = 0.0, 0.0, 0.0, 0.0
     whole = beams - beams % 4
     for j in range(0, whole, 4):
-        total0 += table[around[cells[j]]]
-        total1 += table[around[cells[j + 1]]]
-        total2 += table[around[cells[j + 2]]]
-        total3 += table[around[cells[j + 3]]]
+        total0 += table[np.uint64(around[np.uint32(cells[j])])]
+        total1 += table[np.uint64(around[np.uint32(cells[j + 1])])]
+        total2 += table[np.uint64(around[np.uint32(cells[j + 2])])]
+        total3 += table[np.uint64(around[np.uint32(cells[j + 3])])]
     for j in range(whole, beams):
-        total0 += table[around[cells[j]]]
+        total0 += table[np.uint64(around[np.uint32(cells[j])])]
     return (total0 + total1) + (total2 + total3)
 
 

@@ -214,15 +214,16 @@ class Localizer:
         else:
             self.log_likelihood = self._reweight(beams)
             self._updates += 1.0
-        self.effective_particles = 1.0 / float(np.square(self.weights).sum())
+        weights = self.weights
+        self.effective_particles = 1.0 / float(np.square(weights).sum())
         # As in amcl the first scan after a start, which counts anyway, leaves a request to the second.
         self._forced = self._forced and self._odom_pose is None
         self._odom_pose = odom_pose
         self._awaited[scan.frame] = False
-        self.last_estimate = self._estimate(pose)
+        self.last_estimate = self._estimate(weights, pose)
         if self._updates >= self.parameters.resample_interval:
             self._updates = 0.0
-            self._resample()
+            self._resample(weights)
         self.map_from_odom = self.last_estimate.pose.compose(odom_pose.inverse())
         self._stood[scan.frame] = odom_pose, scan.ranges
         return self.last_estimate
@@ -296,13 +297,14 @@ class Localizer:
         self.log_weights = log_weights - log_average
         return log_average
 
-    def _estimate(self, pose: Optional[np.ndarray]) -> Estimate:
+    def _estimate(self, weights: np.ndarray, pose: Optional[np.ndarray]) -> Estimate:
         """Return where the robot is by the hypothesis the particles hold, as surely as its rivals leave it.
 
         Args:
+            weights: Of the particles, shape (N,), sum one.
             pose: Where the newest scan fits best, shape (3,); the mean of the heaviest cluster where None.
         """
-        own = estimate(self.poses, self.weights)
+        own = estimate(self.poses, weights)
         if pose is not None:
             own = dataclasses.replace(own, pose=Pose2D(*map(float, pose)))
         rivals = self._tracker.hypotheses.rivals
@@ -310,15 +312,15 @@ class Localizer:
             return own
         shares = np.exp([rival.log_weight for rival in rivals])
         everything = np.vstack((self.poses, [rival.belief.mean for rival in rivals]))
-        weights = np.concatenate((self.weights * self._tracker.hypotheses.share_held, shares))
+        weights = np.concatenate((weights * self._tracker.hypotheses.share_held, shares))
         _, covariance = mean_and_covariance(everything, weights)
         return Estimate(
             own.pose, covariance, own.weight * self._tracker.hypotheses.share_held, own.clusters + len(rivals)
         )
 
-    def _resample(self) -> None:
-        """Draw a new set by weight (table 8.3, lines 11 to 17), unless that can wait."""
-        values, weights = self.parameters, self.weights
+    def _resample(self, weights: np.ndarray) -> None:
+        """Draw a new set by weights, shape (N,) (table 8.3, lines 11 to 17), unless that can wait."""
+        values = self.parameters
         if values.selective_resampling and 1.0 / np.square(weights).sum() > 0.5 * len(weights):
             return
         limits = particle_limits(
@@ -327,7 +329,7 @@ class Localizer:
         share = self._averages.random_share() if self.field.has_free_cells else 0.0
         self.poses = resample(self.poses, weights, limits, self._rng, share, self._random_poses)
         self.log_weights = np.full(len(self.poses), -math.log(len(self.poses)))
-        self._converged = is_converged(self.poses)
+        self._converged = values.do_beamskip and is_converged(self.poses)  # nothing else asks
         if share > 0.0:
             self._averages.reset()
 

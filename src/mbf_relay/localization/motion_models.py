@@ -9,6 +9,7 @@ from typing import Dict, Optional, Tuple, Type
 import numpy as np
 
 from mbf_relay.geometry import Pose2D, angle_between, normalize_angle, normalize_angles
+from mbf_relay.localization.motion_kernels import turn_drive_turn
 from mbf_relay.localization.parameters import LocalizerParameters
 
 SHORT_MOTION = 0.01
@@ -102,13 +103,9 @@ class DifferentialModel(MotionModel):
 
     def propagate(self, poses: np.ndarray, before: Pose2D, after: Pose2D, rng: np.random.Generator) -> np.ndarray:
         first, translation, second, deviations = self._decompose(before, after)
-        noise = rng.standard_normal((3, len(poses))) * np.array(deviations)[:, None]
-        heading = poses[:, 2] + (first + noise[0])
-        distance = translation + noise[1]
-        moved = np.empty_like(poses)
-        moved[:, 0] = poses[:, 0] + distance * np.cos(heading)
-        moved[:, 1] = poses[:, 1] + distance * np.sin(heading)
-        moved[:, 2] = normalize_angles(heading + (second + noise[2]))
+        noise, moved = rng.standard_normal((3, len(poses))), np.empty((len(poses), 3))
+        motion = np.array([first, translation, second])
+        turn_drive_turn(np.ascontiguousarray(poses), noise, motion, np.array(deviations), moved)
         return moved
 
 

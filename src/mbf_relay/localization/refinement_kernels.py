@@ -13,6 +13,38 @@ LONGEST_STEP = 0.2
 LARGEST_TURN = 0.1
 
 
+@kernel("int64(float64[:,::1], int64, float64, float64, int64[::1])")
+def choose_apart(poses, count, distance, turn, chosen):
+    """Choose up to `count` poses, first come first served, none within `distance` (m) and `turn` (rad) of another.
+
+    Args:
+        poses: Shape (N, 3), best first.
+        count, distance, turn: See above.
+        chosen: Result, room for `count` indices.
+
+    Returns:
+        How many were chosen.
+    """
+    found = 0
+    for i in range(poses.shape[0]):
+        if found >= count:
+            break
+        near = False
+        for k in range(found):
+            other = chosen[k]
+            dx, dy = poses[i, 0] - poses[other, 0], poses[i, 1] - poses[other, 1]
+            if dx * dx + dy * dy <= distance * distance:
+                turned = poses[i, 2] - poses[other, 2]
+                turned -= 2.0 * math.pi * math.floor((turned + math.pi) / (2.0 * math.pi))
+                if abs(turned) <= turn:
+                    near = True
+                    break
+        if not near:
+            chosen[found] = i
+            found += 1
+    return found
+
+
 @kernel("boolean(float64[:,::1], float64[:,::1])")
 def invert(matrix, inverse):
     """Invert a symmetric 3 x 3 matrix; return whether it has an inverse."""

@@ -12,7 +12,7 @@ from mbf_relay.geometry import normalize_angles
 from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.gaussians import PoseGaussian, PoseMixture
 from mbf_relay.localization.laser_kernels import sum_over_endpoints
-from mbf_relay.localization.refinement_kernels import climb
+from mbf_relay.localization.refinement_kernels import choose_apart, climb
 
 INDEPENDENT_BEAMS = 30.0
 """A scan says no more than so many independent beams would: its beams hit the same few walls, by the same error."""
@@ -132,18 +132,10 @@ def some_of(endpoints: np.ndarray, count: int) -> np.ndarray:
 
 def apart(poses: np.ndarray, values: np.ndarray, count: int, distance: float, turn: float) -> List[int]:
     """Return indices of up to `count` poses, highest values first, no two within `distance` (m) and `turn` (rad)."""
-    order = np.argsort(-values)[: 50 * count]
-    candidates = poses[order]
-    left = np.ones(len(order), dtype=bool)
-    chosen: List[int] = []
-    while len(chosen) < count and left.any():
-        first = int(np.argmax(left))
-        chosen.append(int(order[first]))
-        offsets = candidates - candidates[first]
-        near = np.square(offsets[:, 0]) + np.square(offsets[:, 1]) <= distance ** 2
-        left &= ~(near & (np.abs(normalize_angles(offsets[:, 2])) <= turn))
-        left[first] = False
-    return chosen
+    order, chosen = np.argsort(-values)[: 50 * count], np.empty(count, dtype=np.int64)
+    found = choose_apart(np.ascontiguousarray(poses[order]), count, distance, turn, chosen)
+    indices: List[int] = order[chosen[:found]].tolist()
+    return indices
 
 
 def mixture_around(modes: Modes) -> PoseMixture:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Callable, NamedTuple, Optional, Tuple
+from typing import Callable, NamedTuple, Optional, Tuple, Union
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from mbf_relay.localization.estimate import cluster, heaviest_first
 from mbf_relay.localization.gaussians import PoseGaussian, PoseMixture, log_sum_exp
 from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, apart, mixture_around, some_of
 
+Members = Union[slice, np.ndarray]
+"""Which particles are a cluster's: all of them, or those of some indices."""
 Weigh = Callable[[np.ndarray], np.ndarray]
 """Poses in, (N, 3), log-likelihoods of a scan out, (N,)."""
 CLUSTERS = 40
@@ -87,13 +89,18 @@ class ScanProposal:
             look = functools.partial(self._likelihood.log, endpoints=endpoints, news=news)
         else:
             look = functools.partial(_counted, weigh, news)
-        # One cluster is redrawn as a whole: what its particles are worth is known afterwards.
-        likelihoods = look(poses) if count > 1 else np.zeros(len(poses))
-        weights = np.exp(log_weights + likelihoods - (log_weights + likelihoods).max())
+        members: Members = slice(None)
+        if count == 1:  # redrawn as a whole: what its particles are worth is known afterwards
+            likelihoods, looked_into = np.empty(len(poses)), [0]
+        else:
+            likelihoods = look(poses)
+            weights = np.exp(log_weights + likelihoods - (log_weights + likelihoods).max())
+            looked_into = [label for label, _ in heaviest_first(labels, weights, count)[:CLUSTERS]]
         held = best = PoseGaussian(poses[0], np.eye(3))
         explained = 0.0
-        for rank, (label, _) in enumerate(heaviest_first(labels, weights, count)[:CLUSTERS]):
-            members = np.nonzero(labels == label)[0]
+        for rank, label in enumerate(looked_into):
+            if count > 1:
+                members = np.nonzero(labels == label)[0]
             prior, modes = self._redraw(members, poses, log_weights, likelihoods, look, endpoints, news, rng)
             if rank == 0:
                 held = prior
@@ -105,7 +112,7 @@ class ScanProposal:
         return Proposed(poses, log_weights + likelihoods, log_likelihood, held, best, explained)
 
     def _redraw(
-        self, members: np.ndarray, poses: np.ndarray, log_weights: np.ndarray, likelihoods: np.ndarray, look: Weigh,
+        self, members: Members, poses: np.ndarray, log_weights: np.ndarray, likelihoods: np.ndarray, look: Weigh,
         endpoints: np.ndarray, news: float, rng: np.random.Generator,
     ) -> Tuple[PoseGaussian, Modes]:
         """Draw a part of a cluster anew around the maxima of its posterior; changes the three arrays in place.
@@ -118,19 +125,22 @@ class ScanProposal:
         """
         own_weights = log_weights[members]
         total = log_sum_exp(own_weights)
-        fitted = PoseGaussian.fitted(poses[members], np.exp(own_weights - total))
-        prior = fitted.widened(fitted.shortfall())
-        own = poses[members] + fitted.shortfall() * rng.standard_normal((len(members), 3))
+        count, own = len(own_weights), poses[members]
+        fitted = PoseGaussian.fitted(own, np.exp(own_weights - total))
+        shortfall = fitted.shortfall()
+        prior = fitted.widened(shortfall)
+        own = own + shortfall * rng.standard_normal((count, 3))
         starts = self._starts(own, own_weights, np.sqrt(np.diag(prior.covariance)), endpoints, news)
         modes = self._likelihood.modes(np.vstack((starts, prior.mean)), prior, endpoints, news)
         around = mixture_around(modes)
-        drawn = rng.random(len(members)) < DRAWN * news
+        drawn = rng.random(count) < DRAWN * news
         if drawn.any() and not drawn.all():
             share = float(drawn.mean())
             own[drawn] = around.sample(int(drawn.sum()), rng)
             both = PoseMixture((prior, *around.parts), np.append(1.0 - share, share * around.shares))
-            log_weights[members] = total + prior.log_density(own) - both.log_density(own) + np.where(
-                drawn, -math.log(len(members)), math.log(1.0 - share) + own_weights - log_sum_exp(own_weights[~drawn])
+            of_prior, of_both = both.log_densities(own)
+            log_weights[members] = total + of_prior - of_both + np.where(
+                drawn, -math.log(count), math.log(1.0 - share) + own_weights - log_sum_exp(own_weights[~drawn])
             )
         poses[members], likelihoods[members] = own, look(own)
         return prior, modes

@@ -112,7 +112,7 @@ def test_beams_are_skipped_only_once_the_particles_were_drawn_close_together():
 
 
 def test_convergence_is_judged_when_particles_are_drawn():
-    made, seen = localizer(resample_interval=2), []
+    made, seen = localizer(resample_interval=2, do_beamskip=True), []
     weigh = made._laser_model.log_likelihoods
     made._laser_model.log_likelihoods = lambda *given_in: seen.append(given_in[2]) or weigh(*given_in)
     for step in range(5):

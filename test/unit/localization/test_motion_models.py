@@ -3,8 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.geometry import IDENTITY, Pose2D, normalize_angles
 from mbf_relay.localization.gaussians import PoseGaussian
+from mbf_relay.localization.motion_kernels import turn_drive_turn
 from mbf_relay.localization.motion_models import make_motion_model
 from mbf_relay.localization.parameters import LocalizerParameters
 
@@ -135,6 +136,18 @@ def test_rivals_grow_as_uncertain_as_particles(kind):
     assert moved.mean(axis=0) == pytest.approx(belief.mean, abs=0.01)
     scale = np.sqrt(np.outer(np.diag(belief.covariance), np.diag(belief.covariance)))
     assert np.cov(moved.T) / scale == pytest.approx(belief.covariance / scale, abs=0.08)
+
+
+def test_particles_move_as_plain_numpy_has_it():
+    rng = np.random.default_rng(2)
+    poses, noise = rng.uniform(-4.0, 4.0, (500, 3)), rng.standard_normal((3, 500))
+    motion, deviations, moved = np.array([0.3, -0.7, 2.9]), np.array([0.1, 0.2, 0.3]), np.empty((500, 3))
+    turn_drive_turn(poses, noise, motion, deviations, moved)
+    first, way, second = motion[:, None] + deviations[:, None] * noise
+    headings = poses[:, 2] + first
+    ends = poses[:, :2] + (way * np.array([np.cos(headings), np.sin(headings)])).T
+    assert moved[:, :2] == pytest.approx(ends, abs=1e-12)
+    assert moved[:, 2] == pytest.approx(normalize_angles(headings + second), abs=1e-12)
 
 
 def test_headings_stay_on_their_circle():

@@ -184,7 +184,11 @@ def test_moments_and_densities_are_what_plain_numpy_gives():
         density = np.exp(-0.5 * squares) / math.sqrt((2.0 * math.pi) ** 3 * np.linalg.det(part.covariance))
         densities += one * density
         assert part.log_density(poses) == pytest.approx(np.log(density), abs=1e-9)
-    assert PoseMixture(parts, shares).log_density(poses) == pytest.approx(np.log(densities), abs=1e-9)
+    mixture = PoseMixture(parts, shares)
+    assert mixture.log_density(poses) == pytest.approx(np.log(densities), abs=1e-9)
+    first, every = mixture.log_densities(poses)
+    assert first == pytest.approx(fitted.log_density(poses), abs=1e-9)
+    assert every == pytest.approx(np.log(densities), abs=1e-9)
 
 
 def test_near_walls_do_not_outvote_far_ones():
@@ -199,6 +203,21 @@ def test_near_walls_do_not_outvote_far_ones():
 def test_starts_are_the_best_that_lie_apart():
     poses = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     assert apart(poses, np.array([3.0, 4.0, 1.0, 2.0]), 3, 0.1, 0.1) == [1, 3, 2]
+
+
+def test_no_two_starts_are_one_place_and_none_that_stands_alone_is_left_out():
+    rng = np.random.default_rng(4)
+    poses, values = rng.uniform(-1.0, 1.0, (300, 3)) * (1.0, 1.0, 4.0), rng.random(300)
+    chosen = apart(poses, values, 300, 0.3, 0.4)
+
+    def is_near(one, other):
+        turned = abs(float(normalize_angles(poses[one, 2] - poses[other, 2])))
+        return np.hypot(*(poses[one, :2] - poses[other, :2])) <= 0.3 and turned <= 0.4
+
+    assert not any(is_near(one, other) for one in chosen for other in chosen if one != other)
+    for left in set(range(300)) - set(chosen):
+        assert any(is_near(left, one) and values[one] > values[left] for one in chosen)
+    assert apart(poses, values, 10, 0.3, 0.4) == chosen[:10]
 
 
 def test_one_doubts_when_much_less_is_explained_than_usual():
