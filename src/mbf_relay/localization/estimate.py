@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import List, Tuple
+from typing import List, Optional, Tuple
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.gaussian_kernels import moments
 from mbf_relay.localization.resampling import hash_table
 from mbf_relay.localization.resampling_kernels import label_clusters
+
+Moments = Tuple[Pose2D, np.ndarray]
+"""Mean and covariance, shape (3, 3), of poses."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ def heaviest_first(labels: np.ndarray, weights: np.ndarray, count: int) -> List[
     return [(int(label), float(shares[label])) for label in np.argsort(-shares, kind="stable")]
 
 
-def mean_and_covariance(poses: np.ndarray, weights: np.ndarray) -> Tuple[Pose2D, np.ndarray]:
+def mean_and_covariance(poses: np.ndarray, weights: np.ndarray) -> Moments:
     """Return the weighted mean pose and covariance, shape (3, 3); the heading's is -2 ln R as in amcl."""
     mean, spread, covariance = np.empty(3), np.empty((3, 3)), np.zeros((3, 3))
     length = moments(np.ascontiguousarray(poses), np.ascontiguousarray(weights), mean, spread)
@@ -54,20 +57,24 @@ def mean_and_covariance(poses: np.ndarray, weights: np.ndarray) -> Tuple[Pose2D,
     return Pose2D(*map(float, mean)), covariance
 
 
-def deviation_of(poses: np.ndarray, weights: np.ndarray) -> float:
-    """Return the deviation (m), of one axis, of the positions of weighted poses, (N, 3) and (N,)."""
-    _, covariance = mean_and_covariance(poses, weights)
+def deviation_of(covariance: np.ndarray) -> float:
+    """Return the deviation (m), of one axis, of positions with a covariance, shape (3, 3)."""
     return math.sqrt(0.5 * float(covariance[0, 0] + covariance[1, 1]))
 
 
-def estimate(poses: np.ndarray, weights: np.ndarray) -> Estimate:
+def estimate(poses: np.ndarray, weights: np.ndarray, moments_of_all: Optional[Moments] = None) -> Estimate:
     """Return the mean of the heaviest cluster of particles, shape (N, 3), with the covariance of the whole set.
 
     The mean of all would lie between two places the robot may be in, where it certainly is not.
+
+    Args:
+        poses: Shape (N, 3).
+        weights: Shape (N,).
+        moments_of_all: What `mean_and_covariance` says of them, where it is known.
     """
     labels, count = cluster(poses)
     label, share = heaviest_first(labels, weights, count)[0]
-    pose, covariance = mean_and_covariance(poses, weights)
+    pose, covariance = moments_of_all or mean_and_covariance(poses, weights)
     if count > 1:
         members = labels == label
         pose, _ = mean_and_covariance(poses[members], weights[members])

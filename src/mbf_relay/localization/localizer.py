@@ -12,7 +12,7 @@ import numpy as np
 from mbf_relay.geometry import Pose2D, angle_between, normalize_angles
 from mbf_relay.localization.beams import Beams, is_hit, limits_of, pick_beams
 from mbf_relay.localization.distance_field import DistanceField
-from mbf_relay.localization.estimate import Estimate, estimate, mean_and_covariance
+from mbf_relay.localization.estimate import Estimate, Moments, estimate, mean_and_covariance
 from mbf_relay.localization.gaussians import log_sum_exp
 from mbf_relay.localization.laser_models import is_converged, make_laser_model
 from mbf_relay.localization.motion_models import make_motion_model
@@ -206,10 +206,10 @@ class Localizer:
         before = odom_pose if self._odom_pose is None else self._odom_pose
         if self._odom_pose is not None:
             self._propagate(before, odom_pose, shown)
-        pose = None
+        pose = moments = None
         if self.parameters.robust:
             corrected = self._correct(scan, laser_pose_in_base, beams)
-            self._updates, pose = self._updates + corrected.news, corrected.pose
+            self._updates, pose, moments = self._updates + corrected.news, corrected.pose, corrected.moments
             self.log_likelihood = corrected.log_likelihood
         else:
             self.log_likelihood = self._reweight(beams)
@@ -220,7 +220,7 @@ class Localizer:
         self._forced = self._forced and self._odom_pose is None
         self._odom_pose = odom_pose
         self._awaited[scan.frame] = False
-        self.last_estimate = self._estimate(weights, pose)
+        self.last_estimate = self._estimate(weights, pose, moments)
         if self._updates >= self.parameters.resample_interval:
             self._updates = 0.0
             self._resample(weights)
@@ -297,14 +297,17 @@ class Localizer:
         self.log_weights = log_weights - log_average
         return log_average
 
-    def _estimate(self, weights: np.ndarray, pose: Optional[np.ndarray]) -> Estimate:
+    def _estimate(
+        self, weights: np.ndarray, pose: Optional[np.ndarray], moments: Optional[Moments]
+    ) -> Estimate:
         """Return where the robot is by the hypothesis the particles hold, as surely as its rivals leave it.
 
         Args:
             weights: Of the particles, shape (N,), sum one.
             pose: Where the newest scan fits best, shape (3,); the mean of the heaviest cluster where None.
+            moments: Of the particles, where they are known.
         """
-        own = estimate(self.poses, weights)
+        own = estimate(self.poses, weights, moments)
         if pose is not None:
             own = dataclasses.replace(own, pose=Pose2D(*map(float, pose)))
         rivals = self._tracker.hypotheses.rivals

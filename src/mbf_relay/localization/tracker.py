@@ -18,7 +18,7 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.beams import Beams
 from mbf_relay.localization.changed_blocks import ChangedBlocks
 from mbf_relay.localization.distance_field import DistanceField
-from mbf_relay.localization.estimate import deviation_of, mean_and_covariance
+from mbf_relay.localization.estimate import Moments, deviation_of, mean_and_covariance
 from mbf_relay.localization.evidence import Evidence, Seen
 from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp
 from mbf_relay.localization.hypotheses import Hypotheses
@@ -92,6 +92,7 @@ class Corrected(NamedTuple):
         log_likelihood: Logarithm of the particles' average likelihood of the whole scan, and not its news alone.
         pose: Where the scan fits best, shape (3,); None where it does not tell.
         news: Share of the scan, 0 to 1, that earlier ones had not told.
+        moments: Of the particles, where they had to be known.
     """
 
     poses: np.ndarray
@@ -99,6 +100,7 @@ class Corrected(NamedTuple):
     log_likelihood: float
     pose: Optional[np.ndarray]
     news: float
+    moments: Optional[Moments] = None
 
 
 class HypothesisTracker:
@@ -189,15 +191,18 @@ class HypothesisTracker:
             self.blocks.forget()  # counted from a pose that is given up
             poses, log_weights = drawn_around(winner, rng)
             return Corrected(poses, log_weights, log_sum_exp(log_weights), None, news)
-        if self.reliability(proposed.poses, proposed.log_weights) >= BELIEVED:
+        moments = moments_of(proposed.poses, proposed.log_weights)
+        if self._reliability(moments) >= BELIEVED:
             self.blocks.look(held.mean, seen.ends, seen.laser, news)
         pose = self._likelihood.sharpest(held.mean, proposed.prior, weighed)
-        return Corrected(proposed.poses, proposed.log_weights, proposed.log_likelihood, pose, news)
+        return Corrected(proposed.poses, proposed.log_weights, proposed.log_likelihood, pose, news, moments)
 
     def reliability(self, poses: np.ndarray, log_weights: np.ndarray) -> float:
         """Return the probability that the hypothesis held by particles, shape (N, 3), is right."""
-        deviation = deviation_of(poses, np.exp(log_weights - log_weights.max()))
-        return self.hypotheses.fit.value(self.hypotheses.share_held, deviation)
+        return self._reliability(moments_of(poses, log_weights))
+
+    def _reliability(self, moments: Moments) -> float:
+        return self.hypotheses.fit.value(self.hypotheses.share_held, deviation_of(moments[1]))
 
     def _unchanged(self, poses: np.ndarray, log_weights: np.ndarray, endpoints: np.ndarray) -> np.ndarray:
         """Return a scan's ends without those in changed blocks; all of them where the pose is not to be believed.
@@ -270,6 +275,11 @@ class HypothesisTracker:
         if better.any():
             modes = modes.only(better)
             self.hypotheses.add(modes.poses, modes.covariances, held.mean, log_carried)
+
+
+def moments_of(poses: np.ndarray, log_weights: np.ndarray) -> Moments:
+    """Return mean and covariance of particles, (N, 3) and (N,)."""
+    return mean_and_covariance(poses, np.exp(log_weights - log_weights.max()))
 
 
 def drawn_around(belief: PoseGaussian, rng: np.random.Generator) -> Tuple[np.ndarray, np.ndarray]:

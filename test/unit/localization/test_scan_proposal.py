@@ -175,7 +175,7 @@ def test_moments_and_densities_are_what_plain_numpy_gives():
     assert tuple(told) == pytest.approx(mean, abs=1e-12)
     assert told_covariance[:2, :2] == pytest.approx(covariance[:2, :2], abs=1e-12)
     assert told_covariance[2, 2] == pytest.approx(-2.0 * math.log(abs(turned)), abs=1e-12)
-    assert deviation_of(poses, weights) == pytest.approx(math.sqrt(0.5 * (covariance[0, 0] + covariance[1, 1])))
+    assert deviation_of(told_covariance) == pytest.approx(math.sqrt(0.5 * (covariance[0, 0] + covariance[1, 1])))
 
     parts = (fitted, PoseGaussian(mean + (0.5, 0.0, 6.0), np.diag([0.2, 0.1, 0.3])), PoseGaussian(mean, np.eye(3)))
     shares, densities = np.array([0.6, 0.3, 0.1]), np.zeros(500)
