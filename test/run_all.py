@@ -287,6 +287,7 @@ class Runner:
         environment["PYTHONPATH"] = os.pathsep.join(path for path in paths if path)
         environment["MBF_RELAY_TEST_RESULTS"] = folder
         environment["MPLBACKEND"] = "Agg"
+        environment["OPENBLAS_NUM_THREADS"] = "1"  # as nodes have it: more of them spin after each small matrix
         if self._long:
             environment["MBF_RELAY_LONG"] = "1"
         return environment
