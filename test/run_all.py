@@ -35,7 +35,7 @@ LONGER = 6
 
 
 SLOW = (
-    "system/demo.test", "system/circle_flex.test", "system/readme_commands.test", "contract", "unit/lockstep",
+    "system/demo.test", "system/circle.test", "system/readme_commands.test", "contract", "unit/lockstep",
     "unit/ros/common", "unit/control", "unit/ros", "node/relay.test", "node/web_view.test", "node/amcl_life.test",
 )
 """Jobs that start before others of their kind, since a long one that starts last keeps a core idle (`--times`)."""
