@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import weakref
 from dataclasses import dataclass, field
 from typing import Any, Callable, Iterable, List, Optional, Sequence, Tuple
 
@@ -38,6 +39,10 @@ def nowhere(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.zeros(np.broadcast(x, y).shape, dtype=bool)
 
 
+_STANDING: weakref.WeakSet[Occupied] = weakref.WeakSet()
+"""Obstacles that are the same whenever they are asked for."""
+
+
 def boxes(*limits: Tuple[float, float, float, float]) -> Occupied:
     """Return obstacles that fill boxes, each x_min, y_min, x_max, y_max in metres."""
 
@@ -47,6 +52,7 @@ def boxes(*limits: Tuple[float, float, float, float]) -> Occupied:
             hit |= ((x >= x_min) & (x <= x_max)) & ((y >= y_min) & (y <= y_max))
         return hit
 
+    _STANDING.add(occupied)
     return occupied
 
 
@@ -64,6 +70,7 @@ def discs(*circles: Tuple[float, float, float]) -> Occupied:
                 hit |= (x - cx) ** 2 + (y - cy) ** 2 <= radius * radius
         return hit
 
+    _STANDING.add(occupied)
     return occupied
 
 
@@ -83,20 +90,30 @@ def costmap_round(
         resolution, math.floor((pose.x - size / 2.0) / resolution) * resolution,
         math.floor((pose.y - size / 2.0) / resolution) * resolution, cells, cells,
     )
-    steps = (np.arange(cells * 5) + 0.5) / 5.0 * resolution
-    covered = occupied(grid.origin_x + steps[None, :], grid.origin_y + steps[:, None])
     inscribed = _inscribed_radius(tuple(map(tuple, footprint.tolist())))
+    raster = _costs_of_what_stands if occupied in _STANDING else _costs
+    costs = raster(occupied, grid, inscribed, inflation, decay).copy()
+    circumscribed = float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
+    return CostGrid(grid, costs, "odom", footprint, inscribed, circumscribed, stamp=now)
+
+
+def _costs(occupied: Occupied, grid: Grid, inscribed: float, inflation: float, decay: float) -> np.ndarray:
+    steps = (np.arange(grid.width * 5) + 0.5) / 5.0 * grid.resolution
+    covered = occupied(grid.origin_x + steps[None, :], grid.origin_y + steps[:, None])
     costs = np.zeros(grid.shape, dtype=np.uint8)
     if covered.any():
         # slice by slice, since NumPy reduces short axes slowly, and most of what the tests compute are these costmaps
         rows = functools.reduce(np.logical_or, (covered[offset::5] for offset in range(5)))
         lethal = functools.reduce(np.logical_or, (rows[:, offset::5] for offset in range(5)))
-        distance = distances_to_zeros(~lethal) * resolution
+        distance = distances_to_zeros(~lethal) * grid.resolution
         costs = np.where(distance <= inflation, 252.0 * np.exp(-decay * (distance - inscribed)), 0.0)
         costs = np.where(distance <= inscribed, INSCRIBED, np.minimum(costs, INSCRIBED - 1)).astype(np.uint8)
         costs[lethal] = LETHAL
-    circumscribed = float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
-    return CostGrid(grid, np.ascontiguousarray(costs), "odom", footprint, inscribed, circumscribed, stamp=now)
+    return np.ascontiguousarray(costs)
+
+
+_costs_of_what_stands = functools.lru_cache(maxsize=16)(_costs)
+"""A robot needs several cycles to its next cell."""
 
 
 @functools.lru_cache(maxsize=None)
@@ -152,13 +169,16 @@ class PaperRobot:
 
     def move(self, command: Twist2D, seconds: float, step: float = 0.01) -> None:
         """Drive for a while."""
+        change, turn_change = self._acceleration * step, self._turn_acceleration * step
         for _ in range(int(round(seconds / step))):
-            self.velocity = Twist2D(
-                _toward(self.velocity.x, command.x, self._acceleration * step),
-                _toward(self.velocity.y, command.y, self._acceleration * step),
-                _toward(self.velocity.theta, command.theta, self._turn_acceleration * step),
-            )
-            self.pose = self.pose.compose(Pose2D(*(component * step for component in self.velocity)))
+            if self.velocity != command:
+                self.velocity = Twist2D(
+                    _toward(self.velocity.x, command.x, change),
+                    _toward(self.velocity.y, command.y, change),
+                    _toward(self.velocity.theta, command.theta, turn_change),
+                )
+            x, y, theta = self.velocity
+            self.pose = self.pose.compose(Pose2D(x * step, y * step, theta * step))
 
 
 def _toward(value: float, target: float, change: float) -> float:
@@ -169,10 +189,14 @@ def touches(pose: Pose2D, occupied: Occupied, footprint: np.ndarray = BURGER, sh
     """Return whether the footprint, outline and inside, covers an obstacle."""
     if occupied is nowhere:
         return False
-    low, high = footprint.min(axis=0) + shrink, footprint.max(axis=0) - shrink
-    x, y = np.meshgrid(np.linspace(low[0], high[0], 16), np.linspace(low[1], high[1], 16))
-    places = pose.transform_points(np.column_stack((x.ravel(), y.ravel())))
+    places = pose.transform_points(_points_within(*footprint.min(axis=0) + shrink, *footprint.max(axis=0) - shrink))
     return bool(occupied(places[:, 0], places[:, 1]).any())
+
+
+@functools.lru_cache(maxsize=None)
+def _points_within(left: float, low: float, right: float, high: float) -> np.ndarray:
+    x, y = np.meshgrid(np.linspace(left, right, 16), np.linspace(low, high, 16))
+    return np.column_stack((x.ravel(), y.ravel()))
 
 
 def drive(
