@@ -11,6 +11,8 @@ from mbf_relay.control import evasion_kernels
 from mbf_relay.control.braking import arc, stopping_time
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.foresight import BETTER, Foresight
+from mbf_relay.control.local_path import LocalPath
+from mbf_relay.control.space_time import BLOCKED, PRICE, SpaceTimeCosts
 from mbf_relay.control.state import ControlState, SpeedLimit
 from mbf_relay.control.trajectories import VelocityWindow, window_of
 from mbf_relay.costmap.cost_grid import without_tracks
@@ -18,12 +20,12 @@ from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import STOP, Twist2D
 
 HEADINGS = 16  # ways out, all round
-DISTANCES = (1.2, 2.5, 5.0)  # robot's widths they lead away
-ASIDE = 2.5  # robot's widths and a quarter of a turn are far enough aside: the time for both is looked ahead
-MARGIN = 0.4  # of the robot's width that is kept from what moves where there is room
-TURN_WORTH = 0.5  # robot's widths that a radian of turning counts as where ways out are equally good
-MOST_STEPS = 80  # of a manoeuvre: its steps are longer than a period where that would make more
-
+DISTANCES = (0.6, 2.5, 5.0)  # robot's widths they lead away
+EFFORT = 0.02  # share of its time that driving costs: of ways out as good, the one with the least to turn and drive
+TURN_WORTH = 0.5  # robot's widths that a radian of turning counts as there
+TOLERANCE = 0.1  # s by which a way out must be better than what the robot is about to do
+FLEES = 0.02  # s less exposed than standing: from which on the robot flees
+LEAST_SPEED = 1e-3  # m/s that a robot is taken to drive at
 
 def _manoeuvres(width: float, backwards: bool, on_the_spot: bool) -> np.ndarray:
     """Return what can be tried, shape (N, 3): turn, distance, and whether it turns first; the first one is to stand."""
@@ -37,20 +39,19 @@ def _manoeuvres(width: float, backwards: bool, on_the_spot: bool) -> np.ndarray:
 class Evasion:
     """Looks for ways out: turn towards any side, on the spot or on the way, drive a little, forward or back, and stand.
 
-    A command is good where the robot is met nowhere if it goes on, or if it stops: it is on its way through, or nobody
-    comes. Else it takes the way out on which it is touched last, of those as good the one on which anything comes near
-    last, and of those the one with the least to turn and drive. To be touched is judged for as long as stepping aside
-    takes, for one may flee before somebody faster for a while; to come near is judged for `foresight_horizon`.
+    Each is driven ahead for a moment, as is what the robot is about to do, held or broken off. It pays for every second
+    in somebody's way, or in an obstacle, and for what the place it leads to is worth by then: the cost to go. The
+    cheapest is begun where it is cheaper than what the robot is about to do; in the next cycle all is asked anew.
 
     What moves does not stand in the way where it is marked: it will have gone.
 
-    Source: Fraichard, Asama, "Inevitable collision states: a step towards safer robots?" (2004), for a horizon's
-    length; Petti, Fraichard, "Safe motion planning in dynamic environments" (2005), for a set of manoeuvres.
+    Source: Petti, Fraichard, "Safe motion planning in dynamic environments" (2005), for a part of a way at a time;
+    Bertsekas, Tsitsiklis, Wu, "Rollout algorithms for combinatorial optimization" (1997), for judging it.
     """
 
     def __init__(
         self, parameters: FollowerParameters, foresight: Foresight, state: ControlState, limit: SpeedLimit,
-        turning_radius: float,
+        turning_radius: float, path: LocalPath,
     ) -> None:
         """Get ready for one cycle.
 
@@ -60,26 +61,21 @@ class Evasion:
             state: The robot.
             limit: How fast it may go here; it may do so however slowly its path was to be followed.
             turning_radius: Least radius (m) of its curves.
+            path: Where it wants to go.
         """
         self._parameters, self._foresight, self._state, self._pose = parameters, foresight, state, state.pose
         self._checker = FootprintChecker(without_tracks(state.costmap, state.now))
         self._allowed = self._checker.contacts_at(state.pose)
-        self._width = state.costmap.width
-        self._manoeuvres = _manoeuvres(self._width, parameters.min_vel_x < 0.0, turning_radius == 0.0)
+        width = state.costmap.width
+        self._manoeuvres = _manoeuvres(width, parameters.min_vel_x < 0.0, turning_radius == 0.0)
         self._turning_radius = turning_radius
-        self._efforts = np.abs(self._manoeuvres[:, 1]) + TURN_WORTH * self._width * np.abs(self._manoeuvres[:, 0])
-        self._speed = min(limit.share * parameters.max_vel_trans, limit.translation)
+        self._speed = max(LEAST_SPEED, min(limit.share * parameters.max_vel_trans, limit.translation))
         self._turn = min(limit.share * parameters.max_vel_theta, limit.rotation)
-        self._horizon = max(parameters.foresight_horizon, self._time_aside())
-        self._step = max(state.period, self._horizon / MOST_STEPS)
-        self._steps = math.ceil(self._horizon / self._step)
-
-    def _time_aside(self) -> float:
-        """Return how long (s) the robot takes to turn to its side and leave, at its top speeds."""
-        p, turn = self._parameters, 0.5 * math.pi
-        acceleration = max(1e-9, p.acc_lim_theta)
-        rate = max(1e-9, min(p.max_vel_theta, math.sqrt(turn * acceleration)))
-        return turn / rate + rate / acceleration + ASIDE * self._width / max(1e-9, p.max_vel_trans)
+        lengths = np.abs(self._manoeuvres[:, 1]) + TURN_WORTH * width * np.abs(self._manoeuvres[:, 0])
+        self._efforts = EFFORT * lengths / self._speed
+        self._cost_to_go = SpaceTimeCosts(foresight, self._checker, state.pose, path, self._speed)
+        self._steps = max(1, math.ceil(self._cost_to_go.moment / state.period - 1e-9))
+        self._step = self._cost_to_go.moment / self._steps
 
     def command(self, velocity: Twist2D, wanted: Twist2D) -> Twist2D:
         """Return the wanted command or the beginning of a way out, or as good a stop as there is.
@@ -91,29 +87,30 @@ class Evasion:
             wanted: What it would do.
         """
         window = window_of(self._parameters, velocity, self._state.period, self._speed, self._turn)
-        command = self._way_out(velocity, wanted, window)
+        command, flees = self._way_out(velocity, wanted, window)
         if command == STOP:
             return command
         duration = stopping_time(self._parameters, command, self._state.period)
         poses = arc(self._checker, self._state, command, duration)
         meeting = self._foresight.meetings(poses[None], np.array([len(poses)]), np.array([duration / len(poses)]))
-        cost = self._foresight.costs(meeting, np.array([duration]), self._pose)[0]
+        cost = self._foresight.costs(meeting, np.array([duration]), self._pose, -BETTER if flees else BETTER)[0]
         return command if math.isfinite(cost) else window.clip(STOP)
 
-    def _way_out(self, velocity: Twist2D, wanted: Twist2D, window: VelocityWindow) -> Twist2D:
+    def _way_out(self, velocity: Twist2D, wanted: Twist2D, window: VelocityWindow) -> Tuple[Twist2D, bool]:
+        """Return what to begin, and whether the robot flees by it from what will come to where it stands.
+
+        Who flees may have to turn first, which is no better for the moment than to stand.
+        """
         stopped, _ = self._driven(wanted, self._manoeuvres[:1])
-        touched, close = self._meetings(np.concatenate((self._held(wanted), stopped)))
-        if ((touched >= self._horizon) & (close >= self._parameters.foresight_horizon)).any():
-            return wanted
+        as_wanted, _ = self._judged(np.concatenate((self._held(wanted), stopped)))
         poses, first = self._driven(velocity, self._manoeuvres)
-        touched_then, close_then = self._meetings(poses)
-        latest = touched_then.max() - BETTER
-        nearly = close_then[touched_then >= latest].max() - BETTER
-        if ((touched >= latest) & (close >= nearly)).any():
-            return wanted
-        good = np.flatnonzero((touched_then >= latest) & (close_then >= nearly))
-        best = good[np.argmin(self._efforts[good])]
-        return window.clip(Twist2D(float(first[best, 0]), 0.0, float(first[best, 1])))
+        costs, exposures = self._judged(poses)
+        costs += self._efforts
+        best = int(np.argmin(costs))
+        if as_wanted.min() <= costs[best] + TOLERANCE:
+            return wanted, False
+        flees = bool(exposures[best] < exposures[0] - FLEES)
+        return window.clip(Twist2D(float(first[best, 0]), 0.0, float(first[best, 1]))), flees
 
     def _held(self, wanted: Twist2D) -> np.ndarray:
         """Return where the wanted command leads if it is held, shape (1, S, 3)."""
@@ -134,15 +131,11 @@ class Evasion:
         )
         return poses, first
 
-    def _meetings(self, poses: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-        """Return how late (s) each row of poses is touched, and how late anything comes near or touches, shapes (N,).
-
-        Both end with the horizons they are judged for.
-        """
-        number, near = len(poses), self._parameters.foresight_horizon
-        counts, steps = np.full(number, self._steps), np.full(number, self._step)
-        free = self._checker.first_contacts(poses, counts, np.ones(number), self._allowed).steps
-        touches = np.where(free < self._steps, free * self._step, math.inf)
-        touched = np.minimum(touches, self._foresight.meetings(poses, counts, steps, horizon=self._horizon))
-        close = np.minimum(touched, self._foresight.meetings(poses, counts, steps, MARGIN * self._width))
-        return np.minimum(self._horizon, touched), np.minimum(near, close)
+    def _judged(self, poses: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return what each row of poses, (N, S, 3), costs (s), and for how long (s) it is exposed, shapes (N,)."""
+        number = len(poses)
+        free = self._checker.first_contacts(
+            poses, np.full(number, self._steps), np.ones(number), self._allowed).steps
+        exposures = self._foresight.exposures(poses, self._step)
+        hits = np.where(free < self._steps, BLOCKED * (1.0 + (self._steps - free) * self._step), 0.0)
+        return PRICE * exposures + hits + self._cost_to_go.at(poses[:, -1]), exposures

@@ -187,9 +187,11 @@ class PathFollower(Controller, abc.ABC):
             foresight = Foresight(state.costmap, state.pose, state.now, self.parameters)
             if not foresight.is_blind:
                 limit = self.speed_limit_at(state.pose)
-                evasion = Evasion(self.parameters, foresight, state, limit, self.turning_radius)
+                evasion = Evasion(self.parameters, foresight, state, limit, self.turning_radius, cycle.path)
                 decided, command = command, evasion.command(cycle.velocity, command)
-                trouble = None if command != decided else trouble
+                if command != decided:
+                    trouble = None
+                    self._overshoot.interrupted()
         if trouble is not None:
             raise trouble
         return command

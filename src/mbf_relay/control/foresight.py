@@ -17,6 +17,10 @@ SURENESS = 1.0  # deviations of its place by which a track counts as wider
 MOST_SPREAD = 0.05  # m by which it does so at most: what may be anywhere would otherwise be everywhere
 WAIT = 0.1  # s between looks at a robot that stands
 LEAST_CORNERS = 12  # of the polygon that stands for a round robot
+NEAR = 0.4  # robot's widths: what comes nearer than that is bad, too
+SPREADING = 0.5  # deviations of its place by which a track is near from farther away
+MOST_SPREADING = 0.5  # robot's widths by which it is at most
+MEMORY = 4.0  # s ahead after which what is foreseen counts by 1/e: few hold their course for longer
 BETTER = 0.05  # s by which a meeting must come later to be a better one
 
 
@@ -39,6 +43,7 @@ class Foresight:
                 "'track_layer: {enabled: true}', or a layer of type mbf_relay::TrackLayer where it lists its plugins",
                 RuntimeWarning, stacklevel=1)
         self.is_blind = len(self._tracks) == 0
+        self._width = costmap.width
         outline = costmap.footprint
         if len(outline) < 3:
             angles = np.arange(LEAST_CORNERS) * (2.0 * math.pi / LEAST_CORNERS)
@@ -71,11 +76,37 @@ class Foresight:
             )
         return times
 
+    @property
+    def outline(self) -> np.ndarray:
+        """The footprint, shape (C, 2); a polygon for a round robot, too."""
+        return self._outline
+
+    def exposures(self, poses: np.ndarray, step: float) -> np.ndarray:
+        """Return for how long (s) each trajectory is touched or near to be, which counts less, shape (N,).
+
+        Args:
+            poses: Shape (N, S, 3), float64, C-contiguous, in the costmap's frame.
+            step: Seconds from pose to pose.
+        """
+        sums = np.empty(len(poses))
+        foresight_kernels.exposures(
+            self._outline, self._tracks, self._rooms, poses, step, NEAR * self._width, SPREADING,
+            MOST_SPREADING * self._width, MEMORY, sums)
+        return sums
+
+    def lay(self, x: float, y: float, cell: float, layer: float, radius: float, dangers: np.ndarray) -> None:
+        """Tell how bad it is to be where and when; see foresight_kernels.lay for the arguments."""
+        foresight_kernels.lay(
+            self._tracks, x, y, cell, layer, radius, NEAR * self._width, SPREADING, MOST_SPREADING * self._width,
+            MEMORY, dangers)
+
     def meeting_of_standing(self, pose: Pose2D) -> float:
         """Return when the robot is met (s from now) if it stands where it is."""
         return float(self.meetings(np.array([[pose]], dtype=float), np.ones(1, np.int64), np.full(1, WAIT))[0])
 
-    def costs(self, meetings: np.ndarray, stopping: np.ndarray, pose: Pose2D) -> np.ndarray:
+    def costs(
+        self, meetings: np.ndarray, stopping: np.ndarray, pose: Pose2D, better: float = BETTER
+    ) -> np.ndarray:
         """Return what meetings cost, shape (N,): 0 for none in sight to 1 for one now.
 
         Infinite where the robot could not stop before, unless it would be met no later where it stands.
@@ -84,7 +115,8 @@ class Foresight:
             meetings: Shape (N,), from `meetings`.
             stopping: Shape (N,): seconds each needs to stop.
             pose: The robot now.
+            better: Seconds by which it must be met later than where it stands.
         """
         costs = np.maximum(0.0, 1.0 - meetings / self._horizon)
-        late = (meetings <= stopping) & (meetings <= self.meeting_of_standing(pose) + BETTER)
+        late = (meetings <= stopping) & (meetings <= self.meeting_of_standing(pose) + better)
         return np.where(late, math.inf, costs)

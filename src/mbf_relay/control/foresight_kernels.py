@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loop of foresight: when the footprint on its way meets something that is on its own."""
+"""Compiled loops of foresight: when, where and for how long the robot on its way meets what is on its own."""
 
 from __future__ import annotations
 
@@ -107,3 +107,91 @@ def rooms_now(outline, tracks, x, y, theta, rooms):
     for k in range(tracks.shape[0]):
         dx, dy = tracks[k, 0] - x, tracks[k, 1] - y
         rooms[k] = distance_to_outline(outline, cos * dx + sin * dy, cos * dy - sin * dx)
+
+
+@kernel(
+    "void(float64[:,::1], float64[:,::1], float64[::1], float64[:,:,::1], float64, float64, float64, float64, "
+    "float64, float64[::1])"
+)
+def exposures(outline, tracks, rooms, poses, step, margin, spreading, most_spread, memory, sums):
+    """Find for how long each trajectory is touched, or near to be.
+
+    Args:
+        outline, tracks, rooms: As for `meets`.
+        poses: Shape (N, S, 3).
+        step: Seconds from pose to pose.
+        margin, spreading, most_spread, memory: As for `lay`.
+        sums: Shape (N,): filled with seconds, those near counting less.
+    """
+    reach = 0.0
+    for corner in range(outline.shape[0]):
+        reach = max(reach, math.hypot(outline[corner, 0], outline[corner, 1]))
+    for n in range(poses.shape[0]):
+        sums[n] = 0.0
+        for index in range(poses.shape[1]):
+            time = (index + 1) * step
+            x, y, theta = poses[n, index, 0], poses[n, index, 1], poses[n, index, 2]
+            worst = 0.0
+            for k in range(tracks.shape[0]):
+                spread = math.sqrt(max(0.0, tracks[k, 5] + time * (2.0 * tracks[k, 6] + time * tracks[k, 7])))
+                near = margin + min(most_spread, spreading * spread)
+                radius = min(rooms[k], tracks[k, 4])
+                dx = tracks[k, 0] + time * tracks[k, 2] - x
+                dy = tracks[k, 1] + time * tracks[k, 3] - y
+                if dx * dx + dy * dy < (reach + radius + near) ** 2:
+                    cos, sin = math.cos(theta), math.sin(theta)
+                    off = distance_to_outline(outline, cos * dx + sin * dy, cos * dy - sin * dx) - radius
+                    if off < near:
+                        worst = max(worst, 1.0 if off <= 0.0 else (1.0 - off / near) ** 2)
+            sums[n] += step * worst * math.exp(-time / memory)
+
+
+@kernel(
+    "void(float64[:,::1], float64, float64, float64, float64, float64, float64, float64, float64, float64, "
+    "float64[:,:,::1])"
+)
+def lay(tracks, x, y, cell, layer, radius, margin, spreading, most_spread, memory, dangers):
+    """Tell how bad it is to be in a cell while things pass: 1 where they touch, less where they come near, else 0.
+
+    Args:
+        tracks: As for `meets`.
+        x, y: Centre of the grid (m).
+        cell: Metres.
+        layer: Seconds from layer to layer; each lasts from half of that before to half after.
+        radius: Of the robot, taken for a disc (m).
+        margin: Metres within which something comes near.
+        spreading: Deviations of its place by which that is wider.
+        most_spread: Metres by which it is at most.
+        memory: Seconds after which what is foreseen counts by 1/e.
+        dangers: Shape (T, n, n), n odd, rows along y: filled, the first one with what is there after one layer.
+    """
+    layers, side = dangers.shape[0], dangers.shape[1]
+    half = side // 2
+    for t in range(layers):
+        time = (t + 1) * layer
+        weight = math.exp(-time / memory)
+        dangers[t] = 0.0
+        for k in range(tracks.shape[0]):
+            spread = math.sqrt(max(0.0, tracks[k, 5] + time * (2.0 * tracks[k, 6] + time * tracks[k, 7])))
+            near = margin + min(most_spread, spreading * spread)
+            inner = radius + tracks[k, 4]
+            outer = inner + near
+            vx, vy = tracks[k, 2], tracks[k, 3]
+            middle_x, middle_y = tracks[k, 0] + time * vx - x, tracks[k, 1] + time * vy - y
+            ahead_x, ahead_y = 0.5 * layer * vx, 0.5 * layer * vy
+            squared = ahead_x * ahead_x + ahead_y * ahead_y
+            reach_x, reach_y = outer + abs(ahead_x), outer + abs(ahead_y)
+            left = max(0, half + int(math.ceil((middle_x - reach_x) / cell)))
+            right = min(side - 1, half + int(math.floor((middle_x + reach_x) / cell)))
+            low = max(0, half + int(math.ceil((middle_y - reach_y) / cell)))
+            high = min(side - 1, half + int(math.floor((middle_y + reach_y) / cell)))
+            for row in range(low, high + 1):
+                dy = (row - half) * cell - middle_y
+                for column in range(left, right + 1):
+                    dx = (column - half) * cell - middle_x
+                    along = (dx * ahead_x + dy * ahead_y) / squared if squared > 0.0 else 0.0
+                    along = min(1.0, max(-1.0, along))
+                    off = math.hypot(dx - along * ahead_x, dy - along * ahead_y) - inner
+                    if off < near:
+                        share = 1.0 if off <= 0.0 else (1.0 - off / near) ** 2
+                        dangers[t, row, column] = max(dangers[t, row, column], weight * share)

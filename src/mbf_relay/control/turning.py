@@ -40,6 +40,10 @@ class Overshoot:
         """Note that the robot was at the goal and is there no more."""
         self.speed_share = max(LEAST_SPEED, 0.5 * self.speed_share)
 
+    def interrupted(self) -> None:
+        """Note that something else than the last turn decides where the robot faces next."""
+        self._turned_at = -math.inf
+
     def turn_share(self, now: float, heading: float, way: float) -> float:
         """Note a turn and return the share of the top rotational speed for it.
 

@@ -136,9 +136,8 @@ def without_tracks(costmap: CostGrid, now: float) -> CostGrid:
         window = Window(left, bottom, right + 1, top + 1).within(grid)
         if window.is_empty:
             continue
-        rows, columns = np.mgrid[window.slices]
-        across = grid.origin_x + (columns + 0.5) * grid.resolution - there.x
-        up = grid.origin_y + (rows + 0.5) * grid.resolution - there.y
+        across = grid.origin_x + (np.arange(window.x0, window.x1) + 0.5) * grid.resolution - there.x
+        up = grid.origin_y + (np.arange(window.y0, window.y1)[:, None] + 0.5) * grid.resolution - there.y
         part = costs[window.slices]
         part[(np.hypot(across, up) <= reach) & (part == LETHAL)] = FREE_SPACE
     return replace(costmap, costs=costs, revision=0, history=())

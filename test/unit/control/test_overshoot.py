@@ -24,6 +24,13 @@ def test_a_robot_whose_way_swings_round_it_is_not_slowed_down_for_the_rest_of_it
         assert overshoot.turn_share(0.1 * cycle, 0.0, (-1.0) ** cycle) == 1.0
 
 
+def test_a_robot_that_gave_way_to_somebody_in_between_is_not_slowed_down():
+    overshoot = Overshoot()
+    for cycle in range(8):
+        assert overshoot.turn_share(0.1 * cycle, -((-1.0) ** cycle), (-1.0) ** cycle) == 1.0
+        overshoot.interrupted()
+
+
 def test_a_robot_that_slides_past_its_goal_comes_back_slower():
     overshoot = Overshoot()
     for _ in range(5):
