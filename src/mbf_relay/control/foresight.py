@@ -17,9 +17,9 @@ SURENESS = 1.0  # deviations of its place by which a track counts as wider
 MOST_SPREAD = 0.05  # m by which it does so at most: what may be anywhere would otherwise be everywhere
 WAIT = 0.1  # s between looks at a robot that stands
 LEAST_CORNERS = 12  # of the polygon that stands for a round robot
-NEAR = 0.4  # robot's widths: what comes nearer than that is bad, too
-SPREADING = 0.5  # deviations of its place by which a track is near from farther away
-MOST_SPREADING = 0.5  # robot's widths by which it is at most
+NEAR = 0.5  # robot's widths: what comes nearer than that is bad, too
+SPREADING = 1.0  # deviations of its place by which a track is near from farther away
+MOST_SPREADING = 1.0  # robot's widths by which it is at most
 MEMORY = 4.0  # s ahead after which what is foreseen counts by 1/e: few hold their course for longer
 BETTER = 0.05  # s by which a meeting must come later to be a better one
 
