@@ -78,7 +78,7 @@ def main(work, results):
     MEMBERS.update({name: Member(name, place, {}) for name, place in PLACES.items()})
     with open(work, encoding="utf-8") as stream:
         cases = json.load(stream)
-    preload(sorted({MEMBERS[node].place for node, _, _ in cases}))
+    preload(sorted({node for node, _, _ in cases}))
     master = rosgraph.Master("/started_nodes")
     with open(results, "w", encoding="utf-8") as stream:
         for node, parameters, arguments in cases:
