@@ -34,6 +34,18 @@ def distance_to_outline(outline, x, y):
     return 0.0 if inside else nearest
 
 
+@kernel("float64(float64[:,::1], int64, float64)")
+def spread_of(tracks, k, time):
+    """Return the deviation (m) of a track's place after `time` (s); tracks: see tracking.track.as_array."""
+    return math.sqrt(max(0.0, tracks[k, 5] + time * (2.0 * tracks[k, 6] + time * tracks[k, 7])))
+
+
+@kernel("float64(float64, float64)")
+def _badness(off, near):
+    """Return how bad it is to be `off` (m) from something, where less than `near` (m) is near: 1 for a touch."""
+    return 1.0 if off <= 0.0 else (1.0 - off / near) ** 2
+
+
 @kernel(
     "boolean(float64[:,::1], float64, float64[:,::1], float64[::1], float64, float64, float64, float64, float64, "
     "float64)"
@@ -53,7 +65,7 @@ def meets(outline, reach, tracks, rooms, time, x, y, theta, sureness, most_sprea
     """
     cos, sin = math.cos(theta), math.sin(theta)
     for k in range(tracks.shape[0]):
-        spread = math.sqrt(max(0.0, tracks[k, 5] + time * (2.0 * tracks[k, 6] + time * tracks[k, 7])))
+        spread = spread_of(tracks, k, time)
         radius = min(rooms[k], tracks[k, 4] + min(most_spread, sureness * spread))
         dx = tracks[k, 0] + time * tracks[k, 2] - x
         dy = tracks[k, 1] + time * tracks[k, 3] - y
@@ -133,7 +145,7 @@ def exposures(outline, tracks, rooms, poses, step, margin, spreading, most_sprea
             x, y, theta = poses[n, index, 0], poses[n, index, 1], poses[n, index, 2]
             worst = 0.0
             for k in range(tracks.shape[0]):
-                spread = math.sqrt(max(0.0, tracks[k, 5] + time * (2.0 * tracks[k, 6] + time * tracks[k, 7])))
+                spread = spread_of(tracks, k, time)
                 near = margin + min(most_spread, spreading * spread)
                 radius = min(rooms[k], tracks[k, 4])
                 dx = tracks[k, 0] + time * tracks[k, 2] - x
@@ -142,7 +154,7 @@ def exposures(outline, tracks, rooms, poses, step, margin, spreading, most_sprea
                     cos, sin = math.cos(theta), math.sin(theta)
                     off = distance_to_outline(outline, cos * dx + sin * dy, cos * dy - sin * dx) - radius
                     if off < near:
-                        worst = max(worst, 1.0 if off <= 0.0 else (1.0 - off / near) ** 2)
+                        worst = max(worst, _badness(off, near))
             sums[n] += step * worst * math.exp(-time / memory)
 
 
@@ -172,7 +184,7 @@ def lay(tracks, x, y, cell, layer, radius, margin, spreading, most_spread, memor
         weight = math.exp(-time / memory)
         dangers[t] = 0.0
         for k in range(tracks.shape[0]):
-            spread = math.sqrt(max(0.0, tracks[k, 5] + time * (2.0 * tracks[k, 6] + time * tracks[k, 7])))
+            spread = spread_of(tracks, k, time)
             near = margin + min(most_spread, spreading * spread)
             inner = radius + tracks[k, 4]
             outer = inner + near
@@ -193,5 +205,4 @@ def lay(tracks, x, y, cell, layer, radius, margin, spreading, most_spread, memor
                     along = min(1.0, max(-1.0, along))
                     off = math.hypot(dx - along * ahead_x, dy - along * ahead_y) - inner
                     if off < near:
-                        share = 1.0 if off <= 0.0 else (1.0 - off / near) ** 2
-                        dangers[t, row, column] = max(dangers[t, row, column], weight * share)
+                        dangers[t, row, column] = max(dangers[t, row, column], weight * _badness(off, near))

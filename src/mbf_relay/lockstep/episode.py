@@ -109,11 +109,15 @@ class Episode:
         """Return outcome and message where the drive is over; send the next goal where one was reached."""
         graph, assigned = self._graph, self._goal
         assert assigned is not None
-        if self._is_within_radius() or assigned.ending is Ending.SUCCEEDED:
+        radius, arrived = self.task.goal_radius, assigned.ending is Ending.SUCCEEDED
+        if self._is_within_radius() or (arrived and radius is None):
             self._reached.append(graph.now)
             if len(self._reached) == len(self.task.goals):
                 return outcomes.SUCCEEDED, ""
             self._send_goal()
+        elif arrived:
+            away = graph.simulation.true_pose.distance_to(self.task.goals[len(self._reached)])
+            return outcomes.MISSED_GOAL, f"navigation says it is there, {away:.2f} m away; {radius:g} m are allowed"
         elif assigned.done:
             result = assigned.ended_with()
             return result.outcome.name, result.message
@@ -132,7 +136,9 @@ class Episode:
     def _send_goal(self) -> None:
         goal = FramedPose(self.task.goals[len(self._reached)], self._graph.map_frame)
         self._near_goal_from = 0.0
-        self._goal = self._graph.navigate(NavigateGoal(goal, self.setup.planner, self.setup.controller))
+        tolerance = self.task.goal_radius or 0.0
+        self._goal = self._graph.navigate(
+            NavigateGoal(goal, self.setup.planner, self.setup.controller, tolerance=tolerance))
 
     def _note_now(self) -> None:
         assert self._record is not None

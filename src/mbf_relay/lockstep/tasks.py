@@ -37,7 +37,8 @@ class EpisodeTask:
         goals: Poses to reach, in order, in the world's frame.
         time_limit: Seconds for all of them.
         goal_radius: A goal counts as reached within this distance (m) of its position, whatever the controller's
-            tolerance; None where navigation alone judges.
+            tolerance, and where something stands on it, the place nearest to it within will do; None where navigation
+            alone judges.
         reference_path_length: Length (m) of a good way, for the score; None where the world states none.
         has_map: Whether a robot usually has a map of it.
         given_map: Its map, right or wrong; where None, one is drawn from the world's geometry.

@@ -9,6 +9,7 @@ from typing import NamedTuple, Optional, Tuple
 
 from mbf_relay.control.state import GoalTolerance
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
+from mbf_relay.navigation.refused_places import Toll
 from mbf_relay.outcomes import ControlOutcome, PlanOutcome, RecoveryOutcome
 from mbf_relay.planning.path import Path
 
@@ -30,6 +31,7 @@ class PlanGoal:
         tolerance: Distance (m) by which the target may be missed.
         planner: Name of the planner; the first one where empty.
         slot: Goals in one slot replace each other.
+        tolls: What to go round where that is worth it, in the global frame.
     """
 
     target: FramedPose
@@ -37,6 +39,7 @@ class PlanGoal:
     tolerance: float = 0.0
     planner: str = ""
     slot: int = 0
+    tolls: Tuple[Toll, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -147,12 +150,14 @@ class NavigateGoal:
         target: Where to.
         planner, controller: Names; the first ones where empty.
         recovery_behaviors: Names in the order to try; all loaded ones where empty.
+        tolerance: Distance (m) by which a target that cannot be reached may be missed.
     """
 
     target: FramedPose
     planner: str = ""
     controller: str = ""
     recovery_behaviors: Tuple[str, ...] = ()
+    tolerance: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from mbf_relay.control.path_kernels import measure
 from mbf_relay.kernels import kernel
 
 
@@ -60,13 +61,6 @@ def _stay_near(points, others, width):
     return True
 
 
-@kernel("void(float64[:,::1], float64[::1])")
-def _measure_path(path, arcs):
-    arcs[0] = 0.0
-    for n in range(1, path.shape[0]):
-        arcs[n] = arcs[n - 1] + math.hypot(path[n, 0] - path[n - 1, 0], path[n, 1] - path[n - 1, 1])
-
-
 @kernel("boolean(float64[:,::1], float64[::1], float64[:,::1], float64[::1], float64, float64, float64)")
 def _begins_near(path, arcs, other, other_arcs, ahead, spacing, width):
     """Return whether a path's first `ahead` metres stay within `width` of twice as much of another one."""
@@ -90,7 +84,7 @@ def is_same_way(old, new, ahead, spacing, width):
         width: Metres.
     """
     old_arcs, new_arcs = np.empty(old.shape[0]), np.empty(new.shape[0])
-    _measure_path(old, old_arcs)
-    _measure_path(new, new_arcs)
+    measure(old, old_arcs)
+    measure(new, new_arcs)
     return _begins_near(old, old_arcs, new, new_arcs, ahead, spacing, width) and _begins_near(
         new, new_arcs, old, old_arcs, ahead, spacing, width)

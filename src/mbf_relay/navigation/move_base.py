@@ -23,15 +23,16 @@ from mbf_relay.navigation.goals import (
 )
 from mbf_relay.navigation.move_base_states import Done, Driving, NavigationState, Planning, Recovering
 from mbf_relay.navigation.parameters import NavigatorParameters
-from mbf_relay.navigation.path_hysteresis import PathHysteresis, path_is_blocked
 from mbf_relay.navigation.planner_execution import PlannerExecution
 from mbf_relay.navigation.progress import GoalProgress
 from mbf_relay.navigation.recovery_execution import RecoveryExecution
 from mbf_relay.navigation.recovery_policy import Recoverable, TriedBehaviors, can_change, recoverable
+from mbf_relay.navigation.refused_places import Toll
 from mbf_relay.navigation.registry import Registry
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.task import Ending, Task
-from mbf_relay.outcomes import ControlOutcome, PlanOutcome, StaleDataError, TransformError
+from mbf_relay.navigation.ways import Ways
+from mbf_relay.outcomes import ControlOutcome, PlanOutcome, TransformError
 from mbf_relay.planning.path import Path
 from mbf_relay.planning.planner import Planner
 from mbf_relay.recovery.recovery import Recovery
@@ -104,7 +105,7 @@ class MoveBase:
         self.goal, self.task = goal, task
         self._navigator = navigator
         self._behaviors: Tuple[str, ...] = goal.recovery_behaviors or tuple(navigator.recoveries.names)
-        self._tried, self._ways = TriedBehaviors(self._behaviors), PathHysteresis()
+        self._tried, self._ways = TriedBehaviors(self._behaviors), Ways(navigator.robot, navigator.costmaps["global"])
         self._progress, self._pathless = GoalProgress(), Stopwatch()
         self._replan_pacer, self._feedback_pacer = Pacer(), Pacer()
         self._replan_trouble = ""
@@ -175,8 +176,8 @@ class MoveBase:
 
     # planning
 
-    def _new_plan(self, retry: bool = True) -> PlannerExecution:
-        goal = PlanGoal(self.goal.target, planner=self.goal.planner)
+    def _new_plan(self, tolls: Tuple[Toll, ...] = (), retry: bool = True) -> PlannerExecution:
+        goal = PlanGoal(self.goal.target, tolerance=self.goal.tolerance, planner=self.goal.planner, tolls=tolls)
         return self._navigator.new_plan(goal, retry, pathless=self._pathless)
 
     def _update_plan(self, now: float, at: Planning) -> None:
@@ -242,6 +243,7 @@ class MoveBase:
         return passed_on
 
     def _watch_progress(self, now: float, feedback: FollowFeedback, at: Driving) -> None:
+        self._ways.watch(now, feedback, at.path, self._navigator.parameters.controller_frequency)
         message = self._progress.trouble(now, feedback, self._navigator.parameters)
         if message:
             self._stop_driving(now, at)
@@ -262,7 +264,7 @@ class MoveBase:
             self._replan_pacer.passed(now, period)  # also where nothing is to be done, or `due` would stay in the past
             if self._last.distance <= NO_REPLAN_WITHIN:
                 return
-            at.replan = self._new_plan(retry=False)
+            at.replan = self._new_plan(self._ways.tolls(now), retry=False)
         at.replan.update(now)
         if at.replan.task.done:
             replan, at.replan = at.replan, None
@@ -271,36 +273,17 @@ class MoveBase:
     def _take_replan(self, now: float, at: Driving, result: PlanResult) -> None:
         if result.path is not None:
             self._replan_trouble = ""
-            if self._is_worth_following(now, at, result.path):
+            if self._ways.takes(now, at.path, result.path, self._last.pose):
                 self._follow(result.path, same_goal=True)
             return
         self._replan_trouble = (
             f"replanning failed, going on along the last path: {result.outcome.name}: {result.message}"
         )
-        if self._is_path_blocked(at):
+        if self._ways.is_blocked(at.path, self._last.pose):
             self._replan_trouble = ""
             self._stop_driving(now, at)
             if not self._recover(result.outcome, result.message, result.cause):
                 self._end(Ending.ABORTED, result.outcome, result.message)
-
-    def _is_worth_following(self, now: float, at: Driving, path: Path) -> bool:
-        """Return whether to go over to a path found while driving along another one."""
-        if self._last.pose is None or self._last.pose.frame != path.frame or at.path.frame != path.frame:
-            return True
-        width = self._navigator.costmaps["global"].snapshot().width
-        wanted = self._ways.wants(now, at.path.poses, path.poses, self._last.pose.pose, width)
-        return wanted or self._is_path_blocked(at)
-
-    def _is_path_blocked(self, at: Driving) -> bool:
-        """Return whether an obstacle lies on what is left of the path."""
-        costmap = self._navigator.costmaps["global"]
-        try:
-            snapshot = costmap.snapshot()
-            frame_from_path = self._navigator.robot.transform(costmap.frame, at.path.frame)
-        except (TransformError, StaleDataError):
-            return False
-        pose = self._last.pose.pose if self._last.pose is not None else None
-        return path_is_blocked(snapshot, frame_from_path.transform_poses(at.path.poses), pose)
 
     # recovering
 
@@ -346,7 +329,7 @@ class MoveBase:
         if not at.recovery.task.done:
             return
         self._progress.restart(now)
-        self._at = planning = Planning(self._new_plan())
+        self._at = planning = Planning(self._new_plan(self._ways.tolls(now)))
         self._update_plan(now, planning)
 
     # ending

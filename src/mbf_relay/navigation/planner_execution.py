@@ -11,6 +11,7 @@ import numpy as np
 from mbf_relay.geometry import Pose2D
 from mbf_relay.navigation.goals import FramedPose, PlanGoal, PlanResult
 from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.navigation.refused_places import plan_round
 from mbf_relay.navigation.registry import PluginInstance
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.task import Ending, Task
@@ -130,7 +131,13 @@ class PlannerExecution:
         self._seen_at = snapshot.stamp
         self._start_patience(now)
         tolerance, cancelled = self.goal.tolerance, self._cancellation
-        self._job = self.instance.call(lambda planner: planner.plan(snapshot, start, goal, tolerance, cancelled))
+        tolls = self.goal.tolls if snapshot.frame == self._parameters().global_frame else ()
+
+        def search(planner: Planner) -> Path:
+            return plan_round(
+                tolls, snapshot, start, goal, lambda seen: planner.plan(seen, start, goal, tolerance, cancelled))
+
+        self._job = self.instance.call(search)
         if self._job.done:
             self._collect(now)
 

@@ -137,6 +137,18 @@ def test_time_runs_out_or_navigation_gives_up_where_there_is_no_way(tmp_path):
     )
 
 
+def test_a_goal_that_something_stands_on_is_reached_as_far_as_its_radius_allows(tmp_path):
+    on_it = {**small_worlds.FREE, "cylinders": [[1.6, 0.1, 0.05, 0.5]]}
+    assert Episode(task(tmp_path, on_it), BLIND, 1).run().success
+    exact = Episode(task(tmp_path, {**on_it, "goal_radius": 0.02, "time_limit": 60.0}), BLIND, 1).run()
+    assert not exact.success and "(1.600, 0.100) lies in an obstacle" in exact.message
+
+
+def test_a_robot_that_only_thinks_it_arrived_has_not(tmp_path):
+    result = Episode(task(tmp_path, {**small_worlds.FREE, "goal_radius": 0.001}), BLIND, 1).run()
+    assert result.outcome == "MISSED_GOAL" and not result.success and "0.001 m are allowed" in result.message
+
+
 def test_a_mover_that_runs_into_the_robot_is_a_contact(tmp_path):
     result = Episode(task(tmp_path, small_worlds.RUN_OVER), BLIND, 1).run()
     assert result.outcome == "CONTACT" and "mover_0" in result.message

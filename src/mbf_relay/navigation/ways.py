@@ -1,0 +1,106 @@
+"""Which way to go on for one goal: whether a new path is taken, and which places are gone round."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.costmap.cost_grid import CostGrid
+from mbf_relay.geometry import Pose2D
+from mbf_relay.navigation.goals import FollowFeedback, FramedPose
+from mbf_relay.navigation.path_hysteresis import PathHysteresis, is_same_way, path_is_blocked
+from mbf_relay.navigation.refused_places import Point, RefusedPlaces, Toll, refusing_place
+from mbf_relay.navigation.robot import Robot
+from mbf_relay.outcomes import ControlOutcome, StaleDataError, TransformError
+from mbf_relay.planning.path import Path
+
+
+STOOD_FOR = 2.0
+"""Seconds of cycles without a velocity after which the place ahead counts as refused, once more each time."""
+
+
+class _Ahead(NamedTuple):
+    """What is seen along a path: the costmap, the path's poses (N, 3) in its frame, and where the robot was last."""
+
+    costmap: CostGrid
+    poses: np.ndarray
+    robot: Optional[Pose2D]
+
+    @property
+    def rest(self) -> np.ndarray:
+        """The poses from the one nearest to the robot on."""
+        if self.robot is None:
+            return self.poses
+        return self.poses[int(np.hypot(*(self.poses[:, :2] - self.robot[:2]).T).argmin()):]
+
+
+class Ways:
+    """What one goal's drive knows of the ways there: the last change between two, and where it was refused.
+
+    Args:
+        robot: Tells frames.
+        costmap: The global one.
+    """
+
+    def __init__(self, robot: Robot, costmap: Any) -> None:
+        self._robot, self._costmap = robot, costmap
+        self._hysteresis, self._refused = PathHysteresis(), RefusedPlaces()
+        self._failures = 0
+
+    def restart(self) -> None:
+        """Go a way anew, on which no change was waited for; where the robot was refused stays known."""
+        self._hysteresis.restart()
+
+    def tolls(self, now: float) -> Tuple[Toll, ...]:
+        """Return what plans should go round at `now` (s)."""
+        return self._refused.tolls(now, self._costmap.snapshot().width)
+
+    def takes(self, now: float, old: Path, new: Path, robot: Optional[FramedPose]) -> bool:
+        """Return whether to go over at `now` (s) to a path found while driving along another one."""
+        if robot is None or robot.frame != new.frame or old.frame != new.frame:
+            return True
+        ahead = self._ahead(old, robot)
+        width = self._costmap.snapshot().width
+        wanted = self._hysteresis.wants(now, old.poses, new.poses, robot.pose, width)
+        if not wanted and not self.is_blocked(old, robot):
+            return False
+        if ahead is not None and not is_same_way(ahead.rest, new.poses, width):
+            self._note(now, ahead, refusing_place(ahead.costmap, ahead.rest))
+            self._failures = 0
+        return True
+
+    def watch(self, now: float, feedback: FollowFeedback, path: Path, frequency: float) -> None:
+        """Take what the controller, asked so often (Hz), says at `now` (s) of a path."""
+        if feedback.outcome is ControlOutcome.SUCCESS:
+            return
+        self._failures += 1
+        if self._failures >= STOOD_FOR * frequency:
+            self._failures = 0
+            self.refuse(now, path, feedback.pose)
+
+    def is_blocked(self, path: Path, robot: Optional[FramedPose]) -> bool:
+        """Return whether an obstacle lies on what is left of a path."""
+        ahead = self._ahead(path, robot)
+        return ahead is not None and path_is_blocked(ahead.costmap, ahead.poses, ahead.robot)
+
+    def refuse(self, now: float, path: Path, robot: Optional[FramedPose]) -> None:
+        """Remember at `now` (s) where the robot did not get on along a path: where it does not fit, or just ahead."""
+        ahead = self._ahead(path, robot)
+        if ahead is not None and len(ahead.rest):
+            arcs = np.hypot(*(ahead.rest[:, :2] - ahead.rest[0, :2]).T)
+            before_it = ahead.rest[int((arcs >= ahead.costmap.circumscribed_radius).argmax()), :2]
+            self._note(now, ahead, refusing_place(ahead.costmap, ahead.rest) or tuple(before_it.tolist()))
+
+    def _note(self, now: float, ahead: _Ahead, place: Optional[Point]) -> None:
+        if place is not None:
+            self._refused.refuse(now, place, ahead.costmap.width)
+
+    def _ahead(self, path: Path, robot: Optional[FramedPose]) -> Optional[_Ahead]:
+        """Return what is seen along a path, None where that cannot be told now."""
+        try:
+            snapshot = self._costmap.snapshot()
+            frame_from_path = self._robot.transform(self._costmap.frame, path.frame)
+        except (TransformError, StaleDataError):
+            return None
+        return _Ahead(snapshot, frame_from_path.transform_poses(path.poses), robot.pose if robot is not None else None)
