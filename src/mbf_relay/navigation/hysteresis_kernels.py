@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 
-from mbf_relay.control.path_kernels import measure
 from mbf_relay.kernels import kernel
 
 
@@ -71,20 +70,18 @@ def _begins_near(path, arcs, other, other_arcs, ahead, spacing, width):
     return _stay_near(points, others, width)
 
 
-@kernel("boolean(float64[:,::1], float64[:,::1], float64, float64, float64)")
-def is_same_way(old, new, ahead, spacing, width):
+@kernel("boolean(float64[:,::1], float64[::1], float64[:,::1], float64[::1], float64, float64, float64)")
+def is_same_way(old, old_arcs, new, new_arcs, ahead, spacing, width):
     """Return whether two paths stay nearer to each other than `width` (m).
 
     Each one's beginning is compared with twice as much of the other.
 
     Args:
         old, new: Poses, shape (N, 3) and (M, 3).
+        old_arcs, new_arcs: Way (m) to each of them, shape (N,) and (M,).
         ahead: How much (m) of them is compared.
         spacing: Metres between the points compared.
         width: Metres.
     """
-    old_arcs, new_arcs = np.empty(old.shape[0]), np.empty(new.shape[0])
-    measure(old, old_arcs)
-    measure(new, new_arcs)
     return _begins_near(old, old_arcs, new, new_arcs, ahead, spacing, width) and _begins_near(
         new, new_arcs, old, old_arcs, ahead, spacing, width)

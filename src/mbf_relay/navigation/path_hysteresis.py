@@ -6,6 +6,7 @@ from typing import Optional
 
 import numpy as np
 
+from mbf_relay.control import path_kernels
 from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, CostGrid
 from mbf_relay.geometry import Pose2D
 from mbf_relay.navigation import hysteresis_kernels
@@ -67,9 +68,13 @@ class PathHysteresis:
 
 def is_same_way(old: np.ndarray, new: np.ndarray, width: float) -> bool:
     """Return whether two paths from here on, (N, 3) and (M, 3), stay nearer to each other than `width` (m)."""
-    return bool(hysteresis_kernels.is_same_way(
-        np.ascontiguousarray(old, dtype=float), np.ascontiguousarray(new, dtype=float), AHEAD * width, SPACING * width,
-        width))
+    sides = []
+    for poses in (old, new):
+        poses = np.ascontiguousarray(poses, dtype=float)
+        arcs = np.empty(len(poses))
+        path_kernels.measure(poses, arcs)
+        sides += [poses, arcs]
+    return bool(hysteresis_kernels.is_same_way(*sides, AHEAD * width, SPACING * width, width))
 
 
 def path_is_blocked(costmap: CostGrid, poses: np.ndarray, robot: Optional[Pose2D]) -> bool:
