@@ -39,23 +39,17 @@ class PathHysteresis:
         self._changed_at: Optional[Pose2D] = None
 
     def restart(self) -> None:
-        """Forget what was waited for: the robot goes a way anew."""
+        """Forget what was waited for: the robot goes a way anew, or the last plan led along the same."""
         self._since = None
 
-    def wants(self, now: float, old: np.ndarray, new: np.ndarray, robot: Pose2D, width: float) -> bool:
-        """Return whether to go on along a new path.
+    def wants(self, now: float, robot: Pose2D, width: float) -> bool:
+        """Return whether to go over to another way, to which a plan leads at `now` (s).
 
         Args:
             now: Time (s).
-            old, new: Poses of the last path and of the new one, (N, 3), in one frame.
-            robot: Where it is, in that frame.
+            robot: Where it is, in the paths' frame.
             width: The robot's (m). Paths that pass an obstacle on different sides are at least that far apart.
         """
-        distances = np.hypot(old[:, 0] - robot.x, old[:, 1] - robot.y)
-        nearest = int(distances.argmin())
-        if distances[nearest] > 2.0 * width or is_same_way(old[nearest:], new, width):
-            self._since = None
-            return True
         if self._since is None or now < self._since:
             self._since = now
         near_last = self._changed_at is not None and self._changed_at.distance_to(robot) < PLACE * width
@@ -64,6 +58,19 @@ class PathHysteresis:
             return False
         self._since, self._changes, self._changed_at = None, changes + 1, robot
         return True
+
+
+def leads_another_way(old: np.ndarray, new: np.ndarray, robot: Pose2D, width: float) -> bool:
+    """Return whether a new path passes something on another side than what is left of the last one.
+
+    Args:
+        old, new: Poses, (N, 3) and (M, 3), in one frame.
+        robot: Where it is, in that frame. One that is off the last path by twice its width has no way to keep.
+        width: The robot's (m).
+    """
+    distances = np.hypot(old[:, 0] - robot.x, old[:, 1] - robot.y)
+    nearest = int(distances.argmin())
+    return bool(distances[nearest] <= 2.0 * width and not is_same_way(old[nearest:], new, width))
 
 
 def is_same_way(old: np.ndarray, new: np.ndarray, width: float) -> bool:

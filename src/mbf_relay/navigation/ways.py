@@ -9,7 +9,7 @@ import numpy as np
 from mbf_relay.costmap.cost_grid import CostGrid
 from mbf_relay.geometry import Pose2D
 from mbf_relay.navigation.goals import FollowFeedback, FramedPose
-from mbf_relay.navigation.path_hysteresis import PathHysteresis, is_same_way, path_is_blocked
+from mbf_relay.navigation.path_hysteresis import PathHysteresis, leads_another_way, path_is_blocked
 from mbf_relay.navigation.refused_places import Point, RefusedPlaces, Toll, refusing_place
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.outcomes import ControlOutcome, StaleDataError, TransformError
@@ -60,14 +60,16 @@ class Ways:
         """Return whether to go over at `now` (s) to a path found while driving along another one."""
         if robot is None or robot.frame != new.frame or old.frame != new.frame:
             return True
-        ahead = self._ahead(old, robot)
         width = self._costmap.snapshot().width
-        wanted = self._hysteresis.wants(now, old.poses, new.poses, robot.pose, width)
-        if not wanted and not self.is_blocked(old, robot):
+        if not leads_another_way(old.poses, new.poses, robot.pose, width):
+            self._hysteresis.restart()
+            return True
+        if not self._hysteresis.wants(now, robot.pose, width) and not self.is_blocked(old, robot):
             return False
-        if ahead is not None and not is_same_way(ahead.rest, new.poses, width):
+        self._failures = 0
+        ahead = self._ahead(old, robot)
+        if ahead is not None:
             self._note(now, ahead, refusing_place(ahead.costmap, ahead.rest))
-            self._failures = 0
         return True
 
     def watch(self, now: float, feedback: FollowFeedback, path: Path, frequency: float) -> None:

@@ -8,7 +8,7 @@ import pytest
 from scripted import FORWARD, GOAL, bowed_path, failing
 
 from mbf_relay.geometry import Pose2D, Twist2D
-from mbf_relay.navigation.path_hysteresis import AHEAD, SPACING, PathHysteresis, is_same_way
+from mbf_relay.navigation.path_hysteresis import AHEAD, SPACING, PathHysteresis, is_same_way, leads_another_way
 from mbf_relay.outcomes import ControlError, ControlOutcome
 
 WAYS = {side: bowed_path(side * 0.4) for side in (-1, 1)}
@@ -71,22 +71,22 @@ def test_after_a_recovery_any_way_is_taken(flipping_bench):
 
 def test_each_change_near_the_last_takes_longer():
     keeper, robot, changes = PathHysteresis(), Pose2D(0.0, 0.0, 0.0), []
-    side, now = 1, 0.0
+    now = 0.0
     for step in range(200):
         now = 0.1 * step
-        if keeper.wants(now, WAYS[side].poses, WAYS[-side].poses, robot, 0.2):
-            side = -side
+        if keeper.wants(now, robot, 0.2):
             changes.append(now)
     waits = np.diff(changes)
     assert len(changes) >= 4 and (waits[1:] > 1.5 * waits[:-1]).all()
     keeper.restart()
     elsewhere = Pose2D(1.0, 0.0, 0.0)
-    assert not keeper.wants(now + 1.0, WAYS[side].poses, WAYS[-side].poses, elsewhere, 0.2)
-    assert keeper.wants(now + 2.0, WAYS[side].poses, WAYS[-side].poses, elsewhere, 0.2)
+    assert not keeper.wants(now + 1.0, elsewhere, 0.2)
+    assert keeper.wants(now + 2.0, elsewhere, 0.2)
 
 
 def test_a_robot_off_its_path_takes_any():
-    assert PathHysteresis().wants(0.0, WAYS[1].poses, WAYS[-1].poses, Pose2D(0.5, -0.4, 0.0), 0.2)
+    assert not leads_another_way(WAYS[1].poses, WAYS[-1].poses, Pose2D(0.5, -0.4, 0.0), 0.2)
+    assert leads_another_way(WAYS[1].poses, WAYS[-1].poses, Pose2D(0.5, 0.4, 0.0), 0.2)
 
 
 def test_ways_are_the_same_up_to_the_robots_width():
