@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scripted import FORWARD, GOAL, STUCK, bowed_path, failing
+from scripted import FORWARD, GOAL, STUCK, bowed_path
 
 from mbf_relay import plugins
 from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, CostGrid
@@ -161,13 +161,16 @@ def test_a_robot_that_stands_before_a_gap_goes_another_way_before_anybody_calls_
     assert bench.now - began < 4.0 * STOOD_FOR and "R1" not in script.calls
 
 
-def test_a_single_cycle_without_a_velocity_refuses_nothing(make_bench):
-    bench = make_bench(planner_frequency=5.0)
-    bench.script.velocity = failing(STUCK, 3, FORWARD)
-    bench.navigator.move_base(GOAL)
-    for _ in range(40):
-        bench.step()
-    assert not any((snapshot.costs >= INSCRIBED).any() for snapshot in bench.script.planned_on)
+def test_cycles_without_a_velocity_refuse_the_place_ahead_once_they_sum_up_and_not_before(bench):
+    ways, pose = Ways(bench.robot, bench.costmaps["global"]), FramedPose(Pose2D(0.0, 0.0, 0.0), "map")
+    frequency, path = 10.0, bowed_path(0.0)
+    for cycle in range(int(STOOD_FOR * frequency) - 1):
+        ways.watch(0.1 * cycle, FollowFeedback(ControlOutcome.NO_VALID_CMD, "", pose), path, frequency)
+        ways.watch(0.1 * cycle, FollowFeedback(ControlOutcome.SUCCESS, "", pose), path, frequency)
+    assert ways.tolls(2.0) == ()
+    ways.watch(2.0, FollowFeedback(ControlOutcome.NO_VALID_CMD, "", pose), path, frequency)
+    (toll,) = ways.tolls(2.0)
+    assert toll.place == pytest.approx((0.1, 0.0)) and toll.detour == pytest.approx(TOLL * 0.2)
 
 
 def test_a_robot_whose_frames_are_lost_remembers_nothing_and_goes_on(bench):
