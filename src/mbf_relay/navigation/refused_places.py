@@ -75,10 +75,12 @@ def refusing_place(costmap: CostGrid, poses: np.ndarray) -> Optional[Point]:
     inside = costmap.grid.contains_cells(cells)
     costs = np.zeros(len(poses), dtype=np.uint8)
     costs[inside] = costmap.costs[cells[inside, 1], cells[inside, 0]]
-    found = [tuple(pose[:2]) for pose in poses[(costs == INSCRIBED) | (costs == LETHAL)][:1].tolist()]
+    found: List[Point] = [(x, y) for x, y, _ in poses[(costs == INSCRIBED) | (costs == LETHAL)][:1].tolist()]
     narrow = touching_cells(checker_on(costmap), Path(poses, costmap.frame))
     found += [costmap.grid.center_of(*cell) for cell in narrow[:1].tolist()]
-    return min(found, key=lambda point: math.dist(point, poses[0, :2]), default=None)
+    if not found:
+        return None
+    return min(found, key=lambda point: math.dist(point, poses[0, :2]))
 
 
 def plan_round(

@@ -15,7 +15,6 @@ from mbf_relay.navigation.robot import Robot
 from mbf_relay.outcomes import ControlOutcome, StaleDataError, TransformError
 from mbf_relay.planning.path import Path
 
-
 STOOD_FOR = 2.0
 """Seconds of cycles without a velocity after which the place ahead counts as refused, once more each time."""
 

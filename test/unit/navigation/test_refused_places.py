@@ -37,10 +37,8 @@ def wall_with_gaps(*gaps):
     costs = np.zeros(grid.shape, dtype=np.uint8)
     ys = (np.arange(60) + 0.5) * 0.05
     costs[:, 30] = LETHAL
-    for reach, value in ((0.15, INSCRIBED), (0.2, 0)):
-        for _, y in gaps:
-            costs[np.abs(ys - y) < reach, 30] = 0
     for _, y in gaps:
+        costs[np.abs(ys - y) < 0.2, 30] = 0
         costs[np.abs(np.abs(ys - y) - 0.2) < 0.06, 29:32] = INSCRIBED
         costs[np.abs(ys - y) < 0.13, 28:33] = 0
     return CostGrid(grid, costs, "map", SQUARE, 0.1, 0.142)
