@@ -11,7 +11,6 @@ from mbf_relay.lockstep.smoothness import Smoothness
 SUCCEEDED = "SUCCEEDED"
 CONTACT = "CONTACT"
 TIMEOUT = "TIMEOUT"
-MISSED_GOAL = "MISSED_GOAL"
 ERROR = "ERROR"
 
 CLOSE = 0.1
@@ -31,8 +30,8 @@ class EpisodeResult:
         world: Name of the world.
         seed: Seed of everything random.
         success: All goals reached, in time, without a contact.
-        outcome: SUCCEEDED, CONTACT, TIMEOUT, MISSED_GOAL (it stopped outside the goal's radius), ERROR (the episode
-            could not be driven), or the outcome navigation ended with.
+        outcome: SUCCEEDED, CONTACT, TIMEOUT, ERROR (the episode could not be driven), or the outcome navigation ended
+            with.
         message: Why, for people.
         goals_reached, goals: How many of how many.
         contacts: How often the robot came to touch something that is not the ground.

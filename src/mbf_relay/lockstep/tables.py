@@ -69,8 +69,8 @@ def _peak(result: EpisodeResult) -> Optional[float]:
 COLUMNS: Sequence[Column] = (
     Column("world", "", "name of the world", lambda r: r.world, False),
     Column("seed", "", "seed of all chance", lambda r: r.seed, False),
-    Column("outcome", "", "SUCCEEDED, CONTACT, TIMEOUT, MISSED_GOAL (stopped elsewhere), ERROR (not driven), or how "
-           "navigation ended", lambda r: r.outcome, False),
+    Column("outcome", "", "SUCCEEDED, CONTACT, TIMEOUT, ERROR (not driven), or how navigation ended",
+           lambda r: r.outcome, False),
     Column("success", "", "1 where all goals were reached in time without a contact", lambda r: int(r.success), False,
            ANDERSON),
     Column("collision", "", "1 where the robot touched anything but the ground",
