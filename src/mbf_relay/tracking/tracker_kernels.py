@@ -20,6 +20,7 @@ COLUMNS = 11
 
 _SEEN_EMPTY = 0.25  # share of its readings where there was nothing before, from which on a thing may have come there
 _SURE = 1.0  # deviations of the velocity by which it must differ from zero: its place is the test that standing fails
+_HALF_HIDDEN = 0.2  # of a scan: what standing still counts there; who passes behind something is soon out again
 _IN_VIEW = 0.1  # rad between a direction and the beam that looked there
 
 
@@ -184,7 +185,7 @@ def judge(
                     empty += 1
             came = empty / (last - first) >= _SEEN_EMPTY
         # half hidden, it seems to stand or to jump
-        against = 0.0 if is_known and not discs[k, 3] > 0.0 else -1.0
+        against = -_HALF_HIDDEN if is_known and not discs[k, 3] > 0.0 else -1.0
         belief = things[n, BELIEF] + (1.0 if is_fast and came else against)
         things[n, BELIEF] = min(np.float64(most_convinced), max(0.0, belief))
         if things[n, BELIEF] >= convinced:

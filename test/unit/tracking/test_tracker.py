@@ -70,6 +70,14 @@ def test_a_thing_that_stops_is_no_longer_one_that_moves():
     assert max(counts) == 1 and not tracker.tracks
 
 
+def test_a_thing_that_stops_half_hidden_stands_too_before_long():
+    def world(t):
+        return [(0.5, 0.0, 0.15), (0.9, -1.2 + 0.25 * min(t, 3.7), 0.12)]
+
+    tracker, counts = follow(world, seconds=10.0)
+    assert max(counts) == 1 and not tracker.tracks
+
+
 @pytest.mark.parametrize("bearing", [0.0, 0.9, 2.3])
 def test_one_that_slows_down_on_its_way_to_the_robot_is_not_lost_sight_of(bearing):
     def world(t):

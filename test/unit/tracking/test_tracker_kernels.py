@@ -8,7 +8,7 @@ import pytest
 from mbf_relay.tracking import tracker_kernels as kernels
 from mbf_relay.tracking.tracker_kernels import BELIEF, COLUMNS, RADIUS, SEEN, VELOCITY
 
-GATE, DEPTH, CONVINCED, MOST = 9.0, 0.08, 2, 5
+GATE, DEPTH, CONVINCED, MOST, HALF_HIDDEN = 9.0, 0.08, 2, 5, 0.2
 SEEDS = pytest.mark.parametrize("seed", range(30))
 
 
@@ -127,7 +127,7 @@ def test_a_thing_moves_that_is_fast_and_came_to_where_nothing_was(seed):
         is_fast = np.hypot(thing[2], thing[3]) >= np.maximum(0.04, np.sqrt(thing[VELOCITY]))
         is_known, readings = thing[BELIEF] >= CONVINCED, order[first:last]
         came = is_known or np.count_nonzero(was_empty[readings]) / len(readings) >= 0.25
-        against = 0.0 if is_known and not disc[3] else -1.0
+        against = -HALF_HIDDEN if is_known and not disc[3] else -1.0
         thing[BELIEF] = min(MOST, max(0.0, thing[BELIEF] + (1.0 if is_fast and came else against)))
         moves[readings] |= thing[BELIEF] >= CONVINCED
 
