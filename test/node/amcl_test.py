@@ -209,6 +209,34 @@ class TestAmcl(unittest.TestCase):
         poses = len(self.pose.messages)
         self.drive_until(lambda: len(self.pose.messages) > poses + 2, "updates after a scan without a frame")
 
+    def test_a_robot_knows_where_it_is_beside_a_lidar_that_stands_in_the_world(self):
+        """What that saw was taken for the robot's own, seen from where the map had lain when its first scan came."""
+        self.start_at(self.robot.pose)
+        others = connected_publisher("scan", LaserScan)
+        poses = len(self.pose.messages)
+        wrong = LaserScan(angle_increment=0.1, range_min=0.1, range_max=5.0, ranges=[1.0] * 62)
+
+        def disturbed():
+            wrong.header.frame_id, wrong.header.stamp = "map", rospy.get_rostime()
+            others.publish(wrong)
+            return len(self.pose.messages) > poses + 8
+
+        self.drive_until(disturbed, "eight updates while another lidar sends")
+        others.unregister()
+        self.assertLess(self.error()[0], 0.15)
+
+    def test_a_robot_knows_where_it_is_after_its_lidar_was_said_to_sit_elsewhere(self):
+        """It sat for good where it had been at the first scan."""
+        frame, topic, mount, upside_down = self.robot.lidars[0]
+        for moved in (Pose2D(0.2, 0.1, 1.0), mount):
+            self.robot.lidars = ((frame, topic, moved, upside_down),)
+            self.robot.announce()
+            self.start_at(self.robot.pose)
+            poses = len(self.pose.messages)
+            self.drive_until(lambda: len(self.pose.messages) > poses + 8, "eight updates while driving")
+            self.assertLess(self.error()[0], 0.15)
+            self.assertLess(self.error()[1], 0.1)
+
     def test_set_map_takes_map_and_pose_and_refuses_an_empty_one(self):
         set_map = rospy.ServiceProxy("set_map", SetMap)
         message = map_to_message(self.room, "map", rospy.get_rostime())

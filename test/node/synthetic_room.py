@@ -55,15 +55,18 @@ class RoomRobot:
         self._publishers = {frame: rospy.Publisher(topic, LaserScan, queue_size=5) for frame, topic, _, _ in lidars}
         self._tf = TransformPublisher()
         self._static = tf2_ros.StaticTransformBroadcaster()
-        now = rospy.get_rostime()
-        self._static.sendTransform(
-            [mounting(frame, pose, down, "base_footprint", now) for frame, _, pose, down in lidars]
-        )
+        self.announce()
         self._rng = np.random.default_rng(5)
         self._period = 1.0 / rate
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
+
+    def announce(self):
+        """Tell where the lidars sit."""
+        now = rospy.get_rostime()
+        self._static.sendTransform(
+            [mounting(frame, pose, down, "base_footprint", now) for frame, _, pose, down in self.lidars])
 
     def stop(self):
         self._stop.set()

@@ -46,3 +46,36 @@ def test_a_clock_that_is_set_changes_neither_who_is_one_of_two_nor_who_was_repla
     for now, name in ((0.0, "a"), (0.1, "b"), (0.2, "a"), (0.3, "b"), (100.0, "c"), (3.0, "a"), (3.1, "b")):
         senders.hear(name, now)
     assert senders.present == ["a", "b"]
+
+
+@pytest.mark.parametrize("heard, present, counted", [
+    ("A", "A", "A"), ("AB", "B", "BA"), ("aA", "a", "aA"), ("aAaA", "a", "aA"), ("Aa", "a", "aA"),
+    ("aAbA", "b", "bA"),  # replaced while a guest sends
+    ("aAbaAb", "ab", "abA"),
+])
+def test_a_guest_is_heard_and_is_missed_only_where_there_is_nobody_else(heard, present, counted):
+    """Capital letters are guests."""
+    senders = Senders()
+    for now, name in enumerate(heard):
+        senders.hear(name, 0.1 * now, is_guest=name.isupper())
+    assert senders.present == list(present) and senders.heard == list(counted)
+
+
+def test_a_guest_that_is_gone_is_heard_no_longer_and_replaces_nobody():
+    senders = Senders()
+    for tick in range(50):
+        senders.hear("own", 0.1 * tick)
+        if tick < 10:
+            senders.hear("guest", 0.1 * tick, is_guest=True)
+    assert senders.heard == ["own"]
+    for tick in range(50, 100):
+        senders.hear("guest", 0.1 * tick, is_guest=True)
+    assert senders.present == ["own"], "who fell silent is missed"
+
+
+def test_who_turns_out_to_be_a_guest_is_missed_no_longer():
+    senders = Senders()
+    for now, name in enumerate("abab"):
+        senders.hear(name, 0.1 * now)
+    senders.hear("b", 0.5, is_guest=True)
+    assert senders.present == ["a"] and senders.heard == ["a", "b"]

@@ -92,12 +92,12 @@ class VelocityGuard:
         """Take note that whoever commanded is gone."""
         self._asked_at = -math.inf
 
-    def take_scan(self, scan: LaserScan, laser_in_base: Pose2D) -> None:
-        """Take a scan as seen from above, and where the lidar sits.
+    def take_scan(self, scan: LaserScan, laser_in_base: Pose2D, rides: bool = True) -> None:
+        """Take a scan as seen from above, where the lidar sits, and whether it moves with the robot.
 
         The last one again, though the robot drives, is no news.
         """
-        self._lidars.hear(scan.frame, scan.stamp)
+        self._lidars.hear(scan.frame, scan.stamp, is_guest=not rides)
         changed_at = self._changed_at(scan)
         if changed_at is None:
             return
@@ -122,8 +122,8 @@ class VelocityGuard:
 
     @property
     def _sights(self) -> List[Sight]:
-        """What each lidar that there is saw last, the one heard first to the front."""
-        return [self._seen[frame] for frame in self._lidars.present]
+        """What each lidar that sends saw last, the one heard first to the front."""
+        return [self._seen[frame] for frame in self._lidars.heard]
 
     def verdict(self, now: float) -> Verdict:
         """Return what may go to the wheels at `now` (s), and remember it as gone there."""
@@ -148,7 +148,7 @@ class VelocityGuard:
             return Verdict(
                 STOP, SILENT, f"stopped: no velocity has come for {parameters.input_timeout:g} s, or its sender is gone"
             )
-        sights = self._sights
+        sights = [self._seen[frame] for frame in self._lidars.present]  # a lidar that stands in the world is not missed
         if not sights:
             return Verdict(STOP, NO_SCAN, "stopped: there is no scan yet")
         for sight in sights:

@@ -26,6 +26,8 @@ class Observation:
             where all are hits.
         stamp: Time (s) of measurement.
         frame: The sensor's own frame, which tells it from others on the same topic.
+        rides: Whether the sensor moves with the robot. One that stands in the world sees as well, and is not missed
+            where others of its topic do.
     """
 
     origin: Tuple[float, ...]
@@ -33,6 +35,7 @@ class Observation:
     hits: Optional[np.ndarray]
     stamp: float
     frame: str = ""
+    rides: bool = True
 
 
 def observation_from_scan(

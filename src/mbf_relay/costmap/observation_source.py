@@ -112,7 +112,7 @@ class ObservationSource:
         self.trouble = self._overlooks(observation, max_height) if len(rays.marks) == 0 else None
         if self.trouble is not None:
             return
-        self._senders.hear(frame, now)
+        self._senders.hear(frame, now, is_guest=not observation.rides)
         self._sensors.setdefault(frame, Sensor()).add(rays, now, self.parameters.observation_persistence)
         self.unused = None
 
@@ -136,13 +136,13 @@ class ObservationSource:
 
     @property
     def sensors(self) -> Dict[str, Sensor]:
-        """Its sensors by their frames, but for those that others have replaced."""
+        """Its sensors by their frames, each of which is missed where it falls silent."""
         return {frame: self._sensors[frame] for frame in self._senders.present}
 
     @property
     def kept(self) -> List[RayBundle]:
         """The observations that still count."""
-        return [rays for sensor in self.sensors.values() for rays in sensor.kept]
+        return [rays for frame in self._senders.heard for rays in self._sensors[frame].kept]
 
     def stale_reason(self, name: str, limit: float, now: float) -> Optional[str]:
         """Return why it shows too little of what is there, None where it does not.

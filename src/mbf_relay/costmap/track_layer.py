@@ -83,14 +83,14 @@ class TrackLayer(Layer):
     @property
     def tracks(self) -> Tuple[Track, ...]:
         return tuple(track for (source, frame), tracker in self._trackers.items()
-                     if frame in self._lidars[source].present for track in tracker.tracks)
+                     if frame in self._lidars[source].heard for track in tracker.tracks)
 
     def observe(self, source: str, observation: Observation, now: float) -> Observation:
         ends = np.asarray(observation.points, dtype=float)[:, :2]
         hits = np.ones(len(ends), dtype=bool) if observation.hits is None else observation.hits
         finite = np.isfinite(ends[:, 0]) & np.isfinite(ends[:, 1])
         x, y = observation.origin[:2]
-        self._lidars[source].hear(observation.frame, now)
+        self._lidars[source].hear(observation.frame, now, is_guest=not observation.rides)
         tracker = self._trackers.setdefault((source, observation.frame), Tracker(self.parameters))
         tracker.update(float(x), float(y), ends[finite], hits[finite], observation.stamp)
         if self.parameters.mark_movers:

@@ -28,7 +28,11 @@ def scan_of(frame, ranges, stamp=1.0):
 
 
 class StillFrames:
-    """Frames that all lie in one place."""
+    """Frames that all lie in one place; "map" does not move with the robot."""
+
+    @staticmethod
+    def rides_on(_base, frame):
+        return frame != "map"
 
     def lookup_message(self, *_frames):
         message = TransformStamped()
@@ -58,24 +62,30 @@ def lidars(monkeypatch):
 
 
 class Mountings:
-    """Where lidars sit, told to who listens."""
+    """Where lidars sit (rad), told to who listens: by /tf what stands in the map or is said to move."""
 
     def __init__(self):
-        self.told, self._known = {"front": 0.0}, {}
+        self.told, self.moved, self._known = {"front": 0.0}, {"map": 0.0}, {}
         self.is_heard = True
 
     def listen(self):
         self.is_heard = True
 
-    def close(self):
+    def rest(self):
         self.is_heard = False
 
-    def lookup_message(self, _base, frame):
+    @staticmethod
+    def rides_on(_base, frame):
+        return frame != "map"
+
+    def lookup_message(self, _base, frame, max_age):
+        self._known.update(self.told)
         if self.is_heard:
-            self._known.update(self.told)
+            self._known.update(self.moved)
         if frame not in self._known:
             raise TransformError(f"no transform from '{frame}'")
         message = TransformStamped()
+        message.header.stamp.secs = int(frame in self.moved)
         message.transform.rotation.z = math.sin(self._known[frame] / 2.0)
         message.transform.rotation.w = math.cos(self._known[frame] / 2.0)
         return message
@@ -115,10 +125,36 @@ def test_a_wall_ahead_is_guarded_against_where_two_lidars_send_at_one_moment(gua
 def test_a_lidar_whose_place_is_told_later_is_looked_at_from_then_on(guard):
     """The guard listened to no transform any more once it had placed the first one."""
     assert asked(guard, -0.2, scan_of("front", 3.0)) > -0.2, "nothing looks back"
-    guard._transforms.told["rear"] = math.pi
+    guard._transforms.moved["rear"] = math.pi
     for _ in range(2):
         passed = asked(guard, -0.2, scan_of("front", 3.0), scan_of("rear", 3.0))
-    assert passed == -0.2 and not guard._transforms.is_heard
+    assert passed == -0.2
+
+
+def test_a_wall_is_guarded_against_where_the_lidar_looks_since_it_was_turned(guard):
+    """It sat for good where it had been when the first scan came."""
+    ranges = np.full(BEAMS, 3.0)
+    ranges[:10] = 0.12  # on the right
+    assert asked(guard, 0.2, scan_of("front", ranges)) == 0.2 and not guard._transforms.is_heard
+    guard._transforms.told["front"] = math.pi / 2.0
+    assert asked(guard, 0.2, scan_of("front", ranges, 1.01)) < 0.05 and guard._verdict.cause == OBSTACLE
+
+
+def test_the_guard_drives_on_when_a_lidar_that_stands_in_the_world_falls_silent(guard):
+    """A few scans in the frame 'map' counted as a lidar of the robot's, and it stood until a restart."""
+    for _ in range(2):
+        asked(guard, 0.2, scan_of("front", 3.0, 1.0), scan_of("map", 3.0, 1.0))
+    assert guard._transforms.is_heard, "/tf says where it is"
+    for stamp in (2.0, 3.0, 4.0):
+        guard._take_scan(scan_of("front", 3.0 - 0.01 * stamp, stamp))
+        guard._take_command(Twist(linear=Vector3(x=0.2)))
+        guard._step(stamp)
+        assert guard._verdict.velocity.x == 0.2, guard._verdict.text
+    assert not guard._transforms.is_heard, "nothing moves on the robot"
+    guard._take_scan(scan_of("map", 2.0, 5.5))
+    guard._take_command(Twist(linear=Vector3(x=0.2)))
+    guard._step(5.5)
+    assert guard._verdict.velocity.x == 0.0, "one that stands in the world is none in the robot's stead"
 
 
 def test_a_fast_lidar_does_not_displace_a_slow_one_before_the_next_update(lidars):
@@ -141,3 +177,26 @@ def test_a_robot_does_not_drive_on_when_the_front_one_of_its_two_lidars_delivers
         assert (costmap.stale_reason(stamp + 0.05) is None) == (count < 5)
     send(1.6, "front", np.full(BEAMS, 2.0))
     assert costmap.stale_reason(1.6) is None
+
+
+def test_goals_are_driven_to_after_a_lidar_that_stands_in_the_world_fell_silent(lidars):
+    """A few scans in the frame 'map' counted as a lidar of the robot's, and no goal was driven to until a restart."""
+    costmap, send = lidars
+    for count in range(1, 30):
+        stamp = 0.2 * count
+        send(stamp, "front", np.full(BEAMS, 2.0))
+        if count < 8:
+            send(stamp + 0.05, "map", np.full(BEAMS, 0.5))
+            assert (costmap.snapshot().costs == 254).any(), "what it sees stands in the way"
+        assert costmap.stale_reason(stamp + 0.05) is None
+    assert len(costmap.layers[0]._sources["scan"].kept) == 1, "what it saw once does not come back for ever"
+
+
+def test_a_robot_whose_own_lidar_is_silent_does_not_drive_by_one_that_stands_in_the_world(lidars):
+    costmap, send = lidars
+    for count in range(1, 20):
+        stamp = 0.2 * count
+        if count < 8:
+            send(stamp, "front", np.full(BEAMS, 2.0))
+        send(stamp + 0.05, "map", np.full(BEAMS, 2.0))
+    assert "sent nothing" in costmap.stale_reason(stamp)

@@ -35,7 +35,7 @@ from mbf_relay.ros.amcl.saved_pose import SavedPose
 from mbf_relay.ros.amcl.scan_queue import AnyScan, CloudScan, ScanQueue
 from mbf_relay.ros.common import diagnostics, parameters
 from mbf_relay.ros.common.conversions import header, map_from_message, pose_to_message
-from mbf_relay.ros.common.lidar_geometry import LidarGeometry
+from mbf_relay.ros.common.lidar_geometry import scan_in_base
 from mbf_relay.ros.common.map_client import request_map, warn_of_frame
 from mbf_relay.ros.common.node import spare_what_stays
 from mbf_relay.ros.common.transforms import TransformPublisher, Transforms
@@ -76,7 +76,6 @@ class AmclNode:
         self._reliability: Optional[float] = None
         self._queue = ScanQueue()
         self.transforms = Transforms(changed=self._queue.look_again)
-        self._geometry = LidarGeometry(self.transforms)
         self._map_to_odom = MapToOdom(TransformPublisher())
         self._pose_publisher = rospy.Publisher("amcl_pose", PoseWithCovarianceStamped, queue_size=2, latch=True)
         self._cloud_publisher = rospy.Publisher("particlecloud", PoseArray, queue_size=2, latch=True)
@@ -131,8 +130,6 @@ class AmclNode:
         with self._lock:
             if self._localizer is not None:
                 self._localizer.reconfigure(wanted)
-            if wanted.base_frame_id != self._parameters.base_frame_id:
-                self._geometry.forget()
             self._parameters = wanted
             self._configure_broadcast()
 
@@ -276,17 +273,28 @@ class AmclNode:
             values.odom_frame_id, values.base_frame_id, message.header.stamp.to_sec()
         ) and self.transforms.can_transform(values.base_frame_id, message.header.frame_id)
 
+    def _stands_in_the_world(self, frame: str) -> bool:
+        """Return whether a sensor's frame does not move with the robot, and warn of it."""
+        odom_frame, base_frame = self._parameters.odom_frame_id, self._parameters.base_frame_id
+        if odom_frame.lstrip("/") not in self.transforms.frames_above(base_frame, frame):
+            return False
+        rospy.logwarn_throttle(5.0, f"scan ignored: its frame '{frame}' does not move with '{base_frame}', so that it "
+                                    "tells nothing of where the robot is")
+        return True
+
     def process(self, message: AnyScan) -> None:
         """Run the filter on one scan whose transform is there, and publish what comes out."""
         stamp = message.header.stamp
+        if self._stands_in_the_world(message.header.frame_id):
+            return
         self._scan_watch.saw(stamp.to_sec())
         with self._lock:
             if self._localizer is None:
                 return
             values, began = self._parameters, time.perf_counter()
             try:
-                scan, laser_pose = message[1:] if isinstance(message, CloudScan) else self._geometry.scan_in_base(
-                    message, values.base_frame_id)
+                scan, laser_pose = message[1:] if isinstance(message, CloudScan) else scan_in_base(
+                    message, values.base_frame_id, self.transforms)[:2]
                 self._odom_pose = self.transforms.lookup(values.odom_frame_id, values.base_frame_id, stamp.to_sec())
                 self._odom_stamp = stamp.to_sec()
                 self._newest_scan = scan, laser_pose

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Dict, Tuple
+from typing import NamedTuple, Optional, Tuple
 
 from geometry_msgs.msg import Transform
 from sensor_msgs.msg import LaserScan as LaserScanMessage
@@ -15,33 +15,36 @@ from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.scan import LaserScan
 
 
-class LidarGeometry:
-    """Where each lidar sits on the robot, looked up once; a lidar may hang upside down."""
+class MountedScan(NamedTuple):
+    """A scan as seen from above, where its lidar sits in the base's frame, and whether /tf_static alone says so."""
 
-    def __init__(self, transforms: Transforms) -> None:
-        self._transforms = transforms
-        self._known: Dict[Tuple[str, str], Tuple[Pose2D, bool]] = {}
+    scan: LaserScan
+    laser_in_base: Pose2D
+    is_fixed: bool
 
-    def forget(self) -> None:
-        """Look everything up again, for another base frame."""
-        self._known.clear()
 
-    def scan_in_base(self, message: LaserScanMessage, base_frame: str) -> Tuple[LaserScan, Pose2D]:
-        """Return a scan as seen from above, and its sensor's pose in the base's frame.
+def scan_in_base(
+    message: LaserScanMessage, base_frame: str, transforms: Transforms, max_age: Optional[float] = None
+) -> MountedScan:
+    """Return a scan with where its lidar sits now: upstream amcl asks once and keeps to it, whatever tf says later.
 
-        Raises:
-            InvalidMessage: The scan holds nothing usable.
-            TransformError: The sensor's frame is not connected to the base's.
-        """
-        scan = scan_from_message(message)
-        key = (scan.frame, base_frame)
-        if key not in self._known:
-            self._known[key] = self._look_up(scan.frame, base_frame)
-        pose, upside_down = self._known[key]
-        return seen_from_above(scan, upside_down), pose
+    A lidar may hang upside down.
 
-    def _look_up(self, frame: str, base_frame: str) -> Tuple[Pose2D, bool]:
-        return mounting_of(self._transforms.lookup_message(base_frame, frame).transform)
+    Args:
+        message: The scan.
+        base_frame: The robot's.
+        transforms: Where the lidar is looked up.
+        max_age: Age (s) beyond which what /tf says of a lidar that moves is refused; no limit where None.
+
+    Raises:
+        InvalidMessage: The scan holds nothing usable.
+        TransformError: The sensor's frame is not connected to the base's.
+    """
+    scan = scan_from_message(message)
+    placed = transforms.lookup_message(base_frame, scan.frame, max_age=max_age)
+    pose, upside_down = mounting_of(placed.transform)
+    is_fixed = placed.header.stamp.to_sec() == 0.0 or scan.frame.lstrip("/") == base_frame.lstrip("/")
+    return MountedScan(seen_from_above(scan, upside_down), pose, is_fixed)
 
 
 def mounting_of(transform: Transform) -> Tuple[Pose2D, bool]:

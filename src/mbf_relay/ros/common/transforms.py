@@ -88,22 +88,35 @@ class CheckedListener:
 
     def __init__(self, buffer: AttentiveBuffer, cache_time: float, changed: Callable[[], None]) -> None:
         self._buffer, self._cache_time, self._changed = buffer, cache_time, changed
-        self._tree = FrameTree()
+        self.tree = FrameTree()
         self._broadcasters: Dict[str, Senders] = {}  # by child frame
         self._trouble: Dict[str, ThrottledWarnings] = {}  # by child frame; a busy machine's hiccup is worth no warning
         self._lock = threading.Lock()  # one reads at a time, in the order of coming
         self._pending: Deque[Tuple[Any, float]] = deque()
         self._heard_at = rospy.get_time()
         buffer.attend = self.attend
-        self._subscribers = [
-            rospy.Subscriber(topic, UnreadTransforms, take, buff_size=1 << 20, tcp_nodelay=True)
-            for topic, take in (("/tf", self.take), ("/tf_static", self.take_static))
-        ]
+        self._static = self._subscribe("/tf_static", self.take_static)
+        self._moving: Optional[rospy.Subscriber] = None
+        self.listen()
+
+    def _subscribe(self, topic: str, take: Callable[[Any], None]) -> rospy.Subscriber:
+        return rospy.Subscriber(topic, UnreadTransforms, take, buff_size=1 << 20, tcp_nodelay=True)
+
+    def listen(self) -> None:
+        """Listen to /tf, where it does not."""
+        if self._moving is None:
+            self._moving = self._subscribe("/tf", self.take)
+
+    def rest(self) -> None:
+        """Listen to /tf_static alone."""
+        if self._moving is not None:
+            self._moving.unregister()
+            self._moving = None
 
     def close(self) -> None:
         """Stop listening."""
-        for subscriber in self._subscribers:
-            subscriber.unregister()
+        self.rest()
+        self._static.unregister()
 
     def take(self, message: Any) -> None:
         """Take a message of /tf."""
@@ -161,7 +174,7 @@ class CheckedListener:
                 check_stamp(message.header.stamp.to_sec(), now, max_age)
             elif message.header.stamp.to_sec() >= TF2_END:
                 message.header.stamp = rospy.Time()
-            self._tree.add(message.header.frame_id, message.child_frame_id)
+            self.tree.add(message.header.frame_id, message.child_frame_id, is_fixed=max_age is None)
         except InvalidMessage as error:
             child = message.child_frame_id if len(self._trouble) < MOST_TROUBLES else ""
             relation = f"'{message.header.frame_id}' to '{message.child_frame_id}'"
@@ -202,6 +215,12 @@ class Transforms:
         """Listen, where it does not."""
         if self._listener is None:
             self._listener = CheckedListener(self.buffer, self._cache_time, self._changed)
+        self._listener.listen()
+
+    def rest(self) -> None:
+        """Listen to /tf_static alone, for whoever needs nothing that moves for now."""
+        if self._listener is not None:
+            self._listener.rest()
 
     def close(self) -> None:
         """Stop listening; what is known stays."""
@@ -244,12 +263,25 @@ class Transforms:
                 f"no transform from '{source_frame}' to '{target_frame}': {' '.join(str(error).split())}"
             ) from error
         age = (rospy.get_rostime() - message.header.stamp).to_sec()
-        if max_age is not None and message.header.stamp.to_sec() > 0.0 and age > max_age:
+        moves = message.header.stamp.to_sec() > 0.0 and frames[0] != frames[1]
+        if max_age is not None and moves and age > max_age:
             raise TransformError(
                 f"the transform from '{source_frame}' to '{target_frame}' is {age:.2f} s old; at most {max_age:.2f} s "
                 "allowed"
             )
         return message
+
+    def frames_above(self, base: str, frame: str) -> Dict[str, bool]:
+        """Return what FrameTree.above does, of what was heard since listening began."""
+        self.buffer.attend()
+        return {} if self._listener is None else self._listener.tree.above(base, frame)
+
+    def rides_on(self, base: str, frame: str) -> bool:
+        """Return whether a sensor in `frame` moves with the robot that has `base`.
+
+        It does not where what /tf moves lies between the robot and what both hang on: map, odom, or a place in them.
+        """
+        return all(self.frames_above(base, frame).values())
 
     def can_transform(self, target_frame: str, source_frame: str, stamp: Optional[float] = None) -> bool:
         """Return whether the relation is known at `stamp` (s), or at all where None."""

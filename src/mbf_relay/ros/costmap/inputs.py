@@ -148,17 +148,19 @@ class SensorInput:
         stamp = message.header.stamp.to_sec()
         when = stamp if stamp > 0.0 else None
         sensor = self._transforms.lookup_message(self._costmap.frame, frame, when)
+        rides = self._transforms.rides_on(self._costmap.robot_frame, frame)
         if scan is not None:
-            self._require_sight(scan, sensor)
+            self._require_sight(scan, sensor, rides)
         rotation, translation = rigid(sensor)
-        seen = replace(observation_from_points(points, hits, rotation, translation, stamp), frame=frame.lstrip("/"))
+        seen = observation_from_points(points, hits, rotation, translation, stamp)
+        seen = replace(seen, frame=frame.lstrip("/"), rides=rides)
         origin_frame = self._parameters.sensor_frame
         if not origin_frame or origin_frame == frame.lstrip("/"):
             return seen
         _, origin = rigid(self._transforms.lookup_message(self._costmap.frame, origin_frame, when))
         return replace(seen, origin=tuple(float(value) for value in origin))
 
-    def _require_sight(self, scan: LaserScan, sensor: TransformStamped) -> None:
+    def _require_sight(self, scan: LaserScan, sensor: TransformStamped, rides: bool) -> None:
         """Raise BlindSensor where a scan shows nothing; `sensor` takes its points to the costmap's frame."""
         frame = scan.frame.lstrip("/")
         pose, upside_down = mounting_of(sensor.transform)
@@ -166,7 +168,7 @@ class SensorInput:
         mounting, _ = mounting_of(base.transform)
         monitor = self._monitors.setdefault(frame, ScanMonitor(self._parameters.largest_gap))
         trouble = monitor.trouble(seen_from_above(scan, upside_down), -mounting.theta, pose)
-        self._senders.hear(frame, scan.stamp)
+        self._senders.hear(frame, scan.stamp, is_guest=not rides)
         self._blind.pop(frame, None)
         if trouble is not None:
             self._blind[frame] = trouble

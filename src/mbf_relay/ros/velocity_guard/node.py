@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from typing import Deque, Dict, Optional
+from typing import Deque, Dict, List, Optional
 
 import rospy
 from geometry_msgs.msg import Twist
@@ -24,7 +24,7 @@ from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common import diagnostics, parameters
 from mbf_relay.ros.common.checks import InvalidMessage
 from mbf_relay.ros.common.conversions import dated, twist_to_message
-from mbf_relay.ros.common.lidar_geometry import LidarGeometry
+from mbf_relay.ros.common.lidar_geometry import scan_in_base
 from mbf_relay.ros.common.node import on_shutdown, spare_what_stays
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.senders import AT_ONCE
@@ -48,9 +48,9 @@ class VelocityGuardNode:
         self._settings = settings
         self._guard = VelocityGuard(settings)
         self._transforms = Transforms()
-        self._lidars = LidarGeometry(self._transforms)
         self._trouble = ""  # why scans are of no use
         self._unplaced: Dict[str, float] = {}  # frames of lidars that tf cannot place, and when they were heard last
+        self._moving: Dict[str, float] = {}  # likewise of those that /tf places
         self._woken = threading.Event()
         self._command: Optional[Twist] = None
         self._scans: Deque[LaserScan] = deque(maxlen=MOST_SCANS)
@@ -98,6 +98,8 @@ class VelocityGuardNode:
         command, self._command = self._command, None
         for scan in scans.values():
             self._see(scan, now)
+        if scans:
+            self._follow(now)
         if command is not None:
             asked = Twist2D(command.linear.x, command.linear.y, command.angular.z)
             self._guard.take_command(now, asked)
@@ -115,27 +117,35 @@ class VelocityGuardNode:
             self._tell(now)
 
     def _see(self, message: LaserScan, now: float) -> None:
+        frame, base = message.header.frame_id, self._settings.base_frame
         try:
-            self._guard.take_scan(*self._lidars.scan_in_base(message, self._settings.base_frame))
+            scan, laser_in_base, is_fixed = scan_in_base(message, base, self._transforms, max_age=AT_ONCE)
         except InvalidMessage as error:
             self._trouble = str(error)
             return
         except TransformError as error:
             self._trouble = str(error)
-            self._unplaced[message.header.frame_id] = now
-            self._transforms.listen()
+            self._unplaced[frame] = now
             return
+        self._guard.take_scan(scan, laser_in_base, self._transforms.rides_on(base, frame))
         self._trouble = ""
-        self._unplaced.pop(message.header.frame_id, None)
+        self._unplaced.pop(frame, None)
+        if not is_fixed:
+            self._moving[frame] = now
         without = self._without(now)
         if without:
             rospy.logwarn_throttle(UNPLACED_PERIOD, f"passing velocities {without}")
-        else:  # lidars do not move on a robot
-            self._transforms.close()
+
+    def _follow(self, now: float) -> None:
+        """Listen to /tf while a lidar is placed by it, or by nothing yet; /tf_static is listened to all the time."""
+        if still_heard(self._unplaced, now) or still_heard(self._moving, now):
+            self._transforms.listen()
+        else:
+            self._transforms.rest()
 
     def _without(self, now: float) -> str:
         """Return which lidars are not looked at though they send, and why; empty for none."""
-        frames = [frame for frame, heard_at in self._unplaced.items() if abs(now - heard_at) <= AT_ONCE]
+        frames = still_heard(self._unplaced, now)
         if not frames:
             return ""
         base = self._settings.base_frame
@@ -162,6 +172,11 @@ class VelocityGuardNode:
         now = rospy.get_time()
         fine = self._verdict.cause in (PASSING, STANDING) and not self._without(now)
         return diagnostics.OK if fine else diagnostics.WARN, self._text(now), values
+
+
+def still_heard(heard_at: Dict[str, float], now: float) -> List[str]:
+    """Return the frames of the lidars that still send."""
+    return [frame for frame, time in heard_at.items() if abs(now - time) <= AT_ONCE]
 
 
 def main() -> None:

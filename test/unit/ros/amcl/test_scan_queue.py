@@ -8,14 +8,14 @@ import pytest
 
 rospy = pytest.importorskip("rospy")
 
-from geometry_msgs.msg import Transform  # noqa: E402
+from geometry_msgs.msg import Transform, TransformStamped  # noqa: E402
 from hypothesis import given  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 from sensor_msgs.msg import LaserScan as LaserScanMessage  # noqa: E402
 
 from mbf_relay.ros.amcl.scan_queue import ScanQueue  # noqa: E402
-from mbf_relay.ros.common.lidar_geometry import LidarGeometry, mounting_of, seen_from_above  # noqa: E402
+from mbf_relay.ros.common.lidar_geometry import mounting_of, scan_in_base, seen_from_above  # noqa: E402
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings  # noqa: E402
 from mbf_relay.scan import LaserScan  # noqa: E402
 
@@ -124,25 +124,22 @@ def test_beams_point_where_the_mounting_turns_them(roll, yaw):
     assert (pose.x, pose.y) == (0.1, -0.2)
 
 
-def test_the_mounting_is_looked_up_once_until_it_is_forgotten():
+def test_a_lidar_that_is_moved_on_its_robot_is_seen_from_where_it_sits_now():
+    """By amcl and by the guard it sat for good where it had been first; costmaps had it where it was."""
+
     class Lookups:
         def __init__(self):
-            self.asked = []
+            self.yaw = 0.5
 
-        def lookup_message(self, base, frame):
-            self.asked.append((base, frame))
-            return type("Stamped", (), {"transform": rotation(math.pi, 0.5)})
+        def lookup_message(self, base, frame, **_):
+            assert (base, frame) == ("base_link", "front")
+            return TransformStamped(transform=rotation(math.pi, self.yaw))
 
     lookups = Lookups()
-    geometry = LidarGeometry(lookups)
-    for _ in range(2):
-        scan, pose = geometry.scan_in_base(message(1.0), "base_link")
-    assert lookups.asked == [("base_link", "front")]
-    assert scan.angle_increment == -message(1.0).angle_increment
-    assert pose.theta == pytest.approx(0.5)
-    geometry.forget()
-    geometry.scan_in_base(message(1.0), "base_link")
-    assert len(lookups.asked) == 2
+    for lookups.yaw in (0.5, -0.3):
+        scan, pose, is_fixed = scan_in_base(message(1.0), "base_link", lookups)
+        assert scan.angle_increment == -message(1.0).angle_increment
+        assert pose.theta == pytest.approx(lookups.yaw) and is_fixed
 
 
 def test_a_scan_is_given_as_soon_as_its_transform_has_come():

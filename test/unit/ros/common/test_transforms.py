@@ -1,6 +1,7 @@
 """Where the robot is, asked of transforms that wait to be read."""
 
 import io
+from types import SimpleNamespace
 
 import pytest
 
@@ -29,16 +30,17 @@ class Robot:
 
     def _subscribe(self, topic, message_class, callback, **_options):
         self.subscribed[topic] = message_class, callback
+        return SimpleNamespace(unregister=lambda: self.subscribed.pop(topic))
 
     def _note(self):
         self.changes += 1
 
-    def send(self, x, topic="/tf", child="base", stamp=None, text=None, sender="/wheels"):
+    def send(self, x, topic="/tf", child="base", stamp=None, text=None, sender="/wheels", parent="odom"):
         message_class, callback = self.subscribed[topic]
         if text is None:
             stamp = self.now if stamp is None else stamp
             text = written(TFMessage([TransformStamped(
-                header("odom", stamp), child, transform_to_message(Pose2D(x, 0.0, 0.0)))]))
+                header(parent, stamp), child, transform_to_message(Pose2D(x, 0.0, 0.0)))]))
         message = message_class().deserialize(text)
         message._connection_header = {"callerid": sender}
         callback(message)
@@ -158,3 +160,32 @@ def test_of_two_nodes_that_broadcast_one_transform_both_are_named(robot, monkeyp
         robot.send(1.0, child=sender.strip("/"), sender=sender)
         robot.x()
     assert len(told) == 1 and "'odom' to 'base'" in told[0] and "/ekf" in told[0] and "/wheels" in told[0]
+
+
+def test_a_lidar_that_stands_in_the_world_is_told_from_one_that_the_robot_carries(robot):
+    """Whatever sent a scan in the frame 'map' counted as a lidar of the robot's."""
+    for parent, child in (("map", "odom"), ("odom", "footprint"), ("base", "pan")):
+        robot.send(0.0, parent=parent, child=child)
+    fixed = (("footprint", "base"), ("footprint", "low"), ("base", "high"), ("map", "wall"), ("pan", "eye"))
+    for parent, child in fixed:
+        robot.send(0.0, topic="/tf_static", parent=parent, child=child)
+    rides = {frame for frame in ("map", "odom", "wall", "footprint", "base", "low", "high", "pan", "eye", "/low", "no")
+             if robot.transforms.rides_on("/base", frame)}
+    assert rides == {"footprint", "base", "low", "high", "pan", "eye", "/low", "no"}
+    assert "odom" in robot.transforms.frames_above("base", "map")
+    assert "odom" not in robot.transforms.frames_above("base", "low")
+
+
+def test_who_listens_to_what_is_fixed_alone_hears_of_it_and_may_listen_again(robot):
+    robot.transforms.rest()
+    assert list(robot.subscribed) == ["/tf_static"]
+    for x in (0.3, 0.1):
+        robot.send(x, topic="/tf_static", child="lidar")
+        assert robot.x("lidar") == x
+    robot.now += 100.0
+    assert robot.transforms.lookup("lidar", "lidar", max_age=1.0).x == 0.0, "scans may come in the robot's own frame"
+    robot.transforms.listen()
+    robot.send(1.0)
+    assert robot.x() == 1.0
+    robot.transforms.close()
+    assert not robot.subscribed
