@@ -93,11 +93,13 @@ def _start_soon() -> None:
     """Import rospy, without what nobody uses, and have it start a node sooner, receive with less and log plainly."""
     logging.setLogRecordFactory(logs.PlainRecord)
     spare_what_nobody_uses()
+    from mbf_relay.ros.common.accepting import hear_out_each_by_itself
     from mbf_relay.ros.common.connecting import connect_once
     from mbf_relay.ros.common.receiving import receive_with_less
     from mbf_relay.ros.common.sending import send_with_less
     from mbf_relay.ros.common.starting import start_soon
 
+    hear_out_each_by_itself()
     connect_once()
     start_soon()
     receive_with_less()

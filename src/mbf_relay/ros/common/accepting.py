@@ -1,0 +1,93 @@
+"""Connections that come to a node, each heard out in a thread of its own.
+
+rospy waits for the first words of whoever connects in the one thread that takes connections, for as long as that takes.
+Somebody who connected and said nothing, be it a look for open ports or a subscriber whose cable was cut, kept everybody
+else out for good: a velocity_guard that came back after that heard of no velocity, and the robot stood.
+"""
+
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+import time
+from typing import Any, Dict, Optional, Tuple
+
+import rospy
+from rosgraph.network import ROSHandshakeException, decode_ros_handshake_header, write_ros_handshake_header
+from rospy.impl.tcpros_base import TCPROSServer
+
+PATIENCE = 5.0
+"""Wall seconds for the first words, which nodes send as soon as they are connected."""
+LONGEST = 1 << 20
+"""Bytes of the first words; a definition of the longest message has some ten thousand."""
+_LENGTH = struct.Struct("<I")
+_handling = threading.Lock()  # rospy's handlers are made for one connection at a time
+
+
+def hear_out_each_by_itself() -> None:
+    """Have this process hear out who connects in a thread each; before rospy.init_node."""
+    TCPROSServer._tcp_server_callback = take_up
+
+
+def take_up(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
+    """Take a connection up as TCPROSServer does, without waiting for it."""
+    threading.Thread(
+        target=_hear_out, args=(server, connection, address), name="TCPROS handshake", daemon=True).start()
+
+
+def _hear_out(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
+    try:
+        header = first_words(connection)
+        if header is None:
+            connection.close()
+            return
+        with _handling:
+            trouble = _hand_over(server, connection, address, header)
+        if trouble:
+            write_ros_handshake_header(connection, {"error": trouble})
+    except Exception as error:  # it came from outside: nothing of it may end more than this connection
+        trouble = str(error)
+    if trouble:
+        connection.close()
+        if not rospy.core.is_shutdown_requested():
+            rospy.logwarn_throttle(PATIENCE, f"a connection from {address[0]} was refused: {trouble[:200]}")
+
+
+def first_words(connection: socket.socket) -> Optional[Dict[str, str]]:
+    """Return what who connected says of itself, None where it left without a word, as who ends at that moment does.
+
+    The connection waits without limit again afterwards.
+
+    Raises:
+        ROSHandshakeException: It says nothing in time, or nothing of use.
+    """
+    end, read = time.monotonic() + PATIENCE, b""
+    while len(read) < _LENGTH.size or len(read) < _LENGTH.size + _LENGTH.unpack_from(read)[0]:
+        if len(read) >= _LENGTH.size and _LENGTH.unpack_from(read)[0] > LONGEST:
+            raise ROSHandshakeException(f"its first words are {_LENGTH.unpack_from(read)[0]} bytes; at most {LONGEST}")
+        connection.settimeout(max(0.001, end - time.monotonic()))
+        try:
+            more = connection.recv(4096)
+        except socket.timeout as error:
+            raise ROSHandshakeException(f"it said nothing of itself within {PATIENCE:g} s") from error
+        if not more and not read:
+            return None
+        if not more:
+            raise ROSHandshakeException("it ended before it had said what it wants")
+        read += more
+    connection.settimeout(None)
+    header: Dict[str, str] = decode_ros_handshake_header(read)
+    return header
+
+
+def _hand_over(server: Any, connection: socket.socket, address: Tuple[str, int], header: Dict[str, str]) -> str:
+    """Hand a connection to rospy; return why it is refused, empty where it is not."""
+    if "topic" in header:
+        handle = server.topic_connection_handler
+    elif "service" in header:
+        handle = server.service_connection_handler
+    else:
+        return "no topic or service name detected"
+    trouble = handle(connection, address, header)
+    return "node shutting down" if trouble and rospy.core.is_shutdown_requested() else trouble or ""

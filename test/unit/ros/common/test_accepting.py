@@ -1,0 +1,124 @@
+"""Who connects to a node and says nothing, or nonsense, keeps nobody else out."""
+
+import io
+import os
+import socket
+import struct
+import threading
+
+import pytest
+
+pytest.importorskip("rospy", reason="needs ROS")
+
+from ros_testing import wait_until  # noqa: E402
+from rosgraph.network import read_ros_handshake_header  # noqa: E402
+from rospy.impl.tcpros_base import TCPROSServer  # noqa: E402
+
+from mbf_relay.ros.common import accepting  # noqa: E402
+
+
+def words(**fields):
+    """Return what a node says of itself when it connects."""
+    lines = b"".join(struct.pack("<I", len(line)) + line for line in (f"{k}={v}".encode() for k, v in fields.items()))
+    return struct.pack("<I", len(lines)) + lines
+
+
+class Node:
+    """Takes connections, as a publisher does."""
+
+    def __init__(self, monkeypatch):
+        monkeypatch.setattr(TCPROSServer, "_tcp_server_callback", accepting.take_up)
+        monkeypatch.setenv("ROS_IP", "127.0.0.1")
+        self.refusals, self.heard, self.limits = [], [], []
+        monkeypatch.setattr(accepting.rospy, "logwarn_throttle", lambda period, text: self.refusals.append(text))
+        self.server = TCPROSServer()
+        self.server.topic_connection_handler = self._take
+        self.server.start_server()
+        self._connections = []
+
+    def _take(self, connection, _address, header):
+        self.limits.append(connection.gettimeout())
+        if header["topic"] == "/nothing":
+            return "no such topic"
+        self.heard.append(header["callerid"])
+        return ""
+
+    def connect(self, text=b""):
+        connection = socket.create_connection(self.server.get_address(), 10.0)
+        self._connections.append(connection)
+        connection.sendall(text)
+        return connection
+
+    def hears_of(self, name):
+        self.connect(words(callerid=name, topic="/cmd_vel"))
+        wait_until(lambda: name in self.heard, f"the node to hear of {name}")
+
+    def close(self):
+        for connection in self._connections:
+            connection.close()
+        self.server.shutdown()
+        wait_until(lambda: not any(thread.name == "TCPROS handshake" for thread in threading.enumerate()),
+                   "nobody to be heard out any more")
+
+
+@pytest.fixture
+def node(monkeypatch):
+    made = Node(monkeypatch)
+    yield made
+    made.close()
+
+
+def test_a_robot_is_not_left_standing_by_somebody_who_connects_and_says_nothing(node):
+    for _ in range(20):
+        node.connect()
+    node.connect(b"\x20\x00")  # began, and says no more
+    node.hears_of("/velocity_guard")
+    assert node.limits == [None], "a subscriber may be silent for as long as it likes"
+
+
+@pytest.mark.parametrize("text", [
+    b"\x00" * 8, b"\xff" * 8, b"GET / HTTP/1.1\r\n\r\n", words(callerid="/x"), words(topic="/nothing", callerid="/x"),
+    words(topic="/cmd_vel"), struct.pack("<II", 8, 0) + b"....", os.urandom(64),
+])
+def test_who_talks_nonsense_is_refused_in_one_line(node, text):
+    connection = node.connect(text)
+    connection.shutdown(socket.SHUT_WR)
+    while connection.recv(4096):  # it ends: what it was told first is its own business
+        pass
+    wait_until(lambda: len(node.refusals) == 1, "a line about it")
+    assert "\n" not in node.refusals[0] and len(node.refusals[0]) < 300
+    node.hears_of("/velocity_guard")
+
+
+def test_first_words_of_gigabytes_are_not_waited_for(node):
+    connection = node.connect(struct.pack("<I", 2 ** 31))
+    assert connection.recv(1) == b"" and str(2 ** 31) in node.refusals[0]
+
+
+def test_who_says_nothing_in_time_is_let_go(node, monkeypatch):
+    monkeypatch.setattr(accepting, "PATIENCE", 0.01)
+    assert node.connect().recv(1) == b""
+    wait_until(lambda: "said nothing" in "".join(node.refusals), "a line about it")
+
+
+def test_who_asks_for_what_there_is_not_is_told_so(node):
+    connection = node.connect(words(topic="/nothing", callerid="/x"))
+    assert read_ros_handshake_header(connection, io.BytesIO(), 4096) == {"error": "no such topic"}
+
+
+def test_two_at_a_time_are_handled_one_after_the_other(node):
+    inside, most, entered = [], [], threading.Event()
+
+    def take(_connection, _address, header):
+        inside.append(header)
+        most.append(len(inside))
+        if not entered.is_set():
+            entered.set()
+            threading.Event().wait(0.05)
+        inside.pop()
+
+    node.server.topic_connection_handler = take
+    for _ in range(4):
+        node.connect(words(topic="/a", callerid="/b"))
+    wait_until(lambda: len(most) == 4, "all four")
+    assert set(most) == {1}
