@@ -15,6 +15,8 @@ from mbf_relay.geometry import Pose2D
 
 CORNER_MOVES = 0.042  # of a cell: how far half a step between the headings drawn beforehand moves the outermost corner
 LEAST_HEADINGS = 64
+MOST_DRAWN = 8_000_000
+"""Points of all headings drawn beforehand, 64 MiB; a larger robot is drawn at fewer, and is off by up to a cell."""
 FAR = np.float32(1e6)
 """Cells: farther than any obstacle, and a number one can go on with."""
 
@@ -177,7 +179,8 @@ def _outlines(footprint: bytes, corners: int, resolution: float) -> Tuple[np.nda
         count = max(1, math.ceil(float(np.hypot(*(end - start))) / (resolution / 3.0)))
         points.append(start + (end - start) * (np.arange(count) / count)[:, None])
     ring = np.vstack(points)
-    headings = LEAST_HEADINGS * max(1, math.ceil(math.pi * radius / (CORNER_MOVES * resolution * LEAST_HEADINGS)))
+    headings = math.ceil(math.pi * radius / (CORNER_MOVES * resolution * LEAST_HEADINGS))
+    headings = LEAST_HEADINGS * max(1, min(headings, MOST_DRAWN // (len(ring) * LEAST_HEADINGS)))
     angles = np.arange(headings) * (2.0 * math.pi / headings)
     cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
     turned = np.stack((cos * ring[:, 0] - sin * ring[:, 1], sin * ring[:, 0] + cos * ring[:, 1]), axis=2)

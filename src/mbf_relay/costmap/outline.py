@@ -14,6 +14,8 @@ LARGEST_ROBOT = 100.0
 """Metres from the base frame to a corner; an outline is followed cell by cell."""
 MOST_CORNERS = 1000
 """Corners of an outline."""
+FARTHEST = 400
+"""Cells from the base frame to a corner: of outlines larger than that, too few headings could be drawn beforehand."""
 LONGEST_SHOWN = 200
 """Characters of an outline that a refusal repeats."""
 CIRCLE_CORNERS = 16
@@ -59,6 +61,15 @@ def _shown(value: Any) -> str:
     """Return a footprint as a line of a log bears it."""
     text = repr(value)
     return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}... ({len(text)} characters)"
+
+
+def check_reach(footprint: np.ndarray, resolution: float) -> None:
+    """Raise ValueError where an outline, (K, 2) in metres, is too large for cells of `resolution` (m)."""
+    reach = float(np.hypot(footprint[:, 0], footprint[:, 1]).max(initial=0.0))
+    if reach > FARTHEST * resolution:
+        raise ValueError(
+            f"the footprint reaches {reach:.2f} m from the base frame, {reach / resolution:.0f} cells of {resolution:g} m; "
+            f"at most {FARTHEST} cells can be looked at: give the costmap a coarser resolution")
 
 
 def footprint_from_radius(radius: float) -> np.ndarray:

@@ -14,6 +14,7 @@ from kinematics import BURGER  # noqa: E402
 from plain_footprint import contacts, random_costmap  # noqa: E402
 
 from mbf_relay.costmap.footprint_checker import FootprintChecker, distances_to_obstacles  # noqa: E402
+from mbf_relay.costmap.outline import FARTHEST  # noqa: E402
 from mbf_relay.geometry import Pose2D  # noqa: E402
 
 
@@ -54,6 +55,15 @@ def test_unknown_cells_and_the_grids_edge_may_be_no_obstacle():
     for strict in (True, False):
         checker = FootprintChecker(costmap, unknown_touches=strict)
         assert checker.touches(np.array([unknown, outside, lethal])).tolist() == [strict, strict, True]
+
+
+def test_the_largest_robot_takes_no_more_memory_than_a_machine_has_and_is_off_by_a_cell_at_most():
+    costmap = random_costmap(np.random.default_rng(1), obstacles=0)
+    reach = FARTHEST * costmap.grid.resolution / math.sqrt(2.0)
+    square = reach * np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
+    outlines = FootprintChecker(dataclasses.replace(costmap, footprint=square))._outlines
+    assert outlines.nbytes <= 2 ** 27
+    assert math.pi * FARTHEST / len(outlines) < 1.5
 
 
 def test_a_large_robots_corners_are_turned_as_finely_as_a_small_ones():
