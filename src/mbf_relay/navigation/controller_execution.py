@@ -373,6 +373,8 @@ class ControllerExecution:
     ) -> None:
         if stop:
             self._send(STOP)
+        if outcome is ControlOutcome.ROBOT_STUCK and self._robot.unheard:
+            message = f"{self._robot.unheard}: {message}"
         pose, distance, angle = self._where()
         self.task.end(ending, FollowResult(outcome, message, pose, distance, angle, cause))
 

@@ -50,6 +50,11 @@ class Robot(abc.ABC):
         """Send a velocity to the wheels; finite, within limits."""
 
     @property
+    def unheard(self) -> str:
+        """Why no velocity reaches the wheels, empty where that is not known."""
+        return ""
+
+    @property
     def knows_its_motion(self) -> bool:
         """Whether odometry tells how the robot moves."""
         try:

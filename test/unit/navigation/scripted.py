@@ -47,6 +47,11 @@ class PaperRobot(Robot):
         self.lost: Optional[str] = None
         self.stale: Optional[str] = None
         self.reported: Optional[Twist2D] = None
+        self.silence = ""
+
+    @property
+    def unheard(self) -> str:
+        return self.silence
 
     def pose_in(self, frame: str) -> Pose2D:
         if self.lost or frame not in self.frames:

@@ -289,6 +289,15 @@ def test_a_robot_that_ignores_its_commands_is_stuck(bench):
     assert result.outcome is ControlOutcome.ROBOT_STUCK and bench.now - started == pytest.approx(5.1, abs=0.3)
 
 
+@pytest.mark.parametrize("outcome", [ControlOutcome.ROBOT_STUCK, ControlOutcome.BLOCKED_GOAL])
+def test_a_robot_whose_guard_or_driver_is_gone_is_not_sent_to_look_at_its_wheels(bench, outcome):
+    bench.script.velocity = ControlError(outcome, "it has not moved")
+    bench.robot.silence = "nobody listens to /cmd_vel_raw"
+    result = bench.finish(bench.navigator.exe_path(FollowGoal(PATH)))
+    why = "nobody listens to /cmd_vel_raw: " if outcome is ControlOutcome.ROBOT_STUCK else ""
+    assert result.message == f"{why}it has not moved"
+
+
 def test_oscillation_is_noticed(make_bench):
     bench = make_bench(oscillation_timeout=2.0, oscillation_distance=0.3)
     bench.script.velocity = lambda state: Twist2D(0.2 if math.sin(5.0 * bench.now) > 0.0 else -0.2, 0.0, 0.0)

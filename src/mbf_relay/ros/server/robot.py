@@ -137,6 +137,11 @@ class RosRobot(Robot):
                 raise StaleDataError(f"{trouble} ('{self._base_frame}' in '{frame}' and {self._topic})")
         return velocity
 
+    @property
+    def unheard(self) -> str:
+        """Say where nobody takes velocities: a driver or a velocity_guard that is gone."""
+        return "" if self._publisher.get_num_connections() else f"nobody listens to {self._publisher.resolved_name}"
+
     def command(self, velocity: Twist2D) -> None:
         """Send a velocity; one that is not finite becomes a stop."""
         if not velocity.is_finite():

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
 from mbf_relay.geometry import STOP, Twist2D  # noqa: E402
-from mbf_relay.ros.server.robot import _Wheels  # noqa: E402
+from mbf_relay.ros.server.robot import RosRobot, _Wheels  # noqa: E402
 
 
 def heard_when(commanded):
@@ -19,6 +19,12 @@ def heard_when(commanded):
 @pytest.mark.parametrize("commanded", [None, STOP])
 def test_wheels_that_connect_to_a_server_without_a_drive_are_stopped(commanded):
     assert heard_when(commanded) == [(0.0, 0.0)]
+
+
+@pytest.mark.parametrize("listeners, said", [(0, "nobody listens to /cmd_vel_raw"), (1, "")])
+def test_it_is_said_where_no_wheels_are_left_to_tell(listeners, said):
+    publisher = SimpleNamespace(get_num_connections=lambda: listeners, resolved_name="/cmd_vel_raw")
+    assert RosRobot.unheard.fget(SimpleNamespace(_publisher=publisher)) == said
 
 
 def test_wheels_that_connect_during_a_drive_are_left_to_it():
