@@ -49,6 +49,13 @@ class RelayProgramsTest(RelayCase):
             wait_until(lambda: self.reported("cancel drive 91.0"), "the cancel at the server")
             self.assertEqual(relay.wait(20.0), 0)
 
+    def test_a_second_relay_beside_one_that_works_ends_and_says_which(self):
+        """Each goal went to both, which replaced each other's at the server: it ended LOST, or PREEMPTED by itself."""
+        self.make_sure_of_server()
+        relay = subprocess.run([program("move_base_relay"), "__name:=another"], stderr=subprocess.PIPE, text=True)
+        self.assertEqual(relay.returncode, 1)
+        self.assertIn("/move_base serves the action /move_base already", relay.stderr)
+
     def test_a_relay_that_ends_leaves_wishes_and_takes_what_it_showed(self):
         self.make_sure_of_server()
         shown, wish = "/fourth/move_base/controller_frequency", "/fourth/move_base/oscillation_timeout"

@@ -68,8 +68,8 @@ def check_reach(footprint: np.ndarray, resolution: float) -> None:
     reach = float(np.hypot(footprint[:, 0], footprint[:, 1]).max(initial=0.0))
     if reach > FARTHEST * resolution:
         raise ValueError(
-            f"the footprint reaches {reach:.2f} m from the base frame, {reach / resolution:.0f} cells of {resolution:g} m; "
-            f"at most {FARTHEST} cells can be looked at: give the costmap a coarser resolution")
+            f"the footprint reaches {reach:.2f} m from the base frame, {reach / resolution:.0f} cells of "
+            f"{resolution:g} m; at most {FARTHEST} cells can be looked at: give the costmap a coarser resolution")
 
 
 def footprint_from_radius(radius: float) -> np.ndarray:

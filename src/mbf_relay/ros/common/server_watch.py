@@ -166,3 +166,18 @@ def ask_node(node: str, address: str = "", timeout: float = ASK_TIMEOUT) -> str:
     except (OSError, http.client.HTTPException, xmlrpc.client.Error):
         return MUTE
     return THERE
+
+
+def check_alone(action: str) -> None:
+    """Raise ValueError where another node that lives serves an action: goals go to both, and neither's answers hold."""
+    here, topic = rospy.get_name(), rospy.resolve_name(f"{action}/result")
+    try:
+        answer: Any = impatient_proxy(rosgraph.get_master_uri(), ASK_TIMEOUT).getSystemState(here)
+        publishers = dict(answer[2][0]).get(topic, [])
+    except (OSError, http.client.HTTPException, xmlrpc.client.Error):
+        return  # the master is watched by others
+    for node in publishers:
+        if node != here and ask_node(node) == THERE:
+            raise ValueError(
+                f"{node} serves the action {rospy.resolve_name(action)} already: goals would go to both, and get lost "
+                f"between them; end it first (rosnode kill {node}), or give this one a namespace (__ns:=NAME)")

@@ -19,6 +19,7 @@ from mbf_relay.ros.common.action_client import ActionClient
 from mbf_relay.ros.common.action_server import ActionServer
 from mbf_relay.ros.common.diagnostics import ERROR, OK, WARN, Diagnostics, Report
 from mbf_relay.ros.common.node import on_shutdown, spare_what_stays
+from mbf_relay.ros.common.server_watch import check_alone
 from mbf_relay.ros.relay.answers import Answer
 from mbf_relay.ros.relay.goal_frame import GoalFrame
 from mbf_relay.ros.relay.reconfigure import (
@@ -52,6 +53,8 @@ def serve(action: bool = True, topic: bool = True, own: Optional[Any] = None) ->
         given, notes = RelayParameters.read(namespace)
         ros_parameters.warn_of(notes, "~")
         parameters = given.replace(server=rospy.get_name(), global_frame=own.global_frame)
+    if action:
+        check_alone("move_base")
     client = ActionClient(
         f"{parameters.server}/move_base",
         MoveBaseAction,

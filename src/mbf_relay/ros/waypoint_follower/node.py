@@ -22,6 +22,7 @@ from mbf_relay.ros.common.action_client import ActionClient
 from mbf_relay.ros.common.action_server import ActionServer
 from mbf_relay.ros.common.client_goals import ActionEnding, SentGoal
 from mbf_relay.ros.common.node import on_shutdown
+from mbf_relay.ros.common.server_watch import check_alone
 
 LOOK_PERIOD = 0.05
 """Wall time (s) between two looks at what move_base does."""
@@ -38,6 +39,7 @@ class WaypointFollowerNode:
     def __init__(self, parameters: WaypointFollowerParameters) -> None:
         from mbf_relay.msg import FollowWaypointsAction, FollowWaypointsFeedback, FollowWaypointsResult
 
+        check_alone("follow_waypoints")
         self._feedback, self._result = FollowWaypointsFeedback, FollowWaypointsResult
         self._client = ActionClient("move_base", MoveBaseAction, leased=True)
         self._goal: Optional[Any] = None

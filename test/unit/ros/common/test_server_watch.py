@@ -3,9 +3,10 @@
 from types import SimpleNamespace
 
 import pytest
+import rospy
 
 from mbf_relay.ros.common import server_watch
-from mbf_relay.ros.common.server_watch import GONE, THERE, ServerWatch
+from mbf_relay.ros.common.server_watch import GONE, THERE, ServerWatch, check_alone
 
 NODE = "/move_base_flex"
 
@@ -71,3 +72,29 @@ def test_a_server_that_died_is_lost_though_its_connection_seems_to_stand(world):
     world.now += 1.0
     assert "does not exist any more" in world.watch.why_lost(world.now)
     assert not world.watch.is_up
+
+
+@pytest.mark.parametrize("others, alive, refused", [
+    ([], [], False), (["/here"], ["/here"], False), (["/here", "/other"], ["/other"], True), (["/other"], [], False),
+])
+def test_two_nodes_do_not_take_the_same_goals_from_each_other(monkeypatch, others, alive, refused):
+    state = 1, "", [[["/move_base/result", others], ["/move_base/status", ["/other"]]], [], []]
+    monkeypatch.setattr(server_watch, "impatient_proxy", lambda *_: SimpleNamespace(getSystemState=lambda _: state))
+    monkeypatch.setattr(server_watch, "ask_node", lambda node: THERE if node in alive else GONE)
+    monkeypatch.setattr(rospy, "get_name", lambda: "/here")
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+    if refused:
+        with pytest.raises(ValueError, match="/other serves the action /move_base already"):
+            check_alone("move_base")
+    else:
+        check_alone("move_base")
+
+
+def test_a_node_does_not_wait_for_a_master_that_is_gone_to_learn_whether_it_is_alone(monkeypatch):
+    def refuse(_):
+        raise ConnectionRefusedError
+
+    monkeypatch.setattr(server_watch, "impatient_proxy", lambda *_: SimpleNamespace(getSystemState=refuse))
+    monkeypatch.setattr(rospy, "get_name", lambda: "/here")
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+    check_alone("move_base")
