@@ -22,7 +22,6 @@ from mbf_relay.costmap.cost_grid import (
 )
 from mbf_relay.costmap.layer import Layer, LayerContext, ZoneLimit, changed_window, shifted, tracks_of
 from mbf_relay.costmap.observation import Observation
-from mbf_relay.costmap.outline import check_reach
 from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
@@ -135,13 +134,8 @@ class Costmap:
             self._redo_due, self._near = True, None
 
     def set_footprint(self, outline: np.ndarray) -> None:
-        """Take another outline of the robot, without padding, as `parse_footprint` gives it, shape (K, 2) in metres.
-
-        Raises:
-            ValueError: It is too large for the costmap's cells.
-        """
+        """Take another outline of the robot, without padding, as `parse_footprint` gives it, shape (K, 2) in metres."""
         with self._lock:
-            check_reach(outline, self.parameters.resolution)
             self._outline, self._near = outline, None
             self._footprint = footprints.padded(outline, self.parameters.footprint_padding)
             self._inscribed_radius, self._circumscribed_radius = footprints.radii(self._footprint)

@@ -113,6 +113,7 @@ def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
     from mbf_relay.kernels import reason_in_process
     from mbf_relay.outcomes import StaleDataError, TransformError
     from mbf_relay.ros.common.master_watch import MasterWatch
+    from mbf_relay.ros.common.own_address import warn_where_unreachable
 
     status = 0
 
@@ -130,6 +131,7 @@ def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
         logs.log_to_terminal()
         logs.log_without_master()
         MasterWatch(start_again)
+        warn_where_unreachable()
         reason = reason_in_process()
         if reason:
             rospy.logwarn("numba compiles kernels in this process, which takes 100 MiB of it: %s", reason)
