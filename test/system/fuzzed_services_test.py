@@ -34,10 +34,10 @@ from tally import LONG, how_many, trial  # noqa: E402
 OURS = (*NODES[:5], "/simulator")
 ROSPYS = ("get_loggers", "set_logger_level", "tf2_frames")
 RECORDS = "/simulator/take_pictures"  # takes long and writes files
-BLIND_CHANCE = settings(
-    max_examples=how_many(8, 200), deadline=None, database=None, derandomize=not LONG,
-    suppress_health_check=list(HealthCheck),
-)
+ASKED = 5000
+"""Requests that are made in all under --long."""
+WIDE = 0.8
+"""Share of services that can be asked for so many different things; of one that takes a few switches there are few."""
 KINDS = {"bools": st.booleans(), "ints": values("int32"), "strs": WORDS, "doubles": NUMBERS}
 
 
@@ -107,8 +107,12 @@ class TestFuzzedServices(unittest.TestCase):
         self.assertEqual([entry.msg for entry in self.log.messages if "Traceback" in entry.msg], [])
 
     def ask_blindly(self, name, kind, requests):
-        """Ask for what chance makes."""
-        BLIND_CHANCE(given(requests)(lambda request: self.ask(name, kind, request) and None))()
+        """Ask for what chance makes, so often that all services together come to ASKED."""
+        askable = [service for service, its in services() if its is Reconfigure or its._request_class.__slots__]
+        chance = settings(
+            max_examples=how_many(8, math.ceil(ASKED / (WIDE * len(askable)))), deadline=None, database=None,
+            derandomize=not LONG, suppress_health_check=list(HealthCheck))
+        chance(given(requests)(lambda request: self.ask(name, kind, request) and None))()
 
     def test_1_services(self):
         for name, kind in services():
