@@ -372,11 +372,9 @@ class Costmap:
         with self._lock:
             if self._last_update is None:
                 return f"{self.name} was not updated yet"
-            for layer in self.layers:
-                reason = layer.stale_reason(now) if layer.enabled else None
-                if reason is not None:
-                    return f"{self.name}: {reason}"
-            return self._age_reason(now, 1.0 if self.sources else math.inf)
+            not_updated = self._age_reason(now, 1.0 if self.sources else math.inf)  # nor do sensors get through then
+            reasons = (layer.stale_reason(now) for layer in self.layers if layer.enabled)
+            return not_updated or next((f"{self.name}: {reason}" for reason in reasons if reason is not None), None)
 
     def planning_trouble(self, now: float) -> Optional[PlanningError]:
         """Return why the snapshot must not be planned on, or None: sensors may be silent, but there must be a snapshot.

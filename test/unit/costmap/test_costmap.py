@@ -190,6 +190,15 @@ def test_a_costmap_that_sees_and_is_never_updated_is_planned_on_but_not_driven_o
     assert costmap.planning_trouble(60.0) is None
 
 
+def test_a_lidar_is_not_blamed_where_the_costmap_takes_nothing_up():
+    """Of a costmap whose updates were switched off in a drive it was said that the lidar sent nothing."""
+    costmap = factory.build_costmap("local_costmap", NEW_FORM)
+    costmap.observe("scan", Observation((0.0, 0.0), np.zeros((0, 2)), None, 0.1))
+    costmap.update(0.1, IDENTITY)
+    costmap.reconfigure(costmap.parameters.replace(update_frequency=0.0))
+    assert costmap.stale_reason(60.0).endswith("its update_frequency is 0")
+
+
 def test_whoever_waits_for_a_sensor_is_told_why_what_it_sent_was_not_used():
     costmap = factory.build_costmap("local_costmap", NEW_FORM)
     costmap.update(0.0, IDENTITY)
