@@ -195,6 +195,8 @@ def test_resampling_keeps_its_interval_and_can_wait_for_need():
         (Pose2D(math.nan, 0.0, 0.0), NARROW, "not finite"), (Pose2D(50.0, 0.0, 0.0), NARROW, "not on the map"),
         (START, NARROW * math.nan, "covariance"), (START, np.zeros((2, 2)), "covariance"),
         (Pose2D(0.0, math.inf, 0.0), NARROW, "not finite"),
+        # of a robot so unsure the particles lay a hundred kilometres off the map, and no goal was driven to
+        (START, np.diag([1e12, 1e12, 0.1]), "deviation of 1e.06 m"),
     ],
 )
 def test_bad_initial_poses_are_refused_and_harm_nothing(pose, covariance, complaint):

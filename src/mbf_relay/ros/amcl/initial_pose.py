@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.outcomes import TransformError
-from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.checks import InvalidMessage, shown
 from mbf_relay.ros.common.conversions import pose_from_message, transform_from_message
 from mbf_relay.ros.common.transforms import Transforms
 
@@ -21,7 +21,7 @@ def check_frame(message: PoseWithCovarianceStamped, global_frame: str) -> None:
     if not frame:
         rospy.logwarn("initial pose without a frame, taken in '%s'; always give one", global_frame)
     elif frame != global_frame:
-        raise InvalidMessage(f"it is in frame '{frame}'; it must be in '{global_frame}'")
+        raise InvalidMessage(f"it is in frame '{shown(frame)}'; it must be in '{global_frame}'")
 
 
 def initial_pose_from_message(message: PoseWithCovarianceStamped, motion: Pose2D) -> Tuple[Pose2D, np.ndarray]:

@@ -14,6 +14,8 @@ import numpy as np
 from mbf_relay.maps import COARSEST, FINEST, LARGEST_SIDE, MOST_CELLS
 from mbf_relay.scan_monitor import LARGEST_GAP
 
+LONGEST_FRAME = 256
+"""Characters of a frame's name; each line about a goal or a message repeats it."""
 AHEAD = 2.5
 """Seconds a stamp may be ahead of the clock: amcl post-dates its transform by up to 2 s, as upstream's range allows."""
 TF2_END = 2 ** 31 - 1000
@@ -78,10 +80,15 @@ def check_stamp(stamp: float, now: float, max_age: Optional[float] = None) -> No
 
 
 def check_frames(*names: str) -> None:
-    """Refuse names that no frame can have: empty ones, and those with a NUL, of which tf2, being C, takes none."""
+    """Refuse names that no frame can have: empty or endless ones, and those with a NUL, which tf2, being C, ends at."""
     for name in names:
-        if not name.strip("/") or "\0" in name:
-            raise InvalidMessage(f"{name!r} names no frame")
+        if not name.strip("/") or "\0" in name or len(name) > LONGEST_FRAME:
+            raise InvalidMessage(f"{shown(name)!r} names no frame")
+
+
+def shown(name: str) -> str:
+    """Return a frame's name as a line of a log bears it."""
+    return name if len(name) <= LONGEST_FRAME else f"{name[:40]}... ({len(name)} characters)"
 
 
 def check_transform(message: Any) -> None:
@@ -100,6 +107,8 @@ def check_transform(message: Any) -> None:
 def check_scan(message: Any) -> None:
     """Refuse a LaserScan without sense; what its readings are worth is judged by `scan_monitor`."""
     beams = len(message.ranges)
+    if len(message.header.frame_id) > LONGEST_FRAME:
+        raise InvalidMessage(f"{shown(message.header.frame_id)!r} names no frame")
     if not 0 < beams <= MOST_BEAMS:
         raise InvalidMessage(f"scan of {beams} beams; it must have 1 to {MOST_BEAMS}")
     if not (math.isfinite(message.angle_min) and abs(message.angle_increment) * beams <= 4.0 * math.pi):

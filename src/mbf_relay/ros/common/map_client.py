@@ -12,6 +12,7 @@ from nav_msgs.srv import GetMap
 
 from mbf_relay.localization.distance_field import check_map
 from mbf_relay.maps import OccupancyMap
+from mbf_relay.ros.common.checks import shown
 from mbf_relay.ros.common.conversions import map_from_message
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 
@@ -24,7 +25,8 @@ def warn_of_frame(message: OccupancyGrid, frame: str) -> None:
     """Warn of a map that says it lies in another frame than the one it is taken to lie in."""
     said = message.header.frame_id.lstrip("/")
     if said != frame:
-        rospy.logwarn("the map is in frame '%s', not in global_frame_id '%s', where it is taken to lie", said, frame)
+        rospy.logwarn(
+            "the map is in frame '%s', not in global_frame_id '%s', where it is taken to lie", shown(said), frame)
 
 
 def request_map(frame: str) -> OccupancyMap:

@@ -14,7 +14,7 @@ from tf2_msgs.msg import TFMessage
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
-from mbf_relay.ros.common.checks import TF2_END, InvalidMessage, check_frames, check_stamp, check_transform
+from mbf_relay.ros.common.checks import TF2_END, InvalidMessage, check_frames, check_stamp, check_transform, shown
 from mbf_relay.ros.common.conversions import header, transform_from_message, transform_to_message
 from mbf_relay.ros.common.frame_tree import FrameTree
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
@@ -177,7 +177,7 @@ class CheckedListener:
             self.tree.add(message.header.frame_id, message.child_frame_id, is_fixed=max_age is None)
         except InvalidMessage as error:
             child = message.child_frame_id if len(self._trouble) < MOST_TROUBLES else ""
-            relation = f"'{message.header.frame_id}' to '{message.child_frame_id}'"
+            relation = f"'{shown(message.header.frame_id)}' to '{shown(message.child_frame_id)}'"
             self._warn_of(child, f"refused a transform from {relation}: {error}")
             return False
         if message.child_frame_id in self._trouble:
@@ -297,7 +297,7 @@ def _tf2_frames(target: str, source: str) -> Tuple[str, str]:
     try:
         check_frames(target, source)
     except InvalidMessage as error:
-        raise TransformError(f"no transform from {source!r} to {target!r}: {error}") from error
+        raise TransformError(f"no transform from {shown(source)!r} to {shown(target)!r}: {error}") from error
     return target.lstrip("/"), source.lstrip("/")
 
 

@@ -59,3 +59,11 @@ def test_a_lidar_in_an_open_place_is_believed(ranges):
     message = scan(-math.pi, math.pi, DEGREE, 360)
     message.range_max, message.ranges = 250.0, ranges
     assert len(scan_from_message(message).ranges) == 360
+
+
+def test_a_scan_whose_frame_is_named_by_a_book_is_refused_in_a_line():
+    message = scan(-math.pi, math.pi, DEGREE, 360)
+    message.header.frame_id = "a" * 100000
+    with pytest.raises(InvalidMessage, match=r"\(100000 characters\)' names no frame") as refusal:
+        scan_from_message(message)
+    assert len(str(refusal.value)) < 100
