@@ -269,7 +269,8 @@ class MapInput:
         if said != frame and lies != self.frame and not (said and self._costmap.parameters.rolling_window):
             rospy.logwarn(
                 "%s: the map on topic '%s' is in frame '%s', not in '%s'; %s", self._costmap.name, self._source.topic,
-                checks.shown(said), frame, "it is placed by their transform" if said else f"it is taken to lie in '{frame}'",
+                checks.shown(said), frame,
+                "it is placed by their transform" if said else f"it is taken to lie in '{frame}'",
             )
         return lies
 
