@@ -24,7 +24,7 @@ import numpy as np
 
 from mbf_relay.localization.beams import Beams
 from mbf_relay.localization.distance_field import DistanceField
-from mbf_relay.localization.laser_kernels import look_up_endpoints, trace_endpoints
+from mbf_relay.localization.laser_kernels import judge_beams, look_up_endpoints, trace_endpoints
 from mbf_relay.localization.scan_likelihood import some_of, thin_out
 
 BEAMS = 60
@@ -107,14 +107,14 @@ class Evidence:
         hits = np.empty((len(poses), len(endpoints)), dtype=np.float32)
         field = self._field
         look_up_endpoints(poses, endpoints, field.codes, self._hits, 0.0, field.frame, hits)
-        through = self._trace(poses, endpoints, seen.laser) * (1.0 - hits)
+        passed = self._trace(poses, endpoints, seen.laser)
+        logs, hit, through = np.empty((3, len(poses)))
+        judge_beams(hits, passed, self.unmapped, BOUNDS[1], THROUGH, logs, hit, through)
         silent_through = self.silent_through(poses, seen)
-        price = min(max(self.unmapped, 1.0 - float(hits[0].mean())), BOUNDS[1])
-        logs = np.log((1.0 - price) * hits + price * (1.0 - through * (1.0 - THROUGH)))
         silent = silent_through * (seen.silence * INDEPENDENT_BEAMS * math.log(BOUNDS[1]))
         return Judgement(
-            logs.mean(axis=1) * min(INDEPENDENT_BEAMS, len(endpoints)) + silent, hits.mean(axis=1),
-            (1.0 - seen.silence) * through.mean(axis=1) + seen.silence * silent_through,
+            logs * min(INDEPENDENT_BEAMS, len(endpoints)) + silent, hit,
+            (1.0 - seen.silence) * through + seen.silence * silent_through,
         )
 
     def silent_through(self, poses: np.ndarray, seen: Seen) -> np.ndarray:

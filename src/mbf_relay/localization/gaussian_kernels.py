@@ -81,3 +81,139 @@ def log_mixture(poses, means, whitening, log_heights, first, logs):
             else:
                 total += math.exp(log - highest)
         logs[i] = highest if total == 1.0 else highest + math.log(total)
+
+
+@kernel("boolean(float64[:,:,::1], float64[:,:,::1], float64[:,:,::1], float64[::1])")
+def factorize(covariances, roots, whitening, log_roots):
+    """Take covariances, shape (K, 3, 3), apart (Cholesky); return whether all of them are positive definite.
+
+    Args:
+        covariances: Shape (K, 3, 3), symmetric.
+        roots: Result, shape (K, 3, 3), lower triangular: each times its transpose is the covariance.
+        whitening: Result, shape (K, 3, 3): the roots' inverses.
+        log_roots: Result, shape (K,): logarithms of the roots' determinants.
+    """
+    for k in range(covariances.shape[0]):
+        root, inverse, covariance = roots[k], whitening[k], covariances[k]
+        root[:, :] = 0.0
+        inverse[:, :] = 0.0
+        for j in range(3):
+            rest = covariance[j, j]
+            for m in range(j):
+                rest -= root[j, m] * root[j, m]
+            if not rest > 0.0:
+                return False
+            root[j, j] = math.sqrt(rest)
+            for i in range(j + 1, 3):
+                rest = covariance[i, j]
+                for m in range(j):
+                    rest -= root[i, m] * root[j, m]
+                root[i, j] = rest / root[j, j]
+        for j in range(3):
+            inverse[j, j] = 1.0 / root[j, j]
+            for i in range(j + 1, 3):
+                rest = 0.0
+                for m in range(j, i):
+                    rest -= root[i, m] * inverse[m, j]
+                inverse[i, j] = rest / root[i, i]
+        log_roots[k] = math.log(root[0, 0] * root[1, 1] * root[2, 2])
+    return True
+
+
+@kernel(
+    "float64(float64[:,::1], float64[::1], float64[:,::1], float64[::1], float64, float64[::1], float64[::1],"
+    " float64[:,::1])"
+)
+def fit_and_spread(poses, log_weights, noise, floor, least, weights, mean, covariance):
+    """Fit a normal distribution to weighted poses, and spread them where they are narrower than a floor.
+
+    Args:
+        poses: Shape (N, 3).
+        log_weights: Shape (N,).
+        noise: Standard normal, shape (N, 3); result: the poses with independent noise.
+        floor: Least deviations (m, m, rad), shape (3,).
+        least: Share of the floor's variance that is added in any case.
+        weights: Result, shape (N,), sum one.
+        mean, covariance: Result, shapes (3,) and (3, 3): of the poses that were spread.
+
+    Returns:
+        The logarithm of the weights' sum.
+    """
+    count, highest, total = poses.shape[0], -np.inf, 0.0
+    for i in range(count):
+        highest = max(highest, log_weights[i])
+    for i in range(count):
+        weights[i] = math.exp(log_weights[i] - highest)
+        total += weights[i]
+    for i in range(count):
+        weights[i] /= total
+    moments(poses, weights, mean, covariance)
+    deviations = np.empty(3)
+    for j in range(3):
+        variance = floor[j] * floor[j]
+        missing = max(variance - covariance[j, j], least * variance)
+        covariance[j, j] += missing
+        deviations[j] = math.sqrt(missing)
+    for i in range(count):
+        for j in range(3):
+            noise[i, j] = poses[i, j] + deviations[j] * noise[i, j]
+    return highest + math.log(total)
+
+
+@kernel(
+    "void(float64[:,::1], float64[::1], float64[::1], float64, boolean[::1], float64[:,::1], int64[::1],"
+    " float64[:,::1], float64[:,:,::1], float64[:,:,::1], float64[::1])"
+)
+def redraw(poses, log_weights, weights, log_total, drawn, noise, counts, means, roots, whitening, log_heights):
+    """Draw some poses anew from all parts of a mixture but its first, and weigh all as samples of the first alone.
+
+    Args:
+        poses: Shape (N, 3), of the first part; changed.
+        log_weights: Shape (N,); changed.
+        weights: The same with sum one, shape (N,).
+        log_total: Logarithm of what the weights' sum was.
+        drawn: Which to draw anew, shape (N,): some, and not all.
+        noise: Standard normal, shape (D, 3), for the D poses drawn anew.
+        counts: How many of these each further part draws, one after the other, shape (K - 1,).
+        means, roots, whitening, log_heights: Of the K parts, as for `log_mixture`, and the roots' inverses' inverses.
+    """
+    count, kept, part, left, row = poses.shape[0], 0.0, 1, counts[0], 0
+    for i in range(count):
+        if not drawn[i]:
+            kept += weights[i]
+            continue
+        while left == 0:
+            left = counts[part]
+            part += 1
+        for j in range(3):
+            poses[i, j] = means[part, j]
+            for m in range(j + 1):
+                poses[i, j] += roots[part, j, m] * noise[row, m]
+        poses[i, 2] -= 2.0 * math.pi * math.floor((poses[i, 2] + math.pi) / (2.0 * math.pi))
+        left -= 1
+        row += 1
+    first, logs = np.empty(count), np.empty(count)
+    log_mixture(poses, means, whitening, log_heights, first, logs)
+    share = row / count
+    of_first = log_total - math.log(1.0 - share)
+    of_kept, of_drawn = math.log(1.0 - share) - log_total - math.log(kept), -math.log(count)
+    for i in range(count):
+        own = of_drawn if drawn[i] else of_kept + log_weights[i]
+        log_weights[i] = of_first + first[i] - logs[i] + own
+
+
+@kernel("float64(float64[::1], float64[::1])")
+def normalize(log_weights, weights):
+    """Normalize weights, shape (N,), given by their logarithms, which change; return the logarithm of what the sum was.
+    """
+    highest, total = -np.inf, 0.0
+    for i in range(log_weights.shape[0]):
+        highest = max(highest, log_weights[i])
+    for i in range(log_weights.shape[0]):
+        weights[i] = math.exp(log_weights[i] - highest)
+        total += weights[i]
+    log_sum = highest + math.log(total)
+    for i in range(log_weights.shape[0]):
+        weights[i] /= total
+        log_weights[i] -= log_sum
+    return log_sum

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Tuple
+from functools import cached_property
+from typing import NamedTuple, Tuple
 
 import numpy as np
 
 from mbf_relay.geometry import Pose2D, normalize_angles
-from mbf_relay.localization.gaussian_kernels import log_mixture, moments
+from mbf_relay.localization.gaussian_kernels import factorize, fit_and_spread, log_mixture, moments, normalize, redraw
 
 FLOOR = np.array([0.02, 0.02, 0.01])
 """Least deviations (m, m, rad) of a cluster of particles: what lies in one place can neither spread nor be fitted."""
@@ -34,13 +35,7 @@ class PoseGaussian:
         moments(np.ascontiguousarray(poses), np.ascontiguousarray(weights), mean, covariance)
         return PoseGaussian(mean, covariance)
 
-    def shortfall(self) -> np.ndarray:
-        """Return the deviations, shape (3,), of independent noise that makes it no narrower than FLOOR."""
-        floor = np.square(FLOOR)
-        deviations: np.ndarray = np.sqrt(np.maximum(floor - np.diag(self.covariance), LEAST * floor))
-        return deviations
-
-    @property
+    @cached_property
     def information(self) -> np.ndarray:
         """Inverse of the covariance, shape (3, 3)."""
         return np.linalg.inv(self.covariance)
@@ -66,6 +61,22 @@ class PoseGaussian:
         return PoseMixture((self,), np.ones(1)).sample(count, rng)
 
 
+class Factors(NamedTuple):
+    """What densities and samples of K normal distributions are reckoned from.
+
+    Attributes:
+        means: Shape (K, 3).
+        roots: Of the covariances, lower triangular, shape (K, 3, 3); a root times its transpose is the covariance.
+        whitening: The roots' inverses, shape (K, 3, 3).
+        log_heights: Log-density of each at its mean, its share in a mixture, shape (K,).
+    """
+
+    means: np.ndarray
+    roots: np.ndarray
+    whitening: np.ndarray
+    log_heights: np.ndarray
+
+
 @dataclass(frozen=True)
 class PoseMixture:
     """A mixture of normal distributions with shares that sum to one."""
@@ -77,13 +88,21 @@ class PoseMixture:
         """Return the log-density at poses, (N, 3) in, (N,) out."""
         return self.log_densities(poses)[1]
 
+    @cached_property
+    def factors(self) -> Factors:
+        """Its parts as kernels take them; LinAlgError where a covariance is not positive definite."""
+        covariances = np.array([part.covariance for part in self.parts])
+        roots, whitening, log_roots = np.empty_like(covariances), np.empty_like(covariances), np.empty(len(covariances))
+        if not factorize(covariances, roots, whitening, log_roots):
+            raise np.linalg.LinAlgError("a covariance is not positive definite")
+        means = np.array([part.mean for part in self.parts])
+        return Factors(means, roots, whitening, np.log(self.shares) + LOG_NORMALIZER - log_roots)
+
     def log_densities(self, poses: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return the log-densities of the first part alone and of the mixture at poses, (N, 3) in, each (N,) out."""
-        roots = np.linalg.cholesky([part.covariance for part in self.parts])
-        heights = np.log(self.shares) + LOG_NORMALIZER - np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
-        means = np.array([part.mean for part in self.parts])
         first, logs = np.empty(len(poses)), np.empty(len(poses))
-        log_mixture(np.ascontiguousarray(poses), means, np.linalg.inv(roots), heights, first, logs)
+        means, _, whitening, heights = self.factors
+        log_mixture(np.ascontiguousarray(poses), means, whitening, heights, first, logs)
         first -= math.log(self.shares[0])
         return first, logs
 
@@ -91,11 +110,55 @@ class PoseMixture:
         """Draw poses, shape (count, 3), those of one part after those of another."""
         poses: np.ndarray = rng.standard_normal((count, 3))
         end = 0
-        for part, drawn in zip(self.parts, rng.multinomial(count, self.shares)):
+        for mean, root, drawn in zip(*self.factors[:2], rng.multinomial(count, self.shares)):
             own, end = poses[end:end + drawn], end + drawn
-            own[:] = own @ np.linalg.cholesky(part.covariance).T + part.mean
+            own[:] = own @ root.T + mean
         poses[:, 2] = normalize_angles(poses[:, 2])
         return poses
+
+
+class PoseSample:
+    """Weighted poses that stand for a normal distribution, and may be drawn anew in part.
+
+    Attributes:
+        poses: Shape (N, 3): those handed in, spread where they were narrower than FLOOR.
+        log_weights: Shape (N,), with the sum that they were handed in with.
+        prior: The distribution.
+    """
+
+    def __init__(self, poses: np.ndarray, log_weights: np.ndarray, rng: np.random.Generator) -> None:
+        """Fit and spread poses, shape (N, 3), with the logarithms of their weights, shape (N,)."""
+        mean, covariance = np.empty(3), np.empty((3, 3))
+        self.poses, self._weights = rng.standard_normal(poses.shape), np.empty(len(poses))
+        self.log_weights = log_weights.copy()
+        self._log_total = fit_and_spread(
+            np.ascontiguousarray(poses), self.log_weights, self.poses, FLOOR, LEAST, self._weights, mean, covariance
+        )
+        self.prior = PoseGaussian(mean, covariance)
+
+    def redraw(self, share: float, around: PoseMixture, rng: np.random.Generator) -> None:
+        """Draw about a share of the poses from another distribution instead, and weigh all as samples of the prior.
+
+        Those that stay and those drawn are samples of two distributions of one target, and weighed together by the
+        balance heuristic (Veach and Guibas 1995). What stays keeps its weight in that: forgotten, the belief would
+        widen at every scan, of itself.
+        """
+        drawn = rng.random(len(self.poses)) < share
+        count = int(np.count_nonzero(drawn))
+        if not 0 < count < len(drawn):
+            return
+        share = count / len(drawn)
+        noise, counts = rng.standard_normal((count, 3)), rng.multinomial(count, around.shares)
+        both = PoseMixture((self.prior, *around.parts), np.append(1.0 - share, share * around.shares))
+        redraw(self.poses, self.log_weights, self._weights, self._log_total, drawn, noise, counts, *both.factors)
+
+
+def normalized(log_weights: np.ndarray) -> Tuple[np.ndarray, np.ndarray, float]:
+    """Return the logarithms of weights, shape (N,), with sum one, these weights, and the logarithm of what the sum was.
+    """
+    logs, weights = log_weights.copy(), np.empty(len(log_weights))
+    log_sum = normalize(logs, weights)
+    return logs, weights, float(log_sum)
 
 
 def log_sum_exp(values: np.ndarray) -> float:

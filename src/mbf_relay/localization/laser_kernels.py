@@ -122,6 +122,38 @@ def look_up_endpoints(poses, endpoints, codes, table, outside, frame, values):
                 values[i, j] = outside
 
 
+@kernel(
+    "void(float32[:,::1], uint8[:,::1], float64, float64, float64, float64[::1], float64[::1], float64[::1])"
+)
+def judge_beams(hits, passed, unmapped, most_unmapped, through_walls, logs, hit, through):
+    """Average over beams how likely they are, how many hit what the map has, and how many pass through what it has.
+
+    Args:
+        hits: How well each beam ends on something, 0 to 1, at each pose, shape (K, B); the first is of the one held.
+        passed: Whether it passed through something, shape (K, B).
+        unmapped: Share of the beams that end where the map has nothing, as far as known; the one held may tell of more.
+        most_unmapped: Which it is at most.
+        through_walls: Share of these that pass through something.
+        logs: Result, shape (K,): mean log-likelihood.
+        hit, through: Result, shape (K,): means.
+    """
+    poses, beams = hits.shape
+    price = 0.0
+    for i in range(poses):
+        logs[i], hit[i], through[i] = 0.0, 0.0, 0.0
+        for j in range(beams):
+            hit[i] += hits[i, j]
+        hit[i] /= beams
+        if i == 0:
+            price = min(max(unmapped, 1.0 - hit[0]), most_unmapped)
+        for j in range(beams):
+            wrong = passed[i, j] * (1.0 - hits[i, j])
+            through[i] += wrong
+            logs[i] += math.log((1.0 - price) * hits[i, j] + price * (1.0 - wrong * (1.0 - through_walls)))
+        logs[i] /= beams
+        through[i] /= beams
+
+
 @kernel("float64(uint8[:,::1], float64, float64, float64, float64)")
 def cast_ray(blocked, column, row, angle, reach):
     """Return how far (cells) a ray runs until it enters a blocked cell or leaves the grid, at most `reach`.

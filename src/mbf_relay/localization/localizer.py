@@ -210,11 +210,11 @@ class Localizer:
         if self.parameters.robust:
             corrected = self._correct(scan, laser_pose_in_base, beams)
             self._updates, pose, moments = self._updates + corrected.news, corrected.pose, corrected.moments
-            self.log_likelihood = corrected.log_likelihood
+            self.log_likelihood, weights = corrected.log_likelihood, corrected.weights
         else:
             self.log_likelihood = self._reweight(beams)
             self._updates += 1.0
-        weights = self.weights
+            weights = self.weights
         self.effective_particles = 1.0 / float(np.square(weights).sum())
         # As in amcl the first scan after a start, which counts anyway, leaves a request to the second.
         self._forced = self._forced and self._odom_pose is None
@@ -278,14 +278,14 @@ class Localizer:
         return pick_beams(scan, laser_pose, 1, self.parameters.laser_min_range, self.parameters.laser_max_range)
 
     def _correct(self, scan: LaserScan, laser_pose: Pose2D, beams: Beams) -> Corrected:
-        """Redraw particles with the whole scan in view, weigh them, by a laser model that was chosen, and normalise."""
+        """Redraw particles with the whole scan in view, and weigh them, by a laser model that was chosen."""
         weigh = None
         if self.parameters.laser_model_type != OWN_MODEL:
             picked = self._laser_model.pick(scan, laser_pose)
             weigh = functools.partial(self._laser_model.tempered, beams=picked, converged=self._converged)
         corrected = self._tracker.correct(
             self.poses, self.log_weights, beams, scan.frame, self._rng, self._forced, weigh)
-        self.poses, self.log_weights = corrected.poses, corrected.log_weights - log_sum_exp(corrected.log_weights)
+        self.poses, self.log_weights = corrected.poses, corrected.log_weights
         return corrected
 
     def _reweight(self, beams: Beams) -> float:

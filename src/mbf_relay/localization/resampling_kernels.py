@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loops over the histogram of poses: drawing until it is well filled, and its connected clusters."""
+"""Compiled loops over histograms: of poses, drawing until it is well filled, and its clusters; of a scan's ends."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ BIN_ANGLE = math.pi / 18.0
 ANGLE_BINS = 36
 OFFSET = 1 << 20
 FRACTION = 0.6180339887498949
+FARTHEST = 1 << 30
+"""Squares from the origin to where a point may lie."""
 
 
 @kernel("int64(float64, float64, float64)")
@@ -134,3 +136,28 @@ def label_clusters(poses, keys, labels_of_slots, labels):
             clusters += 1
         labels[i] = labels_of_slots[slots[i]]
     return clusters
+
+
+@kernel("int64(float64[:,::1], float64, int64[::1], int64[::1])")
+def first_in_squares(points, side, keys, chosen):
+    """Choose the first point in each square of a plane.
+
+    Args:
+        points: Shape (N, 2) in metres.
+        side: Of a square (m).
+        keys: Hash table, a power of two of at least 2 N places, all -1.
+        chosen: Result, room for N indices, rising.
+
+    Returns:
+        How many were chosen.
+    """
+    found = 0
+    for i in range(points.shape[0]):
+        column, row = int(math.floor(points[i, 0] / side)), int(math.floor(points[i, 1] / side))
+        key = ((column + FARTHEST) << 32) + row + FARTHEST
+        slot = slot_of(key, keys)
+        if keys[slot] == -1:
+            keys[slot] = key
+            chosen[found] = i
+            found += 1
+    return found

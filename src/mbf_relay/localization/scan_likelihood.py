@@ -13,6 +13,8 @@ from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.gaussians import PoseGaussian, PoseMixture
 from mbf_relay.localization.laser_kernels import sum_over_endpoints
 from mbf_relay.localization.refinement_kernels import choose_apart, climb
+from mbf_relay.localization.resampling import hash_table
+from mbf_relay.localization.resampling_kernels import first_in_squares
 
 INDEPENDENT_BEAMS = 30.0
 """A scan says no more than so many independent beams would: its beams hit the same few walls, by the same error."""
@@ -119,10 +121,10 @@ def temper(beams: int) -> float:
 
 def thin_out(endpoints: np.ndarray, most: int = 1 << 30) -> np.ndarray:
     """Return endpoints, shape (B, 2), with at most one in each square of SPACING and at most so many."""
-    cells = np.floor(endpoints / SPACING).astype(np.int64)
-    _, first = np.unique(cells[:, 0] * (1 << 32) + cells[:, 1], return_index=True)
-    first.sort()
-    return np.ascontiguousarray(endpoints[first[:: max(1, -(-len(first) // most))]])
+    first = np.empty(len(endpoints), dtype=np.int64)
+    count = first_in_squares(np.ascontiguousarray(endpoints), SPACING, hash_table(len(endpoints)), first)
+    kept: np.ndarray = endpoints[first[:count:max(1, -(-count // most))]]
+    return kept
 
 
 def some_of(endpoints: np.ndarray, count: int) -> np.ndarray:

@@ -11,13 +11,12 @@ particles in the place of their single one).
 from __future__ import annotations
 
 import functools
-import math
 from typing import Callable, NamedTuple, Optional, Tuple, Union
 
 import numpy as np
 
 from mbf_relay.localization.estimate import cluster, heaviest_first
-from mbf_relay.localization.gaussians import PoseGaussian, PoseMixture, log_sum_exp
+from mbf_relay.localization.gaussians import PoseGaussian, PoseSample, log_sum_exp, normalized
 from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, apart, mixture_around, some_of
 
 Members = Union[slice, np.ndarray]
@@ -47,7 +46,8 @@ class Proposed(NamedTuple):
 
     Attributes:
         poses: Shape (N, 3).
-        log_weights: Shape (N,), not normalised.
+        log_weights: Shape (N,), of weights that sum to one.
+        weights: Shape (N,).
         log_likelihood: Logarithm of the particles' average likelihood of the whole scan, and not its news alone.
         prior: Where odometry had the heaviest cluster.
         best: Where that fits the scan best.
@@ -56,6 +56,7 @@ class Proposed(NamedTuple):
 
     poses: np.ndarray
     log_weights: np.ndarray
+    weights: np.ndarray
     log_likelihood: float
     prior: PoseGaussian
     best: PoseGaussian
@@ -108,8 +109,9 @@ class ScanProposal:
                 best, explained = PoseGaussian(modes.poses[top], modes.covariances[top]), float(modes.explained[top])
         # Of a scan in which little is on the map, what fits does so by chance.
         likelihoods *= min(1.0, explained / FULL_CREDIT) ** 3
-        log_likelihood = log_sum_exp(log_weights + likelihoods / news)
-        return Proposed(poses, log_weights + likelihoods, log_likelihood, held, best, explained)
+        normal, weights, of_news = normalized(log_weights + likelihoods)
+        log_likelihood = of_news if news == 1.0 else log_sum_exp(log_weights + likelihoods / news)
+        return Proposed(poses, normal, weights, log_likelihood, held, best, explained)
 
     def _redraw(
         self, members: Members, poses: np.ndarray, log_weights: np.ndarray, likelihoods: np.ndarray, look: Weigh,
@@ -118,31 +120,15 @@ class ScanProposal:
         """Draw a part of a cluster anew around the maxima of its posterior; changes the three arrays in place.
 
         Return what the cluster was and the maxima.
-
-        Those that stay and those drawn are samples of two distributions of one target, and weighed together by the
-        balance heuristic (Veach and Guibas 1995). What stays keeps its weight in that: forgotten, the belief would
-        widen at every scan, of itself.
         """
-        own_weights = log_weights[members]
-        total = log_sum_exp(own_weights)
-        count, own = len(own_weights), poses[members]
-        fitted = PoseGaussian.fitted(own, np.exp(own_weights - total))
-        shortfall = fitted.shortfall()
-        prior = fitted.widened(shortfall)
-        own = own + shortfall * rng.standard_normal((count, 3))
-        starts = self._starts(own, own_weights, np.sqrt(np.diag(prior.covariance)), endpoints, news)
+        sample = PoseSample(poses[members], log_weights[members], rng)
+        prior = sample.prior
+        spread = np.sqrt(np.diagonal(prior.covariance))
+        starts = self._starts(sample.poses, sample.log_weights, spread, endpoints, news)
         modes = self._likelihood.modes(np.vstack((starts, prior.mean)), prior, endpoints, news)
-        around = mixture_around(modes)
-        drawn = rng.random(count) < DRAWN * news
-        if drawn.any() and not drawn.all():
-            share = float(drawn.mean())
-            own[np.flatnonzero(drawn)] = around.sample(int(drawn.sum()), rng)  # faster than by the mask
-            both = PoseMixture((prior, *around.parts), np.append(1.0 - share, share * around.shares))
-            of_prior, of_both = both.log_densities(own)
-            log_weights[members] = total + of_prior - of_both + np.where(
-                drawn, -math.log(count), math.log(1.0 - share) + own_weights - log_sum_exp(own_weights[~drawn])
-            )
-        poses[members], likelihoods[members] = own, look(own)
+        sample.redraw(DRAWN * news, mixture_around(modes), rng)
+        poses[members], log_weights[members] = sample.poses, sample.log_weights
+        likelihoods[members] = look(sample.poses)
         return prior, modes
 
     def _starts(

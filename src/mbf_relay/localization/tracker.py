@@ -20,7 +20,7 @@ from mbf_relay.localization.changed_blocks import ChangedBlocks
 from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.estimate import Moments, deviation_of, mean_and_covariance
 from mbf_relay.localization.evidence import Evidence, Seen
-from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp
+from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp, normalized
 from mbf_relay.localization.hypotheses import Hypotheses
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, apart, thin_out
@@ -88,7 +88,8 @@ class Corrected(NamedTuple):
 
     Attributes:
         poses: Shape (N, 3).
-        log_weights: Shape (N,), not normalised.
+        log_weights: Shape (N,), of weights that sum to one.
+        weights: Shape (N,).
         log_likelihood: Logarithm of the particles' average likelihood of the whole scan, and not its news alone.
         pose: Where the scan fits best, shape (3,); None where it does not tell.
         news: Share of the scan, 0 to 1, that earlier ones had not told.
@@ -97,6 +98,7 @@ class Corrected(NamedTuple):
 
     poses: np.ndarray
     log_weights: np.ndarray
+    weights: np.ndarray
     log_likelihood: float
     pose: Optional[np.ndarray]
     news: float
@@ -169,7 +171,7 @@ class HypothesisTracker:
         way, self._way = self._way, 0.0
         if len(seen.ends) < FEWEST_BEAMS:
             self._look_at_silence(poses, log_weights, seen, way)
-            return Corrected(poses, log_weights, log_sum_exp(log_weights), None, min(1.0, way / VIEW))
+            return Corrected(poses, *normalized(log_weights), None, min(1.0, way / VIEW))
         is_news = is_news or lidar not in self._ways
         news = 1.0 if is_news else min(1.0, max(self._ways[lidar], STANDING) / VIEW)
         since, self._ways[lidar] = self._ways.get(lidar, 0.0), 0.0
@@ -190,12 +192,12 @@ class HypothesisTracker:
             self._doubt.way = 0.0
             self.blocks.forget()  # counted from a pose that is given up
             poses, log_weights = drawn_around(winner, rng)
-            return Corrected(poses, log_weights, log_sum_exp(log_weights), None, news)
-        moments = moments_of(proposed.poses, proposed.log_weights)
+            return Corrected(poses, *normalized(log_weights), None, news)
+        moments = mean_and_covariance(proposed.poses, proposed.weights)
         if self._reliability(moments) >= BELIEVED:
             self.blocks.look(held.mean, seen.ends, seen.laser, news)
         pose = self._likelihood.sharpest(held.mean, proposed.prior, weighed)
-        return Corrected(proposed.poses, proposed.log_weights, proposed.log_likelihood, pose, news, moments)
+        return Corrected(*proposed[:4], pose, news, moments)
 
     def reliability(self, poses: np.ndarray, log_weights: np.ndarray) -> float:
         """Return the probability that the hypothesis held by particles, shape (N, 3), is right."""
