@@ -93,7 +93,7 @@ class DistanceField:
         """Whether a cell is not free, uint8 of shape (height, width); unknown space stops a beam as a wall does."""
         return np.ascontiguousarray(~is_free(self.occupancy.data)).view(np.uint8)
 
-    @property
+    @cached_property
     def frame(self) -> np.ndarray:
         """Origin x, y, theta and resolution as the kernels take them, shape (4,)."""
         return np.array([self.origin.x, self.origin.y, self.origin.theta, self.resolution])

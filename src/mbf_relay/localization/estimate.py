@@ -73,9 +73,10 @@ def estimate(poses: np.ndarray, weights: np.ndarray, moments_of_all: Optional[Mo
         moments_of_all: What `mean_and_covariance` says of them, where it is known.
     """
     labels, count = cluster(poses)
-    label, share = heaviest_first(labels, weights, count)[0]
     pose, covariance = moments_of_all or mean_and_covariance(poses, weights)
+    share = 1.0
     if count > 1:
+        label, share = heaviest_first(labels, weights, count)[0]
         members = labels == label
         pose, _ = mean_and_covariance(poses[members], weights[members])
     return Estimate(pose, covariance, min(1.0, share), count)

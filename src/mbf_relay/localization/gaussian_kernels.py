@@ -9,6 +9,11 @@ import numpy as np
 
 from mbf_relay.kernels import kernel
 
+NARROW = 0.8
+"""Turn (rad) up to which nine terms of the series of cosine and sine leave less than a float's last digit."""
+SERIES = np.array([[1.0 / (n * (n - 1)), 1.0 / (n * (n + 1))] for n in range(16, 0, -2)])
+"""What each of these terms is times the one before it and the turn's square, last first."""
+
 
 @kernel("float64(float64[:,::1], float64[::1], float64[::1], float64[:,::1])")
 def moments(poses, weights, mean, covariance):
@@ -23,15 +28,30 @@ def moments(poses, weights, mean, covariance):
     Returns:
         The length, 0 to 1, of the mean of the headings' unit vectors.
     """
-    total, x, y, cos, sin = 0.0, 0.0, 0.0, 0.0, 0.0
+    total, x, y, cos, sin, first, widest = 0.0, 0.0, 0.0, 0.0, 0.0, poses[0, 2], 0.0
     for i in range(poses.shape[0]):
         weight = weights[i]
         total += weight
         x += weight * poses[i, 0]
         y += weight * poses[i, 1]
-        cos += weight * math.cos(poses[i, 2])
-        sin += weight * math.sin(poses[i, 2])
-    mean[0], mean[1], mean[2] = x / total, y / total, math.atan2(sin, cos)
+        turn = poses[i, 2] - first
+        if abs(turn) > math.pi:
+            turn -= 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
+        widest = max(widest, abs(turn))
+        square = turn * turn
+        value, slope = 1.0, 1.0
+        for term in range(SERIES.shape[0]):
+            value, slope = 1.0 - square * SERIES[term, 0] * value, 1.0 - square * SERIES[term, 1] * slope
+        cos += weight * value
+        sin += weight * turn * slope
+    if not widest < NARROW:
+        cos, sin = 0.0, 0.0
+        for i in range(poses.shape[0]):
+            cos += weights[i] * math.cos(poses[i, 2] - first)
+            sin += weights[i] * math.sin(poses[i, 2] - first)
+    mean[0], mean[1], mean[2] = x / total, y / total, first + math.atan2(sin, cos)
+    if abs(mean[2]) > math.pi:
+        mean[2] -= 2.0 * math.pi * math.floor((mean[2] + math.pi) / (2.0 * math.pi))
     xx, xy, xa, yy, ya, aa = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(poses.shape[0]):
         weight = weights[i]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mbf_relay.geometry import normalize_angles
+from mbf_relay.localization.estimate import mean_and_covariance
 from mbf_relay.localization.gaussian_kernels import factorize
 from mbf_relay.localization.gaussians import (
     FLOOR,
@@ -140,3 +141,14 @@ def test_beams_are_judged_at_the_price_that_the_pose_held_has_for_what_is_not_on
     assert logs == pytest.approx(expected.mean(axis=1), abs=1e-6)
     assert hit == pytest.approx(hits.mean(axis=1), abs=1e-6)
     assert through == pytest.approx(wrong.mean(axis=1), abs=1e-6)
+
+
+@pytest.mark.parametrize("spread", [0.1, 3.0])
+def test_headings_are_averaged_on_their_circle_however_far_they_lie_apart(spread):
+    rng = np.random.default_rng(8)
+    poses, weights = np.zeros((500, 3)), rng.random(500)
+    poses[:, 2] = normalize_angles(rng.uniform(3.1 - spread, 3.1 + spread, 500))
+    turned = weights @ np.exp(1j * poses[:, 2]) / weights.sum()
+    pose, covariance = mean_and_covariance(poses, weights)
+    assert pose.theta == pytest.approx(np.angle(turned), abs=1e-12)
+    assert covariance[2, 2] == pytest.approx(-2.0 * math.log(abs(turned)), abs=1e-12)
