@@ -6,7 +6,8 @@ that goes along with odometry, is pulled to where scans fit, and gathers evidenc
 enters at the odds of what must have happened, the scan that brought it up not counted, and takes the place of the one
 held when it has the better evidence over several scans and a way: never on one scan, since something always looks like
 something else. Who is deposed becomes a rival and may come back. Each has its own probability of being right, which
-goes by how scans fitted where it was, and takes that along.
+goes by how scans fitted where it was, and takes that along; but the robot is in one place only, so that two places that
+both fit are each half as likely, however sure either would be alone.
 """
 
 from __future__ import annotations
@@ -20,13 +21,15 @@ import numpy as np
 from mbf_relay.geometry import angle_between
 from mbf_relay.localization.evidence import Evidence, Judgement, Seen
 from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp
-from mbf_relay.localization.reliability import Reliability
+from mbf_relay.localization.reliability import RIGHT_TURN, RIGHT_WITHIN, Reliability, within
 from mbf_relay.localization.scan_likelihood import ScanLikelihood
 
 MOST = 100
 """Rivals kept at most."""
 FORGOTTEN = -16.0
-"""Log-odds against the hypothesis held below which a rival is dropped."""
+"""Log-odds against the hypothesis held below which a rival is dropped, unless scans fit there."""
+FITS = 0.5
+"""Probability of being right, others aside, from which scans fit."""
 SAME_PLACE, SAME_HEADING = 0.3, 0.2
 """Distance (m) and turn (rad) within which two hypotheses are one."""
 PROVEN_SCANS, PROVEN_WAY = 3, 1.0
@@ -64,6 +67,7 @@ class Hypotheses:
     Attributes:
         held: Log of the share of the belief the particles hold.
         fit: How scans fitted at the one they hold.
+        at: Where that is, shape (3,).
         rivals: All others.
     """
 
@@ -72,13 +76,30 @@ class Hypotheses:
 
     def clear(self) -> None:
         """Forget all rivals, and how scans fitted."""
-        self.held, self.fit = 0.0, Reliability()
+        self.held, self.fit, self.at = 0.0, Reliability(), np.zeros(3)
         self.rivals: List[Hypothesis] = []
 
     @property
     def share_held(self) -> float:
         """Share of the belief, 0 to 1, that the particles hold."""
         return math.exp(self.held)
+
+    def reliability(self, deviation: float) -> float:
+        """Return the probability that the pose held is right, which no more than one of the hypotheses is.
+
+        What rivals leave to it is the less of two shares: by the evidence since they came up, whose map may lack walls
+        here and have them there, and by how well scans fit at each.
+
+        Args:
+            deviation: Of its position (m), of one axis.
+        """
+        own, elsewhere = odds(self.fit.right), 0.0
+        for rival in self.rivals:
+            if is_same(rival.belief.mean, self.at, RIGHT_WITHIN, RIGHT_TURN):
+                own += odds(rival.fit.right)
+            elif rival.scans > 0:
+                elsewhere += odds(rival.fit.right)
+        return within(deviation) * min(self.share_held * self.fit.right, own / (1.0 + own + elsewhere))
 
     def predict(self, move: Callable[[PoseGaussian], PoseGaussian], way: float) -> None:
         """Move all rivals by a motion of `way` metres."""
@@ -163,25 +184,37 @@ class Hypotheses:
             return None
         self.rivals.remove(best)
         self.rivals.append(Hypothesis(held, self.held, PROVEN_SCANS, PROVEN_WAY, self.fit))
-        self.held, self.fit = best.log_weight, best.fit
+        self.held, self.fit, self.at = best.log_weight, best.fit, best.belief.mean
         return best.belief
 
     def _tidy(self, held: np.ndarray) -> None:
         """Merge what has become one place, drop what has no weight to speak of, and normalise."""
         kept: List[Hypothesis] = []
         for rival in sorted(self.rivals, key=lambda one: -one.log_weight):
-            if is_same(rival.belief.mean, held) or any(is_same(rival.belief.mean, one.belief.mean) for one in kept):
-                continue
-            if len(kept) < MOST and (rival.log_weight > self.held + FORGOTTEN or rival.scans == 0):
+            places = [(held, self.fit)] + [(one.belief.mean, one.fit) for one in kept]
+            same = next((fit for place, fit in places if is_same(rival.belief.mean, place)), None)
+            if same is not None:
+                same.right = max(same.right, rival.fit.right if rival.scans > 0 else 0.0)
+            elif len(kept) < MOST and (
+                rival.log_weight > self.held + FORGOTTEN or rival.fit.right > FITS or rival.scans == 0
+            ):
                 kept.append(rival)
-        self.rivals = kept
+        self.rivals, self.at = kept, np.array(held)
         total = log_sum_exp(np.array([self.held] + [rival.log_weight for rival in kept]))
         self.held -= total
         for rival in kept:
             rival.log_weight -= total
 
 
-def is_same(pose: np.ndarray, other: np.ndarray) -> bool:
-    """Return whether two poses, shape (3,), are one place."""
-    near = math.hypot(pose[0] - other[0], pose[1] - other[1]) < SAME_PLACE
-    return near and abs(angle_between(other[2], pose[2])) < SAME_HEADING
+def is_same(
+    pose: np.ndarray, other: np.ndarray, distance: float = SAME_PLACE, turn: float = SAME_HEADING
+) -> bool:
+    """Return whether two poses, shape (3,), are one place: less than `distance` (m) and `turn` (rad) from each other.
+    """
+    near = math.hypot(pose[0] - other[0], pose[1] - other[1]) < distance
+    return near and abs(angle_between(other[2], pose[2])) < turn
+
+
+def odds(probability: float) -> float:
+    """Return the odds that a probability below 1 stands for."""
+    return probability / (1.0 - probability)

@@ -3,8 +3,7 @@
 A Bayes filter over two states, the pose held is right or wrong: by every metre a right one may go wrong and a wrong one
 right, and every scan is evidence for either by how it fits there. A wrong pose fits well for metres at a time, along a
 corridor like the right one; what spoke against it before that still counts, until another hypothesis takes over. Its
-numbers were fitted on made drives; README.md has how well they do on others. The result is times the share of the
-belief that the rivals leave the pose held.
+numbers were fitted on made drives; README.md has how well they do on others. What rivals leave of it is `Hypotheses`'.
 """
 
 from __future__ import annotations
@@ -56,12 +55,7 @@ class Reliability:
         self._first = 0.0
         self.right = 1.0 / (1.0 + math.exp(-min(MOST, max(-MOST, odds))))
 
-    def value(self, share_held: float, deviation: float) -> float:
-        """Return the probability that the pose is right; before a scan has told, as UNSEEN and the spread have it.
 
-        Args:
-            share_held: Share of the belief in the hypothesis the pose is from, 0 to 1.
-            deviation: Of its position (m), of one axis.
-        """
-        within = -math.expm1(-0.5 * (RIGHT_WITHIN / max(deviation, 1e-3)) ** 2)
-        return share_held * within * self.right
+def within(deviation: float) -> float:
+    """Return the probability that a position with this deviation (m), of one axis, errs by less than RIGHT_WITHIN."""
+    return -math.expm1(-0.5 * (RIGHT_WITHIN / max(deviation, 1e-3)) ** 2)

@@ -204,7 +204,7 @@ class HypothesisTracker:
         return self._reliability(moments_of(poses, log_weights))
 
     def _reliability(self, moments: Moments) -> float:
-        return self.hypotheses.fit.value(self.hypotheses.share_held, deviation_of(moments[1]))
+        return self.hypotheses.reliability(deviation_of(moments[1]))
 
     def _unchanged(self, poses: np.ndarray, log_weights: np.ndarray, endpoints: np.ndarray) -> np.ndarray:
         """Return a scan's ends without those in changed blocks; all of them where the pose is not to be believed.
