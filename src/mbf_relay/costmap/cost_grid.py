@@ -112,6 +112,20 @@ class CostGrid:
         """The robot's width (m), a cell at least: what lengths that suit a robot are multiples of."""
         return max(2.0 * self.half_width, self.grid.resolution)
 
+    def with_costs(self, costs: np.ndarray) -> CostGrid:
+        """Return it with other costs, shape (height, width), of whose past nothing is known."""
+        return replace(self, costs=costs, revision=0, history=())
+
+    def blocks(self, poses: np.ndarray) -> np.ndarray:
+        """Return at which poses, shape (N, 3), the robot's centre must not be: shape (N,), bool; nowhere off the grid.
+        """
+        cells = self.grid.cells_at(poses)
+        inside = self.grid.contains_cells(cells)
+        costs = np.zeros(len(poses), dtype=np.uint8)
+        costs[inside] = self.costs[cells[inside, 1], cells[inside, 0]]
+        blocked: np.ndarray = (costs == INSCRIBED) | (costs == LETHAL)
+        return blocked
+
     def changed_since(self, revision: int) -> Optional[Window]:
         """Return a window that holds all that changed since an earlier snapshot, or None where that is not known."""
         changed = EMPTY
@@ -140,7 +154,7 @@ def without_tracks(costmap: CostGrid, now: float) -> CostGrid:
         up = grid.origin_y + (np.arange(window.y0, window.y1)[:, None] + 0.5) * grid.resolution - there.y
         part = costs[window.slices]
         part[(np.hypot(across, up) <= reach) & (part == LETHAL)] = FREE_SPACE
-    return replace(costmap, costs=costs, revision=0, history=())
+    return costmap.with_costs(costs)
 
 
 def half_width_of(footprint: np.ndarray, inscribed_radius: float) -> float:

@@ -7,7 +7,7 @@ from typing import Optional
 import numpy as np
 
 from mbf_relay.control import path_kernels
-from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, CostGrid
+from mbf_relay.costmap.cost_grid import CostGrid
 from mbf_relay.geometry import Pose2D
 from mbf_relay.navigation import hysteresis_kernels
 
@@ -95,7 +95,4 @@ def path_is_blocked(costmap: CostGrid, poses: np.ndarray, robot: Optional[Pose2D
     if robot is not None:
         distances = np.hypot(poses[:, 0] - robot.x, poses[:, 1] - robot.y)
         poses = poses[int(distances.argmin()) + 1:]
-    cells = costmap.grid.cells_at(poses)
-    cells = cells[costmap.grid.contains_cells(cells)]
-    costs = costmap.costs[cells[:, 1], cells[:, 0]]
-    return bool(((costs == INSCRIBED) | (costs == LETHAL)).any())
+    return bool(costmap.blocks(poses).any())

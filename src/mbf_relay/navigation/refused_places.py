@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -71,11 +70,7 @@ def refusing_place(costmap: CostGrid, poses: np.ndarray) -> Optional[Point]:
     """Return the first place along a path, poses (N, 3) from the robot on, at which the robot does not fit; or None."""
     if len(poses) < 2:
         return None
-    cells = costmap.grid.cells_at(poses)
-    inside = costmap.grid.contains_cells(cells)
-    costs = np.zeros(len(poses), dtype=np.uint8)
-    costs[inside] = costmap.costs[cells[inside, 1], cells[inside, 0]]
-    found: List[Point] = [(x, y) for x, y, _ in poses[(costs == INSCRIBED) | (costs == LETHAL)][:1].tolist()]
+    found: List[Point] = [(x, y) for x, y, _ in poses[costmap.blocks(poses)][:1].tolist()]
     narrow = touching_cells(checker_on(costmap), Path(poses, costmap.frame))
     found += [costmap.grid.center_of(*cell) for cell in narrow[:1].tolist()]
     if not found:
@@ -127,4 +122,4 @@ def _closed(costmap: CostGrid, places: Sequence[Point], reach: float) -> CostGri
         around = around[grid.contains_cells(around)]
         columns, rows = around[:, 0], around[:, 1]
         costs[rows, columns] = np.where(costs[rows, columns] == LETHAL, LETHAL, INSCRIBED)
-    return dataclasses.replace(costmap, costs=costs, revision=0, history=())
+    return costmap.with_costs(costs)

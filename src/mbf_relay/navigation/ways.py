@@ -7,7 +7,6 @@ from typing import Any, NamedTuple, Optional, Tuple
 import numpy as np
 
 from mbf_relay.costmap.cost_grid import CostGrid
-from mbf_relay.geometry import Pose2D
 from mbf_relay.navigation.goals import FollowFeedback, FramedPose
 from mbf_relay.navigation.path_hysteresis import PathHysteresis, leads_another_way, path_is_blocked
 from mbf_relay.navigation.refused_places import Point, RefusedPlaces, Toll, refusing_place
@@ -20,18 +19,17 @@ STOOD_FOR = 2.0
 
 
 class _Ahead(NamedTuple):
-    """What is seen along a path: the costmap, the path's poses (N, 3) in its frame, and where the robot was last."""
+    """What is seen along a path.
+
+    Attributes:
+        costmap: The snapshot.
+        rest: Shape (N, 3): the path's poses in its frame, from the one nearest to the robot on.
+        is_blocked: Whether an obstacle lies on what is left of it.
+    """
 
     costmap: CostGrid
-    poses: np.ndarray
-    robot: Optional[Pose2D]
-
-    @property
-    def rest(self) -> np.ndarray:
-        """The poses from the one nearest to the robot on."""
-        if self.robot is None:
-            return self.poses
-        return self.poses[int(np.hypot(*(self.poses[:, :2] - self.robot[:2]).T).argmin()):]
+    rest: np.ndarray
+    is_blocked: bool
 
 
 class Ways:
@@ -63,10 +61,10 @@ class Ways:
         if not leads_another_way(old.poses, new.poses, robot.pose, width):
             self._hysteresis.restart()
             return True
-        if not self._hysteresis.wants(now, robot.pose, width) and not self.is_blocked(old, robot):
+        ahead = self._ahead(old, robot)
+        if not self._hysteresis.wants(now, robot.pose, width) and not (ahead is not None and ahead.is_blocked):
             return False
         self._failures = 0
-        ahead = self._ahead(old, robot)
         if ahead is not None:
             self._note(now, ahead, refusing_place(ahead.costmap, ahead.rest))
         return True
@@ -78,14 +76,14 @@ class Ways:
         self._failures += 1
         if self._failures >= STOOD_FOR * frequency:
             self._failures = 0
-            self.refuse(now, path, feedback.pose)
+            self._refuse(now, path, feedback.pose)
 
     def is_blocked(self, path: Path, robot: Optional[FramedPose]) -> bool:
         """Return whether an obstacle lies on what is left of a path."""
         ahead = self._ahead(path, robot)
-        return ahead is not None and path_is_blocked(ahead.costmap, ahead.poses, ahead.robot)
+        return ahead is not None and ahead.is_blocked
 
-    def refuse(self, now: float, path: Path, robot: Optional[FramedPose]) -> None:
+    def _refuse(self, now: float, path: Path, robot: Optional[FramedPose]) -> None:
         """Remember at `now` (s) where the robot did not get on along a path: where it does not fit, or just ahead."""
         ahead = self._ahead(path, robot)
         if ahead is not None and len(ahead.rest):
@@ -104,4 +102,6 @@ class Ways:
             frame_from_path = self._robot.transform(self._costmap.frame, path.frame)
         except (TransformError, StaleDataError):
             return None
-        return _Ahead(snapshot, frame_from_path.transform_poses(path.poses), robot.pose if robot is not None else None)
+        poses, pose = frame_from_path.transform_poses(path.poses), robot.pose if robot is not None else None
+        nearest = 0 if pose is None else int(np.hypot(*(poses[:, :2] - pose[:2]).T).argmin())
+        return _Ahead(snapshot, poses[nearest:], path_is_blocked(snapshot, poses, pose))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Callable, Tuple
 
 import numpy as np
@@ -122,4 +121,4 @@ def _closed(costmap: CostGrid, cells: np.ndarray) -> CostGrid:
         for y in (-1, 0, 1):
             columns, rows = np.clip(cells[:, 0] + x, 0, width - 1), np.clip(cells[:, 1] + y, 0, height - 1)
             costs[rows, columns] = np.maximum(costs[rows, columns], INSCRIBED)
-    return dataclasses.replace(costmap, costs=costs, revision=0, history=())
+    return costmap.with_costs(costs)
