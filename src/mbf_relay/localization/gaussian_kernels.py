@@ -140,6 +140,20 @@ def factorize(covariances, roots, whitening, log_roots):
     return True
 
 
+@kernel("float64(float64[::1], float64[::1])")
+def _weigh(log_weights, weights):
+    """Fill weights, shape (N,), whose sum is one, from their logarithms; return the logarithm of what the sum was."""
+    highest, total = -np.inf, 0.0
+    for i in range(log_weights.shape[0]):
+        highest = max(highest, log_weights[i])
+    for i in range(log_weights.shape[0]):
+        weights[i] = math.exp(log_weights[i] - highest)
+        total += weights[i]
+    for i in range(log_weights.shape[0]):
+        weights[i] /= total
+    return highest + math.log(total)
+
+
 @kernel(
     "float64(float64[:,::1], float64[::1], float64[:,::1], float64[::1], float64, float64[::1], float64[::1],"
     " float64[:,::1])"
@@ -159,14 +173,7 @@ def fit_and_spread(poses, log_weights, noise, floor, least, weights, mean, covar
     Returns:
         The logarithm of the weights' sum.
     """
-    count, highest, total = poses.shape[0], -np.inf, 0.0
-    for i in range(count):
-        highest = max(highest, log_weights[i])
-    for i in range(count):
-        weights[i] = math.exp(log_weights[i] - highest)
-        total += weights[i]
-    for i in range(count):
-        weights[i] /= total
+    count, log_sum = poses.shape[0], _weigh(log_weights, weights)
     moments(poses, weights, mean, covariance)
     deviations = np.empty(3)
     for j in range(3):
@@ -177,7 +184,7 @@ def fit_and_spread(poses, log_weights, noise, floor, least, weights, mean, covar
     for i in range(count):
         for j in range(3):
             noise[i, j] = poses[i, j] + deviations[j] * noise[i, j]
-    return highest + math.log(total)
+    return log_sum
 
 
 @kernel(
@@ -226,14 +233,7 @@ def redraw(poses, log_weights, weights, log_total, drawn, noise, counts, means, 
 def normalize(log_weights, weights):
     """Normalize weights, shape (N,), given by their logarithms, which change; return the logarithm of what the sum was.
     """
-    highest, total = -np.inf, 0.0
+    log_sum = _weigh(log_weights, weights)
     for i in range(log_weights.shape[0]):
-        highest = max(highest, log_weights[i])
-    for i in range(log_weights.shape[0]):
-        weights[i] = math.exp(log_weights[i] - highest)
-        total += weights[i]
-    log_sum = highest + math.log(total)
-    for i in range(log_weights.shape[0]):
-        weights[i] /= total
         log_weights[i] -= log_sum
     return log_sum
