@@ -25,7 +25,7 @@ UNREAD_UPSTREAM = {
 """Names that the C++ components they stand under do not read either: misspelt, misplaced, or of others."""
 INFLATED_TOO_LITTLE = ("limo_ackermann", "ridgeback", "summit_xl_eband", "summit_xl_omni", "summit_xl_teb")
 """Robots whose files inflate obstacles by less than the inscribed radius of their own footprint."""
-QUICK = ("dingo_o", "husky", "jackal", "limo_ackermann", "mir100", "turtlebot3_waffle")
+QUICK = ("dingo_o", "husky", "jackal", "limo_ackermann", "mir100", "turtlebot2", "turtlebot3_waffle")
 DRIVEN = zoo.NAMES if LONG else QUICK
 
 

@@ -27,6 +27,7 @@ NAMES = sorted(SETS)
 SPEEDS = ("max_vel_trans", "max_trans_vel", "max_vel_x", "max_vel_lin", "max_speed_xy")
 TURNS = ("max_vel_theta", "max_rot_vel", "max_rotational_vel", "max_vel_th")
 ROOM = 12.0
+LIDAR_HEIGHT = 0.25
 SLACK = 0.01
 """Metres by which the solid robot is smaller than its footprint."""
 
@@ -71,7 +72,7 @@ def robot_for(name, config):
     values = dict(
         drive=drive, base_height=radius, wheels=wheels, casters=[] if wheels["base"] else casters,
         body=[dict(polygon=solid.tolist(), height=0.2, at=[0.0, 0.0, 0.11 - 0.5 * radius], mass=20.0)],
-        lidar=dict(at=[0.0, 0.0, 0.25 - radius]), footprint=footprint.tolist(),
+        lidar=dict(at=[0.0, 0.0, LIDAR_HEIGHT - radius]), footprint=footprint.tolist(),
     )
     simulator = dict(
         max_speed=1.05 * speed, max_turn_rate=1.05 * turn, wheel_acceleration=3.0, wheel_torque=200.0, scan_rate=10,
@@ -94,12 +95,14 @@ def setup_for(name):
 
 
 def take_scans(group):
-    """Have every sensor of a costmap be the one lidar there is here."""
-    for name, value in group.items():
+    """Have every sensor of a costmap be the one lidar there is here, a bumper near the floor too."""
+    for value in group.values():
         if isinstance(value, dict):
             take_scans(value)
-        elif name == "data_type":
-            group[name] = "LaserScan"
+    if "data_type" in group:
+        group["data_type"] = "LaserScan"
+        group["min_obstacle_height"] = min(group.get("min_obstacle_height", 0.0), LIDAR_HEIGHT)
+        group["max_obstacle_height"] = max(group.get("max_obstacle_height", 2.0), LIDAR_HEIGHT)
 
 
 def there_and_back(name):
