@@ -2,7 +2,8 @@
 
 rospy waits for the first words of whoever connects in the one thread that takes connections, for as long as that takes.
 Somebody who connected and said nothing, be it a look for open ports or a subscriber whose cable was cut, kept everybody
-else out for good: a velocity_guard that came back after that heard of no velocity, and the robot stood.
+else out for good: a velocity_guard that came back after that heard of no velocity, and the robot stood. On the other port of
+a node, that of XML-RPC, each such connection held a thread for good.
 """
 
 from __future__ import annotations
@@ -15,12 +16,15 @@ from typing import Any, Dict, Optional, Tuple
 
 import rospy
 from rosgraph.network import ROSHandshakeException, decode_ros_handshake_header, write_ros_handshake_header
+from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler
 from rospy.impl.tcpros_base import TCPROSServer
 
 PATIENCE = 5.0
 """Wall seconds for the first words, which nodes send as soon as they are connected."""
 LONGEST = 1 << 20
 """Bytes of the first words; a definition of the longest message has some ten thousand."""
+LONGEST_SILENCE = 60.0
+"""Wall seconds after which an XML-RPC connection is closed; clients connect anew, and roscpp closes its own after 5 s."""
 _LENGTH = struct.Struct("<I")
 _handling = threading.Lock()  # rospy's handlers are made for one connection at a time
 
@@ -28,6 +32,7 @@ _handling = threading.Lock()  # rospy's handlers are made for one connection at 
 def hear_out_each_by_itself() -> None:
     """Have this process hear out who connects in a thread each; before rospy.init_node."""
     TCPROSServer._tcp_server_callback = take_up
+    SilenceableXMLRPCRequestHandler.timeout = LONGEST_SILENCE
 
 
 def take_up(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:

@@ -5,6 +5,7 @@ import os
 import socket
 import struct
 import threading
+from xmlrpc.client import ServerProxy
 
 import pytest
 
@@ -12,6 +13,7 @@ pytest.importorskip("rospy", reason="needs ROS")
 
 from ros_testing import wait_until  # noqa: E402
 from rosgraph.network import read_ros_handshake_header  # noqa: E402
+from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, XmlRpcNode  # noqa: E402
 from rospy.impl.tcpros_base import TCPROSServer  # noqa: E402
 
 from mbf_relay.ros.common import accepting  # noqa: E402
@@ -107,15 +109,60 @@ def test_who_asks_for_what_there_is_not_is_told_so(node):
     assert read_ros_handshake_header(connection, io.BytesIO(), 4096) == {"error": "no such topic"}
 
 
-def test_two_at_a_time_are_handled_one_after_the_other(node):
-    inside, most, entered = [], [], threading.Event()
+class Slave:
+    """Answers XML-RPC, as a node does."""
+
+    def getPid(self, _caller):  # noqa: N802 (the slave API's name)
+        return 1, "", 7
+
+
+def test_threads_do_not_pile_up_where_cables_are_cut_in_xml_rpc(monkeypatch):
+    monkeypatch.setenv("ROS_IP", "127.0.0.1")
+    monkeypatch.setattr(TCPROSServer, "_tcp_server_callback", TCPROSServer._tcp_server_callback)
+    monkeypatch.setattr(SilenceableXMLRPCRequestHandler, "timeout", None)
+    monkeypatch.setattr(accepting, "LONGEST_SILENCE", 0.01)
+    accepting.hear_out_each_by_itself()
+    before = threading.active_count()
+    node = XmlRpcNode(rpc_handler=None)
+    node._run_init()
+    node.server.register_instance(Slave())
+    serving = threading.Thread(target=node.server.serve_forever, args=(0.01,))
+    serving.start()
+    try:
+        silent = [socket.create_connection(("127.0.0.1", node.port), 10.0) for _ in range(3)]
+        assert [connection.recv(1) for connection in silent] == [b""] * 3, "each is let go"
+        with ServerProxy(node.uri) as proxy:
+            assert proxy.getPid("/master")[2] == 7
+            wait_until(lambda: threading.active_count() <= before + 1, "a client that is silent to be let go")
+            assert proxy.getPid("/master")[2] == 7, "a client that was let go connects anew"
+    finally:
+        node.server.shutdown()
+        serving.join()
+        node.server.server_close()
+
+
+class WatchedLock:
+    """A lock that tells how many have asked for it."""
+
+    def __init__(self):
+        self.asked, self._lock = [], threading.Lock()
+
+    def __enter__(self):
+        self.asked.append(threading.get_ident())
+        self._lock.acquire()
+
+    def __exit__(self, *_error):
+        self._lock.release()
+
+
+def test_two_at_a_time_are_handled_one_after_the_other(node, monkeypatch):
+    inside, most, handling = [], [], WatchedLock()
+    monkeypatch.setattr(accepting, "_handling", handling)
 
     def take(_connection, _address, header):
         inside.append(header)
+        wait_until(lambda: len(handling.asked) == 4, "all four at the door")
         most.append(len(inside))
-        if not entered.is_set():
-            entered.set()
-            threading.Event().wait(0.05)
         inside.pop()
 
     node.server.topic_connection_handler = take
