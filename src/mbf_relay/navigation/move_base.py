@@ -89,7 +89,7 @@ class MoveBase:
     while driving, and after a failure runs the next recovery behaviour and plans again. It deviates in two things: what
     no behaviour can change ends the goal at once (`recovery_policy` says what and why), and the list of behaviours
     starts over where the robot has got elsewhere, not with each path that is found (`TriedBehaviors`). While a new goal
-    is planned, the robot goes on along the path of the one it replaced.
+    is planned for the first time, the robot goes on along the path of the one it replaced.
 
     Args:
         goal: Where to go.
@@ -188,6 +188,8 @@ class MoveBase:
         at.plan.update(now)
         if at.plan.goal.target is not self.goal.target:  # it is fixed in the global frame now, for every plan to come
             self.goal = replace(self.goal, target=at.plan.goal.target)
+        if at.plan.tried_in_vain:
+            self._stop(now, at.drive)
         if not at.plan.task.done:
             return
         result = at.plan.task.ended_with()
@@ -297,7 +299,8 @@ class MoveBase:
         """
         navigator = self._navigator
         change = recoverable(outcome, cause)
-        if not navigator.parameters.recovery_enabled or change is Recoverable.NO:
+        moves_nothing = outcome is ControlOutcome.ROBOT_STUCK and navigator.robot.unheard
+        if not navigator.parameters.recovery_enabled or change is Recoverable.NO or moves_nothing:
             return False
 
         def suits(name: str) -> bool:

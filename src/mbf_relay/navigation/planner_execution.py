@@ -50,6 +50,9 @@ class PlannerExecution:
         retry: Whether to try again at all; replans while driving do not.
         watcher: Told each path found, with the planner's name.
         pathless: Runs for as long as no path was found before this execution.
+
+    Attributes:
+        tried_in_vain: Whether it has looked for a path without finding one, or had nothing to look by.
     """
 
     def __init__(
@@ -58,6 +61,7 @@ class PlannerExecution:
         watcher: Optional[PlanWatcher] = None, pathless: Optional[Stopwatch] = None,
     ) -> None:
         self.goal, self.task = goal, task
+        self.tried_in_vain = False
         self._instance = instance
         self._watcher = watcher
         self._robot, self._costmap, self._parameters = robot, costmap, parameters
@@ -113,6 +117,7 @@ class PlannerExecution:
     def _begin(self, now: float) -> None:
         if self.instance.busy:
             self._start_patience(now)
+            self.tried_in_vain = True
             self._last_failure = f"planner '{self.instance.name}' is still busy with an earlier call that was given up"
             self._pacer.postpone(now, 0.01)
             return
@@ -156,6 +161,7 @@ class PlannerExecution:
         return self._robot.transform(frame, pose.frame).compose(pose.pose)
 
     def _wait_for(self, now: float, outcome: PlanOutcome, message: str) -> None:
+        self.tried_in_vain = True
         if not self._retry or self._since_goal.elapsed(now) >= self._parameters().planning_tf_timeout:
             self.give_up(Ending.ABORTED, outcome, message)
         else:
@@ -207,7 +213,7 @@ class PlannerExecution:
             self._wait_for(now, error.outcome, error.message)
             return
         retries = parameters.planner_max_retries
-        self._retries += 1
+        self._retries, self.tried_in_vain = self._retries + 1, True
         self._last_failure, self._cause = error.message, error.outcome
         tried_enough = retries == 0 or (retries > 0 and self._retries > retries)
         if not self._retry or tried_enough or is_last_try or error.outcome in HOPELESS:

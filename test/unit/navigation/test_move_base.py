@@ -142,6 +142,25 @@ def test_a_new_goal_without_a_path_stops_the_old_drive(make_bench):
     assert bench.robot.sent[-1] == STOP
 
 
+@pytest.mark.parametrize("target, plan", [
+    (FramedPose(Pose2D(0.0, 1.0, 0.0), "atlantis"), scripted.line),
+    (FramedPose(Pose2D(0.0, 1.0, 0.0), "map"), NO_WAY),
+])
+def test_the_robot_does_not_drive_on_to_a_goal_given_up_while_the_new_one_is_tried_again(make_bench, target, plan):
+    bench = make_bench(planner_max_retries=-1, planner_patience=5.0, tf_timeout=3.0, planner_frequency=0.0)
+    bench.script.velocity = FORWARD
+    bench.navigator.move_base(GOAL)
+    bench.run(lambda: bench.robot.sent)
+    bench.script.plan = plan
+    task = bench.navigator.move_base(NavigateGoal(target))
+    for _ in range(2):
+        bench.step()
+    assert not task.done and bench.robot.sent[-1] == STOP
+    there = bench.robot.pose
+    bench.step(1.0)
+    assert bench.robot.pose == there
+
+
 def test_five_hundred_goals_one_after_the_other(held_bench):
     bench = held_bench
     arrive(bench)

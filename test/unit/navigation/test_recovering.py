@@ -187,6 +187,18 @@ def test_a_goal_in_an_unknown_frame_ends_without_a_move(make_bench):
     assert not {"R1", "R2"} & set(bench.script.calls) and bench.robot.pose == Pose2D(0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize("silence, tried", [("nobody listens to /cmd_vel_raw", 0), ("", 1)])
+def test_a_client_is_told_that_nobody_moves_the_wheels_without_recoveries_that_nobody_carries_out(
+        make_bench, silence, tried):
+    bench = make_bench(cmd_vel_ignored_tolerance=1.0)
+    bench.script.velocity = FORWARD
+    bench.robot.silence, bench.robot.reported = silence, STOP
+    bench.robot.move = lambda seconds: None
+    result = bench.finish(bench.navigator.move_base(GOAL))
+    assert result.outcome is ControlOutcome.ROBOT_STUCK and silence in result.message
+    assert bench.script.calls.get("R1", 0) == tried
+
+
 def test_a_transform_that_comes_late_is_no_failure(make_bench):
     bench = make_bench(tf_timeout=0.5)
     arrive(bench)
