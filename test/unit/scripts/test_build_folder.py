@@ -13,12 +13,18 @@ FALLBACK = Path(f"/var/tmp/mbf_relay-{os.getuid()}")
 NOBODY = 65534
 
 
-def is_own(folder):
-    """Ask the script's own function."""
+def ask(name, folder, **environment):
+    """Call one of the script's own functions with a folder."""
     function = re.search(
-        r"^is_own_folder\(\) \{.*?^\}", RUN.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+        rf"^{name}\(\) \{{.*?^\}}", RUN.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
     ).group()
-    return subprocess.run(["bash", "-uc", f'{function}\nis_own_folder "$1"', "bash", str(folder)]).returncode == 0
+    return subprocess.run(
+        ["bash", "-uc", f'{function}\n{name} "$1"', "bash", str(folder)], env={"PATH": os.environ["PATH"], **environment},
+        stdout=subprocess.PIPE, text=True)
+
+
+def is_own(folder):
+    return ask("is_own_folder", folder).returncode == 0
 
 
 def where(**environment):
@@ -79,3 +85,13 @@ def test_a_link_in_the_place_of_the_folder_beside_is_refused_in_words(tmp_path):
         assert found.returncode == 1 and "is a link" in found.stdout and not list(tmp_path.iterdir())
     finally:
         FALLBACK.unlink()
+
+
+@pytest.mark.parametrize("environment, place", [
+    ({"HOME": "/proc"}, "{cache}/ros"), ({"HOME": "/dev/null"}, "{cache}/ros"), ({}, "{cache}/.ros"),
+    ({"HOME": "{cache}"}, "{cache}/.ros"), ({"HOME": "/proc", "ROS_HOME": "{cache}/mine"}, "{cache}/mine"),
+])
+def test_nodes_start_where_the_home_cannot_be_written(tmp_path, environment, place):
+    environment = {name: value.format(cache=tmp_path) for name, value in environment.items()}
+    found = ask("ros_home", tmp_path, **environment).stdout.strip()
+    assert found == place.format(cache=tmp_path)
