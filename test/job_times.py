@@ -13,6 +13,8 @@ TOLD = 3
 """Tests named for each job."""
 SHORTEST = 0.5
 """Seconds below which a test is not named."""
+LONGEST_NAME = 100
+"""Letters of a test's name; some are given what they are to read."""
 _PAUSE = threading.Event()
 
 
@@ -66,5 +68,5 @@ def tests(folder: str) -> List[Tuple[float, str]]:
             root = ElementTree.parse(path).getroot()
         except (OSError, ElementTree.ParseError):  # of a test that was ended
             continue
-        found += [(float(case.get("time") or 0.0), case.get("name", "")) for case in root.iter("testcase")]
+        found += [(float(case.get("time") or 0.0), case.get("name", "")[:LONGEST_NAME]) for case in root.iter("testcase")]
     return found
