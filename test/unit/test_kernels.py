@@ -1,10 +1,12 @@
 """Kernels that were compiled when the package was built: what they refuse, and when they are not taken."""
 
 import ast
+import ctypes
 import importlib.util
 import os
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
@@ -12,7 +14,8 @@ import numpy as np
 import pytest
 from tally import LONG
 
-from mbf_relay import kernels
+from mbf_relay import kernel_build, kernels
+from mbf_relay.kernel_build.wrappers import module_source
 
 TEST = Path(__file__).resolve().parents[1]
 
@@ -153,3 +156,16 @@ def test_a_module_that_cannot_be_loaded_fails_the_build_and_not_the_nodes(tmp_pa
     with pytest.raises(subprocess.CalledProcessError) as refused:
         _require_loadable(broken)
     assert str(broken) in refused.value.stderr and "Traceback" not in refused.value.stderr
+
+
+def test_kernels_are_compiled_ahead_where_pythons_headers_leave_the_module_hidden(tmp_path):
+    """As 3.8's do: nodes on Noetic's own Ubuntu compiled every kernel by themselves, and held numba for it."""
+    source = tmp_path / "kernels.c"
+    headers = "#include <Python.h>\n#undef PyMODINIT_FUNC\n#define PyMODINIT_FUNC PyObject *\n"
+    support = (Path(kernel_build.__file__).parent / "support.c").read_text(encoding="utf-8")
+    source.write_text(headers + support + module_source({}, {}), encoding="utf-8")
+    target = tmp_path / "_kernels.so"
+    subprocess.run(
+        ["cc", "-shared", "-fPIC", "-fvisibility=hidden", "-I", sysconfig.get_paths()["include"], "-I", np.get_include(),
+         str(source), "-o", str(target)], check=True)
+    assert hasattr(ctypes.CDLL(str(target)), "PyInit__kernels")

@@ -57,12 +57,13 @@ def compile_module(module_name: str, object_path: str, features: str) -> List[Ke
         features: One of `features_of`.
     """
     import llvmlite.binding as llvm
-    from numba.core.dispatcher import Dispatcher
+    import numba
 
+    dispatcher_type = type(numba.njit(lambda: None))  # where it stands differs from numba to numba
     module = importlib.import_module(module_name)
     entries, library = [], None
     for name, dispatcher in vars(module).items():
-        if not isinstance(dispatcher, Dispatcher) or dispatcher.__module__ != module_name:
+        if not isinstance(dispatcher, dispatcher_type) or dispatcher.__module__ != module_name:
             continue
         (compiled,) = dispatcher.overloads.values()
         entry = _entry(name, dispatcher, compiled)

@@ -119,7 +119,8 @@ _INITIALIZER = """static const char *const DIGESTS[] = {@DIGESTS@};
 
 static struct PyModuleDef MODULE = {PyModuleDef_HEAD_INIT, "_kernels", "Kernels, compiled.", -1, NULL};
 
-PyMODINIT_FUNC PyInit__kernels(void) {
+/* Python 3.8's own headers leave it as hidden as all else. */
+__attribute__((visibility("default"))) PyMODINIT_FUNC PyInit__kernels(void) {
     import_array();
     is_wide = can_wide();
     PyObject *module = PyModule_Create(&MODULE), *kernels = PyDict_New(), *sources = PyDict_New();
