@@ -8,6 +8,7 @@ from typing import Tuple
 import numpy as np
 
 from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.beam_kernels import pick
 from mbf_relay.scan import LaserScan
 
 
@@ -98,16 +99,10 @@ def pick_beams(
     Raises:
         ValueError: The limits leave nothing.
     """
-    limits = limits_of(scan, laser_min_range, laser_max_range)
-    range_max = limits[1]
-    ranges = np.asarray(scan.ranges, dtype=float)[::step]
-    bearings = scan.angles[::step] + laser_pose.theta
-    known = ~np.isnan(ranges)
-    ranges, bearings = ranges[known], bearings[known]
-    nothing = np.concatenate(([True], ranges > range_max, [True]))
-    ranges = np.where(is_hit(ranges, limits), ranges, range_max)
-    endpoints = np.empty((len(ranges), 2))
-    endpoints[:, 0] = laser_pose.x + ranges * np.cos(bearings)
-    endpoints[:, 1] = laser_pose.y + ranges * np.sin(bearings)
-    silent = nothing[:-2] & nothing[1:-1] & nothing[2:]
-    return Beams(ranges, bearings, endpoints, silent, laser_pose, range_max)
+    limits, most = limits_of(scan, laser_min_range, laser_max_range), len(scan.ranges)
+    ranges, bearings, endpoints, silent = np.empty(most), np.empty(most), np.empty((most, 2)), np.empty(most, bool)
+    count = pick(
+        np.ascontiguousarray(scan.ranges, dtype=float), step, scan.angle_min, scan.angle_increment,
+        np.array(laser_pose, dtype=float), *limits, ranges, bearings, endpoints, silent,
+    )
+    return Beams(ranges[:count], bearings[:count], endpoints[:count], silent[:count], laser_pose, limits[1])

@@ -75,3 +75,33 @@ def count_beams(pose, endpoints, laser, data, codes, hits, distances, frame, mar
             last = block
             gone += max(0.7 * frame[3], min(distance - frame[3], 0.5 * side * frame[3]))
     return found
+
+
+@kernel(
+    "void(float32[:,::1], int64[::1], int64, boolean[::1], float64, float64, float64, float32[::1], float32[::1])"
+)
+def average_blocks(counts, touched, found, walled, news, enough, remembered, seen, unlike):
+    """Average what one scan says of blocks into what those before it said; the counts are zero again afterwards.
+
+    Args:
+        counts, touched: As `count_beams` leaves them.
+        found: How many blocks were touched.
+        walled: Whether the map has anything in a block, shape (blocks,).
+        news: Share of the scan, 0 to 1, that earlier ones have not told.
+        enough: Beams of a scan that see a block as well as more would.
+        remembered: Scans' worth of news over which is averaged.
+        seen: Scans' worth of news in which each block was seen, shape (blocks,); changed.
+        unlike: Average share of the beams that contradict the map, shape (blocks,); changed.
+    """
+    for i in range(found):
+        block = touched[i]
+        told = counts[LIKE, block] + counts[UNLIKE, block]
+        weight = told
+        if told == 0.0 and not walled[block]:
+            # What passes by a wall says nothing of it; where the map has none, nothing there is as the map has it.
+            weight = counts[FREE, block]
+        weight = news * min(1.0, weight / enough)
+        now = counts[UNLIKE, block] / max(told, 1e-6)
+        seen[block] = min(seen[block] + weight, remembered)
+        unlike[block] += weight / max(seen[block], 1e-6) * (now - unlike[block])
+        counts[LIKE, block], counts[UNLIKE, block], counts[FREE, block] = 0.0, 0.0, 0.0

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from mbf_relay.geometry import Pose2D
-from mbf_relay.localization.change_kernels import FREE, LIKE, UNLIKE, count_beams
+from mbf_relay.localization.change_kernels import average_blocks, count_beams
 from mbf_relay.localization.distance_field import OCCUPIED_FROM, DistanceField
 from mbf_relay.localization.evidence import WALL_MARGIN
 from mbf_relay.maps import FREE as UNCHANGED
@@ -80,16 +80,9 @@ class ChangedBlocks:
             np.ascontiguousarray(pose, dtype=float), endpoints, laser, field.occupancy.data, field.codes, self._hits,
             field.cell_distances, field.frame, WALL_MARGIN, self._side, self._counts, self._touched,
         )
-        met = self._touched[:found]
-        counts = self._counts[:, met]
-        self._counts[:, met] = 0.0
-        told = counts[LIKE] + counts[UNLIKE]
-        # What passes by a wall says nothing of it; where the map has none, that nothing is there is as the map has it.
-        passed = np.where((told == 0.0) & ~self._walled[met], counts[FREE], 0.0)
-        weights = np.float32(news) * np.minimum(1.0, (told + passed) / ENOUGH_BEAMS)
-        self._seen[met] = np.minimum(self._seen[met] + weights, REMEMBERED)
-        now = counts[UNLIKE] / np.maximum(told, 1e-6)
-        self._unlike[met] += weights / np.maximum(self._seen[met], 1e-6) * (now - self._unlike[met])
+        average_blocks(
+            self._counts, self._touched, found, self._walled, news, ENOUGH_BEAMS, REMEMBERED, self._seen, self._unlike
+        )
 
     def changed(self) -> np.ndarray:
         """Return which blocks changed, shape (blocks,); none that was not seen."""

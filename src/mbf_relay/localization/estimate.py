@@ -10,7 +10,6 @@ import numpy as np
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.gaussian_kernels import moments
-from mbf_relay.localization.resampling import hash_table
 from mbf_relay.localization.resampling_kernels import label_clusters
 
 Moments = Tuple[Pose2D, np.ndarray]
@@ -36,10 +35,8 @@ class Estimate:
 
 def cluster(poses: np.ndarray) -> Tuple[np.ndarray, int]:
     """Return each particle's cluster, shape (N,), and how many there are; bins that touch make a cluster."""
-    keys = hash_table(len(poses))
     labels = np.empty(len(poses), dtype=np.int64)
-    count = label_clusters(np.ascontiguousarray(poses), keys, np.full(len(keys), -1, dtype=np.int64), labels)
-    return labels, int(count)
+    return labels, int(label_clusters(np.ascontiguousarray(poses), labels))
 
 
 def heaviest_first(labels: np.ndarray, weights: np.ndarray, count: int) -> List[Tuple[int, float]]:

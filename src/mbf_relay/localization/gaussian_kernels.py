@@ -95,11 +95,10 @@ def log_mixture(poses, means, whitening, log_heights, first, logs):
             if k == 0:
                 highest, total = log, 1.0
                 first[i] = log
-            elif log > highest:
-                total = 1.0 + total * math.exp(highest - log)
-                highest = log
-            else:
-                total += math.exp(log - highest)
+            else:  # which of the two is larger is anybody's guess: no branch
+                least = math.exp(-abs(log - highest))
+                total = 1.0 + total * least if log > highest else total + least
+                highest = max(log, highest)
         logs[i] = highest if total == 1.0 else highest + math.log(total)
 
 

@@ -14,28 +14,29 @@ MOST_CELLS = 1 << 24
 
 
 @kernel(
-    "float64(float32[:,::1], uint16[::1], int64, float32, float32, float32, float32, float32, float32[::1], int32[::1])"
+    "float64(float32[:,::1], int64, uint16[::1], int64, float32, float32, float32, float32, float32, float32[::1],"
+    " int32[::1])"
 )
-def sum_inside(ends, codes, first, width, column0, row0, cos, sin, table, cells):
+def sum_inside(ends, beams, codes, first, width, column0, row0, cos, sin, table, cells):
     """Add up what a table says of where beams end that are known to end on the map.
 
     First all cells, then all terms in four sums: loops without a branch, of which the compiler makes vector code and
     in which no addition waits for the last. Cells are counted from one that no beam ends before, which keeps numbers
-    small: in float32, many at a time, an end is where it should be to 1e-4 of a cell. None is below 0; said so, as that
-    of an unsigned kind, it is not looked at again.
+    small: in float32, many at a time, an end is where it should be to 1e-4 of a cell. No number of a cell or beam is
+    below 0; said so, as that of an unsigned kind, it is not looked at again.
 
     Args:
-        ends: Of the beams, shape (2, B), in cells, in the base's frame.
+        ends: Of the beams, shape (2, P), in cells, in the base's frame; P is a multiple of 8, which are done at a time.
+        beams: How many of these there are, the others being none; at most P.
         codes: Of the distance field, row after row.
         first: Number of the cell that the others are counted from.
         width: Of a row.
         column0, row0: Where the base is, in cells from that cell on.
         cos, sin: Of its heading.
         table: The term of a beam that ends in a cell, for each code.
-        cells: Room for B numbers.
+        cells: Room for P numbers.
     """
-    beams = ends.shape[1]
-    for j in range(beams):
+    for j in range(ends.shape[1]):
         column = np.int32(column0 + (cos * ends[0, j] - sin * ends[1, j]))
         row = np.int32(row0 + (sin * ends[0, j] + cos * ends[1, j]))
         cells[j] = np.int32(np.float32(row) * width + np.float32(column))
@@ -43,12 +44,12 @@ def sum_inside(ends, codes, first, width, column0, row0, cos, sin, table, cells)
     total0, total1, total2, total3 = 0.0, 0.0, 0.0, 0.0
     whole = beams - beams % 4
     for j in range(0, whole, 4):
-        total0 += table[np.uint64(around[np.uint32(cells[j])])]
-        total1 += table[np.uint64(around[np.uint32(cells[j + 1])])]
-        total2 += table[np.uint64(around[np.uint32(cells[j + 2])])]
-        total3 += table[np.uint64(around[np.uint32(cells[j + 3])])]
+        total0 += table[np.uint64(around[np.uint32(cells[np.uint64(j)])])]
+        total1 += table[np.uint64(around[np.uint32(cells[np.uint64(j + 1)])])]
+        total2 += table[np.uint64(around[np.uint32(cells[np.uint64(j + 2)])])]
+        total3 += table[np.uint64(around[np.uint32(cells[np.uint64(j + 3)])])]
     for j in range(whole, beams):
-        total0 += table[np.uint64(around[np.uint32(cells[j])])]
+        total0 += table[np.uint64(around[np.uint32(cells[np.uint64(j)])])]
     return (total0 + total1) + (total2 + total3)
 
 
@@ -68,9 +69,10 @@ def sum_over_endpoints(poses, endpoints, codes, table, outside, frame, sums):
     height, width = codes.shape
     cos_origin, sin_origin = math.cos(frame[2]), math.sin(frame[2])
     scale = 1.0 / frame[3]
-    ends = np.empty((2, endpoints.shape[0]), np.float32)
-    cells, flat, reach, countable = np.empty(endpoints.shape[0], np.int32), codes.ravel(), 0.0, True
-    for j in range(endpoints.shape[0]):
+    beams = endpoints.shape[0]
+    ends = np.zeros((2, (beams + 7) // 8 * 8), np.float32)
+    cells, flat, reach, countable = np.empty(ends.shape[1], np.int32), codes.ravel(), 0.0, True
+    for j in range(beams):
         ends[0, j], ends[1, j] = endpoints[j, 0] * scale, endpoints[j, 1] * scale
         length = math.hypot(endpoints[j, 0], endpoints[j, 1]) * scale
         countable = countable and length < MOST_CELLS  # not so what is no number
@@ -87,11 +89,12 @@ def sum_over_endpoints(poses, endpoints, codes, table, outside, frame, sums):
         if countable and inside and abs(cos) <= 1.0:
             column, row = math.floor(column0 - reach), math.floor(row0 - reach)
             sums[i] = sum_inside(
-                ends, flat, int(row) * width + int(column), width, column0 - column, row0 - row, cos, sin, table, cells
+                ends, beams, flat, int(row) * width + int(column), width, column0 - column, row0 - row, cos, sin, table,
+                cells,
             )
             continue
         total = 0.0
-        for j in range(endpoints.shape[0]):
+        for j in range(beams):
             column = column0 + cos * ends[0, j] - sin * ends[1, j]
             row = row0 + sin * ends[0, j] + cos * ends[1, j]
             if column >= 0.0 and row >= 0.0 and column < width and row < height:

@@ -30,17 +30,20 @@ class MotionModel(abc.ABC):
     no slower than `robust_odom_error` says. Slips, which are no such sum, are left to the rival hypotheses.
 
     Attributes:
+        alphas: amcl's, from the second on; in the robust form the variances (m^2 or rad^2) they stand for after one
+            metre or radian.
         corrected: Take the root.
         least_rate: Least deviation (m) after one metre; None for amcl's form.
     """
 
     def __init__(self, parameters: LocalizerParameters, corrected: bool) -> None:
-        self.alphas = (
-            0.0, parameters.odom_alpha1, parameters.odom_alpha2, parameters.odom_alpha3, parameters.odom_alpha4,
-            parameters.odom_alpha5,
-        )
         self.corrected = corrected
         self.least_rate: Optional[float] = parameters.robust_odom_error if parameters.robust else None
+        alphas = (
+            parameters.odom_alpha1, parameters.odom_alpha2, parameters.odom_alpha3, parameters.odom_alpha4,
+            parameters.odom_alpha5,
+        )
+        self.alphas = (0.0, *(alphas if self.least_rate is None else map(self._rate, alphas)))
 
     def deviation(self, *terms: Tuple[float, float], floor: float = 0.0) -> float:
         """Return the standard deviation that pairs of an alpha and a motion stand for.
@@ -50,9 +53,7 @@ class MotionModel(abc.ABC):
             floor: The motion (m) to which the least deviation belongs in the robust form.
         """
         if self.least_rate is not None:
-            return math.sqrt(
-                max(sum(self._rate(alpha) * motion for alpha, motion in terms), self.least_rate**2 * floor)
-            )
+            return math.sqrt(max(sum(rate * motion for rate, motion in terms), self.least_rate**2 * floor))
         squares = sum(alpha * motion * motion for alpha, motion in terms)
         return math.sqrt(squares) if self.corrected else squares
 
@@ -92,13 +93,9 @@ class DifferentialModel(MotionModel):
 
     def covariance(self, before: Pose2D, after: Pose2D) -> np.ndarray:
         first, translation, _, (turn, along, last_turn) = self._decompose(before, after)
-        ahead, aside = (
-            np.array([math.cos(first), math.sin(first), 0.0]),
-            np.array([-math.sin(first), math.cos(first), 0.0]),
-        )
-        swing = translation * aside + (0.0, 0.0, 1.0)
-        spread = along ** 2 * np.outer(ahead, ahead) + turn ** 2 * np.outer(swing, swing)
-        spread[2, 2] += last_turn ** 2
+        cos, sin, swing = math.cos(first), math.sin(first), turn * translation
+        root = np.array([[along * cos, along * sin, 0.0], [-swing * sin, swing * cos, turn], [0.0, 0.0, last_turn]])
+        spread: np.ndarray = root.T @ root
         return spread
 
     def propagate(self, poses: np.ndarray, before: Pose2D, after: Pose2D, rng: np.random.Generator) -> np.ndarray:

@@ -94,20 +94,46 @@ def draw_until_enough(poses, weights, offset, fresh_index, fresh, limits, keys, 
     return drawn.shape[0]
 
 
-@kernel("int64(float64[:,::1], int64[::1], int64[::1], int64[::1])")
-def label_clusters(poses, keys, labels_of_slots, labels):
+@kernel("boolean(float64[:,::1])")
+def in_one_corner(poses):
+    """Return whether poses, shape (N, 3), fill at most two bins next to each other in each direction: all touch.
+
+    So it is with a robot that is tracked; found by the outermost alone. Not so across the turn from pi to -pi.
+    """
+    if poses.shape[0] == 0:
+        return False
+    left, right, low, high = poses[0, 0], poses[0, 0], poses[0, 1], poses[0, 1]
+    least, most = poses[0, 2], poses[0, 2]
+    for i in range(poses.shape[0]):
+        left, right = min(left, poses[i, 0]), max(right, poses[i, 0])
+        low, high = min(low, poses[i, 1]), max(high, poses[i, 1])
+        least, most = min(least, poses[i, 2]), max(most, poses[i, 2])
+    return (
+        math.floor(right / BIN_LENGTH) - math.floor(left / BIN_LENGTH) <= 1
+        and math.floor(high / BIN_LENGTH) - math.floor(low / BIN_LENGTH) <= 1
+        and math.floor((most + math.pi) / BIN_ANGLE) - math.floor((least + math.pi) / BIN_ANGLE) <= 1
+    )
+
+
+@kernel("int64(float64[:,::1], int64[::1])")
+def label_clusters(poses, labels):
     """Number the groups of particles whose bins touch, also across corners and across the turn from pi to -pi.
 
     Args:
         poses: Particles, shape (N, 3).
-        keys: Hash table, a power of two of at least 2 N places, all -1.
-        labels_of_slots: As long as `keys`, all -1.
         labels: Result, shape (N,): 0, 1, …
 
     Returns:
         The number of clusters.
     """
     count = poses.shape[0]
+    if in_one_corner(poses):
+        labels[:] = 0
+        return 1
+    places = 8
+    while places < 2 * count:
+        places *= 2
+    keys, labels_of_slots = np.full(places, -1, dtype=np.int64), np.full(places, -1, dtype=np.int64)
     slots = np.empty(count, dtype=np.int64)
     for i in range(count):
         key = key_of(poses[i, 0], poses[i, 1], poses[i, 2])

@@ -164,6 +164,23 @@ def test_limits_of_user_and_scan_both_hold():
         pick_beams(LaserScan(np.ones(3), 0.0, 0.1, 0.1, -1.0, 0.0), IDENTITY, 1)
 
 
+@pytest.mark.parametrize("step", [1, 3])
+def test_beams_are_picked_as_plain_numpy_has_it(step):
+    rng = np.random.default_rng(step)
+    ranges = rng.choice([0.05, 1.0, 2.5, 3.5, 4.0, np.inf, -np.inf, np.nan], 400) + rng.choice([0.0, 0.1], 400)
+    scan, laser = LaserScan(ranges, -3.0, 0.015, 0.12, 3.5, 0.0), Pose2D(0.1, -0.2, 0.7)
+    beams = pick_beams(scan, laser, step)
+    known = ~np.isnan(ranges[::step])
+    picked, bearings = ranges[::step][known], (scan.angles[::step] + laser.theta)[known]
+    hit = (picked > 0.12) & (picked < 3.5)
+    nothing = np.concatenate(([True], picked > 3.5, [True]))
+    assert beams.ranges.tolist() == np.where(hit, picked, 3.5).tolist()
+    assert beams.bearings == pytest.approx(bearings, abs=1e-12)
+    ends = beams.ranges * np.array([np.cos(bearings), np.sin(bearings)])
+    assert beams.endpoints == pytest.approx(ends.T + (laser.x, laser.y), abs=1e-12)
+    assert beams.silent.tolist() == (nothing[:-2] & nothing[1:-1] & nothing[2:]).tolist()
+
+
 def test_beam_skipping_leaves_out_what_few_particles_explain_but_not_everything():
     parameters = LocalizerParameters(laser_model_type="likelihood_field_prob", do_beamskip=True, laser_max_beams=180)
     room_map = room()

@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 
+from mbf_relay.geometry import normalize_angles
 from mbf_relay.localization.estimate import cluster, estimate, mean_and_covariance
 from mbf_relay.localization.resampling import AverageLikelihood, particle_limits, resample
 
@@ -112,6 +113,27 @@ def test_clusters_reach_across_bins_corners_and_the_turn():
     chain = np.column_stack((np.arange(50) * 0.5 + 0.1, np.zeros(50), np.zeros(50)))
     labels, count = cluster(chain)
     assert count == 1 and (labels == 0).all()
+
+
+@pytest.mark.parametrize("spread", [0.05, 0.3, 1.0, 4.0])
+@pytest.mark.parametrize("heading", [0.02, math.pi])
+def test_clusters_are_those_of_bins_that_touch(spread, heading):
+    """Beside plain Python, from a robot that is tracked to one that may be anywhere, headings across the turn too."""
+    rng = np.random.default_rng(1)
+    poses = rng.normal((0.02, -0.48, heading), (spread, spread, 0.5 * spread), (40, 3))
+    poses[:, 2] = normalize_angles(poses[:, 2])
+    bins = [tuple(key) for key in np.floor((poses + (0.0, 0.0, math.pi)) / (0.5, 0.5, math.pi / 18.0)).astype(int)]
+
+    def touch(one, other):
+        turned = (one[2] - other[2]) % 36
+        return abs(one[0] - other[0]) <= 1 and abs(one[1] - other[1]) <= 1 and turned in (0, 1, 35)
+
+    expected = list(range(len(bins)))
+    for _ in bins:
+        expected = [min(expected[j] for j in range(len(bins)) if touch(bins[i], bins[j])) for i in range(len(bins))]
+    labels, count = cluster(poses)
+    assert count == len(set(expected))
+    assert len(set(zip(labels.tolist(), expected))) == count
 
 
 def test_mean_heading_and_variance_are_circular():
