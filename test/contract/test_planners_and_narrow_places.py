@@ -108,3 +108,46 @@ def test_of_two_gaps_too_narrow_the_wider_one_is_named(planner):
     costmap = inflated(costs, 0.02, 0.29)
     with pytest.raises(PlanningError, match=r"\(2\.4\d, 0\.2\d\), is 0\.14 m wide"):
         plan(planner, costmap, Pose2D(0.4, 0.6, 0.0), Pose2D(3.2, 0.6, 0.0))
+
+
+def test_a_robot_told_to_come_near_a_goal_that_is_blocked_ends_where_it_can_turn(planner):
+    """Its centre fitted and its corners did not: it stood 3 cm before that place, told that its path was blocked."""
+    costs = np.zeros((100, 100), dtype=np.uint8)
+    costs[:, 60:] = LETHAL
+    costmap = inflated(costs, 0.02, 0.2)
+    path = plan(planner, costmap, Pose2D(0.4, 1.0, 0.0), Pose2D(1.22, 1.0, 0.7), tolerance=0.3)
+    assert path.goal.theta == pytest.approx(0.7)
+    checker = FootprintChecker(costmap)
+    assert not checker.touches(np.array([(*path.goal[:2], heading) for heading in np.arange(0.0, 6.3, 0.05)])).any()
+    assert path.goal.distance_to(Pose2D(1.22, 1.0, 0.0)) < 0.25, "and no farther off than it must be"
+
+
+def test_a_robot_told_to_come_near_a_goal_in_a_corridor_it_cannot_turn_in_ends_where_it_fits(planner):
+    costs = np.full((100, 100), LETHAL, dtype=np.uint8)
+    costs[10:90, 5:50] = costs[44:56, 50:90] = 0  # a room, and a corridor of 0.24 m
+    costmap = inflated(costs, 0.02, 0.2)
+    goal = Pose2D(1.5, 1.12, 0.0)  # in its wall, and farther than the tolerance from the room
+    path = plan(planner, costmap, Pose2D(0.4, 1.0, 0.0), goal, tolerance=0.3)
+    assert not FootprintChecker(costmap).touches(np.array([path.goal])).any()
+    assert path.goal.distance_to(goal) < 0.2
+
+
+def test_a_goal_that_only_the_centre_of_the_robot_fits_on_is_missed_within_its_tolerance_alone(planner):
+    costs = np.zeros((100, 100), dtype=np.uint8)
+    costs[:, 60:] = LETHAL
+    costmap = inflated(costs, 0.02, 0.2)
+    beside, start = Pose2D(1.13, 1.01, 1.57), Pose2D(0.4, 1.0, 0.0)
+    assert FootprintChecker(costmap).touches(np.array([beside])).all()
+    near = plan(planner, costmap, start, beside, tolerance=0.2).goal
+    assert not FootprintChecker(costmap).touches(np.array([near])).any()
+    assert plan(planner, costmap, start, beside, tolerance=0.01).goal == pytest.approx(beside)
+    assert plan(planner, costmap, start, beside).goal == pytest.approx(beside)
+
+
+def test_a_robot_told_to_come_near_a_goal_is_not_sent_round_to_the_other_side_of_its_wall(planner):
+    """Beyond the wall is nearer: it looked for a way round from outside for as long as it had time."""
+    costs = np.zeros((150, 100), dtype=np.uint8)
+    costs[:130, 50:54] = LETHAL
+    costmap = inflated(costs, 0.02, 0.2)
+    path = plan(planner, costmap, Pose2D(0.6, 0.4, 0.0), Pose2D(1.07, 0.4, 0.0), tolerance=0.4)
+    assert path.goal.x < 1.0 and path.length < 1.0

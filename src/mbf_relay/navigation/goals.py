@@ -150,7 +150,7 @@ class NavigateGoal:
         target: Where to.
         planner, controller: Names; the first ones where empty.
         recovery_behaviors: Names in the order to try; all loaded ones where empty.
-        tolerance: Distance (m) by which a target that cannot be reached may be missed.
+        tolerance: Distance (m) by which a target that cannot be reached, or is no room for the robot, may be missed.
     """
 
     target: FramedPose

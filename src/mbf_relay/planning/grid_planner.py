@@ -117,27 +117,29 @@ class GridPlanner(Planner):
         self, costmap: CostGrid, weights: np.ndarray, start: Pose2D, start_cell: Cell, goal: Pose2D, tolerance: float,
         cancelled: Cancellation,
     ) -> Tuple[Tuple[np.ndarray, float], Pose2D]:
-        """Return the way to the goal, or to the reachable point nearest to it, and the goal it leads to."""
+        """Return the way to the goal, and the goal it leads to.
+
+        With a tolerance that is another place near it where it is blocked, out of reach or no room for the robot.
+        """
         goal_cell = costmap.grid.cell_at(goal.x, goal.y)
+        error: Optional[PlanningError] = None
         if not costmap.grid.contains_cell(*goal_cell):
             error = request.outside_error(costmap, "goal", goal)
         elif weights[costmap.costs[goal_cell[1], goal_cell[0]]] == 0.0:
             error = request.blocked_error(costmap, "goal", goal, PlanOutcome.BLOCKED_GOAL)
-        else:
+        elif tolerance <= 0.0 or request.has_room(costmap, goal):
             found = self._search(SearchQuery(costmap, start, goal, start_cell, goal_cell, weights, cancelled))
             if found is not None:
                 return found, goal
-            error = request.unreachable_error(start, goal, tolerance)
-        nearest = None
         if tolerance > 0.0:
             nearest = request.nearest_reachable(costmap, weights, start_cell, goal, tolerance, cancelled)
-        if nearest is None:
-            raise error
-        goal = Pose2D(*costmap.grid.center_of(*nearest), goal.theta)
-        found = self._search(SearchQuery(costmap, start, goal, start_cell, nearest, weights, cancelled))
-        if found is None:
-            raise error
-        return found, goal
+            if nearest is not None:
+                if nearest != goal_cell:
+                    goal = Pose2D(*costmap.grid.center_of(*nearest), goal.theta)
+                found = self._search(SearchQuery(costmap, start, goal, start_cell, nearest, weights, cancelled))
+                if found is not None:
+                    return found, goal
+        raise error or request.unreachable_error(start, goal, tolerance)
 
     def _search(self, query: SearchQuery) -> Optional[Tuple[np.ndarray, float]]:
         if query.start_cell != query.goal_cell:

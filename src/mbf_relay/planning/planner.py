@@ -91,8 +91,8 @@ class Planner(Plugin, abc.ABC):
         Args:
             costmap: The snapshot to plan on.
             start: The robot's pose; the path begins there.
-            goal: Where to go; the last pose is it, or where it cannot be reached, the reachable point nearest to it
-                within `tolerance`.
+            goal: Where to go; the last pose is it, or where it cannot be reached or is no room for the robot, a
+                reachable place within `tolerance` of it, one with room where there is such.
             tolerance: Distance (m) by which the goal may be missed; 0 or above.
             cancelled: Stops the search when set.
 

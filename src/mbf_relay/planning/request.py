@@ -7,13 +7,18 @@ from typing import Optional, Tuple
 
 import numpy as np
 
-from mbf_relay.costmap.cost_grid import LETHAL, NO_INFORMATION, CostGrid
+from mbf_relay.costmap.cost_grid import LETHAL, NO_INFORMATION, CostGrid, Window
+from mbf_relay.distances import distances_to_zeros
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import PlanningError, PlanOutcome
+from mbf_relay.planning.passage import checker_on
 from mbf_relay.planning.planner import Cancellation
 from mbf_relay.planning.search import reach_kernels
 
 Cell = Tuple[int, int]
+
+DETOUR = 2.0 * math.pi
+"""Tolerances by which the way to a place near the goal may be longer than to the first: once round the goal."""
 
 
 def require_finite(start: Pose2D, goal: Pose2D) -> None:
@@ -78,30 +83,54 @@ def departure(costmap: CostGrid, weights: np.ndarray, start: Pose2D) -> np.ndarr
     raise blocked_error(costmap, "start", start, PlanOutcome.BLOCKED_START)
 
 
+def has_room(costmap: CostGrid, goal: Pose2D) -> bool:
+    """Return whether the footprint fits at a goal."""
+    return not checker_on(costmap).touches(np.array([goal]))[0]
+
+
 def nearest_reachable(
     costmap: CostGrid, weights: np.ndarray, start: Cell, goal: Pose2D, tolerance: float, cancelled: Cancellation
 ) -> Optional[Cell]:
-    """Return the cell, connected with the start, whose centre is nearest to the goal and within `tolerance` (m) of it.
+    """Return the cell within `tolerance` (m) of the goal at whose centre the robot is best to end; None for none.
+
+    It is connected with the start, by a way no longer by DETOUR than that to the first such cell: what lies nearer
+    behind a wall is none. One where the robot can turn comes first, then one where it fits with the goal's heading,
+    then any; of equals, the one nearest to the goal.
 
     Raises:
         PlanningError: CANCELED.
     """
-    grid, free = costmap.grid, weights > 0.0
+    grid = costmap.grid
     goal_x, goal_y = (goal.x - grid.origin_x) / grid.resolution, (goal.y - grid.origin_y) / grid.resolution
     radius = tolerance / grid.resolution
-    # the nearest free cell, reachable or not, is as near as any can be: the flood need not look for a nearer one
-    x0, x1 = max(math.floor(goal_x - radius), 0), min(math.ceil(goal_x + radius) + 1, grid.width)
-    y0, y1 = max(math.floor(goal_y - radius), 0), min(math.ceil(goal_y + radius) + 1, grid.height)
-    if x0 >= x1 or y0 >= y1:
-        return None
-    distances = np.hypot(np.arange(x0, x1)[None, :] + 0.5 - goal_x, np.arange(y0, y1)[:, None] + 0.5 - goal_y)
-    distances = np.where(free[costmap.costs[y0:y1, x0:x1]], distances, np.inf)
-    if distances.min() > radius:
+    window = Window(math.floor(goal_x - radius), math.floor(goal_y - radius),
+                    math.ceil(goal_x + radius) + 1, math.ceil(goal_y + radius) + 1).within(grid)
+    if window.is_empty or not (weights[costmap.costs[window.slices]] > 0.0).any():
         return None
     reached = np.zeros(costmap.costs.shape, dtype=np.uint8)
-    cell = reach_kernels.nearest_reachable(
-        costmap.costs, free, start[0], start[1], goal_x, goal_y, radius, float(distances.min()) + 1e-9, reached,
-        cancelled.flag)
-    if cell[0] == -2:
+    if not reach_kernels.flood_towards(
+            costmap.costs, weights > 0.0, *start, goal_x, goal_y, radius, math.ceil(DETOUR * radius), reached,
+            cancelled.flag):
         raise PlanningError(PlanOutcome.CANCELED, "planning was cancelled")
-    return cell if cell[0] >= 0 else None
+    cells = np.argwhere(reached[window.slices])[:, ::-1] + (window.x0, window.y0)
+    distances = np.hypot(*(cells + 0.5 - (goal_x, goal_y)).T)
+    cells, distances = cells[distances <= radius + 1e-9], distances[distances <= radius + 1e-9]
+    if len(cells) == 0:
+        return None
+    room = _room_at(costmap, window, cells, goal.theta)
+    column, row = cells[np.lexsort((distances, -room))[0]].tolist()
+    return column, row
+
+
+def _room_at(costmap: CostGrid, window: Window, cells: np.ndarray, heading: float) -> np.ndarray:
+    """Return what room the robot has at the centres of cells (N, 2): 2 to turn, 1 to stand with a heading, else 0."""
+    grid = costmap.grid
+    poses = np.column_stack((grid.centers_of(cells), np.full(len(cells), heading)))
+    fits = (~checker_on(costmap).touches(poses)).astype(int)
+    if len(costmap.footprint) == 0:
+        return 2 * fits
+    reach = float(np.hypot(*costmap.footprint.T).max()) / grid.resolution + 0.5  # to the centre of an obstacle's cell
+    seen = window.grown(math.ceil(reach)).within(grid)
+    distances = distances_to_zeros(costmap.costs[seen.slices] != LETHAL, reach)
+    turns = distances[cells[:, 1] - seen.y0, cells[:, 0] - seen.x0] >= reach
+    return fits * (1 + turns)

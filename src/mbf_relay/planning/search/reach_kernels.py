@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled floods: which cells can be reached, which is nearest to a goal, where the widest way is narrowest."""
+"""Compiled floods: which cells can be reached, and where the widest way is narrowest."""
 
 from __future__ import annotations
 
@@ -10,46 +10,46 @@ from mbf_relay.kernels import kernel
 _CANCEL_CHECK = 8191  # cells between two looks at the flag, less one
 
 
-@kernel("UniTuple(int64, 2)(uint8[:,::1], boolean[::1], int64, int64, float64, float64, float64, float64, uint8[:,::1],"
-        " uint8[::1])")
-def nearest_reachable(costs, free, start_x, start_y, goal_x, goal_y, radius, enough, reached, cancelled):
-    """Flood the free cells connected to a start and return the one whose centre is nearest to a goal.
+@kernel("boolean(uint8[:,::1], boolean[::1], int64, int64, float64, float64, float64, int64, uint8[:,::1], uint8[::1])")
+def flood_towards(costs, free, start_x, start_y, goal_x, goal_y, radius, further, reached, cancelled):
+    """Mark the free cells connected to a start, step by step, until some time after the first near a goal.
 
     Args:
         costs: Shape (height, width).
         free: Shape (256,): whether cells of each cost may be entered.
         start_x, start_y: A free cell.
         goal_x, goal_y: A point in cells, centres at halves; it may lie outside.
-        radius: Cells farther from the goal (in cells) do not count.
-        enough: The flood ends at a cell no farther than this.
-        reached: Scratch of `costs`' shape, all 0.
+        radius: Cells no farther from the goal (in cells) are near it.
+        further: How many steps from cell to cell (4-connected) are made once one of them is marked.
+        reached: Scratch of `costs`' shape, all 0; 1 where a cell is marked.
         cancelled: Shape (1,), non-zero to stop.
 
     Returns:
-        Column and row; (-1, -1) where none is near enough, (-2, -2) where cancelled.
+        False where it was cancelled.
     """
     height, width = costs.shape
-    nearest = radius * radius * (1.0 + 1e-12) + 1e-9
-    best_x, best_y = -1, -1
+    enough = radius * radius * (1.0 + 1e-12) + 1e-9
     queue = np.empty(1024, np.int64)
     queue[0] = start_y * width + start_x
     reached[start_y, start_x] = 1
-    done, count = 0, 1
+    is_near = (start_x + 0.5 - goal_x) ** 2 + (start_y + 0.5 - goal_y) ** 2 <= enough
+    done, count, step_ends = 0, 1, 1
     while done < count:
         if done & _CANCEL_CHECK == 0 and cancelled[0] != 0:
-            return -2, -2
+            return False
+        if done == step_ends:
+            if is_near:
+                further -= 1
+                if further <= 0:
+                    break
+            step_ends = count
         y, x = queue[done] // width, queue[done] % width
         done += 1
-        distance = (x + 0.5 - goal_x) ** 2 + (y + 0.5 - goal_y) ** 2
-        if distance <= nearest and (best_x < 0 or distance < nearest):
-            nearest = distance
-            best_x, best_y = x, y
-            if distance <= enough * enough:
-                break
         if count + 4 > queue.shape[0]:
             if done > queue.shape[0] // 2:  # the front half is done with
                 queue[:count - done] = queue[done:count].copy()
                 count -= done
+                step_ends -= done
                 done = 0
             else:
                 longer = np.empty(2 * queue.shape[0], np.int64)
@@ -61,9 +61,10 @@ def nearest_reachable(costs, free, start_x, start_y, goal_x, goal_y, radius, eno
             if 0 <= near_x < width and 0 <= near_y < height and reached[near_y, near_x] == 0:
                 if free[costs[near_y, near_x]]:
                     reached[near_y, near_x] = 1
+                    is_near = is_near or (near_x + 0.5 - goal_x) ** 2 + (near_y + 0.5 - goal_y) ** 2 <= enough
                     queue[count] = near_y * width + near_x
                     count += 1
-    return best_x, best_y
+    return True
 
 
 @kernel("int64(uint8[:,::1], boolean[::1], boolean[::1], int64, int64, int64, int32[:,::1])")
