@@ -33,7 +33,7 @@ class Overshoot:
 
     def reset(self) -> None:
         """Forget what happened."""
-        self._way, self._target, self._turned_at, self._turn_share = 0.0, 0.0, -math.inf, 1.0
+        self._way, self._heading, self._turned_at, self._turn_share = 0.0, 0.0, -math.inf, 1.0
         self.speed_share = 1.0
 
     def slid(self) -> None:
@@ -49,14 +49,15 @@ class Overshoot:
 
         Args:
             now: Time (s).
-            heading: Where the robot faces (rad): what it has not turned past, but what lies elsewhere now, is no
-                overshoot.
+            heading: Where the robot faces (rad): a way back that is longer than twice what it turned too far is no
+                overshoot, for where it shall face lies elsewhere now.
             way: What is left to turn (rad).
         """
-        past = angle_between(heading, self._target) * self._way < 0.0
-        if past and way * self._way < 0.0 and 0.0 <= now - self._turned_at <= SOON:
+        left = self._way - angle_between(self._heading, heading)
+        past = left * self._way < 0.0 and left * way > 0.0 and abs(way) <= 2.0 * abs(left)
+        if past and 0.0 <= now - self._turned_at <= SOON:
             self._turn_share = max(LEAST_TURN, 0.5 * self._turn_share)
-        self._way, self._target, self._turned_at = way, heading + way, now
+        self._way, self._heading, self._turned_at = way, heading, now
         return self._turn_share
 
 

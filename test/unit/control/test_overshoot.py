@@ -36,3 +36,18 @@ def test_a_robot_that_slides_past_its_goal_comes_back_slower():
     for _ in range(5):
         overshoot.slid()
     assert overshoot.speed_share == LEAST_SPEED
+
+
+def test_a_robot_that_is_led_another_way_is_not_slowed_down():
+    """It had turned a little past its path when another one lay behind it, and crept round to that."""
+    overshoot = Overshoot()
+    for cycle in range(8):
+        side, heading = (-1.0) ** cycle, 0.1 * (-1.0) ** cycle
+        assert overshoot.turn_share(0.1 * cycle, heading, -1.5 * side) == 1.0
+        assert overshoot.turn_share(0.1 * cycle + 0.05, heading, -0.1 * side) == 1.0
+
+
+def test_a_robot_that_is_turned_away_from_a_place_behind_it_has_not_turned_past_it():
+    overshoot = Overshoot()
+    assert overshoot.turn_share(0.0, 0.0, 3.0) == 1.0
+    assert overshoot.turn_share(0.5, -0.8, -2.5) == 1.0
