@@ -23,6 +23,7 @@ SPEED, SLOWEST = 0.45, 0.15  # of the top speed
 REACH = 1.5  # the longest way
 LEAST = 0.13  # the shortest, and how far ends that are looked at lie apart
 PROGRESS = 1.3  # how much nearer to the goal makes the next try a first one
+ANOTHER_WAY = 2.0 * REACH  # how much farther from it does, too: backing out leads half as far
 AHEAD = 0.9  # where on the path the direction lies that it turns to
 FAR = 4.5  # it brakes for nothing farther on the arc
 TURN_WORTH = 3.0  # of way that a radian counts as by which it could not turn to the path's direction at an arc's end
@@ -33,7 +34,7 @@ class BackOut:
     """Decides when to back out, along which arc, and when that is enough.
 
     It begins when driving has failed for a moment, and takes the shortest arc at whose end the robot is free to turn to
-    where the path leads, or as near to that as it gets.
+    where the path leads, or as near to that as it gets; where that brought no progress, one twice as long.
 
     Attributes:
         end: Where the arc ends that is driven, or was last.
@@ -57,9 +58,10 @@ class BackOut:
         self.__init__()  # type: ignore[misc]
 
     def drove(self, path: LocalPath, width: float) -> None:
-        """Note that a robot of this width (m) succeeded in driving."""
+        """Note that a robot of this width (m) succeeded in driving: nearer to the goal than before, or another way."""
         self._failing_since = None
-        if path.remaining < self._best_left - PROGRESS * width:
+        nearer = self._best_left - path.remaining
+        if nearer > PROGRESS * width or nearer < -ANOTHER_WAY * width:
             self._best_left, self._tries = path.remaining, 0
 
     def failed(
@@ -86,6 +88,9 @@ class BackOut:
         if len(which) == 0:
             return
         ends, lengths = arcs.poses[which, steps], arcs.step * (steps + 1)
+        if self._tries:  # what was tried last was too short
+            enough = lengths >= min(2.0 * self._length, float(lengths.max()))
+            which, ends, lengths = which[enough], ends[enough], lengths[enough]
         lateral = path.project(ends, -math.inf, math.inf)[:, 0]
         turns = normalize_angles(np.arctan2(ahead[1] - ends[:, 1], ahead[0] - ends[:, 0]) - ends[:, 2])
         costs = lengths + lateral + TURN_WORTH * width * _turns_not_free(ends, turns, checker)

@@ -10,7 +10,7 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."
 from controllers import make  # noqa: E402
 from kinematics import boxes, costmap_round, path_through  # noqa: E402
 
-from mbf_relay.control.back_out import PATIENCE, BackOut  # noqa: E402
+from mbf_relay.control.back_out import PATIENCE, TRIES, BackOut  # noqa: E402
 from mbf_relay.control.local_path import PathTracker  # noqa: E402
 from mbf_relay.control.state import ControlState  # noqa: E402
 from mbf_relay.costmap.footprint_checker import FootprintChecker  # noqa: E402
@@ -79,3 +79,48 @@ def test_one_that_can_only_drive_ahead_out_of_a_corner_does(side):
     poses = driven(back_out, state, tracker.cut(state, 0.6, 1.0, 0.4), checker, parameters)
     assert len(poses) > 2 and not checker.touches(np.array(poses)).any()
     assert poses[-1].x > 0.02 and side * poses[-1].theta > 0.05
+
+
+@pytest.fixture
+def wedged():
+    """A robot in a slot as wide as it, its face to the end; its state, the obstacles, and how a path is cut for it."""
+    slot = boxes((0.1, -2.0, 0.2, 2.0), (-2.0, 0.14, 0.2, 0.24), (-2.0, -0.24, 0.2, -0.14))
+    state = ControlState(0.0, HERE, Twist2D(0.0, 0.0, 0.0), costmap_round(HERE, slot), IDENTITY, PERIOD)
+
+    def cut(*points):
+        tracker = PathTracker()
+        tracker.set_path(path_through(*points))
+        return tracker.cut(state, 0.6, 1.0, 0.4)
+
+    return state, FootprintChecker(state.costmap), cut
+
+
+def tried(back_out, state, path, checker, parameters):
+    """Return how far (m) the next try leads from where the robot stands, None where there is none."""
+    for now in (0.0, 1.01 * PATIENCE):
+        back_out.failed(now, state.pose, path, checker, parameters)
+    if not back_out.is_active:
+        return None
+    while back_out.command(back_out.end, Twist2D(0.0, 0.0, 0.0), checker, parameters, PERIOD) is not None:
+        pass
+    return back_out.end.distance_to(state.pose)
+
+
+def test_one_whose_try_brought_it_nowhere_backs_out_farther_the_next_time(wedged):
+    """It took the shortest way again and again, five centimetres of it, and stood there until it was given up."""
+    (state, checker, cut), back_out = wedged, BackOut()
+    parameters = make("dwa_local_planner/DWAPlannerROS").parameters
+    tries = [tried(back_out, state, cut((0.0, 0.0), (0.0, 1.0)), checker, parameters) for _ in range(3)]
+    assert tries[1] > 1.5 * tries[0] and (tries[2] > 1.5 * tries[1] or tries[2] > state.costmap.width), tries
+
+
+def test_one_that_is_led_another_way_may_back_out_again(wedged):
+    """It had used up its tries before a gap, and in the dead end behind it stood until it was given up."""
+    (state, checker, cut), back_out, parameters = wedged, BackOut(), make("dwa_local_planner/DWAPlannerROS").parameters
+    ahead, round_about = cut((0.0, 0.0), (0.0, 0.5)), cut((0.0, 0.0), (-0.5, 0.0), (-0.5, 2.0))
+    for _ in range(TRIES):
+        assert tried(back_out, state, ahead, checker, parameters) is not None
+        back_out.drove(ahead, state.costmap.width)
+    assert tried(back_out, state, ahead, checker, parameters) is None
+    back_out.drove(round_about, state.costmap.width)
+    assert tried(back_out, state, round_about, checker, parameters) is not None
