@@ -9,8 +9,9 @@ import numpy as np
 from mbf_relay.control import trajectory_kernels
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.state import ControlState
+from mbf_relay.control.trajectories import VelocityWindow
 from mbf_relay.costmap.footprint_checker import FootprintChecker
-from mbf_relay.geometry import Twist2D
+from mbf_relay.geometry import STOP, Twist2D
 
 
 def stopping_time(parameters: FollowerParameters, command: Twist2D, period: float) -> float:
@@ -49,3 +50,18 @@ def brakes_free(
     """
     poses = arc(checker, state, command, stopping_time(parameters, command, state.period))
     return checker.free_steps(poses, checker.contacts_at(state.pose)) == len(poses)
+
+
+def braked_on_its_arc(window: VelocityWindow, velocity: Twist2D) -> Twist2D:
+    """Return the command that brakes as hard as can be and keeps to the arc the robot is on, which was looked along.
+
+    Told to stand at once, wheels brake each as hard as it can: until the slower one stands the robot turns as fast as
+    before, and off the arc to its inner side.
+
+    Args:
+        window: The velocities in reach.
+        velocity: The robot's.
+    """
+    still = window.clip(STOP)
+    share = still.speed() / max(still.speed(), velocity.speed(), 1e-9)
+    return window.clip(Twist2D(still.x, still.y, share * velocity.theta))

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Optional, Type
 import numpy as np
 
 from mbf_relay.control.back_out import BackOut
-from mbf_relay.control.braking import brakes_free
+from mbf_relay.control.braking import braked_on_its_arc, brakes_free
 from mbf_relay.control.checkers import FACING, BlockedGoalChecker, GoalChecker, StuckChecker
 from mbf_relay.control.controller import Controller
 from mbf_relay.control.evasion import Evasion
@@ -236,6 +236,9 @@ class PathFollower(Controller, abc.ABC):
             except ControlError:
                 back_out.failed(state.now, state.pose, cycle.path, cycle.checker, parameters)
                 if not back_out.is_active:
+                    command = braked_on_its_arc(cycle.window, cycle.velocity)
+                    if command.speed() > 0.0 and command.theta != 0.0:
+                        return command
                     raise
             else:
                 back_out.drove(cycle.path, state.costmap.width)
@@ -340,8 +343,7 @@ class PathFollower(Controller, abc.ABC):
         rate = turn_rate(way, cycle.velocity.theta, self.parameters, cycle.state.period, top)
         command = Twist2D(still.x, still.y, rate)
         if still.speed() > 0.0 and not brakes_free(self.parameters, cycle.state, cycle.checker, command):
-            share = still.speed() / max(still.speed(), cycle.velocity.speed())
-            return cycle.window.clip(Twist2D(still.x, still.y, share * cycle.velocity.theta))
+            return braked_on_its_arc(cycle.window, cycle.velocity)
         return command
 
     def turn_to_path(self, cycle: ControlCycle, least: float) -> Optional[Twist2D]:

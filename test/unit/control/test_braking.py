@@ -1,0 +1,45 @@
+"""How a robot that can go nowhere any more comes to a stop."""
+
+import os
+import sys
+
+import pytest
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "contract"))
+from controllers import make  # noqa: E402
+from kinematics import boxes, costmap_round, path_through  # noqa: E402
+
+from mbf_relay.control.state import ControlState  # noqa: E402
+from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D  # noqa: E402
+from mbf_relay.outcomes import ControlError  # noqa: E402
+
+HERE, PERIOD, TOP = Pose2D(0.0, 0.0, 0.0), 0.1, 0.8
+FOLLOWERS = ("dwa_local_planner/DWAPlannerROS", "regulated_pure_pursuit")
+
+
+def shut_in(name, velocity):
+    """Return a controller, and its state at a velocity with walls so near that nothing is left to drive."""
+    controller = make(name, max_vel_x=TOP, max_vel_trans=TOP, acc_lim_x=1.0)
+    walls = boxes((0.08, -2.0, 0.2, 2.0), (-2.0, 0.14, 2.0, 0.3), (-2.0, -0.3, 2.0, -0.14))
+    controller.set_path(path_through((0.0, 0.0), (2.0, 0.0)), True)
+    return controller, ControlState(0.0, HERE, velocity, costmap_round(HERE, walls), IDENTITY, PERIOD)
+
+
+@pytest.mark.parametrize("name", FOLLOWERS)
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_one_that_can_go_nowhere_any_more_stops_along_its_curve(name, side):
+    """Told to stand at once each wheel braked as hard as it could, and it turned on: into a wall beside the curve."""
+    velocity = Twist2D(TOP, 0.0, side * 1.9)
+    controller, state = shut_in(name, velocity)
+    command = controller.compute_velocity(state)
+    assert 0.0 < command.x < velocity.x
+    assert command.theta / command.x == pytest.approx(velocity.theta / velocity.x)
+
+
+@pytest.mark.parametrize("name", FOLLOWERS)
+def test_one_that_can_go_nowhere_any_more_and_drives_straight_or_stands_says_so_at_once(name):
+    for velocity in (Twist2D(TOP, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)):
+        controller, state = shut_in(name, velocity)
+        with pytest.raises(ControlError):
+            for _ in range(3):
+                controller.compute_velocity(state)
