@@ -293,6 +293,23 @@ def test_a_robot_whose_top_speed_forwards_alone_is_lowered_drives_at_that_one(na
     assert ended.reached and max(command.x for command in ended.commands) == pytest.approx(0.05, abs=0.005)
 
 
+@pytest.mark.parametrize("path, limit", [
+    ("behind", "max_vel_trans"), ("straight", "max_vel_x"), ("behind", "max_vel_x"), ("behind", "max_vel_theta"),
+])
+def test_a_robot_whose_top_speed_is_set_to_0_stands_and_is_told_which(name, path, limit):
+    """Some turned to and fro for 10 s, others stood for good; what they said was that it oscillates, or nothing."""
+    if name.startswith("base_local_planner") and limit == "max_vel_theta":
+        limit, turns = "max_vel_theta", dict(min_vel_theta=0.0, min_in_place_vel_theta=0.0)
+    else:
+        turns = {}
+    controller = make(name, **{limit: 0.0}, **turns) if limit != "max_vel_trans" else make(name, max_vel_x=0.0, **{
+        known: 0.0 for known in ("max_vel_trans", "min_vel_trans") if known in make(name).parameters.names()})
+    ended = drive(controller, PATHS[path], START, seconds=10.0)
+    assert ended.error is not None and ended.error.outcome is ControlOutcome.NO_VALID_CMD
+    assert f"{limit} is 0" in ended.error.message and ended.seconds < 2.0
+    assert all(command == STOP for command in ended.commands)
+
+
 def test_a_robot_slow_to_accelerate_gets_going_where_cycles_are_shorter_than_odometry_s(name):
     controller, robot = make(name, acc_lim_x=0.1), PaperRobot(START, acceleration=0.1)
     controller.set_path(STRAIGHT, True)

@@ -221,6 +221,9 @@ class PathFollower(Controller, abc.ABC):
                 f"the robot is {cycle.path.robot_distance:.2f} m from the path; at most {farthest:.2f} m "
                 "(missed_path_distance) can be rejoined",
             )
+        standstill = parameters.standstill()
+        if standstill:
+            raise ControlError(ControlOutcome.NO_VALID_CMD, f"the robot cannot follow its path: {standstill}")
         turn = None if self._back_out.is_active else self.turn_to_path(cycle, self.turn_to_path_angle)
         if turn is not None:
             return turn
@@ -339,6 +342,9 @@ class PathFollower(Controller, abc.ABC):
         One that still rolls brakes first, on the arc it is on, where it would swing into something on its way: that the
         turn is free tells of the spot alone.
         """
+        if self.parameters.max_vel_theta == 0.0:
+            raise ControlError(
+                ControlOutcome.NO_VALID_CMD, f"max_vel_theta is 0 and the robot has to turn by {math.degrees(way):.0f} deg")
         top = self._overshoot.turn_share(cycle.state.now, cycle.state.pose.theta, way) * cycle.turn
         rate = turn_rate(way, cycle.velocity.theta, self.parameters, cycle.state.period, top)
         command = Twist2D(still.x, still.y, rate)

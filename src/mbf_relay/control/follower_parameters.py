@@ -105,3 +105,10 @@ class FollowerParameters(ParameterSet):
             ("acc_lim_theta", self.max_vel_theta),
         ):
             check_acceleration(acceleration, getattr(self, acceleration), fastest)
+
+    def standstill(self) -> str:
+        """Return which top speeds of 0 keep the robot from following a path; empty where it can."""
+        if self.max_vel_trans > 0.0 and max(self.max_vel_x, self.max_vel_y, -self.min_vel_y) > 0.0:
+            return ""
+        return " and ".join(
+            f"{name} is {getattr(self, name):g}" for name in ("max_vel_trans", "max_vel_x") if getattr(self, name) <= 0.0)
