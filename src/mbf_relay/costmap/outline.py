@@ -63,8 +63,20 @@ def _shown(value: Any) -> str:
     return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}... ({len(text)} characters)"
 
 
-def check_reach(footprint: np.ndarray, resolution: float) -> None:
-    """Raise ValueError where an outline, (K, 2) in metres, is too large for cells of `resolution` (m)."""
+def check_padded(outline: np.ndarray, padding: float, resolution: float) -> None:
+    """Raise ValueError where a padding (m) turns an outline, (K, 2) in metres, inside out, or makes it too large.
+
+    Args:
+        outline: Without padding, shape (K, 2) in metres.
+        padding: How far (m) its corners are moved outwards.
+        resolution: Side (m) of the cells it is looked at in.
+    """
+    footprint = padded(outline, padding)
+    smallest = float(np.abs(outline[outline != 0.0]).min(initial=math.inf))
+    if -padding > smallest:
+        raise ValueError(
+            f"footprint_padding is {padding:g} m; it would turn a footprint inside out that has a corner {smallest:g} m "
+            "from an axis of the base frame")
     reach = float(np.hypot(footprint[:, 0], footprint[:, 1]).max(initial=0.0))
     if reach > FARTHEST * resolution:
         raise ValueError(

@@ -9,7 +9,7 @@ import numpy as np
 
 from mbf_relay.costmap import footprint as footprints
 from mbf_relay.costmap.cost_grid import OBSTACLE_OVERLAP
-from mbf_relay.costmap.outline import check_reach
+from mbf_relay.costmap.outline import check_padded
 from mbf_relay.grid import Grid
 from mbf_relay.maps import COARSEST, FINEST, LARGEST_SIDE, MOST_CELLS
 from mbf_relay.parameters import ParameterSet, parameter
@@ -75,7 +75,7 @@ class CostmapParameters(ParameterSet):
                 "cell "
                 f"they must not hold more than {MOST_CELLS} cells"
             )
-        check_reach(self.outline(), self.resolution)
+        check_padded(self.outline(), self.footprint_padding, self.resolution)
 
     def outline(self) -> np.ndarray:
         """Return the robot's outline without padding, shape (K, 2) in metres."""

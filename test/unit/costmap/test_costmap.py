@@ -311,7 +311,19 @@ def test_a_footprint_of_a_house_is_refused_instead_of_taking_all_memory():
     house = np.array([[9.0, 9.0], [9.0, -9.0], [-9.0, -9.0], [-9.0, 9.0]])
     with pytest.raises(ValueError, match="reaches 12.73 m from the base frame, 509 cells of 0.025 m; at most 400"):
         costmap.parameters.replace(footprint=house.tolist())
+    with pytest.raises(ValueError, match="reaches 14.24 m from the base frame, 570 cells of 0.025 m; at most 400"):
+        costmap.parameters.replace(footprint_padding=10.0)
     costmap.reconfigure(costmap.parameters.replace(footprint=(0.5 * house).tolist()))
+
+
+@pytest.mark.parametrize("padding", [-0.09, -5.0])
+def test_a_robot_is_not_padded_inside_out(padding):
+    """At -0.09 the burger drove as a strip behind its own wheels, at -5 it was ten metres long and stood for good."""
+    with pytest.raises(ValueError, match=f"footprint_padding is {padding:g} m; it would turn a footprint inside out"):
+        seen({"footprint": [[-0.105, -0.105], [-0.105, 0.105], [0.041, 0.105], [0.041, -0.105]],
+              "footprint_padding": padding})
+    slimmer = seen({"footprint": [[-0.1, -0.1], [-0.1, 0.1], [0.1, 0.1], [0.1, -0.1]], "footprint_padding": -0.04})
+    assert np.abs(slimmer.footprint) == pytest.approx(0.06)
 
 
 def test_what_a_map_gave_the_costmap_cannot_be_changed():

@@ -18,9 +18,9 @@ from mbf_relay.ros.costmap.inputs import outline_from_message
 def test_no_message_makes_the_robot_a_point_or_a_line(corners, said):
     """One without corners made the robot a point, which fits between any two things."""
     with pytest.raises(ValueError, match=said):
-        outline_from_message(Polygon([Point32(x, y, 0.0) for x, y in corners]), 0.05)
+        outline_from_message(Polygon([Point32(x, y, 0.0) for x, y in corners]), 0.0, 0.05)
 
 
 def test_an_outline_comes_through():
     message = Polygon([Point32(0.5, 0.0, 0.0), Point32(-0.5, 0.25, 0.0), Point32(-0.5, -0.25, 0.0)])
-    assert outline_from_message(message, 0.05).tolist() == [[0.5, 0.0], [-0.5, 0.25], [-0.5, -0.25]]
+    assert outline_from_message(message, 0.0, 0.05).tolist() == [[0.5, 0.0], [-0.5, 0.25], [-0.5, -0.25]]

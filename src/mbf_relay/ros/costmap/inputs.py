@@ -18,7 +18,7 @@ from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.layer import MapSource
 from mbf_relay.costmap.observation import Observation, observation_from_points, scan_points
 from mbf_relay.costmap.observation_source import SourceParameters
-from mbf_relay.costmap.outline import MOST_CORNERS, check_reach, parse_footprint
+from mbf_relay.costmap.outline import MOST_CORNERS, check_padded, parse_footprint
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common import checks
 from mbf_relay.ros.common.checks import InvalidMessage
@@ -209,8 +209,10 @@ def points_from(
     return cloud_points(message), None
 
 
-def outline_from_message(message: Polygon, resolution: float) -> np.ndarray:
-    """Return the outline of a robot, shape (K, 2) in metres, for a costmap of `resolution` (m).
+def outline_from_message(message: Polygon, padding: float, resolution: float) -> np.ndarray:
+    """Return the outline of a robot, shape (K, 2) in metres, for a costmap that pads it by `padding` (m).
+
+    Its cells have a side of `resolution` (m).
 
     Raises:
         ValueError: No robot can have it, or it is too large for the costmap's cells.
@@ -219,7 +221,7 @@ def outline_from_message(message: Polygon, resolution: float) -> np.ndarray:
     if not message.points:
         raise InvalidMessage("0 corners; a footprint must have at least 3")
     outline = parse_footprint([(point.x, point.y) for point in message.points])
-    check_reach(outline, resolution)
+    check_padded(outline, padding, resolution)
     return outline
 
 

@@ -141,7 +141,8 @@ class CostmapNode:
 
     def _take_footprint(self, message: Polygon) -> None:
         try:
-            self.costmap.set_footprint(outline_from_message(message, self.costmap.parameters.resolution))
+            asked = self.costmap.parameters
+            self.costmap.set_footprint(outline_from_message(message, asked.footprint_padding, asked.resolution))
         except ValueError as error:
             rospy.logerr_throttle(WARN_PERIOD, f"{self._name}: footprint refused: {one_line(error)}")
 
