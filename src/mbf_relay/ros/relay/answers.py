@@ -119,7 +119,9 @@ def doubt_of_arrival(ending: Any, target: Any, tolerance: float) -> str:
     farthest = max(distances, default=0.0)
     if farthest <= tolerance:
         return ""
-    return f"the server claims to have arrived, {farthest:.2f} m from the goal"
+    return (
+        f"the server claims to have arrived, {farthest:.2f} m from the goal; arrival_tolerance is {tolerance:g} m, and "
+        "must be at least the controller's own")
 
 
 def not_arrived(doubt: str, cancelled: bool) -> Answer:

@@ -32,6 +32,8 @@ from mbf_relay.ros.relay.relay import ClientGoal, Observer, Relay, RelayParamete
 from mbf_relay.ros.relay.services import ClearCostmaps, MakePlan, PauseByServer
 from mbf_relay.ros.relay.topics import RecoveryTopic, pass_through
 
+ANYWHERE = 1e9
+"""Metres from its goal within which every arrival is."""
 CHECK_PERIOD = 0.1
 """Wall time (s) between looks at the server and at what has waited too long."""
 
@@ -52,7 +54,7 @@ def serve(action: bool = True, topic: bool = True, own: Optional[Any] = None) ->
     else:
         given, notes = RelayParameters.read(namespace)
         ros_parameters.warn_of(notes, "~")
-        parameters = given.replace(server=rospy.get_name(), global_frame=own.global_frame)
+        parameters = with_own_server(given, own.global_frame)
     if action:
         check_alone("move_base")
     client = ActionClient(
@@ -188,6 +190,11 @@ class Publishers(Observer):
         """Publish zero velocity, where that is wanted."""
         if self._velocity is not None:
             self._velocity.publish(Twist())
+
+
+def with_own_server(given: RelayParameters, global_frame: str) -> RelayParameters:
+    """Return a relay's parameters where the server is in its process: when the robot is there, its controller says."""
+    return given.replace(server=rospy.get_name(), global_frame=global_frame, arrival_tolerance=ANYWHERE)
 
 
 def nothing_known(answer: Answer) -> MoveBaseResult:

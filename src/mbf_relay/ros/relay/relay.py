@@ -263,7 +263,7 @@ class Relay:
                 if not doubt:
                     self._end(answers.answer_to(ending, active.cancelled_at is not None), ending.result)
                 elif active.was_doubted or active.cancelled_at is not None:
-                    self._end(answers.not_arrived(doubt, active.cancelled_at is not None), ending.result)
+                    self._end(answers.not_arrived(doubt, active.cancelled_at is not None))
                 else:
                     active.was_doubted, active.errand = True, None  # asked again, the server speaks of this goal
             self._advance()

@@ -132,7 +132,7 @@ class Recorder(Observer):
         self.taken.append(pose)
 
     def goal_ended(self, client_goal, answer, result):
-        self.ended.append((client_goal.get_goal_id().id, answer))
+        self.ended.append((client_goal.get_goal_id().id, answer, result))
 
     def stop_robot(self):
         self.stops, self.stopped_at = self.stops + 1, self._clock()

@@ -225,7 +225,9 @@ def test_nobody_is_told_to_have_arrived_whose_robot_stands_elsewhere(setup, wher
     for _ in range(2):
         arrive(setup.server.sent[-1], where, distance)
     assert (goal.state, goal.text) == (ABORTED, answers.NO_CONTROL)
-    assert "m from the goal" in setup.observer.ended[-1][1].reason and len(setup.server.sent) == 2
+    _, answer, result = setup.observer.ended[-1]
+    assert "m from the goal; arrival_tolerance is 0.5 m" in answer.reason and len(setup.server.sent) == 2
+    assert result is None, "or ~navigation_outcome would go on telling of success"
 
 
 def test_its_cancel_is_repeated_until_the_server_answers(setup):
@@ -341,8 +343,8 @@ def test_shutting_down_cancels_and_says_so(setup):
 def test_every_goal_is_told_of_once(setup):
     fronts = [setup.goal() for _ in range(20)]
     setup.server.sent[-1].end(SUCCEEDED, MoveBaseResult.SUCCESS)
-    assert [name for name, _ in setup.observer.ended] == [goal.get_goal_id().id for goal in fronts]
-    assert [answer.status for _, answer in setup.observer.ended] == [PREEMPTED] * 19 + [SUCCEEDED]
+    assert [name for name, *_ in setup.observer.ended] == [goal.get_goal_id().id for goal in fronts]
+    assert [answer.status for _, answer, _ in setup.observer.ended] == [PREEMPTED] * 19 + [SUCCEEDED]
 
 
 def test_an_answer_that_comes_before_send_returns_is_taken(setup):

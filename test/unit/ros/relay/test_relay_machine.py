@@ -93,7 +93,7 @@ class RelayMachine(RuleBasedStateMachine):
 
     @invariant()
     def each_goal_is_told_of_once(self):
-        told = [name for name, _ in self.setup.observer.ended]
+        told = [name for name, *_ in self.setup.observer.ended]
         done = [goal.get_goal_id().id for goal in self.goals if goal.is_done and goal.state != RECALLED]
         assert sorted(told) == sorted(done)
 
