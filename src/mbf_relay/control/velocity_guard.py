@@ -77,7 +77,7 @@ class VelocityGuard:
     def __init__(self, parameters: VelocityGuardParameters) -> None:
         self._parameters = parameters
         self._outline = parameters.outline()
-        self._radius = radii(self._outline)[1]
+        self._inscribed_radius, self._radius = radii(self._outline)
         self._longest = MOST_STEPS * max(STEP, 0.5 * float(np.ptp(self._outline, axis=0).min()))  # way to a stop (m)
         self._asked, self._asked_at = STOP, -math.inf
         self._seen: Dict[str, Sight] = {}  # by the lidar's frame
@@ -167,6 +167,11 @@ class VelocityGuard:
 
     def _judge_by_scan(self, asked: Twist2D, now: float) -> Verdict:
         sights = self._sights
+        reach = max(math.hypot(*sight.laser_in_base[:2]) + sight.scan.range_max for sight in sights)
+        if reach <= self._inscribed_radius:
+            return Verdict(
+                STOP, UNSEEN, f"stopped: the footprint reaches {self._inscribed_radius:.2f} m to every side, and no lidar "
+                f"sees farther than {reach:.2f} m")
         share, in_the_way = self._free_share(asked, np.vstack([self._points_now(sight, now) for sight in sights]))
         is_unseen = all(self._is_unseen(asked, sight) for sight in sights)
         limit = self._parameters.unseen_speed / asked.speed() if is_unseen else 1.0

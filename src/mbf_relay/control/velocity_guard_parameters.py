@@ -33,7 +33,7 @@ class VelocityGuardParameters(ParameterSet):
     acc_lim_x: float = parameter(1.0, "how fast the robot surely slows down", unit="m/s^2", above=0.0)
     wheel_separation: float = parameter(
         0.0, "distance between the wheels of a differential drive, whose rims slow down by acc_lim_x; 0 where that is "
-        "not known, and speed and turn brake each by itself", unit="m", minimum=0.0,
+        "not known, and speed and turn brake each by itself", unit="m", minimum=0.0, maximum=10.0, clamped=False,
     )
     acc_lim_theta: float = parameter(
         6.0, "how fast it surely stops turning, where no wheels are known", unit="rad/s^2", above=0.0

@@ -53,6 +53,18 @@ def test_a_velocity_with_room_to_brake_passes_unchanged():
     assert verdict == (AHEAD, guards.PASSING, "passing")
 
 
+def test_a_robot_whose_footprint_is_in_another_unit_is_not_driven_blindly():
+    """With centimetres for metres every reading was the robot's own, and everything passed without a word."""
+    verdict = judged(guard_that_saw(scan_with(0.2, -40, 41), [[100.0 * x, 100.0 * y] for x, y in BURGER]), AHEAD)
+    assert verdict.velocity == STOP and verdict.cause == guards.UNSEEN
+    assert verdict.text == "stopped: the footprint reaches 4.10 m to every side, and no lidar sees farther than 3.53 m"
+
+
+def test_wheels_a_hundred_metres_apart_are_refused_and_do_not_hold_up_the_guard():
+    with pytest.raises(ValueError, match="wheel_separation is 160"):
+        parameters(wheel_separation=160.0)
+
+
 def test_a_robot_before_a_wall_is_slowed_and_then_stopped_but_may_back_away():
     shares = []
     for distance in (0.5, 0.15, 0.13, 0.11, 0.095):

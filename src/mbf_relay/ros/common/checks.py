@@ -32,6 +32,8 @@ NEAREST_READING = 100.0
 """Metres within which a scan with readings must have one: in millimetres, that is nearer than any robot's own hull."""
 MOST_BEAMS = 100000
 """Beams of a scan: a hundred times what planar lidars have."""
+MOST_ANGLE = 4.0 * math.pi
+"""Radians: no lidar looks farther round than that, nor begins there."""
 MOST_POINTS = 4000000
 """Points of a cloud: four megapixels of a depth camera."""
 MOST_POSES = 1000000
@@ -111,10 +113,11 @@ def check_scan(message: Any) -> None:
         raise InvalidMessage(f"{shown(message.header.frame_id)!r} names no frame")
     if not 0 < beams <= MOST_BEAMS:
         raise InvalidMessage(f"scan of {beams} beams; it must have 1 to {MOST_BEAMS}")
-    if not (math.isfinite(message.angle_min) and abs(message.angle_increment) * beams <= 4.0 * math.pi):
+    # far from 0 one float stands for the angles of many beams
+    if not (abs(message.angle_min) <= MOST_ANGLE and abs(message.angle_increment) * beams <= 4.0 * math.pi):
         raise InvalidMessage(
             f"scan of {beams} beams from angle {message.angle_min} by {message.angle_increment} rad; "
-            "both must be finite, and at most two turns together")
+            f"they must be at most {MOST_ANGLE:.1f} rad, and two turns of all beams together")
     _check_directions(message, beams)
     if not 0.0 <= message.range_min < message.range_max:
         raise InvalidMessage(

@@ -23,6 +23,7 @@ def scan(first, last, increment, beams):
     (scan(-math.pi, math.pi, DEGREE, 120), "120 beams"),  # the last 240, ahead and left, got lost
     (scan(-math.pi, math.pi, 0.0, 360), "360 beams"),  # all of them look behind
     (scan(0.0, 0.0, 0.0, 360), "360 beams"),
+    (scan(1e30, 1e30, DEGREE, 360), "from angle 1e\\+30"),  # where one number stands for every beam's angle
     (scan(math.pi, -math.pi, DEGREE, 360), "against"),  # or what is left stands on the right
 ])
 def test_a_scan_that_contradicts_itself_about_where_it_looks_is_not_driven_by(message, words):
