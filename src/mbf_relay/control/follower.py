@@ -344,7 +344,7 @@ class PathFollower(Controller, abc.ABC):
         """
         if self.parameters.max_vel_theta == 0.0:
             raise ControlError(
-                ControlOutcome.NO_VALID_CMD, f"max_vel_theta is 0 and the robot has to turn by {math.degrees(way):.0f} deg")
+                ControlOutcome.NO_VALID_CMD, f"max_vel_theta is 0 and the robot has to turn by {way:.1f} rad")
         top = self._overshoot.turn_share(cycle.state.now, cycle.state.pose.theta, way) * cycle.turn
         rate = turn_rate(way, cycle.velocity.theta, self.parameters, cycle.state.period, top)
         command = Twist2D(still.x, still.y, rate)

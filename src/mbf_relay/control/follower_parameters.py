@@ -111,4 +111,5 @@ class FollowerParameters(ParameterSet):
         if self.max_vel_trans > 0.0 and max(self.max_vel_x, self.max_vel_y, -self.min_vel_y) > 0.0:
             return ""
         return " and ".join(
-            f"{name} is {getattr(self, name):g}" for name in ("max_vel_trans", "max_vel_x") if getattr(self, name) <= 0.0)
+            f"{name} is {value:g}"
+            for name, value in (("max_vel_trans", self.max_vel_trans), ("max_vel_x", self.max_vel_x)) if value <= 0.0)

@@ -170,8 +170,8 @@ class VelocityGuard:
         reach = max(math.hypot(*sight.laser_in_base[:2]) + sight.scan.range_max for sight in sights)
         if reach <= self._inscribed_radius:
             return Verdict(
-                STOP, UNSEEN, f"stopped: the footprint reaches {self._inscribed_radius:.2f} m to every side, and no lidar "
-                f"sees farther than {reach:.2f} m")
+                STOP, UNSEEN, f"stopped: the footprint reaches {self._inscribed_radius:.2f} m to every side, and no "
+                f"lidar sees farther than {reach:.2f} m")
         share, in_the_way = self._free_share(asked, np.vstack([self._points_now(sight, now) for sight in sights]))
         is_unseen = all(self._is_unseen(asked, sight) for sight in sights)
         limit = self._parameters.unseen_speed / asked.speed() if is_unseen else 1.0

@@ -75,8 +75,8 @@ def check_padded(outline: np.ndarray, padding: float, resolution: float) -> None
     smallest = float(np.abs(outline[outline != 0.0]).min(initial=math.inf))
     if -padding > smallest:
         raise ValueError(
-            f"footprint_padding is {padding:g} m; it would turn a footprint inside out that has a corner {smallest:g} m "
-            "from an axis of the base frame")
+            f"footprint_padding is {padding:g} m; it would turn a footprint inside out that has a corner "
+            f"{smallest:g} m from an axis of the base frame")
     reach = float(np.hypot(footprint[:, 0], footprint[:, 1]).max(initial=0.0))
     if reach > FARTHEST * resolution:
         raise ValueError(
