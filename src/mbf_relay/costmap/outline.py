@@ -72,11 +72,11 @@ def check_padded(outline: np.ndarray, padding: float, resolution: float) -> None
         resolution: Side (m) of the cells it is looked at in.
     """
     footprint = padded(outline, padding)
-    smallest = float(np.abs(outline[outline != 0.0]).min(initial=math.inf))
-    if -padding > smallest:
+    least = float(min(outline.max(axis=0).min(), -outline.min(axis=0).max()))  # of its reach to the four sides
+    if -padding > max(0.0, least):
         raise ValueError(
-            f"footprint_padding is {padding:g} m; it would turn a footprint inside out that has a corner "
-            f"{smallest:g} m from an axis of the base frame")
+            f"footprint_padding is {padding:g} m; it would turn a footprint inside out that reaches {least:g} m to one "
+            "side of the base frame")
     reach = float(np.hypot(footprint[:, 0], footprint[:, 1]).max(initial=0.0))
     if reach > FARTHEST * resolution:
         raise ValueError(

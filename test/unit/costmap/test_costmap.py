@@ -324,6 +324,7 @@ def test_a_robot_is_not_padded_inside_out(padding):
               "footprint_padding": padding})
     slimmer = seen({"footprint": [[-0.1, -0.1], [-0.1, 0.1], [0.1, 0.1], [0.1, -0.1]], "footprint_padding": -0.04})
     assert np.abs(slimmer.footprint) == pytest.approx(0.06)
+    assert seen({"robot_radius": 0.2, "footprint_padding": -0.04}).footprint.max() == pytest.approx(0.16)
 
 
 def test_what_a_map_gave_the_costmap_cannot_be_changed():
