@@ -186,6 +186,19 @@ def fit_and_spread(poses, log_weights, noise, floor, least, weights, mean, covar
     return log_sum
 
 
+@kernel("float64(float64[::1], boolean[::1])")
+def _log_sum_of_kept(log_weights, drawn):
+    """Return the logarithm of the summed weights, shape (N,), of what is not drawn anew; also of next to nothing."""
+    highest, total = -np.inf, 0.0
+    for i in range(log_weights.shape[0]):
+        if not drawn[i]:
+            highest = max(highest, log_weights[i])
+    for i in range(log_weights.shape[0]):
+        if not drawn[i]:
+            total += math.exp(log_weights[i] - highest)
+    return highest + math.log(total)
+
+
 @kernel(
     "void(float64[:,::1], float64[::1], float64[::1], float64, boolean[::1], float64[:,::1], int64[::1],"
     " float64[:,::1], float64[:,:,::1], float64[:,:,::1], float64[::1])"
@@ -222,7 +235,8 @@ def redraw(poses, log_weights, weights, log_total, drawn, noise, counts, means, 
     log_mixture(poses, means, whitening, log_heights, first, logs)
     share = row / count
     of_first = log_total - math.log(1.0 - share)
-    of_kept, of_drawn = math.log(1.0 - share) - log_total - math.log(kept), -math.log(count)
+    log_kept = log_total + math.log(kept) if kept > 0.0 else _log_sum_of_kept(log_weights, drawn)
+    of_kept, of_drawn = math.log(1.0 - share) - log_kept, -math.log(count)
     for i in range(count):
         own = of_drawn if drawn[i] else of_kept + log_weights[i]
         log_weights[i] = of_first + first[i] - logs[i] + own

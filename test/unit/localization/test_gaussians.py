@@ -152,3 +152,17 @@ def test_headings_are_averaged_on_their_circle_however_far_they_lie_apart(spread
     pose, covariance = mean_and_covariance(poses, weights)
     assert pose.theta == pytest.approx(np.angle(turned), abs=1e-12)
     assert covariance[2, 2] == pytest.approx(-2.0 * math.log(abs(turned)), abs=1e-12)
+
+
+def test_a_robot_is_not_lost_for_good_where_all_that_stays_of_a_cluster_weighs_next_to_nothing():
+    """Its weights were not a number from then on, and every scan after that ended in an error."""
+    for seed in range(20):
+        poses, _ = particles(8, 0.02, np.random.default_rng(seed))
+        log_weights = np.concatenate(([-3.0], np.full(7, -900.0)))
+        rng = Repeated(seed)
+        sample = PoseSample(poses, log_weights, rng)
+        sample.redraw(0.5, PoseMixture((sample.prior,), np.ones(1)), rng)
+        assert np.isfinite(sample.log_weights).all()
+        drawn = next(draw for draw in rng.drawn if draw.shape == (8,)) < 0.5
+        if 0 < drawn.sum() < len(drawn):
+            assert log_sum_exp(sample.log_weights[~drawn]) == pytest.approx(-3.0 + math.log((~drawn).mean()), abs=1e-9)
