@@ -27,13 +27,14 @@ from mbf_relay.localization.scan_likelihood import ScanLikelihood
 MOST = 100
 """Rivals kept at most."""
 FORGOTTEN = -16.0
-"""Log-odds against the hypothesis held below which a rival is dropped, unless scans fit there."""
+"""Log-odds against the hypothesis held below which a rival that is not on trial is dropped, unless scans fit there."""
 FITS = 0.5
 """Probability of being right, others aside, from which scans fit."""
 SAME_PLACE, SAME_HEADING = 0.3, 0.2
 """Distance (m) and turn (rad) within which two hypotheses are one."""
 PROVEN_SCANS, PROVEN_WAY = 3, 1.0
-"""Scans and way (m) a rival has to prove itself on before it can take over."""
+"""Scans and way (m) a rival has to prove itself on before it can take over, and until which none is given up: of many
+places found at once, each enters at small odds, the right one too."""
 LEAD = 2.0
 """Log-odds a rival needs to take over, so that equals do not take turns."""
 WAY_OF_A_SCAN = 3.0
@@ -59,6 +60,11 @@ class Hypothesis:
     scans: int = 0
     way: float = 0.0
     fit: Reliability = field(default_factory=Reliability)
+
+    @property
+    def on_trial(self) -> bool:
+        """Whether it has not yet had the scans and the way in which to prove itself."""
+        return self.scans < PROVEN_SCANS or self.way < PROVEN_WAY
 
 
 class Hypotheses:
@@ -178,7 +184,7 @@ class Hypotheses:
 
     def challenge(self, held: PoseGaussian) -> Optional[PoseGaussian]:
         """Return the rival that has proven itself against the one held, which becomes a rival; None where none has."""
-        proven = [r for r in self.rivals if r.scans >= PROVEN_SCANS and r.way >= PROVEN_WAY]
+        proven = [rival for rival in self.rivals if not rival.on_trial]
         best = max(proven, key=lambda rival: rival.log_weight, default=None)
         if best is None or best.log_weight < self.held + LEAD:
             return None
@@ -196,7 +202,7 @@ class Hypotheses:
             if same is not None:
                 same.right = max(same.right, rival.fit.right if rival.scans > 0 else 0.0)
             elif len(kept) < MOST and (
-                rival.log_weight > self.held + FORGOTTEN or rival.fit.right > FITS or rival.scans == 0
+                rival.on_trial or rival.log_weight > self.held + FORGOTTEN or rival.fit.right > FITS
             ):
                 kept.append(rival)
         self.rivals, self.at = kept, np.array(held)

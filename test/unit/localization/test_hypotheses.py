@@ -147,6 +147,20 @@ def test_a_place_where_scans_fit_is_not_forgotten_for_lack_of_weight():
     assert len(hypotheses.rivals) == 1
 
 
+def test_a_robot_put_down_wrong_is_found_although_its_scan_fits_in_sixty_places():
+    """Each of them enters at small odds; all were given up at the next scan, the right one with them."""
+    made = Room(room(), ELSEWHERE)
+    others = [Pose2D(-2.0 + 0.4 * (i % 10), -1.5 + 0.5 * (i // 10), 2.5) for i in range(60)]
+    places = np.array([TRUTH, *others])
+    made.hypotheses.add(places, np.array([NARROW] * len(places)), made.held, -14.0)
+    winner, scans = None, 0
+    while winner is None and scans < 100:
+        made.see(room(), TRUTH, way=0.05)
+        winner, scans = made.hypotheses.challenge(PoseGaussian(made.held, NARROW)), scans + 1
+    assert winner is not None
+    assert winner.mean == pytest.approx(np.array(TRUTH), abs=0.05)
+
+
 def test_a_pose_that_comes_right_by_itself_is_believed_as_the_rival_was_that_knew_the_place():
     """What spoke against it was seen elsewhere: a robot that slid back must not drive metres until anybody believes it.
     """
