@@ -68,5 +68,6 @@ def tests(folder: str) -> List[Tuple[float, str]]:
             root = ElementTree.parse(path).getroot()
         except (OSError, ElementTree.ParseError):  # of a test that was ended
             continue
-        found += [(float(case.get("time") or 0.0), case.get("name", "")[:LONGEST_NAME]) for case in root.iter("testcase")]
+        for case in root.iter("testcase"):
+            found.append((float(case.get("time") or 0.0), case.get("name", "")[:LONGEST_NAME]))
     return found

@@ -166,6 +166,6 @@ def test_kernels_are_compiled_ahead_where_pythons_headers_leave_the_module_hidde
     source.write_text(headers + support + module_source({}, {}), encoding="utf-8")
     target = tmp_path / "_kernels.so"
     subprocess.run(
-        ["cc", "-shared", "-fPIC", "-fvisibility=hidden", "-I", sysconfig.get_paths()["include"], "-I", np.get_include(),
-         str(source), "-o", str(target)], check=True)
+        ["cc", "-shared", "-fPIC", "-fvisibility=hidden", "-I", sysconfig.get_paths()["include"],
+         "-I", np.get_include(), str(source), "-o", str(target)], check=True)
     assert hasattr(ctypes.CDLL(str(target)), "PyInit__kernels")

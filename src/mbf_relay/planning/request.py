@@ -133,4 +133,5 @@ def _room_at(costmap: CostGrid, window: Window, cells: np.ndarray, heading: floa
     seen = window.grown(math.ceil(reach)).within(grid)
     distances = distances_to_zeros(costmap.costs[seen.slices] != LETHAL, reach)
     turns = distances[cells[:, 1] - seen.y0, cells[:, 0] - seen.x0] >= reach
-    return fits * (1 + turns)
+    room: np.ndarray = fits * (1 + turns)
+    return room

@@ -19,8 +19,8 @@ def ask(name, folder, **environment):
         rf"^{name}\(\) \{{.*?^\}}", RUN.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
     ).group()
     return subprocess.run(
-        ["bash", "-uc", f'{function}\n{name} "$1"', "bash", str(folder)], env={"PATH": os.environ["PATH"], **environment},
-        stdout=subprocess.PIPE, text=True)
+        ["bash", "-uc", f'{function}\n{name} "$1"', "bash", str(folder)],
+        env={"PATH": os.environ["PATH"], **environment}, stdout=subprocess.PIPE, text=True)
 
 
 def is_own(folder):

@@ -2,8 +2,8 @@
 
 rospy waits for the first words of whoever connects in the one thread that takes connections, for as long as that takes.
 Somebody who connected and said nothing, be it a look for open ports or a subscriber whose cable was cut, kept everybody
-else out for good: a velocity_guard that came back after that heard of no velocity, and the robot stood. On the other port of
-a node, that of XML-RPC, each such connection held a thread for good.
+else out for good: a velocity_guard that came back after that heard of no velocity, and the robot stood. On a node's
+other port, that of XML-RPC, each such connection held a thread for good.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PATIENCE = 5.0
 LONGEST = 1 << 20
 """Bytes of the first words; a definition of the longest message has some ten thousand."""
 LONGEST_SILENCE = 60.0
-"""Wall seconds after which an XML-RPC connection is closed; clients connect anew, and roscpp closes its own after 5 s."""
+"""Wall seconds after which an XML-RPC connection is closed; who needs it connects anew. roscpp keeps its own for 5 s."""
 _LENGTH = struct.Struct("<I")
 _handling = threading.Lock()  # rospy's handlers are made for one connection at a time
 
