@@ -221,9 +221,7 @@ class PathFollower(Controller, abc.ABC):
                 f"the robot is {cycle.path.robot_distance:.2f} m from the path; at most {farthest:.2f} m "
                 "(missed_path_distance) can be rejoined",
             )
-        standstill = parameters.standstill()
-        if standstill:
-            raise ControlError(ControlOutcome.NO_VALID_CMD, f"the robot cannot follow its path: {standstill}")
+        parameters.require_motion()
         turn = None if self._back_out.is_active else self.turn_to_path(cycle, self.turn_to_path_angle)
         if turn is not None:
             return turn

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar, List, Mapping, Tuple, Type, TypeVar
 
+from mbf_relay.outcomes import ControlError, ControlOutcome
 from mbf_relay.parameters import ParameterSet, parameter
 
 F = TypeVar("F", bound="FollowerParameters")
@@ -106,10 +107,10 @@ class FollowerParameters(ParameterSet):
         ):
             check_acceleration(acceleration, getattr(self, acceleration), fastest)
 
-    def standstill(self) -> str:
-        """Return which top speeds of 0 keep the robot from following a path; empty where it can."""
+    def require_motion(self) -> None:
+        """Raise ControlError NO_VALID_CMD where top speeds of 0 keep the robot from following any path."""
         if self.max_vel_trans > 0.0 and max(self.max_vel_x, self.max_vel_y, -self.min_vel_y) > 0.0:
-            return ""
-        return " and ".join(
-            f"{name} is {value:g}"
-            for name, value in (("max_vel_trans", self.max_vel_trans), ("max_vel_x", self.max_vel_x)) if value <= 0.0)
+            return
+        named = [name for name in ("max_vel_trans", "max_vel_x") if getattr(self, name) <= 0.0]
+        limits = " and ".join(f"{name} is {getattr(self, name):g}" for name in named)
+        raise ControlError(ControlOutcome.NO_VALID_CMD, f"the robot cannot follow its path: {limits}")

@@ -57,13 +57,12 @@ def compile_module(module_name: str, object_path: str, features: str) -> List[Ke
         features: One of `features_of`.
     """
     import llvmlite.binding as llvm
-    import numba
 
-    dispatcher_type = type(numba.njit(lambda: None))  # where it stands differs from numba to numba
     module = importlib.import_module(module_name)
     entries, library = [], None
     for name, dispatcher in vars(module).items():
-        if not isinstance(dispatcher, dispatcher_type) or dispatcher.__module__ != module_name:
+        # told by what it has, for numba's class of them stands elsewhere from version to version
+        if not hasattr(dispatcher, "overloads") or dispatcher.__module__ != module_name:
             continue
         (compiled,) = dispatcher.overloads.values()
         entry = _entry(name, dispatcher, compiled)

@@ -24,7 +24,7 @@ PATIENCE = 5.0
 LONGEST = 1 << 20
 """Bytes of the first words; a definition of the longest message has some ten thousand."""
 LONGEST_SILENCE = 60.0
-"""Wall seconds after which an XML-RPC connection is closed; who needs it connects anew. roscpp keeps its own for 5 s."""
+"""Wall seconds after which an XML-RPC connection is closed; who needs it connects anew."""
 _LENGTH = struct.Struct("<I")
 _handling = threading.Lock()  # rospy's handlers are made for one connection at a time
 
