@@ -9,12 +9,13 @@ import asyncio
 import os
 import socket
 import threading
-from typing import Any, List, Set
+from typing import Any, List, Set, Tuple
 
 import rospkg
 import rospy
 import rospy.impl.simtime
 import tornado.httpserver
+import tornado.iostream
 import tornado.netutil
 import tornado.web
 
@@ -34,6 +35,25 @@ POLICY = (
 """Content-Security-Policy: nothing from elsewhere, no script but the page's own, no other site's frame around it."""
 PING_PERIOD = 10.0
 """Wall seconds between two pings, by which a connection that died without a word is found; after three it is closed."""
+
+
+MOST_CONNECTIONS = 200
+"""Connections served at a time, a fifth of the files a process may usually open; a page takes six, for a moment."""
+
+
+class LimitedServer(tornado.httpserver.HTTPServer):
+    """A server that lets go of whoever comes while MOST_CONNECTIONS are served.
+
+    Without a file left for the next connection its loop would look at who waits, and log an error, without a pause. The
+    pages' own sockets count no more once they are open; `max_clients` bounds them.
+    """
+
+    def handle_stream(self, stream: tornado.iostream.IOStream, address: Tuple[Any, ...]) -> None:
+        """Serve a connection, or close it."""
+        if len(self._connections) < MOST_CONNECTIONS:
+            super().handle_stream(stream, address)
+        else:
+            stream.close()
 
 
 class Page(tornado.web.StaticFileHandler):
@@ -99,7 +119,7 @@ class Server:
             websocket_ping_timeout=3 * PING_PERIOD,
             log_function=lambda handler: None,
         )
-        server = tornado.httpserver.HTTPServer(
+        server = LimitedServer(
             application, max_buffer_size=1 << 20, max_body_size=0, idle_connection_timeout=30.0)
         server.add_sockets(self._sockets)
         self._loop.run_forever()
