@@ -3,7 +3,8 @@
 rospy waits for the first words of whoever connects in the one thread that takes connections, for as long as that takes.
 Somebody who connected and said nothing, be it a look for open ports or a subscriber whose cable was cut, kept everybody
 else out for good: a velocity_guard that came back after that heard of no velocity, and the robot stood. On a node's
-other port, that of XML-RPC, each such connection held a thread for good.
+other port, that of XML-RPC, each such connection held a thread for good. And a thousand at a time are all the files a
+process may usually open: then a node looks again and again who waits, without a pause.
 """
 
 from __future__ import annotations
@@ -12,20 +13,24 @@ import socket
 import struct
 import threading
 import time
+from socketserver import ThreadingMixIn
 from typing import Any, Dict, Optional, Tuple
 
 import rospy
 from rosgraph.network import ROSHandshakeException, decode_ros_handshake_header, write_ros_handshake_header
-from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler
+from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
 from rospy.impl.tcpros_base import TCPROSServer
 
 PATIENCE = 5.0
 """Wall seconds for the first words, which nodes send as soon as they are connected."""
 LONGEST = 1 << 20
 """Bytes of the first words; a definition of the longest message has some ten thousand."""
+MOST_AT_A_TIME = 200
+"""Connections that are heard out, and as many that are answered in XML-RPC; whoever else comes meanwhile is let go."""
 LONGEST_SILENCE = 60.0
 """Wall seconds after which an XML-RPC connection is closed; who needs it connects anew."""
 _LENGTH = struct.Struct("<I")
+_unheard, _calling = threading.Semaphore(MOST_AT_A_TIME), threading.Semaphore(MOST_AT_A_TIME)
 _handling = threading.Lock()  # rospy's handlers are made for one connection at a time
 
 
@@ -33,12 +38,32 @@ def hear_out_each_by_itself() -> None:
     """Have this process hear out who connects in a thread each; before rospy.init_node."""
     TCPROSServer._tcp_server_callback = take_up
     SilenceableXMLRPCRequestHandler.timeout = LONGEST_SILENCE
+    ThreadingXMLRPCServer.process_request = answer
+    ThreadingXMLRPCServer.process_request_thread = _answer
 
 
 def take_up(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
     """Take a connection up as TCPROSServer does, without waiting for it."""
+    if not _unheard.acquire(blocking=False):
+        connection.close()
+        return
     threading.Thread(
         target=_hear_out, args=(server, connection, address), name="TCPROS handshake", daemon=True).start()
+
+
+def answer(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
+    """Answer a connection in XML-RPC as ThreadingXMLRPCServer does."""
+    if _calling.acquire(blocking=False):
+        ThreadingMixIn.process_request(server, connection, address)
+    else:
+        server.shutdown_request(connection)
+
+
+def _answer(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
+    try:
+        ThreadingMixIn.process_request_thread(server, connection, address)
+    finally:
+        _calling.release()
 
 
 def _hear_out(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
@@ -53,6 +78,8 @@ def _hear_out(server: Any, connection: socket.socket, address: Tuple[str, int]) 
             write_ros_handshake_header(connection, {"error": trouble})
     except Exception as error:  # it came from outside: nothing of it may end more than this connection
         trouble = str(error)
+    finally:
+        _unheard.release()
     if trouble:
         connection.close()
         if not rospy.core.is_shutdown_requested():

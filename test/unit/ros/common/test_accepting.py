@@ -13,7 +13,11 @@ pytest.importorskip("rospy", reason="needs ROS")
 
 from ros_testing import wait_until  # noqa: E402
 from rosgraph.network import read_ros_handshake_header  # noqa: E402
-from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, XmlRpcNode  # noqa: E402
+from rosgraph.xmlrpc import (  # noqa: E402
+    SilenceableXMLRPCRequestHandler,
+    ThreadingXMLRPCServer,
+    XmlRpcNode,
+)
 from rospy.impl.tcpros_base import TCPROSServer  # noqa: E402
 
 from mbf_relay.ros.common import accepting  # noqa: E402
@@ -92,6 +96,17 @@ def test_who_talks_nonsense_is_refused_in_one_line(node, text):
     node.hears_of("/velocity_guard")
 
 
+def test_a_crowd_that_says_nothing_takes_no_more_files_than_a_few(node, monkeypatch):
+    monkeypatch.setattr(accepting, "_unheard", threading.Semaphore(3))
+    silent = [node.connect() for _ in range(3)]
+    wait_until(lambda: not accepting._unheard._value, "all of them to be heard out")
+    assert [node.connect().recv(1) for _ in range(20)] == [b""] * 20, "each is let go"
+    for connection in silent:
+        connection.close()
+    wait_until(lambda: accepting._unheard._value == 3, "all of them to have left")
+    node.hears_of("/velocity_guard")
+
+
 def test_first_words_of_gigabytes_are_not_waited_for(node):
     connection = node.connect(struct.pack("<I", 2 ** 31))
     assert connection.recv(1) == b""
@@ -121,6 +136,9 @@ def test_threads_do_not_pile_up_where_cables_are_cut_in_xml_rpc(monkeypatch):
     monkeypatch.setattr(TCPROSServer, "_tcp_server_callback", TCPROSServer._tcp_server_callback)
     monkeypatch.setattr(SilenceableXMLRPCRequestHandler, "timeout", None)
     monkeypatch.setattr(accepting, "LONGEST_SILENCE", 0.01)
+    monkeypatch.setattr(accepting, "_calling", threading.Semaphore(3))
+    for name in ("process_request", "process_request_thread"):
+        monkeypatch.setattr(ThreadingXMLRPCServer, name, getattr(ThreadingXMLRPCServer, name))
     accepting.hear_out_each_by_itself()
     before = threading.active_count()
     node = XmlRpcNode(rpc_handler=None)
@@ -129,8 +147,10 @@ def test_threads_do_not_pile_up_where_cables_are_cut_in_xml_rpc(monkeypatch):
     serving = threading.Thread(target=node.server.serve_forever, args=(0.01,))
     serving.start()
     try:
-        silent = [socket.create_connection(("127.0.0.1", node.port), 10.0) for _ in range(3)]
-        assert [connection.recv(1) for connection in silent] == [b""] * 3, "each is let go"
+        silent = [socket.create_connection(("127.0.0.1", node.port), 10.0) for _ in range(20)]
+        assert [connection.recv(1) for connection in silent] == [b""] * 20, "each is let go"
+        assert threading.active_count() <= before + 4
+        wait_until(lambda: accepting._calling._value == 3, "all of them to have left")
         with ServerProxy(node.uri) as proxy:
             assert proxy.getPid("/master")[2] == 7
             wait_until(lambda: threading.active_count() <= before + 1, "a client that is silent to be let go")
