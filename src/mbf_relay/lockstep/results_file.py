@@ -89,7 +89,7 @@ class ResultsFile:
 
 
 def read_lines(path: Path) -> Tuple[List[EpisodeResult], List[str]]:
-    """Return the results in a file, the newest where an episode stands twice, and a warning for each broken line.
+    """Return the results in a file, the newest where an episode stands twice, and a warning of broken lines.
 
     Raises:
         ValueError: There is no such file.
@@ -97,7 +97,7 @@ def read_lines(path: Path) -> Tuple[List[EpisodeResult], List[str]]:
     if not path.is_file():
         raise ValueError(f"there are no results: {path} does not exist")
     results: Dict[Key, EpisodeResult] = {}
-    warnings = []
+    broken: List[str] = []
     with open(path, encoding="utf-8", errors="replace") as lines:
         for number, line in enumerate(lines, 1):
             if not line.strip():
@@ -106,8 +106,10 @@ def read_lines(path: Path) -> Tuple[List[EpisodeResult], List[str]]:
                 result = EpisodeResult.from_line(line)
                 results[result.world, result.seed] = result
             except ValueError as error:
-                warnings.append(f"{path}, line {number}, is left out: {error}")
-    return list(results.values()), warnings
+                broken.append(f"{path}, line {number}, is left out: {error}")
+    if len(broken) > 1:
+        broken[:] = [f"{broken[0]}; so are {len(broken) - 1} more"]
+    return list(results.values()), broken
 
 
 def _check_settings(folder: Path, settings: Mapping[str, Any]) -> None:

@@ -43,6 +43,15 @@ def test_a_broken_line_is_told_and_left_out(tmp_path, capsys):
     assert "2 pairs" in told.out and "settings: the same" in told.out
 
 
+def test_a_file_that_holds_no_results_is_told_of_in_a_line_and_not_in_thousands(tmp_path, capsys):
+    folder = batch(tmp_path / "a", [10.0], {})
+    with open(folder / "episodes.jsonl", "a") as lines:
+        lines.write("{broken\n" * 1500)
+    assert compare.main([str(folder), str(folder)]) == 0
+    told = capsys.readouterr().err
+    assert "line 2, is left out" in told and "so are 1499 more" in told and len(told.splitlines()) <= 2
+
+
 def test_nothing_in_common_and_nothing_there_are_errors(tmp_path, capsys):
     first = batch(tmp_path / "a", [10.0], {})
     second = tmp_path / "b"
