@@ -18,6 +18,7 @@ from mbf_relay import files
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.whole_files import whole_file, write_whole
 
 if TYPE_CHECKING:
     from PIL import Image  # else where it is used: every node knows maps, one reads images
@@ -311,15 +312,14 @@ def save_map(stem: str, occupancy: OccupancyMap, occupied: int = 65, free: int =
     pixels[(data >= 0) & (data <= free)] = 254
     pixels[data >= occupied] = 0
     height, width = data.shape
-    with open(image_path, "wb") as file:
+    with whole_file(image_path) as file:
         file.write(f"P5\n# {occupancy.resolution:.3f} m/pix\n{width} {height}\n255\n".encode())
         file.write(pixels.tobytes())
     origin = ", ".join(repr(float(value)) for value in occupancy.origin)
-    with open(yaml_path, "w", encoding="utf-8") as file:
-        # The image stands beside the YAML file, so its name alone finds it from any working directory.
-        file.write(
-            f"image: {yaml.safe_dump(os.path.basename(image_path), default_style=None).splitlines()[0]}\n"
-            f"resolution: {occupancy.resolution!r}\norigin: [{origin}]\nnegate: 0\n"
-            "occupied_thresh: 0.65\nfree_thresh: 0.196\n\n"
-        )
+    write_whole(  # the image stands beside the YAML file, so its name alone finds it from any working directory
+        yaml_path,
+        f"image: {yaml.safe_dump(os.path.basename(image_path), default_style=None).splitlines()[0]}\n"
+        f"resolution: {occupancy.resolution!r}\norigin: [{origin}]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n\n",
+    )
     return yaml_path, image_path

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import io
 import json
 import os
 import sys
@@ -21,6 +22,7 @@ from mbf_relay.localization.replay import Replay, replay, summarize
 from mbf_relay.localization.stress import Stress, parse_stress
 from mbf_relay.localization.trials import LogTask, as_json, run, summarize_trials, table
 from mbf_relay.maps import OccupancyMap, load_map
+from mbf_relay.whole_files import whole_file, write_whole
 
 
 def parse_arguments(arguments: Optional[List[str]] = None) -> argparse.Namespace:
@@ -122,14 +124,15 @@ def write_results(
     from mbf_relay.localization.replay_plot import draw_replay
 
     os.makedirs(folder, exist_ok=True)
-    with open(os.path.join(folder, "trajectory.csv"), "w", encoding="utf-8", newline="") as file:
+    with whole_file(os.path.join(folder, "trajectory.csv")) as stream:
+        file = io.TextIOWrapper(stream, encoding="utf-8", newline="")
         writer = csv.writer(file)
         writer.writerow(["t", "x", "y", "yaw", "updated", "seconds"])
         for stamp, pose, updated, seconds in zip(log.times, result.poses, result.updated, result.seconds):
             writer.writerow([f"{stamp:.6f}", *(f"{value:.6f}" for value in pose), int(updated), f"{seconds:.6f}"])
-    with open(os.path.join(folder, "result.json"), "w", encoding="utf-8") as file:
-        json.dump(figures, file, indent=2)
-        file.write("\n")
+        file.flush()
+        file.detach()
+    write_whole(os.path.join(folder, "result.json"), json.dumps(figures, indent=2) + "\n")
     draw_replay(os.path.join(folder, "result.png"), log, occupancy, result)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from mbf_relay import files
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.scan import LaserScan
+from mbf_relay.whole_files import whole_file
 
 LARGEST_LOG = 4 << 30
 """Bytes of a log, unpacked: a day of 1000 beams at 5 Hz."""
@@ -155,7 +156,7 @@ def save_log(path: str, log: RecordedLog) -> None:
     )
     if log.reference is not None:
         arrays["ref"] = log.reference
-    with open(path, "wb") as file:
+    with whole_file(path) as file:
         np.savez_compressed(file, **arrays)
 
 

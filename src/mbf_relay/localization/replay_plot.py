@@ -15,6 +15,7 @@ from mbf_relay.geometry import Pose2D  # noqa: E402
 from mbf_relay.localization.logs import RecordedLog  # noqa: E402
 from mbf_relay.localization.replay import Replay, errors  # noqa: E402
 from mbf_relay.maps import OccupancyMap  # noqa: E402
+from mbf_relay.whole_files import whole_file  # noqa: E402
 
 
 def draw_replay(path: str, log: RecordedLog, occupancy: OccupancyMap, result: Replay) -> None:
@@ -25,7 +26,8 @@ def draw_replay(path: str, log: RecordedLog, occupancy: OccupancyMap, result: Re
     _draw_ways(figure.add_subplot(grid[0]), log, occupancy, result)
     if log.reference is not None:
         _draw_errors(figure.add_subplot(grid[1]), log.reference, result)
-    figure.savefig(path, dpi=100)
+    with whole_file(path) as stream:
+        figure.savefig(stream, dpi=100, format="png")
 
 
 def _draw_ways(axes: Axes, log: RecordedLog, occupancy: OccupancyMap, result: Replay) -> None:

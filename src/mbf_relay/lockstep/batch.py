@@ -35,15 +35,15 @@ def main(arguments: Optional[Sequence[str]] = None, clock: Callable[[], float] =
         )
         folder = options.out or Path(f"batch-{Path(options.worlds).stem}")
         results = ResultsFile(folder, settings_of(Path(options.worlds).name, all_tasks, setup))
-    except ValueError as error:
+        try:
+            jobs = [EpisodeJob(task, setup, seed) for seed in options.seeds for task in tasks]
+            status = _drive(results, jobs, options, clock)
+        finally:
+            results.close()
+        batch_report.leave(folder, results.results, all_tasks, 1 if status else options.jobs, options.trajectories)
+    except (OSError, ValueError) as error:
         print(f"batch.py: {error}", file=sys.stderr)
         return 1
-    try:
-        jobs = [EpisodeJob(task, setup, seed) for seed in options.seeds for task in tasks]
-        status = _drive(results, jobs, options, clock)
-    finally:
-        results.close()
-    batch_report.leave(folder, results.results, all_tasks, 1 if status else options.jobs, options.trajectories)
     return status
 
 
@@ -82,7 +82,7 @@ def _drive(
     except KeyboardInterrupt:
         print("\ninterrupted; the same command goes on where this one ended", file=sys.stderr)
         return 130
-    except ValueError as error:
+    except (OSError, ValueError) as error:
         print(f"batch.py: {error}", file=sys.stderr)
         return 1
     finally:

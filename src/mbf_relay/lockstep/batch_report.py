@@ -15,6 +15,7 @@ from mbf_relay.lockstep.result import ERROR, EpisodeResult
 from mbf_relay.lockstep.summary import MEASURES, summarize
 from mbf_relay.lockstep.tasks import EpisodeTask
 from mbf_relay.lockstep.workers import workers_for
+from mbf_relay.whole_files import whole_file, write_whole
 
 TILES = 40
 """Tiles of the contact sheet that are drawn in one go."""
@@ -39,7 +40,7 @@ def leave(
     if not done:
         return
     print(as_text(done))
-    (folder / "summary.json").write_text(as_json(done), encoding="utf-8")
+    write_whole(folder / "summary.json", as_json(done))
     tables.write(folder, done, trajectories)
     by_name = {task.name: task for task in tasks}
     made = "results, summary and pictures"
@@ -64,7 +65,8 @@ def draw(folder: Path, shown: Sequence[pictures.Shown], processes: int) -> None:
             progress.show(len(tiles), 0.0, "pictures")
         for number, (((_, result),), drawn) in enumerate(workers.run(pictures.failure, failures, TIME_LIMIT), 1):
             if not isinstance(drawn, Lost):
-                (folder / f"failure-{result.world}-{result.seed}.png").write_bytes(drawn)
+                with whole_file(folder / f"failure-{result.world}-{result.seed}.png") as stream:
+                    stream.write(drawn)
             progress.show(len(pieces) + number, 0.0, "pictures")
     pictures.contact_sheet([tile for piece in pieces for tile in tiles[id(piece)]], folder / "contact_sheet.png")
 

@@ -16,6 +16,7 @@ from mbf_relay.lockstep.results_file import LINES, SETTINGS, read_lines
 from mbf_relay.lockstep.summary import MEASURES, Comparison, compare
 from mbf_relay.simulation.worlds_file import load_difficulties
 from mbf_relay.statistics import IntervalEstimate
+from mbf_relay.whole_files import write_whole
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
@@ -54,7 +55,7 @@ def _two(paths: Sequence[Path], batches: Sequence[List[EpisodeResult]], json_fil
         print(_settings_that_differ(paths[0], paths[1]))
         print(as_text(comparison))
     if json_file:
-        json_file.write_text(as_json(comparison), encoding="utf-8")
+        write_whole(json_file, as_json(comparison))
 
 
 def _plot(options: argparse.Namespace, paths: Sequence[Path], batches: Sequence[List[EpisodeResult]]) -> None:

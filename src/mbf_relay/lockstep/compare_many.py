@@ -12,6 +12,7 @@ from mbf_relay import statistics
 from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.summary import MEASURES, Measure, paired
 from mbf_relay.statistics import IntervalEstimate
+from mbf_relay.whole_files import whole_file
 
 SURE = 0.05
 """Corrected chance below which a difference counts as one."""
@@ -160,5 +161,6 @@ def plot(
                       label=name)
     axes.set(xlabel=measure.replace("_", " "), ylabel="success (95 % interval)", ylim=(-0.03, 1.03))
     axes.legend()
-    figure.savefig(str(path), dpi=110)
+    with whole_file(path) as stream:
+        figure.savefig(stream, dpi=110, format=path.suffix[1:] or None)
     pyplot.close(figure)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Dict, List, Mapping, Set, Tuple
 
 from mbf_relay.lockstep.result import ERROR, EpisodeResult
+from mbf_relay.whole_files import write_whole
 
 LINES = "episodes.jsonl"
 SETTINGS = "settings.json"
@@ -38,12 +39,13 @@ class ResultsFile:
             ValueError: The folder holds results of other settings, or another batch is writing there.
         """
         folder.mkdir(parents=True, exist_ok=True)
-        self._descriptor = os.open(str(folder / LINES), os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+        self._path = folder / LINES
+        self._descriptor = os.open(str(self._path), os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
         try:
             self._lock(folder)
             _check_settings(folder, settings)
             self._end_last_line()
-            found, self.warnings = read_lines(folder / LINES)
+            found, self.warnings = read_lines(self._path)
             self._results = {(result.world, result.seed): result for result in found}
         except BaseException:
             os.close(self._descriptor)
@@ -77,11 +79,16 @@ class ResultsFile:
         return {key for key, result in self._results.items() if result.outcome == ERROR}
 
     def append(self, result: EpisodeResult) -> None:
-        """Write a result; when this returns, it survives a crash of the machine."""
+        """Write a result; when this returns, it survives a crash of the machine; OSError where the disk is full."""
         # First: an interrupt during the writing must not leave it out of the summary.
         self._results[result.world, result.seed] = result
-        os.write(self._descriptor, (result.to_line() + "\n").encode())
-        os.fsync(self._descriptor)
+        left = (result.to_line() + "\n").encode()
+        try:
+            while left:  # on a disk that fills, less is written than was asked for, and only the next try fails
+                left = left[os.write(self._descriptor, left):]
+            os.fsync(self._descriptor)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(self._path)) from error
 
     def close(self) -> None:
         """Release the folder."""
@@ -116,9 +123,7 @@ def _check_settings(folder: Path, settings: Mapping[str, Any]) -> None:
     path = folder / SETTINGS
     text = json.dumps(settings, indent=1, sort_keys=True) + "\n"
     if not path.exists():
-        partial = path.with_suffix(".partial")
-        partial.write_text(text, encoding="utf-8")
-        os.replace(str(partial), str(path))
+        write_whole(path, text)
         return
     try:
         before = json.loads(path.read_text(encoding="utf-8"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from pathlib import Path
 from typing import Any, Callable, NamedTuple, Optional, Sequence
@@ -11,6 +12,7 @@ import numpy as np
 
 from mbf_relay.lockstep import result as outcomes
 from mbf_relay.lockstep.result import CLOSE, PERSONAL_SPACE, EpisodeResult
+from mbf_relay.whole_files import whole_file, write_whole
 
 TABLE, PARQUET, TRAJECTORIES, DICTIONARY = "results.csv", "results.parquet", "trajectories", "README.md"
 
@@ -131,16 +133,17 @@ def write(folder: Path, results: Sequence[EpisodeResult], trajectories: bool = F
         results: A row each.
         trajectories: Also a file of each drive.
     """
-    with open(folder / TABLE, "w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(column.name for column in COLUMNS)
-        writer.writerows([_cell(column.value(result)) for column in COLUMNS] for result in results)
+    rows = io.StringIO(newline="")
+    writer = csv.writer(rows)
+    writer.writerow(column.name for column in COLUMNS)
+    writer.writerows([_cell(column.value(result)) for column in COLUMNS] for result in results)
+    write_whole(folder / TABLE, rows.getvalue())
     _write_parquet(folder / PARQUET, results)
     if trajectories:
         (folder / TRAJECTORIES).mkdir(exist_ok=True)
         for result in results:
             _write_trajectory(folder / TRAJECTORIES / f"{result.world}-{result.seed}.npz", result)
-    (folder / DICTIONARY).write_text(dictionary(), encoding="utf-8")
+    write_whole(folder / DICTIONARY, dictionary())
 
 
 def dictionary() -> str:
@@ -167,12 +170,14 @@ def _write_parquet(path: Path, results: Sequence[EpisodeResult]) -> None:
     except ImportError:
         return
     columns = {column.name: [column.value(result) for result in results] for column in COLUMNS}
-    parquet.write_table(pyarrow.table(columns), str(path))
+    with whole_file(path) as stream:
+        parquet.write_table(pyarrow.table(columns), stream)
 
 
 def _write_trajectory(path: Path, result: EpisodeResult) -> None:
     rows = np.array(result.trajectory, dtype=float).reshape(-1, 6)
-    np.savez_compressed(
-        path, time=rows[:, 0], truth=rows[:, 1:4], velocity=rows[:, 4:6],
-        believed=np.array(result.believed, dtype=float).reshape(-1, 3),
-    )
+    with whole_file(path) as stream:
+        np.savez_compressed(
+            stream, time=rows[:, 0], truth=rows[:, 1:4], velocity=rows[:, 4:6],
+            believed=np.array(result.believed, dtype=float).reshape(-1, 3),
+        )

@@ -24,6 +24,7 @@ from mbf_relay.lockstep.summary import MEASURES
 from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks
 from mbf_relay.lockstep.trials import Parameters, Plan, Range, Space, TrialDrives, search
 from mbf_relay.lockstep.workers import tell, workers_for
+from mbf_relay.whole_files import write_whole
 
 HELD_OUT = 3
 """Every so-manieth world is kept from the tuning, for the verdict."""
@@ -58,7 +59,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
             )
             print("\n".join(f"{name}: {value:g}" for name, value in best.items()))
             print(verdict(unseen, best, drive))
-    except ValueError as error:
+    except (OSError, ValueError) as error:
         print(f"tune.py: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
@@ -177,7 +178,7 @@ def write_best(folder: Path, best: Parameters) -> None:
         place[last] = value
     folder.mkdir(parents=True, exist_ok=True)
     for node, values in nodes.items():
-        (folder / f"{node}.yaml").write_text(yaml.safe_dump(values), encoding="utf-8")
+        write_whole(folder / f"{node}.yaml", yaml.safe_dump(values))
 
 
 def verdict(unseen: Sequence[EpisodeTask], best: Parameters, drive: TrialDrives) -> str:

@@ -7,6 +7,8 @@ from typing import Dict, List, Mapping, Sequence, Tuple
 
 import numpy as np
 
+from mbf_relay.whole_files import whole_file
+
 Tried = Tuple[Mapping[str, float], float]
 """Parameters and the value they came to."""
 
@@ -48,7 +50,8 @@ def draw(path: Path, tried: Sequence[Tried]) -> None:
     found = importances(tried)
     bars.barh([name.partition(".")[2] for name in found][::-1], list(found.values())[::-1])
     bars.set(xlabel="importance (size of the rank correlation)", xlim=(0.0, 1.0))
-    figure.savefig(str(path), dpi=110)
+    with whole_file(path) as stream:
+        figure.savefig(stream, dpi=110, format="png")
     pyplot.close(figure)
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import base64
 import html
-from io import BytesIO
 from typing import Any, Iterable, List, Mapping, Tuple
 
 from mbf_relay.report.drive import Drive
-from mbf_relay.report.picture import draw, headline
+from mbf_relay.report.picture import headline
+from mbf_relay.whole_files import write_whole
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #212529; max-width: 1180px; margin: 2rem auto; padding: 0 1rem; }
@@ -35,18 +35,18 @@ FIGURES: Tuple[Tuple[str, str, str], ...] = (
 )
 
 
-def write(drive: Drive, path: str) -> None:
+def write(drive: Drive, path: str, picture: bytes) -> None:
     """Write the page of a drive as one self-contained HTML file.
 
     Args:
         drive: What to show.
         path: File to write.
+        picture: Of the drive, as PNG.
+
+    Raises:
+        OSError: It cannot be written.
     """
-    picture = BytesIO()
-    draw(drive, picture)
-    encoded = base64.b64encode(picture.getvalue()).decode("ascii")
-    with open(path, "w", encoding="utf-8") as stream:
-        stream.write(render(drive, encoded))
+    write_whole(path, render(drive, base64.b64encode(picture).decode("ascii")))
 
 
 def render(drive: Drive, picture: str) -> str:

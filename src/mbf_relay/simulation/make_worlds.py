@@ -16,6 +16,7 @@ from mbf_relay.simulation.generators import KINDS, generate
 from mbf_relay.simulation.sdf import read_sdf
 from mbf_relay.simulation.shapes import Box, Cylinder
 from mbf_relay.simulation.world import World
+from mbf_relay.whole_files import write_whole
 
 BARN_START, BARN_GOAL = (-2.25, 3.0, math.pi / 2), (-2.25, 13.0, math.pi / 2)
 """Where the BARN challenge starts its robot in each of its worlds, and where it sends it (x, y, yaw)."""
@@ -31,7 +32,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
             entries = [barn_entry(path, options.start, options.goal) for path in options.worlds]
         else:
             entries = [generate(options.kind, options.seed + number) for number in range(options.count)]
-        options.out.write_text(json.dumps({"worlds": entries}) + "\n", encoding="utf-8")
+        write_whole(options.out, json.dumps({"worlds": entries}) + "\n")
     except OSError as error:
         print(f"make_worlds.py: {error.filename or options.out}: {error.strerror}", file=sys.stderr)
         return 1

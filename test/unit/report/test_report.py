@@ -118,7 +118,7 @@ def test_the_picture_is_a_picture_and_the_page_needs_no_other_file(tmp_path, log
     assert pixels.shape[0] > 500 and pixels.std() > 5.0
     drive.parameters = {"amcl": {"min_particles": 500, "<odd>": "a & b"}}
     drive.versions = {"python": "3.x"}
-    page.write(drive, str(tmp_path / "report.html"))
+    page.write(drive, str(tmp_path / "report.html"), b"a picture")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "data:image/png;base64," in text and "http" not in text and "src='/" not in text
     assert "min_particles" in text and "&lt;odd&gt;" in text and picture.headline(drive) in text

@@ -92,6 +92,7 @@ def run_program(place: str) -> None:
 def _start_soon() -> None:
     """Import rospy, without what nobody uses, and have it start a node sooner, receive with less and log plainly."""
     logging.setLogRecordFactory(logs.PlainRecord)
+    logs.complain_once()
     spare_what_nobody_uses()
     from mbf_relay.ros.common.accepting import hear_out_each_by_itself
     from mbf_relay.ros.common.connecting import connect_once
@@ -125,7 +126,6 @@ def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
         ending.leave(1)
 
     try:
-        logs.complain_once()
         _wait_for_master(name)
         rospy.init_node(name, disable_signals=True)
         logs.log_to_terminal()

@@ -22,6 +22,7 @@ from defusedxml import ElementTree
 
 from mbf_relay.report.drive import Drive
 from mbf_relay.report.terminal import Terminal
+from mbf_relay.ros.common.logs import complain_once
 from mbf_relay.ros.tools.demo_graph import DemoGraph, GraphError, end_on_request, free_port, last_errors
 from mbf_relay.simulation.parameters import SimulationParameters
 
@@ -111,7 +112,10 @@ def run(options: argparse.Namespace) -> Drive:
         print("writing the report", flush=True)
         from mbf_relay.ros.tools.drive_report import write_report
 
-        paths = write_report(drive, folder)
+        try:
+            paths = write_report(drive, folder)
+        except OSError as error:
+            raise GraphError(f"the report cannot be written: {error}") from error
     for path in paths:
         print(path)
     return drive
@@ -156,6 +160,7 @@ def watch(graph: DemoGraph, options: argparse.Namespace, logs: str) -> Drive:
 
     from mbf_relay.ros.tools.drive_recorder import DriveRecorder
 
+    complain_once()
     rospy.init_node("demo", disable_signals=True)
     planners = rospy.get_param("/move_base_flex/planners", [])
     recorder = DriveRecorder([f"move_base_flex/{planner['name']}/plan" for planner in planners])

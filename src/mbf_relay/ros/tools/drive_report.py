@@ -7,11 +7,13 @@ import json
 import os
 import platform
 import sys
+from io import BytesIO
 from typing import List, Optional, Sequence
 
 from mbf_relay.report import page, picture
 from mbf_relay.report.drive import Drive
 from mbf_relay.ros.tools.drive_events import read_bag
+from mbf_relay.whole_files import whole_file, write_whole
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> None:
@@ -35,17 +37,25 @@ def main(arguments: Optional[Sequence[str]] = None) -> None:
         )
     drive.versions = {"python": platform.python_version(), "bag": os.path.basename(options.bag)}
     folder = options.out or os.path.dirname(os.path.abspath(options.bag))
-    for path in write_report(drive, folder):
-        print(path)
+    try:
+        paths = write_report(drive, folder)
+    except OSError as error:
+        sys.exit(f"the report cannot be written: {error}")
+    print("\n".join(paths))
 
 
 def write_report(drive: Drive, folder: str) -> List[str]:
-    """Write the three files of a report into a folder, made where it is missing, and return their paths."""
+    """Write the three files of a report into a folder, made where it is missing, and return their paths.
+
+    Raises:
+        OSError: One cannot be written; those before it stand.
+    """
     os.makedirs(folder, exist_ok=True)
     paths = [os.path.join(folder, f"report.{ending}") for ending in ("json", "png", "html")]
-    with open(paths[0], "w", encoding="utf-8") as stream:
-        json.dump(drive.summary(), stream, indent=2)
-        stream.write("\n")
-    picture.draw(drive, paths[1])
-    page.write(drive, paths[2])
+    write_whole(paths[0], json.dumps(drive.summary(), indent=2) + "\n")
+    drawn = BytesIO()
+    picture.draw(drive, drawn)
+    with whole_file(paths[1]) as stream:
+        stream.write(drawn.getvalue())
+    page.write(drive, paths[2], drawn.getvalue())
     return paths

@@ -54,6 +54,17 @@ def test_a_node_whose_disk_is_full_says_so_in_one_sentence(master, tmp_path):
     assert output.count("the log cannot be written") == 1 and "serving a map" in output, output
 
 
+def test_a_client_whose_disk_is_full_says_so_in_one_sentence(master, tmp_path):
+    client = subprocess.run(
+        [program("mb_relay_client.py"), "--timeout", "0.5"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        env=dict(os.environ, ROS_MASTER_URI=master.uri, ROS_LOG_DIR=str(tmp_path)), text=True,
+        timeout=60.0, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0)),
+    )
+    output = client.stdout
+    assert client.returncode == 1 and "Traceback" not in output and "Call stack" not in output, output
+    assert output.count("the log cannot be written") == 1, output
+
+
 def test_a_node_whose_terminal_is_a_file_on_a_full_disk_serves_all_the_same(master, tmp_path):
     with open("/dev/full", "wb") as terminal:
         words_of_a_node(master, dict(os.environ, ROS_LOG_DIR=str(tmp_path)), full=True, terminal=terminal)
