@@ -35,7 +35,7 @@ OUT_OF_FILES, PAUSE = (errno.EMFILE, errno.ENFILE), 0.1
 _LENGTH = struct.Struct("<I")
 _take_as_rospy = TCPServer.run
 _unheard, _calling = threading.Semaphore(MOST_AT_A_TIME), threading.Semaphore(MOST_AT_A_TIME)
-_handling = threading.Lock()  # rospy's handlers are made for one connection at a time
+_handling = threading.Lock()  # rospy's handlers are made for one connection at a time; before any lock of theirs
 
 
 def hear_out_each_by_itself() -> None:
