@@ -293,6 +293,13 @@ def test_a_robot_whose_top_speed_forwards_alone_is_lowered_drives_at_that_one(na
     assert ended.reached and max(command.x for command in ended.commands) == pytest.approx(0.05, abs=0.005)
 
 
+@pytest.mark.parametrize("path", ["aside, turned at the end", "a few centimetres"])
+def test_a_robot_that_never_drives_slower_than_it_has_to_stands_at_its_goal(name, path):
+    """It drove circles round it for good: to stand was less than min_vel_x."""
+    ended = drive(make(name, min_vel_x=0.1), PATHS[path], START, seconds=30.0)
+    assert ended.reached
+
+
 @pytest.mark.parametrize("path, limit", [
     ("behind", "max_vel_trans"), ("straight", "max_vel_x"), ("behind", "max_vel_x"), ("behind", "max_vel_theta"),
 ])

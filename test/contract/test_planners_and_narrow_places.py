@@ -136,11 +136,12 @@ def test_a_goal_that_only_the_centre_of_the_robot_fits_on_is_missed_within_its_t
     costs = np.zeros((100, 100), dtype=np.uint8)
     costs[:, 60:] = LETHAL
     costmap = inflated(costs, 0.02, 0.2)
-    beside, start = Pose2D(1.13, 1.01, 1.57), Pose2D(0.4, 1.0, 0.0)
+    beside, start = Pose2D(1.121, 1.001, 1.57), Pose2D(0.4, 1.0, 0.0)  # in the corner of its cell
     assert FootprintChecker(costmap).touches(np.array([beside])).all()
     near = plan(planner, costmap, start, beside, tolerance=0.2).goal
     assert not FootprintChecker(costmap).touches(np.array([near])).any()
-    assert plan(planner, costmap, start, beside, tolerance=0.01).goal == pytest.approx(beside)
+    for tolerance in (0.01, 0.015):  # its own centre is farther off than that, or the nearest to it
+        assert plan(planner, costmap, start, beside, tolerance=tolerance).goal == pytest.approx(beside)
     assert plan(planner, costmap, start, beside).goal == pytest.approx(beside)
 
 

@@ -11,7 +11,7 @@ from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.state import ControlState
 from mbf_relay.control.trajectories import VelocityWindow
 from mbf_relay.costmap.footprint_checker import FootprintChecker
-from mbf_relay.geometry import STOP, Twist2D
+from mbf_relay.geometry import Twist2D
 
 
 def stopping_time(parameters: FollowerParameters, command: Twist2D, period: float) -> float:
@@ -62,6 +62,6 @@ def braked_on_its_arc(window: VelocityWindow, velocity: Twist2D) -> Twist2D:
         window: The velocities in reach.
         velocity: The robot's.
     """
-    still = window.clip(STOP)
+    still = window.still
     share = still.speed() / max(still.speed(), velocity.speed(), 1e-9)
-    return window.clip(Twist2D(still.x, still.y, share * velocity.theta))
+    return Twist2D(still.x, still.y, window.clip(Twist2D(0.0, 0.0, share * velocity.theta)).theta)

@@ -14,7 +14,7 @@ from mbf_relay.control.explanation import Explanation
 from mbf_relay.control.follower import ControlCycle, PathFollower
 from mbf_relay.control.report import CycleReport
 from mbf_relay.control.trajectories import STANDING, Trajectories, is_fastest, roll_out, sample, window_of
-from mbf_relay.geometry import STOP, Twist2D
+from mbf_relay.geometry import Twist2D
 from mbf_relay.planning.path import Path
 from mbf_relay.plugins import find_class
 
@@ -87,7 +87,7 @@ class DwaController(PathFollower):
         data = CriticData(state.now, state.pose, cycle.velocity, cycle.path, cycle.checker, window, cycle.horizon_scale)
         self.explanation = self._score(self.trajectories, data)
         winner = self.explanation.winner
-        stands, width = cycle.window.contains(STOP), state.costmap.width
+        stands, width = cycle.window.can_stand, state.costmap.width
         turns_only = False
         if winner is not None and np.hypot(*velocities[winner, :2]) < STANDING * parameters.max_vel_trans:
             turn = self.turn_to_path(cycle, 0.0)
@@ -95,7 +95,7 @@ class DwaController(PathFollower):
                 return turn
             # it faces the path and turns too fast to go on from there: else it would swing to and fro
             if not stands and not is_fastest(cycle.window, velocities[winner]):
-                return cycle.window.clip(STOP)
+                return cycle.window.still
             turns_only = True
         worthwhile = self._is_worthwhile(self.explanation, width)
         if stands and (turns_only or not worthwhile):
@@ -104,7 +104,7 @@ class DwaController(PathFollower):
                 worthwhile, self.explanation = self._is_worthwhile(getting_on, width), getting_on
             winner = self.explanation.winner if worthwhile else None
         if winner is None and self._is_worthwhile(self.explanation.once_passed(), width):
-            return cycle.window.clip(STOP)
+            return cycle.window.still
         if winner is None:
             raise self.nothing_left(cycle, str(self.explanation))
         command = Twist2D(*map(float, self.trajectories.commands[winner]))

@@ -94,7 +94,7 @@ class Evasion:
         poses = arc(self._checker, self._state, command, duration)
         meeting = self._foresight.meetings(poses[None], np.array([len(poses)]), np.array([duration / len(poses)]))
         cost = self._foresight.costs(meeting, np.array([duration]), self._pose, -BETTER if flees else BETTER)[0]
-        return command if math.isfinite(cost) else window.clip(STOP)
+        return command if math.isfinite(cost) else window.still
 
     def _way_out(self, velocity: Twist2D, wanted: Twist2D, window: VelocityWindow) -> Tuple[Twist2D, bool]:
         """Return what to begin, and whether the robot flees by it from what will come to where it stands.

@@ -320,7 +320,7 @@ class PathFollower(Controller, abc.ABC):
         """Brake, and turn to the goal's heading the way that is free."""
         state, p = cycle.state, self.parameters
         error = angle_between(state.pose.theta, cycle.path.goal.theta)
-        still = cycle.window.clip(STOP)
+        still = cycle.window.still
         if abs(error) <= FACING * self._goal_checker.tolerance_of(p).angle:
             return still
         way = free_way_round(cycle.checker, state.pose, error)
@@ -379,7 +379,7 @@ class PathFollower(Controller, abc.ABC):
         if way is None:
             return None
         self._turn_left = way
-        return self._turn(cycle, way, cycle.window.clip(STOP))
+        return self._turn(cycle, way, cycle.window.still)
 
     @staticmethod
     def nothing_left(cycle: ControlCycle, reason: str) -> ControlError:

@@ -23,14 +23,22 @@ MOST_POSES = 1000000
 
 @dataclass(frozen=True)
 class VelocityWindow:
-    """The velocities in reach: lowest and highest of each component, body frame."""
+    """The velocities in reach, body frame.
+
+    Attributes:
+        low, high: Lowest and highest of each component.
+        still: The one that brakes as hard as can be. Where a lowest velocity is above zero it lies below the window:
+            any robot may stand.
+    """
 
     low: Twist2D
     high: Twist2D
+    still: Twist2D
 
-    def contains(self, velocity: Twist2D, slack: float = 1e-9) -> bool:
-        """Return whether a velocity is in reach."""
-        return all(low - slack <= value <= high + slack for low, value, high in zip(self.low, velocity, self.high))
+    @property
+    def can_stand(self) -> bool:
+        """Whether the robot may stand by the end of it."""
+        return all(abs(value) <= 1e-9 for value in self.still)
 
     def clip(self, velocity: Twist2D) -> Twist2D:
         """Return the velocity in reach that is nearest, component by component."""
@@ -57,12 +65,13 @@ def window_of(
         (max(p.min_vel_y, -speed), min(p.max_vel_y, speed), p.acc_lim_y),
         (-turn, turn, p.acc_lim_theta),
     )
-    low, high = [], []
+    low, high, still = [], [], []
     for now, (lowest, highest, acceleration) in zip(velocity, limits):
         reach_low, reach_high = now - acceleration * horizon, now + acceleration * horizon
         low.append(min(reach_high, max(reach_low, lowest)))
         high.append(max(reach_low, min(reach_high, highest)))
-    return VelocityWindow(Twist2D(*low), Twist2D(*high))
+        still.append(min(reach_high, max(reach_low, 0.0)))
+    return VelocityWindow(Twist2D(*low), Twist2D(*high), Twist2D(*still))
 
 
 def commandable(parameters: FollowerParameters, velocity: Twist2D, last: Twist2D) -> Twist2D:

@@ -22,6 +22,7 @@ from mbf_relay.costmap.cost_grid import (
 )
 from mbf_relay.costmap.layer import Layer, LayerContext, ZoneLimit, changed_window, shifted, tracks_of
 from mbf_relay.costmap.observation import Observation
+from mbf_relay.costmap.outline import check_padded
 from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
@@ -111,7 +112,7 @@ class Costmap:
         """Take other values of RECONFIGURABLE; they show from the next update on.
 
         Raises:
-            ValueError: They ask for another size, place or resolution, and the costmap has those of its map.
+            ValueError: They ask for a grid other than that of its map, or for what the outline in force cannot have.
         """
         with self._lock:
             old = self.parameters
@@ -120,12 +121,13 @@ class Costmap:
                 raise ValueError(
                     f"{self.name} has the size, origin and resolution of its map; width, height, resolution, origin_x "
                     "and origin_y cannot be changed")
+            outline = parameters.outline()
+            if np.array_equal(outline, old.outline()):
+                outline = self._outline  # which may have come since by other ways than a parameter
+                check_padded(outline, parameters.footprint_padding, parameters.resolution)
             self.parameters, self._near = parameters, None
             self._size_due |= resized
-            if not np.array_equal(parameters.outline(), old.outline()):
-                self.set_footprint(parameters.outline())
-            elif parameters.footprint_padding != old.footprint_padding:
-                self.set_footprint(self._outline)  # which may have come since by other ways than a parameter
+            self.set_footprint(outline)
 
     def reconfigure_layer(self, name: str, parameters: ParameterSet) -> None:
         """Give the layer of that name other values; they show from the next update on."""

@@ -108,7 +108,8 @@ class Hypotheses:
         return within(deviation) * min(self.share_held * self.fit.right, own / (1.0 + own + elsewhere))
 
     def predict(self, move: Callable[[PoseGaussian], PoseGaussian], way: float) -> None:
-        """Move all rivals by a motion of `way` metres."""
+        """Move the one held and all rivals by a motion of `way` metres."""
+        self.at = move(PoseGaussian(self.at, np.zeros((3, 3)))).mean
         for rival in self.rivals:
             rival.belief = move(rival.belief)
             rival.way += way

@@ -23,6 +23,8 @@ from mbf_relay.timing import Pacer, Stopwatch
 
 RETRY_DELAY = 0.2
 """Seconds between two tries: what a plan depends on changes no faster, and a plan that fails at once must not spin."""
+RETURNS_WITHIN = 0.1
+"""Seconds within which a planner whose call was given up leaves it."""
 
 PlanWatcher = Callable[[str, Path], None]
 
@@ -117,7 +119,7 @@ class PlannerExecution:
     def _begin(self, now: float) -> None:
         if self.instance.busy:
             self._start_patience(now)
-            self.tried_in_vain = True
+            self.tried_in_vain = self._since_call.elapsed(now) > RETURNS_WITHIN
             self._last_failure = f"planner '{self.instance.name}' is still busy with an earlier call that was given up"
             self._pacer.postpone(now, 0.01)
             return

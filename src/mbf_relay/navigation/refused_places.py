@@ -61,7 +61,7 @@ class RefusedPlaces:
         """Return what is to be gone round at `now` (s) by a robot of some `width` (m)."""
         tolls = (
             Toll(known.place, TOLL * width * 2.0 ** (min(known.times, DOUBLINGS) - 1 - (now - known.last) / HALF_LIFE))
-            for known in self._places
+            for known in self._places if known.last <= now
         )
         return tuple(toll for toll in tolls if toll.detour > FORGOTTEN * width)
 

@@ -132,13 +132,12 @@ class GridPlanner(Planner):
             if found is not None:
                 return found, goal
         if tolerance > 0.0:
-            nearest = request.nearest_reachable(costmap, weights, start_cell, goal, tolerance, cancelled)
-            if nearest is not None:
-                if nearest != goal_cell:
-                    goal = Pose2D(*costmap.grid.center_of(*nearest), goal.theta)
-                found = self._search(SearchQuery(costmap, start, goal, start_cell, nearest, weights, cancelled))
+            near = request.nearest_reachable(costmap, weights, start_cell, goal, tolerance, cancelled)
+            if near is not None:
+                near_cell = costmap.grid.cell_at(near.x, near.y)
+                found = self._search(SearchQuery(costmap, start, near, start_cell, near_cell, weights, cancelled))
                 if found is not None:
-                    return found, goal
+                    return found, near
         raise error or request.unreachable_error(start, goal, tolerance)
 
     def _search(self, query: SearchQuery) -> Optional[Tuple[np.ndarray, float]]:

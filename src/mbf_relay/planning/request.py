@@ -90,12 +90,12 @@ def has_room(costmap: CostGrid, goal: Pose2D) -> bool:
 
 def nearest_reachable(
     costmap: CostGrid, weights: np.ndarray, start: Cell, goal: Pose2D, tolerance: float, cancelled: Cancellation
-) -> Optional[Cell]:
-    """Return the cell within `tolerance` (m) of the goal at whose centre the robot is best to end; None for none.
+) -> Optional[Pose2D]:
+    """Return where the robot is best to end within `tolerance` (m) of the goal, with its heading; None for nowhere.
 
-    It is connected with the start, by a way no longer by DETOUR than that to the first such cell: what lies nearer
-    behind a wall is none. One where the robot can turn comes first, then one where it fits with the goal's heading,
-    then any; of equals, the one nearest to the goal.
+    That is the centre of a cell connected with the start, by a way no longer by DETOUR than that to the first such
+    cell: what lies nearer behind a wall is none. One where the robot can turn comes first, then one where it fits with
+    the goal's heading, then the goal itself, then any; of equals, the one nearest to the goal.
 
     Raises:
         PlanningError: CANCELED.
@@ -115,11 +115,13 @@ def nearest_reachable(
     cells = np.argwhere(reached[window.slices])[:, ::-1] + (window.x0, window.y0)
     distances = np.hypot(*(cells + 0.5 - (goal_x, goal_y)).T)
     cells, distances = cells[distances <= radius + 1e-9], distances[distances <= radius + 1e-9]
+    room = _room_at(costmap, window, cells, goal.theta)
+    column, row = grid.cell_at(goal.x, goal.y)
+    if not room.any() and grid.contains_cell(column, row) and reached[row, column]:
+        return goal
     if len(cells) == 0:
         return None
-    room = _room_at(costmap, window, cells, goal.theta)
-    column, row = cells[np.lexsort((distances, -room))[0]].tolist()
-    return column, row
+    return Pose2D(*grid.center_of(*cells[np.lexsort((distances, -room))[0]].tolist()), goal.theta)
 
 
 def _room_at(costmap: CostGrid, window: Window, cells: np.ndarray, heading: float) -> np.ndarray:

@@ -1,5 +1,6 @@
 """How a robot that can go nowhere any more comes to a stop."""
 
+import dataclasses
 import os
 import sys
 
@@ -10,16 +11,16 @@ from controllers import make  # noqa: E402
 from kinematics import boxes, costmap_round, path_through  # noqa: E402
 
 from mbf_relay.control.state import ControlState  # noqa: E402
-from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D  # noqa: E402
+from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D  # noqa: E402
 from mbf_relay.outcomes import ControlError  # noqa: E402
 
 HERE, PERIOD, TOP = Pose2D(0.0, 0.0, 0.0), 0.1, 0.8
 FOLLOWERS = ("dwa_local_planner/DWAPlannerROS", "regulated_pure_pursuit")
 
 
-def shut_in(name, velocity):
+def shut_in(name, velocity, **changes):
     """Return a controller, and its state at a velocity with walls so near that nothing is left to drive."""
-    controller = make(name, max_vel_x=TOP, max_vel_trans=TOP, acc_lim_x=1.0)
+    controller = make(name, max_vel_x=TOP, max_vel_trans=TOP, acc_lim_x=1.0, **changes)
     walls = boxes((0.08, -2.0, 0.2, 2.0), (-2.0, 0.14, 2.0, 0.3), (-2.0, -0.3, 2.0, -0.14))
     controller.set_path(path_through((0.0, 0.0), (2.0, 0.0)), True)
     return controller, ControlState(0.0, HERE, velocity, costmap_round(HERE, walls), IDENTITY, PERIOD)
@@ -34,6 +35,17 @@ def test_one_that_can_go_nowhere_any_more_stops_along_its_curve(name, side):
     command = controller.compute_velocity(state)
     assert 0.0 < command.x < velocity.x
     assert command.theta / command.x == pytest.approx(velocity.theta / velocity.x)
+
+
+@pytest.mark.parametrize("name", FOLLOWERS)
+def test_one_that_can_go_nowhere_any_more_stands_however_slowly_it_may_drive(name):
+    """It drove on along its curve at min_vel_x, into the wall; told to stand there it never did, and circled its goal.
+    """
+    controller, state = shut_in(name, Twist2D(TOP, 0.0, 1.9), min_vel_x=0.2)
+    with pytest.raises(ControlError):
+        for _ in range(round(TOP / PERIOD) + 2):
+            state = dataclasses.replace(state, now=state.now + PERIOD, velocity=controller.compute_velocity(state))
+    assert controller.command == STOP
 
 
 @pytest.mark.parametrize("name", FOLLOWERS)

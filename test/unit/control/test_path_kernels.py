@@ -6,7 +6,7 @@ import pytest
 from mbf_relay.control import path_kernels
 from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.trajectories import STANDING, VelocityWindow, too_slow
-from mbf_relay.geometry import Twist2D
+from mbf_relay.geometry import STOP, Twist2D
 
 SEEDS = pytest.mark.parametrize("seed", range(30))
 
@@ -72,7 +72,7 @@ def test_velocities_creep_that_are_slow_and_hardly_turn(seed):
         min_vel_x=-0.05, max_vel_x=0.3, min_vel_y=-0.1, max_vel_y=0.1, max_vel_trans=0.3, min_vel_trans=0.12,
         min_vel_theta=0.3)
     velocities = rng.choice([-1.0, 0.0, 0.3, 1.0], (200, 3)) * rng.uniform(0.0, (0.3, 0.15, 0.6), (200, 3))
-    window = VelocityWindow(Twist2D(-0.05, 0.0, -1.0), Twist2D(rng.uniform(0.02, 0.3), 0.0, 1.0))
+    window = VelocityWindow(Twist2D(-0.05, 0.0, -1.0), Twist2D(rng.uniform(0.02, 0.3), 0.0, 1.0), STOP)
     fastest = np.minimum(
         max(0.05, window.high.x),
         np.maximum(np.where(velocities[:, 0] < 0.0, 0.05, 0.3), np.where(velocities[:, 1] < 0.0, 0.1, 0.1)))

@@ -316,6 +316,20 @@ def test_a_footprint_of_a_house_is_refused_instead_of_taking_all_memory():
     costmap.reconfigure(costmap.parameters.replace(footprint=(0.5 * house).tolist()))
 
 
+@pytest.mark.parametrize("side, changes, complaint", [
+    (0.15, {"footprint_padding": -0.2}, "inside out"),
+    (0.35, {"resolution": 0.001, "width": 1.0, "height": 1.0}, "at most 400"),
+])
+def test_an_outline_that_came_by_topic_is_not_padded_inside_out_either(side, changes, complaint):
+    """The parameters were judged by the outline that they name, of another robot, and the one in force was padded."""
+    costmap = seen({"width": 3.0, "height": 3.0, "resolution": 0.025, "robot_radius": 0.3})
+    costmap.set_footprint(np.array([[side, side], [side, -side], [-side, -side], [-side, side]]))
+    before, footprint = costmap.parameters, costmap.footprint
+    with pytest.raises(ValueError, match=complaint):
+        costmap.reconfigure(before.replace(**changes))
+    assert costmap.parameters == before and np.array_equal(costmap.footprint, footprint)
+
+
 @pytest.mark.parametrize("padding", [-0.09, -5.0])
 def test_a_robot_is_not_padded_inside_out(padding):
     """At -0.09 the burger drove as a strip behind its own wheels, at -5 it was ten metres long and stood for good."""

@@ -136,6 +136,17 @@ def test_a_robot_that_fits_in_another_room_as_well_is_not_sure_of_either():
     assert hypotheses.reliability(0.05) > 0.9
 
 
+def test_a_robot_is_as_sure_of_its_pose_after_a_turn_as_before_it():
+    """A rival beside it, which told of the same place, spoke against it as soon as the robot had turned."""
+    hypotheses = Hypotheses()
+    hypotheses.add(np.array([[0.4, 0.0, 0.0]]), np.array([NARROW]), np.zeros(3))
+    hypotheses.fit.right = hypotheses.rivals[0].fit.right = 0.9
+    hypotheses.rivals[0].scans = 1
+    before = hypotheses.reliability(0.05)
+    hypotheses.predict(lambda belief: belief.moved(Pose2D(0.2, 0.0, 0.5), 1e-4 * np.eye(3)), 0.45)
+    assert hypotheses.reliability(0.05) == pytest.approx(before)
+
+
 def test_a_place_where_scans_fit_is_not_forgotten_for_lack_of_weight():
     """It may be the right one, and nobody looks for it again while the other fits."""
     hypotheses = in_one_of_two_rooms_alike(5)

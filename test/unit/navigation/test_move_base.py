@@ -132,6 +132,33 @@ def test_a_new_goal_takes_over_without_a_stop(held_bench):
     assert [new for _path, new in bench.script.paths] == [True, True]
 
 
+class SlowPlanner(scripted.HeldWorker):
+    """Has the planner take some steps."""
+
+    steps, calls = 1, 0
+
+    def start(self, task, kind=""):
+        if kind == "planners":
+            self.delays, self.calls = [self.steps], self.calls + 1
+        return super().start(task, kind)
+
+
+@pytest.mark.parametrize("steps, stops", [(4, False), (100, True)])
+def test_a_new_goal_in_the_middle_of_a_replan_stops_the_robot_only_where_the_planner_does_not_return(
+        make_bench, steps, stops):
+    """A robot that was sent on several times a second stood again and again."""
+    worker = SlowPlanner()
+    bench = make_bench(worker, planner_frequency=5.0, planner_patience=10.0)
+    bench.navigator.move_base(GOAL)
+    bench.run(lambda: worker.calls, period=0.01)
+    worker.steps = steps
+    bench.run(lambda: worker.calls > 1, period=0.01)
+    worker.steps = 1
+    bench.navigator.move_base(NavigateGoal(FramedPose(Pose2D(2.0, 0.0, 0.0), "map")))
+    bench.run(lambda: [new for _path, new in bench.script.paths] == [True, True], period=0.01)
+    assert (STOP in bench.robot.sent) == stops
+
+
 def test_a_new_goal_without_a_path_stops_the_old_drive(make_bench):
     bench = make_bench(planner_max_retries=0, recovery_enabled=False)
     bench.navigator.move_base(GOAL)

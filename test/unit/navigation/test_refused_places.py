@@ -118,6 +118,13 @@ def test_a_toll_rises_with_each_refusal_and_fades():
     assert FORGOTTEN < TOLL
 
 
+def test_a_place_refused_before_the_clock_was_set_back_is_worth_no_way_round():
+    """Its toll rose with each second that the clock was set back by, to any way round, and beyond all numbers."""
+    places = RefusedPlaces()
+    places.refuse(50000.0, (1.0, 1.0), WIDTH)
+    assert places.tolls(49000.0, WIDTH) == places.tolls(0.0, WIDTH) == ()
+
+
 def test_one_gap_refused_at_two_of_its_cells_is_one_place():
     places = RefusedPlaces()
     places.refuse(0.0, (1.0, 1.0), WIDTH)

@@ -162,7 +162,7 @@ class MppiController(PathFollower):
         if cycle.path.remaining < cycle.state.costmap.width:
             return False
         first = np.abs(self._first(self.controls, cycle.state.period))
-        return cycle.window.contains(STOP) and bool(
+        return cycle.window.can_stand and bool(
             np.hypot(*first[:2]) < CREEPING * p.max_vel_trans and first[2] < CREEPING * p.max_vel_theta)
 
     def report(self, cycle: ControlCycle, drove: bool) -> CycleReport:

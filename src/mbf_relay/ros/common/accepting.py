@@ -9,6 +9,7 @@ process may usually open: then a node looks again and again who waits, without a
 
 from __future__ import annotations
 
+import errno
 import socket
 import struct
 import threading
@@ -19,7 +20,7 @@ from typing import Any, Dict, Optional, Tuple
 import rospy
 from rosgraph.network import ROSHandshakeException, decode_ros_handshake_header, write_ros_handshake_header
 from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
-from rospy.impl.tcpros_base import TCPROSServer
+from rospy.impl.tcpros_base import TCPROSServer, TCPServer
 
 PATIENCE = 5.0
 """Wall seconds for the first words, which nodes send as soon as they are connected."""
@@ -29,17 +30,32 @@ MOST_AT_A_TIME = 200
 """Connections that are heard out, and as many that are answered in XML-RPC; whoever else comes meanwhile is let go."""
 LONGEST_SILENCE = 60.0
 """Wall seconds after which an XML-RPC connection is closed; who needs it connects anew."""
+OUT_OF_FILES, PAUSE = (errno.EMFILE, errno.ENFILE), 0.1
+"""What the system says where no file is left for a connection, and wall seconds until the next look whether one is."""
 _LENGTH = struct.Struct("<I")
+_take_as_rospy = TCPServer.run
 _unheard, _calling = threading.Semaphore(MOST_AT_A_TIME), threading.Semaphore(MOST_AT_A_TIME)
-_handling = threading.Lock()  # rospy's handlers are made for one connection at a time
+_handling = threading.Lock()  # rospy's handlers are made for one connection at a time; before any lock of theirs
 
 
 def hear_out_each_by_itself() -> None:
     """Have this process hear out who connects in a thread each; before rospy.init_node."""
+    TCPServer.run = take_all
     TCPROSServer._tcp_server_callback = take_up
     SilenceableXMLRPCRequestHandler.timeout = LONGEST_SILENCE
     ThreadingXMLRPCServer.process_request = answer
     ThreadingXMLRPCServer.process_request_thread = _answer
+
+
+def take_all(server: Any) -> None:
+    """Take connections as TCPServer.run does, which ends for good where there is no file for one."""
+    while not server.is_shutdown:
+        try:
+            _take_as_rospy(server)
+        except OSError as error:
+            if error.errno not in OUT_OF_FILES:
+                raise
+            time.sleep(PAUSE)
 
 
 def take_up(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
@@ -47,16 +63,24 @@ def take_up(server: Any, connection: socket.socket, address: Tuple[str, int]) ->
     if not _unheard.acquire(blocking=False):
         connection.close()
         return
-    threading.Thread(
-        target=_hear_out, args=(server, connection, address), name="TCPROS handshake", daemon=True).start()
+    try:
+        threading.Thread(
+            target=_hear_out, args=(server, connection, address), name="TCPROS handshake", daemon=True).start()
+    except RuntimeError:  # there is no thread left: whoever comes later may find one
+        _unheard.release()
+        connection.close()
 
 
 def answer(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
     """Answer a connection in XML-RPC as ThreadingXMLRPCServer does."""
-    if _calling.acquire(blocking=False):
-        ThreadingMixIn.process_request(server, connection, address)
-    else:
+    if not _calling.acquire(blocking=False):
         server.shutdown_request(connection)
+        return
+    try:
+        ThreadingMixIn.process_request(server, connection, address)
+    except RuntimeError:
+        _calling.release()
+        raise
 
 
 def _answer(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
@@ -98,8 +122,11 @@ def first_words(connection: socket.socket) -> Optional[Dict[str, str]]:
     while len(read) < _LENGTH.size or len(read) < _LENGTH.size + _LENGTH.unpack_from(read)[0]:
         if len(read) >= _LENGTH.size and _LENGTH.unpack_from(read)[0] > LONGEST:
             raise ROSHandshakeException(f"its first words are {_LENGTH.unpack_from(read)[0]} bytes; at most {LONGEST}")
-        connection.settimeout(max(0.001, end - time.monotonic()))
+        left = end - time.monotonic()
         try:
+            if left <= 0.0:
+                raise socket.timeout
+            connection.settimeout(left)
             more = connection.recv(4096)
         except socket.timeout as error:
             raise ROSHandshakeException(f"it said nothing of itself within {PATIENCE:g} s") from error

@@ -4,8 +4,12 @@
 from __future__ import annotations
 
 import http.client
+import xml.parsers.expat  # nosec B407: xmlrpc's own
 import xmlrpc.client  # nosec B411: what the ROS master speaks
 from typing import Any
+
+NO_ANSWER = (OSError, http.client.HTTPException, xmlrpc.client.Error, xml.parsers.expat.ExpatError, ValueError)
+"""What a call raises where nobody answers, or in words of another kind; ValueError where an address is none."""
 
 
 def impatient_proxy(address: str, timeout: float) -> xmlrpc.client.ServerProxy:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import http.client
 import threading
 import xmlrpc.client  # nosec B411: what the ROS master speaks
 from typing import Any, Callable, Dict, Tuple
@@ -10,7 +9,7 @@ from typing import Any, Callable, Dict, Tuple
 import rosgraph
 import rospy
 
-from mbf_relay.ros.common.impatient_proxy import impatient_proxy
+from mbf_relay.ros.common.impatient_proxy import NO_ANSWER, impatient_proxy
 
 PERIOD = 2.0
 """Wall seconds between two looks."""
@@ -54,7 +53,7 @@ class MasterWatch:
         while not self._stop.wait(PERIOD):
             try:
                 known = self._is_known()
-            except (OSError, xmlrpc.client.Error, http.client.HTTPException) as error:
+            except NO_ANSWER as error:
                 if not self._silent:
                     rospy.logwarn("the master at %s does not answer (%s); what is connected stays so", self._uri, error)
                 self._silent = True

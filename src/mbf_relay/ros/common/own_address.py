@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import http.client
 import threading
-import xmlrpc.client  # nosec B411: what nodes speak
 from urllib.parse import urlparse
 
 import rospy
 
-from mbf_relay.ros.common.impatient_proxy import impatient_proxy
+from mbf_relay.ros.common.impatient_proxy import NO_ANSWER, impatient_proxy
 
 PATIENCE = 5.0
 """Wall seconds for an answer of one's own."""
@@ -30,7 +28,7 @@ def look(address: str) -> None:
     """Ask for a sign of life at an address; warn where there is none."""
     try:
         impatient_proxy(address, PATIENCE).getPid(rospy.get_name())
-    except (OSError, http.client.HTTPException, xmlrpc.client.Error) as error:
+    except NO_ANSWER as error:
         if not rospy.core.is_shutdown_requested():
             rospy.logwarn(
                 "others are told to reach this node at %s, where it cannot reach itself (%s); what they send will not "

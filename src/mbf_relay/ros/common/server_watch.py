@@ -8,17 +8,15 @@ where no connection tells the node's address, and for no longer than a node: it 
 
 from __future__ import annotations
 
-import http.client
 import math
 import time
-import xmlrpc.client  # nosec B411: what the ROS master speaks
 from typing import Any, Callable, Dict, Optional
 
 import rosgraph
 import rospy
 from actionlib_msgs.msg import GoalStatusArray
 
-from mbf_relay.ros.common.impatient_proxy import impatient_proxy
+from mbf_relay.ros.common.impatient_proxy import NO_ANSWER, impatient_proxy
 
 DISCONNECTED_FOR = 0.3
 """Wall time (s) without a connection after which a server that was there counts as gone."""
@@ -157,27 +155,28 @@ def ask_node(node: str, address: str = "", timeout: float = ASK_TIMEOUT) -> str:
             code, _, address = answer
             if code != 1:
                 return GONE
-    except (OSError, http.client.HTTPException, xmlrpc.client.Error):
+    except NO_ANSWER:
         return MUTE  # no master to ask: that says nothing about the node
     try:
         impatient_proxy(address, timeout).getPid(here)
     except ConnectionRefusedError:
         return GONE
-    except (OSError, http.client.HTTPException, xmlrpc.client.Error):
+    except NO_ANSWER:
         return MUTE
     return THERE
 
 
 def check_alone(action: str) -> None:
     """Raise ValueError where another node that lives serves an action: goals go to both, and neither's answers hold."""
-    here, topic = rospy.get_name(), rospy.resolve_name(f"{action}/result")
+    here = rospy.get_name()
     try:
         answer: Any = impatient_proxy(rosgraph.get_master_uri(), ASK_TIMEOUT).getSystemState(here)
-        publishers = dict(answer[2][0]).get(topic, [])
-    except (OSError, http.client.HTTPException, xmlrpc.client.Error):
+    except NO_ANSWER:
         return  # the master is watched by others
-    for node in publishers:
-        if node != here and ask_node(node) == THERE:
+    publishers, subscribers = map(dict, answer[2][:2])
+    take_goals = subscribers.get(rospy.resolve_name(f"{action}/goal"), [])
+    for node in publishers.get(rospy.resolve_name(f"{action}/result"), []):
+        if node != here and node in take_goals and ask_node(node) == THERE:
             raise ValueError(
                 f"{node} serves the action {rospy.resolve_name(action)} already: goals would go to both, and get lost "
                 f"between them; end it first (rosnode kill {node}), or give this one a namespace (__ns:=NAME)")

@@ -20,9 +20,9 @@ what they need. A node that ends is started again. Remappings behind a last -- a
 OPTION = "--no-respawn"
 WHEN_NEEDED = (
     "mbf_relay.ros.common.reconfigure",  # quietens dynamic_reconfigure
-    "configparser", "dynamic_reconfigure.server", "encodings.idna", "mbf_relay.ros.common.connecting",
-    "mbf_relay.ros.common.master_watch", "mbf_relay.ros.common.sending", "mbf_relay.ros.common.starting",
-    "unicodedata",
+    "configparser", "dynamic_reconfigure.server", "encodings.idna", "mbf_relay.ros.common.accepting",
+    "mbf_relay.ros.common.connecting", "mbf_relay.ros.common.master_watch", "mbf_relay.ros.common.own_address",
+    "mbf_relay.ros.common.receiving", "mbf_relay.ros.common.sending", "mbf_relay.ros.common.starting", "unicodedata",
 )
 """Modules that nodes import once they run."""
 COMMON_ROOMS = ("cfg", "control", "costmap", "navigation", "planning", "recovery", "tracking")

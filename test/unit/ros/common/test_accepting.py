@@ -1,10 +1,11 @@
 """Who connects to a node and says nothing, or nonsense, keeps nobody else out."""
 
+import errno
 import io
-import os
 import socket
 import struct
 import threading
+from types import SimpleNamespace
 from xmlrpc.client import ServerProxy
 
 import pytest
@@ -12,13 +13,13 @@ import pytest
 pytest.importorskip("rospy", reason="needs ROS")
 
 from ros_testing import wait_until  # noqa: E402
-from rosgraph.network import read_ros_handshake_header  # noqa: E402
+from rosgraph.network import ROSHandshakeException, read_ros_handshake_header  # noqa: E402
 from rosgraph.xmlrpc import (  # noqa: E402
     SilenceableXMLRPCRequestHandler,
     ThreadingXMLRPCServer,
     XmlRpcNode,
 )
-from rospy.impl.tcpros_base import TCPROSServer  # noqa: E402
+from rospy.impl.tcpros_base import TCPROSServer, TCPServer  # noqa: E402
 
 from mbf_relay.ros.common import accepting  # noqa: E402
 
@@ -84,7 +85,7 @@ def test_a_robot_is_not_left_standing_by_somebody_who_connects_and_says_nothing(
 
 @pytest.mark.parametrize("text", [
     b"\x00" * 8, b"\xff" * 8, b"GET / HTTP/1.1\r\n\r\n", words(callerid="/x"), words(topic="/nothing", callerid="/x"),
-    words(topic="/cmd_vel"), struct.pack("<II", 8, 0) + b"....", os.urandom(64),
+    words(topic="/cmd_vel"), struct.pack("<II", 8, 0) + b"....", bytes(range(64)),
 ])
 def test_who_talks_nonsense_is_refused_in_one_line(node, text):
     connection = node.connect(text)
@@ -124,6 +125,66 @@ def test_who_asks_for_what_there_is_not_is_told_so(node):
     assert read_ros_handshake_header(connection, io.BytesIO(), 4096) == {"error": "no such topic"}
 
 
+def test_who_says_a_letter_at_a_time_is_not_heard_out_for_longer_than_others(monkeypatch):
+    monkeypatch.setattr(accepting, "PATIENCE", 0.0)
+    connection, other = socket.socketpair()
+    with connection, other:
+        other.sendall(words(callerid="/a", topic="/cmd_vel"))
+        with pytest.raises(ROSHandshakeException, match="said nothing of itself within"):
+            accepting.first_words(connection)
+
+
+class NoThread:
+    """What a process has that may start no more threads."""
+
+    def __init__(self, **_):
+        pass
+
+    def start(self):
+        raise RuntimeError("can't start new thread")
+
+
+def test_a_node_that_could_start_no_thread_for_a_while_hears_others_afterwards(node, monkeypatch):
+    """The thread that takes connections ended of it, and the node was deaf for good."""
+    monkeypatch.setattr(accepting, "_unheard", threading.Semaphore(1))
+    with monkeypatch.context() as short_of_threads:
+        short_of_threads.setattr(accepting.threading, "Thread", NoThread)
+        assert [node.connect().recv(1) for _ in range(3)] == [b""] * 3, "each is let go"
+    node.hears_of("/velocity_guard")
+
+
+def test_a_node_that_had_no_file_left_for_a_while_takes_connections_afterwards(monkeypatch):
+    monkeypatch.setattr(accepting, "PAUSE", 0.0)
+    comings = [OSError(errno.EMFILE, "too many open files"), ("connection", "address"), OSError(errno.EBADF, "closed")]
+    taken = []
+
+    def accept():
+        come = comings.pop(0)
+        server.is_shutdown = not comings
+        if isinstance(come, OSError):
+            raise come
+        return come
+
+    server = SimpleNamespace(
+        is_shutdown=False, port=0, server_sock=SimpleNamespace(accept=accept),
+        inbound_handler=lambda *come: taken.append(come))
+    accepting.take_all(server)
+    assert taken == [("connection", "address")]
+
+
+def test_a_node_that_could_start_no_thread_for_a_while_answers_in_xml_rpc_afterwards(monkeypatch):
+    monkeypatch.setattr(accepting, "_calling", threading.Semaphore(1))
+    with monkeypatch.context() as short_of_threads:
+        short_of_threads.setattr(accepting.threading, "Thread", NoThread)
+        server = SimpleNamespace(
+            block_on_close=False, daemon_threads=True, process_request_thread=None, _threads=[],
+            shutdown_request=lambda connection: None)
+        for _ in range(3):
+            with pytest.raises(RuntimeError):  # its caller knows what to do
+                accepting.answer(server, None, ("", 0))
+    assert accepting._calling._value == 1
+
+
 class Slave:
     """Answers XML-RPC, as a node does."""
 
@@ -133,6 +194,7 @@ class Slave:
 
 def test_threads_do_not_pile_up_where_cables_are_cut_in_xml_rpc(monkeypatch):
     monkeypatch.setenv("ROS_IP", "127.0.0.1")
+    monkeypatch.setattr(TCPServer, "run", TCPServer.run)
     monkeypatch.setattr(TCPROSServer, "_tcp_server_callback", TCPROSServer._tcp_server_callback)
     monkeypatch.setattr(SilenceableXMLRPCRequestHandler, "timeout", None)
     monkeypatch.setattr(accepting, "LONGEST_SILENCE", 0.01)

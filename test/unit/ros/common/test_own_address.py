@@ -39,6 +39,14 @@ def test_a_node_by_a_name_that_leads_nowhere_says_so(told):
     assert "Name or service not known" in warnings[0]
 
 
+def test_a_node_by_a_name_that_is_none_says_so(monkeypatch):
+    """The look at it ended in a traceback, and nothing said what to mend."""
+    warnings = []
+    monkeypatch.setattr(own_address.rospy, "logwarn", lambda text, *values: warnings.append(text % values))
+    own_address.look("http://robot..local:1234/")
+    assert len(warnings) == 1 and "http://robot..local:1234/" in warnings[0] and "ROS_HOSTNAME" in warnings[0]
+
+
 def test_a_node_that_reaches_itself_says_nothing(told):
     assert told("http://robot:1234/", lambda name: (1, "pid", 5)) == (["http://robot:1234/"], [])
 

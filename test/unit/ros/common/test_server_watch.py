@@ -6,7 +6,7 @@ import pytest
 import rospy
 
 from mbf_relay.ros.common import server_watch
-from mbf_relay.ros.common.server_watch import GONE, THERE, ServerWatch, check_alone
+from mbf_relay.ros.common.server_watch import GONE, MUTE, THERE, ServerWatch, ask_node, check_alone
 
 NODE = "/move_base_flex"
 
@@ -74,11 +74,14 @@ def test_a_server_that_died_is_lost_though_its_connection_seems_to_stand(world):
     assert not world.watch.is_up
 
 
-@pytest.mark.parametrize("others, alive, refused", [
-    ([], [], False), (["/here"], ["/here"], False), (["/here", "/other"], ["/other"], True), (["/other"], [], False),
+@pytest.mark.parametrize("others, listening, alive, refused", [
+    ([], [], [], False), (["/here"], ["/here"], ["/here"], False), (["/here", "/other"], ["/other"], ["/other"], True),
+    (["/other"], ["/other"], [], False), (["/bag"], ["/recorder"], ["/bag", "/recorder"], False),
 ])
-def test_two_nodes_do_not_take_the_same_goals_from_each_other(monkeypatch, others, alive, refused):
-    state = 1, "", [[["/move_base/result", others], ["/move_base/status", ["/other"]]], [], []]
+def test_two_nodes_do_not_take_the_same_goals_from_each_other(monkeypatch, others, listening, alive, refused):
+    """Who plays a bag of an older drive says what came of goals, too, and takes none."""
+    state = 1, "", [
+        [["/move_base/result", others], ["/move_base/status", ["/other"]]], [["/move_base/goal", listening]], []]
     monkeypatch.setattr(server_watch, "impatient_proxy", lambda *_: SimpleNamespace(getSystemState=lambda _: state))
     monkeypatch.setattr(server_watch, "ask_node", lambda node: THERE if node in alive else GONE)
     monkeypatch.setattr(rospy, "get_name", lambda: "/here")
@@ -88,6 +91,10 @@ def test_two_nodes_do_not_take_the_same_goals_from_each_other(monkeypatch, other
             check_alone("move_base")
     else:
         check_alone("move_base")
+
+
+def test_a_relay_outlives_a_server_by_a_name_that_is_none():
+    assert ask_node("/move_base_flex", "http://robot..local:1234/") == MUTE
 
 
 def test_a_node_does_not_wait_for_a_master_that_is_gone_to_learn_whether_it_is_alone(monkeypatch):

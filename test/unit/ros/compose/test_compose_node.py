@@ -1,12 +1,15 @@
 """The command line of a family of nodes, and that its nodes are the executables'."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
+from mbf_relay.ros.common import node  # noqa: E402
 from mbf_relay.ros.compose.node import MEMBERS, read_arguments  # noqa: E402
 
 SCRIPTS = Path(__file__).resolve().parents[4] / "scripts"
@@ -44,3 +47,12 @@ def test_a_member_is_what_its_executable_is(executable):
     name, place = (ast.literal_eval(argument) for argument in call.args)
     arguments = {keyword.arg: ast.literal_eval(keyword.value) for keyword in call.keywords}
     assert MEMBERS[executable] == (name, place, arguments)
+
+
+def test_what_every_node_imports_lies_in_memory_once():
+    tree = ast.parse(Path(node.__file__).read_text(encoding="utf-8"))
+    imported = {found.module for found in ast.walk(tree) if isinstance(found, ast.ImportFrom)} - {"__future__"}
+    prepared = subprocess.run(
+        [sys.executable, "-c", "import sys; from mbf_relay.ros.compose.node import preload; preload(['amcl']); "
+         "print(*sys.modules)"], stdout=subprocess.PIPE, text=True, check=True)
+    assert sorted(imported - set(prepared.stdout.split())) == []
