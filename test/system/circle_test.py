@@ -1,5 +1,8 @@
 #!/usr/bin/env python3
-"""The tutorial's circle, driven with the tutorial's launch files and clients; with ~pillars_off on a poorer map."""
+"""The tutorial's circle, driven with the tutorial's launch files and clients, and once more in lockstep.
+
+With ~pillars_off on a poorer map, by the nodes alone.
+"""
 
 import os
 import sys
@@ -11,16 +14,21 @@ import rostest
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.srv import GetMap, SetMap
 from std_msgs.msg import Float64
+from std_srvs.srv import Empty
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 from ros_testing import Listener  # noqa: E402
 from running_stack import Witness, run_client, start_test_node  # noqa: E402
 
+from mbf_relay.geometry import normalize_angles  # noqa: E402
+from mbf_relay.lockstep import Episode, circle, config_folder, make_setup  # noqa: E402
+from mbf_relay.lockstep.smoothness import path_length  # noqa: E402
 from mbf_relay.ros.common.conversions import header, map_from_message, map_to_message, pose_to_message  # noqa: E402
 from mbf_relay.ros.tools.clients import CIRCLE  # noqa: E402
 from mbf_relay.simulation.arena import PILLAR_RADIUS  # noqa: E402
 
+CLIENT = "mb_relay_client.py"
 NEAR = 0.15
 """Metres: the goal tolerance of the parameter file, 0.05, and what localization may be off."""
 
@@ -31,6 +39,9 @@ OFF_THE_MAP = 0.1
 
 
 class TestCircle(unittest.TestCase):
+    trajectories = {}
+    """By client, of those that have driven."""
+
     @classmethod
     def setUpClass(cls):
         cls.witness = Witness()
@@ -83,6 +94,40 @@ class TestCircle(unittest.TestCase):
         self.assertEqual(witness.warnings(), [])
         if poorer:
             self.assert_localized(witness, estimates.messages[before:], reliabilities.messages[before:])
+        self.trajectories[client] = witness.trajectory
+
+
+class TestCircleAndLockstep(TestCircle):
+    """The same parts with the same files, on the same map, give two drives of one kind."""
+
+    def test_the_nodes_and_lockstep_drive_alike(self):
+        if CLIENT not in self.trajectories:
+            self.drive(CLIENT)
+        by_nodes = self.trajectories[CLIENT]
+        rospy.ServiceProxy("simulator/pause", Empty)()  # nobody looks at the nodes meanwhile, and they compute on
+        try:
+            result = Episode(circle(), make_setup(config_folder()), seed=1).run()
+        finally:
+            rospy.ServiceProxy("simulator/unpause", Empty)()
+        self.assertTrue(result.success, result.message)
+        self.assertEqual((result.goals_reached, result.contacts), (len(CIRCLE), 0))
+        in_lockstep = np.array(result.trajectory)
+
+        self.assertLess(abs(time_on_the_way(by_nodes) / time_on_the_way(in_lockstep) - 1.0), 0.1)
+        self.assertLess(abs(path_length(by_nodes[:, 1:3]) / result.path_length - 1.0), 0.05)
+        self.assertLess(np.median(distances(by_nodes[:, 1:3], in_lockstep[:, 1:3])), 0.1)
+
+
+def time_on_the_way(rows):
+    """Return the seconds from the first motion to the last; rows are time, x, y, heading."""
+    moved = np.hypot(*np.diff(rows[:, 1:3], axis=0).T) + np.abs(normalize_angles(np.diff(rows[:, 3])))
+    moving = np.flatnonzero(moved > 1e-3)
+    return rows[moving[-1] + 1, 0] - rows[moving[0], 0]
+
+
+def distances(points, others):
+    """Return how far (m) each point is from the nearest of the others."""
+    return np.hypot(*(points[:, None] - others[None]).T).min(axis=0)
 
 
 def _test_of(client):
@@ -94,6 +139,7 @@ def _test_of(client):
 
 if __name__ == "__main__":
     start_test_node("circle_test")
-    for _client in rospy.get_param("~clients", ["mb_relay_client.py"]):  # each leaves the robot where it found it
+    for _client in rospy.get_param("~clients", [CLIENT]):  # each leaves the robot where it found it
         setattr(TestCircle, f"test_{os.path.splitext(_client)[0]}_drives_the_circle", _test_of(_client))
-    rostest.rosrun("mbf_relay", "circle", TestCircle)
+    _case = TestCircle if rospy.get_param("~pillars_off", False) else TestCircleAndLockstep
+    rostest.rosrun("mbf_relay", "circle", _case)

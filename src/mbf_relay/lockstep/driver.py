@@ -88,9 +88,7 @@ class Driver:
         if self._process is not None and self._process.poll() is not None:
             self.end()
         if self._process is None:
-            # first where the package was found: a build's stands in front of the sources and has the kernels
-            folders = [os.path.dirname(os.path.dirname(mbf_relay.__file__)), *filter(None, sys.path)]
-            environment = {**os.environ, **ONE_THREAD, "PYTHONPATH": os.pathsep.join(folders)}
+            environment = {**os.environ, **ONE_THREAD, "PYTHONPATH": os.pathsep.join(filter(None, path_of_processes()))}
             self._process = subprocess.Popen(
                 [sys.executable, "-m", __name__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment
             )
@@ -108,6 +106,14 @@ class Driver:
             if used - begin > time_limit or now - since > time_limit:
                 return False
         return True
+
+
+def path_of_processes() -> List[str]:
+    """Return sys.path for processes to start: first where the package was found, since a build's has the kernels.
+
+    A build's package puts its sources, which have none, in front of itself.
+    """
+    return [os.path.dirname(os.path.dirname(mbf_relay.__file__)), *sys.path]
 
 
 def packed(call: Callable, argument: object, expected: object = None) -> bytes:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import functools
 import math
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
@@ -23,6 +24,7 @@ import numpy as np
 from gymnasium import spaces
 
 from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.lockstep.driver import path_of_processes
 from mbf_relay.lockstep.settings import config_folder
 from mbf_relay.lockstep.setup import ODOMETRY, TRUTH, make_setup
 from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks, task_of
@@ -281,7 +283,11 @@ def vectorised(count: int, **arguments: Any) -> Any:
         arguments: Of NavigationEnvironment.
     """
     made = functools.partial(NavigationEnvironment, **arguments)
-    return gymnasium.vector.AsyncVectorEnv([made] * count, context="spawn")
+    here, sys.path = sys.path, path_of_processes()  # which multiprocessing hands on
+    try:
+        return gymnasium.vector.AsyncVectorEnv([made] * count, context="spawn")
+    finally:
+        sys.path = here
 
 
 if ID not in gymnasium.registry:

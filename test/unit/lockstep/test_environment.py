@@ -15,6 +15,7 @@ import readmes  # noqa: E402
 import small_worlds  # noqa: E402
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
+import mbf_relay  # noqa: E402
 from mbf_relay.lockstep import cross_entropy  # noqa: E402
 from mbf_relay.lockstep.environment import ID, NavigationEnvironment, vectorised  # noqa: E402
 
@@ -158,6 +159,14 @@ def test_what_cannot_be_done_is_named(made):
         environment.step(np.array([np.nan, 0.0]))
     with pytest.raises(ValueError, match=r"shape \(3,\); it must be \(2,\)"):
         environment.step(np.zeros(3))
+
+
+def test_its_processes_find_the_package_where_this_one_does(monkeypatch):
+    """A built package stands in front of its sources, and has the kernels: each compiled them anew, for ten seconds."""
+    before, told = list(sys.path), []
+    monkeypatch.setattr(gymnasium.vector, "AsyncVectorEnv", lambda *_, **__: told.append(list(sys.path)))
+    vectorised(2)
+    assert told[0][0] == str(Path(mbf_relay.__file__).parents[1]) and sys.path == before
 
 
 def test_several_drive_at_once_as_each_would_alone(tmp_path, made):

@@ -19,7 +19,8 @@ from mbf_relay.ros.common.ending import adopt_orphans, interrupt_at_death_of
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 INTERRUPT_PATIENCE = 25.0
 """Wall seconds roslaunch gets to end its nodes; it gives each 15 s before it turns to SIGTERM."""
-
+STARTED, STARTING = 0.5, 5.0
+"""Wall seconds without a new node after which roslaunch has started all, and for which it may go on starting some."""
 
 LOOPBACK = "127.0.0.1"
 PORTS = (15000, 32000)
@@ -62,6 +63,8 @@ class DemoGraph:
     def __exit__(self, *_: object) -> None:
         with uninterrupted():
             for process in reversed(self._processes):
+                if process is self._processes[0]:
+                    let_start(process)
                 end(process)
             kill_descendants()
 
@@ -145,6 +148,21 @@ def free_port() -> int:
                 continue
             return port
     raise GraphError(f"none of 100 TCP ports from {PORTS[0]} to {PORTS[1]} is free")
+
+
+def let_start(roslaunch: subprocess.Popen) -> None:
+    """Wait while roslaunch starts nodes: it hears a signal with a lock held that its own ending waits for, for 20 s."""
+    deadline = time.monotonic() + STARTING
+    while roslaunch.poll() is None and time.monotonic() < deadline and starts_nodes(roslaunch.pid):
+        time.sleep(0.05)
+
+
+def starts_nodes(pid: int) -> bool:
+    """Return whether a process has started another one a moment ago."""
+    try:
+        return any(time.time() - child.create_time() < STARTED for child in psutil.Process(pid).children())
+    except psutil.NoSuchProcess:
+        return False
 
 
 def end(process: subprocess.Popen) -> None:

@@ -8,7 +8,9 @@ import pytest
 
 pytest.importorskip("rospy")
 
-from mbf_relay.ros.tools.demo import versions
+from ros_testing import wait_until  # noqa: E402
+
+from mbf_relay.ros.tools.demo import versions  # noqa: E402
 
 PARENT_THAT_DIES = """
 import os, subprocess, sys
@@ -108,3 +110,31 @@ def test_a_report_is_written_where_kernels_came_compiled_and_numba_is_not_instal
     monkeypatch.setitem(sys.modules, "numba", None)
     found = versions()
     assert found["numba"] == "not installed" and found["numpy"][0].isdigit()
+
+
+STARTS_NODES = """
+import signal, subprocess, sys, time
+signal.signal(signal.SIGINT, lambda *_: sys.exit(3))  # in the middle of a start, where roslaunch hangs
+nodes = []
+for _ in range(5):
+    nodes.append(subprocess.Popen(["sleep", "600"], stdout=subprocess.DEVNULL))
+    time.sleep(0.1)
+signal.signal(signal.SIGINT, lambda *_: [node.kill() for node in nodes] + [sys.exit(0)])
+while True:
+    signal.pause()
+"""
+
+
+def test_whoever_interrupts_while_nodes_start_does_not_wait_for_a_roslaunch_that_hangs(tmp_path):
+    """It takes the signal with a lock held that its own ending waits for, and gave up after 20 s."""
+    from mbf_relay.ros.tools.demo_graph import DemoGraph, descendants
+
+    class Starting(DemoGraph):
+        """A graph whose process starts nodes one after the other."""
+
+        def start(self, command, log):
+            return super().start([sys.executable, "-c", STARTS_NODES], log)
+
+    with Starting(["mbf_relay", "demo.launch"], str(tmp_path)) as graph:
+        wait_until(lambda: descendants(graph._processes[0].pid), "the first node")
+    assert graph._processes[0].returncode == 0
