@@ -13,6 +13,7 @@ from mbf_relay.localization.distance_field import DOUBTFUL
 from mbf_relay.localization.node_parameters import AmclParameters
 from mbf_relay.ros.amcl.scan_queue import ScanQueue
 from mbf_relay.ros.common import diagnostics
+from mbf_relay.ros.common.checks import shown
 
 SILENCE = 15.0
 """Wall seconds without a scan that are worth a warning, and from one warning to the next."""
@@ -88,6 +89,6 @@ class ScanWatch:
         else:
             rospy.logwarn_throttle(
                 SILENCE,
-                f"scans on {topic} wait for {silence:.0f} s: no transform from '{waiting.header.frame_id}' by "
+                f"scans on {topic} wait for {silence:.0f} s: no transform from '{shown(waiting.header.frame_id)}' by "
                 f"'{values.base_frame_id}' to '{values.odom_frame_id}' at their time",
             )

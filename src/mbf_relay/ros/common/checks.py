@@ -88,6 +88,12 @@ def check_frames(*names: str) -> None:
             raise InvalidMessage(f"{shown(name)!r} names no frame")
 
 
+def check_frame_is(wanted: str, name: str) -> None:
+    """Refuse another frame than the one wanted, which an empty name stands for."""
+    if name.lstrip("/") not in ("", wanted):
+        raise InvalidMessage(f"frame '{shown(name)}'; it must be '{wanted}'")
+
+
 def shown(name: str) -> str:
     """Return a frame's name as a line of a log bears it."""
     return name if len(name) <= LONGEST_FRAME else f"{name[:40]}... ({len(name)} characters)"

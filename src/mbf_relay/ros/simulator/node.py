@@ -22,7 +22,7 @@ from visualization_msgs.msg import MarkerArray
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.ros.common import diagnostics, parameters, reconfigure
-from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.checks import InvalidMessage, check_frame_is
 from mbf_relay.ros.common.conversions import pose_from_message, twist_from_message
 from mbf_relay.ros.common.node import spare_what_stays
 from mbf_relay.ros.simulator.command_synchronizer import CommandSynchronizer
@@ -152,10 +152,8 @@ class Simulator:
             rospy.logwarn_throttle(1.0, f"cmd_vel refused: {error}")
 
     def _take_pose(self, message: PoseStamped) -> None:
-        frame = message.header.frame_id.lstrip("/")
         try:
-            if frame not in ("", self._settings.world_frame):
-                raise InvalidMessage(f"frame '{frame}'; it must be '{self._settings.world_frame}'")
+            check_frame_is(self._settings.world_frame, message.header.frame_id)
             pose = pose_from_message(message.pose)
             if max(abs(pose.x), abs(pose.y)) > WORLD:
                 raise InvalidMessage(

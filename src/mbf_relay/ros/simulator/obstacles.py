@@ -9,7 +9,7 @@ from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from mbf_relay.ros.common.checks import InvalidMessage, check_finite
+from mbf_relay.ros.common.checks import InvalidMessage, check_finite, check_frame_is
 from mbf_relay.ros.common.conversions import header
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.shapes import Body, Box, Cylinder, Shape, Sphere
@@ -113,8 +113,7 @@ def obstacle_from_marker(marker: Marker, frame: str) -> Body:
     Raises:
         InvalidMessage: It is in another frame, of another type, or holds a size or pose that means nothing.
     """
-    if marker.header.frame_id.lstrip("/") not in ("", frame):
-        raise InvalidMessage(f"frame '{marker.header.frame_id}'; it must be '{frame}'")
+    check_frame_is(frame, marker.header.frame_id)
     position = [marker.pose.position.x, marker.pose.position.y, marker.pose.position.z]
     if not all(abs(value) <= WORLD for value in position):  # False for NaN
         raise InvalidMessage(f"position {tuple(position)} is not within {WORLD:g} m of the world's middle")

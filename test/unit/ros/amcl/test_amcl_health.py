@@ -4,8 +4,14 @@ import pytest
 
 pytest.importorskip("tf2_ros")
 
-from mbf_relay.ros.amcl.health import ScanWatch
-from mbf_relay.ros.common import diagnostics
+from sensor_msgs.msg import LaserScan  # noqa: E402
+from std_msgs.msg import Header  # noqa: E402
+
+from mbf_relay.localization.node_parameters import AmclParameters  # noqa: E402
+from mbf_relay.ros.amcl import health  # noqa: E402
+from mbf_relay.ros.amcl.health import ScanWatch  # noqa: E402
+from mbf_relay.ros.amcl.scan_queue import ScanQueue  # noqa: E402
+from mbf_relay.ros.common import diagnostics  # noqa: E402
 
 
 def watch(*stamps):
@@ -37,3 +43,14 @@ def test_values_are_told_whatever_the_level():
     _, _, values = watch(0.0, 0.2, 0.4).report(0.5, True, 0.914, False)
     assert values["share of the scan on the map's walls [%]"] == "91"
     assert values["scans [Hz]"] == "5.0" and values["age of the last scan [s]"] == "0.10"
+
+
+def test_a_scan_in_a_frame_of_two_million_characters_waits_without_filling_the_log(monkeypatch):
+    told, made = [], watch()
+    monkeypatch.setattr(health.time, "monotonic", lambda: made._last + 2.0 * health.SILENCE)
+    monkeypatch.setattr(health.rospy, "resolve_name", lambda name: f"/{name}")
+    monkeypatch.setattr(health.rospy, "logwarn_throttle", lambda _period, text: told.append(text))
+    queue = ScanQueue()
+    queue.put(LaserScan(header=Header(frame_id="a" * 2000000)))
+    made.look(queue, AmclParameters())
+    assert len(told) == 1 and "no transform from 'aaa" in told[0] and len(told[0]) < 400
