@@ -63,10 +63,10 @@ class Costmap:
         self._costs = np.zeros((0, 0), dtype=np.uint8)
         self._default = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
         self._last_update: Optional[float] = None
-        self._updates = 0
-        self._sized_by_map = False
+        self._updates, self._sized_by_map = 0, False
         self._size_due = self._redo_due = False  # the next update takes another size; it redoes every cell
         self._copy: Optional[np.ndarray] = None  # of the costs, made when somebody asks
+        self._shown: Optional[CostGrid] = None  # the snapshot made last, as long as nothing changed
         self._history: Deque[Tuple[int, Window]] = deque(maxlen=HISTORY)
         self._near: Optional[Tuple[int, int]] = None  # see _near_costs
         for layer in self.layers:
@@ -125,7 +125,7 @@ class Costmap:
             if np.array_equal(outline, old.outline()):
                 outline = self._outline  # which may have come since by other ways than a parameter
                 check_padded(outline, parameters.footprint_padding, parameters.resolution)
-            self.parameters, self._near = parameters, None
+            self.parameters = parameters
             self._size_due |= resized
             self.set_footprint(outline)
 
@@ -133,12 +133,12 @@ class Costmap:
         """Give the layer of that name other values; they show from the next update on."""
         with self._lock:
             next(layer for layer in self.layers if layer.name == name).reconfigure(parameters)
-            self._redo_due, self._near = True, None
+            self._redo_due, self._near, self._shown = True, None, None
 
     def set_footprint(self, outline: np.ndarray) -> None:
         """Take another outline of the robot, without padding, as `parse_footprint` gives it, shape (K, 2) in metres."""
         with self._lock:
-            self._outline, self._near = outline, None
+            self._outline, self._near, self._shown = outline, None, None
             self._footprint = footprints.padded(outline, self.parameters.footprint_padding)
             self._inscribed_radius, self._circumscribed_radius = footprints.radii(self._footprint)
             for layer in self.layers:
@@ -160,6 +160,7 @@ class Costmap:
             raise ValueError(
                 f"{self.name} has no observation source '{source}'; it has: {', '.join(self.sources) or 'none'}")
         with self._lock:
+            self._shown = None
             for layer in sorted(takers, key=lambda taker: taker.tracks is None):
                 rest = layer.observe(source, observation, observation.stamp if now is None else now)
                 observation = observation if rest is None or not layer.enabled else rest
@@ -279,7 +280,7 @@ class Costmap:
             window = window.within(self._grid)
             if not window.is_empty:
                 self._redo(window, active)
-            self._last_update = now
+            self._last_update, self._shown = now, None
             self._updates += 1
 
     def _redo(self, window: Window, layers: Sequence[Layer]) -> None:
@@ -292,7 +293,7 @@ class Costmap:
     def _note_change(self, changed: Window) -> None:
         if not changed.is_empty:
             self._history.append((next(_revisions), changed))
-            self._copy = None
+            self._copy = self._shown = None
 
     def _follow(self, robot_pose: Pose2D) -> None:
         """Move the window so that the robot stands in its middle, by whole cells."""
@@ -317,31 +318,30 @@ class Costmap:
             layer.resize(grid)
         self._history.clear()
         self._history.append((next(_revisions), Window.of(grid)))
-        self._copy = self._near = None
+        self._copy = self._shown = self._near = None
 
     def snapshot(self) -> CostGrid:
         """Return the present snapshot; it does not change when the costmap does."""
         with self._lock:
             if self._copy is None:
                 self._copy = self._costs.copy()
-            return CostGrid(
+            self._shown = self._shown or CostGrid(
                 self._grid, self._copy, self.frame, self._footprint, self._inscribed_radius, self._circumscribed_radius,
                 self._history[-1][0], self._last_update or 0.0, tuple(self._history), self.parameters.obstacle_overlap,
                 tracks_of(self.layers), *self._near_costs())
+            return self._shown
 
     def _near_costs(self) -> Tuple[int, int]:
         """Return the costs at which the robot's sides touch an obstacle, and a corner where it turns; see CostGrid."""
-        self._near = self._near or self._find_near_costs()
+        if self._near is None:
+            half_width = half_width_of(self._footprint, self._inscribed_radius)
+            margin = (0.5 - self.parameters.obstacle_overlap) * self._grid.resolution  # an obstacle fills its cell
+            told = []
+            for distance in (half_width, self._circumscribed_radius):
+                costs = [layer.cost_at(distance + margin) for layer in self.layers if layer.enabled]
+                told.append(max((cost for cost in costs if cost is not None), default=INSCRIBED))
+            self._near = told[0], told[1]
         return self._near
-
-    def _find_near_costs(self) -> Tuple[int, int]:
-        half_width = half_width_of(self._footprint, self._inscribed_radius)
-        margin = (0.5 - self.parameters.obstacle_overlap) * self._grid.resolution  # an obstacle fills its cell
-        told = []
-        for distance in (half_width, self._circumscribed_radius):
-            costs = [layer.cost_at(distance + margin) for layer in self.layers if layer.enabled]
-            told.append(max((cost for cost in costs if cost is not None), default=INSCRIBED))
-        return told[0], told[1]
 
     def oriented_footprint(self, pose: Pose2D) -> np.ndarray:
         """Return the padded outline at a pose, shape (K, 2) in metres."""

@@ -57,6 +57,28 @@ def crossing(now):
     return [(-1.0, 0.5, 0.1), (1.0, -1.0 + 0.25 * min(now, 6.0), 0.12)]
 
 
+def test_a_snapshot_asked_for_again_tells_what_moves_now():
+    costmap = costmap_of()
+    watch(costmap, crossing, 2.0)
+    before = costmap.snapshot()
+    assert costmap.snapshot() is before, "nothing has changed"
+    costmap.observe("scan", scan(crossing(2.2), 12.2), 12.2)  # no update shows it yet, but the track has gone on
+    (earlier,), (later,) = before.tracks, costmap.snapshot().tracks
+    assert later.y > earlier.y and later.stamp > earlier.stamp
+
+
+def test_a_snapshot_asked_for_again_has_the_footprint_of_now():
+    costmap = costmap_of()
+    costmap.update(10.0, Pose2D(0.0, 0.0, 0.0))
+    before = costmap.snapshot()
+    costmap.set_footprint(2.0 * before.footprint)
+    assert costmap.snapshot().circumscribed_radius > 1.5 * before.circumscribed_radius
+    costmap.reconfigure(costmap.parameters.replace(obstacle_overlap=0.0))
+    assert (before.obstacle_overlap, costmap.snapshot().obstacle_overlap) == (0.2, 0.0)
+    costmap.update(10.1, Pose2D(0.0, 0.0, 0.0))
+    assert (before.stamp, costmap.snapshot().stamp) == (10.0, 10.1)
+
+
 @pytest.mark.parametrize("seconds", [2.0, 4.0, 5.0])
 def test_who_walks_by_is_no_wall_to_who_plans_and_a_post_is_one(seconds):
     snapshot = watch(costmap_of(mark_movers=False), crossing, seconds)
