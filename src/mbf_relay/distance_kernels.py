@@ -9,6 +9,9 @@ import numpy as np
 
 from mbf_relay.kernels import kernel
 
+SHORT = 24
+"""Cells up to which it is quicker to look at each cell of a row than for those that are nearest."""
+
 
 @kernel("void(uint8[::1], int32[::1], int32[::1], int32)")
 def _down_a_row(cells, above, row, far):
@@ -33,6 +36,68 @@ def _from_a_column(places, column, square, row):
     for x in range(places.shape[0]):
         away = places[x] - column
         row[x] = math.sqrt(np.float32(away * away + square))
+
+
+@kernel("void(uint8[::1], uint16[::1], uint16)")
+def _count_rows(cells, since, far):
+    """Advance the distance along each column from the last 0 by one row; it stays at `far` once it got there."""
+    one, zero = np.uint16(1), np.uint16(0)
+    for x in range(cells.shape[0]):
+        older = np.uint16(since[x] + one)
+        older = older if older < far else far
+        since[x] = zero if cells[x] == 0 else older
+
+
+@kernel("void(uint16[::1], uint16[::1])")
+def _square_nearer(above, row):
+    """Set a row, which holds the distances from below, to the square of the lower ones."""
+    for x in range(row.shape[0]):
+        nearer = above[x] if above[x] < row[x] else row[x]
+        row[x] = np.uint16(nearer * nearer)
+
+
+@kernel("void(uint16[::1], uint16[::1], uint16[::1], uint16)")
+def _lower_to(left, right, squares, step):
+    for x in range(squares.shape[0]):
+        nearer = left[x] if left[x] < right[x] else right[x]
+        nearer = np.uint16(nearer + step)
+        squares[x] = nearer if nearer < squares[x] else squares[x]
+
+
+@kernel("void(uint16[::1], float32[::1])")
+def _take_roots(squares, row):
+    for x in range(squares.shape[0]):
+        row[x] = math.sqrt(np.float32(squares[x]))
+
+
+@kernel("void(uint8[:,::1], int64, float32[:,::1])")
+def distances_to_near_zeros(cells, reach, distances):
+    """Do what `distances_to_zeros` does, in less time where `reach` is short: by shifted minima over whole rows.
+
+    Args:
+        cells, distances: As there; no cell need be 0.
+        reach: Distance (cells), 0 to SHORT; (reach + 1)² + reach² must be below 2^16.
+    """
+    height, width = cells.shape
+    far = np.uint16(reach + 1)
+    stride = width + reach  # what lies beyond a row is far, to either side
+    rows = np.full(height * stride + 2 * reach, np.uint16((reach + 1) * (reach + 1)))
+    since = np.full(width, far)
+    for y in range(height - 1, -1, -1):
+        _count_rows(cells[y], since, far)
+        rows[reach + y * stride:reach + y * stride + width] = since
+    since[:] = far
+    for y in range(height):
+        _count_rows(cells[y], since, far)
+        _square_nearer(since, rows[reach + y * stride:reach + y * stride + width])
+    size = height * stride
+    squares = rows[reach:reach + size].copy()
+    for shift in range(1, reach + 1):  # over all rows in one loop
+        _lower_to(
+            rows[reach - shift:reach - shift + size], rows[reach + shift:reach + shift + size], squares,
+            np.uint16(shift * shift))
+    for y in range(height):
+        _take_roots(squares[y * stride:y * stride + width], distances[y])
 
 
 @kernel("void(uint8[:,::1], int64, float32[:,::1])")

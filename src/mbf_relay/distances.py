@@ -24,7 +24,10 @@ def distances_to_zeros(cells: np.ndarray, farthest: float = math.inf) -> np.ndar
         return np.full(cells.shape, np.inf, dtype=np.float32)
     distances = np.empty(cells.shape, dtype=np.float32)
     reach = math.ceil(min(farthest, sum(cells.shape)))
-    distance_kernels.distances_to_zeros(cells, reach, distances)
+    if reach <= distance_kernels.SHORT:
+        distance_kernels.distances_to_near_zeros(cells, reach, distances)
+    else:
+        distance_kernels.distances_to_zeros(cells, reach, distances)
     return distances
 
 

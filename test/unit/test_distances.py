@@ -16,7 +16,7 @@ def test_every_cell_knows_its_nearest_obstacle_to_the_last_bit(share):
         squared = np.min([(rows - y) ** 2 + (columns - x) ** 2 for y, x in np.argwhere(~free)], axis=0)
         expected = np.sqrt(squared.astype(np.float32))
         np.testing.assert_array_equal(distances_to_zeros(free), expected)
-        for farthest in (0.0, 2.5, 7.0):
+        for farthest in (0.0, 2.5, 7.0, 30.0):  # the last one beyond what is looked at cell by cell
             found = distances_to_zeros(free, farthest)
             np.testing.assert_array_equal(found[expected <= farthest], expected[expected <= farthest])
             assert (found[expected > farthest] > farthest).all(), "what is far is not told to be near"

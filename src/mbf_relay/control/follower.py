@@ -277,7 +277,7 @@ class PathFollower(Controller, abc.ABC):
         ahead = (path.arcs >= path.robot_arc - 0.5 * width) & (
             path.arcs <= min(path.robot_arc + lookahead, path.goal_arc)
         )
-        clearance = checker.clearance_along(path.points[ahead][::2]) / width
+        clearance = checker.clearance_along(path.points[ahead][::2], WIDE * width) / width
         return min(1.0, max(LEAST_HORIZON_SCALE, (clearance - NARROW) / (WIDE - NARROW)))
 
     @staticmethod

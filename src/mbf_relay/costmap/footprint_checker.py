@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import NamedTuple, Tuple
 
 import numpy as np
@@ -19,6 +19,8 @@ MOST_DRAWN = 8_000_000
 """Points of all headings drawn beforehand, 64 MiB; a larger robot is drawn at fewer, and is off by up to a cell."""
 FAR = np.float32(1e6)
 """Cells: farther than any obstacle, and a number one can go on with."""
+APART = 1.5
+"""Cells: more than cells that touch are apart, and so by how much more their distances to an obstacle can differ."""
 
 
 class FreeWay(NamedTuple):
@@ -60,12 +62,15 @@ class FootprintChecker:
         self._outlines, self._boxes, self._radius = _outlines(
             costmap.footprint.tobytes(), len(costmap.footprint), grid.resolution)
         self._overlap = costmap.obstacle_overlap
+        self._distances, self._known_to = np.zeros((0, 0), dtype=np.float32), 0.0
         self.step = 0.2 * grid.resolution
         self.turn_step = self.step / max(self._radius, grid.resolution)
 
-    @cached_property
-    def _distances(self) -> np.ndarray:
-        return distances_to_obstacles(self._costs)
+    def _distances_to(self, farthest: float = math.inf) -> np.ndarray:
+        """Return `distances_to_obstacles`, known at least as far (cells) as that; most is asked of what is near."""
+        if farthest > self._known_to:
+            self._distances, self._known_to = distances_to_obstacles(self._costs, farthest), farthest
+        return self._distances
 
     def touches(self, poses: np.ndarray) -> np.ndarray:
         """Return for each pose, (N, 3), whether the footprint touches; no field of distances is made for it."""
@@ -96,10 +101,11 @@ class FootprintChecker:
             scales: Shape (N,), float64: factor on the footprint.
             allowed: Contacts the robot already has; a trajectory may keep them and lose them, not add to them.
         """
+        reach = self._radius * float(scales.max(initial=0.0)) / self.costmap.grid.resolution
         way = FreeWay(np.empty(len(poses), np.int64), np.empty(len(poses)), np.empty(len(poses)))
         footprint_checker_kernels.first_contacts(
             self._costs,
-            self._distances,
+            self._distances_to(reach + APART),
             *self._place,
             self._outlines,
             self._radius,
@@ -122,17 +128,18 @@ class FootprintChecker:
         batch = np.ascontiguousarray(poses, dtype=float)[None]
         return int(self.first_contacts(batch, np.array([len(poses)]), np.ones(1), allowed).steps[0])
 
-    def clearance_along(self, points: np.ndarray) -> float:
+    def clearance_along(self, points: np.ndarray, farthest: float = math.inf) -> float:
         """Return the least distance (m) between obstacles and the footprint's sides on its way along points (N, 2).
 
         An obstacle fills its cell. Distances are interpolated between cells, or a path a hair aside could be judged a
         whole cell narrower. What lies outside the outermost cells' centres does not count; infinite where nothing else
-        is left.
+        is left. Of more than `farthest` (m) any distance beyond may be told, which takes less time.
         """
         half_width = float(np.abs(self.costmap.footprint[:, 1]).max()) if len(self.costmap.footprint) else 0.0
-        points = np.ascontiguousarray(points)
-        least: float = footprint_checker_kernels.least_distance(self._distances, *self._place, points)
-        return (least - 0.5) * self.costmap.grid.resolution - half_width
+        resolution, points = self.costmap.grid.resolution, np.ascontiguousarray(points)
+        distances = self._distances_to((farthest + half_width) / resolution + 0.5 + APART)
+        least: float = footprint_checker_kernels.least_distance(distances, *self._place, points)
+        return (least - 0.5) * resolution - half_width
 
     def in_sight(self, pose: Pose2D, points: np.ndarray) -> np.ndarray:
         """Tell for each point, (N, 2) in metres, whether the straight line to it from the robot is free of obstacles.
@@ -148,7 +155,7 @@ class FootprintChecker:
         column, row = self.costmap.grid.cell_at(x, y)
         if not self.costmap.grid.contains_cell(column, row):
             return 0.0
-        return float(self._distances[row, column]) * self.costmap.grid.resolution
+        return float(self._distances_to()[row, column]) * self.costmap.grid.resolution
 
     def clearances_at(self, poses: np.ndarray) -> np.ndarray:
         """Return `clearance_at` for a batch: poses or points (..., 2 or more) in metres to an array (...)."""
@@ -156,13 +163,16 @@ class FootprintChecker:
         columns = np.floor((poses[..., 0] - grid.origin_x) / grid.resolution).astype(np.int64)
         rows = np.floor((poses[..., 1] - grid.origin_y) / grid.resolution).astype(np.int64)
         inside = (columns >= 0) & (columns < grid.width) & (rows >= 0) & (rows < grid.height)
-        found = self._distances[np.where(inside, rows, 0), np.where(inside, columns, 0)]
+        found = self._distances_to()[np.where(inside, rows, 0), np.where(inside, columns, 0)]
         return np.where(inside, found * grid.resolution, 0.0)
 
 
-def distances_to_obstacles(costs: np.ndarray) -> np.ndarray:
-    """Return the distance in cells from each cell to the nearest lethal or unknown one: uint8 in, float32 out."""
-    distances: np.ndarray = np.minimum(distances_to_zeros(costs < LETHAL), FAR)
+def distances_to_obstacles(costs: np.ndarray, farthest: float = math.inf) -> np.ndarray:
+    """Return the distance in cells from each cell to the nearest lethal or unknown one: uint8 in, float32 out.
+
+    Of more than `farthest` any distance beyond may be told.
+    """
+    distances: np.ndarray = np.minimum(distances_to_zeros(costs < LETHAL, farthest), FAR)
     return distances
 
 

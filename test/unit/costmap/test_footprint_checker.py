@@ -145,6 +145,29 @@ def test_distances_are_to_the_nearest_lethal_or_unknown_cell():
     assert (distances_to_obstacles(np.zeros((5, 5), np.uint8)) > 1e5).all()
 
 
+def test_clearance_along_a_path_is_right_as_far_as_it_is_asked_for():
+    rng = np.random.default_rng(11)
+    beyond = 0
+    for _ in range(300):
+        costmap = random_costmap(rng, obstacles=8)
+        points = rng.uniform(-1.0, 1.0, 2) + np.cumsum(rng.uniform(-0.03, 0.03, (20, 2)), axis=0)
+        expected, farthest = FootprintChecker(costmap).clearance_along(points), rng.uniform(0.0, 0.6)
+        assert FootprintChecker(costmap).clearance_along(points, expected) == expected
+        found = FootprintChecker(costmap).clearance_along(points, farthest)
+        beyond += expected > farthest
+        assert found > farthest if expected > farthest else found == expected
+    assert 60 < beyond < 240
+
+
+def test_what_was_asked_of_what_is_near_leaves_what_is_far_as_it_is():
+    costmap = random_costmap(np.random.default_rng(3), obstacles=3)
+    checker, points = FootprintChecker(costmap), np.random.default_rng(4).uniform(-1.4, 1.4, (50, 2))
+    expected = FootprintChecker(costmap).clearances_at(points)
+    checker.clearance_along(points, 0.01)
+    checker.free_steps(np.zeros((1, 3)))
+    assert (checker.clearances_at(points) == expected).all()
+
+
 def test_sight_ends_at_obstacles_and_is_not_judged_outside():
     costmap = random_costmap(np.random.default_rng(1), obstacles=0)
     costmap.costs[:] = 0
