@@ -46,6 +46,12 @@ def hull_clearances(poses: np.ndarray, hull: np.ndarray, segments: np.ndarray, c
     radius = 0.0
     for k in range(len(hull)):
         radius = max(radius, math.hypot(hull[k, 0], hull[k, 1]))
+    middles = np.empty((len(segments), 3))  # and how far, a hair more, a segment goes from there
+    for m in range(len(segments)):
+        ax, ay, bx, by = segments[m, 0], segments[m, 1], segments[m, 2], segments[m, 3]
+        middles[m, 0], middles[m, 1] = 0.5 * (ax + bx), 0.5 * (ay + by)
+        middles[m, 2] = 0.5 * math.hypot(bx - ax, by - ay) + 1e-6
+    nearest = -1
     for n in range(len(poses)):
         x, y, theta = poses[n, 0], poses[n, 1], poses[n, 2]
         cos, sin = math.cos(theta), math.sin(theta)
@@ -53,12 +59,18 @@ def hull_clearances(poses: np.ndarray, hull: np.ndarray, segments: np.ndarray, c
             corners[k, 0] = x + cos * hull[k, 0] - sin * hull[k, 1]
             corners[k, 1] = y + sin * hull[k, 0] + cos * hull[k, 1]
         least = clearances[n]
-        for m in range(len(segments)):
-            ax, ay, bx, by = segments[m, 0], segments[m, 1], segments[m, 2], segments[m, 3]
+        for place in range(-1, len(segments)):
+            m = nearest if place < 0 else place  # first what was nearest to the pose before: little else is nearer
+            if m < 0:
+                continue
             reach = least + radius
+            dx, dy, far = middles[m, 0] - x, middles[m, 1] - y, reach + middles[m, 2]
+            if dx * dx + dy * dy > far * far:  # most of them, without a division
+                continue
+            ax, ay, bx, by = segments[m, 0], segments[m, 1], segments[m, 2], segments[m, 3]
             if squared_to_segment(x, y, ax, ay, bx, by) >= reach * reach:
                 continue
-            last = len(hull) - 1
+            last, before = len(hull) - 1, least
             for k in range(len(hull)):
                 cx, cy, dx, dy = corners[last, 0], corners[last, 1], corners[k, 0], corners[k, 1]
                 if cross(ax, ay, bx, by, cx, cy, dx, dy):
@@ -68,4 +80,6 @@ def hull_clearances(poses: np.ndarray, hull: np.ndarray, segments: np.ndarray, c
                 squared = min(squared, squared_to_segment(bx, by, cx, cy, dx, dy))
                 least = min(least, math.sqrt(squared))
                 last = k
+            if least < before:
+                nearest = m
         clearances[n] = least

@@ -46,6 +46,18 @@ def test_kernel_agrees_with_sampling():
         assert made[0] == pytest.approx(plain_clearance(pose, SQUARE, segment), abs=2e-3)
 
 
+def test_a_drive_past_many_is_told_what_each_pose_alone_is_told_of_each():
+    rng = np.random.default_rng(6)
+    segments, poses = rng.uniform(-3.0, 3.0, (60, 4)), np.cumsum(rng.uniform(-0.2, 0.2, (80, 3)), axis=0)
+    segments[:, 2:] = segments[:, :2] + 0.1 * segments[:, 2:]
+    made, alone = np.full(80, math.inf), np.full((80, 60), math.inf)
+    hull_clearances(poses, SQUARE, segments, made)
+    for pose, row in zip(poses, alone):
+        for index in range(60):
+            hull_clearances(pose[None].copy(), SQUARE, segments[index:index + 1].copy(), row[index:index + 1])
+    assert (made == alone.min(axis=1)).all()
+
+
 def test_nearest_of_many_is_found_and_larger_values_are_only_lowered():
     segments = np.array([[1.0, -1.0, 1.0, 1.0], [0.4, -1.0, 0.4, 1.0], [3.0, 0.0, 4.0, 0.0]])
     made = np.array([math.inf, 0.05])
