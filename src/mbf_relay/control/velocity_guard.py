@@ -63,12 +63,14 @@ class Sight(NamedTuple):
         laser_in_base: Where the lidar sits.
         points: What is in the way, shape (N, 2) in metres, in the base frame at the scan's time.
         changed_at: Time (s) at which its readings were first what they are.
+        nearest: Distance (m) of the nearest of the points from the base; infinite where there is none.
     """
 
     scan: LaserScan
     laser_in_base: Pose2D
     points: np.ndarray
     changed_at: float
+    nearest: float
 
 
 class VelocityGuard:
@@ -104,7 +106,8 @@ class VelocityGuard:
         points, hits = scan_points(scan)
         seen = laser_in_base.transform_points(points[hits])
         points = np.vstack((seen, self._blind_points(scan, laser_in_base)))
-        self._seen[scan.frame] = Sight(scan, laser_in_base, points, changed_at)
+        nearest = float(np.hypot(points[:, 0], points[:, 1]).min(initial=math.inf))
+        self._seen[scan.frame] = Sight(scan, laser_in_base, points, changed_at, nearest)
 
     def _changed_at(self, scan: LaserScan) -> Optional[float]:
         """Return since when (s) a lidar has read what it reads now, None where the robot has been sent elsewhere since.
@@ -172,7 +175,9 @@ class VelocityGuard:
             return Verdict(
                 STOP, UNSEEN, f"stopped: the footprint reaches {self._inscribed_radius:.2f} m to every side, and no "
                 f"lidar sees farther than {reach:.2f} m")
-        share, in_the_way = self._free_share(asked, np.vstack([self._points_now(sight, now) for sight in sights]))
+        share, in_the_way = 1.0, ""
+        if not self._is_clear(asked, sights, now):
+            share, in_the_way = self._free_share(asked, np.vstack([self._points_now(sight, now) for sight in sights]))
         is_unseen = all(self._is_unseen(asked, sight) for sight in sights)
         limit = self._parameters.unseen_speed / asked.speed() if is_unseen else 1.0
         if not in_the_way and limit >= 1.0:
@@ -180,6 +185,27 @@ class VelocityGuard:
         if in_the_way and share <= limit:
             return _slowed(asked, share, OBSTACLE, in_the_way)
         return _slowed(asked, limit, UNSEEN, "no beam of the lidar looks where the robot is to go")
+
+    def _is_clear(self, velocity: Twist2D, sights: List[Sight], now: float) -> bool:
+        """Return whether all that lidars saw is too far away to be met; where it is not, the footprint tells.
+
+        Braking, the robot's middle is nowhere faster than before.
+        """
+        p = self._parameters
+        braking = seconds_to_brake(velocity, p.acc_lim_x, p.acc_lim_theta, p.wheel_separation)
+        if self._way(velocity, braking) > self._longest:
+            return False
+        reach = velocity.speed() * (p.reaction_time + braking) + self._radius + p.margin
+        for sight in sights:
+            moved = self._moved(sight.scan.stamp, now)
+            if not sight.nearest - math.hypot(moved.x, moved.y) > reach:
+                return False
+        return True
+
+    def _way(self, velocity: Twist2D, braking: float) -> float:
+        """Return how far (m) any corner of the footprint gets while the robot reacts and brakes for so long (s)."""
+        seconds = self._parameters.reaction_time + 0.5 * braking
+        return (velocity.speed() + abs(velocity.theta) * self._radius) * seconds
 
     def _points_now(self, sight: Sight, now: float) -> np.ndarray:
         """Return a scan's points seen from where the robot must be by now, shape (N, 2) in metres."""
@@ -215,8 +241,7 @@ class VelocityGuard:
         """Return what the robot would come too near to, were it to react and brake; empty for nothing."""
         p, radius = self._parameters, self._radius
         braking = seconds_to_brake(velocity, p.acc_lim_x, p.acc_lim_theta, p.wheel_separation)
-        seconds = p.reaction_time + 0.5 * braking
-        way = (velocity.speed() + abs(velocity.theta) * radius) * seconds
+        seconds, way = p.reaction_time + 0.5 * braking, self._way(velocity, braking)
         if way > self._longest:
             return f"the way to a stop is longer than {self._longest:.1f} m"
         count = 1 + int(min(way / STEP, MOST_STEPS))

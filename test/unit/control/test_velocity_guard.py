@@ -290,3 +290,27 @@ def test_a_velocity_away_from_all_that_is_near_always_passes(outline, ranges, ve
 def test_a_stop_always_passes(ranges, now):
     guard = guard_that_saw(scan_of(ranges, stamp=5.0))
     assert judged(guard, STOP, float(now)).velocity == STOP
+
+
+@settings(max_examples=60)
+@given(
+    OUTLINES, SCANS, st.lists(VELOCITIES, min_size=1, max_size=4), st.sampled_from([0.0, 0.16, 0.6]),
+    st.floats(0.3, 3.0),
+)
+def test_what_is_known_to_be_too_far_away_without_a_look_is_so_by_the_footprint(
+    outline, ranges, velocities, separation, acceleration
+):
+    guard, thorough = (
+        guard_that_saw(scan_of(ranges), outline, wheel_separation=separation, acc_lim_x=acceleration)
+        for _ in range(2)
+    )
+    thorough._is_clear = lambda *_arguments: False
+    for count, velocity in enumerate(velocities):
+        now = 0.12 * count
+        assert judged(guard, velocity, now) == judged(thorough, velocity, now)
+
+
+def test_what_is_far_away_takes_no_look_at_the_footprint(monkeypatch):
+    guard = guard_that_saw(scan_with(1.0, 0, BEAMS))
+    monkeypatch.setattr(guard, "_free_share", None)
+    assert judged(guard, AHEAD).cause == guards.PASSING
