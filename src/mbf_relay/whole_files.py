@@ -41,7 +41,7 @@ def whole_file(path: Union[str, Path]) -> Iterator[BinaryIO]:
         raise
 
 
-def write_whole(path: Union[str, Path], text: str) -> None:
-    """Write a text file; errors as for `whole_file`."""
+def write_whole(path: Union[str, Path], content: Union[str, bytes]) -> None:
+    """Write a file of a text or of bytes; errors as for `whole_file`."""
     with whole_file(path) as stream:
-        stream.write(text.encode("utf-8"))
+        stream.write(content if isinstance(content, bytes) else content.encode("utf-8"))

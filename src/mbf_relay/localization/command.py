@@ -22,7 +22,7 @@ from mbf_relay.localization.replay import Replay, replay, summarize
 from mbf_relay.localization.stress import Stress, parse_stress
 from mbf_relay.localization.trials import LogTask, as_json, run, summarize_trials, table
 from mbf_relay.maps import OccupancyMap, load_map
-from mbf_relay.whole_files import whole_file, write_whole
+from mbf_relay.whole_files import write_whole
 
 
 def parse_arguments(arguments: Optional[List[str]] = None) -> argparse.Namespace:
@@ -124,14 +124,12 @@ def write_results(
     from mbf_relay.localization.replay_plot import draw_replay
 
     os.makedirs(folder, exist_ok=True)
-    with whole_file(os.path.join(folder, "trajectory.csv")) as stream:
-        file = io.TextIOWrapper(stream, encoding="utf-8", newline="")
-        writer = csv.writer(file)
-        writer.writerow(["t", "x", "y", "yaw", "updated", "seconds"])
-        for stamp, pose, updated, seconds in zip(log.times, result.poses, result.updated, result.seconds):
-            writer.writerow([f"{stamp:.6f}", *(f"{value:.6f}" for value in pose), int(updated), f"{seconds:.6f}"])
-        file.flush()
-        file.detach()
+    rows = io.StringIO(newline="")
+    writer = csv.writer(rows)
+    writer.writerow(["t", "x", "y", "yaw", "updated", "seconds"])
+    for stamp, pose, updated, seconds in zip(log.times, result.poses, result.updated, result.seconds):
+        writer.writerow([f"{stamp:.6f}", *(f"{value:.6f}" for value in pose), int(updated), f"{seconds:.6f}"])
+    write_whole(os.path.join(folder, "trajectory.csv"), rows.getvalue())
     write_whole(os.path.join(folder, "result.json"), json.dumps(figures, indent=2) + "\n")
     draw_replay(os.path.join(folder, "result.png"), log, occupancy, result)
 

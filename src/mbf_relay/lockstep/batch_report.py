@@ -15,7 +15,7 @@ from mbf_relay.lockstep.result import ERROR, EpisodeResult
 from mbf_relay.lockstep.summary import MEASURES, summarize
 from mbf_relay.lockstep.tasks import EpisodeTask
 from mbf_relay.lockstep.workers import workers_for
-from mbf_relay.whole_files import whole_file, write_whole
+from mbf_relay.whole_files import write_whole
 
 TILES = 40
 """Tiles of the contact sheet that are drawn in one go."""
@@ -65,8 +65,7 @@ def draw(folder: Path, shown: Sequence[pictures.Shown], processes: int) -> None:
             progress.show(len(tiles), 0.0, "pictures")
         for number, (((_, result),), drawn) in enumerate(workers.run(pictures.failure, failures, TIME_LIMIT), 1):
             if not isinstance(drawn, Lost):
-                with whole_file(folder / f"failure-{result.world}-{result.seed}.png") as stream:
-                    stream.write(drawn)
+                write_whole(folder / f"failure-{result.world}-{result.seed}.png", drawn)
             progress.show(len(pieces) + number, 0.0, "pictures")
     pictures.contact_sheet([tile for piece in pieces for tile in tiles[id(piece)]], folder / "contact_sheet.png")
 

@@ -14,7 +14,7 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.tasks import EpisodeTask
 from mbf_relay.report.drive import SUCCEEDED, ContactRecord, Drive, GoalRecord
-from mbf_relay.whole_files import whole_file
+from mbf_relay.whole_files import write_whole
 
 TILE, CAPTION, GAP = 220, 34, 6
 """Pixels: side of a tile's picture, height of the text under it, space between tiles."""
@@ -51,8 +51,7 @@ def contact_sheet(drawn: Sequence[np.ndarray], path: Path, columns: int = 0) -> 
         row, column = divmod(index, columns)
         top, left = GAP + row * height, GAP + column * width
         sheet[top:top + TILE + CAPTION, left:left + TILE] = picture
-    with whole_file(path) as stream:
-        stream.write(_encoded(sheet))
+    write_whole(path, _encoded(sheet))
 
 
 def tiles(shown: Sequence[Shown]) -> List[np.ndarray]:

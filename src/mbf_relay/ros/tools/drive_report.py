@@ -13,7 +13,7 @@ from typing import List, Optional, Sequence
 from mbf_relay.report import page, picture
 from mbf_relay.report.drive import Drive
 from mbf_relay.ros.tools.drive_events import read_bag
-from mbf_relay.whole_files import whole_file, write_whole
+from mbf_relay.whole_files import write_whole
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> None:
@@ -55,7 +55,6 @@ def write_report(drive: Drive, folder: str) -> List[str]:
     write_whole(paths[0], json.dumps(drive.summary(), indent=2) + "\n")
     drawn = BytesIO()
     picture.draw(drive, drawn)
-    with whole_file(paths[1]) as stream:
-        stream.write(drawn.getvalue())
+    write_whole(paths[1], drawn.getvalue())
     page.write(drive, paths[2], drawn.getvalue())
     return paths
