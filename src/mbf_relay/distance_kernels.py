@@ -57,11 +57,11 @@ def _square_nearer(above, row):
 
 
 @kernel("void(uint16[::1], uint16[::1], uint16[::1], uint16)")
-def _lower_to(left, right, squares, step):
-    for x in range(squares.shape[0]):
+def _lower_to(left, right, squared, step):
+    for x in range(squared.shape[0]):
         nearer = left[x] if left[x] < right[x] else right[x]
         nearer = np.uint16(nearer + step)
-        squares[x] = nearer if nearer < squares[x] else squares[x]
+        squared[x] = nearer if nearer < squared[x] else squared[x]
 
 
 @kernel("void(uint16[::1], float32[::1])")
