@@ -142,7 +142,8 @@ class PlannerExecution:
 
         def search(planner: Planner) -> Path:
             return plan_round(
-                tolls, snapshot, start, goal, lambda seen: planner.plan(seen, start, goal, tolerance, cancelled))
+                tolls, snapshot, start, goal,
+                lambda seen: usable(planner.plan(seen, start, goal, tolerance, cancelled), self.instance.name))
 
         self._job = self.instance.call(search)
         if self._job.done:
@@ -173,7 +174,7 @@ class PlannerExecution:
         job, self._job = self._job, None
         assert job is not None
         try:
-            path = self._checked(job.result())
+            path = self._in_global_frame(job.result())
         except PlanningError as error:
             self._fail(now, error)
         except Exception as error:  # a plugin may raise anything, and the server lives on
@@ -190,13 +191,7 @@ class PlannerExecution:
                 PlanResult(PlanOutcome.SUCCESS, f"Path of {len(path)} poses, {path.length:.2f} m", path, cost),
             )
 
-    def _checked(self, path: Any) -> Path:
-        if not isinstance(path, Path):
-            raise TypeError(f"it returned {type(path).__name__}, not a path")
-        if len(path) == 0:
-            raise PlanningError(PlanOutcome.EMPTY_PATH, f"planner '{self.instance.name}' returned an empty path")
-        if not np.isfinite(path.poses).all():
-            raise ValueError("it returned a path with poses that are not finite")
+    def _in_global_frame(self, path: Path) -> Path:
         frame = self._parameters().global_frame
         if path.frame == frame:
             return path
@@ -237,3 +232,20 @@ class PlannerExecution:
         why = self._last_failure or f"planner '{self.instance.name}' has not returned"
         message = f"Planner patience of {self._parameters().planner_patience:g} s exceeded: {why}"
         self.give_up(Ending.ABORTED, PlanOutcome.PAT_EXCEEDED, message, self._cause)
+
+
+def usable(answer: Any, name: str) -> Path:
+    """Return what a planner of some name answered, which is a plugin's and may be anything.
+
+    Raises:
+        TypeError: It is no path.
+        ValueError: It is one with poses that are not finite.
+        PlanningError: It is an empty one.
+    """
+    if not isinstance(answer, Path):
+        raise TypeError(f"it returned {type(answer).__name__}, not a path")
+    if len(answer) == 0:
+        raise PlanningError(PlanOutcome.EMPTY_PATH, f"planner '{name}' returned an empty path")
+    if not np.isfinite(answer.poses).all():
+        raise ValueError("it returned a path with poses that are not finite")
+    return answer

@@ -9,6 +9,7 @@ from scripted import NO_WAY
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.navigation.goals import FramedPose, PlanGoal
+from mbf_relay.navigation.refused_places import Toll
 from mbf_relay.navigation.task import Ending
 from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.planning.path import Path
@@ -112,15 +113,16 @@ def test_what_failed_last_is_told_where_patience_ends(bench):
 
 @pytest.mark.parametrize("answer, outcome, text", [
     (RuntimeError("index 7"), PlanOutcome.INTERNAL_ERROR, "RuntimeError: index 7"),
-    (None, PlanOutcome.INTERNAL_ERROR, "NoneType"),
+    (None, PlanOutcome.INTERNAL_ERROR, "it returned NoneType, not a path"),
     (SystemExit("plugin wants out"), PlanOutcome.INTERNAL_ERROR, "plugin wants out"),
     (Path(np.array([[0.0, math.nan, 0.0]]), "map"), PlanOutcome.INTERNAL_ERROR, "not finite"),
     (Path(np.zeros((0, 3)), "map"), PlanOutcome.PAT_EXCEEDED, "empty path"),
 ])
 def test_a_planner_that_misbehaves_ends_its_goal_and_no_more(bench, answer, outcome, text):
     bench.script.plan = answer
-    result = bench.finish(bench.navigator.get_path(PlanGoal(TARGET)))
-    assert result.outcome is outcome and text in result.message and result.path is None
+    for tolls in ((), (Toll((0.5, 0.25), 1.0),)):  # also where there is a place to go round
+        result = bench.finish(bench.navigator.get_path(PlanGoal(TARGET, tolls=tolls)))
+        assert result.outcome is outcome and text in result.message and result.path is None
     bench.script.plan = scripted.line
     assert bench.finish(bench.navigator.get_path(PlanGoal(TARGET))).outcome is PlanOutcome.SUCCESS
 

@@ -114,6 +114,7 @@ class ActionServer:
             # renewals first: who can send goals can renew them
             renewals = subscriber(f"{name}/lease", GoalID, lambda m: self.goals.renew(m.id), tcp_nodelay=True)
             self._cancel_link = subscriber(f"{name}/cancel", GoalID, self.goals.take_cancel, tcp_nodelay=True)
+            # goals last: who the master knows to take them serves all the rest (see server_watch.check_alone)
             self._goal_link = subscriber(f"{name}/goal", self._goal_type, self._take_goal, tcp_nodelay=True)
             self._links = [self._status, self._result, self._feedback, renewals, self._cancel_link, self._goal_link]
             self._publishes = True

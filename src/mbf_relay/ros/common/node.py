@@ -138,9 +138,9 @@ def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
         main()
     except rospy.ROSInterruptException:
         pass
-    except rospy.ROSInitException:
+    except rospy.ROSInitException as error:  # the master left while this node came
         if not rospy.core.is_shutdown_requested():
-            traceback.print_exc()
+            print(f"the node {name} could not be started: {one_line(error)}", file=sys.stderr)
             return 1
     # a wrong parameter, a missing file, an absent node
     except (ValueError, OSError, TransformError, StaleDataError) as error:

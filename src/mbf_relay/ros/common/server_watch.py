@@ -167,7 +167,14 @@ def ask_node(node: str, address: str = "", timeout: float = ASK_TIMEOUT) -> str:
 
 
 def check_alone(action: str) -> None:
-    """Raise ValueError where another node that lives serves an action: goals go to both, and neither's answers hold."""
+    """Refuse to serve an action beside another node that lives: goals go to both, and neither's answers hold.
+
+    To be asked before the topics are opened, and once more when they are: of two that start at the same moment each is
+    alone before. The master then knows both, in the order in which they came, and the second is refused.
+
+    Raises:
+        ValueError: There is another one that was first.
+    """
     here = rospy.get_name()
     try:
         answer: Any = impatient_proxy(rosgraph.get_master_uri(), ASK_TIMEOUT).getSystemState(here)
@@ -175,6 +182,8 @@ def check_alone(action: str) -> None:
         return  # the master is watched by others
     publishers, subscribers = map(dict, answer[2][:2])
     take_goals = subscribers.get(rospy.resolve_name(f"{action}/goal"), [])
+    if here in take_goals:
+        take_goals = take_goals[:take_goals.index(here)]
     for node in publishers.get(rospy.resolve_name(f"{action}/result"), []):
         if node != here and node in take_goals and ask_node(node) == THERE:
             raise ValueError(

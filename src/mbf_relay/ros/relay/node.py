@@ -101,6 +101,7 @@ def serve(action: bool = True, topic: bool = True, own: Optional[Any] = None) ->
     # goals come last: all above takes its time on a busy machine, and a goal's lease is renewed by the loop below
     if server is not None:
         server.start()
+        check_alone("move_base")
     if topic:
         SimpleGoals(relay, through_action=action)
     rospy.loginfo("move_base is here, carried out by %s", rospy.resolve_name(parameters.server))

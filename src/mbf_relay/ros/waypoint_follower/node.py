@@ -51,6 +51,7 @@ class WaypointFollowerNode:
         on_shutdown(self._close)
         self._topics = WaypointTopics(parameters)
         self._server.start()
+        check_alone("follow_waypoints")
 
     def look(self, now: float) -> None:
         """Go on where move_base has come to an end; call every LOOK_PERIOD.

@@ -31,6 +31,16 @@ def test_a_node_stopped_while_it_publishes_ends_without_a_traceback(closing, cap
     assert "Traceback" not in capsys.readouterr().err
 
 
+def test_a_node_whose_master_leaves_while_it_starts_says_so_in_one_line(closing, capsys, monkeypatch):
+    def init_node(*_arguments, **_keywords):
+        raise rospy.ROSInitException("Failed to initialize time.\nPlease check logs for additional details")
+
+    monkeypatch.setattr(rospy, "init_node", init_node)
+    assert node._live("amcl", closing, None) == 1
+    (said,) = capsys.readouterr().err.splitlines()
+    assert "amcl could not be started: Failed to initialize time. Please check" in said
+
+
 def test_a_client_stopped_while_it_publishes_ends_without_a_traceback(closing, capsys, monkeypatch):
     class Ending:
         begun = True

@@ -77,9 +77,11 @@ def test_a_server_that_died_is_lost_though_its_connection_seems_to_stand(world):
 @pytest.mark.parametrize("others, listening, alive, refused", [
     ([], [], [], False), (["/here"], ["/here"], ["/here"], False), (["/here", "/other"], ["/other"], ["/other"], True),
     (["/other"], ["/other"], [], False), (["/bag"], ["/recorder"], ["/bag", "/recorder"], False),
+    (["/other", "/here"], ["/here", "/other"], ["/here", "/other"], False),
+    (["/here", "/other"], ["/other", "/here"], ["/here", "/other"], True),
 ])
 def test_two_nodes_do_not_take_the_same_goals_from_each_other(monkeypatch, others, listening, alive, refused):
-    """Who plays a bag of an older drive says what came of goals, too, and takes none."""
+    """Who plays a bag of an older drive says what came of goals, too, and takes none; of two, the first stays."""
     state = 1, "", [
         [["/move_base/result", others], ["/move_base/status", ["/other"]]], [["/move_base/goal", listening]], []]
     monkeypatch.setattr(server_watch, "impatient_proxy", lambda *_: SimpleNamespace(getSystemState=lambda _: state))
