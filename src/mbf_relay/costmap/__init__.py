@@ -4,6 +4,8 @@ LAYERS = {
     "costmap_2d::StaticLayer": "mbf_relay.costmap.static_layer.StaticLayer",
     "costmap_2d::ObstacleLayer": "mbf_relay.costmap.obstacle_layer.ObstacleLayer",
     "costmap_2d::VoxelLayer": "mbf_relay.costmap.obstacle_layer.VoxelLayer",
+    "rtabmap_ros::StaticLayer": "mbf_relay.costmap.static_layer.StaticLayer",
+    "rtabmap_costmap_plugins::StaticLayer": "mbf_relay.costmap.static_layer.StaticLayer",
     "nav2_costmap_2d::KeepoutFilter": "mbf_relay.costmap.costmap_filter.KeepoutFilter",
     "nav2_costmap_2d::SpeedFilter": "mbf_relay.costmap.costmap_filter.SpeedFilter",
     "mbf_relay::TrackLayer": "mbf_relay.costmap.track_layer.TrackLayer",

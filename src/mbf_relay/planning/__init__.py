@@ -9,6 +9,7 @@ PLANNERS = {
     **dict.fromkeys(
         (
             "SBPLLatticePlanner",
+            "asr_navfn/NavfnROS",
             "sbpl_lattice_planner/SBPLLatticePlanner",
             "voronoi_planner/VoronoiPlanner",
             "relaxed_astar/RAstarPlannerROS",

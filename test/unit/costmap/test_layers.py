@@ -199,6 +199,13 @@ def test_a_voxel_layers_parameters_are_known_in_both_forms(form):
     assert list(factory.unknown_names({**STILL, "z_voxels": 5})) == ["z_voxels"]  # no voxel layer: nothing reads it
 
 
+@pytest.mark.parametrize("package", ["rtabmap_ros", "rtabmap_costmap_plugins"])
+def test_a_robot_whose_map_rtabmap_makes_keeps_its_walls(package):
+    values = {**STILL, "plugins": [{"name": "static_layer", "type": f"{package}::StaticLayer"}],
+              "static_layer": {"map_topic": "grid_map"}}
+    assert factory.build_costmap("costmap", values).layer("static_layer").parameters.map_topic == "grid_map"
+
+
 @pytest.mark.parametrize("change, top", [({}, 1.1), ({"z_voxels": 2}, 0.5), ({"max_obstacle_height": 0.7}, 0.7)])
 def test_points_above_the_highest_voxel_mark_nothing(change, top):
     source = {"data_type": "PointCloud2", "marking": True, "clearing": False, "max_obstacle_height": 5.0}
