@@ -7,6 +7,7 @@ from typing import Any, Callable, Dict, Optional, Tuple
 
 from mbf_relay.control.report import CycleReport
 from mbf_relay.control.state import ControlState, GoalTolerance, SpeedLimit
+from mbf_relay.control.steering import Steering
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.planning.path import Path
 from mbf_relay.plugins import Plugin
@@ -18,7 +19,11 @@ class Controller(Plugin, abc.ABC):
     Attributes:
         watcher: Called with a CycleReport after each cycle, in the controller's thread, by controllers that give any;
             None for nobody.
+        steering: Of a car whose driver takes a steering angle for a rate, as this controller's parameters say; None
+            where they do not. Velocities are rates here all the same.
     """
+
+    steering: Optional[Steering] = None
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)

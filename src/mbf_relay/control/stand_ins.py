@@ -11,6 +11,7 @@ from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.follower import PathFollower
 from mbf_relay.control.mppi.controller import MppiController
 from mbf_relay.control.mppi.parameters import ACKERMANN, MppiParameters
+from mbf_relay.control.steering import Steering
 from mbf_relay.control.translated import TranslatedController
 from mbf_relay.parameters import ParameterSet, parameter
 
@@ -55,8 +56,17 @@ class TebParameters(_StandInParameters):
     min_turning_radius: float = parameter(
         0.0, "smallest circle a car-like robot drives; 0 turns on the spot", "m", minimum=0.0
     )
+    cmd_angle_instead_rotvel: bool = parameter(
+        False, "the robot's driver takes the steering angle (rad) in the place of a rotational velocity")
+    wheelbase: float = parameter(
+        1.0, "distance from the rear axle to the front one, for that angle; below 0 steers with the rear wheels", "m")
     xy_goal_tolerance: float = parameter(0.2, "distance to the goal that counts as there", "m", above=0.0, maximum=10.0)
     yaw_goal_tolerance: float = parameter(0.2, "angle to the goal's heading that counts as there", "rad", above=0.0)
+
+    def check(self) -> None:
+        """Raise ValueError for a car that could not be steered."""
+        if self.cmd_angle_instead_rotvel and self.wheelbase == 0.0:
+            raise ValueError("wheelbase is 0.0 m; cmd_angle_instead_rotvel needs the car's, for steering angles")
 
 
 class TebStandIn(TranslatedController):
@@ -68,6 +78,11 @@ class TebStandIn(TranslatedController):
         "the dynamic window approach drives, and model predictive path integral control a car, with its velocities, "
         "accelerations and goal tolerances and the local costmap's footprint; its other parameters have no counterpart"
     )
+
+    def __init__(self, name: str, parameters: TebParameters) -> None:
+        super().__init__(name, parameters)
+        if parameters.cmd_angle_instead_rotvel:
+            self.steering = Steering(parameters.wheelbase, parameters.min_turning_radius)
 
     def translate(self, parameters: TebParameters, resolution: float) -> Tuple[Type[PathFollower], Any]:
         """Return the controller that can drive such a robot, and its parameters for it."""

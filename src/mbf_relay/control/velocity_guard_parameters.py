@@ -35,6 +35,10 @@ class VelocityGuardParameters(ParameterSet):
         0.0, "distance between the wheels of a differential drive, whose rims slow down by acc_lim_x; 0 where that is "
         "not known, and speed and turn brake each by itself", unit="m", minimum=0.0, maximum=10.0, clamped=False,
     )
+    wheelbase: float = parameter(
+        0.0, "distance from the rear axle to the front one of a car whose velocities come, and are taken, with the "
+        "steering angle (rad) for a rate; below 0 where it steers with its rear wheels, 0 for rates", unit="m",
+    )
     acc_lim_theta: float = parameter(
         6.0, "how fast it surely stops turning, where no wheels are known", unit="rad/s^2", above=0.0
     )

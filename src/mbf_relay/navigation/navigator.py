@@ -66,6 +66,8 @@ class Navigator:
         self.planners = PLANNER_LIST.registry(config, worker)
         self.controllers = CONTROLLER_LIST.registry(config, worker)
         self.recoveries = RECOVERY_LIST.registry(config, worker)
+        made = map(self.controllers.plugin, self.controllers.names)
+        robot.steering = next((controller.steering for controller in made if controller.steering), None)
         self._plans: Dict[int, PlannerExecution] = {}
         self._drives: Dict[int, ControllerExecution] = {}
         self._recovery_runs: Dict[int, RecoveryExecution] = {}

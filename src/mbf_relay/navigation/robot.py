@@ -5,6 +5,7 @@ from __future__ import annotations
 import abc
 from typing import Optional
 
+from mbf_relay.control.steering import Steering
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.outcomes import StaleDataError
 
@@ -14,11 +15,13 @@ class Robot(abc.ABC):
 
     Attributes:
         commanded: The velocity sent last; None where that is not known.
+        steering: Set where its wheels take a steering angle for a rate; velocities are rates here all the same.
         paused: Whether drives and recoveries are to stand by, with their goals, until it is False again; may be set
             from any thread.
     """
 
     commanded: Optional[Twist2D] = None
+    steering: Optional[Steering] = None
     paused: bool = False
 
     @abc.abstractmethod

@@ -151,7 +151,7 @@ class RosRobot(Robot):
             if not (self._closed or self._blocked):
                 self.commanded = velocity
                 self.commands.tick(rospy.get_time())
-                self._publisher.publish(twist_to_message(STOP if self._held else velocity))
+                self._publish(STOP if self._held else velocity)
 
     def hold(self, is_held: bool) -> None:
         """Let the wheels stand, whatever velocity is in force, or give it back to them; from any thread."""
@@ -160,14 +160,14 @@ class RosRobot(Robot):
                 return
             self._held = is_held
             if self.commanded is not None and self.commanded != STOP:
-                self._publisher.publish(twist_to_message(STOP if is_held else self.commanded))
+                self._publish(STOP if is_held else self.commanded)
 
     def block(self) -> None:
         """Send a zero velocity, after which nothing goes out until `release`; from any thread."""
         with self._closing:
             if not self._closed:
                 self._blocked, self.commanded = True, STOP
-                self._publisher.publish(twist_to_message(STOP))
+                self._publish(STOP)
 
     def release(self) -> None:
         """Let velocities go out again."""
@@ -179,7 +179,10 @@ class RosRobot(Robot):
         with self._closing:
             if not self._closed:
                 self._closed = True
-                self._publisher.publish(twist_to_message(STOP))
+                self._publish(STOP)
+
+    def _publish(self, velocity: Twist2D) -> None:
+        self._publisher.publish(twist_to_message(self.steering.steered(velocity) if self.steering else velocity))
 
     def _on_odometry(self, message: RawOdometry) -> None:
         self._odometry = message

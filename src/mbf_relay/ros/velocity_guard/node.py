@@ -17,6 +17,7 @@ from geometry_msgs.msg import Twist
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
+from mbf_relay.control.steering import Steering
 from mbf_relay.control.velocity_guard import NO_SCAN, PASSING, STANDING, VelocityGuard, Verdict
 from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
 from mbf_relay.geometry import STOP, Twist2D
@@ -47,6 +48,7 @@ class VelocityGuardNode:
     def __init__(self, settings: VelocityGuardParameters) -> None:
         self._settings = settings
         self._guard = VelocityGuard(settings)
+        self._steering = Steering(settings.wheelbase) if settings.wheelbase else None
         self._transforms = Transforms()
         self._trouble = ""  # why scans are of no use
         self._unplaced: Dict[str, float] = {}  # frames of lidars that tf cannot place, and when they were heard last
@@ -102,7 +104,7 @@ class VelocityGuardNode:
             self._follow(now)
         if command is not None:
             asked = Twist2D(command.linear.x, command.linear.y, command.angular.z)
-            self._guard.take_command(now, asked)
+            self._guard.take_command(now, self._steering.turning(asked) if self._steering else asked)
         elif self._commands.get_num_connections() == 0:
             self._guard.forget_command()
         elif not scans and 0.0 <= now - self._judged_at < JUDGE_PERIOD:
@@ -154,7 +156,8 @@ class VelocityGuardNode:
     def _send(self, velocity: Twist2D) -> None:
         with self._sending:
             if not self._closed:
-                self._velocity.publish(twist_to_message(velocity))
+                told = self._steering.steered(velocity) if self._steering else velocity
+                self._velocity.publish(twist_to_message(told))
 
     def _tell(self, now: float) -> None:
         """Say what the guard does from now on and why; each reason once, when it begins."""

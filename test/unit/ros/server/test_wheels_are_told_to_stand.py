@@ -1,11 +1,15 @@
 """What a dead server sent last does not stand at the wheels once another one is there."""
 
+import math
+import threading
 from types import SimpleNamespace
 
 import pytest
+import rospy
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
+from mbf_relay.control.steering import Steering  # noqa: E402
 from mbf_relay.geometry import STOP, Twist2D  # noqa: E402
 from mbf_relay.ros.server.robot import RosRobot, _Wheels  # noqa: E402
 
@@ -29,3 +33,20 @@ def test_it_is_said_where_no_wheels_are_left_to_tell(listeners, said):
 
 def test_wheels_that_connect_during_a_drive_are_left_to_it():
     assert heard_when(Twist2D(0.2, 0.0, 0.0)) == []
+
+
+@pytest.mark.parametrize("steering, angle", [(None, 0.5), (Steering(0.4, 0.6), math.atan(0.4 * 0.5 / 0.4))])
+def test_a_car_is_told_the_angle_that_its_driver_takes_for_a_rate(monkeypatch, steering, angle):
+    sent = []
+    monkeypatch.setattr(rospy, "get_time", lambda: 1.0)
+    robot = RosRobot.__new__(RosRobot)
+    robot.__dict__.update(
+        steering=steering, commands=SimpleNamespace(tick=lambda now: None), _closing=threading.Lock(), _closed=False,
+        _blocked=False, _held=False, _publisher=SimpleNamespace(publish=sent.append))
+    robot.command(Twist2D(0.4, 0.0, 0.5))
+    robot.hold(True)
+    robot.hold(False)
+    robot.close()
+    assert [(told.linear.x, told.angular.z) for told in sent] == [
+        (0.4, pytest.approx(angle)), (0.0, 0.0), (0.4, pytest.approx(angle)), (0.0, 0.0)]
+    assert robot.commanded == Twist2D(0.4, 0.0, 0.5)  # what controllers go on from
