@@ -77,6 +77,12 @@ def test_a_value_upstream_takes_is_taken_to_the_range_and_told_of(values, name, 
         assert word in notes[0]
 
 
+@pytest.mark.parametrize("given, used", [(2.5, 3), (1.4, 1), (0.5, 1)])
+def test_a_file_s_number_of_samples_with_a_fraction_is_rounded_as_upstream_rounds_it(given, used):
+    example, (note,) = Example.read({"samples": given})
+    assert example.samples == used and f"samples is {given}" in note and f": {used} is used" in note
+
+
 @pytest.mark.parametrize("given, active", [
     (0, False), (1, True), (1.0, True), ("true", True), ("False", False), ("no", False),
 ])
