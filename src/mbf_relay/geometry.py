@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import List, NamedTuple
 
 import numpy as np
 
@@ -92,3 +92,28 @@ class Twist2D(NamedTuple):
 
 
 STOP = Twist2D(0.0, 0.0, 0.0)
+
+
+def convex_hull(points: np.ndarray) -> np.ndarray:
+    """Return the corners of the convex hull of points (N, 2), counter-clockwise, shape (K, 2).
+
+    By the monotone chain, A. M. Andrew, "Another efficient algorithm for convex hulls in two dimensions", 1979.
+    """
+    ordered = np.unique(np.round(points, 6), axis=0)
+    if len(ordered) < 3:
+        raise ValueError(f"{len(ordered)} points make no outline")
+
+    def chain(sequence: np.ndarray) -> List[np.ndarray]:
+        kept: List[np.ndarray] = []
+        for point in sequence:
+            while len(kept) > 1 and _turn(kept[-2], kept[-1], point) <= 1e-12:
+                kept.pop()
+            kept.append(point)
+        return kept[:-1]
+
+    return np.array(chain(ordered) + chain(ordered[::-1]))
+
+
+def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
+    """Return twice the area of a triangle, above zero where it turns left."""
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import re
 import struct
@@ -143,7 +144,10 @@ def _plain(name: str, value: Any) -> Any:
     if name == "negate" and value in (0, 1):
         return bool(value)
     if name == "origin" and isinstance(value, list):
-        return [_plain("", entry) for entry in value]
+        numbers = [_plain("", entry) for entry in value]
+        if len(numbers) == 3 and isinstance(numbers[2], float) and math.isnan(numbers[2]):
+            numbers[2] = 0.0  # an old map_saver's: it wrote so of maps that were not turned
+        return numbers
     if isinstance(value, str) and name not in ("image", "mode"):
         try:
             return float(value)

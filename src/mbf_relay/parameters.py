@@ -124,6 +124,11 @@ class ParameterSet:
     def check(self) -> None:
         """Check what involves several parameters; raise ValueError. Override where there is such a thing."""
 
+    def read_as(self) -> List[str]:
+        """Return what allowed values were taken for, one line each, where that is not how they stand; for overriding.
+        """
+        return []
+
     @classmethod
     def from_mapping(cls: Type[T], values: Mapping[str, Any]) -> T:
         """Make one from names and values; names it does not know are left alone (see `unknown_names`)."""
@@ -259,7 +264,8 @@ def _read(cls: Type[T], known: Dict[str, Any]) -> Tuple[T, List[str]]:
             if low in known:
                 notes.append(f"parameter {low} is {lower}; it must be at most {high}: {higher} is used")
             known[low] = higher
-    return cls(**known), notes
+    made = cls(**known)
+    return made, notes + made.read_as()
 
 
 def _nearest_allowed(value: Any, field: Any) -> Any:

@@ -12,12 +12,12 @@ import numpy as np
 
 from mbf_relay import files
 from mbf_relay.costmap.outline import footprint_from_radius, parse_footprint
-from mbf_relay.geometry import Pose2D
+from mbf_relay.geometry import Pose2D, convex_hull
 from mbf_relay.lockstep.setup import KNOWN, TRUTH, Setup
 from mbf_relay.lockstep.tasks import EpisodeTask
 from mbf_relay.navigation.examination import examine_move_base
 from mbf_relay.simulation.frames import Frame
-from mbf_relay.simulation.robot import CAR, convex_hull
+from mbf_relay.simulation.robot import CAR
 from mbf_relay.simulation.robot_file import robot_of
 from mbf_relay.simulation.shapes import Body, Box
 from mbf_relay.simulation.world import World

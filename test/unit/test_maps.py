@@ -169,3 +169,12 @@ def test_a_missing_or_broken_image_is_named(tmp_path):
 def test_numbers_in_scientific_form_are_numbers(tmp_path):
     path = write(tmp_path, np.zeros((2, 2), dtype=np.uint8), origin="[-1e1, 5e-2, 0]")
     assert load_map(path).origin == Pose2D(-10.0, 0.05, 0.0)
+
+
+@pytest.mark.parametrize("yaw", ["nan", ".nan", "NaN"])
+def test_a_map_of_an_old_map_saver_is_not_turned(tmp_path, yaw):
+    """It wrote so of maps that lie as they are, Willow Garage's among them; an unknown corner will not do."""
+    path = write(tmp_path, np.zeros((2, 2), dtype=np.uint8), origin=f"[-16.6, -6.65, {yaw}]")
+    assert load_map(path).origin == Pose2D(-16.6, -6.65, 0.0)
+    with pytest.raises(MapFileError, match="origin"):
+        load_map(write(tmp_path, np.zeros((2, 2), dtype=np.uint8), origin=f"[{yaw}, -6.65, 0.0]"))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, List
 
 import numpy as np
 
-from mbf_relay.costmap.outline import footprint_from_radius, padded, parse_footprint
+from mbf_relay.costmap.outline import footprint_from_radius, notes_on, padded, parse_footprint
 from mbf_relay.parameters import ParameterSet, parameter
 
 
@@ -66,6 +66,10 @@ class VelocityGuardParameters(ParameterSet):
     def check(self) -> None:
         """Raise ValueError where the footprint is none."""
         parse_footprint(self.footprint)
+
+    def read_as(self) -> List[str]:
+        """Tell of a footprint that crosses itself."""
+        return notes_on(self.footprint)
 
     def outline(self) -> np.ndarray:
         """Return the padded outline, shape (K, 2) in metres."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import ast
 import math
-from typing import Any, Tuple
+from typing import Any, List, Tuple
 
 import numpy as np
 
-from mbf_relay.costmap.outline_checks import footprint_trouble
+from mbf_relay.costmap.outline_checks import first_crossing, footprint_trouble
+from mbf_relay.geometry import convex_hull
 
 LARGEST_ROBOT = 100.0
 """Metres from the base frame to a corner; an outline is followed cell by cell."""
@@ -24,6 +25,9 @@ CIRCLE_CORNERS = 16
 
 def parse_footprint(value: Any) -> np.ndarray:
     """Return a footprint parameter as corners, shape (K, 2) in metres; K is 0 for an empty list.
+
+    Of one that crosses itself, as a rectangle does whose corners are listed row by row, it is the outline round them
+    all: costmap_2d drives such robots, and this holds all that the corners can mean.
 
     Args:
         value: A list of [x, y] pairs, or a text that holds one, as costmap_2d takes both.
@@ -51,10 +55,22 @@ def parse_footprint(value: Any) -> np.ndarray:
         raise ValueError(f"footprint has {len(corners)} corners; at most {MOST_CORNERS} are taken")
     if not (np.abs(corners) <= LARGEST_ROBOT).all():
         raise ValueError(f"footprint is {_shown(value)}; every number must be finite and within {LARGEST_ROBOT:g} m")
+    if first_crossing(corners) is not None:
+        corners = convex_hull(corners)
     trouble = footprint_trouble(corners, radii(corners)[0])
     if trouble:
         raise ValueError(f"footprint is {_shown(value)}; it {trouble}")
     return corners
+
+
+def notes_on(value: Any) -> List[str]:
+    """Return what was made of a footprint parameter that can be read, one line each; none where it is as it stands."""
+    outline = parse_footprint(value)
+    points = ast.literal_eval(value.strip() or "[]") if isinstance(value, str) else value
+    if len(outline) == 0 or first_crossing(np.array(points, dtype=float)) is None:
+        return []
+    return [f"parameter footprint is {_shown(value)}; it crosses itself: the outline round its corners is used, "
+            f"{outline.tolist()}"]
 
 
 def _shown(value: Any) -> str:

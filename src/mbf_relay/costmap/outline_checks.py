@@ -16,13 +16,9 @@ ON_OUTLINE = 1e-9
 def footprint_trouble(corners: np.ndarray, inscribed: float) -> str:
     """Return what is wrong with a footprint (K, 2) of a radius `inscribed` (m), empty for one that a robot can have.
 
-    costmap_2d takes its inner radius for that of a circle round the base frame: where the frame lies outside, the robot
-    would be taken for one that fits nowhere or everywhere.
+    It must not cross itself. costmap_2d takes its inner radius for that of a circle round the base frame: where the
+    frame lies outside, the robot would be taken for one that fits nowhere or everywhere.
     """
-    crossing = _first_crossing(corners)
-    if crossing is not None:
-        first, second = crossing
-        return f"crosses itself: the edge from corner {first} meets that from corner {second}"
     if _area(corners) < LEAST_AREA:
         return "encloses no area: its corners lie on a line"
     if inscribed > ON_OUTLINE and not _holds_origin(corners):
@@ -45,7 +41,7 @@ def _holds_origin(corners: np.ndarray) -> bool:
     return bool(abs(turns.sum()) > math.pi)
 
 
-def _first_crossing(corners: np.ndarray) -> Optional[Tuple[int, int]]:
+def first_crossing(corners: np.ndarray) -> Optional[Tuple[int, int]]:
     """Return the indices of two edges that cross in their inside, None where none do."""
     ends = np.roll(corners, -1, axis=0)
     starts_aside = _sides(corners, ends, corners)  # of edge i, where corner j lies

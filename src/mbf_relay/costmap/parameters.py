@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, List
 
 import numpy as np
 
 from mbf_relay.costmap import footprint as footprints
 from mbf_relay.costmap.cost_grid import OBSTACLE_OVERLAP
-from mbf_relay.costmap.outline import check_padded
+from mbf_relay.costmap.outline import check_padded, notes_on
 from mbf_relay.grid import Grid
 from mbf_relay.maps import COARSEST, FINEST, LARGEST_SIDE, MOST_CELLS
 from mbf_relay.parameters import ParameterSet, parameter
@@ -76,6 +76,10 @@ class CostmapParameters(ParameterSet):
                 f"they must not hold more than {MOST_CELLS} cells"
             )
         check_padded(self.outline(), self.footprint_padding, self.resolution)
+
+    def read_as(self) -> List[str]:
+        """Tell of a footprint that crosses itself."""
+        return notes_on(self.footprint)
 
     def outline(self) -> np.ndarray:
         """Return the robot's outline without padding, shape (K, 2) in metres."""

@@ -8,6 +8,7 @@ from typing import Any, List, Mapping, NamedTuple, Tuple
 
 import numpy as np
 
+from mbf_relay.geometry import convex_hull
 from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.shapes import Body, Box, Cylinder, Shape
@@ -167,28 +168,3 @@ def seen_from_above(parts: Tuple[Part, ...], wheels: Wheels, places: List[Tuple[
     points = [part.frame.transform_points(part.shape.triangles().reshape(-1, 3))[:, :2] for part in parts]
     tyre = Box((2.0 * wheels.radius, wheels.width, 1.0)).triangles().reshape(-1, 3)[:, :2]
     return convex_hull(np.concatenate(points + [tyre + place for place in places]))
-
-
-def convex_hull(points: np.ndarray) -> np.ndarray:
-    """Return the corners of the convex hull of points (N, 2), counter-clockwise, shape (K, 2).
-
-    By the monotone chain, A. M. Andrew, "Another efficient algorithm for convex hulls in two dimensions", 1979.
-    """
-    ordered = np.unique(np.round(points, 6), axis=0)
-    if len(ordered) < 3:
-        raise ValueError(f"{len(ordered)} points make no outline")
-
-    def chain(sequence: np.ndarray) -> List[np.ndarray]:
-        kept: List[np.ndarray] = []
-        for point in sequence:
-            while len(kept) > 1 and _turn(kept[-2], kept[-1], point) <= 1e-12:
-                kept.pop()
-            kept.append(point)
-        return kept[:-1]
-
-    return np.array(chain(ordered) + chain(ordered[::-1]))
-
-
-def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
-    """Return twice the area of a triangle, above zero where it turns left."""
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))

@@ -21,6 +21,7 @@ from typing import Any, Dict, List, Mapping, Sequence, Tuple
 import numpy as np
 
 from mbf_relay import files
+from mbf_relay.geometry import convex_hull
 from mbf_relay.parameters import did_you_mean, nearest_of
 from mbf_relay.simulation import robot as robots
 from mbf_relay.simulation.frames import Frame
@@ -111,7 +112,7 @@ def _part(entry: Mapping[str, Any]) -> Part:
         shape = Cylinder(radius, height)
     elif "polygon" in entry:
         half = _numbers(entry, "height", 0) / 2.0
-        shape = Mesh(prism_triangles(robots.convex_hull(_polygon(entry, "polygon", np.empty(0))), -half, half))
+        shape = Mesh(prism_triangles(convex_hull(_polygon(entry, "polygon", np.empty(0))), -half, half))
     else:
         raise ValueError(f"body has an entry {dict(entry)!r}; it must be a box, a cylinder or a polygon with a height")
     return Part(shape, _place({"part": entry}, "part"), _numbers(entry, "mass", 0))
