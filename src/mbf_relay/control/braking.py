@@ -49,7 +49,7 @@ def brakes_free(
     """Return whether a command can be held for a period and braked from without touching more than is touched already.
     """
     poses = arc(checker, state, command, stopping_time(parameters, command, state.period))
-    return checker.free_steps(poses, checker.contacts_at(state.pose)) == len(poses)
+    return checker.free_steps(poses, state.pose) == len(poses)
 
 
 def braked_on_its_arc(window: VelocityWindow, velocity: Twist2D) -> Twist2D:

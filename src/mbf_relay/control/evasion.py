@@ -65,7 +65,6 @@ class Evasion:
         """
         self._parameters, self._foresight, self._state, self._pose = parameters, foresight, state, state.pose
         self._checker = FootprintChecker(without_tracks(state.costmap, state.now))
-        self._allowed = self._checker.contacts_at(state.pose)
         width = state.costmap.width
         self._manoeuvres = _manoeuvres(width, parameters.min_vel_x < 0.0, turning_radius == 0.0)
         self._turning_radius = turning_radius
@@ -135,7 +134,7 @@ class Evasion:
         """Return what each row of poses, (N, S, 3), costs (s), and for how long (s) it is exposed, shapes (N,)."""
         number = len(poses)
         free = self._checker.first_contacts(
-            poses, np.full(number, self._steps), np.ones(number), self._allowed).steps
+            poses, np.full(number, self._steps), np.ones(number), self._pose).steps
         exposures = self._foresight.exposures(poses, self._step)
         hits = np.where(free < self._steps, BLOCKED * (1.0 + (self._steps - free) * self._step), 0.0)
         return PRICE * exposures + hits + self._cost_to_go.at(poses[:, -1]), exposures

@@ -203,8 +203,7 @@ def roll_out(
         np.array(pose, dtype=float), start, accelerations, velocities, durations, p.sim_granularity,
         p.angular_sim_granularity, poses, counts, steps,
     )
-    allowed = checker.contacts_at(pose)
-    way = checker.first_contacts(poses, counts, _scales(p, speeds), allowed)
+    way = checker.first_contacts(poses, counts, _scales(p, speeds), pose)
     ends, needed, spare = np.empty((number, 3)), np.empty(number, np.int64), np.empty(number)
     trajectory_kernels.outlook(
         np.array(pose, dtype=float),

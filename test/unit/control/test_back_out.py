@@ -120,7 +120,21 @@ def test_one_that_is_led_another_way_may_back_out_again(wedged):
     ahead, round_about = cut((0.0, 0.0), (0.0, 0.5)), cut((0.0, 0.0), (-0.5, 0.0), (-0.5, 2.0))
     for _ in range(TRIES):
         assert tried(back_out, state, ahead, checker, parameters) is not None
-        back_out.drove(ahead, state.costmap.width)
+        back_out.drove(state.pose, ahead, state.costmap.width)
     assert tried(back_out, state, ahead, checker, parameters) is None
-    back_out.drove(round_about, state.costmap.width)
+    back_out.drove(state.pose, round_about, state.costmap.width)
     assert tried(back_out, state, round_about, checker, parameters) is not None
+
+
+def test_one_that_creeps_between_failures_backs_out_like_one_that_stands(wedged):
+    """It crept on by millimetres as noise let it, which counted as driving, until what was before it touched."""
+    (state, checker, cut), parameters = wedged, make("dwa_local_planner/DWAPlannerROS").parameters
+    path, width = cut((0.0, 0.0), (0.0, 1.0)), state.costmap.width
+    for speed, backs_out in ((0.01, True), (2.0 * width, False)):
+        back_out, now = BackOut(), 0.0
+        while now < 2.0 and not back_out.is_active:
+            pose = Pose2D(-speed * now, 0.0, 0.0)
+            back_out.failed(now, pose, path, checker, parameters)
+            back_out.drove(pose.compose(Pose2D(-speed * PERIOD, 0.0, 0.0)), path, width)
+            now += 2.0 * PERIOD
+        assert back_out.is_active is backs_out
