@@ -14,7 +14,7 @@ from mbf_relay.control.trajectories import speed_to_stop_within
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D, Twist2D, angle_between, normalize_angles
 
-PATIENCE = 0.25  # s of getting nowhere before it begins
+PATIENCE = 0.25  # s without a velocity before it begins
 ASKEW = 0.5  # rad off the path's direction: one that faces along it and cannot go on has nothing to turn for
 TRIES = 4  # without progress, before it is left to whoever sent the robot
 SPEED, SLOWEST = 0.45, 0.15  # of the top speed
@@ -25,7 +25,7 @@ LEAST = 0.13  # the shortest, and how far ends that are looked at lie apart
 PROGRESS = 1.3  # how much nearer to the goal makes the next try a first one
 ANOTHER_WAY = 2.0 * REACH  # how much farther from it does, too: backing out leads half as far
 AHEAD = 0.9  # where on the path the direction lies that it turns to
-FAR = 4.5  # it brakes for nothing farther on the arc
+FAR = 4.5  # so far it looks along the arc, and beyond its end, for what it has to brake for
 TURN_WORTH = 3.0  # of way that a radian counts as by which it could not turn to the path's direction at an arc's end
 CURVATURES = np.array([0.0, 0.35, -0.35, 0.7, -0.7, 1.15, -1.15])  # of the arcs tried, one over a width
 
@@ -33,9 +33,8 @@ CURVATURES = np.array([0.0, 0.35, -0.35, 0.7, -0.7, 1.15, -1.15])  # of the arcs
 class BackOut:
     """Decides when to back out, along which arc, and when that is enough.
 
-    It begins when driving fails and has got the robot nowhere since it first did, a moment ago, and takes the shortest
-    arc at whose end the robot is free to turn to where the path leads, or as near to that as it gets; where that
-    brought no progress, one twice as long.
+    It begins when driving has failed for a moment, and takes the shortest arc at whose end the robot is free to turn to
+    where the path leads, or as near to that as it gets; where that brought no progress, one twice as long.
 
     Attributes:
         end: Where the arc ends that is driven, or was last.
@@ -43,7 +42,6 @@ class BackOut:
 
     def __init__(self) -> None:
         self._failing_since: Optional[float] = None
-        self._failed_at: Optional[Pose2D] = None
         self.end: Optional[Pose2D] = None
         self._from: Optional[Pose2D] = None
         self._sign, self._curvature, self._length = -1.0, 0.0, 0.0
@@ -59,13 +57,9 @@ class BackOut:
         """Forget everything: the goal is a new one."""
         self.__init__()  # type: ignore[misc]
 
-    def drove(self, pose: Pose2D, path: LocalPath, width: float) -> None:
-        """Note that a robot of this width (m) succeeded in driving: nearer to the goal than before, or another way.
-
-        One that creeps on by what noise lets it see of free space, and fails in between, is still where it failed.
-        """
-        if self._failed_at is None or pose.distance_to(self._failed_at) > LEAST * width:
-            self._failing_since = self._failed_at = None
+    def drove(self, path: LocalPath, width: float) -> None:
+        """Note that a robot of this width (m) succeeded in driving: nearer to the goal than before, or another way."""
+        self._failing_since = None
         nearer = self._best_left - path.remaining
         if nearer > PROGRESS * width or nearer < -ANOTHER_WAY * width:
             self._best_left, self._tries = path.remaining, 0
@@ -75,7 +69,7 @@ class BackOut:
     ) -> None:
         """Note that driving failed, and begin to back out where it has for long enough and an arc is free."""
         if self._failing_since is None or now < self._failing_since:
-            self._failing_since, self._failed_at = now, pose
+            self._failing_since = now
         if self._tries >= TRIES or now - self._failing_since < PATIENCE:
             return
         width = checker.costmap.width
@@ -116,17 +110,16 @@ class BackOut:
         free = 0.0
         if left > 0.0:
             way = np.array([self._sign]), np.array([self._curvature])
-            arcs = _arcs(pose, checker, max(left, LEAST * width), *way)
+            arcs = _arcs(pose, checker, max(left, FAR * width), *way)
             free = float(arcs.step * arcs.free[0])
         if left <= 0.0 or free < 2.0 * checker.step:
-            self._from = self._failing_since = self._failed_at = None
+            self._from, self._failing_since = None, None
             return None
         highest = parameters.max_vel_x if self._sign > 0.0 else -parameters.min_vel_x
         top = min(SPEED * parameters.max_vel_trans, highest)
         delay = period + parameters.stop_time_buffer
-        ahead = math.inf if free >= left else free  # where it is free throughout, it stops on whatever comes next
         slowest = SLOWEST * parameters.max_vel_trans
-        to_stop = speed_to_stop_within(min(ahead, FAR * width), parameters.acc_lim_x, delay)
+        to_stop = speed_to_stop_within(free, parameters.acc_lim_x, delay)
         wanted = self._sign * min(top, max(slowest, to_stop))
         change = parameters.acc_lim_x * period
         speed = min(velocity.x + change, max(velocity.x - change, wanted))

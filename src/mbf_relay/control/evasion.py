@@ -8,7 +8,7 @@ from typing import Tuple
 import numpy as np
 
 from mbf_relay.control import evasion_kernels
-from mbf_relay.control.braking import arc, stopping_time
+from mbf_relay.control.braking import arc, brake_free, stopping_time
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.foresight import BETTER, Foresight
 from mbf_relay.control.local_path import LocalPath
@@ -42,6 +42,9 @@ class Evasion:
     Each is driven ahead for a moment, as is what the robot is about to do, held or broken off. It pays for every second
     in somebody's way, or in an obstacle, and for what the place it leads to is worth by then: the cost to go. The
     cheapest is begun where it is cheaper than what the robot is about to do; in the next cycle all is asked anew.
+
+    What stands may be nearer than the robot can brake within that moment. So none is begun, but to stand, from which it
+    could not brake before that, and none at all where nobody comes near any place that it could be at.
 
     What moves does not stand in the way where it is marked: it will have gone.
 
@@ -100,16 +103,22 @@ class Evasion:
 
         Who flees may have to turn first, which is no better for the moment than to stand.
         """
+        if self._cost_to_go.is_clear:
+            return wanted, False
         stopped, _ = self._driven(wanted, self._manoeuvres[:1])
         as_wanted, _ = self._judged(np.concatenate((self._held(wanted), stopped)))
         poses, first = self._driven(velocity, self._manoeuvres)
         costs, exposures = self._judged(poses)
         costs += self._efforts
+        begun = np.array([window.clip(Twist2D(x, 0.0, turn)) for x, turn in first.tolist()])
+        commands, which = np.unique(begun[1:], axis=0, return_inverse=True)
+        brakes = brake_free(self._parameters, self._state, self._checker, commands)[which.ravel()]
+        costs[1:][~brakes] = np.inf
         best = int(np.argmin(costs))
         if as_wanted.min() <= costs[best] + TOLERANCE:
             return wanted, False
         flees = bool(exposures[best] < exposures[0] - FLEES)
-        return window.clip(Twist2D(float(first[best, 0]), 0.0, float(first[best, 1]))), flees
+        return Twist2D(*begun[best].tolist()), flees
 
     def _held(self, wanted: Twist2D) -> np.ndarray:
         """Return where the wanted command leads if it is held, shape (1, S, 3)."""

@@ -242,7 +242,7 @@ class PathFollower(Controller, abc.ABC):
                         return command
                     raise
             else:
-                back_out.drove(state.pose, cycle.path, state.costmap.width)
+                back_out.drove(cycle.path, state.costmap.width)
                 return command
         backward = back_out.command(state.pose, cycle.velocity, cycle.checker, parameters, state.period)
         return self.drive(cycle) if backward is None else backward

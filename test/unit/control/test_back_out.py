@@ -1,5 +1,6 @@
 """Backing out of a place in which a robot can neither go on nor turn."""
 
+import math
 import os
 import sys
 
@@ -120,21 +121,28 @@ def test_one_that_is_led_another_way_may_back_out_again(wedged):
     ahead, round_about = cut((0.0, 0.0), (0.0, 0.5)), cut((0.0, 0.0), (-0.5, 0.0), (-0.5, 2.0))
     for _ in range(TRIES):
         assert tried(back_out, state, ahead, checker, parameters) is not None
-        back_out.drove(state.pose, ahead, state.costmap.width)
+        back_out.drove(ahead, state.costmap.width)
     assert tried(back_out, state, ahead, checker, parameters) is None
-    back_out.drove(state.pose, round_about, state.costmap.width)
+    back_out.drove(round_about, state.costmap.width)
     assert tried(back_out, state, round_about, checker, parameters) is not None
 
 
-def test_one_that_creeps_between_failures_backs_out_like_one_that_stands(wedged):
-    """It crept on by millimetres as noise let it, which counted as driving, until what was before it touched."""
-    (state, checker, cut), parameters = wedged, make("dwa_local_planner/DWAPlannerROS").parameters
-    path, width = cut((0.0, 0.0), (0.0, 1.0)), state.costmap.width
-    for speed, backs_out in ((0.01, True), (2.0 * width, False)):
-        back_out, now = BackOut(), 0.0
-        while now < 2.0 and not back_out.is_active:
-            pose = Pose2D(-speed * now, 0.0, 0.0)
-            back_out.failed(now, pose, path, checker, parameters)
-            back_out.drove(pose.compose(Pose2D(-speed * PERIOD, 0.0, 0.0)), path, width)
-            now += 2.0 * PERIOD
-        assert back_out.is_active is backs_out
+@pytest.mark.parametrize("top", [0.22, 0.8])
+def test_one_that_is_fast_can_brake_before_what_stands_behind_the_arc(top):
+    """It took the few centimetres it had found free at half its top speed, and with that what stood behind them, too.
+    """
+    parameters = make("dwa_local_planner/DWAPlannerROS", max_vel_x=top, max_vel_trans=top, min_vel_x=-top).parameters
+    slot = boxes((0.06, -0.5, 0.16, 0.5), (-0.33, -0.5, -0.23, 0.5))
+    state = ControlState(0.0, HERE, Twist2D(0.0, 0.0, 0.0), costmap_round(HERE, slot), IDENTITY, PERIOD)
+    checker, tracker, back_out = FootprintChecker(state.costmap), PathTracker(), BackOut()
+    tracker.set_path(path_through((0.0, 0.0), (0.0, 1.0)))
+    path = tracker.cut(state, 0.6, 1.0, 0.4)
+    for now in (0.0, 1.01 * PATIENCE):
+        back_out.failed(now, HERE, path, checker, parameters)
+    pose, velocity = HERE, Twist2D(0.0, 0.0, 0.0)
+    while back_out.is_active:
+        told = back_out.command(pose, velocity, checker, parameters, PERIOD)
+        velocity = told if told is not None else velocity
+        pose = pose.compose(Pose2D(velocity.x * PERIOD, 0.0, velocity.theta * PERIOD))
+    stop = math.copysign(velocity.x ** 2 / (2.0 * parameters.acc_lim_x), velocity.x)
+    assert pose != HERE and not checker.touches(np.array([pose, pose.compose(Pose2D(stop, 0.0, 0.0))])).any()
