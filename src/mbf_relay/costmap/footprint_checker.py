@@ -51,6 +51,8 @@ class FootprintChecker:
     Attributes:
         step: Distance (m) at which consecutive poses are best checked: a fifth of a cell.
         turn_step: Angle (rad) at which headings on one spot are: the outermost corner moves by as much meanwhile.
+        longest_step, longest_turn: The same at most (m, rad): what is in the way of a lone cell is no longer, and an
+            edge of the footprint that is moved by more may pass across that between two poses.
     """
 
     def __init__(self, costmap: CostGrid, unknown_touches: bool = True) -> None:
@@ -66,6 +68,8 @@ class FootprintChecker:
         self._distances, self._known_to = np.zeros((0, 0), dtype=np.float32), 0.0
         self.step = 0.2 * grid.resolution
         self.turn_step = self.step / max(self._radius, grid.resolution)
+        self.longest_step = max(self.step, (1.0 - 2.0 * self._overlap) * grid.resolution)
+        self.longest_turn = self.longest_step / max(self._radius, grid.resolution)
 
     def _distances_to(self, farthest: float = math.inf) -> np.ndarray:
         """Return `distances_to_obstacles`, known at least as far (cells) as that; most is asked of what is near."""
