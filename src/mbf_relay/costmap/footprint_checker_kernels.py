@@ -103,6 +103,8 @@ def depths(costs, origin_x, origin_y, resolution, corners, circumscribed, overla
     up = (y - origin_y) / resolution
     reach = circumscribed * factor + margin
     cos, sin = math.cos(theta), math.sin(theta)
+    back, front = factor * corners[:, 0].min() - margin, factor * corners[:, 0].max() + margin
+    right, far_left = factor * corners[:, 1].min() - margin, factor * corners[:, 1].max() + margin
     found[0] = found[1] = 0.0
     for row in range(int(math.floor(up - reach - 0.5)), int(math.floor(up + reach + 0.5)) + 1):
         for column in range(int(math.floor(across - reach - 0.5)), int(math.floor(across + reach + 0.5)) + 1):
@@ -113,6 +115,8 @@ def depths(costs, origin_x, origin_y, resolution, corners, circumscribed, overla
                 continue
             ahead = cos * (column + 0.5 - across) + sin * (row + 0.5 - up)
             left = cos * (row + 0.5 - up) - sin * (column + 0.5 - across)
+            if not (back < ahead < front and right < left < far_left):
+                continue  # most cells of a wall beside it
             nearest, is_within = math.inf, False
             for k in range(corners.shape[0]):
                 x0, y0 = factor * corners[k - 1, 0], factor * corners[k - 1, 1]
