@@ -25,7 +25,7 @@ LEAST = 0.13  # the shortest, and how far ends that are looked at lie apart
 PROGRESS = 1.3  # how much nearer to the goal makes the next try a first one
 ANOTHER_WAY = 2.0 * REACH  # how much farther from it does, too: backing out leads half as far
 AHEAD = 0.9  # where on the path the direction lies that it turns to
-FAR = 4.5  # it brakes for nothing farther on the arc
+FAR = 4.5  # so far it looks along the arc, and beyond its end, for what it has to brake for
 TURN_WORTH = 3.0  # of way that a radian counts as by which it could not turn to the path's direction at an arc's end
 CURVATURES = np.array([0.0, 0.35, -0.35, 0.7, -0.7, 1.15, -1.15])  # of the arcs tried, one over a width
 
@@ -110,7 +110,7 @@ class BackOut:
         free = 0.0
         if left > 0.0:
             way = np.array([self._sign]), np.array([self._curvature])
-            arcs = _arcs(pose, checker, max(left, LEAST * width), *way)
+            arcs = _arcs(pose, checker, max(left, FAR * width), *way)
             free = float(arcs.step * arcs.free[0])
         if left <= 0.0 or free < 2.0 * checker.step:
             self._from, self._failing_since = None, None
@@ -118,9 +118,8 @@ class BackOut:
         highest = parameters.max_vel_x if self._sign > 0.0 else -parameters.min_vel_x
         top = min(SPEED * parameters.max_vel_trans, highest)
         delay = period + parameters.stop_time_buffer
-        ahead = math.inf if free >= left else free  # where it is free throughout, it stops on whatever comes next
         slowest = SLOWEST * parameters.max_vel_trans
-        to_stop = speed_to_stop_within(min(ahead, FAR * width), parameters.acc_lim_x, delay)
+        to_stop = speed_to_stop_within(free, parameters.acc_lim_x, delay)
         wanted = self._sign * min(top, max(slowest, to_stop))
         change = parameters.acc_lim_x * period
         speed = min(velocity.x + change, max(velocity.x - change, wanted))
@@ -172,7 +171,7 @@ def _arcs(
         counts,
         np.empty(len(signs)),
     )
-    way = checker.first_contacts(poses, counts, np.ones(len(signs)), checker.contacts_at(pose))
+    way = checker.first_contacts(poses, counts, np.ones(len(signs)), pose)
     return _Arcs(poses[:, :counts[0]], way.steps, length / int(counts[0]))
 
 

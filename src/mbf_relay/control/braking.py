@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Tuple
 
 import numpy as np
 
@@ -33,14 +34,23 @@ def arc(checker: FootprintChecker, state: ControlState, command: Twist2D, durati
     Returns:
         Shape (S, 3), in the costmap's frame.
     """
-    step, turn = 2.0 * checker.step, checker.turn_step
-    most = math.ceil(max(command.speed() * duration / step, abs(command.theta) * duration / turn)) + 1
-    poses, counts = np.empty((1, most, 3)), np.empty(1, np.int64)
-    trajectory_kernels.simulate(
-        np.array(state.pose, dtype=float), np.full(3, np.nan), np.ones(3), np.array([command], dtype=float),
-        np.array([duration]), step, turn, poses, counts, np.empty(1),
-    )
+    poses, counts = _arcs(checker, state, np.array([command], dtype=float), np.array([duration]))
     return poses[0, : counts[0]]
+
+
+def _arcs(
+    checker: FootprintChecker, state: ControlState, commands: np.ndarray, durations: np.ndarray
+) -> Tuple[np.ndarray, np.ndarray]:
+    """Return `arc` for commands (N, 3) and durations (N,): poses, shape (N, S, 3), and how many each has, (N,)."""
+    step, turn = 2.0 * checker.step, checker.turn_step
+    speeds = np.hypot(commands[:, 0], commands[:, 1])
+    most = math.ceil(float((np.maximum(speeds / step, np.abs(commands[:, 2]) / turn) * durations).max(initial=0.0))) + 1
+    poses, counts = np.empty((len(commands), most, 3)), np.empty(len(commands), np.int64)
+    trajectory_kernels.simulate(
+        np.array(state.pose, dtype=float), np.full(3, np.nan), np.ones(3), commands, durations, step, turn, poses,
+        counts, np.empty(len(commands)),
+    )
+    return poses, counts
 
 
 def brakes_free(
@@ -49,7 +59,17 @@ def brakes_free(
     """Return whether a command can be held for a period and braked from without touching more than is touched already.
     """
     poses = arc(checker, state, command, stopping_time(parameters, command, state.period))
-    return checker.free_steps(poses, checker.contacts_at(state.pose)) == len(poses)
+    return checker.free_steps(poses, state.pose) == len(poses)
+
+
+def brake_free(
+    parameters: FollowerParameters, state: ControlState, checker: FootprintChecker, commands: np.ndarray
+) -> np.ndarray:
+    """Tell of each of many commands, (N, 3), whether `brakes_free` holds; shape (N,)."""
+    durations = np.array([stopping_time(parameters, Twist2D(*command), state.period) for command in commands.tolist()])
+    poses, counts = _arcs(checker, state, commands, durations)
+    free: np.ndarray = checker.first_contacts(poses, counts, np.ones(len(commands)), state.pose).steps == counts
+    return free
 
 
 def braked_on_its_arc(window: VelocityWindow, velocity: Twist2D) -> Twist2D:

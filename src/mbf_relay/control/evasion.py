@@ -8,7 +8,7 @@ from typing import Tuple
 import numpy as np
 
 from mbf_relay.control import evasion_kernels
-from mbf_relay.control.braking import arc, stopping_time
+from mbf_relay.control.braking import arc, brake_free, stopping_time
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.foresight import BETTER, Foresight
 from mbf_relay.control.local_path import LocalPath
@@ -43,6 +43,9 @@ class Evasion:
     in somebody's way, or in an obstacle, and for what the place it leads to is worth by then: the cost to go. The
     cheapest is begun where it is cheaper than what the robot is about to do; in the next cycle all is asked anew.
 
+    What stands may be nearer than the robot can brake within that moment. So none is begun, but to stand, from which it
+    could not brake before that, and none at all where nobody comes near any place that it could be at.
+
     What moves does not stand in the way where it is marked: it will have gone.
 
     Source: Petti, Fraichard, "Safe motion planning in dynamic environments" (2005), for a part of a way at a time;
@@ -65,7 +68,6 @@ class Evasion:
         """
         self._parameters, self._foresight, self._state, self._pose = parameters, foresight, state, state.pose
         self._checker = FootprintChecker(without_tracks(state.costmap, state.now))
-        self._allowed = self._checker.contacts_at(state.pose)
         width = state.costmap.width
         self._manoeuvres = _manoeuvres(width, parameters.min_vel_x < 0.0, turning_radius == 0.0)
         self._turning_radius = turning_radius
@@ -101,16 +103,22 @@ class Evasion:
 
         Who flees may have to turn first, which is no better for the moment than to stand.
         """
+        if self._cost_to_go.is_clear:
+            return wanted, False
         stopped, _ = self._driven(wanted, self._manoeuvres[:1])
         as_wanted, _ = self._judged(np.concatenate((self._held(wanted), stopped)))
         poses, first = self._driven(velocity, self._manoeuvres)
         costs, exposures = self._judged(poses)
         costs += self._efforts
+        begun = np.array([window.clip(Twist2D(x, 0.0, turn)) for x, turn in first.tolist()])
+        commands, which = np.unique(begun[1:], axis=0, return_inverse=True)
+        brakes = brake_free(self._parameters, self._state, self._checker, commands)[which.ravel()]
+        costs[1:][~brakes] = np.inf
         best = int(np.argmin(costs))
         if as_wanted.min() <= costs[best] + TOLERANCE:
             return wanted, False
         flees = bool(exposures[best] < exposures[0] - FLEES)
-        return window.clip(Twist2D(float(first[best, 0]), 0.0, float(first[best, 1]))), flees
+        return Twist2D(*begun[best].tolist()), flees
 
     def _held(self, wanted: Twist2D) -> np.ndarray:
         """Return where the wanted command leads if it is held, shape (1, S, 3)."""
@@ -135,7 +143,7 @@ class Evasion:
         """Return what each row of poses, (N, S, 3), costs (s), and for how long (s) it is exposed, shapes (N,)."""
         number = len(poses)
         free = self._checker.first_contacts(
-            poses, np.full(number, self._steps), np.ones(number), self._allowed).steps
+            poses, np.full(number, self._steps), np.ones(number), self._pose).steps
         exposures = self._foresight.exposures(poses, self._step)
         hits = np.where(free < self._steps, BLOCKED * (1.0 + (self._steps - free) * self._step), 0.0)
         return PRICE * exposures + hits + self._cost_to_go.at(poses[:, -1]), exposures

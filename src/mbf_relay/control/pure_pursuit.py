@@ -156,7 +156,7 @@ class RegulatedPurePursuit(PathFollower):
         to_carrot = cycle.path.remaining / max(command.speed(), 1e-3)
         held = min(p.max_allowed_time_to_collision_up_to_carrot, to_carrot)
         self._arc = arc(cycle.checker, state, command, max(stopping_time(p, command, state.period), held))
-        return cycle.checker.free_steps(self._arc, cycle.checker.contacts_at(state.pose)) == len(self._arc)
+        return cycle.checker.free_steps(self._arc, state.pose) == len(self._arc)
 
 
 def _curvature_to(pose: Pose2D, point: np.ndarray, tightest: float) -> float:

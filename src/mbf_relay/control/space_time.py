@@ -34,6 +34,7 @@ class SpaceTimeCosts:
 
     Attributes:
         moment: Seconds from now at which places are judged.
+        is_clear: Whether nobody comes near any place at which the robot can be by then, till the last layer.
     """
 
     def __init__(
@@ -63,6 +64,10 @@ class SpaceTimeCosts:
         dangers = np.empty((LAYERS, side, side))
         radius = 0.5 * (0.5 * width + math.hypot(0.5 * (front - back), 0.5 * width))  # between its inner and outer one
         foresight.lay(self._x, self._y, self._cell, layer, radius, dangers)
+        self.is_clear = not any(
+            layer[self._half - reach : self._half + reach + 1, self._half - reach : self._half + reach + 1].any()
+            for reach, layer in zip(range(REACH, self._half, REACH), dangers)
+        )
         left = _left(path, points, self._cell).reshape(side, side) / speed
         standing = BLOCKED * layer * _is_blocked(checker, points).reshape(side, side)
         self._costs = np.empty((side, side))

@@ -177,7 +177,8 @@ def roll_out(
 ) -> Trajectories:
     """Simulate a batch of velocities and lay the footprint along it.
 
-    A trajectory lasts `sim_time`, or until it has driven `distance_left`: the robot would stop at the goal.
+    A trajectory lasts `sim_time`, or until it has driven `distance_left`: the robot would stop at the goal. Its poses
+    are as far apart as asked for, but no farther, where there is room for as many, than that nothing lies between two.
 
     Args:
         parameters: Limits, granularities, stop_time_buffer and footprint scaling.
@@ -191,20 +192,22 @@ def roll_out(
     p, number = parameters, len(velocities)
     accelerations = np.maximum(1e-9, [p.acc_lim_x, p.acc_lim_y, p.acc_lim_theta])
     speeds, stopping, durations = np.empty(number), np.empty(number), np.empty(number)
-    longest = trajectory_kernels.time_spans(
-        velocities, accelerations, period + p.stop_time_buffer, sim_time, distance_left, p.sim_granularity,
-        p.angular_sim_granularity, speeds, stopping, durations,
-    )
+    asked = p.sim_granularity, p.angular_sim_granularity
+    for apart in ((min(asked[0], checker.longest_step), min(asked[1], checker.longest_turn)), asked):
+        longest = trajectory_kernels.time_spans(
+            velocities, accelerations, period + p.stop_time_buffer, sim_time, distance_left, *apart, speeds, stopping,
+            durations,
+        )
+        if number * (longest + 1) <= MOST_POSES:
+            break
     _require_room(number, longest + 1)
     poses = np.empty((number, math.ceil(longest) + 1, 3))
     counts, steps = np.empty(number, np.int64), np.empty(number)
     start = np.array(velocity, dtype=float) if not p.use_dwa else np.full(3, np.nan)
     trajectory_kernels.simulate(
-        np.array(pose, dtype=float), start, accelerations, velocities, durations, p.sim_granularity,
-        p.angular_sim_granularity, poses, counts, steps,
+        np.array(pose, dtype=float), start, accelerations, velocities, durations, *apart, poses, counts, steps,
     )
-    allowed = checker.contacts_at(pose)
-    way = checker.first_contacts(poses, counts, _scales(p, speeds), allowed)
+    way = checker.first_contacts(poses, counts, _scales(p, speeds), pose)
     ends, needed, spare = np.empty((number, 3)), np.empty(number, np.int64), np.empty(number)
     trajectory_kernels.outlook(
         np.array(pose, dtype=float),

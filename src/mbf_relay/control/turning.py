@@ -88,7 +88,7 @@ def free_turn(checker: FootprintChecker, pose: Pose2D, angle: float) -> float:
     count = max(1, math.ceil(abs(angle) / checker.turn_step))
     headings = pose.theta + np.linspace(angle / count, angle, count)
     poses = np.column_stack((np.full(count, pose.x), np.full(count, pose.y), headings))
-    return abs(angle) / count * checker.free_steps(poses, checker.contacts_at(pose))
+    return abs(angle) / count * checker.free_steps(poses, pose)
 
 
 def free_way_round(checker: FootprintChecker, pose: Pose2D, error: float) -> Optional[float]:

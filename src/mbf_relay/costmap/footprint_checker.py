@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import NamedTuple, Tuple
+from typing import NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -51,6 +51,8 @@ class FootprintChecker:
     Attributes:
         step: Distance (m) at which consecutive poses are best checked: a fifth of a cell.
         turn_step: Angle (rad) at which headings on one spot are: the outermost corner moves by as much meanwhile.
+        longest_step, longest_turn: The same at most (m, rad): what is in the way of a lone cell is no longer, and an
+            edge of the footprint that is moved by more may pass across that between two poses.
     """
 
     def __init__(self, costmap: CostGrid, unknown_touches: bool = True) -> None:
@@ -61,10 +63,13 @@ class FootprintChecker:
         self._highest = NO_INFORMATION if unknown_touches else LETHAL
         self._outlines, self._boxes, self._radius = _outlines(
             costmap.footprint.tobytes(), len(costmap.footprint), grid.resolution)
+        self._corners = np.ascontiguousarray(_corners(costmap.footprint), dtype=float)
         self._overlap = costmap.obstacle_overlap
         self._distances, self._known_to = np.zeros((0, 0), dtype=np.float32), 0.0
         self.step = 0.2 * grid.resolution
         self.turn_step = self.step / max(self._radius, grid.resolution)
+        self.longest_step = max(self.step, (1.0 - 2.0 * self._overlap) * grid.resolution)
+        self.longest_turn = self.longest_step / max(self._radius, grid.resolution)
 
     def _distances_to(self, farthest: float = math.inf) -> np.ndarray:
         """Return `distances_to_obstacles`, known at least as far (cells) as that; most is asked of what is near."""
@@ -90,8 +95,20 @@ class FootprintChecker:
             )
         )
 
+    def depths_at(self, pose: Pose2D) -> np.ndarray:
+        """Return how deep (cells) the footprint reaches into what it touches, shape (2,): the deepest, and the sum.
+
+        Both are below 0 where it touches nothing.
+        """
+        found = np.full(2, -1.0)
+        if self.contacts_at(pose):
+            footprint_checker_kernels.depths(
+                self._costs, *self._place, self._corners, self._radius, self._overlap, self._highest,
+                pose.x, pose.y, pose.theta, 1.0, found)
+        return found
+
     def first_contacts(
-        self, poses: np.ndarray, counts: np.ndarray, scales: np.ndarray, allowed: int = 0
+        self, poses: np.ndarray, counts: np.ndarray, scales: np.ndarray, begin: Optional[Pose2D] = None
     ) -> FreeWay:
         """Return how far each trajectory of a batch is free, and what it passes.
 
@@ -99,15 +116,18 @@ class FootprintChecker:
             poses: Shape (N, S, 3), float64, C-contiguous.
             counts: Shape (N,), int64: poses of each trajectory.
             scales: Shape (N,), float64: factor on the footprint.
-            allowed: Contacts the robot already has; a trajectory may keep them and lose them, not add to them.
+            begin: Where the robot is, if what touches there is no end of it: that may be left, or passed along a side,
+                and not entered deeper.
         """
         reach = self._radius * float(scales.max(initial=0.0)) / self.costmap.grid.resolution
         way = FreeWay(np.empty(len(poses), np.int64), np.empty(len(poses)), np.empty(len(poses)))
+        allowed = np.full(2, -1.0) if begin is None else self.depths_at(begin)
         footprint_checker_kernels.first_contacts(
             self._costs,
             self._distances_to(reach + APART),
             *self._place,
             self._outlines,
+            self._corners,
             self._radius,
             self._overlap,
             self._highest,
@@ -121,12 +141,12 @@ class FootprintChecker:
         )
         return way
 
-    def free_steps(self, poses: np.ndarray, allowed: int = 0) -> int:
-        """Return how many of consecutive poses, shape (S, 3), come before the first contact."""
+    def free_steps(self, poses: np.ndarray, begin: Optional[Pose2D] = None) -> int:
+        """Return how many of consecutive poses, shape (S, 3), come before the first contact; see `first_contacts`."""
         if len(poses) == 0:
             return 0
         batch = np.ascontiguousarray(poses, dtype=float)[None]
-        return int(self.first_contacts(batch, np.array([len(poses)]), np.ones(1), allowed).steps[0])
+        return int(self.first_contacts(batch, np.array([len(poses)]), np.ones(1), begin).steps[0])
 
     def clearance_along(self, points: np.ndarray, farthest: float = math.inf) -> float:
         """Return the least distance (m) between obstacles and the footprint's sides on its way along points (N, 2).
@@ -176,13 +196,18 @@ def distances_to_obstacles(costs: np.ndarray, farthest: float = math.inf) -> np.
     return distances
 
 
+def _corners(footprint: np.ndarray) -> np.ndarray:
+    """Return the corners of an outline, (K, 2); of a robot without one a single one, where it is."""
+    return footprint[:, :2] if len(footprint) else np.zeros((1, 2))
+
+
 @lru_cache(maxsize=8)
 def _outlines(footprint: bytes, corners: int, resolution: float) -> Tuple[np.ndarray, np.ndarray, float]:
     """Return points round an outline, a third of a cell apart, for each heading: (A, P, 2) float32 metres.
 
     And the boxes they lie in, (A, 4) float32: their least x and y and their largest, a hair wider; and its radius (m).
     """
-    outline = np.frombuffer(footprint).reshape(corners, -1)[:, :2] if corners else np.zeros((1, 2))
+    outline = _corners(np.frombuffer(footprint).reshape(corners, -1) if corners else np.zeros((0, 2)))
     radius = float(np.hypot(outline[:, 0], outline[:, 1]).max())
     points = []
     for start, end in zip(outline, np.roll(outline, -1, axis=0)):

@@ -14,6 +14,7 @@ from mbf_relay.kernels import kernel
 
 _LETHAL = 254
 _RUN = 16  # poses of a path whose boxes are looked at together: some eight cells' way
+_HAIR = 0.05  # cells: what is as deep but for rounding; a robot that creeps ahead gets deeper before it could stop
 
 
 @kernel("boolean(float32[:,::1], float64, float64, float64)")
@@ -81,6 +82,58 @@ def contacts(
     return found
 
 
+@kernel(
+    "void(uint8[:,::1], float64, float64, float64, float64[:,::1], float64, float64, int64, float64, float64, float64, "
+    "float64, float64[::1])"
+)
+def depths(costs, origin_x, origin_y, resolution, corners, circumscribed, overlap, in_way, x, y, theta, scale, found):
+    """Find how deep a footprint reaches into cells in the way, and outside the grid.
+
+    A cell is entered where its centre is nearer to the footprint than half a cell less `overlap`. Unlike the number of
+    outline points in it, this stays as it is while a side passes along it, and grows as the robot goes on into it.
+
+    Args:
+        corners: Shape (K, 2): the footprint's (m).
+        found: Shape (2,): filled with how deep (cells) it reaches into the cell it reaches deepest into, and their sum.
+        costs, origin_x, origin_y, resolution, circumscribed, overlap, in_way, x, y, theta, scale: As for `contacts`.
+    """
+    height, width = costs.shape
+    margin, factor = 0.5 - overlap, scale / resolution
+    across = (x - origin_x) / resolution
+    up = (y - origin_y) / resolution
+    reach = circumscribed * factor + margin
+    cos, sin = math.cos(theta), math.sin(theta)
+    back, front = factor * corners[:, 0].min() - margin, factor * corners[:, 0].max() + margin
+    right, far_left = factor * corners[:, 1].min() - margin, factor * corners[:, 1].max() + margin
+    found[0] = found[1] = 0.0
+    for row in range(int(math.floor(up - reach - 0.5)), int(math.floor(up + reach + 0.5)) + 1):
+        for column in range(int(math.floor(across - reach - 0.5)), int(math.floor(across + reach + 0.5)) + 1):
+            if column < 0 or row < 0 or column >= width or row >= height:
+                if in_way <= _LETHAL:
+                    continue
+            elif not _LETHAL <= costs[row, column] <= in_way:
+                continue
+            ahead = cos * (column + 0.5 - across) + sin * (row + 0.5 - up)
+            left = cos * (row + 0.5 - up) - sin * (column + 0.5 - across)
+            if not (back < ahead < front and right < left < far_left):
+                continue  # most cells of a wall beside it
+            nearest, is_within = math.inf, False
+            for k in range(corners.shape[0]):
+                x0, y0 = factor * corners[k - 1, 0], factor * corners[k - 1, 1]
+                x1, y1 = factor * corners[k, 0], factor * corners[k, 1]
+                dx, dy = x1 - x0, y1 - y0
+                share = 0.0
+                if dx != 0.0 or dy != 0.0:
+                    share = min(1.0, max(0.0, ((ahead - x0) * dx + (left - y0) * dy) / (dx * dx + dy * dy)))
+                nearest = min(nearest, math.hypot(ahead - x0 - share * dx, left - y0 - share * dy))
+                if (y0 > left) != (y1 > left) and ahead < x0 + (left - y0) / dy * dx:
+                    is_within = not is_within
+            depth = margin + nearest if is_within else margin - nearest
+            if depth > 0.0:
+                found[0] = max(found[0], depth)
+                found[1] += depth
+
+
 @kernel("boolean(uint8[:,::1], int64, int64, int64, int64, int64)")
 def _is_clear(costs, in_way, x0, y0, x1, y1):
     """Return whether nothing in the way lies in columns x0 to x1 and rows y0 to y1, the ends included.
@@ -136,28 +189,33 @@ def touching(costs, origin_x, origin_y, resolution, outlines, boxes, circumscrib
 
 
 @kernel(
-    "void(uint8[:,::1], float32[:,::1], float64, float64, float64, float32[:,:,::1], float64, float64, "
-    "int64, float64[:,:,::1], int64[::1], float64[::1], int64, int64[::1], float64[::1], float64[::1])"
+    "void(uint8[:,::1], float32[:,::1], float64, float64, float64, float32[:,:,::1], float64[:,::1], float64, float64, "
+    "int64, float64[:,:,::1], int64[::1], float64[::1], float64[::1], int64[::1], float64[::1], float64[::1])"
 )
 def first_contacts(
-    costs, distances, origin_x, origin_y, resolution, outlines, circumscribed, overlap, in_way, poses, counts, scales,
-    allowed, free, highest, summed,
+    costs, distances, origin_x, origin_y, resolution, outlines, corners, circumscribed, overlap, in_way, poses, counts,
+    scales, allowed, free, highest, summed,
 ):
     """Find how far along each trajectory the footprint stays free, and what cost its centre passes.
+
+    Where something may stay touched, nothing is entered deeper than that, nor in all by more than one cell as deep.
 
     Args:
         distances: As for `is_far`.
         costs, origin_x, origin_y, resolution, outlines, circumscribed, overlap, in_way: As for `contacts`.
+        corners: As for `depths`.
         poses: Shape (N, S, 3).
         counts: Shape (N,): number of poses of each trajectory.
         scales: Shape (N,): factor on the footprint.
-        allowed: Number of outline points in contact that is tolerated; it falls to what is left on the way.
+        allowed: Shape (2,): what `depths` found where the robot is, which falls to what is left on the way; below 0
+            where it touches nothing.
         free: Shape (N,): filled with the number of poses before the first contact.
         highest, summed: Shape (N,): filled with the highest and the summed cost under the centre of these poses.
     """
     height, width = costs.shape
+    entered = np.empty(2)
     for n in range(poses.shape[0]):
-        tolerated = allowed
+        deepest, total = allowed[0], allowed[1]
         free[n] = counts[n]
         highest[n] = 0.0
         summed[n] = 0.0
@@ -182,10 +240,19 @@ def first_contacts(
                     poses[n, i, 2],
                     scales[n],
                 )
-            if found > tolerated:
+            if found == 0:
+                deepest = total = -1.0
+            elif deepest < 0.0:
                 free[n] = i
                 break
-            tolerated = min(tolerated, found)
+            else:
+                depths(
+                    costs, origin_x, origin_y, resolution, corners, circumscribed, overlap, in_way, x, y,
+                    poses[n, i, 2], scales[n], entered)
+                if entered[0] > deepest + _HAIR or entered[1] > total + deepest + _HAIR:
+                    free[n] = i
+                    break
+                deepest, total = min(deepest, entered[0]), min(total, entered[1])
             column = int(math.floor((x - origin_x) / resolution))
             row = int(math.floor((y - origin_y) / resolution))
             if column < 0 or row < 0 or column >= width or row >= height:

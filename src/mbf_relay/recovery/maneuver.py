@@ -21,7 +21,7 @@ class CheckedPose(NamedTuple):
     def free_steps(self, poses: np.ndarray) -> int:
         """Return how many of consecutive poses, (S, 3), are free; what the footprint touches already may stay touched.
         """
-        return self.checker.free_steps(poses, self.checker.contacts_at(self.pose))
+        return self.checker.free_steps(poses, self.pose)
 
 
 def look(context: RecoveryContext, name: str) -> CheckedPose:

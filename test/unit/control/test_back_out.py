@@ -1,5 +1,6 @@
 """Backing out of a place in which a robot can neither go on nor turn."""
 
+import math
 import os
 import sys
 
@@ -124,3 +125,24 @@ def test_one_that_is_led_another_way_may_back_out_again(wedged):
     assert tried(back_out, state, ahead, checker, parameters) is None
     back_out.drove(round_about, state.costmap.width)
     assert tried(back_out, state, round_about, checker, parameters) is not None
+
+
+@pytest.mark.parametrize("top", [0.22, 0.8])
+def test_one_that_is_fast_can_brake_before_what_stands_behind_the_arc(top):
+    """It took the few centimetres it had found free at half its top speed, and with that what stood behind them, too.
+    """
+    parameters = make("dwa_local_planner/DWAPlannerROS", max_vel_x=top, max_vel_trans=top, min_vel_x=-top).parameters
+    slot = boxes((0.06, -0.5, 0.16, 0.5), (-0.33, -0.5, -0.23, 0.5))
+    state = ControlState(0.0, HERE, Twist2D(0.0, 0.0, 0.0), costmap_round(HERE, slot), IDENTITY, PERIOD)
+    checker, tracker, back_out = FootprintChecker(state.costmap), PathTracker(), BackOut()
+    tracker.set_path(path_through((0.0, 0.0), (0.0, 1.0)))
+    path = tracker.cut(state, 0.6, 1.0, 0.4)
+    for now in (0.0, 1.01 * PATIENCE):
+        back_out.failed(now, HERE, path, checker, parameters)
+    pose, velocity = HERE, Twist2D(0.0, 0.0, 0.0)
+    while back_out.is_active:
+        told = back_out.command(pose, velocity, checker, parameters, PERIOD)
+        velocity = told if told is not None else velocity
+        pose = pose.compose(Pose2D(velocity.x * PERIOD, 0.0, velocity.theta * PERIOD))
+    stop = math.copysign(velocity.x ** 2 / (2.0 * parameters.acc_lim_x), velocity.x)
+    assert pose != HERE and not checker.touches(np.array([pose, pose.compose(Pose2D(stop, 0.0, 0.0))])).any()

@@ -121,3 +121,10 @@ def test_a_way_is_exposed_as_long_as_somebody_is_near_it():
     assert foresight.exposures(still, 0.1)[0] == pytest.approx((0.1 * shares * np.exp(-times / MEMORY)).sum(), rel=0.02)
     away = still - np.column_stack((0.2 * times, 0.0 * times, 0.0 * times))
     assert foresight.exposures(away, 0.1)[0] == 0.0
+
+
+def test_who_comes_nowhere_near_the_robot_within_the_time_looked_ahead_leaves_it_clear():
+    assert cost_to_go(mover(2.5, 0.0, 0.0, 0.3)).is_clear and cost_to_go(mover(-3.0, 0.0, -0.2, 0.0)).is_clear
+    assert not cost_to_go(mover(0.5, 0.0, 0.0, 0.0)).is_clear
+    assert not cost_to_go(mover(-3.0, 0.0, 0.6, 0.0)).is_clear
+    assert cost_to_go(mover(-3.8, 0.0, 0.1, 0.3, radius=0.37), speed=0.8).is_clear

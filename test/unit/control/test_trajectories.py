@@ -19,6 +19,7 @@ from mbf_relay.control.trajectories import (
 )
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
+from mbf_relay.grid import Grid
 
 
 def test_the_window_is_what_acceleration_reaches_within_the_limits():
@@ -164,6 +165,22 @@ def test_a_fast_robot_has_a_larger_footprint():
     velocities = np.array([[0.2, 0.0, 0.0], [0.5, 0.0, 0.0]])
     batch = roll_out(parameters, checker, Pose2D(-0.2, 0.0, 0.0), Twist2D(0.2, 0.0, 0.0), velocities, 0.1, 9.0, 1.5)
     assert batch.free[0] == batch.counts[0] and batch.free[1] < batch.counts[1]
+
+
+@pytest.mark.parametrize("speed", [0.22, 0.8])
+def test_no_trajectory_leads_across_a_lone_cell_between_two_of_its_poses(speed):
+    """It drove into a box at 0.8 m/s of which few cells were marked yet: its front had stepped across each of them."""
+    parameters = burger(max_vel_trans=speed, max_vel_x=speed, acc_lim_x=1.0, max_scaling_factor=0.0)
+    costmap = random_costmap(np.random.default_rng(1), obstacles=0)
+    costmap = dataclasses.replace(costmap, grid=Grid(0.025, -0.75, -0.75, 60, 60), costs=np.zeros((60, 60), np.uint8))
+    costmap.costs[30, 44] = 254
+    checker = FootprintChecker(costmap)
+    for start in np.arange(-0.2, -0.15, 0.001):
+        pose = Pose2D(start, -0.03, 0.0)
+        batch = roll_out(
+            parameters, checker, pose, Twist2D(speed, 0.0, 0.0), np.array([[speed, 0.0, 0.0]]), 0.1, 9.0, 3.0)
+        assert batch.free[0] < batch.counts[0]
+        assert batch.ends[0, 0] == pytest.approx(0.35 - 0.041, abs=0.025)
 
 
 def test_a_trajectory_stops_at_the_goal_and_says_how_much_farther_it_would_come():

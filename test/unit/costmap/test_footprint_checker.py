@@ -119,20 +119,66 @@ def test_first_contacts_count_free_poses_and_sum_the_costs_under_them():
         assert highest[n] == (costs.max() if expected else 0.0) and summed[n] == pytest.approx(costs.sum())
 
 
-def test_what_touches_already_may_be_left_and_not_entered_further():
+def empty_costmap():
     costmap = random_costmap(np.random.default_rng(1), obstacles=0)
     costmap.costs[:] = 0
+    return costmap
+
+
+def test_what_touches_already_may_be_left_and_not_entered_further():
+    costmap = empty_costmap()
     costmap.costs[:, 42:] = 254  # from x = 0.6 on
     checker = FootprintChecker(costmap)
     inside = Pose2D(0.60, 0.0, 0.0)
-    allowed = checker.contacts_at(inside)
-    assert allowed > 0
+    assert checker.contacts_at(inside) > 0
     steps = 0.01 * np.arange(1, 6)
     back = np.column_stack((inside.x - steps, np.zeros((5, 2))))
     turned = np.column_stack((np.full((5, 2), (inside.x, 0.0)), 0.2 * np.arange(1, 6)))
-    assert checker.free_steps(back, allowed) == 5
-    assert checker.free_steps(back, 0) == 0
-    assert checker.free_steps(turned, allowed) < 5
+    assert checker.free_steps(back, inside) == 5
+    assert checker.free_steps(back) == 0
+    assert checker.free_steps(turned, inside) < 5
+
+
+@pytest.mark.parametrize("heading", np.linspace(0.0, 1.5, 7))
+@pytest.mark.parametrize("wide", [False, True])
+def test_one_with_something_at_its_side_drives_off_along_it(heading, wide):
+    """It stood for good beside a cell that its side touched: a few millimetres on, another point of the outline did."""
+    costmap = empty_costmap()
+    cells = costmap.grid.cells_at(Pose2D(0.4, 0.4, heading).transform_points(np.array([[-0.03, 0.11]])))
+    (column, row), = cells
+    costmap.costs[row, column] = 254
+    here = Pose2D(*(costmap.grid.origin_x + 0.05 * (column + 0.5), costmap.grid.origin_y + 0.05 * (row + 0.5)), heading)
+    checker = FootprintChecker(costmap)
+    for ahead in (1.0, -1.0):
+        start = here.compose(Pose2D(-0.03 * ahead, -0.11 if not wide else -0.115, 0.0))  # a fifth of a cell too near
+        assert checker.contacts_at(start) > 0
+        way = start.transform_poses(np.column_stack((ahead * 0.005 * np.arange(1, 40), np.zeros((39, 2)))))
+        assert checker.free_steps(way, start) == 39
+
+
+def test_one_that_touches_comes_no_nearer():
+    """It crept on into what it touched, a few millimetres a second, until it could not even turn away."""
+    costmap = empty_costmap()
+    costmap.costs[:, 42:] = 254
+    checker = FootprintChecker(costmap)
+    for depth in (0.012, 0.02, 0.03):
+        here = Pose2D(0.6 + depth - 0.041, 0.0, 0.0)
+        assert checker.contacts_at(here) > 0
+        nearer = np.column_stack((here.x + 0.001 * np.arange(1, 11), np.zeros((10, 2))))
+        assert checker.free_steps(nearer, here) <= 2
+
+
+def test_how_deep_a_footprint_is_in_something_is_the_way_back_out():
+    costmap = empty_costmap()
+    costmap.costs[30, 42] = 254  # its centre at (0.625, 0.025)
+    checker = with_overlap(costmap, 0.2)
+    for heading in (0.0, 0.3, 1.0):
+        for entered in (0.1, 0.2, 0.5, 1.2):
+            centre, before = Pose2D(0.625, 0.025, heading), 0.041 + 0.05 * (0.3 - entered)
+            deepest, total = checker.depths_at(centre.compose(Pose2D(-before, 0.02, 0.0)))
+            assert deepest == total == pytest.approx(entered if checker.contacts_at(
+                centre.compose(Pose2D(-before, 0.02, 0.0))) else -1.0)
+    assert (checker.depths_at(Pose2D(0.0, 0.0, 0.0)) < 0.0).all()
 
 
 def test_distances_are_to_the_nearest_lethal_or_unknown_cell():

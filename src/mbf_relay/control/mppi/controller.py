@@ -209,7 +209,7 @@ class MppiController(PathFollower):
             low, high, self._limits(), radius, p.model_dt, self._samples, self._velocities, self._poses,
         )
         counts = np.full(p.batch_size, p.time_steps)
-        way = checker.first_contacts(self._poses, counts, np.ones(p.batch_size), checker.contacts_at(cycle.state.pose))
+        way = checker.first_contacts(self._poses, counts, np.ones(p.batch_size), cycle.state.pose)
         data = self._data(cycle, way)
         costs = np.zeros(p.batch_size)
         for critic in self.critics:
