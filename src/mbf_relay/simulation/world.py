@@ -143,8 +143,8 @@ class World:
         )
 
     def outline(self, height: float) -> np.ndarray:
-        """Return what a horizontal plane at `height` (m) cuts of the fixed bodies: segments, shape (M, 2, 2)."""
-        return cut(self.fixed_triangles()[0], height)[0]
+        """Return what a horizontal plane at `height` (m) cuts of the fixed bodies: read-only segments, (M, 2, 2)."""
+        return _outline(self, height)
 
 
 @lru_cache(maxsize=1)
@@ -164,3 +164,11 @@ def _fixed_triangles(world: World) -> Tuple[np.ndarray, np.ndarray]:
     triangles.setflags(write=False)
     owners.setflags(write=False)
     return triangles, owners
+
+
+@lru_cache(maxsize=1)
+def _outline(world: World, height: float) -> np.ndarray:
+    """Return World.outline; a batch draws each world once for every seed."""
+    segments = cut(world.fixed_triangles()[0], height)[0]
+    segments.setflags(write=False)
+    return segments
