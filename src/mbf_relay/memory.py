@@ -5,12 +5,24 @@ from __future__ import annotations
 ARENAS_AT_MOST = 1
 """Places that threads take memory from. glibc makes eight for each core: each fills up for itself with pieces too small
 to give back, and a node has a thread for each connection. Python runs one thread at a time, so one place serves all."""
-_M_ARENA_MAX = -8  # malloc.h
+_M_ARENA_MAX, _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -8, -1, -3  # malloc.h
+_LARGEST_KEPT = 32 << 20
+"""Bytes of one piece up to which glibc can be told to keep it."""
+_MOST_KEPT = 1 << 30
 
 
 def share_arenas() -> None:
     """Have the threads to come share what memory is taken from; before there are many."""
     _call("mallopt", _M_ARENA_MAX, ARENAS_AT_MOST)
+
+
+def keep_free() -> None:
+    """Keep what is freed for what is made next, until `give_back_free`.
+
+    glibc hands large pieces back to the system one by one, which clears each page before it is used again.
+    """
+    _call("mallopt", _M_MMAP_THRESHOLD, _LARGEST_KEPT)
+    _call("mallopt", _M_TRIM_THRESHOLD, _MOST_KEPT)
 
 
 def give_back_free() -> None:

@@ -61,7 +61,7 @@ class FootprintChecker:
         self._costs = np.ascontiguousarray(costmap.costs)
         self._place = (grid.origin_x, grid.origin_y, grid.resolution)
         self._highest = NO_INFORMATION if unknown_touches else LETHAL
-        self._outlines, self._boxes, self._radius = _outlines(
+        self._outlines, self._boxes, self._arcs, self._radius = _outlines(
             costmap.footprint.tobytes(), len(costmap.footprint), grid.resolution)
         self._corners = np.ascontiguousarray(_corners(costmap.footprint), dtype=float)
         self._overlap = costmap.obstacle_overlap
@@ -127,6 +127,7 @@ class FootprintChecker:
             self._distances_to(reach + APART),
             *self._place,
             self._outlines,
+            self._arcs,
             self._corners,
             self._radius,
             self._overlap,
@@ -202,10 +203,13 @@ def _corners(footprint: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=8)
-def _outlines(footprint: bytes, corners: int, resolution: float) -> Tuple[np.ndarray, np.ndarray, float]:
+def _outlines(
+    footprint: bytes, corners: int, resolution: float
+) -> Tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Return points round an outline, a third of a cell apart, for each heading: (A, P, 2) float32 metres.
 
-    And the boxes they lie in, (A, 4) float32: their least x and y and their largest, a hair wider; and its radius (m).
+    And the boxes they lie in, (A, 4) float32: their least x and y and their largest, a hair wider; circles round every
+    ARC of them, (A, K, 3) float32: centre and radius, a hair wider; and its radius (m).
     """
     outline = _corners(np.frombuffer(footprint).reshape(corners, -1) if corners else np.zeros((0, 2)))
     radius = float(np.hypot(outline[:, 0], outline[:, 1]).max())
@@ -221,4 +225,10 @@ def _outlines(footprint: bytes, corners: int, resolution: float) -> Tuple[np.nda
     turned = np.stack((cos * ring[:, 0] - sin * ring[:, 1], sin * ring[:, 0] + cos * ring[:, 1]), axis=2)
     hair = 1e-3 * resolution
     boxes = np.hstack((turned.min(axis=1) - hair, turned.max(axis=1) + hair))
-    return np.ascontiguousarray(turned, dtype=np.float32), np.ascontiguousarray(boxes, dtype=np.float32), radius
+    arcs = []
+    for first in range(0, len(ring), footprint_checker_kernels.ARC):
+        part = turned[:, first:first + footprint_checker_kernels.ARC]
+        centers = part.mean(axis=1)
+        arcs.append(np.column_stack((centers, np.hypot(*(part - centers[:, None]).T).max(axis=0) + hair)))
+    drawn = (np.ascontiguousarray(part, dtype=np.float32) for part in (turned, boxes, np.stack(arcs, axis=1)))
+    return (*drawn, radius)

@@ -13,6 +13,7 @@ import numpy as np
 from mbf_relay.kernels import kernel
 
 _LETHAL = 254
+ARC = 8  # points of an outline that are passed over together where nothing is near: some three cells' length
 _RUN = 16  # poses of a path whose boxes are looked at together: some eight cells' way
 _HAIR = 0.05  # cells: what is as deep but for rounding; a robot that creeps ahead gets deeper before it could stop
 
@@ -30,6 +31,48 @@ def is_far(distances, across, up, reach):
     if not (across - reach >= 0.0 and up - reach >= 0.0 and across + reach < width and up + reach < height):
         return False
     return distances[np.uint64(up), np.uint64(across)] > reach + 1.4143
+
+
+@kernel("int64(uint8[:,::1], float32[:,::1], float64, float64, float64, boolean, float64, int64, int64, int64)")
+def _contacts_between(costs, outline, across, up, factor, inside, overlap, in_way, first, last):
+    """Return how many of an outline's points from `first` to before `last` are in contact; see `contacts`.
+
+    Args:
+        costs, overlap, in_way: As for `contacts`.
+        outline: Shape (P, 2): points (m) round the outline as it is turned.
+        across, up: Of the base, in cells.
+        factor: Cells in a metre of the outline.
+        inside: No point lies outside the grid.
+        first, last: Which points.
+    """
+    height, width = costs.shape
+    found = 0
+    for point in range(first, last):
+        in_x = across + factor * outline[point, 0]
+        in_y = up + factor * outline[point, 1]
+        if inside and costs[np.uint64(in_y), np.uint64(in_x)] < _LETHAL:
+            continue  # most points of most poses
+        column, row = int(math.floor(in_x)), int(math.floor(in_y))
+        if column < 0 or row < 0 or column >= width or row >= height:
+            found += in_way > _LETHAL
+        elif _LETHAL <= costs[row, column] <= in_way:
+            in_x -= column
+            in_y -= row
+            grazes = (
+                (in_x < overlap and column > 0 and not _LETHAL <= costs[row, column - 1] <= in_way)
+                or (in_x > 1.0 - overlap and column + 1 < width and not _LETHAL <= costs[row, column + 1] <= in_way)
+                or (in_y < overlap and row > 0 and not _LETHAL <= costs[row - 1, column] <= in_way)
+                or (in_y > 1.0 - overlap and row + 1 < height and not _LETHAL <= costs[row + 1, column] <= in_way)
+            )
+            if not grazes:
+                found += 1
+    return found
+
+
+@kernel("int64(float64, int64)")
+def _heading(theta, headings):
+    """Return which of so many headings of a full circle is nearest to an angle (rad)."""
+    return int(math.floor(theta * headings / (2.0 * math.pi) + 0.5)) % headings
 
 
 @kernel(
@@ -56,30 +99,9 @@ def contacts(
     up = (y - origin_y) / resolution
     reach = circumscribed * scale / resolution
     inside = across - reach >= 0.0 and up - reach >= 0.0 and across + reach < width and up + reach < height
-    headings = outlines.shape[0]
-    heading = int(math.floor(theta * headings / (2.0 * math.pi) + 0.5)) % headings
-    factor = scale / resolution
-    found = 0
-    for point in range(outlines.shape[1]):
-        in_x = across + factor * outlines[heading, point, 0]
-        in_y = up + factor * outlines[heading, point, 1]
-        if inside and costs[np.uint64(in_y), np.uint64(in_x)] < _LETHAL:
-            continue  # most points of most poses
-        column, row = int(math.floor(in_x)), int(math.floor(in_y))
-        if column < 0 or row < 0 or column >= width or row >= height:
-            found += in_way > _LETHAL
-        elif _LETHAL <= costs[row, column] <= in_way:
-            in_x -= column
-            in_y -= row
-            grazes = (
-                (in_x < overlap and column > 0 and not _LETHAL <= costs[row, column - 1] <= in_way)
-                or (in_x > 1.0 - overlap and column + 1 < width and not _LETHAL <= costs[row, column + 1] <= in_way)
-                or (in_y < overlap and row > 0 and not _LETHAL <= costs[row - 1, column] <= in_way)
-                or (in_y > 1.0 - overlap and row + 1 < height and not _LETHAL <= costs[row + 1, column] <= in_way)
-            )
-            if not grazes:
-                found += 1
-    return found
+    outline = outlines[_heading(theta, outlines.shape[0])]
+    return _contacts_between(
+        costs, outline, across, up, scale / resolution, inside, overlap, in_way, 0, outline.shape[0])
 
 
 @kernel(
@@ -175,7 +197,7 @@ def touching(costs, origin_x, origin_y, resolution, outlines, boxes, circumscrib
         count = min(_RUN, poses.shape[0] - first)
         for n in range(count):
             across, up = (poses[first + n, 0] - origin_x) / resolution, (poses[first + n, 1] - origin_y) / resolution
-            box = boxes[int(math.floor(poses[first + n, 2] * headings / (2.0 * math.pi) + 0.5)) % headings]
+            box = boxes[_heading(poses[first + n, 2], headings)]
             for k in range(4):
                 windows[n, k] = math.floor((up if k & 1 else across) + box[k] / resolution)
         x0, y0 = windows[:count, 0].min(), windows[:count, 1].min()
@@ -189,20 +211,24 @@ def touching(costs, origin_x, origin_y, resolution, outlines, boxes, circumscrib
 
 
 @kernel(
-    "void(uint8[:,::1], float32[:,::1], float64, float64, float64, float32[:,:,::1], float64[:,::1], float64, float64, "
-    "int64, float64[:,:,::1], int64[::1], float64[::1], float64[::1], int64[::1], float64[::1], float64[::1])"
+    "void(uint8[:,::1], float32[:,::1], float64, float64, float64, float32[:,:,::1], float32[:,:,::1], float64[:,::1], "
+    "float64, float64, int64, float64[:,:,::1], int64[::1], float64[::1], float64[::1], int64[::1], float64[::1], "
+    "float64[::1])"
 )
 def first_contacts(
-    costs, distances, origin_x, origin_y, resolution, outlines, corners, circumscribed, overlap, in_way, poses, counts,
-    scales, allowed, free, highest, summed,
+    costs, distances, origin_x, origin_y, resolution, outlines, arcs, corners, circumscribed, overlap, in_way, poses,
+    counts, scales, allowed, free, highest, summed,
 ):
     """Find how far along each trajectory the footprint stays free, and what cost its centre passes.
 
-    Where something may stay touched, nothing is entered deeper than that, nor in all by more than one cell as deep.
+    Of the outline only the arcs are looked at point by point that something is near to. Where something may stay
+    touched, nothing is entered deeper than that, nor in all by more than one cell as deep.
 
     Args:
         distances: As for `is_far`.
         costs, origin_x, origin_y, resolution, outlines, circumscribed, overlap, in_way: As for `contacts`.
+        arcs: Shape (A, K, 3): at each heading, for every ARC points of the outline, a circle (x, y, radius, m) that
+            holds them.
         corners: As for `depths`.
         poses: Shape (N, S, 3).
         counts: Shape (N,): number of poses of each trajectory.
@@ -213,33 +239,30 @@ def first_contacts(
         highest, summed: Shape (N,): filled with the highest and the summed cost under the centre of these poses.
     """
     height, width = costs.shape
+    points = outlines.shape[1]
     entered = np.empty(2)
     for n in range(poses.shape[0]):
+        factor, reach = scales[n] / resolution, circumscribed * scales[n] / resolution
         deepest, total = allowed[0], allowed[1]
         free[n] = counts[n]
         highest[n] = 0.0
         summed[n] = 0.0
         for i in range(counts[n]):
-            x, y = poses[n, i, 0], poses[n, i, 1]
+            across, up = (poses[n, i, 0] - origin_x) / resolution, (poses[n, i, 1] - origin_y) / resolution
             found = 0
-            if not is_far(
-                distances, (x - origin_x) / resolution, (y - origin_y) / resolution,
-                circumscribed * scales[n] / resolution,
-            ):
-                found = contacts(
-                    costs,
-                    origin_x,
-                    origin_y,
-                    resolution,
-                    outlines,
-                    circumscribed,
-                    overlap,
-                    in_way,
-                    x,
-                    y,
-                    poses[n, i, 2],
-                    scales[n],
-                )
+            if not is_far(distances, across, up, reach):
+                heading = _heading(poses[n, i, 2], outlines.shape[0])
+                inside = across - reach >= 0.0 and up - reach >= 0.0 and across + reach < width and up + reach < height
+                for k in range(arcs.shape[1]):
+                    if inside:  # as is_far tells, a circle of the outline's own being inside as well
+                        x, y = across + factor * arcs[heading, k, 0], up + factor * arcs[heading, k, 1]
+                        if distances[np.uint64(y), np.uint64(x)] > factor * arcs[heading, k, 2] + 1.4143:
+                            continue
+                    found = _contacts_between(
+                        costs, outlines[heading], across, up, factor, inside, overlap, in_way, ARC * k,
+                        min(ARC * k + ARC, points))
+                    if found > 0:
+                        break
             if found == 0:
                 deepest = total = -1.0
             elif deepest < 0.0:
@@ -247,14 +270,13 @@ def first_contacts(
                 break
             else:
                 depths(
-                    costs, origin_x, origin_y, resolution, corners, circumscribed, overlap, in_way, x, y,
-                    poses[n, i, 2], scales[n], entered)
+                    costs, origin_x, origin_y, resolution, corners, circumscribed, overlap, in_way, poses[n, i, 0],
+                    poses[n, i, 1], poses[n, i, 2], scales[n], entered)
                 if entered[0] > deepest + _HAIR or entered[1] > total + deepest + _HAIR:
                     free[n] = i
                     break
                 deepest, total = min(deepest, entered[0]), min(total, entered[1])
-            column = int(math.floor((x - origin_x) / resolution))
-            row = int(math.floor((y - origin_y) / resolution))
+            column, row = int(math.floor(across)), int(math.floor(up))
             if column < 0 or row < 0 or column >= width or row >= height:
                 free[n] = i
                 break

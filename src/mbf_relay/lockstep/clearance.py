@@ -41,7 +41,7 @@ def clearances(world: World, times: np.ndarray, poses: np.ndarray, robot: RobotM
     height, hull = robot.height / 2.0, np.ascontiguousarray(robot.outline)
     poses = np.ascontiguousarray(poses, dtype=float)
     to_fixed = np.full(len(poses), math.inf)
-    fixed = np.ascontiguousarray(world.outline(height).reshape(-1, 4))
+    fixed = np.array(world.outline(height)).reshape(-1, 4)  # kernels take what may be written alone
     hull_clearances(poses, hull, fixed, to_fixed)
     to_movers = np.full((len(world.movers), len(poses)), math.inf)
     for row, mover in zip(to_movers, world.movers):

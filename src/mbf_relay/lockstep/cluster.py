@@ -36,6 +36,7 @@ SETTINGS = {
     "distributed.worker.profile.interval": "1h",  # it would look at our threads a hundred times a second
     "distributed.worker.profile.cycle": "1h",
     "distributed.admin.tick.limit": "1h",  # a busy machine is no news
+    "distributed.admin.tick.interval": "1h",  # to find that out, each loop would wake fifty times a second
 }
 
 

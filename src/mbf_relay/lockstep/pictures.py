@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from io import BytesIO
 from pathlib import Path
-from typing import Iterable, List, Sequence, Tuple
+from typing import List, Sequence, Tuple
 
 import cv2
 import numpy as np
@@ -63,14 +63,14 @@ def tile(task: EpisodeTask, result: EpisodeResult) -> np.ndarray:
     """Return the picture of one episode, framed red where it failed, shape (TILE + CAPTION, TILE, 3), blue first."""
     image = np.full((TILE + CAPTION, TILE, 3), 255, dtype=np.uint8)
     view = _View(task, result)
-    cv2.polylines(image, view.pixels(task.world.outline(HEIGHT)), False, WALL, 1, cv2.LINE_AA, _View.SHIFT)
+    cv2.polylines(image, list(view.pixels(task.world.outline(HEIGHT))), False, WALL, 1, cv2.LINE_AA, _View.SHIFT)
     for mover in task.world.movers:
         cv2.polylines(
-            image, view.pixels([mover.poses[:, :2]]), mover.loop, (170, 170, 220), 1, cv2.LINE_AA, _View.SHIFT
+            image, [view.pixels(mover.poses[:, :2])], mover.loop, (170, 170, 220), 1, cv2.LINE_AA, _View.SHIFT
         )
     track = np.array(result.trajectory)
     if len(track):
-        cv2.polylines(image, view.pixels([track[:, 1:3]]), False, TRACK, 2, cv2.LINE_AA, _View.SHIFT)
+        cv2.polylines(image, [view.pixels(track[:, 1:3])], False, TRACK, 2, cv2.LINE_AA, _View.SHIFT)
         _dot(image, view, Pose2D(*track[-1, 1:4]), _colour(result))
     _dot(image, view, task.world.start, START)
     for index, goal in enumerate(task.goals):
@@ -125,18 +125,15 @@ class _View:
         self._scale = TILE / max(high - low)
         self._left, self._top = (low + high) / 2.0 + np.array([-1.0, 1.0]) * TILE / 2.0 / self._scale
 
-    def pixels(self, lines: Iterable[np.ndarray]) -> List[np.ndarray]:
-        """Return polylines (m) as OpenCV takes them, with SHIFT bits of fraction."""
-        return [self._pixel(np.asarray(line)) for line in lines]
-
-    def _pixel(self, points: np.ndarray) -> np.ndarray:
+    def pixels(self, points: np.ndarray) -> np.ndarray:
+        """Return points (m), shape (..., 2), as OpenCV takes them, with SHIFT bits of fraction."""
         flipped = (points - (self._left, self._top)) * (self._scale, -self._scale)
         fixed_point: np.ndarray = np.round(flipped * (1 << self.SHIFT)).astype(np.int32)
         return fixed_point
 
 
 def _dot(image: np.ndarray, view: _View, pose: Pose2D, colour: Tuple[int, int, int]) -> None:
-    center = view.pixels([np.array(pose[:2])])[0]
+    center = view.pixels(np.array(pose[:2]))
     cv2.circle(image, tuple(int(value) for value in center), 4 << _View.SHIFT, colour, -1, cv2.LINE_AA, _View.SHIFT)
 
 

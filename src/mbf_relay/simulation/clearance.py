@@ -8,7 +8,7 @@ import numpy as np
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.simulation.robot import RobotModel
-from mbf_relay.simulation.shapes import cut
+from mbf_relay.simulation.shapes import bounds, cut
 
 HAIR = 1e-6
 """Metres by which rounding may move a point, and more."""
@@ -55,8 +55,9 @@ def _abreast(triangles: np.ndarray, inverse: Pose2D, outline: np.ndarray) -> np.
         outline: Of the robot, shape (K, 2) in metres.
     """
     aside = inverse.transform_points(triangles[:, :, :2].reshape(-1, 2))[:, 1].reshape(-1, 3)
+    lowest, highest = bounds(aside)
     right, left = min(0.0, outline[:, 1].min()) - HAIR, max(0.0, outline[:, 1].max()) + HAIR
-    abreast: np.ndarray = (aside.min(axis=1) <= left) & (aside.max(axis=1) >= right)
+    abreast: np.ndarray = (lowest <= left) & (highest >= right)
     return abreast
 
 

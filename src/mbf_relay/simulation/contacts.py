@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Dict, List, Mapping, NamedTuple, Tuple
+from typing import Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
 from mbf_relay.simulation.physics import ANY, Physics
+from mbf_relay.simulation.shapes import bounds
 
 REACH = 0.005
 """Distance (m) from a surface at which a contact point is taken to lie on it."""
@@ -43,8 +44,7 @@ class Contacts:
             names: Of the bodies.
         """
         self._fixed, self._triangles, self._owners, self._names = fixed, triangles, owners, names
-        self._lower = triangles.min(axis=1) - REACH
-        self._upper = triangles.max(axis=1) + REACH
+        self._bounds: Optional[Tuple[np.ndarray, np.ndarray]] = None  # most drives touch nothing
         self._known: Dict[Tuple[int, ...], str] = {}
 
     def find(self, physics: Physics, robot: int, loose: Mapping[int, str]) -> Tuple[Contact, ...]:
@@ -76,7 +76,10 @@ class Contacts:
         return self._known[place]
 
     def _find_owner(self, point: np.ndarray) -> str:
-        near = np.flatnonzero(((point >= self._lower) & (point <= self._upper)).all(axis=1))
+        if self._bounds is None:
+            self._bounds = bounds(self._triangles)
+        lower, upper = self._bounds
+        near = np.flatnonzero(((point >= lower - REACH) & (point <= upper + REACH)).all(axis=1))
         if not len(near):
             return "unknown"
         corners = self._triangles[near]

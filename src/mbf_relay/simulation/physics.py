@@ -55,6 +55,8 @@ class Physics:
             window.require_display()
         self.gui = gui
         self.client = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
+        if not gui:
+            self._leave_out_renderer()
         pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self.client)
         # Solved as a cone, for both directions at once, friction lets the wheels creep sideways in every turn.
         pybullet.setPhysicsEngineParameter(
@@ -67,6 +69,12 @@ class Physics:
         pybullet.changeDynamics(
             self.ground, -1, lateralFriction=1.0, contactProcessingThreshold=TOUCHING, physicsClientId=self.client
         )
+
+    def _leave_out_renderer(self) -> None:
+        """Have no pictures prepared that nobody asks for: PyBullet fills a texture for each body, in 4 ms."""
+        renderer = pybullet.loadPlugin("tinyRendererPlugin", physicsClientId=self.client)  # is there; tells its number
+        if renderer >= 0:
+            pybullet.unloadPlugin(renderer, physicsClientId=self.client)
 
     def show(self, start: Pose2D, robot: int) -> None:
         """Make the window, if there is one, ready for watching the robot from its start on."""

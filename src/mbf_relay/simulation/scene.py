@@ -12,7 +12,7 @@ from mbf_relay.simulation import clearance
 from mbf_relay.simulation.contacts import Contact, Contacts
 from mbf_relay.simulation.physics import FIXED, LOOSE, ROBOT, Physics
 from mbf_relay.simulation.robot import RobotModel
-from mbf_relay.simulation.shapes import Body, subdivided
+from mbf_relay.simulation.shapes import Body, bounds, subdivided
 from mbf_relay.simulation.surface import Surface
 from mbf_relay.simulation.world import Mover, World
 
@@ -141,17 +141,16 @@ class Scene:
 
 def low_enough(triangles: np.ndarray) -> np.ndarray:
     """Return the triangles, shape (N, 3, 3), that a body on the ground can bump into."""
-    heights = triangles[:, :, 2]
-    low: np.ndarray = triangles[(heights.min(axis=1) < REACHED) & (heights.max(axis=1) > 0.0)]
+    lowest, highest = bounds(triangles[:, :, 2])
+    low: np.ndarray = triangles[(lowest < REACHED) & (highest > 0.0)]
     return low
 
 
 def seen_by_level_rays(triangles: np.ndarray, height: float) -> np.ndarray:
     """Return the triangles, shape (N, 3, 3), without those that lie flat or far above and below the lidar's height (m).
     """
-    heights = triangles[:, :, 2]
-    near = (heights.min(axis=1) < height + SEEN_BAND) & (heights.max(axis=1) > height - SEEN_BAND)
-    triangles = triangles[near]
+    lowest, highest = bounds(triangles[:, :, 2])
+    triangles = triangles[(lowest < height + SEEN_BAND) & (highest > height - SEEN_BAND)]
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     sizes = np.linalg.norm(normals, axis=1)
     seen: np.ndarray = triangles[(np.abs(normals[:, 2]) < LEVEL * sizes) & (sizes > 1e-15)]

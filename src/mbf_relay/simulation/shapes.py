@@ -207,12 +207,31 @@ def cut(triangles: np.ndarray, height: float) -> Tuple[np.ndarray, np.ndarray]:
     return np.stack(ends, axis=1), indices
 
 
+def bounds(corners: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+    """Return the lowest and the highest coordinates of triangles' corners.
+
+    As min and max along axis 1, which take five times as long for three.
+
+    Args:
+        corners: Shape (N, 3) of one coordinate, or (N, 3, D).
+
+    Returns:
+        Two of shape (N,) or (N, D).
+    """
+    first, second, third = corners[:, 0], corners[:, 1], corners[:, 2]
+    return np.minimum(np.minimum(first, second), third), np.maximum(np.maximum(first, second), third)
+
+
 def subdivided(triangles: np.ndarray, longest: float) -> np.ndarray:
     """Halve triangles, shape (N, 3, 3), across their longest edges until none is longer than `longest` metres.
 
     A long wall that runs aslant has an enclosing box as large as a room; in pieces it is out of the way of all but the
     near.
     """
+    lower, upper = bounds(triangles)
+    extents = upper - lower
+    if (np.einsum("ij,ij->i", extents, extents) < (0.999 * longest) ** 2).all():  # no edge is longer than its box
+        return triangles
     done = []
     while len(triangles):
         lengths = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from mbf_relay.simulation.shapes import subdivided
+from mbf_relay.simulation.shapes import bounds, subdivided
 from mbf_relay.simulation.surface_kernels import cast
 
 SMALLEST_CELL, LARGEST_CELL = 0.05, 0.25
@@ -28,7 +28,8 @@ class Surface:
         triangles = subdivided(triangles, LONGEST_EDGE)
         edges = triangles[:, 1:] - triangles[:, :1]
         self._triangles = np.ascontiguousarray(np.concatenate((triangles[:, :1], edges), axis=1).reshape(-1, 9))
-        lower, upper = triangles[:, :, :2].min(axis=1) - MARGIN, triangles[:, :, :2].max(axis=1) + MARGIN
+        lowest, highest = bounds(triangles[:, :, :2])
+        lower, upper = lowest - MARGIN, highest + MARGIN
         corner = lower.min(axis=0, initial=math.inf) if len(triangles) else np.zeros(2)
         extent = upper.max(axis=0) - corner if len(triangles) else np.zeros(2)
         side = _side_of_cells(float(extent[0]), float(extent[1]), len(triangles))

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import bisect
 from dataclasses import dataclass, field, replace
-from typing import List, Optional, Tuple
+from functools import lru_cache
+from typing import Dict, List, Optional, Tuple
 
 import numpy as np
 
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.simulation.frames import Frame, rotation_from_rpy
-from mbf_relay.simulation.shapes import Body, cut
+from mbf_relay.simulation.shapes import Body, Shape, cut
 
 SCALES = (0.01, 100.0)
 """By how much a world can be made smaller or larger."""
@@ -85,9 +86,9 @@ def _between(time: float, times: List[float], values: List[float], before: int) 
     return slope * (time - times[before]) + values[before]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class World:
-    """Everything the simulation needs to know of a place.
+    """Everything the simulation needs to know of a place; two are the same only if they are one object.
 
     Attributes:
         name: For people.
@@ -117,13 +118,9 @@ class World:
         """Return the surface of everything that never moves.
 
         Returns:
-            Triangles, shape (N, 3, 3) in metres, and shape (N,) the index in `bodies` each belongs to.
+            Triangles, shape (N, 3, 3) in metres, and shape (N,) the index in `bodies` each belongs to; read-only.
         """
-        surfaces = [(index, body.triangles()) for index, body in enumerate(self.bodies) if body.mass == 0.0]
-        if not surfaces:
-            return np.empty((0, 3, 3)), np.empty(0, dtype=int)
-        owners = np.concatenate([np.full(len(triangles), index) for index, triangles in surfaces])
-        return np.concatenate([triangles for _, triangles in surfaces]), owners
+        return _fixed_triangles(self)
 
     def scaled(self, scale: float) -> World:
         """Return a world `scale` times as large, in which what moves takes as much longer.
@@ -146,5 +143,32 @@ class World:
         )
 
     def outline(self, height: float) -> np.ndarray:
-        """Return what a horizontal plane at `height` (m) cuts of the fixed bodies: segments, shape (M, 2, 2)."""
-        return cut(self.fixed_triangles()[0], height)[0]
+        """Return what a horizontal plane at `height` (m) cuts of the fixed bodies: read-only segments, (M, 2, 2)."""
+        return _outline(self, height)
+
+
+@lru_cache(maxsize=1)
+def _fixed_triangles(world: World) -> Tuple[np.ndarray, np.ndarray]:
+    """Return World.fixed_triangles; physics, costmaps and figures of one drive ask for the same."""
+    turned: Dict[Tuple[Shape, bytes], np.ndarray] = {}  # the hundreds of one obstacle field are all alike
+    surfaces, counts = [np.empty((0, 3, 3))], []
+    fixed = [index for index, body in enumerate(world.bodies) if body.mass == 0.0]
+    for index in fixed:
+        shape, frame = world.bodies[index].shape, world.bodies[index].frame
+        key = shape, frame.rotation.tobytes()
+        if key not in turned:
+            turned[key] = shape.triangles() @ frame.rotation.T
+        surfaces.append(turned[key] + frame.position)
+        counts.append(len(turned[key]))
+    triangles, owners = np.concatenate(surfaces), np.repeat(np.array(fixed, dtype=int), np.array(counts, dtype=int))
+    triangles.setflags(write=False)
+    owners.setflags(write=False)
+    return triangles, owners
+
+
+@lru_cache(maxsize=1)
+def _outline(world: World, height: float) -> np.ndarray:
+    """Return World.outline; a batch draws each world once for every seed."""
+    segments = cut(world.fixed_triangles()[0], height)[0]
+    segments.setflags(write=False)
+    return segments

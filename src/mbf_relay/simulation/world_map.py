@@ -9,6 +9,7 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from mbf_relay.simulation.world import World
+from mbf_relay.simulation.world_map_kernels import flood
 
 SCAN_HEIGHT = 0.182
 """Height (m) of the cut where none is given: that at which a TurtleBot3 burger's lidar looks."""
@@ -40,10 +41,9 @@ def map_of_world(world: World, grid: Grid, height: float = SCAN_HEIGHT) -> Occup
     column, row = grid.cell_at(world.start.x, world.start.y)
     if walls[row, column]:
         raise ValueError(f"the start ({world.start.x}, {world.start.y}) of world '{world.name}' lies in a wall")
-    import cv2  # here, for it takes 100 MiB, and maps of worlds are made by few
-
-    _, regions = cv2.connectedComponents((~walls).astype(np.uint8), connectivity=4)
-    free = regions == regions[row, column]
+    cells = (~walls).astype(np.uint8)
+    flood(cells, column, row)
+    free = cells == 2
     reached = around(free, outside=False)
     data = np.full(grid.shape, UNKNOWN, dtype=np.int8)
     data[free] = FREE

@@ -103,15 +103,16 @@ def test_a_cell_is_nearly_full_only_without_overlap():
     assert with_overlap(costmap, 0.25).contacts_at(Pose2D(0.48, 0.025, 0.0)) > 0
 
 
-def test_first_contacts_count_free_poses_and_sum_the_costs_under_them():
+@pytest.mark.parametrize("obstacles", [5, 20, 80])
+def test_first_contacts_count_free_poses_and_sum_the_costs_under_them(obstacles):
     rng = np.random.default_rng(7)
-    costmap = random_costmap(rng, obstacles=80)
+    costmap = random_costmap(rng, obstacles)
     checker = FootprintChecker(costmap)
-    poses = rng.uniform((-1.4, -1.4, -3.0), (1.4, 1.4, 3.0), (40, 10, 3))
-    counts = rng.integers(1, 11, 40)
-    free, highest, summed = checker.first_contacts(poses, counts, np.ones(40))
-    for n in range(40):
-        touching = [checker.contacts_at(Pose2D(*pose)) > 0 for pose in poses[n, : counts[n]]]
+    poses = rng.uniform((-1.4, -1.4, -3.0), (1.4, 1.4, 3.0), (400, 10, 3))
+    counts, scales = rng.integers(1, 11, 400), rng.choice([1.0, 1.3], 400)
+    free, highest, summed = checker.first_contacts(poses, counts, scales)
+    for n in range(400):
+        touching = [checker.contacts_at(Pose2D(*pose), scales[n]) > 0 for pose in poses[n, : counts[n]]]
         expected = touching.index(True) if True in touching else counts[n]
         cells = costmap.grid.cells_at(poses[n, :expected, :2])
         costs = costmap.costs[cells[:, 1], cells[:, 0]].astype(float)

@@ -16,6 +16,7 @@ from mbf_relay.simulation.shapes import (
     Cylinder,
     Mesh,
     Sphere,
+    bounds,
     cut,
     indexed,
     prism_triangles,
@@ -85,6 +86,21 @@ def test_subdividing_keeps_the_surface_and_bounds_the_edges():
     assert np.linalg.norm(np.roll(pieces, -1, axis=1) - pieces, axis=2).max() <= 0.3
     assert volume(pieces) == pytest.approx(0.4)
     assert len(subdivided(triangles, 10.0)) == 12 and subdivided(np.empty((0, 3, 3)), 1.0).shape == (0, 3, 3)
+
+
+@pytest.mark.parametrize("longest", [0.29, 0.31, 0.6, 0.68])
+def test_what_is_short_enough_already_stays_as_it_is(longest):
+    triangles = Cylinder(0.2, 0.6).triangles()
+    pieces = subdivided(triangles, longest)
+    assert len(pieces) > len(triangles) or (pieces == triangles).all()
+    assert np.linalg.norm(np.roll(pieces, -1, axis=1) - pieces, axis=2).max() <= longest
+
+
+def test_bounds_are_those_over_the_corners():
+    triangles = np.random.default_rng(1).normal(size=(50, 3, 3))
+    for corners in (triangles, triangles[:, :, :2], triangles[:, :, 2]):
+        lowest, highest = bounds(corners)
+        assert (lowest == corners.min(axis=1)).all() and (highest == corners.max(axis=1)).all()
 
 
 @pytest.mark.parametrize("count", [0, 1, 500])

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -15,6 +16,7 @@ from mbf_relay.simulation.shapes import Body, Box
 from mbf_relay.simulation.world import World
 from mbf_relay.simulation.world_map import SCAN_HEIGHT, grid_around, map_of_world
 from mbf_relay.simulation.world_map_command import main
+from mbf_relay.simulation.world_map_kernels import flood
 
 ARENA_MAP = Path(__file__).resolve().parents[3] / "config" / "maps" / "turtlebot3_world.yaml"
 GRID = Grid(0.05, -10.0, -10.0, 384, 384)
@@ -35,6 +37,18 @@ def test_the_map_in_config_is_the_arenas():
     assert np.array_equal(kept.data, drawn.data) and kept.origin == drawn.origin and kept.resolution == drawn.resolution
     values = read_map_file(str(ARENA_MAP))
     assert (values.free_thresh, values.occupied_thresh) == (0.196, 0.65)
+
+
+@pytest.mark.parametrize("walls", [0.0, 0.3, 0.45, 0.9])
+def test_what_is_free_is_what_is_connected_side_by_side(walls):
+    rng = np.random.default_rng(1)
+    for height, width in ((1, 1), (1, 40), (70, 50), (200, 300)):
+        cells = (rng.random((height, width)) >= walls).astype(np.uint8)
+        row, column = int(rng.integers(height)), int(rng.integers(width))
+        cells[row, column] = 1
+        _, regions = cv2.connectedComponents(cells, connectivity=4)
+        flood(cells, column, row)
+        assert ((cells == 2) == (regions == regions[row, column])).all()
 
 
 def test_a_world_too_large_to_be_drawn_at_once_has_the_same_map(monkeypatch):

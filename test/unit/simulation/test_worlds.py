@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from mbf_relay.geometry import Pose2D
-from mbf_relay.simulation.shapes import Box, Cylinder, Sphere
+from mbf_relay.simulation.frames import Frame
+from mbf_relay.simulation.shapes import Body, Box, Cylinder, Sphere
+from mbf_relay.simulation.world import World
 from mbf_relay.simulation.worlds import load_world
 
 REPOSITORY = Path(__file__).resolve().parents[3]
@@ -54,6 +56,20 @@ def test_the_arena_has_its_figures():
     head = [body for body in world.bodies if body.name == "head"][0].triangles()
     assert head[:, :, 0].min() == pytest.approx(3.5 - 1.173)
     assert (head[:, :, 2].min(), head[:, :, 2].max()) == pytest.approx((-0.5, 1.53))
+
+
+def test_the_surface_of_a_world_is_that_of_its_bodies_one_after_the_other():
+    arena = load_world("arena")
+    turned = Frame.of(1.0, 2.0, 0.3, 0.1, 0.2, 0.3)
+    more = [Body("ball", Sphere(0.2), turned, mass=1.0), Body("tilted", Cylinder(0.15, 0.5), turned)]
+    world = World("more", (*arena.bodies[:3], *more, *arena.bodies[3:]))
+    fixed = [(index, body.triangles()) for index, body in enumerate(world.bodies) if body.mass == 0.0]
+    triangles, owners = world.fixed_triangles()
+    assert (triangles == np.concatenate([surface for _, surface in fixed])).all()
+    assert owners.tolist() == [index for index, surface in fixed for _ in surface]
+    assert [len(part) for part in World("nothing", tuple(more[:1])).fixed_triangles()] == [0, 0]
+    with pytest.raises(ValueError, match="read-only"):
+        triangles[0] = 0.0
 
 
 @pytest.mark.parametrize("text, said", [
