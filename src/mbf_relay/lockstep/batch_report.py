@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Any, Dict, Sequence
+from typing import TYPE_CHECKING, Any, Dict, Sequence
 
-from mbf_relay.lockstep import pictures, tables
+from mbf_relay.lockstep import tables
 from mbf_relay.lockstep.command import Progress, finite
 from mbf_relay.lockstep.episodes import Lost
 from mbf_relay.lockstep.options import TIME_LIMIT
@@ -16,6 +16,9 @@ from mbf_relay.lockstep.summary import MEASURES, summarize
 from mbf_relay.lockstep.tasks import EpisodeTask
 from mbf_relay.lockstep.workers import workers_for
 from mbf_relay.whole_files import write_whole
+
+if TYPE_CHECKING:
+    from mbf_relay.lockstep import pictures
 
 TILES = 40
 """Tiles of the contact sheet that are drawn in one go."""
@@ -54,6 +57,8 @@ def leave(
 
 def draw(folder: Path, shown: Sequence[pictures.Shown], processes: int) -> None:
     """Draw the contact sheet and a picture of each failure."""
+    from mbf_relay.lockstep import pictures  # not before all is driven: OpenCV takes 75 MiB
+
     failures = [[pair] for pair in shown if not pair[1].success and pair[1].outcome != ERROR]
     pieces = [list(shown[first:first + TILES]) for first in range(0, len(shown), TILES)]
     count = len(pieces) + len(failures)
