@@ -179,7 +179,8 @@ class GoalTrials:
         _, name = self.send("relay", pose(**{"x": 1.0, **BROKEN[kind]}))
         self.end_of("relay", name)
         at = time.monotonic()
-        self.faces["relay"].cancels.publish(GoalID())
+        # all until now: it comes by a connection of its own, maybe after the next trial's goal
+        self.faces["relay"].cancels.publish(GoalID(stamp=rospy.get_rostime()))
         return self._trial("relay", name, at)
 
     def orphan(self, how: signal.Signals) -> Trial:
