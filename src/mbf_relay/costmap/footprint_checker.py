@@ -230,5 +230,5 @@ def _outlines(
         part = turned[:, first:first + footprint_checker_kernels.ARC]
         centers = part.mean(axis=1)
         arcs.append(np.column_stack((centers, np.hypot(*(part - centers[:, None]).T).max(axis=0) + hair)))
-    drawn = (np.ascontiguousarray(part, dtype=np.float32) for part in (turned, boxes, np.stack(arcs, axis=1)))
-    return (*drawn, radius)
+    drawn = [np.ascontiguousarray(part, dtype=np.float32) for part in (turned, boxes, np.stack(arcs, axis=1))]
+    return drawn[0], drawn[1], drawn[2], radius
