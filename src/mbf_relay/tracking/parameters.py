@@ -18,4 +18,7 @@ class TrackerParameters(ParameterSet):
     track_memory: float = parameter(
         1.0, "how long ago its place must have been seen empty for it to count as moving", "s", above=0.0)
     track_slowest: float = parameter(0.04, "speed below which it counts as standing", "m/s", minimum=0.0)
+    track_odometry_error: float = parameter(
+        0.3, "share of its motion between two scans by which odometry may be wrong, as scans laid on each other show; "
+        "0 believes it", minimum=0.0, maximum=1.0)
     track_patience: float = parameter(1.0, "how long it is remembered unseen", "s", above=0.0)

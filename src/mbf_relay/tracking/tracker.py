@@ -7,11 +7,25 @@ from typing import Deque, NamedTuple, Optional, Tuple
 
 import numpy as np
 
+from mbf_relay.geometry import Pose2D
 from mbf_relay.tracking import tracker_kernels
 from mbf_relay.tracking.clusters import Clusters, Rays, find_clusters, part_clusters, rays_of
 from mbf_relay.tracking.parameters import TrackerParameters
+from mbf_relay.tracking.registration import Walls, misplaced, walls_of
 from mbf_relay.tracking.track import Track
-from mbf_relay.tracking.tracker_kernels import BELIEF, COLUMNS, NUMBER, POSITION, RADIUS, SEEN, VELOCITY, X, Y
+from mbf_relay.tracking.tracker_kernels import (
+    BELIEF,
+    COLUMNS,
+    NUMBER,
+    POSITION,
+    RADIUS,
+    SEEN,
+    VELOCITY,
+    VX,
+    VY,
+    X,
+    Y,
+)
 
 GATE = 9.0  # squared deviations within which a cluster may be a thing seen before
 FIRST_SPEED = 0.5  # m/s: deviation of the velocity of a thing seen for the first time
@@ -19,6 +33,7 @@ DEPTH = 0.08  # m behind a place that must have been seen for it to have been em
 LONGER = 2.5  # factor on the memory: who is slow has not left his place after the first time, and has after the second
 CONVINCED, MOST_CONVINCED = 2, 5  # scans in favour, less those against: when a thing moves, and the most that counts
 HIDDEN_PATIENCE = 3.0  # factor on how long a thing that moves is remembered while something stands before it
+NOWHERE = Pose2D(0.0, 0.0, 0.0)
 HIDDEN_NOISE = 4.0  # factor on the deviation where only a part is seen
 
 
@@ -61,16 +76,20 @@ class Tracker:
         self._stamp: Optional[float] = None
         self._history: Deque[Tuple[float, _Depths]] = deque()
         self._things = np.zeros((0, COLUMNS))  # a row each; see tracker_kernels
+        self._frame = NOWHERE  # in which all this is: that of scans laid on each other, for odometry's goes astray
+        self._walls: Optional[Walls] = None
         self.moving = np.zeros(0, dtype=bool)
 
     @property
     def tracks(self) -> Tuple[Track, ...]:
         """What moves, as of the last scan."""
-        stamp = float(self._stamp or 0.0)
+        stamp, back = float(self._stamp or 0.0), self._frame.inverse()
+        sure = self._things[self._things[:, BELIEF] >= CONVINCED]
+        sure[:, [X, Y]] = back.transform_points(sure[:, [X, Y]])
+        sure[:, [VX, VY]] = Pose2D(0.0, 0.0, back.theta).transform_points(sure[:, [VX, VY]])
         return tuple(
             Track(int(number), stamp, x, y, vx, vy, radius, *variances)
-            for x, y, vx, vy, *variances, radius, _seen, belief, number in self._things.tolist() if belief >= CONVINCED
-        )
+            for x, y, vx, vy, *variances, radius, _seen, _belief, number in sure.tolist())
 
     def update(self, x: float, y: float, ends: np.ndarray, hits: np.ndarray, stamp: float) -> None:
         """Take a scan.
@@ -90,7 +109,7 @@ class Tracker:
             self.reset()
             elapsed = None
         self._stamp = stamp
-        rays = rays_of(x, y, np.ascontiguousarray(ends[:, :2]), hits)
+        rays = self._laid(rays_of(x, y, np.ascontiguousarray(ends[:, :2]), hits))
         self._predict(elapsed or 0.0)
         clusters = self._clusters(rays)
         self._drop_old_scans(stamp)
@@ -102,6 +121,18 @@ class Tracker:
         self._begin(clusters.discs, noises, taken, stamp)
         self._forget(rays, stamp)
         self._history.append((stamp, _depths_of(rays)))
+        self._walls = walls_of(rays, self.moving)
+
+    def _laid(self, rays: Rays) -> Rays:
+        """Return a scan as it lies on the one before it, in the frame of the first."""
+        if self.parameters.track_odometry_error == 0.0:
+            return rays
+        rays = _moved(rays, self._frame)
+        wrong = misplaced(self._walls, rays, self.parameters.track_odometry_error) if self._walls else None
+        if wrong is None:
+            return rays
+        self._frame = wrong.compose(self._frame)
+        return _moved(rays, wrong)
 
     def _predict(self, elapsed: float) -> None:
         q = self.parameters.track_acceleration ** 2
@@ -186,6 +217,14 @@ class Tracker:
         turns = np.abs(rays.bearings - np.arctan2(up, across))
         ray = int(np.argmin(np.minimum(turns, 2.0 * np.pi - turns)))
         return bool(rays.hits[ray] and rays.ranges[ray] < np.hypot(across, up) - self._things[thing, RADIUS])
+
+
+def _moved(rays: Rays, by: Pose2D) -> Rays:
+    """Return a scan, moved by a transform."""
+    if by == NOWHERE:
+        return rays
+    (x, y), ends = by.transform_points(np.array([[rays.x, rays.y]]))[0].tolist(), by.transform_points(rays.ends)
+    return rays_of(x, y, ends, rays.hits)
 
 
 def _depths_of(rays: Rays) -> _Depths:

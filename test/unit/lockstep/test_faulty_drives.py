@@ -132,7 +132,7 @@ def test_a_robot_before_which_something_is_set_down_does_not_push_it(drive, dist
     drive.simulation.faults = Faults(slip=slip)
     assert drive.step_until(drive.is_driving, 20.0)
     drive.set_down_ahead(distance)
-    drive.step_until(lambda: drive.goal.done, 120.0)  # wheels that slip make what stands seem to come: it gives way
+    drive.step_until(lambda: drive.goal.done, 60.0)
     assert drive.goal.done
 
 

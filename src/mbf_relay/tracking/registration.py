@@ -1,0 +1,77 @@
+"""A scan laid on the one before it: what odometry has wrong between them is no motion of what stands."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Optional
+
+import numpy as np
+
+from mbf_relay.geometry import Pose2D, normalize_angle
+from mbf_relay.tracking import registration_kernels
+from mbf_relay.tracking.clusters import Rays
+
+NOISE = 0.02
+"""Deviation (m) of a reading from the wall it is of."""
+GATES = (0.5, 0.25, 0.12, 0.12)
+"""Metres beyond which a reading is of something else, for one step of Gauss and Newton after the other."""
+TURNED = 0.1
+"""Radians that odometry turns wrongly on a metre, as a multiple of its error's share."""
+LEAST = 1e-4
+"""Deviation (m, rad) of odometry that stands: it does not turn a scan round who walks past a robot that waits."""
+
+
+class Walls(NamedTuple):
+    """A scan as the next one is laid on it.
+
+    Attributes:
+        x, y: Where it was taken (m).
+        first: Bearing (rad) of its first ray.
+        directions, points, solid: See `registration_kernels.pull`.
+    """
+
+    x: float
+    y: float
+    first: float
+    directions: np.ndarray
+    points: np.ndarray
+    solid: np.ndarray
+
+
+def walls_of(rays: Rays, moving: np.ndarray) -> Walls:
+    """Return a scan without what moves in it; `moving` of shape (N,)."""
+    order = np.argsort(rays.bearings, kind="stable")
+    return Walls(
+        rays.x, rays.y, float(rays.bearings[0]) if len(order) else 0.0, rays.bearings[order],
+        np.ascontiguousarray(rays.ends[order]), (rays.hits & ~moving)[order])
+
+
+def misplaced(before: Walls, rays: Rays, share: float) -> Optional[Pose2D]:
+    """Return what takes a scan from where odometry has it to where the one before says it was; None where nothing does.
+
+    By the least squares of its readings' distances to the lines of the other, with what odometry says as a prior that
+    is as wide as it has moved: Gutmann, Weiss, Censi, "An ICP variant using a point-to-line metric" (2008), for the
+    lines.
+
+    Args:
+        before: The scan before.
+        rays: The scan.
+        share: Of its motion between the two by which odometry may be wrong.
+    """
+    if len(before.directions) != len(rays.bearings) or len(rays.bearings) < 3:
+        return None
+    moved = math.hypot(rays.x - before.x, rays.y - before.y)
+    turned = abs(normalize_angle(float(rays.bearings[0]) - before.first))
+    if moved < LEAST and turned < LEAST:
+        return None
+    wrong = share * moved + LEAST, share * moved + LEAST, share * (turned + TURNED * moved) + LEAST
+    prior = np.diag(1.0 / np.square(wrong))
+    motion, system = np.zeros(3), np.empty((3, 4))
+    for gate in GATES:
+        registration_kernels.pull(
+            before.x, before.y, before.directions, before.points, before.solid, rays.x, rays.y, rays.ends, rays.hits,
+            motion, gate, NOISE, system)
+        motion -= np.linalg.solve(system[:, :3] + prior, system[:, 3] + prior @ motion)
+    about = Pose2D(rays.x, rays.y, 0.0)
+    moved_there = Pose2D(rays.x + motion[0], rays.y + motion[1], motion[2])
+    return moved_there.compose(about.inverse())
