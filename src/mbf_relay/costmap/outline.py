@@ -35,6 +35,28 @@ def parse_footprint(value: Any) -> np.ndarray:
     Raises:
         ValueError: It is no such list, has one or two points, a number that is not finite, or no robot can have it.
     """
+    corners = _corners_told(value)
+    if len(corners) == 0:
+        return corners
+    if first_crossing(corners) is not None:
+        corners = convex_hull(corners)
+    trouble = footprint_trouble(corners, radii(corners)[0])
+    if trouble:
+        raise ValueError(f"footprint is {_shown(value)}; it {trouble}")
+    return corners
+
+
+def notes_on(value: Any) -> List[str]:
+    """Return what was made of a footprint parameter that can be read, one line each; none where it is as it stands."""
+    corners = _corners_told(value)
+    if len(corners) == 0 or first_crossing(corners) is None:
+        return []
+    return [f"parameter footprint is {_shown(value)}; it crosses itself: the outline round its corners is used, "
+            f"{convex_hull(corners).tolist()}"]
+
+
+def _corners_told(value: Any) -> np.ndarray:
+    """Return the corners of a footprint parameter in the order they are told; see `parse_footprint`."""
     points = value
     if isinstance(value, str):
         try:
@@ -55,22 +77,7 @@ def parse_footprint(value: Any) -> np.ndarray:
         raise ValueError(f"footprint has {len(corners)} corners; at most {MOST_CORNERS} are taken")
     if not (np.abs(corners) <= LARGEST_ROBOT).all():
         raise ValueError(f"footprint is {_shown(value)}; every number must be finite and within {LARGEST_ROBOT:g} m")
-    if first_crossing(corners) is not None:
-        corners = convex_hull(corners)
-    trouble = footprint_trouble(corners, radii(corners)[0])
-    if trouble:
-        raise ValueError(f"footprint is {_shown(value)}; it {trouble}")
     return corners
-
-
-def notes_on(value: Any) -> List[str]:
-    """Return what was made of a footprint parameter that can be read, one line each; none where it is as it stands."""
-    outline = parse_footprint(value)
-    points = ast.literal_eval(value.strip() or "[]") if isinstance(value, str) else value
-    if len(outline) == 0 or first_crossing(np.array(points, dtype=float)) is None:
-        return []
-    return [f"parameter footprint is {_shown(value)}; it crosses itself: the outline round its corners is used, "
-            f"{outline.tolist()}"]
 
 
 def _shown(value: Any) -> str:

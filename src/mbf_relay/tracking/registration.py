@@ -8,7 +8,7 @@ from typing import NamedTuple, Optional
 import numpy as np
 
 from mbf_relay.geometry import Pose2D, normalize_angle
-from mbf_relay.tracking import registration_kernels
+from mbf_relay.tracking import tracker_kernels
 from mbf_relay.tracking.clusters import Rays
 
 NOISE = 0.02
@@ -27,7 +27,7 @@ class Walls(NamedTuple):
     Attributes:
         x, y: Where it was taken (m).
         first: Bearing (rad) of its first ray.
-        directions, points, solid: See `registration_kernels.pull`.
+        directions, points, solid: See `tracker_kernels.pull`.
     """
 
     x: float
@@ -38,9 +38,8 @@ class Walls(NamedTuple):
     solid: np.ndarray
 
 
-def walls_of(rays: Rays, moving: np.ndarray) -> Walls:
-    """Return a scan without what moves in it; `moving` of shape (N,)."""
-    order = np.argsort(rays.bearings, kind="stable")
+def walls_of(rays: Rays, order: np.ndarray, moving: np.ndarray) -> Walls:
+    """Return a scan without what moves in it; `order`, which sorts its bearings, and `moving` of shape (N,)."""
     return Walls(
         rays.x, rays.y, float(rays.bearings[0]) if len(order) else 0.0, rays.bearings[order],
         np.ascontiguousarray(rays.ends[order]), (rays.hits & ~moving)[order])
@@ -68,7 +67,7 @@ def misplaced(before: Walls, rays: Rays, share: float) -> Optional[Pose2D]:
     prior = np.diag(1.0 / np.square(wrong))
     motion, system = np.zeros(3), np.empty((3, 4))
     for gate in GATES:
-        registration_kernels.pull(
+        tracker_kernels.pull(
             before.x, before.y, before.directions, before.points, before.solid, rays.x, rays.y, rays.ends, rays.hits,
             motion, gate, NOISE, system)
         motion -= np.linalg.solve(system[:, :3] + prior, system[:, 3] + prior @ motion)

@@ -7,7 +7,7 @@ from typing import Deque, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from mbf_relay.geometry import Pose2D
+from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.tracking import tracker_kernels
 from mbf_relay.tracking.clusters import Clusters, Rays, find_clusters, part_clusters, rays_of
 from mbf_relay.tracking.parameters import TrackerParameters
@@ -33,7 +33,6 @@ DEPTH = 0.08  # m behind a place that must have been seen for it to have been em
 LONGER = 2.5  # factor on the memory: who is slow has not left his place after the first time, and has after the second
 CONVINCED, MOST_CONVINCED = 2, 5  # scans in favour, less those against: when a thing moves, and the most that counts
 HIDDEN_PATIENCE = 3.0  # factor on how long a thing that moves is remembered while something stands before it
-NOWHERE = Pose2D(0.0, 0.0, 0.0)
 HIDDEN_NOISE = 4.0  # factor on the deviation where only a part is seen
 
 
@@ -76,7 +75,7 @@ class Tracker:
         self._stamp: Optional[float] = None
         self._history: Deque[Tuple[float, _Depths]] = deque()
         self._things = np.zeros((0, COLUMNS))  # a row each; see tracker_kernels
-        self._frame = NOWHERE  # in which all this is: that of scans laid on each other, for odometry's goes astray
+        self._frame = IDENTITY  # in which all this is: that of scans laid on each other, for odometry's goes astray
         self._walls: Optional[Walls] = None
         self.moving = np.zeros(0, dtype=bool)
 
@@ -109,7 +108,7 @@ class Tracker:
             self.reset()
             elapsed = None
         self._stamp = stamp
-        rays = self._laid(rays_of(x, y, np.ascontiguousarray(ends[:, :2]), hits))
+        rays = self._laid(x, y, np.ascontiguousarray(ends[:, :2]), hits)
         self._predict(elapsed or 0.0)
         clusters = self._clusters(rays)
         self._drop_old_scans(stamp)
@@ -120,19 +119,18 @@ class Tracker:
         self._judge(clusters, taken, rays, stamp)
         self._begin(clusters.discs, noises, taken, stamp)
         self._forget(rays, stamp)
-        self._history.append((stamp, _depths_of(rays)))
-        self._walls = walls_of(rays, self.moving)
+        order = np.argsort(rays.bearings, kind="stable")
+        self._history.append((stamp, _depths_of(rays, order)))
+        self._walls = walls_of(rays, order, self.moving) if self.parameters.track_odometry_error > 0.0 else None
 
-    def _laid(self, rays: Rays) -> Rays:
+    def _laid(self, x: float, y: float, ends: np.ndarray, hits: np.ndarray) -> Rays:
         """Return a scan as it lies on the one before it, in the frame of the first."""
-        if self.parameters.track_odometry_error == 0.0:
-            return rays
-        rays = _moved(rays, self._frame)
+        rays = _rays_in(self._frame, x, y, ends, hits)
         wrong = misplaced(self._walls, rays, self.parameters.track_odometry_error) if self._walls else None
         if wrong is None:
             return rays
         self._frame = wrong.compose(self._frame)
-        return _moved(rays, wrong)
+        return _rays_in(wrong, rays.x, rays.y, rays.ends, hits)
 
     def _predict(self, elapsed: float) -> None:
         q = self.parameters.track_acceleration ** 2
@@ -219,16 +217,14 @@ class Tracker:
         return bool(rays.hits[ray] and rays.ranges[ray] < np.hypot(across, up) - self._things[thing, RADIUS])
 
 
-def _moved(rays: Rays, by: Pose2D) -> Rays:
-    """Return a scan, moved by a transform."""
-    if by == NOWHERE:
-        return rays
-    (x, y), ends = by.transform_points(np.array([[rays.x, rays.y]]))[0].tolist(), by.transform_points(rays.ends)
-    return rays_of(x, y, ends, rays.hits)
+def _rays_in(frame: Pose2D, x: float, y: float, ends: np.ndarray, hits: np.ndarray) -> Rays:
+    """Return the rays of a scan that is taken to another frame; x, y, `ends` and `hits` as for `Tracker.update`."""
+    if frame != IDENTITY:
+        (x, y), ends = frame.transform_points(np.array([[x, y]]))[0].tolist(), frame.transform_points(ends)
+    return rays_of(x, y, ends, hits)
 
 
-def _depths_of(rays: Rays) -> _Depths:
+def _depths_of(rays: Rays, order: np.ndarray) -> _Depths:
     directions, depths = np.empty(len(rays.hits)), np.empty(len(rays.hits))
-    tracker_kernels.arrange(
-        rays.bearings, rays.ranges, np.argsort(rays.bearings, kind="stable"), directions, depths)
+    tracker_kernels.arrange(rays.bearings, rays.ranges, order, directions, depths)
     return _Depths(rays.x, rays.y, directions, depths)

@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loops of the tracker: prediction, association, correction, and what was seen to be empty before.
+"""Compiled loops of the tracker: prediction, association, correction, what was seen to be empty, scan laid on scan.
 
 Things lie in one table, a row each; its columns are the module's names. Each loop does in the tracker's order what its
 plain reference in the tests does with whole arrays, to the last bit.
@@ -22,6 +22,9 @@ _SEEN_EMPTY = 0.25  # share of its readings where there was nothing before, from
 _SURE = 1.0  # deviations of the velocity by which it must differ from zero: its place is the test that standing fails
 _HALF_HIDDEN = 0.2  # of a scan: what standing still counts there; who passes behind something is soon out again
 _IN_VIEW = 0.1  # rad between a direction and the beam that looked there
+_BASE = 0.08  # m between two readings of a wall from which on noise does not hide which way it runs
+_WIDEST = 0.3  # m between them beyond which they are of two things
+_ASIDE = 4  # readings to either side among which they are looked for
 
 
 @kernel("void(float64[:,::1], float64, float64, float64, float64, float64)")
@@ -126,20 +129,25 @@ def arrange(bearings, ranges, order, directions, depths):
         depths[index] = depth
 
 
-@kernel("boolean(float64, float64, float64, float64, float64[::1], float64[::1], float64)")
-def _sees_past(x, y, sensor_x, sensor_y, directions, depths, margin):
-    """Return whether a scan, see `arrange`, saw beyond a point, `margin` (m) at least."""
-    count = directions.shape[0]
-    across, up = x - sensor_x, y - sensor_y
-    bearing = math.atan2(up, across)
-    low, high = 0, count
+@kernel("int64(float64[::1], float64)")
+def _first_not_below(directions, bearing):
+    """Return the index of the first of rising directions (rad) that is not below a bearing; their number for none."""
+    low, high = 0, directions.shape[0]
     while low < high:
         middle = (low + high) // 2
         if directions[middle] < bearing:
             low = middle + 1
         else:
             high = middle
-    index = low % count
+    return low
+
+
+@kernel("boolean(float64, float64, float64, float64, float64[::1], float64[::1], float64)")
+def _sees_past(x, y, sensor_x, sensor_y, directions, depths, margin):
+    """Return whether a scan, see `arrange`, saw beyond a point, `margin` (m) at least."""
+    across, up = x - sensor_x, y - sensor_y
+    bearing = math.atan2(up, across)
+    index = _first_not_below(directions, bearing) % directions.shape[0]
     turn = abs(directions[index] - bearing)
     return min(turn, 2.0 * math.pi - turn) < _IN_VIEW and depths[index] > math.hypot(across, up) + margin
 
@@ -191,3 +199,54 @@ def judge(
         if things[n, BELIEF] >= convinced:
             for place in range(first, last):
                 moving[order[place]] = True
+
+
+@kernel(
+    "void(float64, float64, float64[::1], float64[:,::1], boolean[::1], float64, float64, float64[:,::1], boolean[::1],"
+    " float64[::1], float64, float64, float64[:,::1])")
+def pull(x, y, directions, points, solid, at_x, at_y, ends, hits, motion, gate, noise, system):
+    """Sum up what pulls a scan on to the walls of the one before: by how far its readings lie off them.
+
+    Args:
+        x, y: Where the scan before was taken (m).
+        directions, points, solid: Its directions (M,) in rising order (rad), where they end, (M, 2) in metres, and
+            whether on something that stands.
+        at_x, at_y: Where the scan was taken (m).
+        ends, hits: Where its rays end, (N, 2) in metres, and whether anything was there.
+        motion: Shape (3,): by how much it is moved (m) and turned (rad) about where it was taken.
+        gate: Metres beyond which a reading is of something else.
+        noise: Deviation (m) of a reading; those farther off count less (Cauchy).
+        system: Shape (3, 4), written: the normal equations of the motion, and their right side.
+    """
+    count = directions.shape[0]
+    system[:] = 0.0
+    cos, sin = math.cos(motion[2]), math.sin(motion[2])
+    row = np.empty(3)
+    for n in range(ends.shape[0]):
+        if not hits[n]:
+            continue
+        across, up = ends[n, 0] - at_x, ends[n, 1] - at_y
+        turned_x, turned_y = cos * across - sin * up, sin * across + cos * up
+        place_x, place_y = at_x + motion[0] + turned_x, at_y + motion[1] + turned_y
+        bearing = math.atan2(place_y - y, place_x - x)
+        last = _first_not_below(directions, bearing)
+        first = last - 1
+        for _ in range(_ASIDE):
+            dx = points[last % count, 0] - points[first % count, 0]
+            dy = points[last % count, 1] - points[first % count, 1]
+            if dx * dx + dy * dy >= _BASE * _BASE:
+                break
+            first, last = first - 1, last + 1
+        length = math.hypot(dx, dy)
+        if not (solid[first % count] and solid[last % count] and _BASE <= length <= _WIDEST):
+            continue
+        normal_x, normal_y = -dy / length, dx / length
+        off = normal_x * (place_x - points[first % count, 0]) + normal_y * (place_y - points[first % count, 1])
+        if abs(off) > gate:
+            continue
+        weight = 1.0 / (noise * noise + off * off)
+        row[0], row[1], row[2] = normal_x, normal_y, normal_y * turned_x - normal_x * turned_y
+        for i in range(3):
+            for j in range(3):
+                system[i, j] += weight * row[i] * row[j]
+            system[i, 3] += weight * row[i] * off
