@@ -99,14 +99,16 @@ class IncrementalField(abc.ABC):
         Raises:
             PlanningError: CANCELED, or MAP_ERROR where the map is too large.
         """
-        before = 0
-        if self._may_keep(costs, weights, goal) and self._update(costs, revision):
+        may_keep, before = self._may_keep(costs, weights, goal), 0
+        # what the start's value was, a change seldom leaves far behind: to grow up to there at once saves many steps
+        expected = self._field[start[1], start[0]] if may_keep else np.float32(0.0)
+        if may_keep and self._update(costs, revision):
             before = int(self._state[queue_kernels.EXPANDED])
         else:
             self._begin(costs, weights, goal)
         if before == 0 or revision == 0 or revision != self._revision:
             self._slope = self._lowest_weight(costs) * _HEURISTIC_SHARE
-        verdict = self._grow(costs, start, cancelled, np.float32(0.0) if all_around else self._slope)
+        verdict = self._grow(costs, start, cancelled, np.float32(0.0) if all_around else self._slope, expected)
         self.expanded = int(self._state[queue_kernels.EXPANDED]) - before
         if self.expanded or self._revision != revision or revision == 0:
             self._remember(costs)
@@ -220,7 +222,9 @@ class IncrementalField(abc.ABC):
             self._apart_cells = np.resize(self._apart_cells, 2 * entries)
             self._apart_keys = np.resize(self._apart_keys, 2 * entries)
 
-    def _grow(self, costs: np.ndarray, start: Cell, cancelled: Cancellation, slope: np.float32) -> int:
+    def _grow(
+        self, costs: np.ndarray, start: Cell, cancelled: Cancellation, slope: np.float32, expected: np.float32
+    ) -> int:
         # one expansion raises the key by no more than the ring is long
         widest = np.float32(1.5) * (self._weights.max() + slope) / np.float32(queue_kernels.BUCKETS - 3)
         inverse_width = np.float32(1.0) / max(slope * self.bucket, widest)
@@ -307,7 +311,9 @@ class FastMarchingPotential(IncrementalField):
         """Return the weights, inf where the cell may not be entered."""
         return np.where(weights > 0.0, weights, np.float32(np.inf)).astype(np.float32)
 
-    def _grow(self, costs: np.ndarray, start: Cell, cancelled: Cancellation, slope: np.float32) -> int:
+    def _grow(
+        self, costs: np.ndarray, start: Cell, cancelled: Cancellation, slope: np.float32, expected: np.float32
+    ) -> int:
         """Raise the limit on value plus heuristic step by step, until it lies above the start's value."""
         widest = np.float32(1.5) * self._weights.max() / np.float32(queue_kernels.BUCKETS - 3)
         inverse_width = np.float32(1.0) / max(self._slope * self.bucket, widest)
@@ -317,6 +323,7 @@ class FastMarchingPotential(IncrementalField):
         goal_x, goal_y = self._goal
         straight = slope * np.float32(np.hypot(start[0] - goal_x, start[1] - goal_y))
         limit = np.float32(FIRST_LIMIT * straight + 10.0 * slope) if slope > 0.0 else np.float32(np.inf)
+        limit = max(limit, expected + slack)
         rise = 1.0
         while True:
             reached = self._field[start[1], start[0]]
