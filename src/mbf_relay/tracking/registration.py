@@ -13,7 +13,7 @@ from mbf_relay.tracking.clusters import Rays
 
 NOISE = 0.02
 """Deviation (m) of a reading from the wall it is of."""
-GATES = (0.5, 0.25, 0.12, 0.12)
+GATES = np.array((0.5, 0.25, 0.12, 0.12))
 """Metres beyond which a reading is of something else, for one step of Gauss and Newton after the other."""
 TURNED = 0.1
 """Radians that odometry turns wrongly on a metre, as a multiple of its error's share."""
@@ -64,13 +64,11 @@ def misplaced(before: Walls, rays: Rays, share: float) -> Optional[Pose2D]:
     if moved < LEAST and turned < LEAST:
         return None
     wrong = share * moved + LEAST, share * moved + LEAST, share * (turned + TURNED * moved) + LEAST
-    prior = np.diag(1.0 / np.square(wrong))
-    motion, system = np.zeros(3), np.empty((3, 4))
-    for gate in GATES:
-        tracker_kernels.pull(
-            before.x, before.y, before.directions, before.points, before.solid, rays.x, rays.y, rays.ends, rays.hits,
-            motion, gate, NOISE, system)
-        motion -= np.linalg.solve(system[:, :3] + prior, system[:, 3] + prior @ motion)
+    motion = np.empty(3)
+    tracker_kernels.lay(
+        before.x, before.y, before.directions, before.points, before.solid, rays.x, rays.y, rays.ends, rays.hits,
+        1.0 / np.square(wrong), GATES, NOISE, motion)
     about = Pose2D(rays.x, rays.y, 0.0)
-    moved_there = Pose2D(rays.x + motion[0], rays.y + motion[1], motion[2])
+    x, y, theta = motion.tolist()
+    moved_there = Pose2D(rays.x + x, rays.y + y, theta)
     return moved_there.compose(about.inverse())

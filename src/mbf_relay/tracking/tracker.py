@@ -77,13 +77,21 @@ class Tracker:
         self._things = np.zeros((0, COLUMNS))  # a row each; see tracker_kernels
         self._frame = IDENTITY  # in which all this is: that of scans laid on each other, for odometry's goes astray
         self._walls: Optional[Walls] = None
+        self._tracks: Optional[Tuple[Track, ...]] = None  # once asked for
         self.moving = np.zeros(0, dtype=bool)
 
     @property
     def tracks(self) -> Tuple[Track, ...]:
         """What moves, as of the last scan."""
-        stamp, back = float(self._stamp or 0.0), self._frame.inverse()
+        if self._tracks is None:  # asked for several times a scan
+            self._tracks = self._find_tracks()
+        return self._tracks
+
+    def _find_tracks(self) -> Tuple[Track, ...]:
         sure = self._things[self._things[:, BELIEF] >= CONVINCED]
+        if not len(sure):
+            return ()
+        stamp, back = float(self._stamp or 0.0), self._frame.inverse()
         sure[:, [X, Y]] = back.transform_points(sure[:, [X, Y]])
         sure[:, [VX, VY]] = Pose2D(0.0, 0.0, back.theta).transform_points(sure[:, [VX, VY]])
         return tuple(
@@ -107,7 +115,7 @@ class Tracker:
         if elapsed is not None and not 0.0 < elapsed <= self.parameters.track_patience:
             self.reset()
             elapsed = None
-        self._stamp = stamp
+        self._stamp, self._tracks = stamp, None
         rays = self._laid(x, y, np.ascontiguousarray(ends[:, :2]), hits)
         self._predict(elapsed or 0.0)
         clusters = self._clusters(rays)

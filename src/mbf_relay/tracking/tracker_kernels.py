@@ -250,3 +250,35 @@ def pull(x, y, directions, points, solid, at_x, at_y, ends, hits, motion, gate, 
             for j in range(3):
                 system[i, j] += weight * row[i] * row[j]
             system[i, 3] += weight * row[i] * off
+
+
+@kernel(
+    "void(float64, float64, float64[::1], float64[:,::1], boolean[::1], float64, float64, float64[:,::1], boolean[::1],"
+    " float64[::1], float64[::1], float64, float64[::1])")
+def lay(x, y, directions, points, solid, at_x, at_y, ends, hits, prior, gates, noise, motion):
+    """Find the motion that lays a scan on the one before, a step of Gauss and Newton for each gate.
+
+    Args:
+        x, y, directions, points, solid, at_x, at_y, ends, hits, noise: See `pull`.
+        prior: Shape (3,): by how much that it did not move is believed, the inverse of its variances (1/m^2, 1/rad^2).
+        gates: Shape (K,): metres beyond which a reading is of something else, of one step after the other.
+        motion: Shape (3,), written: by how much it is moved (m) and turned (rad) about where it was taken.
+    """
+    system = np.empty((3, 4))
+    motion[:] = 0.0
+    for gate in gates:
+        pull(x, y, directions, points, solid, at_x, at_y, ends, hits, motion, gate, noise, system)
+        for i in range(3):
+            system[i, i] += prior[i]
+            system[i, 3] += prior[i] * motion[i]
+        for i in range(3):  # by elimination; with the prior no diagonal is 0
+            for j in range(i + 1, 3):
+                share = system[j, i] / system[i, i]
+                for k in range(i, 4):
+                    system[j, k] -= share * system[i, k]
+        for i in range(2, -1, -1):
+            for j in range(i + 1, 3):
+                system[i, 3] -= system[i, j] * system[j, 3]
+            system[i, 3] /= system[i, i]
+        for i in range(3):
+            motion[i] -= system[i, 3]

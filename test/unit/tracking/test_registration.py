@@ -11,7 +11,7 @@ from mbf_relay.tracking import registration
 from mbf_relay.tracking.clusters import rays_of
 from mbf_relay.tracking.parameters import TrackerParameters
 from mbf_relay.tracking.tracker import Tracker
-from mbf_relay.tracking.tracker_kernels import pull
+from mbf_relay.tracking.tracker_kernels import lay, pull
 
 POSTS = [(0.8, 0.4, 0.05), (1.1, -0.5, 0.1), (-0.9, -0.5, 0.1), (-0.7, 1.2, 0.15), (0.2, 1.6, 0.2), (1.8, 1.5, 0.05)]
 PERIOD = 0.2
@@ -112,3 +112,20 @@ def test_what_pulls_is_each_reading_s_distance_to_the_line_it_meets(seed):
                 row = np.array([*normal, normal[1] * arm[0] - normal[0] * arm[1]])
                 expected += np.column_stack((np.outer(row, row), row * off)) / (0.02 ** 2 + off ** 2)
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_scan_is_laid_where_each_step_s_normal_equations_with_the_prior_say(seed):
+    rng = np.random.default_rng(seed)
+    before = rays_of(0.0, 0.0, *scan(0.0, 0.0, POSTS, rng))
+    walls = walls_of(before, rng.random(len(before.hits)) < 0.2)
+    x, y, prior, gates = 0.05, -0.1, rng.uniform(1.0, 1e4, 3), np.array((0.5, 0.12))
+    ends, hits = scan(x, y, POSTS, rng, 0.1)
+    taken = (0.0, 0.0, walls.directions, walls.points, walls.solid, x, y, ends, hits)
+    expected, system = np.zeros(3), np.empty((3, 4))
+    for gate in gates:
+        pull(*taken, expected, gate, 0.02, system)
+        expected -= np.linalg.solve(system[:, :3] + np.diag(prior), system[:, 3] + prior * expected)
+    found = np.full(3, np.nan)
+    lay(*taken, prior, gates, 0.02, found)
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-12)
