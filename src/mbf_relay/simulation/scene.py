@@ -20,8 +20,8 @@ MOST_TRIANGLES = 2000000
 """In the fixed surface; what is beyond would fill the memory."""
 LONGEST_EDGE = 0.8
 """Of a triangle (m) in the surface that bodies bump into."""
-REACHED = 1.0
-"""Height (m) above which nothing bumps into anything."""
+REACHED, SWAY = 1.0, 0.1
+"""Height (m) up to which loose bodies bump into what is fixed, and how far above its top a robot does."""
 LEVEL = 0.999999
 """Upward part of a normal beyond which a surface lies flat."""
 SEEN_BAND = 0.5
@@ -48,7 +48,8 @@ class Scene:
             raise ValueError(
                 f"world '{world.name}' has {len(triangles)} triangles; at most {MOST_TRIANGLES} are possible"
             )
-        fixed = physics.add_fixed(subdivided(low_enough(triangles), LONGEST_EDGE), FIXED, ROBOT | LOOSE)
+        reached = max(robot.height + SWAY, REACHED if any(body.mass > 0.0 for body in world.bodies) else 0.0)
+        fixed = physics.add_fixed(subdivided(low_enough(triangles, reached), LONGEST_EDGE), FIXED, ROBOT | LOOSE)
         self._seen = Surface(seen_by_level_rays(triangles, robot.scan_height))
         self._triangles, self._owners = triangles, owners
         self._contacts = Contacts(fixed, triangles, owners, [body.name for body in world.bodies])
@@ -139,10 +140,10 @@ class Scene:
             yield replace(body, frame=self._physics.frame_of(number))
 
 
-def low_enough(triangles: np.ndarray) -> np.ndarray:
-    """Return the triangles, shape (N, 3, 3), that a body on the ground can bump into."""
+def low_enough(triangles: np.ndarray, reached: float) -> np.ndarray:
+    """Return the triangles, shape (N, 3, 3), that a body on the ground can bump into up to a height (m)."""
     lowest, highest = bounds(triangles[:, :, 2])
-    low: np.ndarray = triangles[(lowest < REACHED) & (highest > 0.0)]
+    low: np.ndarray = triangles[(lowest < reached) & (highest > 0.0)]
     return low
 
 

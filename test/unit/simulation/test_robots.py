@@ -15,8 +15,10 @@ from mbf_relay.geometry import Pose2D, Twist2D, angle_between  # noqa: E402
 from mbf_relay.simulation import Simulation  # noqa: E402
 from mbf_relay.simulation.description import urdf_of  # noqa: E402
 from mbf_relay.simulation.four_wheels import MecanumOdometer, mecanum_matrix  # noqa: E402
+from mbf_relay.simulation.frames import Frame  # noqa: E402
 from mbf_relay.simulation.parameters import SimulationParameters  # noqa: E402
 from mbf_relay.simulation.robot_file import load_robot, robot_of  # noqa: E402
+from mbf_relay.simulation.shapes import Body, Box  # noqa: E402
 from mbf_relay.simulation.world import World  # noqa: E402
 
 NAMES = sorted(path.stem for path in (config_folder() / "robot").glob("*.yaml"))
@@ -102,6 +104,15 @@ def test_it_is_stopped_by_a_wall_and_says_what_it_touches(name):
         seen = trial.run(simulation, 2.0 + 1.0 / speed, Twist2D(speed, 0.0, 0.0))
         assert {contact.name for step in seen for contact in step.contacts} == {"wall"}
         assert simulation.true_pose.x == pytest.approx(0.5, abs=0.03)
+
+
+def test_a_tall_robot_does_not_drive_through_a_shelf_over_its_base():
+    tall = robot_of("tall", {**BOX, "body": [
+        *BOX["body"], {"box": [0.1, 0.1, 1.1], "at": [0.0, 0.0, 0.75], "mass": 0.1}]})
+    shelf = Body("shelf", Box((0.4, 1.0, 0.05)), Frame.of(0.8, 0.0, 1.2))
+    with Simulation(World("test", (shelf,)), SimulationParameters(), 1, robot=tall) as simulation:
+        seen = trial.run(simulation, 8.0, Twist2D(0.2, 0.0, 0.0))
+    assert {contact.name for step in seen for contact in step.contacts} == {"shelf"}
 
 
 def test_a_wheel_that_slips_tells_of_more_way_than_there_was():
