@@ -382,12 +382,13 @@ class Costmap:
         """Return why the snapshot must not be planned on, or None: sensors may be silent, but there must be a snapshot.
         """
         with self._lock:
-            for layer in self.layers:
-                reason = layer.missing_input() if layer.enabled else None
-                if reason is not None:
-                    return PlanningError(PlanOutcome.MAP_ERROR, f"{self.name}: {reason}")
+            missing = [layer.missing_input() for layer in self.layers if layer.enabled]
+            told = "; ".join(reason for reason in missing if reason is not None)
             if self._last_update is None:
-                return PlanningError(PlanOutcome.NOT_INITIALIZED, f"{self.name} was not updated yet")
+                why = f": {told}" if told else ""
+                return PlanningError(PlanOutcome.NOT_INITIALIZED, f"{self.name} was not updated yet{why}")
+            if told:
+                return PlanningError(PlanOutcome.MAP_ERROR, f"{self.name}: {told}")
             reason = self._age_reason(now, math.inf)
             return PlanningError(PlanOutcome.MAP_ERROR, reason) if reason is not None else None
 
