@@ -382,13 +382,12 @@ class Costmap:
         """Return why the snapshot must not be planned on, or None: sensors may be silent, but there must be a snapshot.
         """
         with self._lock:
-            missing = [layer.missing_input() for layer in self.layers if layer.enabled]
-            told = "; ".join(reason for reason in missing if reason is not None)
+            missing = [reason for layer in self.layers if layer.enabled for reason in [layer.missing_input()] if reason]
             if self._last_update is None:
-                why = f": {told}" if told else ""
-                return PlanningError(PlanOutcome.NOT_INITIALIZED, f"{self.name} was not updated yet{why}")
-            if told:
-                return PlanningError(PlanOutcome.MAP_ERROR, f"{self.name}: {told}")
+                why = ": ".join((f"{self.name} was not updated yet", *missing))
+                return PlanningError(PlanOutcome.NOT_INITIALIZED, why)
+            if missing:
+                return PlanningError(PlanOutcome.MAP_ERROR, f"{self.name}: {'; '.join(missing)}")
             reason = self._age_reason(now, math.inf)
             return PlanningError(PlanOutcome.MAP_ERROR, reason) if reason is not None else None
 

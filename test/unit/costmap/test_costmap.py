@@ -182,7 +182,8 @@ def test_stale_sources_are_named_with_their_age():
 
 
 def test_a_costmap_without_a_first_picture_says_what_it_waits_for():
-    costmap = factory.build_costmap("global_costmap", {"plugins": [{"name": "static", "type": "costmap_2d::StaticLayer"}]})
+    layers = [{"name": "static", "type": "costmap_2d::StaticLayer"}]
+    costmap = factory.build_costmap("global_costmap", {"plugins": layers})
     trouble = costmap.planning_trouble(0.0)
     assert trouble.outcome is PlanOutcome.NOT_INITIALIZED
     assert trouble.message == "global_costmap was not updated yet: no map has come on topic 'map'"
