@@ -31,6 +31,9 @@ LONGEST = 1 << 20
 MOST_AT_A_TIME = 200
 """Connections that are heard out, and as many that are answered in XML-RPC; whoever else comes meanwhile is let go. Of
 as many to services the oldest is let go: some clients keep theirs for good."""
+WAITING_AT_MOST = 128
+"""Connections that the system holds until the node takes them. It held rospy's five: whoever else came at that moment
+tried again a second later, as where many nodes come at once, or a stranger knocks without end."""
 LONGEST_SILENCE = 60.0
 """Wall seconds after which an XML-RPC connection is closed; who needs it connects anew."""
 OUT_OF_FILES, PAUSE = (errno.EMFILE, errno.ENFILE), 0.1
@@ -48,6 +51,7 @@ def hear_out_each_by_itself() -> None:
     TCPServer.run = take_all
     TCPROSServer._tcp_server_callback = take_up
     SilenceableXMLRPCRequestHandler.timeout = LONGEST_SILENCE
+    ThreadingXMLRPCServer.request_queue_size = WAITING_AT_MOST
     ThreadingXMLRPCServer.process_request = answer
     ThreadingXMLRPCServer.process_request_thread = _answer
     ServiceImpl.handle = serve
@@ -55,6 +59,7 @@ def hear_out_each_by_itself() -> None:
 
 def take_all(server: Any) -> None:
     """Take connections as TCPServer.run does, which ends for good where there is no file for one."""
+    server.server_sock.listen(WAITING_AT_MOST)
     while not server.is_shutdown:
         try:
             _take_as_rospy(server)

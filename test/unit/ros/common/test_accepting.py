@@ -156,6 +156,25 @@ def test_a_node_that_could_start_no_thread_for_a_while_hears_others_afterwards(n
     node.hears_of("/velocity_guard")
 
 
+def test_many_who_come_at_once_are_not_sent_away_for_a_second(monkeypatch):
+    """A guard that came back while a stranger knocked without end was heard a second later each time it tried."""
+    come = threading.Event()
+    monkeypatch.setattr(accepting, "_take_as_rospy", lambda _server: come.wait(60.0))
+    monkeypatch.setattr(TCPServer, "run", accepting.take_all)
+    monkeypatch.setenv("ROS_IP", "127.0.0.1")
+    server, connections = TCPROSServer(), []
+    server.start_server()
+    try:
+        for _ in range(60):
+            connections.append(socket.create_connection(server.get_address(), 10.0))
+    finally:
+        server.tcp_ros_server.is_shutdown = True
+        come.set()
+        for connection in connections:
+            connection.close()
+        server.shutdown()
+
+
 def test_a_node_that_had_no_file_left_for_a_while_takes_connections_afterwards(monkeypatch):
     monkeypatch.setattr(accepting, "PAUSE", 0.0)
     comings = [OSError(errno.EMFILE, "too many open files"), ("connection", "address"), OSError(errno.EBADF, "closed")]
@@ -169,7 +188,7 @@ def test_a_node_that_had_no_file_left_for_a_while_takes_connections_afterwards(m
         return come
 
     server = SimpleNamespace(
-        is_shutdown=False, port=0, server_sock=SimpleNamespace(accept=accept),
+        is_shutdown=False, port=0, server_sock=SimpleNamespace(accept=accept, listen=lambda _most: None),
         inbound_handler=lambda *come: taken.append(come))
     accepting.take_all(server)
     assert taken == [("connection", "address")]
@@ -200,6 +219,8 @@ def test_threads_do_not_pile_up_where_cables_are_cut_in_xml_rpc(monkeypatch):
     monkeypatch.setattr(TCPServer, "run", TCPServer.run)
     monkeypatch.setattr(TCPROSServer, "_tcp_server_callback", TCPROSServer._tcp_server_callback)
     monkeypatch.setattr(SilenceableXMLRPCRequestHandler, "timeout", None)
+    monkeypatch.setattr(ServiceImpl, "handle", ServiceImpl.handle)
+    monkeypatch.setattr(ThreadingXMLRPCServer, "request_queue_size", ThreadingXMLRPCServer.request_queue_size)
     monkeypatch.setattr(accepting, "LONGEST_SILENCE", 0.01)
     monkeypatch.setattr(accepting, "_calling", threading.Semaphore(3))
     for name in ("process_request", "process_request_thread"):
