@@ -382,12 +382,12 @@ class Costmap:
         """Return why the snapshot must not be planned on, or None: sensors may be silent, but there must be a snapshot.
         """
         with self._lock:
-            for layer in self.layers:
-                reason = layer.missing_input() if layer.enabled else None
-                if reason is not None:
-                    return PlanningError(PlanOutcome.MAP_ERROR, f"{self.name}: {reason}")
+            missing = [reason for layer in self.layers if layer.enabled for reason in [layer.missing_input()] if reason]
             if self._last_update is None:
-                return PlanningError(PlanOutcome.NOT_INITIALIZED, f"{self.name} was not updated yet")
+                why = ": ".join((f"{self.name} was not updated yet", *missing))
+                return PlanningError(PlanOutcome.NOT_INITIALIZED, why)
+            if missing:
+                return PlanningError(PlanOutcome.MAP_ERROR, f"{self.name}: {'; '.join(missing)}")
             reason = self._age_reason(now, math.inf)
             return PlanningError(PlanOutcome.MAP_ERROR, reason) if reason is not None else None
 

@@ -23,6 +23,8 @@ from mbf_relay.timing import Pacer, Stopwatch
 
 RETRY_DELAY = 0.2
 """Seconds between two tries: what a plan depends on changes no faster, and a plan that fails at once must not spin."""
+STARTING_PATIENCE = 20.0
+"""Seconds that a goal waits for a costmap's first picture: as long as a goal of the relay's waits for the server."""
 RETURNS_WITHIN = 0.1
 """Seconds within which a planner whose call was given up leaves it."""
 
@@ -165,7 +167,10 @@ class PlannerExecution:
 
     def _wait_for(self, now: float, outcome: PlanOutcome, message: str) -> None:
         self.tried_in_vain = True
-        if not self._retry or self._since_goal.elapsed(now) >= self._parameters().planning_tf_timeout:
+        patience = self._parameters().planning_tf_timeout
+        if outcome is PlanOutcome.NOT_INITIALIZED:  # the server has only just come; move_base takes no goal until then
+            patience = max(patience, STARTING_PATIENCE)
+        if not self._retry or self._since_goal.elapsed(now) >= patience:
             self.give_up(Ending.ABORTED, outcome, message)
         else:
             self._pacer.postpone(now, 0.05)

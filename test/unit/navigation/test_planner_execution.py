@@ -169,6 +169,17 @@ def test_without_a_map_the_goal_says_so(bench):
     assert result.outcome is PlanOutcome.MAP_ERROR and "no map" in result.message
 
 
+def test_a_goal_that_comes_before_the_costmaps_first_picture_is_carried_out_with_it(bench):
+    """A goal sent as soon as the relay said that it was there ended three seconds later where the machine was slow."""
+    costmap = bench.costmaps["global"]
+    costmap.trouble = PlanningError(PlanOutcome.NOT_INITIALIZED, "global_costmap was not updated yet")
+    task = bench.navigator.get_path(PlanGoal(TARGET))
+    bench.step(15.0)
+    assert not task.done
+    costmap.trouble = None
+    assert bench.finish(task).outcome is PlanOutcome.SUCCESS
+
+
 def test_an_unknown_planner_is_rejected_and_the_known_ones_named(bench):
     task = bench.navigator.get_path(PlanGoal(TARGET, planner="navfn/NavfnROS"))
     assert task.ending is Ending.REJECTED and task.result.outcome is PlanOutcome.INVALID_PLUGIN

@@ -9,32 +9,40 @@ process may usually open: then a node looks again and again who waits, without a
 
 from __future__ import annotations
 
+import collections
 import errno
 import socket
 import struct
 import threading
 import time
 from socketserver import ThreadingMixIn
-from typing import Any, Dict, Optional, Tuple
+from typing import Any, Deque, Dict, Mapping, Optional, Tuple
 
 import rospy
 from rosgraph.network import ROSHandshakeException, decode_ros_handshake_header, write_ros_handshake_header
 from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
 from rospy.impl.tcpros_base import TCPROSServer, TCPServer
+from rospy.impl.tcpros_service import ServiceImpl
 
 PATIENCE = 5.0
 """Wall seconds for the first words, which nodes send as soon as they are connected."""
 LONGEST = 1 << 20
 """Bytes of the first words; a definition of the longest message has some ten thousand."""
 MOST_AT_A_TIME = 200
-"""Connections that are heard out, and as many that are answered in XML-RPC; whoever else comes meanwhile is let go."""
+"""Connections that are heard out, and as many that are answered in XML-RPC; whoever else comes meanwhile is let go. Of
+as many to services the oldest is let go: some clients keep theirs for good."""
+WAITING_AT_MOST = 128
+"""Connections that the system holds until the node takes them. It held rospy's five: whoever else came at that moment
+tried again a second later, as where many nodes come at once, or a stranger knocks without end."""
 LONGEST_SILENCE = 60.0
 """Wall seconds after which an XML-RPC connection is closed; who needs it connects anew."""
 OUT_OF_FILES, PAUSE = (errno.EMFILE, errno.ENFILE), 0.1
 """What the system says where no file is left for a connection, and wall seconds until the next look whether one is."""
 _LENGTH = struct.Struct("<I")
-_take_as_rospy = TCPServer.run
+_take_as_rospy, _serve_as_rospy = TCPServer.run, ServiceImpl.handle
 _unheard, _calling = threading.Semaphore(MOST_AT_A_TIME), threading.Semaphore(MOST_AT_A_TIME)
+_served: Deque[Any] = collections.deque()  # connections to services, oldest first
+_serving = threading.Lock()  # guards it
 _handling = threading.Lock()  # rospy's handlers are made for one connection at a time; before any lock of theirs
 
 
@@ -43,12 +51,15 @@ def hear_out_each_by_itself() -> None:
     TCPServer.run = take_all
     TCPROSServer._tcp_server_callback = take_up
     SilenceableXMLRPCRequestHandler.timeout = LONGEST_SILENCE
+    ThreadingXMLRPCServer.request_queue_size = WAITING_AT_MOST
     ThreadingXMLRPCServer.process_request = answer
     ThreadingXMLRPCServer.process_request_thread = _answer
+    ServiceImpl.handle = serve
 
 
 def take_all(server: Any) -> None:
     """Take connections as TCPServer.run does, which ends for good where there is no file for one."""
+    server.server_sock.listen(WAITING_AT_MOST)
     while not server.is_shutdown:
         try:
             _take_as_rospy(server)
@@ -88,6 +99,41 @@ def _answer(server: Any, connection: socket.socket, address: Tuple[str, int]) ->
         ThreadingMixIn.process_request_thread(server, connection, address)
     finally:
         _calling.release()
+
+
+def serve(service: Any, connection: Any, header: Mapping[str, str]) -> None:
+    """Serve a connection to a service as ServiceImpl.handle does; for too many, the oldest of them ends."""
+    with _serving:
+        _served.append(connection)
+        oldest = _served.popleft() if len(_served) > MOST_AT_A_TIME else None
+    if oldest is not None:
+        _hang_up(oldest.socket)
+    try:
+        if _asks(connection.socket):
+            _serve_as_rospy(service, connection, header)
+        else:
+            connection.close()
+    finally:
+        with _serving:
+            if connection in _served:
+                _served.remove(connection)
+
+
+def _asks(connection: socket.socket) -> bool:
+    """Wait for what a connection asks; return whether it does: who leaves before is no error, as it is to rospy."""
+    try:
+        return bool(connection.recv(1, socket.MSG_PEEK))
+    except OSError:
+        return False
+
+
+def _hang_up(connection: Optional[socket.socket]) -> None:
+    """End a connection for the thread that reads from it."""
+    try:
+        if connection is not None:
+            connection.shutdown(socket.SHUT_RDWR)
+    except OSError:
+        pass  # it has ended by itself
 
 
 def _hear_out(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:

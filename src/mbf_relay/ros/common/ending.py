@@ -17,7 +17,7 @@ import threading
 import time
 from typing import Callable, Optional
 
-from mbf_relay.memory import share_arenas
+from mbf_relay.memory import hold_little
 
 PATIENCE = 2.5
 """Wall seconds a node gets for its last words and its goodbye to the master."""
@@ -44,7 +44,7 @@ class NodeEnding:
         self._done = threading.Event()
         self.begun = False
         signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
-        share_arenas()  # before the first thread, whose arena would stay; what this imports no signal can interrupt
+        hold_little()  # before the first thread, whose arena would stay; what this imports no signal can interrupt
         waiting = threading.Thread(target=self._wait, name="ending", daemon=True)
         waiting.start()
         for number in numbers:  # may reach a thread that a library started before: it passes them on

@@ -19,7 +19,10 @@ from rosgraph.xmlrpc import (  # noqa: E402
     ThreadingXMLRPCServer,
     XmlRpcNode,
 )
-from rospy.impl.tcpros_base import TCPROSServer, TCPServer  # noqa: E402
+from rospy.impl import tcpros_service  # noqa: E402
+from rospy.impl.tcpros_base import TCPROSServer, TCPROSTransport, TCPServer  # noqa: E402
+from rospy.impl.tcpros_service import ServiceImpl, TCPService  # noqa: E402
+from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse  # noqa: E402
 
 from mbf_relay.ros.common import accepting  # noqa: E402
 
@@ -153,6 +156,25 @@ def test_a_node_that_could_start_no_thread_for_a_while_hears_others_afterwards(n
     node.hears_of("/velocity_guard")
 
 
+def test_many_who_come_at_once_are_not_sent_away_for_a_second(monkeypatch):
+    """A guard that came back while a stranger knocked without end was heard a second later each time it tried."""
+    come = threading.Event()
+    monkeypatch.setattr(accepting, "_take_as_rospy", lambda _server: come.wait(60.0))
+    monkeypatch.setattr(TCPServer, "run", accepting.take_all)
+    monkeypatch.setenv("ROS_IP", "127.0.0.1")
+    server, connections = TCPROSServer(), []
+    server.start_server()
+    try:
+        for _ in range(60):
+            connections.append(socket.create_connection(server.get_address(), 10.0))
+    finally:
+        server.tcp_ros_server.is_shutdown = True
+        come.set()
+        for connection in connections:
+            connection.close()
+        server.shutdown()
+
+
 def test_a_node_that_had_no_file_left_for_a_while_takes_connections_afterwards(monkeypatch):
     monkeypatch.setattr(accepting, "PAUSE", 0.0)
     comings = [OSError(errno.EMFILE, "too many open files"), ("connection", "address"), OSError(errno.EBADF, "closed")]
@@ -166,7 +188,7 @@ def test_a_node_that_had_no_file_left_for_a_while_takes_connections_afterwards(m
         return come
 
     server = SimpleNamespace(
-        is_shutdown=False, port=0, server_sock=SimpleNamespace(accept=accept),
+        is_shutdown=False, port=0, server_sock=SimpleNamespace(accept=accept, listen=lambda _most: None),
         inbound_handler=lambda *come: taken.append(come))
     accepting.take_all(server)
     assert taken == [("connection", "address")]
@@ -197,6 +219,8 @@ def test_threads_do_not_pile_up_where_cables_are_cut_in_xml_rpc(monkeypatch):
     monkeypatch.setattr(TCPServer, "run", TCPServer.run)
     monkeypatch.setattr(TCPROSServer, "_tcp_server_callback", TCPROSServer._tcp_server_callback)
     monkeypatch.setattr(SilenceableXMLRPCRequestHandler, "timeout", None)
+    monkeypatch.setattr(ServiceImpl, "handle", ServiceImpl.handle)
+    monkeypatch.setattr(ThreadingXMLRPCServer, "request_queue_size", ThreadingXMLRPCServer.request_queue_size)
     monkeypatch.setattr(accepting, "LONGEST_SILENCE", 0.01)
     monkeypatch.setattr(accepting, "_calling", threading.Semaphore(3))
     for name in ("process_request", "process_request_thread"):
@@ -221,6 +245,58 @@ def test_threads_do_not_pile_up_where_cables_are_cut_in_xml_rpc(monkeypatch):
         node.server.shutdown()
         serving.join()
         node.server.server_close()
+
+
+class Paper(ServiceImpl):
+    """A service that says yes, without a node."""
+
+    def __init__(self):
+        self.resolved_name, self.seq, self.response_class = "/clear", 0, TriggerResponse
+        self.handler = lambda _request: TriggerResponse(success=True)
+        self._threads, self.ours = [], []
+
+    def connect(self):
+        """Return a client's end of a new connection."""
+        mine, other = socket.socketpair()
+        connection = TCPROSTransport(TCPService("/clear", Trigger), "/clear", header={})
+        connection.set_socket(mine, "/client")
+        self._threads.append(threading.Thread(target=self.handle, args=(connection, {})))
+        self._threads[-1].start()
+        self.ours.append(other)
+        return other
+
+    def answers(self, connection):
+        request = io.BytesIO()
+        TriggerRequest().serialize(request)
+        connection.sendall(struct.pack("<I", len(request.getvalue())) + request.getvalue())
+        return connection.recv(1) == b"\x01"
+
+    def alive(self):
+        return sum(thread.is_alive() for thread in self._threads)
+
+    def close(self):
+        for connection in self.ours:
+            connection.close()
+        for thread in self._threads:
+            thread.join(30.0)
+
+
+def test_threads_do_not_pile_up_where_strangers_connect_to_a_service_and_ask_nothing(monkeypatch):
+    """Each held a thread and a file for good; with no file left a velocity_guard that came back found no server."""
+    monkeypatch.setattr(ServiceImpl, "handle", accepting.serve)
+    monkeypatch.setattr(accepting, "MOST_AT_A_TIME", 3)
+    errors, service = [], Paper()
+    monkeypatch.setattr(tcpros_service, "logerr", errors.append)
+    try:
+        silent = []
+        for _ in range(20):
+            silent.append(service.connect())
+            wait_until(lambda: service.alive() <= 3, "the oldest to be let go")
+        assert [connection.recv(1) for connection in silent[:17]] == [b""] * 17
+        assert service.answers(service.connect()), "who comes then is served"
+    finally:
+        service.close()
+    assert service.alive() == 0 and not accepting._served and errors == []
 
 
 class WatchedLock:
