@@ -54,6 +54,7 @@ class BagReader:
             np.array([row[0] for row in rows]), np.array([row[1] for row in rows]), np.array([row[2] for row in rows]),
             first.angle_min, first.angle_increment, first.range_max,
             np.array([row[3] for row in rows]) if self._reference else None, mount[0],
+            first.range_min,
         )
 
     def _load(self, bag: rosbag.Bag) -> List[Any]:
