@@ -86,7 +86,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
     options = parser.parse_args(arguments)
     try:
         with open_bag(options.bag) as bag:
-            topic = options.scan or find_scan_topic(bag)
+            topic = options.scan or find_scan_topic(bag, "choose one by --scan")
             reference = tuple(options.ref) if options.ref else None
             log = BagReader(topic, options.base_frame, options.odom_frame, reference).read(bag)
         save_log(options.log, log)
