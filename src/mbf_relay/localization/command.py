@@ -31,8 +31,9 @@ def parse_arguments(arguments: Optional[List[str]] = None) -> argparse.Namespace
         prog="localize_log.py",
         description=__doc__,
         epilog="LOG.npz holds t (N), odom (N, 3: x, y, yaw), ranges (N, B), angle_min, angle_increment, and where "
-        "known ref (N, 3), laser_pose (3) and range_max. bag_to_log.py makes one from a bag. With several logs or "
-        f"seeds, or under stress, a table with 95 %% intervals is made. Stresses: {', '.join(describe_stresses())}.",
+        "known ref (N, 3), laser_pose (3), range_min and range_max. bag_to_log.py makes one from a bag. With several "
+        "logs or seeds, or under stress, a table with 95 %% intervals is made. Stresses: "
+        f"{', '.join(describe_stresses())}.",
     )
     parser.add_argument(
         "files", metavar="FILE", nargs="+", help="LOG.npz ... MAP.yaml: logs, and then the map they belong to; again "

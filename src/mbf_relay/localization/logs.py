@@ -42,6 +42,7 @@ class RecordedLog:
         range_max: Readings (m) from here on are none.
         reference: Shape (N, 3): where the base truly was on the map, None where nobody knows.
         laser_pose: Pose of the sensor in the base's frame.
+        range_min: Readings (m) up to here are none: with many lidars they are codes of errors, millimetres apart.
     """
 
     times: np.ndarray
@@ -52,6 +53,7 @@ class RecordedLog:
     range_max: float
     reference: Optional[np.ndarray] = None
     laser_pose: Pose2D = IDENTITY
+    range_min: float = 0.0
 
     def __len__(self) -> int:
         return len(self.times)
@@ -62,7 +64,7 @@ class RecordedLog:
             self.ranges[index],
             self.angle_min,
             self.angle_increment,
-            0.0,
+            self.range_min,
             self.range_max,
             float(self.times[index]),
             "laser",
@@ -76,8 +78,8 @@ class RecordedLog:
 def load_log(path: str) -> RecordedLog:
     """Read a log.
 
-    Its arrays are t (N), odom (N, 3), ranges (N, B), angle_min, angle_increment; ref (N, 3), laser_pose (3) and
-    range_max where it has them.
+    Its arrays are t (N), odom (N, 3), ranges (N, B), angle_min, angle_increment; ref (N, 3), laser_pose (3),
+    range_min and range_max where it has them.
 
     Raises:
         OSError: The file cannot be opened.
@@ -112,13 +114,13 @@ def load_log(path: str) -> RecordedLog:
     return RecordedLog(
         arrays["t"], arrays["odom"], arrays["ranges"], float(arrays["angle_min"]), float(arrays["angle_increment"]),
         float(arrays["range_max"]) if "range_max" in arrays else guess_range_max(arrays["ranges"]), arrays.get("ref"),
-        Pose2D(*map(float, laser)),
+        Pose2D(*map(float, laser)), float(arrays.get("range_min", 0.0)),
     )
 
 
 def _check_numbers(path: str, arrays: Dict[str, np.ndarray]) -> None:
     """Raise LogError where a number that all scans share means nothing, or odometry is beyond any drive."""
-    for name in ("angle_min", "angle_increment", "range_max"):
+    for name in ("angle_min", "angle_increment", "range_min", "range_max"):
         value = arrays.get(name)
         if value is not None and value.size != 1:
             raise LogError(f"'{name}' of log {path} has shape {value.shape}; it must be one number")
@@ -130,6 +132,9 @@ def _check_numbers(path: str, arrays: Dict[str, np.ndarray]) -> None:
         )
     if "range_max" in arrays and not float(arrays["range_max"]) > 0.0:
         raise LogError(f"'range_max' of log {path} is {float(arrays['range_max'])}; it must be metres above 0")
+    nearest, farthest = float(arrays.get("range_min", 0.0)), float(arrays.get("range_max", np.inf))
+    if not 0.0 <= nearest < farthest:
+        raise LogError(f"'range_min' of log {path} is {nearest}; it must be metres, 0 or more and below range_max")
     for name in ("odom", "ref"):
         values = np.abs(arrays[name][np.isfinite(arrays[name])]) if name in arrays else np.empty(0)
         if (values > FARTHEST).any():
@@ -145,14 +150,14 @@ def _require_size(path: str, stream: BinaryIO) -> None:
     stream.seek(0)
 
 
-_KNOWN = ("t", "odom", "ranges", "angle_min", "angle_increment", "ref", "laser_pose", "range_max")
+_KNOWN = ("t", "odom", "ranges", "angle_min", "angle_increment", "ref", "laser_pose", "range_min", "range_max")
 
 
 def save_log(path: str, log: RecordedLog) -> None:
     """Write a log in the form `load_log` reads; OSError where it cannot be written."""
     arrays: Dict[str, Any] = dict(
         t=log.times, odom=log.odom, ranges=log.ranges, angle_min=log.angle_min, angle_increment=log.angle_increment,
-        range_max=log.range_max, laser_pose=np.array(log.laser_pose),
+        range_min=log.range_min, range_max=log.range_max, laser_pose=np.array(log.laser_pose),
     )
     if log.reference is not None:
         arrays["ref"] = log.reference

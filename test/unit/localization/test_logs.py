@@ -26,8 +26,9 @@ def arrays(count=4, beams=5):
 
 def test_logs_come_back_as_they_were_saved(tmp_path):
     made = make_drive("hall", 5, Rough(), np.random.default_rng(1))
-    save_log(str(tmp_path / "log.npz"), made.log)
+    save_log(str(tmp_path / "log.npz"), replace(made.log, range_min=0.02))
     again = load_log(str(tmp_path / "log.npz"))
+    assert again.range_min == again.scan(0).range_min == 0.02
     for name in ("times", "odom", "ranges", "reference"):
         assert np.array_equal(getattr(again, name), getattr(made.log, name))
     assert (again.angle_min, again.angle_increment, again.range_max) == (
@@ -57,6 +58,9 @@ def test_reference_and_laser_pose_may_be_missing(tmp_path):
         (dict(angle_increment=0.0), "are -1.0 and 0.0"),
         (dict(angle_min=np.zeros(2)), "'angle_min' of log .* must be one number"),
         (dict(range_max=np.nan), "'range_max' of log .* is nan"),
+        (dict(range_min=-0.1), "'range_min' of log .* is -0.1"),
+        (dict(range_min=5.0, range_max=4.0), "'range_min' of log .* is 5.0"),
+        (dict(range_min=np.nan), "'range_min' of log .* is nan"),
         (dict(odom=np.full((4, 3), 1e200)), "'odom' of log .* goes to 1e\\+200 m"),
     ],
 )

@@ -43,8 +43,12 @@ def read_messages(bag: rosbag.Bag, topics: Optional[List[str]] = None) -> Iterat
         raise ValueError(f"bag {bag.filename} is broken: {type(error).__name__}: {error}") from error
 
 
-def find_scan_topic(bag: rosbag.Bag) -> str:
+def find_scan_topic(bag: rosbag.Bag, choice: str = "remap 'scan' to the one to use") -> str:
     """Return the bag's topic of laser scans; `scan` as remapped where there are several.
+
+    Args:
+        bag: The bag.
+        choice: How a user says which, where there are several.
 
     Raises:
         ValueError: It has none, or several of other names.
@@ -55,7 +59,7 @@ def find_scan_topic(bag: rosbag.Bag) -> str:
     if named or len(scans) == 1:
         return (named or scans)[0]
     raise ValueError(
-        f"bag {bag.filename} has {', '.join(scans) or 'no topic'} with laser scans; remap 'scan' to the one to use"
+        f"bag {bag.filename} has {', '.join(scans) or 'no topic'} with laser scans; {choice}"
     )
 
 

@@ -54,6 +54,7 @@ class BagReader:
             np.array([row[0] for row in rows]), np.array([row[1] for row in rows]), np.array([row[2] for row in rows]),
             first.angle_min, first.angle_increment, first.range_max,
             np.array([row[3] for row in rows]) if self._reference else None, mount[0],
+            first.range_min,
         )
 
     def _load(self, bag: rosbag.Bag) -> List[Any]:
@@ -85,7 +86,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
     options = parser.parse_args(arguments)
     try:
         with open_bag(options.bag) as bag:
-            topic = options.scan or find_scan_topic(bag)
+            topic = options.scan or find_scan_topic(bag, "choose one by --scan")
             reference = tuple(options.ref) if options.ref else None
             log = BagReader(topic, options.base_frame, options.odom_frame, reference).read(bag)
         save_log(options.log, log)
