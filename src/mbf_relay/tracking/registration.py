@@ -45,7 +45,9 @@ def walls_of(rays: Rays, order: np.ndarray, moving: np.ndarray) -> Walls:
         np.ascontiguousarray(rays.ends[order]), (rays.hits & ~moving)[order])
 
 
-def misplaced(before: Walls, rays: Rays, share: float) -> Optional[Pose2D]:
+def misplaced(
+    before: Walls, x: float, y: float, ends: np.ndarray, hits: np.ndarray, share: float
+) -> Optional[Pose2D]:
     """Return what takes a scan from where odometry has it to where the one before says it was; None where nothing does.
 
     By the least squares of its readings' distances to the lines of the other, with what odometry says as a prior that
@@ -54,21 +56,19 @@ def misplaced(before: Walls, rays: Rays, share: float) -> Optional[Pose2D]:
 
     Args:
         before: The scan before.
-        rays: The scan.
+        x, y, ends, hits: The scan, where odometry has it; see `Rays`.
         share: Of its motion between the two by which odometry may be wrong.
     """
-    if len(before.directions) != len(rays.bearings) or len(rays.bearings) < 3:
+    if len(before.directions) != len(ends) or len(ends) < 3:
         return None
-    moved = math.hypot(rays.x - before.x, rays.y - before.y)
-    turned = abs(normalize_angle(float(rays.bearings[0]) - before.first))
+    moved = math.hypot(x - before.x, y - before.y)
+    turned = abs(normalize_angle(math.atan2(ends[0, 1] - y, ends[0, 0] - x) - before.first))
     if moved < LEAST and turned < LEAST:
         return None
     wrong = share * moved + LEAST, share * moved + LEAST, share * (turned + TURNED * moved) + LEAST
     motion = np.empty(3)
     tracker_kernels.lay(
-        before.x, before.y, before.directions, before.points, before.solid, rays.x, rays.y, rays.ends, rays.hits,
-        1.0 / np.square(wrong), GATES, NOISE, motion)
-    about = Pose2D(rays.x, rays.y, 0.0)
-    x, y, theta = motion.tolist()
-    moved_there = Pose2D(rays.x + x, rays.y + y, theta)
-    return moved_there.compose(about.inverse())
+        before.x, before.y, before.directions, before.points, before.solid, x, y, ends, hits, 1.0 / np.square(wrong),
+        GATES, NOISE, motion)
+    dx, dy, turn = motion.tolist()
+    return Pose2D(x + dx, y + dy, turn).compose(Pose2D(x, y, 0.0).inverse())

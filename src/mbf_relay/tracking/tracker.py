@@ -133,12 +133,13 @@ class Tracker:
 
     def _laid(self, x: float, y: float, ends: np.ndarray, hits: np.ndarray) -> Rays:
         """Return a scan as it lies on the one before it, in the frame of the first."""
-        rays = _rays_in(self._frame, x, y, ends, hits)
-        wrong = misplaced(self._walls, rays, self.parameters.track_odometry_error) if self._walls else None
-        if wrong is None:
-            return rays
-        self._frame = wrong.compose(self._frame)
-        return _rays_in(wrong, rays.x, rays.y, rays.ends, hits)
+        x, y, ends = _taken_to(self._frame, x, y, ends)
+        if self._walls is not None:
+            wrong = misplaced(self._walls, x, y, ends, hits, self.parameters.track_odometry_error)
+            if wrong is not None:
+                self._frame = wrong.compose(self._frame)
+                x, y, ends = _taken_to(wrong, x, y, ends)
+        return rays_of(x, y, ends, hits)
 
     def _predict(self, elapsed: float) -> None:
         q = self.parameters.track_acceleration ** 2
@@ -225,11 +226,12 @@ class Tracker:
         return bool(rays.hits[ray] and rays.ranges[ray] < np.hypot(across, up) - self._things[thing, RADIUS])
 
 
-def _rays_in(frame: Pose2D, x: float, y: float, ends: np.ndarray, hits: np.ndarray) -> Rays:
-    """Return the rays of a scan that is taken to another frame; x, y, `ends` and `hits` as for `Tracker.update`."""
-    if frame != IDENTITY:
-        (x, y), ends = frame.transform_points(np.array([[x, y]]))[0].tolist(), frame.transform_points(ends)
-    return rays_of(x, y, ends, hits)
+def _taken_to(frame: Pose2D, x: float, y: float, ends: np.ndarray) -> Tuple[float, float, np.ndarray]:
+    """Return where a scan was taken, and where its rays end, in another frame; as for `Tracker.update`."""
+    if frame == IDENTITY:
+        return x, y, ends
+    (x, y), ends = frame.transform_points(np.array([[x, y]]))[0].tolist(), frame.transform_points(ends)
+    return x, y, ends
 
 
 def _depths_of(rays: Rays, order: np.ndarray) -> _Depths:

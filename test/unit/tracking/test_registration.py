@@ -65,9 +65,9 @@ def test_who_walks_is_where_odometry_sees_him_though_it_goes_astray():
 
 def test_a_robot_that_stands_is_turned_by_nobody_who_walks_past():
     rays = rays_of(0.0, 0.0, *scan(0.0, 0.0, [(0.6, 0.0, 0.4)], np.random.default_rng(1)))
-    later = rays_of(0.0, 0.0, *scan(0.0, 0.0, [(0.6, 0.3, 0.4)], np.random.default_rng(2)))
+    ends, hits = scan(0.0, 0.0, [(0.6, 0.3, 0.4)], np.random.default_rng(2))
     walls = walls_of(rays, np.zeros(len(rays.hits), bool))
-    assert registration.misplaced(walls, later, 0.3) is None
+    assert registration.misplaced(walls, 0.0, 0.0, ends, hits, 0.3) is None
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -79,7 +79,7 @@ def test_a_scan_is_put_back_to_where_the_one_before_says_it_was(seed):
     told = Pose2D(1.2 * true.x, 0.8 * true.y, 1.25 * true.theta)
     ends, hits = scan(true.x, true.y, POSTS, rng, true.theta)
     wrong = told.compose(true.inverse())
-    found = registration.misplaced(walls, rays_of(told.x, told.y, wrong.transform_points(ends), hits), 0.3)
+    found = registration.misplaced(walls, told.x, told.y, wrong.transform_points(ends), hits, 0.3)
     left = found.compose(told).relative_to(true)
     assert math.hypot(left.x, left.y) < 0.012 and abs(left.theta) < 0.012
 
