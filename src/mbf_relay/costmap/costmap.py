@@ -382,12 +382,12 @@ class Costmap:
         """Return why the snapshot must not be planned on, or None: sensors may be silent, but there must be a snapshot.
         """
         with self._lock:
-            missing = [reason for layer in self.layers if layer.enabled for reason in [layer.missing_input()] if reason]
+            missing = "; ".join(filter(None, (layer.missing_input() for layer in self.layers if layer.enabled)))
             if self._last_update is None:
-                why = ": ".join((f"{self.name} was not updated yet", *missing))
-                return PlanningError(PlanOutcome.NOT_INITIALIZED, why)
+                why = f": {missing}" if missing else ""
+                return PlanningError(PlanOutcome.NOT_INITIALIZED, f"{self.name} was not updated yet{why}")
             if missing:
-                return PlanningError(PlanOutcome.MAP_ERROR, f"{self.name}: {'; '.join(missing)}")
+                return PlanningError(PlanOutcome.MAP_ERROR, f"{self.name}: {missing}")
             reason = self._age_reason(now, math.inf)
             return PlanningError(PlanOutcome.MAP_ERROR, reason) if reason is not None else None
 
