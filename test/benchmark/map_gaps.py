@@ -59,6 +59,17 @@ class Way(NamedTuple):
     odom: np.ndarray
     driven: np.ndarray
 
+    def every(self, step: float) -> np.ndarray:
+        """Return the indices of its poses at which another `step` metres are driven, the first one's first."""
+        return np.unique(np.searchsorted(self.driven, np.arange(0.0, self.driven[-1], step)))
+
+    def log(self, chosen: np.ndarray, scans: np.ndarray, bearings: np.ndarray, range_max: float) -> RecordedLog:
+        """Return what was recorded at the poses of some indices, shape (S,): scans, (S, B), of even bearings, (B,)."""
+        return RecordedLog(
+            np.arange(float(len(chosen))), self.odom[chosen], scans, 0.0, float(bearings[1]), range_max,
+            self.truth[chosen],
+        )
+
 
 @functools.lru_cache(maxsize=4)
 def make_way(building: str, seed: int, finest: float = FINEST, metres: float = LENGTH) -> Tuple[np.ndarray, Way]:
@@ -118,7 +129,7 @@ def make_log(
     walls, way = make_way(building, seed, finest, length)
     rng = np.random.default_rng([seed, list(BUILDINGS).index(building), 1])
     occupancy = without_blocks(as_map(walls), condition.missing, rng)
-    chosen = np.unique(np.searchsorted(way.driven, np.arange(0.0, way.driven[-1], condition.step)))
+    chosen = way.every(condition.step)
     field = DistanceField(as_map(walls), 2.0)
     bearings = np.arange(BEAMS) * (2.0 * math.pi / BEAMS)
     ranges, scans = np.empty(BEAMS), np.empty((len(chosen), BEAMS))
@@ -126,11 +137,7 @@ def make_log(
         cast_scan(pose[None, :], field.blocked, field.frame, condition.range_max, bearings, ranges)
         noise = rng.normal(0.0, RANGE_NOISE, BEAMS)
         scans[index] = np.where(ranges < condition.range_max, ranges + noise, np.inf)
-    log = RecordedLog(
-        np.arange(float(len(chosen))), way.odom[chosen], scans, 0.0, float(bearings[1]), condition.range_max,
-        way.truth[chosen],
-    )
-    return log, occupancy
+    return way.log(chosen, scans, bearings, condition.range_max), occupancy
 
 
 def share_right(building: str, seed: int, condition: Condition, robust: bool) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 from benchmark.map_gaps import Condition, make_way
 from benchmark.synthetic_buildings import BUILDINGS, RESOLUTION
 from benchmark.synthetic_drives import as_map
+from mbf_relay.grid import Grid
 from mbf_relay.localization.distance_field import DistanceField, distances_to
 from mbf_relay.localization.laser_kernels import cast_scan
 from mbf_relay.localization.logs import RecordedLog
@@ -58,15 +59,11 @@ def make_surveyed_log(building: str, seed: int, condition: Condition) -> Tuple[R
     tables = _tables(~walls & ~clear, rng)
     before, after = _placed(walls, tables, clear), _placed(walls, _moved(tables, ~walls & ~clear, rng), clear)
     occupancy = without_blocks(survey(before, way.truth, rng), condition.missing, rng)
-    chosen = np.unique(np.searchsorted(way.driven, np.arange(0.0, way.driven[-1], condition.step)))
+    chosen = way.every(condition.step)
     bearings = np.arange(BEAMS) * (2.0 * math.pi / BEAMS)
     field = DistanceField(as_map(after), 2.0)
     scans = np.array([_scan(field, pose, bearings, condition.range_max, rng) for pose in way.truth[chosen]])
-    log = RecordedLog(
-        np.arange(float(len(chosen))), way.odom[chosen], scans, 0.0, float(bearings[1]), condition.range_max,
-        way.truth[chosen],
-    )
-    return log, occupancy
+    return way.log(chosen, scans, bearings, condition.range_max), occupancy
 
 
 def survey(world: np.ndarray, way: np.ndarray, rng: np.random.Generator) -> OccupancyMap:
@@ -77,17 +74,18 @@ def survey(world: np.ndarray, way: np.ndarray, rng: np.random.Generator) -> Occu
         way: Poses along which it goes, about, shape (N, 3).
         rng: Where chance comes from.
     """
-    true_map = as_map(world)
+    true_map, grid = as_map(world), _grid_over(world.shape)
     field = DistanceField(true_map, 2.0)
     hits, passes = np.zeros(world.shape), np.zeros(world.shape)
     bearings = np.arange(SURVEY_BEAMS) * (2.0 * math.pi / SURVEY_BEAMS)
     driven = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(way[:, :2], axis=0).T))))
     for index in np.unique(np.searchsorted(driven, np.arange(0.0, driven[-1], SURVEY_STEP))):
         pose = way[index] + rng.normal(0.0, 1.0, 3) * (SEEN_ASIDE, SEEN_ASIDE, 3.0)
-        if not _is_free(world, true_map, pose):
+        column, row = grid.cell_at(*pose[:2])
+        if not grid.contains_cell(column, row) or world[row, column]:
             pose = way[index]
         ranges = _scan(field, pose, bearings, SURVEY_REACH, rng)
-        _lay(pose + rng.normal(0.0, 1.0, 3) * SURVEY_ERROR, ranges, bearings, true_map, hits, passes)
+        _lay(pose + rng.normal(0.0, 1.0, 3) * SURVEY_ERROR, ranges, bearings, grid, hits, passes)
     seen = hits + passes > 0.0
     occupied = seen & (hits > OCCUPIED_SHARE * (hits + passes))
     data = np.where(occupied, 100, np.where(seen, 0, -1)).astype(np.int8)
@@ -95,8 +93,7 @@ def survey(world: np.ndarray, way: np.ndarray, rng: np.random.Generator) -> Occu
 
 
 def _lay(
-    pose: np.ndarray, ranges: np.ndarray, bearings: np.ndarray, occupancy: OccupancyMap, hits: np.ndarray,
-    passes: np.ndarray,
+    pose: np.ndarray, ranges: np.ndarray, bearings: np.ndarray, grid: Grid, hits: np.ndarray, passes: np.ndarray
 ) -> None:
     """Count a scan, shape (B,), taken at a pose: where beams ended, and which cells they passed; changes the last two.
     """
@@ -108,23 +105,15 @@ def _lay(
     directions = np.column_stack((np.cos(headings), np.sin(headings)))
     for counted, reach, chosen in ((passes, along, passed), (hits, far, ended[:, None])):
         points = np.array(pose[:2]) + reach[:, :, None] * directions[:, None, :]
-        rows, columns, inside = _cells(points, occupancy)
-        inside &= chosen
-        once = np.unique(rows[inside] * occupancy.data.shape[1] + columns[inside])
-        counted.ravel()[once] += 1.0
+        cells = grid.cells_at(points[chosen])
+        columns, rows = np.unique(cells[grid.contains_cells(cells)], axis=0).T
+        counted[rows, columns] += 1.0
 
 
-def _cells(points: np.ndarray, occupancy: OccupancyMap) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return rows, columns, and whether they are on the map, of points, shape (..., 2); each of shape (...)."""
-    columns = np.floor((points[..., 0] - occupancy.origin.x) / RESOLUTION).astype(np.int64)
-    rows = np.floor((points[..., 1] - occupancy.origin.y) / RESOLUTION).astype(np.int64)
-    height, width = occupancy.data.shape
-    return rows, columns, (rows >= 0) & (columns >= 0) & (rows < height) & (columns < width)
-
-
-def _is_free(world: np.ndarray, occupancy: OccupancyMap, pose: np.ndarray) -> bool:
-    rows, columns, inside = _cells(pose[None, :2], occupancy)
-    return bool(inside[0] and not world[rows[0], columns[0]])
+def _grid_over(shape: Tuple[int, ...]) -> Grid:
+    """Return where cells of a shape (H, W) lie on maps that `as_map` makes."""
+    origin = as_map(np.zeros(shape, dtype=bool)).origin
+    return Grid(RESOLUTION, origin.x, origin.y, shape[1], shape[0])
 
 
 def _scan(
@@ -144,10 +133,10 @@ def _scan(
 
 def _near(shape: Tuple[int, ...], way: np.ndarray) -> np.ndarray:
     """Return which cells, bool of `shape`, are within KEPT_CLEAR of a way, shape (N, 3)."""
-    empty = as_map(np.zeros(shape, dtype=bool))
-    rows, columns, inside = _cells(way[:, :2], empty)
-    on_way = np.zeros(shape, dtype=bool)
-    on_way[rows[inside], columns[inside]] = True
+    grid, on_way = _grid_over(shape), np.zeros(shape, dtype=bool)
+    cells = grid.cells_at(way)
+    columns, rows = cells[grid.contains_cells(cells)].T
+    on_way[rows, columns] = True
     near: np.ndarray = distances_to(on_way, RESOLUTION, 1.0) < KEPT_CLEAR
     return near
 
