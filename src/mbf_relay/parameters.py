@@ -64,27 +64,26 @@ def parameter(
 
 WORDS_ALIKE = 0.6
 """Share of letters (difflib's ratio) two words must have in common to be one word misspelt."""
+NAMES_ALIKE = 0.75
+"""The same of two names of unlike numbers of words, such as footprint and robot_footprint."""
 
 
 def nearest_of(name: str, known: Iterable[str]) -> Optional[str]:
     """Return the known name that `name` is most likely a slip for, None where none is.
 
     Names are words joined by underscores; where as many stand in both, each must look like its counterpart, or
-    max_vel_rot would be taken for max_vel_y.
+    max_vel_rot would be taken for max_vel_y; else the whole must look much alike.
     """
     import difflib  # for the few files that have a slip
 
     for match in difflib.get_close_matches(name, list(known), n=5):
         words, others = name.split("_"), match.split("_")
-        if len(words) != len(others) or all(map(_is_alike, words, others)):
+        pairs, least = zip(words, others), WORDS_ALIKE
+        if len(words) != len(others):
+            pairs, least = zip([name], [match]), NAMES_ALIKE
+        if all(difflib.SequenceMatcher(None, *pair).ratio() >= least for pair in pairs):
             return match
     return None
-
-
-def _is_alike(word: str, other: str) -> bool:
-    import difflib
-
-    return difflib.SequenceMatcher(None, word, other).ratio() >= WORDS_ALIKE
 
 
 def did_you_mean(nearest: Optional[str]) -> str:

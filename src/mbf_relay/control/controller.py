@@ -21,9 +21,11 @@ class Controller(Plugin, abc.ABC):
             None for nobody.
         steering: Of a car whose driver takes a steering angle for a rate, as this controller's parameters say; None
             where they do not. Velocities are rates here all the same.
+        odom_topic: The robot's odometry, where this controller's parameters name its topic; empty where they do not.
     """
 
     steering: Optional[Steering] = None
+    odom_topic: str = ""
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)

@@ -39,6 +39,7 @@ class DwaController(PathFollower):
 
     def __init__(self, name: str, parameters: DwaParameters) -> None:
         super().__init__(name, parameters)
+        self.odom_topic = parameters.odom_topic
         self.critics: List[Critic] = _make_critics(parameters)
         self.trajectories: Optional[Trajectories] = None
         self.explanation: Optional[Explanation] = None

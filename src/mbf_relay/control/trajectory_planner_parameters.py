@@ -117,12 +117,18 @@ class TrajectoryPlannerParameters(ParameterSet):
     def read(cls: Type[T], values: Mapping[str, Any]) -> Tuple[T, List[str]]:
         """Make one as ParameterSet.read does, of a robot that cannot drive sideways where nothing says that it can.
 
-        The default of C++, true, sends sideways velocities to wheels that cannot follow.
+        The default of C++, true, sends sideways velocities to wheels that cannot follow. Of y_vels that are a list, as
+        the first tutorials' files have them, C++ takes nothing, and its default instead.
         """
-        if "holonomic_robot" in values:
-            return super().read(values)
-        parameters, notes = super().read({**values, "holonomic_robot": False})
-        return parameters, notes + ["parameter holonomic_robot is not given: false is used, for wheels that only roll"]
+        given, told = dict(values), []
+        if isinstance(given.get("y_vels"), (list, tuple, int, float)) and not isinstance(given["y_vels"], bool):
+            given["y_vels"] = str(given["y_vels"]).strip("[()]").replace(" ", "")
+            told.append(f"parameter y_vels is {values['y_vels']!r} and no text: '{given['y_vels']}' is used")
+        if "holonomic_robot" not in given:
+            given["holonomic_robot"] = False
+            told.append("parameter holonomic_robot is not given: false is used, for wheels that only roll")
+        parameters, notes = super().read(given)
+        return parameters, notes + told
 
     def sideways(self) -> float:
         """Return the top speed (m/s) sideways.

@@ -192,7 +192,13 @@ def unknown_names(values: Mapping[str, Any]) -> Dict[str, str]:
             below[f"{prefix}/{name}"] = SourceParameters.hint(name)
     read.update(sources, (name for name, _, _ in groups))
     own = {
-        name: CostmapParameters.hint(name) for name in CostmapParameters.unknown_names(values)
+        name: _reader_of(name) or CostmapParameters.hint(name) for name in CostmapParameters.unknown_names(values)
         if name not in read and not _may_be_the_other_s(values[name])
     }
     return {**own, **below}
+
+
+def _reader_of(name: str) -> str:
+    """Return the end of a message about a parameter that a layer would read which is not there, empty for others."""
+    kind = next((kind for kind, names in PARENT_NAMES.items() if name in names), None)
+    return f"; {kind} reads it, which is not among the layers" if kind else ""

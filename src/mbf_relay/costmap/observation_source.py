@@ -18,6 +18,8 @@ from mbf_relay.senders import HOW_TO_GO_ON, Senders
 
 LEVEL = 0.02
 """Rise over distance up to which beams count as level; such a lidar's plane stays at its own height."""
+ROUNDING = 1e-6
+"""Height (m) that counts as none: transforms round, and a lidar may sit right at the lowest or highest that counts."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,9 @@ class ObservationSource:
         """
         low, high = self.parameters.min_obstacle_height, min(self.parameters.max_obstacle_height, max_height)
         origin, is_lidar = observation.origin, self.parameters.data_type == "LaserScan"
-        if not (is_lidar and self.parameters.marking) or len(origin) < 3 or low <= origin[2] <= high:
+        if not (is_lidar and self.parameters.marking) or len(origin) < 3:
+            return None
+        if low - ROUNDING <= origin[2] <= high + ROUNDING:
             return None
         hits = np.isfinite(observation.points).all(axis=1)
         hits &= True if observation.hits is None else observation.hits
@@ -194,8 +198,8 @@ def prepare(observation: Observation, source: SourceParameters, max_height: floa
     reach = source.raytrace_range
     ends, marked, box = np.empty((len(points), 2)), np.empty((len(points), 2)), np.empty(4)
     number, marks = layer_kernels.make_ready(
-        points, hits, x, y, height[0] if height else 0.0, source.min_obstacle_height, source.max_obstacle_height,
-        max_height, source.obstacle_range, ends, marked, box)
+        points, hits, x, y, height[0] if height else 0.0, source.min_obstacle_height - ROUNDING,
+        source.max_obstacle_height + ROUNDING, max_height + ROUNDING, source.obstacle_range, ends, marked, box)
     left, bottom, right, top = box.tolist()
     low, high = (min(x - reach, left), min(y - reach, bottom)), (max(x + reach, right), max(y + reach, top))
     return RayBundle(x, y, ends[:number], marked[:marks], low, high, reach, observation.stamp)

@@ -51,6 +51,9 @@ class Navigator:
         costmaps: "global" and "local", live.
         worker: Runs plugins; inline where None.
 
+    Attributes:
+        odom_topic: Odometry's: the server's parameter where it is given, else the first that a controller's name.
+
     Raises:
         PluginError, ValueError: A list, a plugin or a parameter is wrong; the text says which.
     """
@@ -66,8 +69,10 @@ class Navigator:
         self.planners = PLANNER_LIST.registry(config, worker)
         self.controllers = CONTROLLER_LIST.registry(config, worker)
         self.recoveries = RECOVERY_LIST.registry(config, worker)
-        made = map(self.controllers.plugin, self.controllers.names)
+        made = [self.controllers.plugin(name) for name in self.controllers.names]
         robot.steering = next((controller.steering for controller in made if controller.steering), None)
+        named = next((controller.odom_topic for controller in made if controller.odom_topic), "")
+        self.odom_topic = self.parameters.odom_topic if "odom_topic" in config or not named else named
         self._plans: Dict[int, PlannerExecution] = {}
         self._drives: Dict[int, ControllerExecution] = {}
         self._recovery_runs: Dict[int, RecoveryExecution] = {}

@@ -38,7 +38,8 @@ class NavigatorParameters(ParameterSet):
     global_frame: str = parameter("map", "Frame of paths and of reported poses", is_frame=True)
     map_frame: str = parameter("map", "Older name of global_frame, read where that is not given", is_frame=True)
     robot_frame: str = parameter("base_link", "Frame of the robot's base", is_frame=True)
-    odom_topic: str = parameter("odom", "Topic of odometry; empty to do without, as where nobody publishes it")
+    odom_topic: str = parameter(
+        "odom", "Topic of odometry; where given, before any that a controller's parameters name; empty to do without")
     tf_timeout: Optional[float] = parameter(
         None, "How long to wait for a transform, standing; 3 for plans and 1 for control where not given", "s", 0.0
     )

@@ -110,6 +110,15 @@ def test_a_robot_that_drives_sideways_does():
     assert ended.reached and np.abs(commands[:, 1]).max() > 0.05 and np.abs(commands[:, 1]).max() <= 0.3 + 1e-9
 
 
+@pytest.mark.parametrize("listed, told", [([-0.3, -0.1, 0.1, -0.3], "-0.3,-0.1,0.1,-0.3"), ([], ""), (0.25, "0.25")])
+def test_velocities_sideways_that_are_a_list_leave_no_robot_without_a_controller(listed, told):
+    controller = made(holonomic_robot=True, y_vels=listed, acc_lim_y=1.0)
+    assert controller.parameters.y_vels == told
+    assert controller.parameters.sideways() == {"": 0.0, "0.25": 0.25}.get(told, 0.3)
+    assert [note for note in controller.notes if "y_vels" in note] == [
+        f"parameter y_vels is {listed!r} and no text: '{told}' is used"]
+
+
 def test_velocities_sideways_that_are_no_numbers_are_named():
     with pytest.raises(PluginError, match="y_vels.*fast"):
         made(holonomic_robot=True, y_vels="0.1, fast")

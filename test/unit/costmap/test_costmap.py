@@ -80,6 +80,14 @@ def test_the_form_with_plugins_makes_those_listed():
     }
 
 
+def test_a_parameter_of_a_layer_that_is_not_there_is_told_of_by_that_layer():
+    """`z_resolution` is no slip for `resolution`."""
+    file = {**OLD_FORM_GLOBAL, "z_resolution": 0.2, "plugins": [], "static_map": False}
+    hints = factory.unknown_names(file)
+    assert hints["z_resolution"] == "; costmap_2d::VoxelLayer reads it, which is not among the layers"
+    assert hints["inflation_radius"] == "; costmap_2d::InflationLayer reads it, which is not among the layers"
+
+
 @pytest.mark.parametrize("change, named", [
     ({"plugins": [{"name": "a"}]}, "plugins holds"),
     ({"resolution": -0.05}, "resolution is -0.05"),

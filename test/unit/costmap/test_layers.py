@@ -72,6 +72,17 @@ def test_a_robot_whose_lidar_looks_over_or_under_what_counts_does_not_drive_blin
     assert reason is None if why is None else why in reason
 
 
+@pytest.mark.parametrize("height", [0.25, 0.3])
+@pytest.mark.parametrize("turn", [0.3, 0.7, 1.9])
+def test_a_lidar_right_at_the_end_of_the_heights_that_count_is_no_reason_to_stand(height, turn):
+    """Its height as a transform of a robot that has turned gives it, rounded to a bit less or more."""
+    costmap = with_obstacles({"min_obstacle_height": 0.25, "max_obstacle_height": 0.3})
+    for rounded in (height * (math.cos(turn) ** 2 + math.sin(turn) ** 2), *np.nextafter(height, (0.0, 1.0))):
+        costmap.observe("scan", scan_at(float(rounded)), 1.0)
+        costmap.update(1.0, IDENTITY)
+        assert costmap.stale_reason(1.0) is None and cost_at(costmap, 1.0, 0.0) == LETHAL
+
+
 @pytest.mark.parametrize("source, seen", [
     ({"marking": False}, scan_at(0.5)),
     ({}, scan_at(0.5, pitch=0.3)),  # on a ramp, of a robot whose transforms know it

@@ -63,12 +63,12 @@ class MoveBaseFlex:
         told_of = config if is_move_base else (*READ_BY_THE_NODE, *ros_parameters.groups_in(config))
         parameters = ros_parameters.fill(NavigatorParameters, config, "~", told_of)
         self.robot = RosRobot(
-            transforms, parameters.robot_frame, parameters.odom_topic, parameters.pose_timeout,
-            parameters.odom_timeout,
+            transforms, parameters.robot_frame, parameters.pose_timeout, parameters.odom_timeout
         )
         self._stepper = Stepper(self._step)
         worker = ThreadWorker(self._stepper.wake)
         self.navigator = Navigator(config, self.robot, costmaps, worker)
+        self.robot.listen(self.navigator.odom_topic)
         registries = (self.navigator.planners, self.navigator.controllers, self.navigator.recoveries)
         for registry in registries:
             _log_plugins(registry)

@@ -57,8 +57,6 @@ class RosRobot(Robot):
     Args:
         transforms: Where frames are looked up.
         base_frame: The robot's frame.
-        odom_topic: Odometry; where empty, or where nobody ever published it, the last command stands in for the
-            velocity: move_base drives robots whose files name no odometry, too.
         pose_timeout: Age (s) beyond which a transform is refused.
         odom_timeout: Age (s) beyond which odometry is refused.
 
@@ -67,7 +65,7 @@ class RosRobot(Robot):
     """
 
     def __init__(
-        self, transforms: Transforms, base_frame: str, odom_topic: str, pose_timeout: float, odom_timeout: float
+        self, transforms: Transforms, base_frame: str, pose_timeout: float, odom_timeout: float
     ) -> None:
         self._transforms, self._base_frame = transforms, base_frame
         self._pose_timeout, self._odom_timeout = pose_timeout, odom_timeout
@@ -79,9 +77,17 @@ class RosRobot(Robot):
         self._publisher = rospy.Publisher("cmd_vel", Twist, _Wheels(self), queue_size=1, tcp_nodelay=True)
         self._closing = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
         self._closed = self._blocked = self._held = False
-        self._topic = rospy.resolve_name(odom_topic) if odom_topic else ""
+        self._topic = ""
         self._subscriber: Optional[rospy.Subscriber] = None
+
+    def listen(self, odom_topic: str) -> None:
+        """Take the robot's velocity from a topic from now on.
+
+        Where the name is empty, or nobody ever published there, the last command stands in for the velocity: move_base
+        drives robots whose files name no odometry, too.
+        """
         if odom_topic:
+            self._topic = rospy.resolve_name(odom_topic)
             # kept as bytes until somebody asks: most of thirty messages a second are never looked at
             self._subscriber = rospy.Subscriber(
                 odom_topic, RawOdometry, self._on_odometry, queue_size=1, buff_size=1 << 18, tcp_nodelay=True

@@ -185,6 +185,8 @@ class _LaunchReader:
             raise ValueError(f"{path}: includes are nested deeper than {DEEPEST_INCLUDE}")
         self._path, self._substitution, self._depth, self._above = path, substitution, depth, above
         self._launch = launch
+        with files.open_regular(path) as file:
+            self._as_written, self._read_up_to = file.read().decode("utf-8", "replace").replace("\r\n", "\n"), 0
         self._walk(files.read_xml(path), "")
 
     def _walk(self, parent: Element, namespace: str) -> None:
@@ -250,7 +252,17 @@ class _LaunchReader:
             elif element.text and element.get("param"):
                 source.put(target, _typed(substitute(element.text)), self._path)
             elif element.text:
-                add_yaml(substitute(element.text), self._path, target, source)
+                add_yaml("\n" * self._lines_before(element.text) + substitute(element.text), self._path, target, source)
+
+    def _lines_before(self, text: str) -> int:
+        """Return how many lines of the file stand before a YAML text in it, so that its lines are the file's."""
+        begin = next((line for line in text.split("\n") if line.strip()), "")
+        for part in (text, text[: text.index(begin)] + begin):  # its first line where XML's comments or &lt; are in it
+            found = self._as_written.find(part, self._read_up_to)
+            if found >= 0:
+                self._read_up_to = found + len(part)
+                return self._as_written.count("\n", 0, found)
+        return 0
 
     def _take_argument(self, element: Element) -> None:
         name, value, default = self._text(element, "name"), element.get("value"), element.get("default")

@@ -141,6 +141,21 @@ def test_a_launch_file_is_read_with_its_arguments_includes_and_namespaces(tmp_pa
     assert status == 1 and "max_vel_x" in told and "inner.launch]" in told
 
 
+def test_what_stands_in_a_launch_file_itself_is_told_with_that_file_s_line(tmp_path):
+    inside = "<rosparam>\n      DWAPlannerROS:\n        max_vel_xx: 0.4\n    </rosparam>"
+    text = f"""<launch>
+  <node pkg="mbf_relay" type="move_base" name="move_base">
+    <param name="base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>
+    {inside}
+    <rosparam ns="local_costmap">{{robot_radius: 0.2}}</rosparam>
+    {inside.replace("max_vel_xx", "<!-- not yet -->max_vel_yy")}
+  </node>
+</launch>"""
+    _status, told = check(tmp_path, text, name="nav.launch")
+    assert "max_vel_xx: is not known here; did you mean 'max_vel_x'?  [" in told and "nav.launch:6]" in told
+    assert "nav.launch:11]" in told.split("max_vel_yy")[1].split("\n")[0]
+
+
 def test_a_launch_file_without_a_server_is_told(tmp_path, capsys):
     assert check(tmp_path, "<launch/>", name="none.launch")[0] == 2
     assert "no node of type move_base" in capsys.readouterr().err
