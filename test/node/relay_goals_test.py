@@ -11,10 +11,11 @@ import actionlib
 import rospy
 import rostest
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+from mbf_msgs import msg as mbf
 from mbf_msgs.msg import ExePathResult
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from node.relay_case import REPLACED, RelayCase
-from ros_testing import wait_until
+from ros_testing import Listener, connected_publisher, wait_until
 
 NO_PLAN = "Failed to find a valid plan. Even after executing recovery behaviors."
 NO_CONTROL = "Failed to find a valid control. Even after executing recovery behaviors."
@@ -43,6 +44,22 @@ class RelayGoalsTest(RelayCase):
         self.check_end(bad, GoalStatus.ABORTED, "Aborting on goal because it was sent with an invalid quaternion")
         self.check_end(running, GoalStatus.PREEMPTED, REPLACED)
         wait_until(lambda: self.reported("cancel drive 71.0"), "the cancel at the server")
+
+    def test_a_stranger_who_says_that_the_robot_has_arrived_is_not_believed(self):
+        """Its client was told "Goal reached." and the robot drove on until the goal's lease ran out."""
+        self.make_sure_of_server()
+        sent = Listener("move_base_flex/move_base/goal", mbf.MoveBaseActionGoal)
+        # publishes no status; it listens to goals, as a recorder does
+        stranger = connected_publisher("move_base_flex/move_base/result", mbf.MoveBaseActionResult, queue_size=10)
+        running = self.send("drive", x=73.0)
+        self.wait_for_feedback(running)
+        goal = sent.wait_for(lambda m: m.goal.target_pose.pose.position.x == 73.0, "the goal at the server")
+        for status in (GoalStatus.SUCCEEDED, GoalStatus.ABORTED, GoalStatus.PREEMPTED):
+            stranger.publish(mbf.MoveBaseActionResult(status=GoalStatus(goal_id=goal.goal_id, status=status)))
+        self.wait_for_feedback(running, 20)
+        self.assertEqual(self.reported("cancel drive 73.0"), [])
+        self.cancels.publish(GoalID(id=running))
+        self.check_end(running, GoalStatus.PREEMPTED, "")
 
     def test_feedback_comes_at_the_servers_rate_and_in_order(self):
         self.make_sure_of_server()

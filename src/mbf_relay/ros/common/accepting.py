@@ -21,6 +21,7 @@ from typing import Any, Deque, Dict, Mapping, Optional, Tuple
 import rospy
 from rosgraph.network import ROSHandshakeException, decode_ros_handshake_header, write_ros_handshake_header
 from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
+from rospy.impl.registration import get_topic_manager
 from rospy.impl.tcpros_base import TCPROSServer, TCPServer
 from rospy.impl.tcpros_service import ServiceImpl
 
@@ -31,6 +32,10 @@ LONGEST = 1 << 20
 MOST_AT_A_TIME = 200
 """Connections that are heard out, and as many that are answered in XML-RPC; whoever else comes meanwhile is let go. Of
 as many to services the oldest is let go: some clients keep theirs for good."""
+MOST_LISTENERS = 400
+"""Connections to a node's topics, each of which holds a thread, a file and 0.2 MiB; who comes then is refused, since
+rospy's subscribers never come back where they are let go. A fleet's nodes all listen to one /clock; with as many as are
+heard out, answered and served these are the thousand files a process may usually open."""
 WAITING_AT_MOST = 128
 """Connections that the system holds until the node takes them. It held rospy's five: whoever else came at that moment
 tried again a second later, as where many nodes come at once, or a stranger knocks without end."""
@@ -186,9 +191,16 @@ def first_words(connection: socket.socket) -> Optional[Dict[str, str]]:
     return header
 
 
+def listeners() -> int:
+    """Return how many connections listen to this node's topics."""
+    return sum(len(topic.connections) for topic in list(get_topic_manager().pubs.values()))
+
+
 def _hand_over(server: Any, connection: socket.socket, address: Tuple[str, int], header: Dict[str, str]) -> str:
     """Hand a connection to rospy; return why it is refused, empty where it is not."""
     if "topic" in header:
+        if listeners() >= MOST_LISTENERS:
+            return f"{MOST_LISTENERS} connections listen to this node's topics already"
         handle = server.topic_connection_handler
     elif "service" in header:
         handle = server.service_connection_handler

@@ -15,6 +15,9 @@ from actionlib_msgs.msg import GoalID
 from mbf_relay.ros.common.client_goals import ActionEnding, ClientGoals, SentGoal
 from mbf_relay.ros.common.server_watch import ServerWatch
 
+STRANGERS_PERIOD = 10.0
+"""Seconds between two warnings of a node that speaks as the server."""
+
 
 class ActionClient:
     """Sends goals to one action server."""
@@ -51,8 +54,9 @@ class ActionClient:
         self._goal_publisher = rospy.Publisher(f"{self.name}/goal", type(action.action_goal), **options)
         feedback, result = type(action.action_feedback), type(action.action_result)
         self._subscribers = [
-            rospy.Subscriber(f"{self.name}/result", result, self._goals.take_result, tcp_nodelay=True),
-            rospy.Subscriber(f"{self.name}/feedback", feedback, self._goals.take_feedback, tcp_nodelay=True),
+            rospy.Subscriber(f"{self.name}/{topic}", kind, self._take_from_server, take, tcp_nodelay=True)
+            for topic, kind, take in (
+                ("result", result, self._goals.take_result), ("feedback", feedback, self._goals.take_feedback))
         ]
         self._watch = ServerWatch(
             self.name, self._goal_publisher.impl.has_connection, silence_timeout, self._goals.take_status)
@@ -115,6 +119,17 @@ class ActionClient:
         for link in (*self._subscribers, self._goal_publisher, self._cancel_publisher, self._lease_publisher):
             if link is not None:
                 link.unregister()
+
+    def _take_from_server(self, message: Any, take: Callable[[Any], None]) -> None:
+        """Hand on what the server says; what others say in its name is no end of a goal."""
+        if not self._goals.knows(message.status.goal_id.id):
+            return
+        if self._watch.is_from_server(message):
+            take(message)
+        else:
+            rospy.logwarn_throttle(
+                STRANGERS_PERIOD, f"{message._connection_header.get('callerid', '')} speaks as the action server "
+                f"{self.name}, which it is not: what it says is ignored")
 
     def _keep_up(self) -> bool:
         self.check()

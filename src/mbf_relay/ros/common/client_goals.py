@@ -222,6 +222,10 @@ class ClientGoals:
         if sent is not None:
             self._end(sent, ActionEnding(message.status.status, message.status.text, message.result))
 
+    def knows(self, goal_id: str) -> bool:
+        """Return whether a goal of this client's has that id and has not ended."""
+        return goal_id in self._goals
+
     @property
     def open_goals(self) -> List[str]:
         """The ids of the goals that have not ended."""
@@ -253,6 +257,5 @@ class ClientGoals:
         with self._lock:
             still_open = self._goals.pop(sent.goal_id, None) is not None
         if still_open:
-            if ending.status == GoalStatus.LOST:
-                sent.cancel()  # a server that only hung must not go on with what was given up
+            sent.cancel()  # whoever said that it ended, and whether or not it has: nothing is driven for it from now on
             sent.finish(ending)

@@ -1,44 +1,88 @@
-"""Which frame hangs on which: what tf2 takes without a word, and then can look nothing up for good."""
+"""Which frame hangs on which, and who says so: tf2 believes whoever spoke last, and keeps it for good."""
 
 from __future__ import annotations
 
-from typing import Dict, Set
+from typing import Any, Callable, Dict, List
 
 from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.senders import AT_ONCE
+
+
+class ContestedFrame(InvalidMessage):
+    """Somebody else says already where a frame is."""
+
+
+class Relation:
+    """What is known of a frame: what it hangs on, whether for good (by /tf_static), who says so, and since when (s)."""
+
+    __slots__ = ("heard_at", "is_fixed", "parent", "sender")
+
+    def __init__(self, parent: str, sender: str, is_fixed: bool, heard_at: float) -> None:
+        self.parent, self.sender, self.is_fixed, self.heard_at = parent, sender, is_fixed, heard_at
 
 
 class FrameTree:
-    """The frames of a tf buffer, without a loop. Of two relations that contradict each other the first one holds.
+    """The frames of a tf buffer, without a loop, each of which one node tells of.
 
-    A single message by which 'map' hangs on 'base_link' made each lookup between them fail until the node was
-    started again, for tf2 keeps the last relation of every frame.
+    Who told of a frame first goes on to, as long as it is there: connected, and on /tf heard from within two seconds.
+    What others say of that frame meanwhile is refused, be it another parent or another place. One message by which
+    'base_scan' hung on 'map' left the nodes without a lidar until they were started again; with two broadcasters of
+    one transform, poses jumped between what they said.
+
+    Args:
+        is_there: Tells whether a node of that name is connected to /tf_static (where True) or /tf.
     """
 
-    def __init__(self) -> None:
-        self._parents: Dict[str, str] = {}
-        self._fixed: Set[str] = set()  # what /tf_static says of, by child
+    def __init__(self, is_there: Callable[[str, bool], bool]) -> None:
+        self._is_there = is_there
+        self._relations: Dict[str, Relation] = {}  # by child
 
-    def add(self, parent: str, child: str, is_fixed: bool = False) -> None:
-        """Hang a frame on another, by their names with or without a leading slash.
+    def add(self, parent: str, child: str, sender: str, now: float, is_fixed: bool = False) -> bool:
+        """Hang a frame on another; return whether tf2 must forget what it knew to follow.
 
         Args:
-            parent, child: Their names.
+            parent, child: Their names, with or without a leading slash.
+            sender: Who says so.
+            now: When it came (s).
             is_fixed: Whether it never moves there.
 
         Raises:
+            ContestedFrame: Somebody else tells of this frame.
             InvalidMessage: The frame would hang on itself.
         """
         parent, child = parent.lstrip("/"), child.lstrip("/")
-        if is_fixed:
-            self._fixed.add(child)
-        if self._parents.get(child) == parent:
-            return
+        held = self._relations.get(child)
+        if held is not None and held.sender != sender and self._is_alive(held, now):
+            raise ContestedFrame(
+                f"{sender} says that '{child}' hangs on '{parent}', while {held.sender} says where it is on "
+                f"'{held.parent}'; who came first is believed as long as it is there, and only one of them may be left")
+        if held is not None and held.parent == parent and held.is_fixed == is_fixed:
+            held.sender, held.heard_at = sender, now
+            return False
+        bygone = self._break_loop(parent, child, now)
+        self._relations[child] = Relation(parent, sender, is_fixed, now)
+        return bygone or (held is not None and held.is_fixed != is_fixed)  # tf2 never turns one kind into the other
+
+    def _break_loop(self, parent: str, child: str, now: float) -> bool:
+        """Forget what is said by nobody any more where a relation would close a loop with it; return whether it would.
+        """
+        above: List[str] = []
         frame = parent
-        while frame != child and frame in self._parents:
-            frame = self._parents[frame]
-        if frame == child:
+        while frame != child and frame in self._relations:
+            above.append(frame)
+            frame = self._relations[frame].parent
+        if frame != child:
+            return False
+        bygone = [name for name in above if not self._is_alive(self._relations[name], now)]
+        if not bygone:
             raise InvalidMessage(f"'{parent}' hangs on '{child}' already; a frame cannot hang on itself")
-        self._parents[child] = parent
+        for name in bygone:
+            del self._relations[name]
+        return True
+
+    def _is_alive(self, relation: Relation, now: float) -> bool:
+        heard = relation.is_fixed or 0.0 <= now - relation.heard_at <= AT_ONCE
+        return heard and self._is_there(relation.sender, relation.is_fixed)
 
     def above(self, base: str, frame: str) -> Dict[str, bool]:
         """Return the frames one climbs to from `base` on the way to `frame`, each with whether what it holds is fixed.
@@ -47,11 +91,18 @@ class FrameTree:
         """
         base, frame = base.lstrip("/"), frame.lstrip("/")
         shared = {frame}
-        while frame in self._parents:
-            frame = self._parents[frame]
+        while frame in self._relations:
+            frame = self._relations[frame].parent
             shared.add(frame)
         climbed: Dict[str, bool] = {}
-        while base not in shared and base in self._parents:
-            climbed[self._parents[base]] = base in self._fixed
-            base = self._parents[base]
+        while base not in shared and base in self._relations:
+            relation = self._relations[base]
+            climbed[relation.parent] = relation.is_fixed
+            base = relation.parent
         return climbed if base in shared else {}
+
+
+def is_connected(subscriber: Any, sender: str) -> bool:
+    """Return whether a node of that name publishes to a subscriber."""
+    connections = subscriber.impl.connections if subscriber.impl else []
+    return any(link.callerid_pub == sender for link in connections)

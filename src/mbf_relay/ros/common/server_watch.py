@@ -68,6 +68,11 @@ class ServerWatch:
         """Wall time (s) since the server's last word, infinite before the first."""
         return time.monotonic() - self._heard_at if self._node else math.inf
 
+    def is_from_server(self, message: Any) -> bool:
+        """Return whether a message comes from a node that tells the status and takes goals, or did so last."""
+        node = message._connection_header.get("callerid", "")
+        return node == self._node or (node in self._connections() and self._takes_goals(node))
+
     def close(self) -> None:
         """Stop listening."""
         self._subscriber.unregister()

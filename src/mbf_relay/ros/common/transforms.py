@@ -16,14 +16,14 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common.checks import TF2_END, InvalidMessage, check_frames, check_stamp, check_transform, shown
 from mbf_relay.ros.common.conversions import header, transform_from_message, transform_to_message
-from mbf_relay.ros.common.frame_tree import FrameTree
+from mbf_relay.ros.common.frame_tree import ContestedFrame, FrameTree, is_connected
+from mbf_relay.ros.common.tf_core import TransformCore
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
-from mbf_relay.senders import Senders
 
 MOST_PENDING = 50
 """Messages of /tf that wait to be read until somebody asks for a transform: about a second's."""
 CONTENTION_PERIOD = 10.0
-"""Seconds between two warnings that a transform has two broadcasters."""
+"""Seconds between two warnings that more than one node tells of a frame."""
 MOST_TROUBLES = 64
 """Frames whose refused transforms are warned of each by itself; a flood of names is warned of as one."""
 
@@ -56,21 +56,35 @@ class AttentiveBuffer(tf2_ros.Buffer):
 
     Attributes:
         attend: Takes it in.
+        known: What has been taken in.
     """
 
     def __init__(self, cache_time: rospy.Duration) -> None:
-        super().__init__(cache_time)
         self.attend: Callable[[], None] = lambda: None
+        self.known = TransformCore(cache_time)
+        super().__init__(cache_time)
 
     def can_transform_core(self, *arguments: Any) -> Any:
         """Answer as tf2 does."""
         self.attend()
-        return super().can_transform_core(*arguments)
+        return self.known.core.can_transform_core(*arguments)
 
     def lookup_transform_core(self, *arguments: Any) -> Any:
         """Answer as tf2 does."""
         self.attend()
-        return super().lookup_transform_core(*arguments)
+        return self.known.core.lookup_transform_core(*arguments)
+
+    def set_transform(self, transform: TransformStamped, sender: str) -> None:
+        """Take a relation of /tf."""
+        self.known.set_transform(transform, sender)
+
+    def set_transform_static(self, transform: TransformStamped, sender: str) -> None:
+        """Take a relation of /tf_static."""
+        self.known.set_transform_static(transform, sender)
+
+    def all_frames_as_yaml(self, *arguments: Any) -> Any:
+        """Answer as tf2 does."""
+        return self.known.core.all_frames_as_yaml(*arguments)
 
 
 class CheckedListener:
@@ -88,15 +102,15 @@ class CheckedListener:
 
     def __init__(self, buffer: AttentiveBuffer, cache_time: float, changed: Callable[[], None]) -> None:
         self._buffer, self._cache_time, self._changed = buffer, cache_time, changed
-        self.tree = FrameTree()
-        self._broadcasters: Dict[str, Senders] = {}  # by child frame
+        self.tree = FrameTree(self._is_there)
         self._trouble: Dict[str, ThrottledWarnings] = {}  # by child frame; a busy machine's hiccup is worth no warning
         self._lock = threading.Lock()  # one reads at a time, in the order of coming
         self._pending: Deque[Tuple[Any, float]] = deque()
         self._heard_at = rospy.get_time()
         buffer.attend = self.attend
-        self._static = self._subscribe("/tf_static", self.take_static)
+        self._static: Optional[rospy.Subscriber] = None
         self._moving: Optional[rospy.Subscriber] = None
+        self._static = self._subscribe("/tf_static", self.take_static)
         self.listen()
 
     def _subscribe(self, topic: str, take: Callable[[Any], None]) -> rospy.Subscriber:
@@ -116,7 +130,8 @@ class CheckedListener:
     def close(self) -> None:
         """Stop listening."""
         self.rest()
-        self._static.unregister()
+        if self._static is not None:
+            self._static.unregister()
 
     def take(self, message: Any) -> None:
         """Take a message of /tf."""
@@ -149,7 +164,7 @@ class CheckedListener:
                 if now < self._heard_at:
                     self._heard_at = now
                     self._pending.clear()
-                    self._buffer.clear()
+                    self._buffer.known.forget()
         self._heard_at = now
         return now
 
@@ -160,41 +175,60 @@ class CheckedListener:
         except genpy.DeserializationError as error:
             self._warn_of("", f"refused a message of /tf from {sender}: {error}")
             return
-        take = self._buffer.set_transform_static if max_age is None else self._buffer.set_transform
         for transform in transforms:
-            if self._is_sound(transform, now, max_age):
-                take(transform, sender)
-                if max_age is not None:
-                    self._hear(sender, transform, now)
+            if self._is_sound(transform, sender, now, max_age):
+                if max_age is None:
+                    self._tell_of_move(transform, sender)
+                    self._buffer.set_transform_static(transform, sender)
+                else:
+                    self._buffer.set_transform(transform, sender)
 
-    def _is_sound(self, message: TransformStamped, now: float, max_age: Optional[float]) -> bool:
+    def _is_sound(self, message: TransformStamped, sender: str, now: float, max_age: Optional[float]) -> bool:
+        parent, child = message.header.frame_id, message.child_frame_id
         try:
             check_transform(message)
             if max_age is not None:
                 check_stamp(message.header.stamp.to_sec(), now, max_age)
             elif message.header.stamp.to_sec() >= TF2_END:
                 message.header.stamp = rospy.Time()
-            self.tree.add(message.header.frame_id, message.child_frame_id, is_fixed=max_age is None)
-        except InvalidMessage as error:
-            child = message.child_frame_id if len(self._trouble) < MOST_TROUBLES else ""
-            relation = f"'{shown(message.header.frame_id)}' to '{shown(message.child_frame_id)}'"
-            self._warn_of(child, f"refused a transform from {relation}: {error}")
+            if self.tree.add(parent, child, sender, now, is_fixed=max_age is None):
+                self._buffer.known.forget(child)
+        except ContestedFrame as error:
+            known = self._buffer.known.fixed(child)
+            if known is None or max_age is not None or not _is_alike(known, message):
+                rospy.logwarn_throttle(CONTENTION_PERIOD, f"refused a transform: {error}")
             return False
-        if message.child_frame_id in self._trouble:
-            self._trouble[message.child_frame_id].worked()
+        except InvalidMessage as error:
+            name = child if len(self._trouble) < MOST_TROUBLES else ""
+            self._warn_of(name, f"refused a transform from '{shown(parent)}' to '{shown(child)}': {error}")
+            return False
+        if child in self._trouble:
+            self._trouble[child].worked()
         return True
 
-    def _hear(self, sender: str, transform: TransformStamped, now: float) -> None:
-        """Tell where two nodes broadcast one transform: tf2 takes the newest of either, and poses jump."""
-        broadcasters = self._broadcasters.setdefault(transform.child_frame_id, Senders())
-        if broadcasters.hear(sender, now) and len(broadcasters.present) > 1:
-            rospy.logwarn_throttle(
-                CONTENTION_PERIOD, "more than one node broadcasts the transform from '%s' to '%s': %s; poses jump "
-                "between what they say, and only one of them may be left", transform.header.frame_id,
-                transform.child_frame_id, ", ".join(broadcasters.present))
+    def _is_there(self, sender: str, is_fixed: bool) -> bool:
+        """Return whether a node still sends on /tf_static, or on /tf."""
+        topic = self._static if is_fixed else self._moving
+        return is_fixed if topic is None else is_connected(topic, sender)
+
+    def _tell_of_move(self, message: TransformStamped, sender: str) -> None:
+        """Tell where what is said never to move has moved: whatever is seen from there is elsewhere from now on."""
+        known = self._buffer.known.fixed(message.child_frame_id)
+        if known is not None and not _is_alike(known, message):
+            before, after = transform_from_message(known.transform), transform_from_message(message.transform)
+            rospy.logwarn(
+                "%s has moved '%s' on /tf_static: it was at x %.3f m, y %.3f m, yaw %.3f rad on '%s', and is at x %.3f "
+                "m, y %.3f m, yaw %.3f rad on '%s'", sender, message.child_frame_id, *before, known.header.frame_id,
+                *after, message.header.frame_id)
 
     def _warn_of(self, child: str, text: str) -> None:
         self._trouble.setdefault(child, ThrottledWarnings()).say(text)
+
+
+def _is_alike(one: TransformStamped, other: TransformStamped) -> bool:
+    """Return whether two relations of one frame are the same, whatever their stamps."""
+    same_parent = one.header.frame_id.lstrip("/") == other.header.frame_id.lstrip("/")
+    return same_parent and bool(one.transform == other.transform)
 
 
 class Transforms:

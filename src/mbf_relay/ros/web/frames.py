@@ -13,7 +13,8 @@ from tf2_msgs.msg import TFMessage
 from mbf_relay.geometry import Pose2D
 from mbf_relay.ros.common.checks import InvalidMessage, check_frames
 from mbf_relay.ros.common.conversions import transform_from_message
-from mbf_relay.ros.common.frame_tree import FrameTree
+from mbf_relay.ros.common.frame_tree import FrameTree, is_connected
+from mbf_relay.ros.common.tf_core import TransformCore
 
 KEPT = 10.0
 """Seconds of /tf to look back on."""
@@ -29,8 +30,9 @@ class Frames:
         self._changed = changed
         self._lock = threading.Lock()
         self._newest: Optional[rospy.Time] = None
-        self._tree = FrameTree()
-        self._buffer = tf2_py.BufferCore(rospy.Duration(KEPT))
+        self._tree = FrameTree(self._is_there)
+        self._known = TransformCore(rospy.Duration(KEPT))
+        self._subscribers: List[rospy.Subscriber] = []
         self._subscribers = [
             rospy.Subscriber("/tf", TFMessage, self._take, False, queue_size=100, buff_size=1 << 20, tcp_nodelay=True),
             rospy.Subscriber("/tf_static", TFMessage, self._take, True, queue_size=100, buff_size=1 << 20),
@@ -61,16 +63,22 @@ class Frames:
             if time is None or not 0 <= time.secs < LATEST_STAMP:
                 continue
             try:
-                return transform_from_message(self._buffer.lookup_transform_core(target, source, time).transform)
+                return transform_from_message(self._known.core.lookup_transform_core(target, source, time).transform)
             except (tf2_py.TransformException, InvalidMessage):
                 continue
         return None
 
     def names(self) -> List[str]:
         """Return the frames that are known."""
-        return [line.split()[1] for line in self._buffer.all_frames_as_string().splitlines() if len(line.split()) > 1]
+        lines = self._known.core.all_frames_as_string().splitlines()
+        return [line.split()[1] for line in lines if len(line.split()) > 1]
+
+    def _is_there(self, sender: str, is_static: bool) -> bool:
+        """Return whether a node still sends on /tf_static, or on /tf."""
+        return is_connected(self._subscribers[int(is_static)], sender) if self._subscribers else True
 
     def _take(self, message: TFMessage, is_static: bool) -> None:
+        sender, now = message._connection_header.get("callerid", ""), rospy.get_time()
         for transform in message.transforms:
             stamp = transform.header.stamp
             shift = transform.transform.translation
@@ -79,17 +87,18 @@ class Frames:
             with self._lock:
                 if not is_static:
                     if self._newest is not None and stamp + rospy.Duration(KEPT) < self._newest:
-                        self._buffer.clear()  # time began anew
+                        self._known.forget()  # time began anew
                         self._newest = None
                     self._newest = stamp if self._newest is None else max(stamp, self._newest)
             try:
                 check_frames(transform.header.frame_id, transform.child_frame_id)
                 with self._lock:
-                    self._tree.add(transform.header.frame_id, transform.child_frame_id)
+                    if self._tree.add(transform.header.frame_id, transform.child_frame_id, sender, now, is_static):
+                        self._known.forget(transform.child_frame_id)
                 if is_static:
-                    self._buffer.set_transform_static(transform, "web_view")
+                    self._known.set_transform_static(transform, sender)
                 else:
-                    self._buffer.set_transform(transform, "web_view")
+                    self._known.set_transform(transform, sender)
             except (tf2_py.TransformException, InvalidMessage):
                 continue
         self._changed()

@@ -86,6 +86,19 @@ def test_a_robot_is_not_left_standing_by_somebody_who_connects_and_says_nothing(
     assert node.limits == [None], "a subscriber may be silent for as long as it likes"
 
 
+def test_strangers_who_listen_and_never_read_leave_a_node_files_and_threads(node, monkeypatch):
+    """Each held a thread and a file; with a thousand nobody could ask the node for anything any more."""
+    topics = SimpleNamespace(pubs={"/tf": SimpleNamespace(connections=node.heard)})
+    monkeypatch.setattr(accepting, "get_topic_manager", lambda: topics)
+    for number in range(accepting.MOST_LISTENERS):
+        node.hears_of(f"/silent{number}")
+    with node.connect(words(callerid="/one_more", topic="/tf")) as connection:
+        connection.settimeout(20.0)
+        assert "400 connections" in read_ros_handshake_header(connection, io.BytesIO(), 65536)["error"]
+    node.heard.pop()
+    node.hears_of("/velocity_guard")
+
+
 @pytest.mark.parametrize("text", [
     b"\x00" * 8, b"\xff" * 8, b"GET / HTTP/1.1\r\n\r\n", words(callerid="/x"), words(topic="/nothing", callerid="/x"),
     words(topic="/cmd_vel"), struct.pack("<II", 8, 0) + b"....", bytes(range(64)),

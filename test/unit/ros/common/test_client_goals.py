@@ -108,6 +108,16 @@ def test_a_goal_is_sent_again_until_it_is_heard_of_and_lost_where_it_never_is():
     assert links.cancels == [sent.goal_id], "a server that only was slow must not go on with what was given up"
 
 
+@pytest.mark.parametrize("state", [GoalStatus.SUCCEEDED, GoalStatus.ABORTED, GoalStatus.PREEMPTED])
+def test_a_robot_whose_goal_is_said_to_have_ended_is_not_left_driving_for_it(state):
+    """A result in the server's name answered the client, and the robot drove on until the goal's lease ran out."""
+    links = Links()
+    goals = make(links)
+    sent = goals.send(MoveBaseGoal())
+    goals.take_result(MoveBaseActionResult(status=GoalStatus(goal_id=GoalID(id=sent.goal_id), status=state)))
+    assert sent.ending.status == state and links.cancels == [sent.goal_id]
+
+
 def test_a_goal_that_was_called_off_is_not_sent_again_before_its_cancel_is_known():
     links = Links()
     goals, endings = make(links), []

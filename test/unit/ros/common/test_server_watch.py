@@ -107,3 +107,20 @@ def test_a_node_does_not_wait_for_a_master_that_is_gone_to_learn_whether_it_is_a
     monkeypatch.setattr(rospy, "get_name", lambda: "/here")
     monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
     check_alone("move_base")
+
+
+def test_only_who_takes_goals_and_tells_of_them_speaks_for_the_server_and_one_that_ends_has_its_last_word(
+    world, monkeypatch
+):
+    """A stranger's result answered the relay's client that the robot had arrived; it was on its way."""
+    takes_goals = {NODE, "/recorder"}
+    monkeypatch.setattr(world.watch, "_takes_goals", takes_goals.__contains__)
+    server, *strangers = (
+        SimpleNamespace(_connection_header={"callerid": name}) for name in (NODE, "/recorder", "/stranger"))
+    world.links.append(Link("http://here:1"))
+    assert world.watch.is_from_server(server) and not any(map(world.watch.is_from_server, strangers))
+    world.watch._subscriber.hear()
+    takes_goals.clear()
+    world.links.clear()
+    assert world.watch.is_from_server(server), "its result came after it had closed the connection for goals"
+    assert not any(map(world.watch.is_from_server, strangers))

@@ -22,6 +22,7 @@ class Robot:
 
     def __init__(self, monkeypatch):
         self.subscribed, self.now, self.changes = {}, 10.0, 0
+        self.connected = {"/tf": [], "/tf_static": []}
         monkeypatch.setattr("rosgraph.Master.lookupService", lambda *_: "")  # tf2 asks the master for its own service
         monkeypatch.setattr(rospy, "Subscriber", self._subscribe)
         monkeypatch.setattr(rospy, "get_time", lambda: self.now)
@@ -30,7 +31,13 @@ class Robot:
 
     def _subscribe(self, topic, message_class, callback, **_options):
         self.subscribed[topic] = message_class, callback
-        return SimpleNamespace(unregister=lambda: self.subscribed.pop(topic))
+        return SimpleNamespace(
+            unregister=lambda: self.subscribed.pop(topic), impl=SimpleNamespace(connections=self.connected[topic]))
+
+    def leave(self, sender):
+        """End a node."""
+        for links in self.connected.values():
+            links[:] = [link for link in links if link.callerid_pub != sender]
 
     def _note(self):
         self.changes += 1
@@ -43,6 +50,8 @@ class Robot:
                 header(parent, stamp), child, transform_to_message(Pose2D(x, 0.0, 0.0)))]))
         message = message_class().deserialize(text)
         message._connection_header = {"callerid": sender}
+        if all(link.callerid_pub != sender for link in self.connected[topic]):
+            self.connected[topic].append(SimpleNamespace(callerid_pub=sender))
         callback(message)
 
     def x(self, child="base", stamp=None):
@@ -147,21 +156,86 @@ def test_a_name_that_no_frame_can_have_is_refused_in_a_sentence(robot, name):
     assert robot.x() == 1.0
 
 
-def test_of_two_nodes_that_broadcast_one_transform_both_are_named(robot, monkeypatch):
-    """A robot whose odometry came from two nodes drove by both in turn, and was said to be stuck."""
+@pytest.fixture
+def told(monkeypatch):
+    """What is warned of."""
     told = []
-    monkeypatch.setattr(rospy, "logwarn_throttle", lambda _period, text, *values: told.append(text % values))
-    for sender in ("/wheels", "/wheels", "/ekf", "/ekf"):  # the one was replaced by the other
+    monkeypatch.setattr(rospy, "logwarn_throttle", lambda _period, text: told.append(text))
+    monkeypatch.setattr(rospy, "logwarn", lambda text, *values: told.append(text % values))
+    return told
+
+
+def test_of_two_nodes_that_broadcast_one_transform_one_is_believed_and_both_are_named(robot, told):
+    """A robot whose odometry came from two nodes drove by both in turn, and was said to be stuck."""
+    for _ in range(10):
         robot.now += 0.1
-        robot.send(1.0, sender=sender)
-        robot.x()
-    assert told == []
-    for sender in ("/wheels", "/ekf"):
+        robot.send(1.0)
+        robot.send(2.0, sender="/ekf")
+        assert robot.x() == 1.0
+    assert len(told) == 10
+    assert all(part in told[0] for part in ("/ekf says that 'base' hangs on 'odom'", "/wheels says where it is"))
+
+
+@pytest.mark.parametrize("is_heard", [False, True], ids=["it ended", "it is silent"])
+def test_who_takes_the_place_of_a_broadcaster_is_believed(robot, told, is_heard):
+    robot.send(1.0)
+    robot.now += 0.1
+    if is_heard:
+        robot.now += 2.0
+    else:
+        robot.leave("/wheels")
+    robot.send(2.0, sender="/ekf", parent="odom_combined")
+    robot.send(3.0, sender="/ekf", parent="odom", child="odom_combined")
+    assert robot.x() == 5.0 and told == []
+
+
+@pytest.mark.parametrize("parent", ["map", "odom"])
+@pytest.mark.parametrize("topic", ["/tf", "/tf_static"])
+def test_a_stranger_who_puts_the_lidar_elsewhere_is_not_believed_and_named(robot, told, topic, parent):
+    """One message by which 'base_scan' hung on 'map' left amcl without a scan until it was started again."""
+    robot.send(7.0, parent="map", child="odom")
+    robot.send(1.0, sender="/description", topic="/tf_static", child="lidar")
+    robot.send(9.0, sender="/stranger", topic=topic, parent=parent, child="lidar")
+    assert robot.x("lidar") == 1.0
+    assert len(told) == 1 and f"/stranger says that 'lidar' hangs on '{parent}'" in told[0]
+    assert "/description says where it is on 'odom'" in told[0]
+
+
+@pytest.mark.parametrize("first, then", [("/tf", "/tf_static"), ("/tf_static", "/tf")])
+def test_a_lidar_is_known_again_once_a_stranger_who_was_first_has_gone(robot, first, then):
+    """tf2 never lets a frame that one of the two topics told of become one of the other's."""
+    robot.send(7.0, sender="/stranger", topic=first, parent="map", child="lidar")
+    robot.send(4.0, topic="/tf_static", child="mast")
+    assert robot.transforms.can_transform("map", "lidar")
+    robot.leave("/stranger")
+    robot.send(1.0, sender="/description", topic=then, child="lidar")
+    robot.now += 100.0
+    if then == "/tf":
+        robot.send(1.0, sender="/description", topic=then, child="lidar")
+    assert robot.x("lidar", stamp=robot.now) == 1.0
+    assert robot.x("mast") == 4.0
+
+
+def test_a_robot_knows_its_place_once_a_stranger_who_hung_it_upside_down_is_silent(robot):
+    robot.send(5.0, sender="/stranger", parent="base", child="odom")
+    robot.send(1.0)
+    robot.now += 3.0
+    robot.send(2.0)
+    assert robot.x() == 2.0
+
+
+def test_who_moves_a_lidar_that_it_placed_itself_is_believed_and_told_of(robot, told):
+    for x in (0.3, 0.3, 0.1):
+        robot.send(x, topic="/tf_static", child="lidar")
+        assert robot.x("lidar") == x
+    assert len(told) == 1 and "x 0.300 m" in told[0] and "x 0.100 m" in told[0] and "/wheels has moved" in told[0]
+
+
+def test_of_two_nodes_that_place_a_lidar_alike_nothing_is_said(robot, told):
+    for sender in ("/description", "/description_2"):
+        robot.send(0.3, topic="/tf_static", child="lidar", sender=sender, stamp=robot.now)
         robot.now += 0.1
-        robot.send(1.1, sender=sender)
-        robot.send(1.0, child=sender.strip("/"), sender=sender)
-        robot.x()
-    assert len(told) == 1 and "'odom' to 'base'" in told[0] and "/ekf" in told[0] and "/wheels" in told[0]
+    assert robot.x("lidar") == 0.3 and told == []
 
 
 def test_a_lidar_that_stands_in_the_world_is_told_from_one_that_the_robot_carries(robot):

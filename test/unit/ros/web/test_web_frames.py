@@ -1,5 +1,7 @@
 """Frames as the browser's view keeps them."""
 
+from types import SimpleNamespace
+
 import pytest
 
 pytest.importorskip("tf2_msgs.msg", reason="needs ROS's messages")
@@ -17,10 +19,17 @@ def frames(monkeypatch):
         """Hears nothing; the test hands messages in."""
 
         def __init__(self, *_args, **_details):
-            pass
+            self.impl = SimpleNamespace(connections=[SimpleNamespace(callerid_pub="/robot")])
 
     monkeypatch.setattr(web_frames.rospy, "Subscriber", Subscriber)
+    monkeypatch.setattr(web_frames.rospy, "get_time", lambda: 10.0)
     return web_frames.Frames(lambda: None)
+
+
+def take(frames, transform, is_static=False, sender="/robot"):
+    message = TFMessage([transform])
+    message._connection_header = {"callerid": sender}
+    frames._take(message, is_static)
 
 
 def seen(frames, seconds, x):
@@ -28,7 +37,7 @@ def seen(frames, seconds, x):
     message.header.stamp, message.header.frame_id = rospy.Time.from_sec(seconds), "map"
     message.child_frame_id, message.transform.translation.x = "base_footprint", x
     message.transform.rotation.w = 1.0
-    frames._take(TFMessage([message]), False)
+    take(frames, message)
     return frames.lookup("map", "base_footprint")
 
 
@@ -52,10 +61,22 @@ def test_a_robot_is_still_shown_after_its_map_was_hung_on_it(frames):
     wrong = TransformStamped(child_frame_id="map")
     wrong.header.stamp, wrong.header.frame_id = rospy.Time(1), "base_footprint"
     wrong.transform.rotation.w = 1.0
-    frames._take(TFMessage([wrong]), False)
+    take(frames, wrong)
     assert seen(frames, 2.0, 2.0).x == 2.0
     assert frames.lookup("base_footprint", "map").x == -2.0
 
 
 def test_a_frame_that_no_name_can_mean_is_not_looked_for(frames):
     assert frames.lookup("map", "base\0") is None
+
+
+def test_a_lidar_is_shown_where_it_sits_after_a_stranger_put_it_elsewhere(frames):
+    lidar = TransformStamped(child_frame_id="scan")
+    lidar.header.frame_id, lidar.transform.translation.x, lidar.transform.rotation.w = "base_footprint", 0.1, 1.0
+    seen(frames, 1.0, 2.0)
+    take(frames, lidar, is_static=True)
+    for is_static in (False, True):
+        wrong = TransformStamped(child_frame_id="scan")
+        wrong.header.stamp, wrong.header.frame_id, wrong.transform.rotation.w = rospy.Time(1), "map", 1.0
+        take(frames, wrong, is_static, sender="/stranger")
+        assert frames.lookup("map", "scan").x == 2.1
