@@ -156,19 +156,19 @@ class DaskCluster:
         if future.status == "cancelled":
             self._require_scheduler()
             return Lost("was cancelled at the scheduler")
-        try:
-            error = future.exception(GATHERING)
-            answer = future.result(GATHERING) if error is None else None
-        except Exception as late:  # each release of Dask has a TimeoutError of its own
-            if type(late).__name__ != "TimeoutError":
-                raise
-            return _Unfit("its worker was lost, and what it had computed with it")
-        if answer is not None:
+        coming = self._in_loop(self._client.gather([future], asynchronous=True))
+        begun = self._clock()
+        while not concurrent.futures.wait([coming], LOOK).done:
+            if future.status in ("pending", "lost") or self._clock() - begun > GATHERING:
+                return _Unfit(GONE)
+        error = None if coming.cancelled() else coming.exception()
+        if coming.cancelled() or type(error).__name__ == "KilledWorker":
+            return _Unfit(GONE)
+        if error is None:
+            (answer,) = coming.result()
             return _Unfit(answer[1].decode()) if answer[0] == driver.REFUSED else value_of(answer)
         if isinstance(error, ImportError):
             return _Unfit(str(error))
-        if type(error).__name__ == "KilledWorker":
-            return _Unfit(GONE)
         return Lost(f"{type(error).__name__}: {error}")
 
     def _look(self, time_limit: float) -> None:
@@ -194,8 +194,7 @@ class DaskCluster:
         """Return how many threads each worker has; None where the scheduler has not answered yet."""
         if self._look_under_way is None:
             self._looked = self._clock()
-            self._look_under_way = asyncio.run_coroutine_threadsafe(
-                self._client.scheduler.ncores(), self._client.loop.asyncio_loop)
+            self._look_under_way = self._in_loop(self._client.scheduler.ncores())
         look = self._look_under_way
         if not concurrent.futures.wait([look], LOOK).done:
             if self._clock() - self._looked > CONNECTING:
@@ -207,6 +206,10 @@ class DaskCluster:
         except (OSError, concurrent.futures.TimeoutError):
             return None  # the connection broke; whether the scheduler is gone the client finds out
 
+    def _in_loop(self, coroutine: Any) -> concurrent.futures.Future:
+        """Have a coroutine run in the client's loop, without waiting for it."""
+        return asyncio.run_coroutine_threadsafe(coroutine, self._client.loop.asyncio_loop)
+
     def _tell(self, line: str) -> None:
         """Tell what keeps the work waiting, once until something else does or nothing."""
         if line and line != self._told:
@@ -217,6 +220,7 @@ class DaskCluster:
         """Take a worker's answer about its sources."""
         address = self._asked.pop(future)
         found = self._value(future)
+        future.release()
         fit = isinstance(found, Sources)
         difference = self._expected.difference(found) if fit else f"cannot work: {found}"
         self._fit[address] = not difference
