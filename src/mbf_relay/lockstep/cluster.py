@@ -1,20 +1,25 @@
 """Work on a Dask cluster: one on this machine, or one that somebody already has.
 
-Dask decides where a piece of work goes, finds workers that died or stopped and gives their work to others. A worker
-is a thread that watches a process of its own (see `driver`), so that what crashes or hangs costs one result and no
-worker, on a cluster of anybody's making. Here and there workers must have the client's sources, or they get no work.
+Dask carries pieces of work to the workers they are meant for, and finds workers that died or stopped. Which worker gets
+which piece is decided here: what is known to be at a worker that is gone is sent to another, and no piece depends on
+what Dask makes of it. A worker is a thread that watches a process of its own (see `driver`), so that what crashes or
+hangs costs one result and no worker, on a cluster of anybody's making. Here and there workers must have the client's
+sources, or they get no work.
 """
 
 from __future__ import annotations
 
+import asyncio
+import concurrent.futures
 import json
 import queue
 import tempfile
 import time
-from collections import deque
+from collections import Counter, deque
 from contextlib import ExitStack, contextmanager
+from itertools import chain
 from pathlib import Path
-from typing import Any, Callable, Deque, Dict, Iterator, List, Optional, Sequence, Tuple, TypeVar
+from typing import Any, Callable, Deque, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, TypeVar
 
 from mbf_relay.lockstep import driver
 from mbf_relay.lockstep.episodes import Lost, value_of
@@ -23,7 +28,7 @@ from mbf_relay.lockstep.sources import Sources
 Argument = TypeVar("Argument")
 
 CONNECTING = 10.0
-"""Seconds a scheduler may take to answer."""
+"""Seconds a scheduler may take to answer, or it is said that it does not."""
 GATHERING = 20.0
 """Seconds for a result that is there to arrive; its worker may die on the way, and Dask would wait for ever."""
 LOOK = 1.0
@@ -31,7 +36,9 @@ LOOK = 1.0
 AHEAD = 2
 """Pieces of work sent per thread: one in work, one that waits there already."""
 MOST_TRIES = 5
-"""How often work is sent again that came to a worker of other sources."""
+"""How often work is sent again that came to a worker of other sources, or to one that was lost."""
+GONE = "its worker was lost, again and again"
+"""What is said of work that was sent again too often because of that."""
 SETTINGS = {
     "distributed.worker.profile.interval": "1h",  # it would look at our threads a hundred times a second
     "distributed.worker.profile.cycle": "1h",
@@ -42,6 +49,14 @@ SETTINGS = {
 
 class ClusterError(ValueError):
     """There is no cluster to work on; the text says why, in one line."""
+
+
+class _Piece(NamedTuple):
+    """A piece of work, how often it was sent already, and the worker it is at."""
+
+    argument: Any
+    tries: int = 0
+    worker: str = ""
 
 
 class DaskCluster:
@@ -63,9 +78,10 @@ class DaskCluster:
         self._ended: queue.Queue = queue.Queue()
         self._fit: Dict[str, bool] = {}
         self._asked: Dict[Any, str] = {}
-        self._threads = 0
+        self._threads: Dict[str, int] = {}
         self._looked = float("-inf")
-        self._told_of_none = False
+        self._look_under_way: Optional[concurrent.futures.Future] = None
+        self._told = ""
 
     def run(
         self, call: Callable[[Argument], Any], arguments: Sequence[Argument], time_limit: float
@@ -75,37 +91,55 @@ class DaskCluster:
         Raises:
             ClusterError: The scheduler is gone, or no worker is fit.
         """
-        waiting: Deque[Tuple[Argument, int]] = deque((argument, 0) for argument in arguments)
-        flying: Dict[Any, Tuple[Argument, int]] = {}
+        waiting: Deque[_Piece] = deque(_Piece(argument) for argument in arguments)
+        flying: Dict[Any, _Piece] = {}
         try:
             while waiting or flying:
                 self._look(time_limit)
-                while waiting and len(flying) < AHEAD * self._threads:
-                    argument, tries = waiting.popleft()
-                    work = driver.packed(call, argument, self._expected)
-                    flying[self._send(work, time_limit)] = argument, tries
-                for future in self._wait():
-                    if future in self._asked:
-                        self._judge(future)
-                        continue
-                    if future not in flying:
-                        continue  # of a run that was given up
-                    argument, tries = flying.pop(future)
-                    value = self._value(future)
-                    if isinstance(value, _Unfit) and tries < MOST_TRIES:
-                        waiting.append((argument, tries + 1))
+                self._send_all(call, waiting, flying, time_limit)
+                gone = [(future, _Unfit(GONE)) for future, piece in flying.items() if piece.worker not in self._fit]
+                for future, value in chain(gone, self._arrived(flying)):
+                    piece = flying.pop(future)
+                    future.release()
+                    if isinstance(value, _Unfit) and piece.tries < MOST_TRIES:
+                        waiting.append(_Piece(piece.argument, piece.tries + 1))
                     else:
-                        yield argument, Lost(str(value)) if isinstance(value, _Unfit) else value
+                        yield piece.argument, Lost(str(value)) if isinstance(value, _Unfit) else value
         finally:
-            if flying:
-                self._client.cancel(list(flying))
+            for future in flying:
+                future.release()  # of which a scheduler that hangs need not know
 
-    def _send(self, work: bytes, time_limit: float) -> Any:
-        strangers = bool(self._asked) or not all(self._fit.values())
-        workers = [address for address, fit in self._fit.items() if fit] if strangers else None
-        future = self._client.submit(driver.run_on_worker, work, time_limit, pure=False, workers=workers)
+    def _send_all(
+        self, call: Callable, waiting: Deque[_Piece], flying: Dict[Any, _Piece], time_limit: float
+    ) -> None:
+        """Send work to fit workers, as long as they have room for it."""
+        threads = {address: count for address, count in self._threads.items() if self._fit.get(address)}
+        held = Counter(piece.worker for piece in flying.values())
+        while waiting and threads:
+            # In the end no piece is to wait at one worker while another has nothing to do.
+            most = AHEAD if len(waiting) > sum(threads.values()) else 1
+            worker = min(threads, key=lambda address: held[address] / threads[address])
+            if held[worker] >= most * threads[worker]:
+                return
+            piece = waiting.popleft()._replace(worker=worker)
+            held[worker] += 1
+            flying[self._send(driver.packed(call, piece.argument, self._expected), time_limit, worker)] = piece
+
+    def _send(self, work: bytes, time_limit: float, worker: str) -> Any:
+        """Send work to a worker, which Dask is not to give to another: we know who has what, and see who is gone."""
+        future = self._client.submit(
+            driver.run_on_worker, work, time_limit, pure=False, workers=[worker], allow_other_workers=False
+        )
         future.add_done_callback(self._ended.put)
         return future
+
+    def _arrived(self, flying: Dict[Any, _Piece]) -> Iterator[Tuple[Any, Any]]:
+        """Yield what ended meanwhile, each with what came of it."""
+        for future in self._wait():
+            if future in self._asked:
+                self._judge(future)
+            elif future in flying:  # else of a run that was given up, or of a worker that was lost
+                yield future, self._value(future)
 
     def _wait(self) -> List[Any]:
         """Return what ended meanwhile."""
@@ -122,51 +156,74 @@ class DaskCluster:
         if future.status == "cancelled":
             self._require_scheduler()
             return Lost("was cancelled at the scheduler")
-        try:
-            error = future.exception(GATHERING)
-            answer = future.result(GATHERING) if error is None else None
-        except Exception as late:  # each release of Dask has a TimeoutError of its own
-            if type(late).__name__ != "TimeoutError":
-                raise
-            return _Unfit("its worker was lost, and what it had computed with it")
-        if answer is not None:
+        coming = self._in_loop(self._client.gather([future], asynchronous=True))
+        begun = self._clock()
+        while not concurrent.futures.wait([coming], LOOK).done:
+            if future.status in ("pending", "lost") or self._clock() - begun > GATHERING:
+                return _Unfit(GONE)
+        error = None if coming.cancelled() else coming.exception()
+        if coming.cancelled() or type(error).__name__ == "KilledWorker":
+            return _Unfit(GONE)
+        if error is None:
+            (answer,) = coming.result()
             return _Unfit(answer[1].decode()) if answer[0] == driver.REFUSED else value_of(answer)
         if isinstance(error, ImportError):
             return _Unfit(str(error))
-        if type(error).__name__ == "KilledWorker":
-            return Lost("its worker was lost, again and again")
         return Lost(f"{type(error).__name__}: {error}")
 
     def _look(self, time_limit: float) -> None:
         """See which workers there are, and ask new ones for their sources."""
-        if self._clock() - self._looked < LOOK:
+        if self._clock() - self._looked < LOOK and self._look_under_way is None:
             return
-        self._looked = self._clock()
         self._require_scheduler()
-        threads = self._client.nthreads()
+        threads = self._threads_now()
+        if threads is None:
+            return
+        self._threads = threads
         for gone in set(self._fit) - set(threads):
             del self._fit[gone]
+        for future in [future for future, address in self._asked.items() if address not in threads]:
+            del self._asked[future]
+            future.release()
         for address in sorted(set(threads) - set(self._fit) - set(self._asked.values())):
             work = driver.packed(_sources, sorted(self._expected.plugins))
-            future = self._client.submit(
-                driver.run_on_worker, work, time_limit, pure=False, workers=[address], allow_other_workers=False,
-                priority=1,
-            )
-            self._asked[future] = address
-            future.add_done_callback(self._ended.put)
-        self._threads = sum(threads[address] for address, fit in self._fit.items() if fit)
-        if not threads and not self._told_of_none:
-            self._told_of_none = True
-            self._warn(f"no worker is at {self._client.scheduler.address} yet; waiting for one")
+            self._asked[self._send(work, time_limit, address)] = address
+        self._tell("" if threads else f"no worker is at {self._client.scheduler.address} yet; waiting for one")
+
+    def _threads_now(self) -> Optional[Dict[str, int]]:
+        """Return how many threads each worker has; None where the scheduler has not answered yet."""
+        if self._look_under_way is None:
+            self._looked = self._clock()
+            self._look_under_way = self._in_loop(self._client.scheduler.ncores())
+        look = self._look_under_way
+        if not concurrent.futures.wait([look], LOOK).done:
+            if self._clock() - self._looked > CONNECTING:
+                self._tell(f"the scheduler at {self._client.scheduler.address} does not answer; waiting for it")
+            return None
+        self._look_under_way = None
+        try:
+            return dict(look.result())
+        except (OSError, concurrent.futures.TimeoutError):
+            return None  # the connection broke; whether the scheduler is gone the client finds out
+
+    def _in_loop(self, coroutine: Any) -> concurrent.futures.Future:
+        """Have a coroutine run in the client's loop, without waiting for it."""
+        return asyncio.run_coroutine_threadsafe(coroutine, self._client.loop.asyncio_loop)
+
+    def _tell(self, line: str) -> None:
+        """Tell what keeps the work waiting, once until something else does or nothing."""
+        if line and line != self._told:
+            self._warn(line)
+        self._told = line
 
     def _judge(self, future: Any) -> None:
         """Take a worker's answer about its sources."""
         address = self._asked.pop(future)
         found = self._value(future)
+        future.release()
         fit = isinstance(found, Sources)
         difference = self._expected.difference(found) if fit else f"cannot work: {found}"
         self._fit[address] = not difference
-        self._looked = float("-inf")
         if difference:
             self._warn(f"worker {address} {difference}; it gets no work")
         if self._fit and not self._asked and not any(self._fit.values()):

@@ -33,6 +33,15 @@ IDLE = 60.0
 """Seconds without work after which the process ends; so does one whose worker is gone, at once."""
 LOOK = 0.5
 """Seconds between two looks at whether the process still computes."""
+HEAD = struct.Struct("<Q")
+"""What goes before each message: its length."""
+PIECE = 1 << 16
+"""Bytes written or read at once; as many as a pipe holds."""
+PAID = 100.0
+"""Seconds of the clock without computing that a second of computing pays for: one that waits and only looks at its
+watch now and then does not compute, and no piece of work, whatever it does, lasts for ever."""
+ENDING = 10.0
+"""Seconds for a killed process to be gone. One that hangs in the kernel (a share of a network that went) is left."""
 
 Answer = Tuple[bytes, bytes]
 
@@ -55,23 +64,23 @@ class Driver:
         Args:
             work: See `packed`.
             time_limit: Seconds of computing time after which it counts as hung; so it does after as many seconds of
-                the clock in which it computed nothing at all.
+                the clock in which it next to never computed, nor waited for a core to do so.
         """
         for _ in range(2):
             process = self._started()
             try:
-                _send(_pipe(process.stdin), work)
-                if self._wait(process, time_limit):
-                    # of our own process, not from outside
-                    answer: Answer = pickle.loads(_receive(_pipe(process.stdout)))  # noqa: S301  # nosec B301
-                    return answer
+                content = self._exchanged(process, _framed(work), time_limit)
+            except _HungError:
                 self.end()
                 return LOST, f"hung: no result within {time_limit:g} s of computing".encode()
-            except (OSError, EOFError):
-                code = process.wait()
-                self.end()
-                if code:  # else it had been without work and just ended
-                    return LOST, f"the process died ({_how_it_died(code)})".encode()
+            if content is not None:
+                # of our own process, not from outside
+                answer: Answer = pickle.loads(content)  # noqa: S301  # nosec B301
+                return answer
+            code = process.returncode
+            self.end()
+            if code:  # else it had been without work and just ended
+                return LOST, f"the process died ({_how_it_died(code)})".encode()
         return LOST, b"the process ended without a result"
 
     def end(self) -> None:
@@ -79,10 +88,10 @@ class Driver:
         process, self._process = self._process, None
         if process is not None:
             process.kill()
-            process.wait()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(ENDING)
             for pipe in (process.stdin, process.stdout):
-                with contextlib.suppress(OSError):  # work that the process did not live to take
-                    _pipe(pipe).close()
+                _pipe(pipe).close()
 
     def _started(self) -> subprocess.Popen:
         if self._process is not None and self._process.poll() is not None:
@@ -90,22 +99,80 @@ class Driver:
         if self._process is None:
             environment = {**os.environ, **ONE_THREAD, "PYTHONPATH": os.pathsep.join(filter(None, path_of_processes()))}
             self._process = subprocess.Popen(
-                [sys.executable, "-m", __name__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment
+                [sys.executable, "-m", __name__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment,
+                bufsize=0,
             )
+            for pipe in (self._process.stdin, self._process.stdout):
+                os.set_blocking(_pipe(pipe).fileno(), False)
         return self._process
 
-    def _wait(self, process: subprocess.Popen, time_limit: float) -> bool:
-        """Return whether an answer (or the process's end) came in time."""
-        watched = psutil.Process(process.pid)
-        begin = used = _computed(watched)
-        since = self._clock()
-        while not select.select([process.stdout], [], [], LOOK)[0]:
-            now, computed = self._clock(), _computed(watched)
-            if computed > used:
-                used, since = computed, now
-            if used - begin > time_limit or now - since > time_limit:
-                return False
-        return True
+    def _exchanged(self, process: subprocess.Popen, work: bytes, time_limit: float) -> Optional[bytes]:
+        """Send work and return what comes back, None of a process that ended before; raise _HungError in the end.
+
+        Nothing here waits for the process for longer than from one look at it to the next, whatever it reads, sends,
+        closes or leaves.
+        """
+        watch = _Watch(process, time_limit, self._clock)
+        sends, reads = _pipe(process.stdin), _pipe(process.stdout)
+        left, came, talks = memoryview(work), bytearray(), True
+        while True:
+            if talks:
+                ready = select.select([reads], [sends] if left else [], [], LOOK)
+            else:  # it closed its output, as it does when it ends
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(LOOK)
+                ready = [], [], []
+            if ready[1]:
+                left = _sent(sends, left)
+            if ready[0]:
+                piece = reads.read(PIECE) or b""
+                came += piece
+                talks = bool(piece)
+            if len(came) >= HEAD.size and len(came) - HEAD.size >= HEAD.unpack_from(came)[0]:
+                return bytes(memoryview(came)[HEAD.size:])
+            if not any(ready) and process.poll() is not None:
+                return None
+            watch.look()
+
+
+class _HungError(Exception):
+    """A process got the time it may take, and gave no result."""
+
+
+class _Watch:
+    """Looks at whether a process computes, and for how long."""
+
+    def __init__(self, process: subprocess.Popen, time_limit: float, clock: Callable[[], float]) -> None:
+        self._process, self._time_limit, self._clock = psutil.Process(process.pid), time_limit, clock
+        self._used = self._idle = 0.0
+        self._begin = self._used = self._computed()
+        self._looked = clock()
+
+    def look(self) -> None:
+        """Look, if it is time to; raise _HungError if it computed for too long, or waited too long for something."""
+        now = self._clock()
+        if now - self._looked < LOOK:
+            return
+        computed, before = self._computed(), self._used
+        # A look that comes late, on a machine that is busy or slept, counts as one.
+        waited = 0.0 if self._runs() else min(now - self._looked, 2.0 * LOOK)
+        self._used, self._looked = computed, now
+        self._idle = max(0.0, self._idle + waited - PAID * (computed - before))
+        if computed - self._begin > self._time_limit or self._idle > self._time_limit:
+            raise _HungError
+
+    def _computed(self) -> float:
+        """Return the computing time (s) of the process so far."""
+        with contextlib.suppress(psutil.Error):
+            times = self._process.cpu_times()
+            return float(times.user + times.system)
+        return self._used
+
+    def _runs(self) -> bool:
+        """Return whether the process computes just now, or would if a core were free."""
+        with contextlib.suppress(psutil.Error):
+            return bool(self._process.status() == psutil.STATUS_RUNNING)
+        return False
 
 
 def path_of_processes() -> List[str]:
@@ -152,7 +219,8 @@ def main() -> None:
             work = waiting.get(timeout=IDLE)
         except queue.Empty:
             os._exit(0)  # Python's own end would wait for the thread that reads, and abort
-        _send(answers, pickle.dumps(answer(work), protocol=4))
+        answers.write(_framed(pickle.dumps(answer(work), protocol=4)))
+        answers.flush()
 
 
 def answer(work: bytes) -> Answer:
@@ -181,13 +249,20 @@ def _take(stream: BinaryIO, waiting: queue.Queue) -> None:
         os._exit(0)
 
 
-def _send(stream: BinaryIO, content: bytes) -> None:
-    stream.write(struct.pack("<Q", len(content)) + content)
-    stream.flush()
+def _framed(content: bytes) -> bytes:
+    return HEAD.pack(len(content)) + content
+
+
+def _sent(stream: BinaryIO, content: memoryview) -> memoryview:
+    """Write what a pipe takes at once; return what is left, nothing where nobody reads any more."""
+    try:
+        return content[stream.write(content[:PIECE]) or 0:]
+    except BrokenPipeError:
+        return content[:0]
 
 
 def _receive(stream: BinaryIO) -> bytes:
-    (length,) = struct.unpack("<Q", _exactly(stream, 8))
+    (length,) = HEAD.unpack(_exactly(stream, HEAD.size))
     return _exactly(stream, length)
 
 
@@ -201,15 +276,6 @@ def _exactly(stream: BinaryIO, count: int) -> bytes:
 def _pipe(stream: Optional[IO[bytes]]) -> BinaryIO:
     assert stream is not None
     return cast(BinaryIO, stream)
-
-
-def _computed(process: psutil.Process) -> float:
-    """Return the computing time (s) of a process so far."""
-    try:
-        times = process.cpu_times()
-    except psutil.Error:
-        return 0.0
-    return float(times.user + times.system)
 
 
 def _how_it_died(code: int) -> str:

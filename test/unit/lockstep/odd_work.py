@@ -2,6 +2,7 @@
 
 import os
 import signal
+import struct
 import threading
 
 
@@ -16,6 +17,19 @@ def act(task):
             pass
     if task == "wait":
         threading.Event().wait(600.0)
+    if task == "send half":
+        for output in outputs():
+            os.write(output, struct.pack("<Q", 100) + b"half")
+        threading.Event().wait(600.0)
+    if task == "close":
+        for output in outputs():
+            os.close(output)
+        threading.Event().wait(600.0)
+    if task == "leave a child":
+        if os.fork():
+            os._exit(7)
+        signal.alarm(60)
+        threading.Event().wait(600.0)
     if task == "print":
         print("a plugin that prints")
         return "printed"
@@ -26,3 +40,14 @@ def act(task):
 
         return mbf_relay.__file__
     return os.getpid() if task == "who" else task * 2
+
+
+def outputs():
+    """Return the files that answers may go to: pipes that are written to, but for those everybody has."""
+    found = []
+    for name in os.listdir("/proc/self/fd"):
+        path = f"/proc/self/fd/{name}"
+        if int(name) > 2 and os.path.exists(path) and os.readlink(path).startswith("pipe:"):
+            if os.lstat(path).st_mode & 0o200:
+                found.append(int(name))
+    return found

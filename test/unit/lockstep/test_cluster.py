@@ -1,5 +1,6 @@
 """Dask clusters: workers that die, stop, come late or have other sources, and schedulers that are not there."""
 
+import ctypes
 import json
 import math
 import os
@@ -9,8 +10,10 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
+import psutil
 import pytest
 
 pytest.importorskip("pybullet")
@@ -34,10 +37,16 @@ PACKAGE = Path(mbf_relay.__file__).parents[1]
 """Where the package was found: a build's has the kernels, which numba would compile anew in each process."""
 SHORT = {**small_worlds.FREE, "goal": [0.4, 0.0, 0.0], "reference_path_length": 0.4}
 PATIENCE = 300
+DEATH_OF_PARENT = 1
+"""Linux's prctl: which signal a process gets when the thread that started it ends."""
+LIBC = ctypes.CDLL(None)
 
 
 class Processes:
-    """A scheduler and workers in processes of their own; nothing of it is left in the end."""
+    """A scheduler and workers in processes of their own; nothing of it is left in the end, however that comes.
+
+    A worker that was stopped ends by nothing but SIGKILL.
+    """
 
     def __init__(self, folder):
         self._folder, self._all = folder, []
@@ -52,6 +61,7 @@ class Processes:
             self._all.append(subprocess.Popen(
                 [sys.executable, "-m", f"distributed.cli.dask_{module}", "--scheduler-file", self.file, *arguments],
                 env=environment, stdout=log, stderr=log, cwd=str(self._folder),
+                preexec_fn=lambda: LIBC.prctl(DEATH_OF_PARENT, signal.SIGKILL),
             ))
         return self._all[-1]
 
@@ -85,6 +95,27 @@ def until(condition):
     raise AssertionError(f"waited {PATIENCE} s in vain")
 
 
+def results_of(cluster, arguments, first=lambda: None):
+    """Return what comes of roots of numbers, in time; `first` is called once, after the first of them."""
+    results, failed = {}, []
+
+    def work():
+        try:
+            for argument, value in cluster.run(math.sqrt, arguments, 60.0):
+                if not results:
+                    first()
+                results[argument] = value
+        except BaseException as error:
+            failed.append(error)
+
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    thread.join(PATIENCE)
+    assert not thread.is_alive(), f"the batch hangs with {len(results)} of {len(arguments)} results"
+    assert not failed, failed
+    return results
+
+
 def jobs_of(tmp_path, seeds, *worlds):
     tasks = load_tasks(small_worlds.write(tmp_path / "worlds.json", *worlds))
     setup = make_setup(config_folder(), has_map=False)
@@ -110,6 +141,72 @@ def test_workers_that_die_stop_and_come_change_no_result(tmp_path, processes):
     assert len(ended) == len(jobs) == (60 if LONG else 16)
     alone = {(job.task.name, job.seed): result.drive() for job, result in drive_all(jobs, InProcess(), 900.0)}
     assert ended == alone, "one seed is one drive, wherever it is driven"
+
+
+def test_work_goes_to_a_worker_that_comes_after_all_others_were_lost(tmp_path, processes):
+    """While one that is not fit is about, work is for those that are; none of them may be there any more."""
+    processes.scheduler()
+    only = processes.worker("only")
+    processes.worker("bare", source=tmp_path)
+
+    def lose():
+        only.kill()
+        processes.worker("late")
+
+    with connected(sources([]), 0, scheduler_file=processes.file, say=lambda line: None) as cluster:
+        until(lambda: len(cluster._client.nthreads()) == 2)
+        numbers = [float(number) for number in range(40)]
+        assert results_of(cluster, numbers, lose) == {number: math.sqrt(number) for number in numbers}
+
+
+def test_a_scheduler_that_hangs_is_named_and_a_batch_on_it_goes_on_later_or_can_be_given_up(processes, monkeypatch):
+    named = threading.Event()  # on a busy machine perhaps before it is stopped
+
+    def tell(line):
+        if "does not answer; waiting for it" in line:
+            named.set()
+
+    def stop_until_named():
+        scheduler.send_signal(signal.SIGSTOP)
+        threading.Thread(
+            target=lambda: (named.wait(PATIENCE), scheduler.send_signal(signal.SIGCONT)), daemon=True).start()
+
+    scheduler = processes.scheduler()
+    processes.worker("one")
+    with connected(sources([]), 0, scheduler_file=processes.file, say=tell) as cluster:
+        until(lambda: len(cluster._client.nthreads()) == 1)
+        monkeypatch.setattr("mbf_relay.lockstep.cluster.CONNECTING", 1.0)
+        numbers = [float(number) for number in range(40)]
+        assert len(results_of(cluster, numbers, stop_until_named)) == 40
+        assert named.is_set()
+        begun = cluster.run(math.sqrt, numbers, 60.0)
+        next(begun)
+        scheduler.send_signal(signal.SIGSTOP)
+        ended = threading.Thread(target=begun.close, daemon=True)
+        ended.start()
+        ended.join(PATIENCE)
+        scheduler.send_signal(signal.SIGCONT)
+        assert not ended.is_alive(), "it cannot be interrupted"
+
+
+def test_no_worker_outlives_a_test_that_is_killed(tmp_path):
+    code = (
+        "import signal, sys; from pathlib import Path; import test_cluster\n"
+        "made = test_cluster.Processes(Path(sys.argv[1]))\n"
+        "all = [made.scheduler(), made.worker('one'), made.worker('stopped')]\n"
+        "all[2].send_signal(signal.SIGSTOP)\n"
+        "print(*(process.pid for process in all), flush=True)\n"
+        "sys.stdin.read()"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    test = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
+    with test.stdin, test.stdout:
+        its = [psutil.Process(int(number)) for number in test.stdout.readline().split()]
+        test.kill()
+        test.wait()
+    assert len(its) == 3
+    until(lambda: not any(process.is_running() and process.status() != psutil.STATUS_ZOMBIE for process in its))
 
 
 def test_a_worker_of_other_sources_and_one_without_the_package_get_no_work(tmp_path, processes):
