@@ -79,6 +79,7 @@ class DaskCluster:
         self._fit: Dict[str, bool] = {}
         self._asked: Dict[Any, str] = {}
         self._threads: Dict[str, int] = {}
+        self._time_limit = 0.0
         self._looked = float("-inf")
         self._look_under_way: Optional[concurrent.futures.Future] = None
         self._told = ""
@@ -91,12 +92,13 @@ class DaskCluster:
         Raises:
             ClusterError: The scheduler is gone, or no worker is fit.
         """
+        self._time_limit = time_limit
         waiting: Deque[_Piece] = deque(_Piece(argument) for argument in arguments)
         flying: Dict[Any, _Piece] = {}
         try:
             while waiting or flying:
-                self._look(time_limit)
-                self._send_all(call, waiting, flying, time_limit)
+                self._look()
+                self._send_all(call, waiting, flying)
                 gone = [(future, _Unfit(GONE)) for future, piece in flying.items() if piece.worker not in self._fit]
                 for future, value in chain(gone, self._arrived(flying)):
                     piece = flying.pop(future)
@@ -109,9 +111,7 @@ class DaskCluster:
             for future in flying:
                 future.release()  # of which a scheduler that hangs need not know
 
-    def _send_all(
-        self, call: Callable, waiting: Deque[_Piece], flying: Dict[Any, _Piece], time_limit: float
-    ) -> None:
+    def _send_all(self, call: Callable, waiting: Deque[_Piece], flying: Dict[Any, _Piece]) -> None:
         """Send work to fit workers, as long as they have room for it."""
         threads = {address: count for address, count in self._threads.items() if self._fit.get(address)}
         held = Counter(piece.worker for piece in flying.values())
@@ -123,12 +123,12 @@ class DaskCluster:
                 return
             piece = waiting.popleft()._replace(worker=worker)
             held[worker] += 1
-            flying[self._send(driver.packed(call, piece.argument, self._expected), time_limit, worker)] = piece
+            flying[self._send(driver.packed(call, piece.argument, self._expected), worker)] = piece
 
-    def _send(self, work: bytes, time_limit: float, worker: str) -> Any:
+    def _send(self, work: bytes, worker: str) -> Any:
         """Send work to a worker, which Dask is not to give to another: we know who has what, and see who is gone."""
         future = self._client.submit(
-            driver.run_on_worker, work, time_limit, pure=False, workers=[worker], allow_other_workers=False
+            driver.run_on_worker, work, self._time_limit, pure=False, workers=[worker], allow_other_workers=False
         )
         future.add_done_callback(self._ended.put)
         return future
@@ -161,6 +161,7 @@ class DaskCluster:
         while not concurrent.futures.wait([coming], LOOK).done:
             if future.status in ("pending", "lost") or self._clock() - begun > GATHERING:
                 return _Unfit(GONE)
+            self._look()  # it may be the scheduler that hangs, who is asked where the result is
         error = None if coming.cancelled() else coming.exception()
         if coming.cancelled() or type(error).__name__ == "KilledWorker":
             return _Unfit(GONE)
@@ -171,7 +172,7 @@ class DaskCluster:
             return _Unfit(str(error))
         return Lost(f"{type(error).__name__}: {error}")
 
-    def _look(self, time_limit: float) -> None:
+    def _look(self) -> None:
         """See which workers there are, and ask new ones for their sources."""
         if self._clock() - self._looked < LOOK and self._look_under_way is None:
             return
@@ -187,7 +188,7 @@ class DaskCluster:
             future.release()
         for address in sorted(set(threads) - set(self._fit) - set(self._asked.values())):
             work = driver.packed(_sources, sorted(self._expected.plugins))
-            self._asked[self._send(work, time_limit, address)] = address
+            self._asked[self._send(work, address)] = address
         self._tell("" if threads else f"no worker is at {self._client.scheduler.address} yet; waiting for one")
 
     def _threads_now(self) -> Optional[Dict[str, int]]:
@@ -221,6 +222,8 @@ class DaskCluster:
         address = self._asked.pop(future)
         found = self._value(future)
         future.release()
+        if found == GONE:
+            return  # one that is there nevertheless is asked again
         fit = isinstance(found, Sources)
         difference = self._expected.difference(found) if fit else f"cannot work: {found}"
         self._fit[address] = not difference

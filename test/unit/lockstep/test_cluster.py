@@ -25,7 +25,7 @@ from tally import LONG  # noqa: E402
 
 import mbf_relay  # noqa: E402
 from mbf_relay.lockstep import batch  # noqa: E402
-from mbf_relay.lockstep.cluster import ClusterError, connected  # noqa: E402
+from mbf_relay.lockstep.cluster import GONE, ClusterError, DaskCluster, _Unfit, connected  # noqa: E402
 from mbf_relay.lockstep.episodes import EpisodeJob, InProcess, drive_all  # noqa: E402
 from mbf_relay.lockstep.settings import config_folder  # noqa: E402
 from mbf_relay.lockstep.setup import make_setup  # noqa: E402
@@ -187,6 +187,17 @@ def test_a_scheduler_that_hangs_is_named_and_a_batch_on_it_goes_on_later_or_can_
         ended.join(PATIENCE)
         scheduler.send_signal(signal.SIGCONT)
         assert not ended.is_alive(), "it cannot be interrupted"
+
+
+def test_a_batch_goes_on_whose_only_worker_dies_while_it_is_asked_for_its_sources(monkeypatch):
+    told = []
+    cluster = DaskCluster(None, sources([]), told.append)
+    future = type("Future", (), {"release": lambda self: None})()
+    cluster._asked = {future: "tcp://127.0.0.1:1"}
+    cluster._fit["tcp://127.0.0.1:2"] = False  # of other sources
+    monkeypatch.setattr(cluster, "_value", lambda future: _Unfit(GONE))
+    cluster._judge(future)
+    assert not told and not cluster._asked, "it may come back, and is asked then"
 
 
 def test_no_worker_outlives_a_test_that_is_killed(tmp_path):
