@@ -90,5 +90,6 @@ class DwaParameters(FollowerParameters):
     )
     publish_traj_pc: bool = parameter(False, "publish trajectory_cloud")
     publish_cost_grid_pc: bool = parameter(False, "publish cost_cloud")
-    odom_topic: str = parameter("", "topic of the robot's odometry, where the server's own odom_topic is not given")
+    odom_topic: str = parameter(
+        "", "topic of the robot's odometry, where the server's own odom_topic is not given; read at start")
     global_frame_id: str = parameter("odom", "read, and without effect: the clouds are in the costmap's frame")

@@ -62,7 +62,8 @@ class TebParameters(_StandInParameters):
         1.0, "distance from the rear axle to the front one, for that angle; below 0 steers with the rear wheels", "m")
     xy_goal_tolerance: float = parameter(0.2, "distance to the goal that counts as there", "m", above=0.0, maximum=10.0)
     yaw_goal_tolerance: float = parameter(0.2, "angle to the goal's heading that counts as there", "rad", above=0.0)
-    odom_topic: str = parameter("", "topic of the robot's odometry, where the server's own odom_topic is not given")
+    odom_topic: str = parameter(
+        "", "topic of the robot's odometry, where the server's own odom_topic is not given; read at start")
 
     def check(self) -> None:
         """Raise ValueError for a car that could not be steered."""
