@@ -24,6 +24,7 @@ Nothing here knows topics: goals, the server's client and an observer are handed
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from dataclasses import dataclass
@@ -39,6 +40,9 @@ from mbf_relay.ros.relay.answers import Answer
 
 CANCEL_REPEATED_AFTER = 1.0
 """Wall time (s) without an answer after which a cancel is sent again."""
+ZERO_REPEATED_AFTER = 0.05
+"""Wall time (s) after which zero velocity is sent once more: what the server sent last may be on its way for longer than
+its answer, and what is sent in one moment gets lost together."""
 SUCCESSOR_PATIENCE = 2.0
 """Wall time (s) a goal waits for the end of a cancelled predecessor."""
 
@@ -156,7 +160,7 @@ class Relay:
         self._lock, self._clock = lock or threading.RLock(), clock
         self._current: Optional[_ActiveGoal] = None
         self._at_server: List[_Errand] = []  # oldest first
-        self._zeros_due = 0
+        self._zero_due_at = math.inf
         self._newest_stamp = 0.0
 
     def take_goal(self, client_goal: ClientGoal, now: float) -> None:
@@ -200,8 +204,9 @@ class Relay:
         """Let time pass: give up waiting where it took too long. Call a few times a second."""
         with self._lock:
             active, now, parameters = self._current, self._clock(), self._parameters
-            if self._zeros_due:
-                self._stop_robot(self._zeros_due - 1)
+            if now >= self._zero_due_at:
+                self._zero_due_at = math.inf
+                self._observer.stop_robot()
             self._advance()
             if active is None:
                 pass
@@ -239,7 +244,7 @@ class Relay:
     def _send(self, active: _ActiveGoal) -> None:
         errand = active.errand = _Errand()
         self._at_server.append(errand)
-        self._zeros_due = 0
+        self._zero_due_at = math.inf
         errand.goal = self._server.send(
             self._compose(active.client_goal.get_goal().target_pose),
             on_feedback=lambda feedback: self._take_feedback(errand, feedback),
@@ -276,15 +281,8 @@ class Relay:
         if errand in self._at_server:
             self._at_server.remove(errand)
         if not self._at_server:
-            self._stop_robot(again=1)
-
-    def _stop_robot(self, again: int) -> None:
-        """Send zero velocity, and as often again.
-
-        What the server sent last may be on its way for longer than its answer.
-        """
-        self._zeros_due = again
-        self._observer.stop_robot()
+            self._zero_due_at = self._clock() + ZERO_REPEATED_AFTER
+            self._observer.stop_robot()
 
     def _end(self, answer: Answer, result: Optional[Any] = None) -> None:
         """Give the goal pursued its one terminal state, if there is one."""

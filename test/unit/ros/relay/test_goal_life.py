@@ -118,6 +118,16 @@ def test_a_robot_whose_server_was_killed_is_stopped_by_the_relay_and_the_next_go
     assert graph.relay.results[-1] == ("b", GoalStatus.SUCCEEDED)
 
 
+def test_a_robot_whose_server_hangs_stands_though_what_it_is_told_first_gets_lost(graph):
+    graph.stop(graph.server)
+    for _ in range(9):
+        graph.run(0.1)
+        graph.network.lose("cmd_vel")
+        if graph.relay.results:
+            break
+    assert stands(graph) and graph.relay.results == [("a", GoalStatus.ABORTED)]
+
+
 def test_a_robot_whose_cancel_got_lost_stands_within_a_second(graph):
     graph.cancel("a")
     graph.network.lose("cancel")
