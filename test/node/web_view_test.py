@@ -79,6 +79,19 @@ class WebViewTest(unittest.TestCase):
         client.close()
         wait_until(lambda: self.open.subscriptions() == [], "the subscriptions to end")
 
+    def test_a_page_loaded_anew_leaves_the_wheels_their_connection(self):
+        def connections():
+            return [link[0] for link in self.robot.velocity._subscriber.impl.get_stats_info()]
+
+        client = self.driver()
+        client.send(do="show", layers={"scan": 5.0})
+        wait_until(lambda: "/scan" in self.open.subscriptions(), "web_view to listen to /scan")
+        before = connections()
+        client.close()
+        wait_until(lambda: "/scan" not in self.open.subscriptions(), "web_view to know that the page is gone")
+        self.driver()
+        self.assertEqual(connections(), before)
+
     def test_a_wrong_token_gets_nothing(self):
         for token in ("", "wrong", "se", "steer "):
             client = self.connect(self.guarded, token=token)

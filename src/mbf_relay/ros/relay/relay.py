@@ -41,8 +41,8 @@ from mbf_relay.ros.relay.answers import Answer
 CANCEL_REPEATED_AFTER = 1.0
 """Wall time (s) without an answer after which a cancel is sent again."""
 ZERO_REPEATED_AFTER = 0.05
-"""Wall time (s) after which zero velocity is sent once more: what the server sent last may be on its way for longer than
-its answer, and what is sent in one moment gets lost together."""
+"""Wall time (s) after which zero velocity is sent once more: what the server sent last may be on its way for longer
+than its answer, and what is sent in one moment gets lost together."""
 SUCCESSOR_PATIENCE = 2.0
 """Wall time (s) a goal waits for the end of a cancelled predecessor."""
 

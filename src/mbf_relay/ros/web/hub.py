@@ -26,6 +26,9 @@ IDLE_PERIOD = 0.25
 LOOK_PERIOD = 2.0
 """Wall seconds between two looks at what the master knows, while anybody looks."""
 MASTER_PATIENCE = 6.0
+KEPT_UNSEEN = 5.0
+"""Wall seconds that a robot nobody looks at is kept: a page that is loaded anew finds it. A publisher that goes and
+comes back in one moment may lose rospy's subscribers for good, and with them the wheels that a stick is to move."""
 
 
 class Hub:
@@ -146,7 +149,9 @@ class Hub:
             self._woken = False
         now = time.monotonic()
         for namespace, robot in list(self.robots.items()):
-            if not robot.is_needed:
+            if robot.is_needed:
+                robot.needed_at = now
+            elif now - robot.needed_at > KEPT_UNSEEN:
                 del self.robots[namespace]
                 robot.hands.let_go(robot.hands.holder)
                 self._graph.submit(logged(robot.listening.close))

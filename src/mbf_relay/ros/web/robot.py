@@ -48,6 +48,10 @@ class ViewedRobot:
         recording: The node's one recorder.
         changed: Called from any thread when something came.
         told: Called from any thread with words for whoever looks at this robot.
+
+    Attributes:
+        lookers: Browsers that look at it.
+        needed_at: When it was last needed, as far as somebody asked (wall s).
     """
 
     def __init__(
@@ -62,6 +66,7 @@ class ViewedRobot:
         self._tour: Optional[Tour] = None
         self._tour_goal: Optional[str] = None
         self._tell_at = 0.0
+        self.needed_at = 0.0
 
     @property
     def is_needed(self) -> bool:
