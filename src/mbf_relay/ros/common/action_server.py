@@ -17,6 +17,7 @@ import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
 from mbf_relay.memory import give_back_free
+from mbf_relay.ros.common.connected_nodes import connected_nodes
 from mbf_relay.ros.common.goal_tracker import GoalTracker, TrackedGoal
 
 STATUS_PERIOD = 0.2
@@ -181,8 +182,7 @@ class ActionServer:
 
     def _is_connected(self, node: str) -> bool:
         """Return whether a node that sends goals is connected."""
-        links = (*self._goal_link.impl.connections, *self._cancel_link.impl.connections)
-        return any(link.callerid_pub == node for link in links)
+        return any(node in connected_nodes(link) for link in (self._goal_link, self._cancel_link))
 
 
 def start_together(servers: Sequence[ActionServer]) -> None:

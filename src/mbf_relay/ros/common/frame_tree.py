@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable, Dict, List
+from typing import Callable, Dict, List
 
 from mbf_relay.ros.common.checks import InvalidMessage
 from mbf_relay.senders import AT_ONCE
@@ -100,9 +100,3 @@ class FrameTree:
             climbed[relation.parent] = relation.is_fixed
             base = relation.parent
         return climbed if base in shared else {}
-
-
-def is_connected(subscriber: Any, sender: str) -> bool:
-    """Return whether a node of that name publishes to a subscriber."""
-    connections = subscriber.impl.connections if subscriber.impl else []
-    return any(link.callerid_pub == sender for link in connections)

@@ -16,6 +16,7 @@ import rosgraph
 import rospy
 from actionlib_msgs.msg import GoalStatusArray
 
+from mbf_relay.ros.common.connected_nodes import connected_nodes
 from mbf_relay.ros.common.impatient_proxy import NO_ANSWER, impatient_proxy
 
 DISCONNECTED_FOR = 0.3
@@ -115,8 +116,7 @@ class ServerWatch:
 
     def _connections(self) -> Dict[str, str]:
         """Return the addresses of the nodes that publish the status, by name, newest last."""
-        connections = self._subscriber.impl.connections if self._subscriber.impl else []
-        return {link.callerid_pub: link.endpoint_id for link in connections if link.callerid_pub}
+        return connected_nodes(self._subscriber)
 
     def _find_reason(self, now: float) -> Optional[str]:
         if self.is_connected:

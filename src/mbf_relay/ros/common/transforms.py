@@ -15,8 +15,9 @@ from tf2_msgs.msg import TFMessage
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common.checks import TF2_END, InvalidMessage, check_frames, check_stamp, check_transform, shown
+from mbf_relay.ros.common.connected_nodes import connected_nodes
 from mbf_relay.ros.common.conversions import header, transform_from_message, transform_to_message
-from mbf_relay.ros.common.frame_tree import ContestedFrame, FrameTree, is_connected
+from mbf_relay.ros.common.frame_tree import ContestedFrame, FrameTree
 from mbf_relay.ros.common.tf_core import TransformCore
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 
@@ -209,7 +210,7 @@ class CheckedListener:
     def _is_there(self, sender: str, is_fixed: bool) -> bool:
         """Return whether a node still sends on /tf_static, or on /tf."""
         topic = self._static if is_fixed else self._moving
-        return is_fixed if topic is None else is_connected(topic, sender)
+        return is_fixed if topic is None else sender in connected_nodes(topic)
 
     def _tell_of_move(self, message: TransformStamped, sender: str) -> None:
         """Tell where what is said never to move has moved: whatever is seen from there is elsewhere from now on."""

@@ -12,8 +12,9 @@ from tf2_msgs.msg import TFMessage
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.ros.common.checks import InvalidMessage, check_frames
+from mbf_relay.ros.common.connected_nodes import connected_nodes
 from mbf_relay.ros.common.conversions import transform_from_message
-from mbf_relay.ros.common.frame_tree import FrameTree, is_connected
+from mbf_relay.ros.common.frame_tree import FrameTree
 from mbf_relay.ros.common.tf_core import TransformCore
 
 KEPT = 10.0
@@ -75,7 +76,7 @@ class Frames:
 
     def _is_there(self, sender: str, is_static: bool) -> bool:
         """Return whether a node still sends on /tf_static, or on /tf."""
-        return is_connected(self._subscribers[int(is_static)], sender) if self._subscribers else True
+        return sender in connected_nodes(self._subscribers[int(is_static)]) if self._subscribers else True
 
     def _take(self, message: TFMessage, is_static: bool) -> None:
         sender, now = message._connection_header.get("callerid", ""), rospy.get_time()

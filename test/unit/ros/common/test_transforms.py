@@ -51,7 +51,7 @@ class Robot:
         message = message_class().deserialize(text)
         message._connection_header = {"callerid": sender}
         if all(link.callerid_pub != sender for link in self.connected[topic]):
-            self.connected[topic].append(SimpleNamespace(callerid_pub=sender))
+            self.connected[topic].append(SimpleNamespace(callerid_pub=sender, endpoint_id=""))
         callback(message)
 
     def x(self, child="base", stamp=None):

@@ -19,7 +19,7 @@ def frames(monkeypatch):
         """Hears nothing; the test hands messages in."""
 
         def __init__(self, *_args, **_details):
-            self.impl = SimpleNamespace(connections=[SimpleNamespace(callerid_pub="/robot")])
+            self.impl = SimpleNamespace(connections=[SimpleNamespace(callerid_pub="/robot", endpoint_id="")])
 
     monkeypatch.setattr(web_frames.rospy, "Subscriber", Subscriber)
     monkeypatch.setattr(web_frames.rospy, "get_time", lambda: 10.0)
