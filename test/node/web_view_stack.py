@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import unittest
 
 import rosgraph
 import rospy
@@ -17,6 +18,7 @@ from ros_testing import Listener, wait_until
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
+from web_client import WebClient
 
 from mbf_relay.ros.tools.demo_graph import free_port
 
@@ -112,3 +114,41 @@ class ViewProcess:
         if self.process.poll() is None:
             self.process.send_signal(number)
             self.process.wait(20.0)
+
+
+class WebViewCase(unittest.TestCase):
+    """A test of two nodes that show one robot, to anybody and to who has a token; its browsers end with it."""
+
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node("web_view_test")
+        cls.robot = PaperRobot()
+        cls.open = ViewProcess("open_view")
+        cls.guarded = ViewProcess("guarded_view", view_token="see", drive_token="steer", max_clients=5)
+        cls.clients = []
+
+    @classmethod
+    def tearDownClass(cls):
+        for node in (cls.open, cls.guarded):
+            node.end()
+        for node in (cls.open, cls.guarded):
+            assert "Traceback" not in node.output, node.output
+
+    def tearDown(self):
+        for client in self.clients:
+            client.close()
+        self.clients.clear()
+
+    def connect(self, node=None, **options):
+        """Return a client of the open node, or of another, that ends with the test."""
+        client = WebClient((node or self.open).port, **options)
+        self.clients.append(client)
+        return client
+
+    def driver(self):
+        """Return a client that may drive and sees map and robot."""
+        self.robot.show_map()
+        client = self.connect()
+        client.layer("state", lambda state: state["has_map"] and state["move_base"], "with a map")
+        wait_until(lambda: self.robot.velocity._subscriber.get_num_connections(), "web_view to offer velocities")
+        return client

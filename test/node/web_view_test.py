@@ -7,10 +7,8 @@ import signal
 import stat
 import subprocess
 import sys
-import unittest
 
 import rosgraph
-import rospy
 import rostest
 import tornado.httpclient
 from actionlib_msgs.msg import GoalStatus
@@ -20,7 +18,7 @@ from rosgraph_msgs.msg import Log
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 
-from node.web_view_stack import PaperRobot, ViewProcess  # noqa: E402
+from node.web_view_stack import ViewProcess, WebViewCase  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 from web_client import StalledClient, WebClient  # noqa: E402
 
@@ -34,41 +32,7 @@ MALFORMED = (
 MARKUP = "<img src=x onerror=alert(1)>"
 
 
-class WebViewTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        rospy.init_node("web_view_test")
-        cls.robot = PaperRobot()
-        cls.open = ViewProcess("open_view")
-        cls.guarded = ViewProcess("guarded_view", view_token="see", drive_token="steer", max_clients=5)
-        cls.clients = []
-
-    @classmethod
-    def tearDownClass(cls):
-        for node in (cls.open, cls.guarded):
-            node.end()
-        for node in (cls.open, cls.guarded):
-            assert "Traceback" not in node.output, node.output
-
-    def tearDown(self):
-        for client in self.clients:
-            client.close()
-        self.clients.clear()
-
-    def connect(self, node=None, **options):
-        """Return a client of the open node, or of another, that ends with the test."""
-        client = WebClient((node or self.open).port, **options)
-        self.clients.append(client)
-        return client
-
-    def driver(self):
-        """Return a client that may drive and sees map and robot."""
-        self.robot.show_map()
-        client = self.connect()
-        client.layer("state", lambda state: state["has_map"] and state["move_base"], "with a map")
-        wait_until(lambda: self.robot.velocity._subscriber.get_num_connections(), "web_view to offer velocities")
-        return client
-
+class WebViewTest(WebViewCase):
     def test_nobody_connected_means_no_subscription(self):
         wait_until(lambda: self.open.subscriptions() == [], f"no subscription; there are {self.open.subscriptions()}")
         client = self.connect(layers=["robot"])
