@@ -200,8 +200,6 @@ def _say(text: str) -> None:
     There is no other thread to wait for it, since who forks has one alone; and what comes by others' hands, such as
     Python's own buffer, could be waited for at the next fork.
     """
-    if sys.stderr is None:  # it was closed
-        return
     terminal = select.poll()
     terminal.register(sys.stderr.fileno(), select.POLLOUT)
     with contextlib.suppress(OSError):

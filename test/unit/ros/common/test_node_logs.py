@@ -33,13 +33,14 @@ def master():
 
 
 def words_of_a_node(
-    master, environment, full=False, terminal=subprocess.PIPE, command=("map_server", str(MAP)), offered="/map"
+    master, environment, full=False, terminal=subprocess.PIPE, command=("map_server", str(MAP)), offered="/map",
+    prepare=None,
 ):
     """Run a node until it offers a topic, end it, and return what it said, where `terminal` is no file."""
     node = subprocess.Popen(
         [program(command[0]), *command[1:]], env=dict(environment, ROS_MASTER_URI=master.uri),
         stdout=terminal, stderr=subprocess.STDOUT, universal_newlines=True,
-        preexec_fn=(lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))) if full else None,
+        preexec_fn=(lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))) if full else prepare,
     )
     try:
         wait_until(lambda: offered in dict(master.answer("getPublishedTopics", "")), "the node to come up", 60.0)
@@ -71,6 +72,15 @@ def test_a_client_whose_disk_is_full_says_so_in_one_sentence(master, tmp_path):
 def test_a_node_whose_terminal_is_a_file_on_a_full_disk_serves_all_the_same(master, tmp_path):
     with open("/dev/full", "wb") as terminal:
         words_of_a_node(master, dict(os.environ, ROS_LOG_DIR=str(tmp_path)), full=True, terminal=terminal)
+
+
+@pytest.mark.parametrize("command", [
+    ("map_server", str(MAP)), ("compose", "--no-respawn", "--", "map_server", str(MAP), "--")])
+def test_a_node_that_was_started_without_a_terminal_serves_and_ends_as_any_other(master, tmp_path, command):
+    words_of_a_node(
+        master, dict(os.environ, ROS_LOG_DIR=str(tmp_path)), command=command, prepare=lambda: os.closerange(0, 3))
+    (log,) = tmp_path.rglob("map_server*.log")
+    assert "serving a map" in log.read_text() and "Traceback" not in log.read_text()
 
 
 @pytest.fixture
