@@ -47,7 +47,8 @@ class WaypointFollowerNode:
         self._sent: Optional[SentGoal] = None
         self._left: List[SentGoal] = []  # at move_base, for goals whose place was taken here
         self._cancelled = False
-        self._server = ActionServer("follow_waypoints", FollowWaypointsAction, self._take, self._take_cancel)
+        self._server = ActionServer(
+            "follow_waypoints", FollowWaypointsAction, self._take, self._take_cancel, overtaken_cb=self._take_overtaken)
         self._lock = self._server.lock
         on_shutdown(self._close)
         self._topics = WaypointTopics(parameters)
@@ -125,6 +126,13 @@ class WaypointFollowerNode:
             if self._sent is not None:
                 self._sent.cancel()
             self._call_off_left()
+
+    def _take_overtaken(self, _goal: Any) -> None:
+        """Stand: a goal that was called off before it came would have taken the place of this one, and ended."""
+        self._end("canceled", "another goal has come")
+        if self._sent is not None:
+            self._sent.cancel()
+        self._call_off_left()
 
     def _call_off_left(self) -> None:
         """Call off what move_base may still drive for: it ends such a goal for one that it takes, not for nonsense."""

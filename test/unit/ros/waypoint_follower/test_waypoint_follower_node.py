@@ -57,8 +57,8 @@ def follower(monkeypatch):
     monkeypatch.setattr(waypoint_follower, "ActionClient", lambda *_, **__: move_base)
     monkeypatch.setattr(
         waypoint_follower, "ActionServer",
-        lambda _name, _type, take, cancel: SimpleNamespace(
-            lock=threading.RLock(), start=lambda: None, take=take, cancel=cancel))
+        lambda _name, _type, take, cancel, **more: SimpleNamespace(
+            lock=threading.RLock(), start=lambda: None, take=take, cancel=cancel, **more))
     monkeypatch.setattr(
         waypoint_follower, "WaypointTopics", lambda _parameters: SimpleNamespace(show=lambda _poses: None))
     node = waypoint_follower.WaypointFollowerNode(WaypointFollowerParameters())
@@ -75,3 +75,13 @@ def test_a_robot_stands_where_the_goal_that_took_the_place_of_another_is_called_
     assert [sent.is_cancelled for sent in follower.move_base.sent] == [True]
     follower.node.look(1.05)
     assert (older.ends, newer.ends) == (["accepted", "canceled"], ["accepted", "canceled"])
+
+
+def test_a_robot_stands_where_the_cancel_of_what_took_its_goals_place_comes_first(follower):
+    older = PaperGoal("older")
+    follower.node._server.take(older)
+    follower.node.look(1.0)
+    follower.node._server.overtaken_cb(PaperGoal("newer"))
+    follower.node.look(1.05)
+    assert [sent.is_cancelled for sent in follower.move_base.sent] == [True]
+    assert older.ends == ["accepted", "canceled"]
