@@ -7,7 +7,7 @@ import collections
 import logging
 import sys
 import threading
-from typing import Callable, Deque
+from typing import Deque
 
 TOPICS_IN_LOGS_DISABLED = "/rosout_disable_topics_generation"
 """rospy's parameter: whether log messages leave out the topics of the node."""
