@@ -17,16 +17,12 @@ from mbf_relay.navigation.goals import FollowFeedback, FollowGoal, FollowResult,
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.progress import IgnoredCommands, OscillationDetector
 from mbf_relay.navigation.registry import PluginInstance
-from mbf_relay.navigation.robot import Robot
+from mbf_relay.navigation.robot import OVERRUN_PERIODS, Robot
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.worker import Job
 from mbf_relay.outcomes import ControlError, ControlOutcome, StaleDataError, TransformError
 from mbf_relay.planning.path import Path
 from mbf_relay.timing import Pacer, Stopwatch
-
-OVERRUN_PERIODS = 3.0
-"""Control periods a velocity stays in force without a new one; a controller that thinks longer lets the robot stand."""
-
 
 ZONE = "zone"
 """Whose the speed limits are that a costmap's zones set."""

@@ -73,7 +73,7 @@ class ActionServer:
     def __init__(
         self, name: str, action_type: Any, goal_cb: Callable[[TrackedGoal], None],
         cancel_cb: Callable[[TrackedGoal], None], recalled: Optional[Callable[[], Any]] = None,
-        client_timeout: float = 0.0,
+        client_timeout: float = 0.0, overtaken_cb: Optional[Callable[[TrackedGoal], None]] = None,
     ) -> None:
         """Make a server, not yet advertised.
 
@@ -81,6 +81,7 @@ class ActionServer:
             name, action_type, goal_cb, cancel_cb: As actionlib's.
             recalled: Makes the result of a goal whose cancel came before it, where that is not an empty one.
             client_timeout: Wall time (s) after which the goals of a client that disconnected end; 0 for never.
+            overtaken_cb: Called with a goal whose cancel came before it, before that goal ends.
         """
         action = action_type()
         self._name, self._client_timeout = name, client_timeout
@@ -88,6 +89,8 @@ class ActionServer:
         self._feedback_type = type(action.action_feedback)
         empty = type(action.action_result.result)
         self.goals = GoalTracker(self, goal_cb, cancel_cb, empty, time.monotonic, rospy.get_rostime, recalled)
+        if overtaken_cb is not None:
+            self.goals.on_overtaken = overtaken_cb
         self.lock = self.goals.lock
         self.is_alive: Callable[[], bool] = lambda: True
         self._late_comers = _LateComers()

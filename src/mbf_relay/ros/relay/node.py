@@ -82,6 +82,7 @@ def serve(action: bool = True, topic: bool = True, own: Optional[Any] = None) ->
     server = ActionServer(
         "move_base", move_base_msgs.MoveBaseAction,
         lambda goal: relay.take_goal(goal, rospy.get_time()), lambda goal: relay.take_cancel(goal),
+        overtaken_cb=lambda goal: relay.take_overtaken(goal, rospy.get_time()),
     ) if action else None
     relay = Relay(
         KnownServer(client, settings), compose, parameters, publishers, server.lock if server else threading.RLock()

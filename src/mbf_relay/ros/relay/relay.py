@@ -8,7 +8,7 @@ It pursues one goal at a time, as move_base does. What the goal's client sees:
       |  |                     |------- the server dies ---------------> ABORTED
       |  |                     `-- cancel --> PREEMPTING -- the server ends it --> PREEMPTED (or what came first)
       |  `-- not finite: ABORTED, and what runs goes on
-      `-- older than the newest goal seen ---------------------------------------> RECALLED
+      `-- older than the newest goal seen, or called off before it came ----------> RECALLED
 
 What the server is asked follows from two things alone: the goal pursued, and the goals sent that have not ended there.
 
@@ -188,6 +188,22 @@ class Relay:
             if not answers.is_upright(pose.pose.orientation):
                 self._end(answers.aborted(answers.INVALID_QUATERNION))
             self._advance()
+
+    def take_overtaken(self, client_goal: ClientGoal, now: float) -> None:
+        """Let a goal that was called off before it came end what it was sent to replace: its client means to stand.
+
+        Which of the two comes first is chance, and must not decide whether the robot drives on.
+
+        Args:
+            client_goal: The goal.
+            now: ROS time (s), to know a clock that was set back.
+        """
+        with self._lock:
+            stamp, pose = client_goal.get_goal_id().stamp.to_sec(), client_goal.get_goal().target_pose
+            if not stamp < self._newest_stamp <= now and answers.not_finite(pose.pose) is None:
+                self._newest_stamp = stamp
+                self._end(answers.preempted(answers.REPLACED))
+                self._advance()
 
     def take_cancel(self, client_goal: ClientGoal) -> None:
         """Cancel a goal, if it is the one pursued; any other has its answer already."""
