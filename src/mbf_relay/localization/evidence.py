@@ -61,7 +61,7 @@ class Seen(NamedTuple):
         """Return what a scan's beams, all of them, have."""
         passed = beams.passed
         return Seen(
-            thin_out(beams.hits), some_of(passed, BEAMS), len(passed) / max(1, len(beams.ranges)),
+            thin_out(beams.endpoints, among=beams.ranges < beams.range_max), some_of(passed, BEAMS), len(passed) / max(1, len(beams.ranges)),
             np.array([beams.laser_pose.x, beams.laser_pose.y]),
         )
 
