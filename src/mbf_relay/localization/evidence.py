@@ -59,9 +59,9 @@ class Seen(NamedTuple):
     @staticmethod
     def of(beams: Beams) -> Seen:
         """Return what a scan's beams, all of them, have."""
-        passed = beams.passed
+        ends, passed = thin_out(beams.endpoints, among=beams.ranges < beams.range_max), beams.passed
         return Seen(
-            thin_out(beams.endpoints, among=beams.ranges < beams.range_max), some_of(passed, BEAMS), len(passed) / max(1, len(beams.ranges)),
+            ends, some_of(passed, BEAMS), len(passed) / max(1, len(beams.ranges)),
             np.array([beams.laser_pose.x, beams.laser_pose.y]),
         )
 

@@ -88,8 +88,9 @@ class ScanLikelihood:
             starts, prior, endpoints, self._narrowing, news * temper(len(endpoints)))
         heights = self.log(poses, endpoints, news) + prior.log_density(poses)
         kept = indices_apart(poses, heights, len(poses), distance=0.02, turn=0.01)
-        covariances = covariances[kept]
-        masses = heights[kept] + 0.5 * np.linalg.slogdet(covariances)[1]
+        covariances, masses = covariances[kept], heights[kept]
+        if len(kept) > 1:  # of one alone nothing is to be compared
+            masses += 0.5 * np.linalg.slogdet(covariances)[1]
         return Modes(poses[kept], covariances, masses, explained[kept])
 
     def sharpest(self, start: np.ndarray, prior: PoseGaussian, endpoints: np.ndarray) -> np.ndarray:
@@ -155,7 +156,9 @@ def indices_apart(poses: np.ndarray, values: np.ndarray, count: int, distance: f
 
 def mixture_around(modes: Modes) -> PoseMixture:
     """Return the proposal around maxima: shares by their mass, a few draws for each, deviations widened."""
+    parts = tuple(PoseGaussian(p, c * WIDENING ** 2) for p, c in zip(modes.poses, modes.covariances))
+    if len(parts) == 1:
+        return PoseMixture(parts, np.ones(1))
     shares = np.exp(modes.log_masses - modes.log_masses.max())
     shares = 0.95 * shares / shares.sum() + 0.05 / len(shares)
-    parts = tuple(PoseGaussian(p, c * WIDENING ** 2) for p, c in zip(modes.poses, modes.covariances))
     return PoseMixture(parts, shares / shares.sum())
