@@ -67,8 +67,8 @@ class Job(NamedTuple):
 
     @property
     def drives(self) -> bool:
-        """Whether robots of the whole graph drive in it, in real time."""
-        return self.name.startswith("system/")
+        """Whether a robot drives in it, in real time."""
+        return self.name.startswith(("system/", "node/velocity_guard"))
 
     @property
     def is_patient(self) -> bool:
