@@ -1,4 +1,4 @@
-"""The Move Base Flex server: navigation stepped by one thread, with actions, services and costmaps around it."""
+"""The Move Base Flex server: planning, driving and recovering as actions, with the costmaps and their services."""
 
 from __future__ import annotations
 
