@@ -143,6 +143,20 @@ class TestReadme(unittest.TestCase):
         environment = dict(os.environ, ROS_PACKAGE_PATH=f"{package.parent}:{os.environ['ROS_PACKAGE_PATH']}")
         self.assertIn("RESULT: SUCCESS", self.run_to_end("rostest my_package my_client.test", environment=environment))
 
+    def test_6_a_planner_of_one_s_own_is_taken_with_ros_and_without(self):
+        for name, language, word in (
+            ("my_planners.py", "python", "class StraightLine("), ("straight.yaml", "yaml", "my_planners.StraightLine"),
+        ):
+            (Path(self.folder.name) / name).write_text(block_with(language, word))
+        batch, launch = (
+            line.replace("scripts/run --with . ", "") for line in block_with("sh", "straight.yaml").splitlines())
+        environment = dict(os.environ, PYTHONPATH=f"{os.environ['PYTHONPATH']}:{self.folder.name}")
+        said = self.run_to_end(batch.replace("--seeds 10", "--seeds 1"), environment=environment)
+        self.assertIn("no straight way to", said)
+        self.launch(launch, "/move_base_flex", environment=environment)
+        wait_until(
+            lambda: any(name.startswith("/move_base_flex/straight/") for name, _ in self.master.getPublishedTopics("")),
+            "topics of the planner", 60.0)
 
 if __name__ == "__main__":
     rostest.rosrun("mbf_relay", "readme_commands", TestReadme)
