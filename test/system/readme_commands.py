@@ -158,5 +158,6 @@ class TestReadme(unittest.TestCase):
             lambda: any(name.startswith("/move_base_flex/straight/") for name, _ in self.master.getPublishedTopics("")),
             "topics of the planner", 60.0)
 
+
 if __name__ == "__main__":
     rostest.rosrun("mbf_relay", "readme_commands", TestReadme)
