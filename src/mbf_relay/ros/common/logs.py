@@ -14,9 +14,9 @@ TOPICS_IN_LOGS_DISABLED = "/rosout_disable_topics_generation"
 CONTINUED = "\n  | "
 """Between the lines of one message."""
 MOST_WAITING = 1000
-"""Lines that may wait for a terminal that takes none."""
+"""Lines that may wait for a terminal or a disk that takes none."""
 LAST_WORDS = 0.5
-"""Wall seconds that a terminal gets for what waits when the node ends."""
+"""Wall seconds that each gets for what waits when the node ends."""
 
 
 def plain(text: str) -> str:
@@ -77,44 +77,44 @@ def log_without_master() -> None:
     paramserver.get_param_server_cache().set(TOPICS_IN_LOGS_DISABLED, disabled)
 
 
-def log_to_terminal() -> None:
-    """Have log lines on the terminal, wherever that leads, and nobody wait for it; after init_node.
+def log_without_waiting() -> None:
+    """Have log lines in the file and on the terminal, wherever these lead, and nobody wait for them; after init_node.
 
     Where rospy found no folder to write in it has set up nothing. Where the terminal is closed, or a file on a full
     disk, its handler would raise an error in the middle of what the node does.
     """
     from rosgraph.roslogging import RosStreamHandler
 
-    logger = logging.getLogger("rosout")
-    terminals = [handler for handler in logger.handlers if isinstance(handler, RosStreamHandler)]
-    if not terminals and not logging.getLogger().handlers:
-        terminals = [RosStreamHandler()]
-        logger.addHandler(terminals[0])
-        logger.setLevel(logging.INFO)
-    for terminal in terminals:
-        scribe = Scribe(terminal)
-        terminal.emit = scribe.take
-        atexit.register(scribe.finish)
+    rosout, root = logging.getLogger("rosout"), logging.getLogger()
+    if not root.handlers and not any(isinstance(handler, RosStreamHandler) for handler in rosout.handlers):
+        rosout.addHandler(RosStreamHandler())
+        rosout.setLevel(logging.INFO)
+    for logger, kind in (rosout, RosStreamHandler), (root, logging.FileHandler):
+        for handler in [handler for handler in logger.handlers if isinstance(handler, kind)]:
+            logger.removeHandler(handler)
+            logger.addHandler(Scribe(handler))
 
 
-class Scribe:
-    """Writes a handler's lines in a thread of its own, and complains where it cannot.
+class Scribe(logging.Handler):
+    """Has another handler write its lines in a thread of their own.
 
     A terminal may take nothing for as long as it likes: Ctrl-S, a pager at the other end of a pipe, an ssh whose cable
-    was pulled. Whoever logs a line would stop right there, with a lock that whoever logs the next one waits for, be it
-    the watchdog, and the robot would drive on by the last velocity.
+    was pulled; a file neither, on a disk of another machine. Whoever logs a line would stop right there, with a lock
+    that whoever logs the next one waits for, be it the watchdog, and the robot would drive on by the last velocity.
 
     Args:
-        handler: Whose `emit` writes.
+        handler: Who writes; its errors are handled as anywhere.
     """
 
     def __init__(self, handler: logging.Handler) -> None:
-        self._handler, self._emit = handler, handler.emit
+        super().__init__(handler.level)
+        self._handler = handler
         self._condition = threading.Condition()  # guards the four below; never held while a line is written
         self._waiting: Deque[logging.LogRecord] = collections.deque()
         self._lost, self._began, self._writing = 0, False, False
+        atexit.register(self.finish)
 
-    def take(self, record: logging.LogRecord) -> None:
+    def emit(self, record: logging.LogRecord) -> None:
         """Have a line written, soon; of more than MOST_WAITING the oldest are left out."""
         record.getMessage()
         with self._condition:
@@ -125,7 +125,7 @@ class Scribe:
             self._condition.notify_all()
             if not self._began:
                 self._began = True
-                threading.Thread(target=self._loop, name="terminal", daemon=True).start()
+                threading.Thread(target=self._loop, name="log", daemon=True).start()
 
     def finish(self) -> None:
         """Wait for what waits to be written, but not for ever."""
@@ -140,7 +140,7 @@ class Scribe:
             if lost:
                 self._write(logging.makeLogRecord({
                     "levelname": "WARNING", "levelno": logging.WARNING,
-                    "msg": f"{lost} lines are left out here; the terminal took none"}))
+                    "msg": f"{lost} lines are left out here; none were taken"}))
             self._write(record)
             with self._condition:
                 self._writing = False
@@ -148,6 +148,6 @@ class Scribe:
 
     def _write(self, record: logging.LogRecord) -> None:
         try:
-            self._emit(record)
+            self._handler.handle(record)
         except (OSError, ValueError):
             self._handler.handleError(record)

@@ -133,7 +133,7 @@ def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
     try:
         _wait_for_master(name)
         rospy.init_node(name, disable_signals=True)
-        logs.log_to_terminal()
+        logs.log_without_waiting()
         logs.log_without_master()
         MasterWatch(start_again)
         warn_where_unreachable()

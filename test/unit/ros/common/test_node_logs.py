@@ -83,9 +83,19 @@ def test_a_node_that_was_started_without_a_terminal_serves_and_ends_as_any_other
     assert "serving a map" in log.read_text() and "Traceback" not in log.read_text()
 
 
-@pytest.fixture
-def stuck_terminal(monkeypatch):
-    """Make a pipe that is full, which nobody reads, the terminal of this process's log; gives its reading end."""
+def terminal_at(pipe):
+    """Return the handler and the logger of a terminal that is the end of a pipe."""
+    return RosStreamHandler(colorize=False, stdout=pipe, stderr=pipe), logging.getLogger("rosout")
+
+
+def file_at(pipe):
+    """Return likewise what writes a file, on a disk that is that end."""
+    return logging.FileHandler(f"/dev/fd/{pipe.fileno()}", mode="w"), logging.getLogger()
+
+
+@pytest.fixture(params=[terminal_at, file_at])
+def stuck_log(request, monkeypatch):
+    """Make a pipe that is full, which nobody reads, all that this process's log leads to; gives its reading end."""
     reading, writing = os.pipe()
     with open(reading, "rb") as reader, open(writing, "w", buffering=1) as writer:
         os.set_blocking(writing, False)
@@ -93,14 +103,17 @@ def stuck_terminal(monkeypatch):
             while True:
                 os.write(writing, b"\n" * 4096)
         os.set_blocking(writing, True)
-        terminal = RosStreamHandler(colorize=False, stdout=writer, stderr=writer)
-        monkeypatch.setattr(logging.getLogger("rosout"), "handlers", [terminal])
+        handler, logger = request.param(writer)
+        monkeypatch.setattr(logging.getLogger("rosout"), "handlers", [])
+        monkeypatch.setattr(logging.getLogger(), "handlers", [])
+        monkeypatch.setattr(logger, "handlers", [handler])
         monkeypatch.setattr(logging, "_logRecordFactory", logs.PlainRecord)
         yield reader
+        handler.close()
 
 
-def test_a_watchdog_is_not_held_up_by_a_terminal_that_takes_no_lines(stuck_terminal):
-    logs.log_to_terminal()
+def test_a_watchdog_is_not_held_up_by_a_terminal_or_a_disk_that_takes_no_lines(stuck_log):
+    logs.log_without_waiting()
     place, said_in_all, said = [1], logs.MOST_WAITING + 10, threading.Event()
 
     def say():
@@ -113,8 +126,8 @@ def test_a_watchdog_is_not_held_up_by_a_terminal_that_takes_no_lines(stuck_termi
     in_time = said.wait(10.0)
     told = ""
     while f"{said_in_all}. time" not in told:  # somebody reads again
-        told += os.read(stuck_terminal.fileno(), 4096).decode()
-    assert in_time, "whoever logs waits for the terminal"
+        told += os.read(stuck_log.fileno(), 4096).decode()
+    assert in_time, "whoever logs waits for who writes"
     left_out = int(re.search(r"(\d+) lines are left out", told).group(1))
     assert told.count("the wheels at [1]") + left_out == said_in_all
 
