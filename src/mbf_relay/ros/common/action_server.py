@@ -82,7 +82,7 @@ class ActionServer:
             recalled: Makes the result of a goal whose cancel came before it, where that is not an empty one.
             client_timeout: Wall time (s) after which the goals of a client that disconnected end; 0 for never.
             overtaken_cb: Called with a goal whose cancel came before it, before that goal ends.
-            is_alive: Tells whether what carries out goals works; while it does not, no status makes it look as if.
+            is_alive: Tells whether what carries out goals works; while it does not, no status is told.
         """
         action = action_type()
         self._name, self._client_timeout = name, client_timeout
