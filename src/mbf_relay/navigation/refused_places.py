@@ -81,7 +81,10 @@ def refusing_place(costmap: CostGrid, poses: np.ndarray) -> Optional[Point]:
 def plan_round(
     tolls: Sequence[Toll], costmap: CostGrid, start: Pose2D, goal: Pose2D, plan: Callable[[CostGrid], Path]
 ) -> Path:
-    """Return a path round places where it is longer by no more than their toll; otherwise the one there is.
+    """Return a path whose length and tolls are together the least of those looked at.
+
+    The path there is comes first; then what it passes is closed, and again on the path found then, till one passes
+    nothing or there is none. What is closed is only what paths lead through: all of it at once walls the robot in.
 
     Args:
         tolls: In the costmap's frame. A place that the robot's side would reach from start or goal costs none.
@@ -92,18 +95,25 @@ def plan_round(
     Raises:
         PlanningError: That of the plan on the snapshot as it is, or CANCELED.
     """
-    path, reach = plan(costmap), costmap.half_width
-    shut = [toll for toll in tolls if min(math.dist(toll.place, end[:2]) for end in (start, goal)) > reach]
-    on_it = [toll.detour for toll in shut if _passes(path, toll.place, reach)]
-    if not on_it:
-        return path
-    try:
-        way_round = plan(_closed(costmap, [toll.place for toll in shut], costmap.width))
-    except PlanningError as error:
-        if error.outcome is PlanOutcome.CANCELED:
-            raise
-        return path
-    return way_round if way_round.length <= path.length + sum(on_it) else path
+    path, reach, ends = plan(costmap), costmap.half_width, (start[:2], goal[:2])
+    paid = [toll for toll in tolls if min(math.dist(toll.place, end) for end in ends) > reach]
+    least, best = math.inf, path
+    closed: List[Point] = []
+    while True:
+        passed = [toll for toll in paid if _passes(path, toll.place, reach)]
+        cost = path.length + sum(toll.detour for toll in passed)
+        if cost <= least:
+            least, best = cost, path
+        to_close = [toll.place for toll in passed if toll.place not in closed]
+        if not to_close or path.length >= least:
+            return best
+        closed += to_close
+        try:
+            path = plan(_closed(costmap, closed, ends))
+        except PlanningError as error:
+            if error.outcome is PlanOutcome.CANCELED:
+                raise
+            return best
 
 
 def _passes(path: Path, place: Point, reach: float) -> bool:
@@ -111,15 +121,23 @@ def _passes(path: Path, place: Point, reach: float) -> bool:
     return bool((np.hypot(*(path.poses[:, :2] - place).T) <= reach).any())
 
 
-def _closed(costmap: CostGrid, places: Sequence[Point], reach: float) -> CostGrid:
-    """Return a snapshot in which nothing within `reach` (m) of some places may be passed."""
-    costs, grid = costmap.costs.copy(), costmap.grid
+def _closed(costmap: CostGrid, places: Sequence[Point], ends: Sequence[Point]) -> CostGrid:
+    """Return a snapshot in which nothing as near to some places as the robot is wide may be passed.
+
+    What is nearer to an end of the path stays open, or a robot right before a place would have no way from there.
+    """
+    costs, grid, reach = costmap.costs.copy(), costmap.grid, costmap.width
     cells = math.ceil(reach / grid.resolution)
     offsets = np.arange(-cells, cells + 1)
-    disc = np.argwhere(np.hypot(*np.meshgrid(offsets, offsets)) * grid.resolution <= reach) - cells
-    for x, y in places:
-        around = disc + grid.cell_at(x, y)
+    disc = np.stack(np.meshgrid(offsets, offsets), axis=-1).reshape(-1, 2)
+    for place in places:
+        around = disc + grid.cell_at(*place)
         around = around[grid.contains_cells(around)]
-        columns, rows = around[:, 0], around[:, 1]
+        centers = grid.centers_of(around)
+        away = np.hypot(*(centers - place).T)
+        shut = away <= reach
+        for end in ends:
+            shut &= away < np.hypot(*(centers - end).T)
+        columns, rows = around[shut].T
         costs[rows, columns] = np.where(costs[rows, columns] == LETHAL, LETHAL, INSCRIBED)
     return costmap.with_costs(costs)

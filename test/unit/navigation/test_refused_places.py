@@ -44,10 +44,10 @@ def wall_with_gaps(*gaps):
     return CostGrid(grid, costs, "map", SQUARE, 0.1, 0.142)
 
 
-def plan(costmap, tolls=()):
+def plan(costmap, tolls=(), start=START):
     navfn = plugins.create("navfn", "navfn/NavfnROS", {}, Planner, PLANNERS)
     return plan_round(
-        tolls, costmap, START, GOAL_POSE, lambda seen: navfn.plan(seen, START, GOAL_POSE, 0.0, Cancellation()))
+        tolls, costmap, start, GOAL_POSE, lambda seen: navfn.plan(seen, start, GOAL_POSE, 0.0, Cancellation()))
 
 
 def passes(path, gap):
@@ -65,6 +65,29 @@ def test_a_gap_that_was_refused_is_gone_round_where_that_is_worth_it():
 
 def test_the_only_gap_is_taken_however_often_it_was_refused():
     assert passes(plan(wall_with_gaps(NEAR_GAP), [Toll(NEAR_GAP, 99.0)]), NEAR_GAP)
+
+
+def test_of_gaps_that_all_refused_the_robot_it_takes_the_one_worth_least():
+    """All were closed at once, which left no path, and so the robot stood before the nearest till its time was up."""
+    costmap = wall_with_gaps(NEAR_GAP, FAR_GAP)
+    far = plan(costmap, [Toll(NEAR_GAP, 9.0)]).poses[:, :2]
+    in_far = tuple(far[np.hypot(*(far - FAR_GAP).T).argmin()])
+    for near_toll, far_toll, taken in (9.0, 2.0, FAR_GAP), (2.0, 9.0, NEAR_GAP):
+        tolls = [Toll(NEAR_GAP, near_toll), Toll(in_far, far_toll), Toll(FAR_GAP, far_toll)]
+        assert passes(plan(costmap, tolls), taken)
+
+
+def test_a_robot_right_before_the_gap_that_refused_it_is_not_walled_in_by_that():
+    """Closed as far as the robot is wide, the gap reached to where it stood, from where there was no path then."""
+    start, seen = Pose2D(1.4, 1.5, 0.0), []
+
+    def straight(costmap):
+        seen.append(costmap)
+        return Path(np.array([start, [*NEAR_GAP, 0.0], GOAL_POSE]), "map")
+
+    plan_round([Toll(NEAR_GAP, 9.0)], wall_with_gaps(NEAR_GAP, FAR_GAP), start, GOAL_POSE, straight)
+    at_start, in_gap = seen[1].blocks(np.array([start, [*NEAR_GAP, 0.0]])).tolist()
+    assert in_gap and not at_start
 
 
 def test_a_place_the_robot_stands_at_or_goes_to_costs_nothing():
