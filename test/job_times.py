@@ -3,12 +3,16 @@
 import glob
 import json
 import os
+import re
 import subprocess
 import threading
 import time
 import xml.etree.ElementTree as ElementTree
 from typing import Dict, List, Tuple
 
+FILE = "seconds.json"
+ROW = r"^\| ([a-z_]+(?:/[a-z_.]+)*) \| (\d+) \| \d+ \|"
+"""The first columns of a row of the table: a job and its seconds."""
 TOLD = 3
 """Tests named for each job."""
 SHORTEST = 0.5
@@ -35,17 +39,33 @@ def wait(process: subprocess.Popen, timeout: float) -> float:
     return sum(int(each) for each in ticks) / os.sysconf("SC_CLK_TCK")
 
 
+def expected(results: str, readme: str) -> Dict[str, float]:
+    """Return the seconds each job is likely to take: those of the last run here, else those of the table in `readme`.
+    """
+    with open(readme, encoding="utf-8") as stream:
+        known = {name: float(seconds) for name, seconds in re.findall(ROW, stream.read(), re.MULTILINE)}
+    try:
+        return {**known, **{name: each[0] for name, each in _read(results).items()}}
+    except (OSError, ValueError):
+        return known
+
+
+def _read(results: str) -> Dict[str, Tuple[float, float]]:
+    with open(os.path.join(results, FILE), encoding="utf-8") as stream:
+        seconds: Dict[str, Tuple[float, float]] = json.load(stream)
+    return seconds
+
+
 def write(results: str, seconds: Dict[str, Tuple[float, float]]) -> None:
     """Leave what `table` reads: the seconds of each job and those it computed, beside the reports of its tests."""
-    with open(os.path.join(results, "seconds.json"), "w", encoding="utf-8") as stream:
+    with open(os.path.join(results, FILE), "w", encoding="utf-8") as stream:
         json.dump(seconds, stream, indent=1)
 
 
 def table(results: str) -> str:
     """Return the table of the last run in Markdown, the longest job first."""
     try:
-        with open(os.path.join(results, "seconds.json"), encoding="utf-8") as stream:
-            seconds: Dict[str, Tuple[float, float]] = json.load(stream)
+        seconds = _read(results)
     except OSError as error:
         return f"no run of the tests has ended here yet: {error}"
     rows = ["| job | s | computing, s | its longest tests (s) |", "|---|---|---|---|"]

@@ -1,8 +1,8 @@
 """Run the linters and every test: pytest folder by folder, each rostest on a ROS master of its own.
 
-As many jobs run at a time as there are cores, and one more: robots that drive in real time, and nodes that wait for
-each other, leave much of the machine idle and want the rest at once. One job of `system/` runs at a time; what only
-computes gives way to it.
+On each core something computes, which gives way to what does not: robots that drive in real time, and nodes that wait
+for each other, as many of them at a time as their shares of a core fit the machine. One job whose robots' time matters
+runs at a time, beside it one whose simulator waits.
 
 The last line is "N passed, N failed"; the exit status is 0 only where none failed. Everything the tests and their nodes
 wrote stays in the results folder.
@@ -34,11 +34,16 @@ TIME_LIMIT = 1250.0
 LONGER = 6
 
 
-SLOW = (
-    "system/demo.test", "system/circle.test", "system/readme_commands.test", "contract", "unit/lockstep",
-    "unit/ros/common", "unit/control", "unit/ros", "node/relay.test", "node/web_view.test", "node/amcl_life.test",
+PATIENT = (
+    "circle", "circle_subscriber", "composed", "demo", "fuzzed_services", "goals", "move_base", "readme_commands",
+    "rviz_goal", "soak", "users_launch_files", "web_browser",
 )
-"""Jobs that start before others of their kind, since a long one that starts last keeps a core idle (`--times`)."""
+"""Jobs of `system/` that lose nothing when their nodes get a core late, since the simulator waits for the command that
+answers a scan (`command_patience`); two of them may run at once."""
+DRIVES_SHARE, NODES_SHARE = 0.75, 0.25
+"""Of a core: what the whole graph and single nodes take in a test."""
+MORE = 3
+"""Jobs that may run beside as many as there are cores."""
 SLOWEST = 8
 """Jobs whose time is told at the end; `--times` tells all."""
 NICENESS = 19
@@ -62,8 +67,20 @@ class Job(NamedTuple):
 
     @property
     def drives(self) -> bool:
-        """Whether robots of the whole graph drive in it, in real time."""
-        return self.name.startswith("system/")
+        """Whether a robot drives in it, in real time."""
+        return self.name.startswith(("system/", "node/velocity_guard"))
+
+    @property
+    def is_patient(self) -> bool:
+        """Whether it drives, and may do so beside another one."""
+        return self.drives and os.path.splitext(os.path.basename(self.name))[0] in PATIENT
+
+    @property
+    def share(self) -> float:
+        """How much of a core it takes while it runs."""
+        if self.drives:
+            return DRIVES_SHARE
+        return NODES_SHARE if self.kind is Kind.ROSTEST else 1.0
 
     @property
     def computes(self) -> bool:
@@ -124,7 +141,7 @@ def main() -> int:
 
 def find_jobs(results: str) -> List[Job]:
     """Return a job for each folder of pytest files and for each .test file, in the order they are to start."""
-    jobs = []
+    jobs: List[Job] = []
     for top in ("unit", "contract"):
         for folder, _, files in sorted(os.walk(os.path.join(TEST_FOLDER, top))):
             paths = sorted(os.path.join(folder, name) for name in files if re.match(r"test_.*\.py$", name))
@@ -134,14 +151,16 @@ def find_jobs(results: str) -> List[Job]:
         for path in sorted(glob.glob(os.path.join(TEST_FOLDER, top, "*.test"))):
             name = os.path.relpath(path, TEST_FOLDER)
             jobs.append(Job(name, ["rostest", path], Kind.ROSTEST))
-    return sorted(find_linters() + jobs, key=rank)
+    seconds = job_times.expected(results, os.path.join(TEST_FOLDER, "README.md"))
+    return sorted(find_linters() + jobs, key=lambda job: (*rank(job), -seconds.get(job.name, 0.0)))
 
 
-def rank(job: Job) -> "tuple[int, int]":
-    """Return when a job starts: drives first, since they take turns; what computes while they go on; nodes, which wait.
+def rank(job: Job) -> "tuple[int, bool]":
+    """Return when a job starts: drives first, since they take turns, of these what goes beside no other; what computes
+    while they go on; nodes, which wait. Of its kind the longest is first, since at the end it would keep a core idle.
     """
     kinds = [Kind.LINTER, Kind.PYTEST, Kind.ROSTEST]
-    return -1 if job.drives else kinds.index(job.kind), SLOW.index(job.name) if job.name in SLOW else len(SLOW)
+    return -1 if job.drives else kinds.index(job.kind), job.is_patient
 
 
 def pytest_job(name: str, paths: List[str], results: str) -> Job:
@@ -190,9 +209,9 @@ class Runner:
         self._stopped = False
 
     def run(self, jobs: List[Job], workers: int, drives: int) -> None:
-        """Run the jobs, `workers` at a time and of these `drives` that drive, and return when all have ended.
+        """Run the jobs, on each of `workers` cores one that computes, and return when all have ended.
 
-        Beside several, one more runs, as long as no more than `workers` compute.
+        Of those that drive, and are not patient, `drives` run at a time, beside them as many more that are.
         """
         self._waiting, self._cores, self._drives = list(jobs), workers, drives
         threads = [threading.Thread(target=self._work, daemon=True) for _ in range(self._most())]
@@ -212,12 +231,17 @@ class Runner:
             end_group(process)
 
     def _most(self) -> int:
-        return self._cores + (self._cores > 1)
+        return self._cores + MORE * (self._cores > 1)
 
     def _may_begin(self, job: Job) -> bool:
-        alike = sum(other.computes == job.computes for other in self._begun)
-        driving = sum(other.drives for other in self._begun)
-        return alike < self._cores and len(self._begun) < self._most() and not (job.drives and driving >= self._drives)
+        alike = [other for other in self._begun if other.computes == job.computes]
+        if len(self._begun) >= self._most() or sum(other.share for other in alike) + job.share > self._cores:
+            return False
+        if not job.drives:
+            return True
+        driving = [other for other in alike if other.drives]
+        impatient = sum(not other.is_patient for other in driving)
+        return len(driving) < 2 * self._drives and (job.is_patient or impatient < self._drives)
 
     def _next(self) -> Optional[Job]:
         """Return the job to begin now, once there is one; None where none is left."""

@@ -77,10 +77,12 @@ def find_class(type_name: str, base: Type[P], known: Mapping[str, str]) -> Type[
         found = getattr(importlib.import_module(module_name), class_name)
     except Exception as error:  # whatever a user's module does when it is run
         reason = (
-            error
+            str(error)
             if isinstance(error, (ImportError, AttributeError, SyntaxError))
             else f"{type(error).__name__}: {error}"
         )
+        if isinstance(error, ModuleNotFoundError) and error.name == module_name.partition(".")[0]:
+            reason += ": is its folder on PYTHONPATH?"
         raise PluginError(
             f"{base.__name__.lower()} type '{type_name}' cannot be loaded ({reason}); available: {available}"
         ) from error

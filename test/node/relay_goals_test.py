@@ -89,11 +89,15 @@ class RelayGoalsTest(RelayCase):
             self.check_end(goal_id, GoalStatus.PREEMPTED, "")
             self.set_clock(self.now + 1.0)
 
-    def test_a_cancel_before_its_goal_recalls_it(self):
+    def test_a_cancel_before_its_goal_recalls_it_and_the_robot_stands(self):
+        self.make_sure_of_server()
+        before = self.send("drive")
+        self.wait_for_feedback(before)
         self.cancels.publish(GoalID(id="early"))
         self.wait_for_status("early", GoalStatus.RECALLING)
         self.send("drive", goal_id="early")
         self.assertEqual(self.end_of("early").status, GoalStatus.RECALLED)
+        self.check_end(before, GoalStatus.PREEMPTED, REPLACED)
 
     def test_goals_in_one_instant_end_in_the_order_they_came(self):
         self.make_sure_of_server()

@@ -21,8 +21,9 @@ from mbf_relay.msg import FollowWaypointsAction, FollowWaypointsActionFeedback, 
 from mbf_relay.ros.common.action_client import ActionClient
 from mbf_relay.ros.common.action_server import ActionServer
 
-WALL, SLOW = -1.0, -2.0
-"""Places (x, m) that this move_base never reaches, and that it is on its way to until it is told otherwise."""
+WALL, SLOW, NONSENSE = -1.0, -2.0, -3.0
+"""Places (x, m) that this move_base never reaches, that it is on its way to until it is told otherwise, and that it
+refuses, on its way to the place before: a real one would, where a pose is not finite."""
 
 
 class PaperMoveBase:
@@ -34,10 +35,13 @@ class PaperMoveBase:
         self.server.start()
 
     def take(self, goal):
-        self.drop()
         x = goal.get_goal().target_pose.pose.position.x
         self.goals.append(x)
         goal.set_accepted()
+        if x == NONSENSE:
+            goal.set_aborted(text="not finite")
+            return
+        self.drop()
         if x == WALL:
             goal.set_aborted(text="a wall")
         elif x == SLOW:
@@ -46,7 +50,8 @@ class PaperMoveBase:
             goal.set_succeeded()
 
     def cancel(self, goal):
-        self.drop()
+        if self.running is not None and goal.get_goal_id().id == self.running.get_goal_id().id:
+            self.drop()
 
     def drop(self):
         goal, self.running = self.running, None
@@ -121,6 +126,14 @@ class WaypointFollowerTest(unittest.TestCase):
         self.assertEqual(self.follow(5.0).status, GoalStatus.SUCCEEDED)
         self.assertEqual(self.end_of(older).status, GoalStatus.PREEMPTED)
         self.assertEqual(self.move_base.goals, [SLOW, 5.0])
+
+    def test_a_robot_stands_where_move_base_refuses_the_goal_that_takes_the_place_of_another(self):
+        older = self.client.send(goal_of(SLOW))
+        self.wait_on_the_way()
+        ending = self.follow(NONSENSE, stop_on_failure=True)
+        self.assertEqual((ending.status, list(ending.result.missed_waypoints)), (GoalStatus.ABORTED, [0]))
+        self.assertEqual(self.end_of(older).status, GoalStatus.PREEMPTED)
+        wait_until(lambda: self.move_base.running is None, "move_base to be told to stand")
 
     def test_whoever_sends_the_robot_elsewhere_meanwhile_has_it(self):
         sent = self.client.send(goal_of(SLOW, 2.0))

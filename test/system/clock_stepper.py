@@ -10,6 +10,9 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, Float64
 from tf2_msgs.msg import TFMessage
 
+from mbf_relay.ros.common.receiving import receive_with_less
+from mbf_relay.ros.common.sending import send_with_less
+
 BEGIN = 1000.0
 """Seconds added at first, so that there is a time before."""
 
@@ -44,6 +47,8 @@ class ClockStepper:
 
 
 if __name__ == "__main__":
+    receive_with_less()
+    send_with_less()
     rospy.init_node("clock_stepper")
     stepper = ClockStepper()
     rospy.spin()

@@ -85,7 +85,8 @@ class TestComposed(unittest.TestCase):
             killed = process_of(node)
             others = {other: process_of(other) for other in NODES if other != node}
             os.kill(killed, signal.SIGKILL)
-            wait_until(lambda node=node, killed=killed: process_of(node) not in (None, killed), f"another {node}", 60.0)
+            wait_until(
+                lambda node=node, killed=killed: process_of(node) not in (None, killed), f"another {node}", 60.0, 0.1)
             self.assertEqual({other: process_of(other) for other in others}, others)
             self.assertTrue(self.client.wait_for_server(60.0), "waited 60 s for move_base, in vain")
             wait_until(self.knows_its_place, "a fresh pose", 60.0)

@@ -24,6 +24,8 @@ from mbf_relay.ros.common.action_client import ActionClient  # noqa: E402
 from mbf_relay.ros.common.transforms import Transforms  # noqa: E402
 
 NODES = ("/move_base_flex", "/velocity_guard", "/move_base", "/amcl", "/map_server", "/robot_state_publisher")
+LOOK_PERIOD = 0.1
+"""Wall seconds between two looks for a node, which cost the master and the node a connection each."""
 SLOW = 0.01
 """Metres and radians per second below which a robot counts as standing."""
 
@@ -131,7 +133,7 @@ class PulledCase(unittest.TestCase):
     def wait_until_all_is_back(self):
         """Wait until every node answers and the robot knows where it is."""
         for node in NODES:
-            wait_until(lambda node=node: pid_of(node), f"{node} to be back", 60.0)
+            wait_until(lambda node=node: pid_of(node), f"{node} to be back", 60.0, LOOK_PERIOD)
         for client in (self.client, self.flex):
             self.assertTrue(client.wait_for_server(60.0), f"waited 60 s for {client.name}, in vain")
         wait_until(self.knows_its_place, "a fresh pose", 60.0)

@@ -23,7 +23,7 @@ from mbf_msgs.msg import MoveBaseGoal as FlexGoal
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
-from pulled import SLOW, PulledCase, goal_at, pid_of  # noqa: E402
+from pulled import LOOK_PERIOD, SLOW, PulledCase, goal_at, pid_of  # noqa: E402
 from ros_testing import Listener, wait_until  # noqa: E402
 from running_stack import run_client, start_test_node  # noqa: E402
 from tally import trial  # noqa: E402
@@ -108,7 +108,7 @@ class MasterCase(PulledCase):
         Of amcl's parameters the pose moves on, and map_server has none.
         """
         for node in EVERYBODY:
-            wait_until(lambda node=node: pid_of(node), f"{node} to be back", 90.0)
+            wait_until(lambda node=node: pid_of(node), f"{node} to be back", 90.0, LOOK_PERIOD)
         os.kill(self.foreigner, signal.SIGTERM)  # C++ nodes know nothing of new masters; their user starts them again
         for node in self.given:
             wait_until(lambda node=node: self.is_as_given(node), f"the parameters its user gave {node}")

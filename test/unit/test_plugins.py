@@ -90,6 +90,13 @@ def test_a_refusal_names_the_plugin_and_what_there_is(type_name, values, words):
         assert word in str(refusal.value)
 
 
+def test_of_a_module_that_python_does_not_find_is_said_where_it_looks():
+    with pytest.raises(PluginError, match=r"No module named 'my_tools': is its folder on PYTHONPATH\?\)"):
+        create("x", "my_tools.Saw", {}, Tool, KNOWN)
+    with pytest.raises(PluginError, match=r"\(No module named 'json\.none'\)"):
+        create("x", "json.none.Saw", {}, Tool, KNOWN)
+
+
 def test_a_file_that_is_no_python_is_named_with_the_line(tmp_path, monkeypatch):
     (tmp_path / "half_written_tools.py").write_text("x = 1\ndef f(:\n")
     monkeypatch.syspath_prepend(str(tmp_path))

@@ -58,7 +58,7 @@ def test_a_command_names_what_there_is(command):
 
 
 RUN_ELSEWHERE = ("roslaunch", "rosrun", "rostest", "scripts/run", "scripts/demo", "scripts/test", "scripts/benchmark")
-"""By system/readme_commands, system/demo and CI."""
+"""By system/readme_commands, unit/scripts, system/demo and CI."""
 
 
 @pytest.mark.parametrize("command", sorted({" ".join(words) for words in commands() if words}))

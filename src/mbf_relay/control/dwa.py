@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import List, Optional
+from typing import List, Optional, Tuple
 
 import numpy as np
 
@@ -76,43 +76,97 @@ class DwaController(PathFollower):
 
     def drive(self, cycle: ControlCycle) -> Twist2D:
         """Return the command of the cheapest trajectory."""
-        parameters, state = self.parameters, cycle.state
-        window = cycle.window
-        if not parameters.use_dwa:
-            window = window_of(parameters, cycle.velocity, parameters.sim_time, cycle.speed, cycle.turn)
-        velocities = np.vstack((sample(parameters, window, cycle.speed), np.zeros((1, 3))))
-        self.trajectories = roll_out(
-            parameters, cycle.checker, state.pose, cycle.velocity, velocities, state.period, cycle.path.remaining,
-            parameters.sim_time * cycle.horizon_scale,
-        )
-        data = CriticData(state.now, state.pose, cycle.velocity, cycle.path, cycle.checker, window, cycle.horizon_scale)
+        self.trajectories, data = self._rolled_out(cycle)
         self.explanation = self._score(self.trajectories, data)
+        turns = self._only_turns(self.explanation)
+        if turns:
+            instead = self._turn_or_brake(cycle, self.explanation)
+            if instead is not None:
+                return instead
         winner = self.explanation.winner
-        stands, width = cycle.window.can_stand, state.costmap.width
-        turns_only = False
-        if winner is not None and np.hypot(*velocities[winner, :2]) < STANDING * parameters.max_vel_trans:
-            turn = self.turn_to_path(cycle, 0.0)
-            if turn is not None:
-                return turn
-            # it faces the path and turns too fast to go on from there: else it would swing to and fro
-            if not stands and not is_fastest(cycle.window, velocities[winner]):
-                return cycle.window.still
-            turns_only = True
-        worthwhile = self._is_worthwhile(self.explanation, width)
-        if stands and (turns_only or not worthwhile):
-            getting_on = self.explanation.where_held()
-            if self._is_worthwhile(getting_on, width) or not worthwhile:
-                worthwhile, self.explanation = self._is_worthwhile(getting_on, width), getting_on
-            winner = self.explanation.winner if worthwhile else None
-        if winner is None and self._is_worthwhile(self.explanation.once_passed(), width):
-            return cycle.window.still
+        if cycle.window.can_stand:
+            self.explanation = self._that_gets_on(self.explanation, turns, data.width)
+            winner = self.explanation.winner if self._is_worthwhile(self.explanation, data.width) else None
+        once_passed = self.explanation.once_passed()
         if winner is None:
+            if self._is_worthwhile(once_passed, data.width):  # somebody crosses: wait
+                return cycle.window.still
             raise self.nothing_left(cycle, str(self.explanation))
         command = Twist2D(*map(float, self.trajectories.commands[winner]))
-        if self.explanation.once_passed().winner == winner:  # to step aside for somebody is no change of mind
+        if once_passed.winner == winner:  # to step aside for somebody is no change of mind
             for critic in self.critics:
                 critic.driven(command, data)
         return command
+
+    def _rolled_out(self, cycle: ControlCycle) -> Tuple[Trajectories, CriticData]:
+        """Return the trajectories of the velocities in reach, the last one's is standing, and what critics look at."""
+        parameters, state, window = self.parameters, cycle.state, cycle.window
+        if not parameters.use_dwa:
+            window = window_of(parameters, cycle.velocity, parameters.sim_time, cycle.speed, cycle.turn)
+        velocities = np.vstack((sample(parameters, window, cycle.speed), np.zeros((1, 3))))
+        trajectories = roll_out(
+            parameters, cycle.checker, state.pose, cycle.velocity, velocities, state.period, cycle.path.remaining,
+            parameters.sim_time * cycle.horizon_scale,
+        )
+        return trajectories, CriticData(
+            state.now, state.pose, cycle.velocity, cycle.path, cycle.checker, window, cycle.horizon_scale)
+
+    def _score(self, trajectories: Trajectories, data: CriticData) -> Explanation:
+        asked = [critic for critic in self.critics if critic.scale > 0.0]
+        scores = np.zeros((len(asked), len(trajectories)))
+        for row, critic in zip(scores, asked):
+            row[:] = critic.scale * critic.score(trajectories, data)
+        return Explanation.of(asked, scores, trajectories.velocities)
+
+    def _only_turns(self, explanation: Explanation) -> bool:
+        """Return whether the winner as good as turns on the spot."""
+        if explanation.winner is None:
+            return False
+        speed = np.hypot(*explanation.velocities[explanation.winner, :2])
+        return bool(speed < STANDING * self.parameters.max_vel_trans)
+
+    def _turn_or_brake(self, cycle: ControlCycle, explanation: Explanation) -> Optional[Twist2D]:
+        """Return what is better than a winner that only turns: a turn until the robot faces the path, or to brake.
+
+        None where the robot faces the path already and stands, or the winner turns as fast as it can.
+        """
+        turn = self.turn_to_path(cycle, 0.0)
+        if turn is not None:
+            return turn
+        # it faces the path and turns too fast to go on from there: else it would swing to and fro
+        if not cycle.window.can_stand and not is_fastest(cycle.window, explanation.velocities[explanation.winner]):
+            return cycle.window.still
+        return None
+
+    def _that_gets_on(self, explanation: Explanation, turns: bool, width: float) -> Explanation:
+        """Return the explanation that a standing robot of some `width` (m) goes by.
+
+        Where all critics together would have it stay, or just turn (`turns`), those that yield where they hold it are
+        left out: the winner is then what gets it on.
+        """
+        is_worthwhile = self._is_worthwhile(explanation, width)
+        if is_worthwhile and not turns:
+            return explanation
+        getting_on = explanation.where_held()
+        return getting_on if self._is_worthwhile(getting_on, width) or not is_worthwhile else explanation
+
+    def _is_worthwhile(self, explanation: Explanation, width: float) -> bool:
+        """Return whether the winner ends at a better place than the robot is at, by the critics that judge places.
+
+        A robot that creeps to and fro before an obstacle is not on its way; whoever sent it should hear of that. Where
+        no critic judges places, every winner counts.
+
+        Args:
+            explanation: Has the winner.
+            width: The robot's (m).
+        """
+        if explanation.winner is None:
+            return False
+        costs = explanation.scores[explanation.judges_place]
+        if len(costs) == 0:
+            return True
+        gain = costs[:, -1].sum() - costs[:, explanation.winner].sum()
+        return bool(gain > LEAST_GAIN * width * self.parameters.path_distance_bias)
 
     def report(self, cycle: ControlCycle, drove: bool) -> CycleReport:
         """Return the batch of trajectories, their costs and why the winner won."""
@@ -128,29 +182,6 @@ class DwaController(PathFollower):
             plain, trajectory=trajectory, trajectories=self.trajectories, totals=self.explanation.totals,
             explanation=self.explanation, shows_trajectories=p.publish_traj_pc,
         )
-
-    def _is_worthwhile(self, explanation: Explanation, width: float) -> bool:
-        """Return whether the winner leads anywhere.
-
-        Whether its end is a better place than here, by critics that judge that.
-
-        A robot that creeps to and fro before an obstacle is not on its way; whoever sent it should hear of that. Where
-        no critic judges places, every winner counts.
-        """
-        if explanation.winner is None:
-            return False
-        costs = explanation.scores[explanation.judges_place]
-        if len(costs) == 0:
-            return True
-        gain = costs[:, -1].sum() - costs[:, explanation.winner].sum()
-        return bool(gain > LEAST_GAIN * width * self.parameters.path_distance_bias)
-
-    def _score(self, trajectories: Trajectories, data: CriticData) -> Explanation:
-        asked = [critic for critic in self.critics if critic.scale > 0.0]
-        scores = np.zeros((len(asked), len(trajectories)))
-        for row, critic in zip(scores, asked):
-            row[:] = critic.scale * critic.score(trajectories, data)
-        return Explanation.of(asked, scores, trajectories.velocities)
 
 
 def _make_critics(parameters: DwaParameters) -> List[Critic]:

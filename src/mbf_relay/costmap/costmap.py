@@ -175,11 +175,7 @@ class Costmap:
     @property
     def zone_limit(self) -> ZoneLimit:
         """How fast the robot may go where it stands, as all layers that take part know it."""
-        limits = [layer.zone_limit for layer in self.layers if layer.enabled]
-        return ZoneLimit(
-            min((limit.speed for limit in limits), default=math.inf),
-            min((limit.share for limit in limits), default=1.0),
-        )
+        return ZoneLimit.lowest(layer.zone_limit for layer in self.layers if layer.enabled)
 
     @property
     def sees_all_round(self) -> bool:
@@ -202,9 +198,8 @@ class Costmap:
         """
         height, width = occupancy.data.shape
         grid = Grid(occupancy.resolution, occupancy.origin.x, occupancy.origin.y, width, height)
-        floor = [each for each in self.layers if each.maps_floor]
-        takers = [each for each in self.layers if each.name == layer] if layer else floor
-        is_first = bool(floor) and floor[0] in takers
+        takers = self._takers_of_map(layer)
+        is_first = next((each for each in self.layers if each.maps_floor), None) in takers
         sizes = is_first and not self.parameters.rolling_window
         notice = None
         if is_first and abs(grid.resolution - self.parameters.resolution) > 1e-6:
@@ -237,9 +232,8 @@ class Costmap:
             ValueError: It does not lie within the map.
         """
         with self._lock:
-            for each in self.layers:
-                if each.name == layer or (not layer and each.maps_floor):
-                    each.update_map(x, y, data)
+            for taker in self._takers_of_map(layer):
+                taker.update_map(x, y, data)
 
     def set_map_from_costmap(self, transform: Pose2D, layer: str = "") -> None:
         """Tell where the costmap lies on a map.
@@ -249,9 +243,12 @@ class Costmap:
             layer: Name of the layer whose map it is; all that map the floor where empty.
         """
         with self._lock:
-            for each in self.layers:
-                if each.name == layer or (not layer and each.maps_floor):
-                    each.set_map_from_costmap(transform)
+            for taker in self._takers_of_map(layer):
+                taker.set_map_from_costmap(transform)
+
+    def _takers_of_map(self, layer: str) -> List[Layer]:
+        """Return the layer of that name, if there is one; all that map the floor where it is empty."""
+        return [each for each in self.layers if (each.name == layer if layer else each.maps_floor)]
 
     def update(self, now: float, robot_pose: Pose2D) -> None:
         """Bring the snapshot up to date.

@@ -48,6 +48,12 @@ class ZoneLimit(NamedTuple):
     speed: float = math.inf
     share: float = 1.0
 
+    @staticmethod
+    def lowest(limits: Iterable[ZoneLimit]) -> ZoneLimit:
+        """Return what several limits leave together."""
+        speeds, shares = zip(ZoneLimit(), *limits)
+        return ZoneLimit(min(speeds), min(shares))
+
 
 class Layer(Plugin, abc.ABC):
     """Writes what it knows into the costmap's grid.

@@ -24,7 +24,7 @@ import numpy as np
 
 from mbf_relay.localization.beams import Beams
 from mbf_relay.localization.distance_field import DistanceField
-from mbf_relay.localization.laser_kernels import judge_beams, look_up_endpoints, trace_endpoints
+from mbf_relay.localization.laser_kernels import judge_scan, trace_endpoints
 from mbf_relay.localization.scan_likelihood import some_of, thin_out
 
 BEAMS = 60
@@ -59,9 +59,9 @@ class Seen(NamedTuple):
     @staticmethod
     def of(beams: Beams) -> Seen:
         """Return what a scan's beams, all of them, have."""
-        passed = beams.passed
+        ends, passed = thin_out(beams.endpoints, among=beams.ranges < beams.range_max), beams.passed
         return Seen(
-            thin_out(beams.hits), some_of(passed, BEAMS), len(passed) / max(1, len(beams.ranges)),
+            ends, some_of(passed, BEAMS), len(passed) / max(1, len(beams.ranges)),
             np.array([beams.laser_pose.x, beams.laser_pose.y]),
         )
 
@@ -103,14 +103,12 @@ class Evidence:
             seen: Of the scan; at least one beam ended on something.
         """
         endpoints = some_of(seen.ends, BEAMS)
-        poses = np.ascontiguousarray(poses)
-        hits = np.empty((len(poses), len(endpoints)), dtype=np.float32)
-        field = self._field
-        look_up_endpoints(poses, endpoints, field.codes, self._hits, 0.0, field.frame, hits)
-        passed = self._trace(poses, endpoints, seen.laser)
-        logs, hit, through = np.empty((3, len(poses)))
-        judge_beams(hits, passed, self.unmapped, BOUNDS[1], THROUGH, logs, hit, through)
-        silent_through = self.silent_through(poses, seen)
+        field, judged = self._field, np.empty((4, len(poses)))
+        judge_scan(
+            np.ascontiguousarray(poses), endpoints, np.ascontiguousarray(seen.passed), seen.laser, field.codes,
+            self._hits, field.cell_distances, field.frame, WALL_MARGIN, self.unmapped, BOUNDS[1], THROUGH, judged,
+        )
+        logs, hit, through, silent_through = judged
         silent = silent_through * (seen.silence * INDEPENDENT_BEAMS * math.log(BOUNDS[1]))
         return Judgement(
             logs * min(INDEPENDENT_BEAMS, len(endpoints)) + silent, hit,

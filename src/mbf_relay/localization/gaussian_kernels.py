@@ -139,14 +139,33 @@ def factorize(covariances, roots, whitening, log_roots):
     return True
 
 
+@kernel("boolean(float64[:,::1], float64[::1], float64[:,::1], float64, float64[::1])")
+def log_normal(poses, mean, covariance, log_normalizer, logs):
+    """Compute the log-density of a normal distribution at poses; return whether its covariance is positive definite.
+
+    Args:
+        poses: Shape (N, 3).
+        mean, covariance: Shapes (3,) and (3, 3).
+        log_normalizer: Log-density at the mean where the covariance has the determinant 1.
+        logs: Result, shape (N,).
+    """
+    covariances, roots, whitening = covariance.reshape((1, 3, 3)), np.empty((1, 3, 3)), np.empty((1, 3, 3))
+    heights, first = np.empty(1), np.empty(poses.shape[0])
+    if not factorize(covariances, roots, whitening, heights):
+        return False
+    heights[0] = log_normalizer - heights[0]
+    log_mixture(poses, mean.reshape((1, 3)), whitening, heights, first, logs)
+    return True
+
+
 @kernel("float64(float64[::1], float64[::1])")
 def _weigh(log_weights, weights):
     """Fill weights, shape (N,), whose sum is one, from their logarithms; return the logarithm of what the sum was."""
     highest, total = -np.inf, 0.0
     for i in range(log_weights.shape[0]):
         highest = max(highest, log_weights[i])
-    for i in range(log_weights.shape[0]):
-        weights[i] = math.exp(log_weights[i] - highest)
+    for i in range(log_weights.shape[0]):  # as particles are drawn, all weigh the same
+        weights[i] = 1.0 if log_weights[i] == highest else math.exp(log_weights[i] - highest)
         total += weights[i]
     for i in range(log_weights.shape[0]):
         weights[i] /= total
@@ -200,11 +219,13 @@ def _log_sum_of_kept(log_weights, drawn):
 
 
 @kernel(
-    "void(float64[:,::1], float64[::1], float64[::1], float64, boolean[::1], float64[:,::1], int64[::1],"
-    " float64[:,::1], float64[:,:,::1], float64[:,:,::1], float64[::1])"
+    "boolean(float64[:,::1], float64[::1], float64[::1], float64, boolean[::1], float64[:,::1], int64[::1],"
+    " float64[:,::1], float64[:,:,::1], float64[::1])"
 )
-def redraw(poses, log_weights, weights, log_total, drawn, noise, counts, means, roots, whitening, log_heights):
+def redraw(poses, log_weights, weights, log_total, drawn, noise, counts, means, covariances, log_shares):
     """Draw some poses anew from all parts of a mixture but its first, and weigh all as samples of the first alone.
+
+    Return whether all covariances are positive definite; nothing is changed where not.
 
     Args:
         poses: Shape (N, 3), of the first part; changed.
@@ -214,8 +235,14 @@ def redraw(poses, log_weights, weights, log_total, drawn, noise, counts, means, 
         drawn: Which to draw anew, shape (N,): some, and not all.
         noise: Standard normal, shape (D, 3), for the D poses drawn anew.
         counts: How many of these each further part draws, one after the other, shape (K - 1,).
-        means, roots, whitening, log_heights: Of the K parts, as for `log_mixture`, and the roots' inverses' inverses.
+        means, covariances: Of the K parts, shapes (K, 3) and (K, 3, 3).
+        log_shares: Logarithms of their shares, with what normalizes a density, shape (K,).
     """
+    roots, whitening, log_heights = np.empty_like(covariances), np.empty_like(covariances), np.empty(means.shape[0])
+    if not factorize(covariances, roots, whitening, log_heights):
+        return False
+    for k in range(means.shape[0]):
+        log_heights[k] = log_shares[k] - log_heights[k]
     count, kept, part, left, row = poses.shape[0], 0.0, 1, counts[0], 0
     for i in range(count):
         if not drawn[i]:
@@ -240,6 +267,7 @@ def redraw(poses, log_weights, weights, log_total, drawn, noise, counts, means, 
     for i in range(count):
         own = of_drawn if drawn[i] else of_kept + log_weights[i]
         log_weights[i] = of_first + first[i] - logs[i] + own
+    return True
 
 
 @kernel("float64(float64[::1], float64[::1])")

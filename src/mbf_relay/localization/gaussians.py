@@ -10,7 +10,15 @@ from typing import NamedTuple, Tuple
 import numpy as np
 
 from mbf_relay.geometry import Pose2D, normalize_angles
-from mbf_relay.localization.gaussian_kernels import factorize, fit_and_spread, log_mixture, moments, normalize, redraw
+from mbf_relay.localization.gaussian_kernels import (
+    factorize,
+    fit_and_spread,
+    log_mixture,
+    log_normal,
+    moments,
+    normalize,
+    redraw,
+)
 
 FLOOR = np.array([0.02, 0.02, 0.01])
 """Least deviations (m, m, rad) of a cluster of particles: what lies in one place can neither spread nor be fitted."""
@@ -19,6 +27,7 @@ LEAST = 1e-3
 """Share of FLOOR's variance that is added in any case: particles on one line cannot be fitted either."""
 
 LOG_NORMALIZER = -1.5 * math.log(2.0 * math.pi)
+NOT_POSITIVE = "a covariance is not positive definite"
 
 
 @dataclass(frozen=True)
@@ -53,8 +62,12 @@ class PoseGaussian:
         return PoseGaussian(after, along @ self.covariance @ along.T + to_map @ noise @ to_map.T)
 
     def log_density(self, poses: np.ndarray) -> np.ndarray:
-        """Return the log-density at poses, (N, 3) in, (N,) out."""
-        return PoseMixture((self,), np.ones(1)).log_density(poses)
+        """Return the log-density at poses, (N, 3) in, (N,) out; LinAlgError where it has none."""
+        logs = np.empty(len(poses))
+        moments = np.ascontiguousarray(self.mean), np.ascontiguousarray(self.covariance)
+        if not log_normal(np.ascontiguousarray(poses), *moments, LOG_NORMALIZER, logs):
+            raise np.linalg.LinAlgError(NOT_POSITIVE)
+        return logs
 
     def sample(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """Draw poses, shape (count, 3)."""
@@ -91,12 +104,16 @@ class PoseMixture:
     @cached_property
     def factors(self) -> Factors:
         """Its parts as kernels take them; LinAlgError where a covariance is not positive definite."""
-        covariances = np.array([part.covariance for part in self.parts])
+        means, covariances = self.moments
         roots, whitening, log_roots = np.empty_like(covariances), np.empty_like(covariances), np.empty(len(covariances))
         if not factorize(covariances, roots, whitening, log_roots):
-            raise np.linalg.LinAlgError("a covariance is not positive definite")
-        means = np.array([part.mean for part in self.parts])
+            raise np.linalg.LinAlgError(NOT_POSITIVE)
         return Factors(means, roots, whitening, np.log(self.shares) + LOG_NORMALIZER - log_roots)
+
+    @property
+    def moments(self) -> Tuple[np.ndarray, np.ndarray]:
+        """Means and covariances of the parts, shapes (K, 3) and (K, 3, 3)."""
+        return np.array([part.mean for part in self.parts]), np.array([part.covariance for part in self.parts])
 
     def log_densities(self, poses: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return the log-densities of the first part alone and of the mixture at poses, (N, 3) in, each (N,) out."""
@@ -149,8 +166,13 @@ class PoseSample:
             return
         share = count / len(drawn)
         noise, counts = rng.standard_normal((count, 3)), rng.multinomial(count, around.shares)
-        both = PoseMixture((self.prior, *around.parts), np.append(1.0 - share, share * around.shares))
-        redraw(self.poses, self.log_weights, self._weights, self._log_total, drawn, noise, counts, *both.factors)
+        means, covariances = PoseMixture((self.prior, *around.parts), around.shares).moments
+        log_shares = np.log(np.concatenate(([1.0 - share], share * around.shares))) + LOG_NORMALIZER
+        if not redraw(
+            self.poses, self.log_weights, self._weights, self._log_total, drawn, noise, counts, means, covariances,
+            log_shares,
+        ):
+            raise np.linalg.LinAlgError(NOT_POSITIVE)
 
 
 def normalized(log_weights: np.ndarray) -> Tuple[np.ndarray, np.ndarray, float]:

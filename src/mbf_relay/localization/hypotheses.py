@@ -14,11 +14,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Callable, List, Optional
+from typing import List, Optional
 
 import numpy as np
 
-from mbf_relay.geometry import angle_between
+from mbf_relay.geometry import Pose2D, angle_between
 from mbf_relay.localization.evidence import Evidence, Judgement, Seen
 from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp
 from mbf_relay.localization.reliability import RIGHT_TURN, RIGHT_WITHIN, Reliability, within
@@ -107,11 +107,12 @@ class Hypotheses:
                 elsewhere += odds(rival.fit.right)
         return within(deviation) * min(self.share_held * self.fit.right, own / (1.0 + own + elsewhere))
 
-    def predict(self, move: Callable[[PoseGaussian], PoseGaussian], way: float) -> None:
-        """Move the one held and all rivals by a motion of `way` metres."""
-        self.at = move(PoseGaussian(self.at, np.zeros((3, 3)))).mean
+    def predict(self, step: Pose2D, noise: np.ndarray, way: float) -> None:
+        """Move the one held and all rivals by a motion of `way` metres; step and noise are as `PoseGaussian.moved`'s.
+        """
+        self.at = np.array(Pose2D(*map(float, self.at)).compose(step))
         for rival in self.rivals:
-            rival.belief = move(rival.belief)
+            rival.belief = rival.belief.moved(step, noise)
             rival.way += way
 
     def correct(

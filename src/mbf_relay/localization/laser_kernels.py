@@ -287,3 +287,35 @@ def trace_endpoints(poses, endpoints, laser, codes, distances, frame, margin, th
                     through[i, j] = 1
                     break
                 gone += max(0.7 * frame[3], distance - frame[3])
+
+
+@kernel(
+    "void(float64[:,::1], float64[:,::1], float64[:,::1], float64[::1], uint16[:,::1], float32[::1], float32[::1],"
+    " float64[::1], float64, float64, float64, float64, float64[:,::1])"
+)
+def judge_scan(
+    poses, endpoints, passed, laser, codes, fits, distances, frame, margin, unmapped, most_unmapped, through_walls,
+    judged,
+):
+    """Judge poses by a scan's ends and its silent beams; see the kernels it puts together.
+
+    Args:
+        poses, endpoints, laser, codes, distances, frame, margin: As for `trace_endpoints`.
+        passed: Where silent beams got to, shape (S, 2) in metres, in the base's frame.
+        fits: How well a beam that ends in a cell ends on something, 0 to 1, for each code.
+        unmapped, most_unmapped, through_walls: As for `judge_beams`.
+        judged: Result, shape (4, K): the three means of `judge_beams`, and the share of the silent beams that pass
+            through what the map has.
+    """
+    hits = np.empty((poses.shape[0], endpoints.shape[0]), np.float32)
+    look_up_endpoints(poses, endpoints, codes, fits, 0.0, frame, hits)
+    through = np.empty(hits.shape, np.uint8)
+    trace_endpoints(poses, endpoints, laser, codes, distances, frame, margin, through)
+    judge_beams(hits, through, unmapped, most_unmapped, through_walls, judged[0], judged[1], judged[2])
+    silent = np.empty((poses.shape[0], passed.shape[0]), np.uint8)
+    trace_endpoints(poses, passed, laser, codes, distances, frame, margin, silent)
+    for i in range(poses.shape[0]):
+        count = 0
+        for j in range(passed.shape[0]):
+            count += silent[i, j]
+        judged[3, i] = count / max(1, passed.shape[0])

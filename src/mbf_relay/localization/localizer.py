@@ -34,6 +34,10 @@ FEWEST_PREDICTED = 1500
 """
 
 
+NO_NOISE = np.zeros((3, 3))
+"""Of a step where no rival takes it; particles have their own."""
+
+
 class Localizer:
     """Tracks the robot's pose on a map from odometry and laser scans.
 
@@ -268,7 +272,8 @@ class Localizer:
             fewest = min(self.parameters.max_particles, max(self.parameters.min_particles, FEWEST_PREDICTED))
             if len(self.poses) <= fewest // 2:
                 self.poses, self.log_weights = replicate(self.poses, self.log_weights, fewest)
-            self._tracker.predict(after.relative_to(before), self._motion_model.covariance(before, after), shown)
+            noise = self._motion_model.covariance(before, after) if self._tracker.hypotheses.rivals else NO_NOISE
+            self._tracker.predict(after.relative_to(before), noise, shown)
         self.poses = self._motion_model.propagate(self.poses, before, after, self._rng)
 
     def _pick(self, scan: LaserScan, laser_pose: Pose2D) -> Beams:

@@ -136,7 +136,8 @@ class OmnidirectionalModel(MotionModel):
         return moved
 
     def _deviations(self, driven: float, turned: float) -> Tuple[float, float, float]:
-        """Return the deviations along (m), in heading (rad) and across (m)."""
+        """Return the deviations along (m), in heading (rad) and across (m), the same for a turn to either side."""
+        turned = abs(turned)
         _, a1, a2, a3, a4, a5 = self.alphas
         # The plain omni model of amcl swaps alpha 1 and 4; files tuned to it rely on that.
         a1, a4 = (a1, a4) if self.corrected else (a4, a1)

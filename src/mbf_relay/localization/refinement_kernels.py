@@ -13,12 +13,13 @@ LONGEST_STEP = 0.2
 LARGEST_TURN = 0.1
 
 
-@kernel("int64(float64[:,::1], int64, float64, float64, int64[::1])")
-def choose_apart(poses, count, distance, turn, chosen):
+@kernel("int64(float64[:,::1], int64[::1], int64, float64, float64, int64[::1])")
+def choose_apart(poses, order, count, distance, turn, chosen):
     """Choose up to `count` poses, first come first served, none within `distance` (m) and `turn` (rad) of another.
 
     Args:
-        poses: Shape (N, 3), best first.
+        poses: Shape (N, 3).
+        order: Their indices, best first, as many of them as are looked at.
         count, distance, turn: See above.
         chosen: Result, room for `count` indices.
 
@@ -26,10 +27,10 @@ def choose_apart(poses, count, distance, turn, chosen):
         How many were chosen.
     """
     found = 0
-    for i in range(poses.shape[0]):
+    for n in range(order.shape[0]):
         if found >= count:
             break
-        near = False
+        i, near = order[n], False
         for k in range(found):
             other = chosen[k]
             dx, dy = poses[i, 0] - poses[other, 0], poses[i, 1] - poses[other, 1]
@@ -142,7 +143,7 @@ def climb(
     The prior keeps what the scan does not tell, e.g. the way along a bare corridor, where odometry puts it.
 
     Args:
-        poses: Where to start, shape (K, 3); where the maxima are.
+        poses: Where to start, shape (K, 3); where the maxima are, headings in [-pi, pi).
         endpoints, codes, distances, frame, outlier: As for `linearize`.
         sigmas: Deviations (m) to go through, wide to narrow.
         temper: Factor on the scan's log-likelihood.
@@ -184,3 +185,4 @@ def climb(
             for j in range(3):
                 information[i, j] = temper * information[i, j] + prior_information[i, j]
         invert(information, covariances[k])
+        pose[2] = (pose[2] + math.pi) % (2.0 * math.pi) - math.pi

@@ -35,11 +35,6 @@ def particle_limits(
     return limits
 
 
-def hash_table(entries: int) -> np.ndarray:
-    """Return an empty table for so many keys: a power of two of places, all -1."""
-    return np.full(1 << max(3, (2 * entries - 1).bit_length()), -1, dtype=np.int64)
-
-
 def resample(
     poses: np.ndarray,
     weights: np.ndarray,
@@ -62,16 +57,15 @@ def resample(
         Particles of equal weight, shape (M, 3) with M at most len(limits) - 1.
     """
     most = len(limits) - 1
-    fresh_index = np.full(most, -1, dtype=np.int64)
-    fresh = np.empty((0, 3))
+    fresh_index, fresh = np.empty(0, dtype=np.int64), np.empty((0, 3))
     if random_share > 0.0 and random_poses is not None:
         chosen = np.nonzero(rng.random(most) < random_share)[0]
+        fresh_index = np.full(most, -1, dtype=np.int64)
         fresh_index[chosen] = np.arange(len(chosen))
         fresh = np.ascontiguousarray(random_poses(len(chosen))) if len(chosen) else fresh
     drawn = np.empty((most, 3))
     count = draw_until_enough(
-        np.ascontiguousarray(poses), np.ascontiguousarray(weights), rng.random(), fresh_index, fresh, limits,
-        hash_table(most), drawn,
+        np.ascontiguousarray(poses), np.ascontiguousarray(weights), rng.random(), fresh_index, fresh, limits, drawn,
     )
     return drawn[:count].copy()
 

@@ -37,10 +37,39 @@ def slot_of(key, keys):
     return slot
 
 
+@kernel("boolean(float64[:,::1], float64[::1])")
+def in_one_corner(poses, corner):
+    """Return whether poses, shape (N, 3), fill at most two bins next to each other in each direction: all touch.
+
+    So it is with a robot that is tracked; found by the outermost alone. Not so across the turn from pi to -pi.
+
+    Args:
+        poses: Shape (N, 3).
+        corner: Result where it is so, shape (3,): the bins' numbers, of column, row and heading, from which the upper
+            ones count.
+    """
+    if poses.shape[0] == 0:
+        return False
+    left, right, low, high = poses[0, 0], poses[0, 0], poses[0, 1], poses[0, 1]
+    least, most = poses[0, 2], poses[0, 2]
+    for i in range(poses.shape[0]):
+        left, right = min(left, poses[i, 0]), max(right, poses[i, 0])
+        low, high = min(low, poses[i, 1]), max(high, poses[i, 1])
+        least, most = min(least, poses[i, 2]), max(most, poses[i, 2])
+    corner[0] = math.floor(left / BIN_LENGTH) + 1.0
+    corner[1] = math.floor(low / BIN_LENGTH) + 1.0
+    corner[2] = math.floor((least + math.pi) / BIN_ANGLE) + 1.0
+    return (
+        math.floor(right / BIN_LENGTH) <= corner[0]
+        and math.floor(high / BIN_LENGTH) <= corner[1]
+        and math.floor((most + math.pi) / BIN_ANGLE) <= corner[2]
+    )
+
+
 @kernel(
-    "int64(float64[:,::1], float64[::1], float64, int64[::1], float64[:,::1], int64[::1], int64[::1], float64[:,::1])"
+    "int64(float64[:,::1], float64[::1], float64, int64[::1], float64[:,::1], int64[::1], float64[:,::1])"
 )
-def draw_until_enough(poses, weights, offset, fresh_index, fresh, limits, keys, drawn):
+def draw_until_enough(poses, weights, offset, fresh_index, fresh, limits, drawn):
     """Draw particles by weight until there are enough for the bins they fill (KLD sampling; Fox 2003, table 1).
 
     The k-th draw takes the particle at the fraction (offset + k * golden ratio) mod 1 of the cumulative weight: each
@@ -51,10 +80,9 @@ def draw_until_enough(poses, weights, offset, fresh_index, fresh, limits, keys, 
         poses: Particles, shape (N, 3).
         weights: Shape (N,), not negative, sum above 0.
         offset: Uniform in [0, 1).
-        fresh_index: Shape (M,): -1, or the row of `fresh` that is taken instead of a draw.
+        fresh_index: Shape (M,): -1, or the row of `fresh` that is taken instead of a draw; empty where none is.
         fresh: Random poses, shape (F, 3).
         limits: Shape (M + 1,): how many particles k filled bins call for.
-        keys: Hash table, a power of two of at least 2 M places, all -1.
         drawn: Result, shape (M, 3).
 
     Returns:
@@ -73,8 +101,14 @@ def draw_until_enough(poses, weights, offset, fresh_index, fresh, limits, keys, 
             i += 1
         first[j] = i
     bins = 0
+    corner, filled = np.empty(3), np.zeros(8, dtype=np.uint8)
+    narrow = fresh_index.shape[0] == 0 and in_one_corner(poses, corner)  # eight bins at most need no table
+    places = 8
+    while not narrow and places < 2 * drawn.shape[0]:
+        places *= 2
+    keys = np.full(places, -1, dtype=np.int64)
     for k in range(drawn.shape[0]):
-        if fresh_index[k] >= 0:
+        if not narrow and fresh_index.shape[0] > 0 and fresh_index[k] >= 0:
             source = fresh_index[k]
             drawn[k, 0], drawn[k, 1], drawn[k, 2] = fresh[source, 0], fresh[source, 1], fresh[source, 2]
         else:
@@ -84,35 +118,21 @@ def draw_until_enough(poses, weights, offset, fresh_index, fresh, limits, keys, 
             while i < count - 1 and cumulative[i] <= fraction * total:
                 i += 1
             drawn[k, 0], drawn[k, 1], drawn[k, 2] = poses[i, 0], poses[i, 1], poses[i, 2]
-        key = key_of(drawn[k, 0], drawn[k, 1], drawn[k, 2])
-        slot = slot_of(key, keys)
-        if keys[slot] == -1:
-            keys[slot] = key
-            bins += 1
+        if narrow:
+            right, upper = drawn[k, 0] / BIN_LENGTH >= corner[0], drawn[k, 1] / BIN_LENGTH >= corner[1]
+            turned = (drawn[k, 2] + math.pi) / BIN_ANGLE >= corner[2]
+            place = np.int64(right) + 2 * np.int64(upper) + 4 * np.int64(turned)
+            bins += 1 - filled[place]
+            filled[place] = 1
+        else:
+            key = key_of(drawn[k, 0], drawn[k, 1], drawn[k, 2])
+            slot = slot_of(key, keys)
+            if keys[slot] == -1:
+                keys[slot] = key
+                bins += 1
         if k + 1 >= limits[bins]:
             return k + 1
     return drawn.shape[0]
-
-
-@kernel("boolean(float64[:,::1])")
-def in_one_corner(poses):
-    """Return whether poses, shape (N, 3), fill at most two bins next to each other in each direction: all touch.
-
-    So it is with a robot that is tracked; found by the outermost alone. Not so across the turn from pi to -pi.
-    """
-    if poses.shape[0] == 0:
-        return False
-    left, right, low, high = poses[0, 0], poses[0, 0], poses[0, 1], poses[0, 1]
-    least, most = poses[0, 2], poses[0, 2]
-    for i in range(poses.shape[0]):
-        left, right = min(left, poses[i, 0]), max(right, poses[i, 0])
-        low, high = min(low, poses[i, 1]), max(high, poses[i, 1])
-        least, most = min(least, poses[i, 2]), max(most, poses[i, 2])
-    return (
-        math.floor(right / BIN_LENGTH) - math.floor(left / BIN_LENGTH) <= 1
-        and math.floor(high / BIN_LENGTH) - math.floor(low / BIN_LENGTH) <= 1
-        and math.floor((most + math.pi) / BIN_ANGLE) - math.floor((least + math.pi) / BIN_ANGLE) <= 1
-    )
 
 
 @kernel("int64(float64[:,::1], int64[::1])")
@@ -127,7 +147,7 @@ def label_clusters(poses, labels):
         The number of clusters.
     """
     count = poses.shape[0]
-    if in_one_corner(poses):
+    if in_one_corner(poses, np.empty(3)):
         labels[:] = 0
         return 1
     places = 8
@@ -164,26 +184,31 @@ def label_clusters(poses, labels):
     return clusters
 
 
-@kernel("int64(float64[:,::1], float64, int64[::1], int64[::1])")
-def first_in_squares(points, side, keys, chosen):
+@kernel("int64(float64[:,::1], boolean[::1], float64, float64[:,::1])")
+def first_in_squares(points, counts, side, chosen):
     """Choose the first point in each square of a plane.
 
     Args:
         points: Shape (N, 2) in metres.
+        counts: Shape (N,): which of them are there to be chosen; empty where all are.
         side: Of a square (m).
-        keys: Hash table, a power of two of at least 2 N places, all -1.
-        chosen: Result, room for N indices, rising.
+        chosen: Result, room for N points, in the order they have.
 
     Returns:
         How many were chosen.
     """
-    found = 0
+    found, places = 0, 8
+    while places < 2 * points.shape[0]:
+        places *= 2
+    keys = np.full(places, -1, dtype=np.int64)
     for i in range(points.shape[0]):
+        if counts.shape[0] > 0 and not counts[i]:
+            continue
         column, row = int(math.floor(points[i, 0] / side)), int(math.floor(points[i, 1] / side))
         key = ((column + FARTHEST) << 32) + row + FARTHEST
         slot = slot_of(key, keys)
         if keys[slot] == -1:
             keys[slot] = key
-            chosen[found] = i
+            chosen[found, 0], chosen[found, 1] = points[i, 0], points[i, 1]
             found += 1
     return found

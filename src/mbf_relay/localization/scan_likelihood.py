@@ -8,12 +8,10 @@ from typing import List, Tuple
 
 import numpy as np
 
-from mbf_relay.geometry import normalize_angles
 from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.gaussians import PoseGaussian, PoseMixture
 from mbf_relay.localization.laser_kernels import sum_over_endpoints
 from mbf_relay.localization.refinement_kernels import choose_apart, climb
-from mbf_relay.localization.resampling import hash_table
 from mbf_relay.localization.resampling_kernels import first_in_squares
 
 INDEPENDENT_BEAMS = 30.0
@@ -27,6 +25,8 @@ WIDE_SIGMA = 0.3
 SPACING = 0.1
 """One endpoint (m) in each square of this side: a near wall must not outvote a far one."""
 ITERATIONS = 5
+EVERY = np.empty(0, dtype=bool)
+"""In place of a mask that leaves nothing out."""
 WIDENING = 1.5
 """Factor on the deviations around a maximum, so that the proposal's tails lie above the target's."""
 
@@ -58,6 +58,7 @@ class ScanLikelihood:
     def __init__(self, field: DistanceField, sigma_hit: float) -> None:
         self._field = field
         self._sigma = sigma_hit * NARROWING
+        self._narrowing, self._narrow = np.array([max(WIDE_SIGMA, self._sigma), self._sigma]), np.array([self._sigma])
         squared = np.square(field.face_distances) * np.float32(-0.5 / self._sigma ** 2)
         self._table = np.log(np.float32(1.0 - OUTLIERS) * np.exp(squared) + np.float32(OUTLIERS))
         self._outside = math.log(OUTLIERS)
@@ -75,19 +76,22 @@ class ScanLikelihood:
         sum_over_endpoints(
             np.ascontiguousarray(poses), endpoints, field.codes, self._table, self._outside, field.frame, sums
         )
-        return sums * (news * temper(len(endpoints)))
+        sums *= news * temper(len(endpoints))
+        return sums
 
     def modes(
         self, starts: np.ndarray, prior: PoseGaussian, endpoints: np.ndarray, news: float = 1.0
     ) -> Modes:
         """Climb from each start, shape (K, 3), to the nearest maximum of prior times likelihood; one of each is kept.
         """
-        sigmas = (max(WIDE_SIGMA, self._sigma), self._sigma)
-        poses, covariances, explained = self._climb(starts, prior, endpoints, sigmas, news * temper(len(endpoints)))
+        poses, covariances, explained = self._climb(
+            starts, prior, endpoints, self._narrowing, news * temper(len(endpoints)))
         heights = self.log(poses, endpoints, news) + prior.log_density(poses)
-        kept = apart(poses, heights, len(poses), distance=0.02, turn=0.01)
-        masses = heights[kept] + 0.5 * np.linalg.slogdet(covariances[kept])[1]
-        return Modes(poses[kept], covariances[kept], masses, explained[kept])
+        kept = indices_apart(poses, heights, len(poses), distance=0.02, turn=0.01)
+        covariances, masses = covariances[kept], heights[kept]
+        if len(kept) > 1:  # of one alone nothing is to be compared
+            masses += 0.5 * np.linalg.slogdet(covariances)[1]
+        return Modes(poses[kept], covariances, masses, explained[kept])
 
     def sharpest(self, start: np.ndarray, prior: PoseGaussian, endpoints: np.ndarray) -> np.ndarray:
         """Return the maximum of prior times likelihood, not tempered, next to a start; both poses of shape (3,).
@@ -95,22 +99,21 @@ class ScanLikelihood:
         Beams that err alike make a belief too sure, but hardly draw the maximum aside: tempered, it is left where
         odometry's error still shows.
         """
-        poses, _, _ = self._climb(start[None], prior, endpoints, (self._sigma,), 1.0)
+        poses, _, _ = self._climb(start[None], prior, endpoints, self._narrow, 1.0)
         pose: np.ndarray = poses[0]
         return pose
 
     def _climb(
-        self, starts: np.ndarray, prior: PoseGaussian, endpoints: np.ndarray, sigmas: Tuple[float, ...], factor: float
+        self, starts: np.ndarray, prior: PoseGaussian, endpoints: np.ndarray, sigmas: np.ndarray, factor: float
     ) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the maxima next to starts, shape (K, 3), their covariances and the shares of beams explained there.
         """
         poses = np.array(starts, dtype=float, order="C")
         covariances, explained = np.empty((len(poses), 3, 3)), np.empty(len(poses))
         climb(
-            poses, endpoints, self._field.codes, self._field.face_distances, self._field.frame, np.array(sigmas),
-            OUTLIERS, factor, prior.mean, prior.information, ITERATIONS, covariances, explained,
+            poses, endpoints, self._field.codes, self._field.face_distances, self._field.frame, sigmas, OUTLIERS,
+            factor, prior.mean, prior.information, ITERATIONS, covariances, explained,
         )
-        poses[:, 2] = normalize_angles(poses[:, 2])
         return poses, covariances, explained
 
 
@@ -119,11 +122,18 @@ def temper(beams: int) -> float:
     return min(1.0, INDEPENDENT_BEAMS / max(1, beams))
 
 
-def thin_out(endpoints: np.ndarray, most: int = 1 << 30) -> np.ndarray:
-    """Return endpoints, shape (B, 2), with at most one in each square of SPACING and at most so many."""
-    first = np.empty(len(endpoints), dtype=np.int64)
-    count = first_in_squares(np.ascontiguousarray(endpoints), SPACING, hash_table(len(endpoints)), first)
-    kept: np.ndarray = endpoints[first[:count:max(1, -(-count // most))]]
+def thin_out(endpoints: np.ndarray, most: int = 1 << 30, among: np.ndarray = EVERY) -> np.ndarray:
+    """Return endpoints with at most one in each square of SPACING and at most so many.
+
+    Args:
+        endpoints: Shape (B, 2).
+        most: How many at most.
+        among: Bool of shape (B,): those to choose from.
+    """
+    chosen = np.empty((len(endpoints), 2))
+    count = first_in_squares(np.ascontiguousarray(endpoints), among, SPACING, chosen)
+    step = max(1, -(-count // most))
+    kept: np.ndarray = chosen[:count] if step == 1 else np.ascontiguousarray(chosen[:count:step])
     return kept
 
 
@@ -134,15 +144,21 @@ def some_of(endpoints: np.ndarray, count: int) -> np.ndarray:
 
 def apart(poses: np.ndarray, values: np.ndarray, count: int, distance: float, turn: float) -> List[int]:
     """Return indices of up to `count` poses, highest values first, no two within `distance` (m) and `turn` (rad)."""
-    order, chosen = np.argsort(-values)[: 50 * count], np.empty(count, dtype=np.int64)
-    found = choose_apart(np.ascontiguousarray(poses[order]), count, distance, turn, chosen)
-    indices: List[int] = order[chosen[:found]].tolist()
+    indices: List[int] = indices_apart(poses, values, count, distance, turn).tolist()
     return indices
+
+
+def indices_apart(poses: np.ndarray, values: np.ndarray, count: int, distance: float, turn: float) -> np.ndarray:
+    """Return what `apart` does, as an array."""
+    order, chosen = np.argsort(-values)[: 50 * count], np.empty(count, dtype=np.int64)
+    return chosen[:choose_apart(np.ascontiguousarray(poses), order, count, distance, turn, chosen)]
 
 
 def mixture_around(modes: Modes) -> PoseMixture:
     """Return the proposal around maxima: shares by their mass, a few draws for each, deviations widened."""
+    parts = tuple(PoseGaussian(p, c * WIDENING ** 2) for p, c in zip(modes.poses, modes.covariances))
+    if len(parts) == 1:
+        return PoseMixture(parts, np.ones(1))
     shares = np.exp(modes.log_masses - modes.log_masses.max())
     shares = 0.95 * shares / shares.sum() + 0.05 / len(shares)
-    parts = tuple(PoseGaussian(p, c * WIDENING ** 2) for p, c in zip(modes.poses, modes.covariances))
     return PoseMixture(parts, shares / shares.sum())

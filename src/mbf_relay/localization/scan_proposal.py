@@ -11,16 +11,15 @@ particles in the place of their single one).
 from __future__ import annotations
 
 import functools
-from typing import Callable, NamedTuple, Optional, Tuple, Union
+import math
+from typing import Callable, NamedTuple, Optional
 
 import numpy as np
 
 from mbf_relay.localization.estimate import cluster, heaviest_first
 from mbf_relay.localization.gaussians import PoseGaussian, PoseSample, log_sum_exp, normalized
-from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, apart, mixture_around, some_of
+from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, indices_apart, mixture_around, some_of
 
-Members = Union[slice, np.ndarray]
-"""Which particles are a cluster's: all of them, or those of some indices."""
 Weigh = Callable[[np.ndarray], np.ndarray]
 """Poses in, (N, 3), log-likelihoods of a scan out, (N,)."""
 CLUSTERS = 40
@@ -29,7 +28,7 @@ STARTS = 8
 MANY_STARTS = 150
 LOOKED_AT = 60
 """Particles for each start, about, that are looked at to choose it."""
-AT_LARGE = np.array([1.0, 1.0, 0.7])
+AT_LARGE = (1.0, 1.0, 0.7)
 """Deviations (m, m, rad) from which a cluster is more than one place, and is climbed from many."""
 DRAWN = 0.5
 """Share of a cluster that is drawn around its maxima by a scan that is all news; the rest stays where odometry put it.
@@ -63,6 +62,24 @@ class Proposed(NamedTuple):
     explained: float
 
 
+class Redrawn(NamedTuple):
+    """A cluster of which a part was drawn anew.
+
+    Attributes:
+        poses: Shape (N, 3).
+        log_weights: Shape (N,), the scan not in them.
+        likelihoods: Logarithms, shape (N,), of the scan's news.
+        prior: What the cluster was.
+        modes: Maxima of that times the scan's likelihood.
+    """
+
+    poses: np.ndarray
+    log_weights: np.ndarray
+    likelihoods: np.ndarray
+    prior: PoseGaussian
+    modes: Modes
+
+
 class ScanProposal:
     """Draws and weighs particles by prior and scan together."""
 
@@ -85,69 +102,62 @@ class ScanProposal:
             weigh: Returns the log-likelihoods of the whole scan at poses; the tempered field's where None.
         """
         labels, count = cluster(poses)
-        poses, log_weights = poses.copy(), log_weights.copy()
         if weigh is None:
             look = functools.partial(self._likelihood.log, endpoints=endpoints, news=news)
         else:
             look = functools.partial(_counted, weigh, news)
-        members: Members = slice(None)
         if count == 1:  # redrawn as a whole: what its particles are worth is known afterwards
-            likelihoods, looked_into = np.empty(len(poses)), [0]
+            first = self._redraw(poses, log_weights, look, endpoints, news, rng)
+            poses, log_weights, likelihoods = first[:3]
         else:
-            likelihoods = look(poses)
+            poses, log_weights, likelihoods = poses.copy(), log_weights.copy(), look(poses)
             weights = np.exp(log_weights + likelihoods - (log_weights + likelihoods).max())
-            looked_into = [label for label, _ in heaviest_first(labels, weights, count)[:CLUSTERS]]
-        held = best = PoseGaussian(poses[0], np.eye(3))
-        explained = 0.0
-        for rank, label in enumerate(looked_into):
-            if count > 1:
-                members = np.nonzero(labels == label)[0]
-            prior, modes = self._redraw(members, poses, log_weights, likelihoods, look, endpoints, news, rng)
-            if rank == 0:
-                held = prior
-                top = int(np.argmax(modes.log_masses))
-                best, explained = PoseGaussian(modes.poses[top], modes.covariances[top]), float(modes.explained[top])
+            for rank, (label, _) in enumerate(heaviest_first(labels, weights, count)[:CLUSTERS]):
+                own = np.nonzero(labels == label)[0]
+                redrawn = self._redraw(poses[own], log_weights[own], look, endpoints, news, rng)
+                poses[own], log_weights[own], likelihoods[own] = redrawn[:3]
+                first = redrawn if rank == 0 else first
+        top = int(np.argmax(first.modes.log_masses))
+        best = PoseGaussian(first.modes.poses[top], first.modes.covariances[top])
+        explained = float(first.modes.explained[top])
         # Of a scan in which little is on the map, what fits does so by chance.
         likelihoods *= min(1.0, explained / FULL_CREDIT) ** 3
         normal, weights, of_news = normalized(log_weights + likelihoods)
         log_likelihood = of_news if news == 1.0 else log_sum_exp(log_weights + likelihoods / news)
-        return Proposed(poses, normal, weights, log_likelihood, held, best, explained)
+        return Proposed(poses, normal, weights, log_likelihood, first.prior, best, explained)
 
     def _redraw(
-        self, members: Members, poses: np.ndarray, log_weights: np.ndarray, likelihoods: np.ndarray, look: Weigh,
-        endpoints: np.ndarray, news: float, rng: np.random.Generator,
-    ) -> Tuple[PoseGaussian, Modes]:
-        """Draw a part of a cluster anew around the maxima of its posterior; changes the three arrays in place.
-
-        Return what the cluster was and the maxima.
-        """
-        sample = PoseSample(poses[members], log_weights[members], rng)
+        self, poses: np.ndarray, log_weights: np.ndarray, look: Weigh, endpoints: np.ndarray, news: float,
+        rng: np.random.Generator,
+    ) -> Redrawn:
+        """Draw a part of a cluster, (N, 3) and (N,), anew around the maxima of its posterior."""
+        sample = PoseSample(poses, log_weights, rng)
         prior = sample.prior
-        spread = np.sqrt(np.diagonal(prior.covariance))
-        starts = self._starts(sample.poses, sample.log_weights, spread, endpoints, news)
-        modes = self._likelihood.modes(np.vstack((starts, prior.mean)), prior, endpoints, news)
+        starts = self._starts(sample.poses, sample.log_weights, prior.covariance, endpoints, news)
+        modes = self._likelihood.modes(np.concatenate((starts, prior.mean[None])), prior, endpoints, news)
         sample.redraw(DRAWN * news, mixture_around(modes), rng)
-        poses[members], log_weights[members] = sample.poses, sample.log_weights
-        likelihoods[members] = look(sample.poses)
-        return prior, modes
+        return Redrawn(sample.poses, sample.log_weights, look(sample.poses), prior, modes)
 
     def _starts(
-        self, poses: np.ndarray, log_weights: np.ndarray, spread: np.ndarray, endpoints: np.ndarray, news: float
+        self, poses: np.ndarray, log_weights: np.ndarray, covariance: np.ndarray, endpoints: np.ndarray, news: float
     ) -> np.ndarray:
         """Return where to climb from, shape (K, 3): where weight and some of the beams are best, apart from each other.
 
         Args:
             poses: Of a cluster, shape (N, 3).
             log_weights: Shape (N,).
-            spread: Deviations of the cluster (m, m, rad), shape (3,).
+            covariance: Of the cluster, shape (3, 3).
             endpoints: Of the scan, shape (B, 2), in the base's frame.
             news: Share of the scan, 0 to 1, that earlier ones have not told.
         """
-        count = MANY_STARTS if (spread > AT_LARGE).any() else STARTS
+        at_large = any(math.sqrt(covariance[i, i]) > AT_LARGE[i] for i in range(3))
+        count = MANY_STARTS if at_large else STARTS
         some = slice(None, None, max(1, len(poses) // (LOOKED_AT * count)))
-        looked_at = poses[some]
-        values = self._likelihood.log(looked_at, some_of(endpoints, PREVIEWED), news) + log_weights[some]
-        return looked_at[apart(looked_at, values, count, distance=0.1, turn=0.06)]
+        looked_at = np.ascontiguousarray(poses[some])
+        values = self._likelihood.log(looked_at, some_of(endpoints, PREVIEWED), news)
+        values += log_weights[some]
+        starts: np.ndarray = looked_at[indices_apart(looked_at, values, count, distance=0.1, turn=0.06)]
+        return starts
 
 
 def _counted(weigh: Weigh, news: float, poses: np.ndarray) -> np.ndarray:

@@ -150,7 +150,7 @@ class HypothesisTracker:
             self._ways[lidar] += way
         self._since_nearby += way
         self._since_anywhere += way
-        self.hypotheses.predict(lambda belief: belief.moved(step, noise), way)
+        self.hypotheses.predict(step, noise, way)
 
     def correct(
         self, poses: np.ndarray, log_weights: np.ndarray, beams: Beams, lidar: str, rng: np.random.Generator,

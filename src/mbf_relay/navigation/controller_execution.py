@@ -17,25 +17,19 @@ from mbf_relay.navigation.goals import FollowFeedback, FollowGoal, FollowResult,
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.progress import IgnoredCommands, OscillationDetector
 from mbf_relay.navigation.registry import PluginInstance
-from mbf_relay.navigation.robot import Robot
+from mbf_relay.navigation.robot import OVERRUN_PERIODS, Robot
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.worker import Job
 from mbf_relay.outcomes import ControlError, ControlOutcome, StaleDataError, TransformError
 from mbf_relay.planning.path import Path
 from mbf_relay.timing import Pacer, Stopwatch
 
-OVERRUN_PERIODS = 3.0
-"""Control periods a velocity stays in force without a new one; a controller that thinks longer lets the robot stand."""
-
-
 ZONE = "zone"
-"""Whose the speed limits are that a costmap's zones set."""
+"""Source under which a controller is given the speed limits of the costmaps' zones; see Controller.limit_speed."""
 PAUSED = "paused"
-"""What feedback says while the robot is."""
+"""Message of the feedback while the robot is paused."""
 BUSY_DELAY = 0.01
 """Seconds between two looks at a controller that is still in a call of an ended drive."""
-
-
 FINAL = frozenset((
     ControlOutcome.INVALID_PATH, ControlOutcome.ROBOT_STUCK, ControlOutcome.BLOCKED_GOAL, ControlOutcome.MISSED_PATH,
 ))
@@ -154,8 +148,8 @@ class ControllerExecution:
             self._begin(now)
 
     def _stand_by(self, now: float) -> None:
-        """Stand and let no time count while the robot is paused; what was thought of before is not sent after."""
-        self._job_task = Task()
+        """Stand and let no time count while the robot is paused."""
+        self._job_task = Task()  # no drive's: the answer of a cycle that is under way is dropped, see _collect
         if self._job is not None and self._job.done:
             self._job = None
         if self._command != STOP:  # once: somebody may drive it by hand meanwhile

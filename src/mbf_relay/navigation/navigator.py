@@ -149,8 +149,7 @@ class Navigator:
 
     def _zone_limit(self) -> ZoneLimit:
         """Return how fast the robot may go where it stands, by either costmap."""
-        limits = [costmap.zone_limit for costmap in self.costmaps.values()]
-        return ZoneLimit(min(limit.speed for limit in limits), min(limit.share for limit in limits))
+        return ZoneLimit.lowest(costmap.zone_limit for costmap in self.costmaps.values())
 
     def _unknown_plugin(self, goal: NavigateGoal) -> Optional[NavigateResult]:
         wanted: List[Tuple[Registry[Any], str, Enum]] = [
@@ -186,22 +185,16 @@ class Navigator:
     @property
     def due(self) -> float:
         """Time (s) at which the next update is needed, beside the end of a plugin's call; infinite when idle."""
-        parts: List[Any] = [*self._plans.values(), *self._drives.values(), *self._recovery_runs.values()]
-        if self._move_base is not None:
-            parts.append(self._move_base)
-        return min((part.due for part in parts), default=math.inf)
+        return min((part.due for part in self._running()), default=math.inf)
 
     @property
     def idle(self) -> bool:
         """Return whether no goal runs."""
-        return not (self._plans or self._drives or self._recovery_runs or self._move_base)
+        return not self._running()
 
     def cancel_all(self, now: float) -> None:
         """Call everything off and see it end; the robot is left standing."""
-        parts: List[Any] = [*self._plans.values(), *self._drives.values(), *self._recovery_runs.values()]
-        if self._move_base is not None:
-            parts.append(self._move_base)
-        for part in parts:
+        for part in self._running():
             part.task.cancel()
         self.update(now)
 
@@ -214,6 +207,11 @@ class Navigator:
         announced = list(self._announced)
         self._announced.clear()
         return announced
+
+    def _running(self) -> List[Any]:
+        """Return what carries out goals: executions, and move_base's."""
+        parts: List[Any] = [*self._plans.values(), *self._drives.values(), *self._recovery_runs.values()]
+        return parts if self._move_base is None else [*parts, self._move_base]
 
     def _drop_finished(self) -> None:
         for slots in (self._plans, self._drives, self._recovery_runs):

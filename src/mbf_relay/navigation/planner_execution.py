@@ -39,9 +39,11 @@ class PlannerExecution:
 
     The plan itself runs on the worker. Behaviour as mbf_abstract_nav's AbstractPlannerExecution and PlannerAction:
     failures are tried again up to planner_max_retries times and planner_patience seconds, a hanging planner is given up
-    after its patience. A planner still in a call that was given up is waited for. It deviates in one thing: what was
-    waited for a path before counts. Once that is all patience, a planner is asked about what was seen since, and its
-    answer is the outcome.
+    after its patience. A planner still in a call that was given up is waited for.
+
+    It deviates in one thing: patience counts from when the robot lost its path, over all executions and the recoveries
+    between them (`pathless`), where Move Base Flex begins anew with each. An execution that begins when patience is
+    over already makes one try, on a costmap updated since then, and ends with what that says.
 
     Args:
         goal: What to plan, valid in itself; a target in another frame than the costmap's is fixed there by the first
@@ -53,7 +55,7 @@ class PlannerExecution:
         task: Ends with the result.
         retry: Whether to try again at all; replans while driving do not.
         watcher: Told each path found, with the planner's name.
-        pathless: Runs for as long as no path was found before this execution.
+        pathless: Runs since the robot has had no path; its time counts as patience used before this execution.
 
     Attributes:
         tried_in_vain: Whether it has looked for a path without finding one, or had nothing to look by.
@@ -78,8 +80,9 @@ class PlannerExecution:
         self._last_failure = ""
         self._cause: Optional[PlanOutcome] = None
         self._patience_end = math.inf
-        self._asked, self._seen_at = -math.inf, math.inf
-        self._pathless, self._waited = pathless or Stopwatch(), 0.0
+        self._asked = -math.inf  # when the first update came (s)
+        self._seen_at = math.inf  # stamp (s) of the snapshot planned on last
+        self._pathless, self._waited = pathless or Stopwatch(), 0.0  # and how long it had run by then (s)
 
     @property
     def instance(self) -> PluginInstance[Planner]:

@@ -10,7 +10,7 @@ from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.goals import RecoverGoal, RecoverResult
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.registry import PluginInstance
-from mbf_relay.navigation.robot import Robot
+from mbf_relay.navigation.robot import OVERRUN_PERIODS, Robot
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.worker import Job
 from mbf_relay.outcomes import RecoveryError, RecoveryOutcome, StaleDataError, TransformError
@@ -59,8 +59,8 @@ class RecoveryExecution:
     """Runs one behaviour; advanced by `update` until its task is done.
 
     Behaviour as mbf_abstract_nav's AbstractRecoveryExecution and RecoveryAction: a behaviour that gives up ends its
-    goal SUCCEEDED with its own outcome, as Move Base Flex does. Cancelling takes effect between two steps, and a step
-    that hangs is given up.
+    goal SUCCEEDED with its own outcome, as Move Base Flex does. Cancelling takes effect between two steps, the robot
+    stands while a step hangs, and one that goes on hanging is given up.
 
     Args:
         goal: Which behaviour.
@@ -90,7 +90,8 @@ class RecoveryExecution:
         self._job: Optional[Job] = None
         self._given_up = False
         self._moved = False
-        self._pacer, self._since_start = Pacer(), Stopwatch()
+        self._command = STOP
+        self._pacer, self._since_start, self._since_call = Pacer(), Stopwatch(), Stopwatch()
 
     @property
     def instance(self) -> PluginInstance[Recovery]:
@@ -119,10 +120,10 @@ class RecoveryExecution:
             if self._pacer.is_due(now):
                 self._pacer.passed(now, 1.0 / self._parameters().controller_frequency)
             if self._moved and self._robot.commanded != STOP:
-                self._robot.command(STOP)
+                self._send(STOP)
             return
-        if self._job is not None and self._job.done:
-            self._collect(now)
+        if self._job is not None:
+            self._watch(now, self._job)
         if not self.task.done:
             self._watch_patience(now)
         if not self.task.done and self._pacer.is_due(now):
@@ -138,8 +139,9 @@ class RecoveryExecution:
         if self.instance.busy:
             return
         if self._moved and self._blind(now):
-            self._robot.command(STOP)
+            self._send(STOP)
             return
+        self._since_call.start(now)
         self._context.time = now
         self._context.step_period = 1.0 / self._parameters().controller_frequency
         self._job = self.instance.call(self._step)
@@ -159,6 +161,14 @@ class RecoveryExecution:
         close = getattr(self._steps, "close", None)
         if close is not None:
             close()
+
+    def _watch(self, now: float, job: Job) -> None:
+        """Collect the running step, or see to it that the robot does not drive on while it hangs."""
+        if job.done:
+            self._collect(now)
+        elif self._command != STOP:
+            if self._since_call.elapsed(now) > OVERRUN_PERIODS / self._parameters().controller_frequency:
+                self._send(STOP)
 
     def _collect(self, now: float) -> None:
         job, self._job = self._job, None
@@ -190,6 +200,10 @@ class RecoveryExecution:
         if velocity != STOP and self._blind(now):
             velocity = STOP
         self._moved = self._moved or velocity != STOP
+        self._send(velocity)
+
+    def _send(self, velocity: Twist2D) -> None:
+        self._command = velocity
         self._robot.command(velocity)
 
     def _blind(self, now: float) -> bool:

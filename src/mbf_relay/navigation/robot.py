@@ -9,6 +9,9 @@ from mbf_relay.control.steering import Steering
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.outcomes import StaleDataError
 
+OVERRUN_PERIODS = 3.0
+"""Control periods a velocity stays in force without a new one; a plugin that thinks longer lets the robot stand."""
+
 
 class Robot(abc.ABC):
     """Where the robot is, how it moves, and how to move it.

@@ -102,9 +102,13 @@ def _pulled(costmap: CostGrid, weights: np.ndarray, points: np.ndarray) -> Tuple
 
 def spaced(points: np.ndarray, spacing: float) -> np.ndarray:
     """Return a path with points along its lines, no farther apart than `spacing` (m); its own points stay."""
-    steps = np.diff(points, axis=0)
+    steps = points[1:] - points[:-1]
     parts = np.maximum(np.ceil(np.hypot(steps[:, 0], steps[:, 1]) / spacing - 1e-9).astype(int), 1)
-    starts = np.repeat(points[:-1], parts, axis=0)
-    firsts = np.repeat(np.cumsum(parts) - parts, parts)
-    shares = (np.arange(parts.sum()) - firsts) / np.repeat(parts, parts)
-    return np.vstack((starts + shares[:, None] * np.repeat(steps, parts, axis=0), points[-1]))
+    ends = parts.cumsum()
+    line = np.arange(len(parts)).repeat(parts)  # which one each point lies on
+    shares = (np.arange(len(line)) - (ends - parts)[line]) / parts[line]
+    along = np.empty((len(line) + 1, 2))
+    np.multiply(shares[:, None], steps[line], out=along[:-1])
+    along[:-1] += points[line]
+    along[-1] = points[-1]
+    return along

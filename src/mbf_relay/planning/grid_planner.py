@@ -150,7 +150,8 @@ class GridPlanner(Planner):
 
 def _without_repeats(points: np.ndarray) -> np.ndarray:
     """Return points without those that equal the one before: a heading needs two that differ."""
-    moved = np.abs(np.diff(points, axis=0)).max(axis=1) > 1e-9
+    apart = np.abs(points[1:] - points[:-1]) > 1e-9
+    moved = apart[:, 0] | apart[:, 1]
     if moved.all():
         return points
     kept: np.ndarray = points[np.concatenate(([True], moved))]

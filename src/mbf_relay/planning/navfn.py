@@ -64,8 +64,10 @@ def descend_potential(
     if not potential.reach(
         costmap.costs, query.weights, query.start_cell, query.goal_cell, query.cancelled, costmap.revision, all_around):
         return None
-    origin = np.array([grid.origin_x, grid.origin_y])
-    start = (np.array(query.start[:2]) - origin) / grid.resolution
-    points = potential.path((float(start[0]), float(start[1]))) * grid.resolution + origin
-    points[0] = query.start[:2]
-    return np.vstack((points, query.goal[:2])), potential.cost_at(float(start[0]), float(start[1]))
+    start = (query.start.x - grid.origin_x) / grid.resolution, (query.start.y - grid.origin_y) / grid.resolution
+    cells = potential.path(start)
+    points = np.empty((len(cells) + 1, 2))
+    np.multiply(cells, grid.resolution, out=points[:-1])
+    points[:-1] += (grid.origin_x, grid.origin_y)
+    points[0], points[-1] = query.start[:2], query.goal[:2]
+    return points, potential.cost_at(*start)

@@ -45,7 +45,9 @@ def oriented(points: np.ndarray, start: Pose2D, goal: Pose2D, mode: int = 1, win
         window: Over how many points back and ahead the path's direction is taken.
     """
     count = len(points)
-    headings = np.zeros(count)
+    poses = np.empty((count, 3))
+    poses[:, :2] = points
+    headings: np.ndarray = np.zeros(0)
     if mode in TURNED:
         headings = normalize_angles(directions(points, window) + TURNED[OrientationMode(mode)])
     if mode == OrientationMode.INTERPOLATE:
@@ -53,16 +55,16 @@ def oriented(points: np.ndarray, start: Pose2D, goal: Pose2D, mode: int = 1, win
     elif mode == OrientationMode.FORWARD_THEN_INTERPOLATE:
         first = _last_straight(headings)
         headings[first:] = _blend(headings[first], goal.theta, count - first)
-    headings[-1] = math.atan2(math.sin(goal.theta), math.cos(goal.theta))
-    return np.column_stack((points, headings))
+    poses[:, 2] = headings if len(headings) else 0.0
+    poses[-1, 2] = math.atan2(math.sin(goal.theta), math.cos(goal.theta))
+    return poses
 
 
 def directions(points: np.ndarray, window: int) -> np.ndarray:
     """Return the path's direction (rad) at each point: from `window` points before it to as many after it."""
-    indices = np.arange(len(points))
-    ahead = points[np.minimum(indices + window, len(points) - 1)]
-    behind = points[np.maximum(indices - window, 0)]
-    steps_x, steps_y = (ahead - behind).T.copy()
+    before, after = points[:1].repeat(window, axis=0), points[-1:].repeat(window, axis=0)  # as if it stood at the ends
+    padded = np.concatenate((before, points, after))
+    steps_x, steps_y = (padded[2 * window:] - padded[:-2 * window]).T.copy()
     headings: np.ndarray = np.arctan2(steps_y, steps_x)
     return headings
 

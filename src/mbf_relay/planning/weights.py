@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from mbf_relay.costmap.cost_grid import INSCRIBED, NO_INFORMATION, CostGrid
 NAVFN_NEUTRAL, NAVFN_FACTOR, NAVFN_HIGHEST = 50.0, 0.8, 252.0
 """navfn's COST_NEUTRAL, COST_FACTOR and the value just below its COST_OBS."""
 
+LENGTHS = np.array([1.0, math.sqrt(2.0)])
+"""Cells, of a straight step and of a diagonal one."""
 NARROW = 6.0
 """What a cell counts where the robot's sides touch, by what it would count without: a gap as wide as the robot and as
 long as it is then worth a way round of some ten times its width."""
@@ -44,8 +47,8 @@ def global_planner_weights(
 def path_cost(costs: np.ndarray, weights: np.ndarray, cells: np.ndarray) -> float:
     """Return what a path over neighbouring cells, shape (N, 2), counts: the field's measure in double precision."""
     counted = weights[costs[cells[:, 1], cells[:, 0]]].astype(np.float64)
-    steps = np.abs(np.diff(cells, axis=0)).sum(axis=1)
-    lengths = np.where(steps == 2, np.sqrt(2.0), 1.0)
+    moved = cells[1:] != cells[:-1]
+    lengths = LENGTHS[(moved[:, 0] & moved[:, 1]).view(np.uint8)]
     return float(((counted[1:] + counted[:-1]) * 0.5 * lengths).sum())
 
 

@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from synthetic_room import room
 
 from mbf_relay.geometry import normalize_angles
+from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.estimate import mean_and_covariance
 from mbf_relay.localization.gaussian_kernels import factorize
 from mbf_relay.localization.gaussians import (
@@ -17,7 +19,7 @@ from mbf_relay.localization.gaussians import (
     log_sum_exp,
     normalized,
 )
-from mbf_relay.localization.laser_kernels import judge_beams
+from mbf_relay.localization.laser_kernels import judge_beams, judge_scan, look_up_endpoints, trace_endpoints
 from mbf_relay.localization.scan_likelihood import SPACING, thin_out
 
 
@@ -141,6 +143,29 @@ def test_beams_are_judged_at_the_price_that_the_pose_held_has_for_what_is_not_on
     assert logs == pytest.approx(expected.mean(axis=1), abs=1e-6)
     assert hit == pytest.approx(hits.mean(axis=1), abs=1e-6)
     assert through == pytest.approx(wrong.mean(axis=1), abs=1e-6)
+
+
+@pytest.mark.parametrize("silent", [0, 7])
+def test_a_scan_is_judged_by_its_ends_and_by_its_silent_beams(silent):
+    rng, field = np.random.default_rng(9), DistanceField(room(), 2.0)
+    poses, ends = rng.normal(0.0, 0.5, (4, 3)), rng.uniform(-4.0, 4.0, (40, 2))
+    passed, laser = rng.uniform(-9.0, 9.0, (silent, 2)), np.array([0.1, -0.05])
+    fits = np.exp(-field.face_distances)
+    judged = np.empty((4, 4))
+    judge_scan(
+        poses, ends, passed, laser, field.codes, fits, field.cell_distances, field.frame, 0.3, 0.2, 0.45, 0.1, judged)
+
+    hits, through = np.empty((4, 40), np.float32), np.empty((4, 40), np.uint8)
+    look_up_endpoints(poses, ends, field.codes, fits, 0.0, field.frame, hits)
+    trace_endpoints(poses, ends, laser, field.codes, field.cell_distances, field.frame, 0.3, through)
+    expected = np.zeros((4, 4))
+    judge_beams(hits, through, 0.2, 0.45, 0.1, *expected[:3])
+    if silent:
+        crossed = np.empty((4, silent), np.uint8)
+        trace_endpoints(poses, passed, laser, field.codes, field.cell_distances, field.frame, 0.3, crossed)
+        expected[3] = crossed.mean(axis=1)
+        assert 0.0 < expected[3].mean() < 1.0
+    assert np.array_equal(judged, expected)
 
 
 @pytest.mark.parametrize("spread", [0.1, 3.0])

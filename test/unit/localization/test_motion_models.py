@@ -125,6 +125,15 @@ def test_the_robust_form_holds_odometry_to_be_off_at_least_by_so_much_after_a_me
     assert moved[:, 0].std() == pytest.approx(0.1, rel=0.1)
 
 
+@pytest.mark.parametrize("robust", [False, True])
+@pytest.mark.parametrize("kind", ["omni", "omni-corrected"])
+def test_a_robot_that_turns_right_is_tracked_as_one_that_turns_left(kind, robust):
+    alphas = {"a1": 0.2, "a2": 0.2, "a3": 0.2, "a4": 0.2, "a5": 0.2}
+    left, right = (
+        propagate(kind, Pose2D(0.1, 0.0, turn), robust=robust, **alphas).std(axis=0) for turn in (0.5, -0.5))
+    assert right == pytest.approx(left)
+
+
 @pytest.mark.parametrize("kind", ["diff", "omni", "diff-corrected", "omni-corrected"])
 def test_rivals_grow_as_uncertain_as_particles(kind):
     """The covariance that a hypothesis is moved with is that of the particles' noise."""

@@ -62,6 +62,20 @@ def test_a_wide_belief_takes_more_particles_than_a_narrow_one():
     assert len(wide) > 1000
 
 
+@pytest.mark.parametrize("spread", [0.02, 0.1, 0.4, 2.0])
+def test_no_more_are_drawn_than_the_bins_filled_call_for(spread):
+    """Beside a plain count of bins, from a robot that is tracked and fills a few to one that may be anywhere."""
+    rng, most = np.random.default_rng(4), 3000
+    poses, weights = rng.normal((0.02, -0.48, 0.02), (spread, spread, 0.5 * spread), (500, 3)), rng.random(500)
+    poses[:, 2] = normalize_angles(poses[:, 2])
+    calls_for = np.minimum(40 + 60 * np.arange(most + 1), most)
+    drawn = resample(poses, weights, calls_for, rng)
+    bins, filled = np.floor((drawn + (0.0, 0.0, math.pi)) / (0.5, 0.5, math.pi / 18.0)).astype(int), set()
+    for count, key in enumerate(map(tuple, bins), 1):
+        filled.add(key)
+        assert (count >= calls_for[len(filled)]) == (count == len(drawn))
+
+
 def test_the_share_of_random_poses_is_kept():
     drawn = resample(
         np.zeros((100, 3)),

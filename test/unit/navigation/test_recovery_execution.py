@@ -75,6 +75,23 @@ def test_a_step_that_hangs_can_be_cancelled_and_cleans_up_when_it_returns(held_b
     assert bench.script.cleaned_up == 1
 
 
+def test_a_robot_does_not_roll_on_while_a_step_hangs(held_bench):
+    bench = held_bench
+    bench.script.recovery = steps(1000)
+    bench.worker.delays = [1, None]
+    task = bench.navigator.recovery(RecoverGoal("R1"))
+    bench.run(lambda: FORWARD in bench.robot.sent)
+    for _ in range(5):
+        bench.step()
+    assert bench.robot.sent[-1] == STOP and bench.robot.sent.count(STOP) == 1
+    bench.worker.release()
+    bench.step()
+    assert bench.robot.sent[-1] == FORWARD
+    task.cancel()
+    bench.finish(task)
+    bench.worker.release()  # it cleans up
+
+
 def test_patience_ends_a_behaviour_that_never_does(bench):
     bench.script.recovery = steps(10 ** 6)
     started = bench.now

@@ -33,6 +33,16 @@ def test_help_explains_the_arguments_without_a_ros_master(path, programs):
     assert len(text) > 60 and "Traceback" not in text
 
 
+@pytest.mark.parametrize("name", ["velocity_guard", "simulator", "move_base_flex"])
+def test_help_of_a_node_says_where_its_topics_and_parameters_stand(name, programs):
+    """It told of the threads inside, and of nothing that somebody who starts it can set or connect."""
+    text = subprocess.run(
+        [str(programs / name), "--help"], stdout=subprocess.PIPE, check=True, timeout=120.0).stdout.decode()
+    for folder in re.findall(r"(\w+)/README\.md", text):
+        assert name in (ROOT / folder / "README.md").read_text(encoding="utf-8")
+    assert "config/README.md" in text and "hread" not in text
+
+
 def test_a_robots_memory_is_not_filled_with_libraries_no_node_needs():
     places = [re.search(r'run_node\(.*"(mbf_relay[\w.]+)\.\w+"', path.read_text()) for path in EXECUTABLES]
     nodes = sorted({place.group(1) for place in places if place and ".tools." not in place.group(1)})

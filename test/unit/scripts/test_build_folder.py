@@ -95,3 +95,16 @@ def test_nodes_start_where_the_home_cannot_be_written(tmp_path, environment, pla
     environment = {name: value.format(cache=tmp_path) for name, value in environment.items()}
     found = ask("ros_home", tmp_path, **environment).stdout.strip()
     assert found == place.format(cache=tmp_path)
+
+
+def test_a_planner_of_ones_own_is_found_beside(tmp_path):
+    """--with took folders of ROS packages, and the planner in one of them could not be loaded."""
+    for folder in (tmp_path, tmp_path / "my_robot" / "src" / "my_robot", tmp_path / "no module's"):
+        folder.mkdir(parents=True, exist_ok=True)
+    for module in (tmp_path / "my_planners.py", tmp_path / "my_robot" / "src" / "my_robot" / "__init__.py"):
+        module.touch()
+    found = ask("python_folders", tmp_path).stdout
+    done = subprocess.run(
+        ["python3", "-Bc", "import my_planners, my_robot"], env={"PATH": os.environ["PATH"], "PYTHONPATH": found},
+        cwd="/", stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 0, done.stderr

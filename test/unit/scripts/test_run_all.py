@@ -1,5 +1,7 @@
 """The order in which tests run, what is told of the time they took, and that they end with who runs them."""
 
+import pathlib
+import re
 import signal
 import subprocess
 import sys
@@ -55,6 +57,37 @@ def test_beside_a_drive_each_core_has_something_to_compute(tmp_path):
     jobs = [job(name, MEET, *places[index:], *places[:index]) for index, name in enumerate(names)]
     jobs += [job("system/b", ALONE, tmp_path / "road"), job("unit/c", ALONE, tmp_path / "third")]
     assert failed(tmp_path, jobs, workers=2) == []
+
+
+def test_two_robots_whose_simulators_wait_for_them_drive_beside_each_other(tmp_path):
+    pair = [tmp_path / "one", tmp_path / "other"]
+    jobs = [job("system/circle.test", MEET, *pair), job("system/goals.test", MEET, *pair[::-1])]
+    assert failed(tmp_path, jobs, workers=2) == []
+
+
+def test_a_robot_whose_time_matters_drives_beside_one_that_waits_and_beside_no_other(tmp_path):
+    pair, road = [tmp_path / "one", tmp_path / "other"], tmp_path / "road"
+    jobs = [job("system/a", ALONE, road), job("system/b", ALONE, road), job("system/c", MEET, *pair)]
+    jobs.append(job("system/goals.test", MEET, *pair[::-1]))
+    assert failed(tmp_path, jobs, workers=2) == []
+
+
+@pytest.mark.parametrize("name", run_all.PATIENT)
+def test_a_robot_that_drives_beside_another_one_has_a_simulator_that_waits(name):
+    text = (pathlib.Path(run_all.TEST_FOLDER) / "system" / f"{name}.test").read_text(encoding="utf-8")
+    own = name in ("demo", "readme_commands", "users_launch_files")  # start what waits by themselves
+    waits = re.search(r'name="command_patience" value="[1-9]', text) or "launch/demo.launch" in text or own
+    assert waits and not re.search(r'name="command_patience" value="0', text)
+
+
+def test_what_takes_long_starts_before_others_of_its_kind(tmp_path):
+    def names():
+        return [job.name for job in find_jobs(str(tmp_path)) if job.computes and job.kind is Kind.PYTEST]
+
+    usual = names()
+    assert usual.index("unit/lockstep") < usual.index("unit/view")  # by the table, where nothing has run yet
+    job_times.write(str(tmp_path), {"unit/view": (9999.0, 1.0), "unit/lockstep": (1.0, 1.0)})
+    assert names()[0] == "unit/view"
 
 
 def test_on_one_core_everything_runs_one_after_the_other(tmp_path):

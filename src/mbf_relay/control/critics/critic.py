@@ -30,7 +30,8 @@ class CriticData:
         checker: The obstacles.
         window: The velocities in reach.
         horizon_scale: Factor on all lengths looked ahead: 1 in the open, less where it is narrow.
-        measured: Of which trajectories what was measured already, by how far ahead, for critics that measure the same.
+        measured: Where ends of trajectories lie along the path, kept for critics that ask for the same: the batch and
+            its figures, by how far (m) ahead of the robot's centre the point lies; see `distances._OnPath`.
     """
 
     now: float

@@ -65,7 +65,6 @@ class ActionServer:
 
     Attributes:
         lock: The one lock of the server: goal and cancel callbacks run under it, goals take it.
-        is_alive: Whether what carries out goals works; while it does not, no status makes it look as if it did.
         is_stopped: Whether it has left the topics for good.
         tells_of_goals: Whether its last status told of any, be it that they ended lately.
     """
@@ -73,7 +72,8 @@ class ActionServer:
     def __init__(
         self, name: str, action_type: Any, goal_cb: Callable[[TrackedGoal], None],
         cancel_cb: Callable[[TrackedGoal], None], recalled: Optional[Callable[[], Any]] = None,
-        client_timeout: float = 0.0,
+        client_timeout: float = 0.0, overtaken_cb: Optional[Callable[[TrackedGoal], None]] = None,
+        is_alive: Callable[[], bool] = lambda: True,
     ) -> None:
         """Make a server, not yet advertised.
 
@@ -81,6 +81,8 @@ class ActionServer:
             name, action_type, goal_cb, cancel_cb: As actionlib's.
             recalled: Makes the result of a goal whose cancel came before it, where that is not an empty one.
             client_timeout: Wall time (s) after which the goals of a client that disconnected end; 0 for never.
+            overtaken_cb: Called with a goal whose cancel came before it, before that goal ends.
+            is_alive: Tells whether what carries out goals works; while it does not, no status makes it look as if.
         """
         action = action_type()
         self._name, self._client_timeout = name, client_timeout
@@ -88,8 +90,10 @@ class ActionServer:
         self._feedback_type = type(action.action_feedback)
         empty = type(action.action_result.result)
         self.goals = GoalTracker(self, goal_cb, cancel_cb, empty, time.monotonic, rospy.get_rostime, recalled)
+        if overtaken_cb is not None:
+            self.goals.on_overtaken = overtaken_cb
         self.lock = self.goals.lock
-        self.is_alive: Callable[[], bool] = lambda: True
+        self._is_alive = is_alive
         self._late_comers = _LateComers()
         self.is_stopped = self.tells_of_goals = False
         self._changed = False
@@ -177,7 +181,7 @@ class ActionServer:
         """Look at leases, and tell the status where it is time; call every LOOK_PERIOD."""
         self.goals.look(self._is_connected, self._client_timeout)
         self._late_comers.forget()
-        if self.is_alive() and time.monotonic() - self._told_at >= (self._wait if self._changed else STATUS_PERIOD):
+        if self._is_alive() and time.monotonic() - self._told_at >= (self._wait if self._changed else STATUS_PERIOD):
             self.publish_status()
 
     def _is_connected(self, node: str) -> bool:

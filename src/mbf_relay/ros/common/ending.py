@@ -23,6 +23,21 @@ PATIENCE = 2.5
 """Wall seconds a node gets for its last words and its goodbye to the master."""
 
 
+def open_standard_streams() -> None:
+    """Lead what was closed by whoever started this process nowhere; before anything else is opened.
+
+    Python has None in its place, on which each line of the log fails, and the next file or connection would be taken
+    for the terminal by whatever writes there.
+    """
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        if getattr(sys, name) is None:
+            nowhere = os.open(os.devnull, os.O_RDWR)
+            if nowhere != number:
+                os.dup2(nowhere, number)
+                os.close(nowhere)
+            setattr(sys, name, os.fdopen(number, mode, closefd=False))
+
+
 class NodeEnding:
     """The end of this process; make it first of all, in the main thread.
 
@@ -34,6 +49,7 @@ class NodeEnding:
     """
 
     def __init__(self, interrupted: int = 0) -> None:
+        open_standard_streams()
         self.interrupted = interrupted
         numbers = {signal.SIGINT, signal.SIGTERM}
         if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup

@@ -135,6 +135,10 @@ class GoalTracker:
     """Takes goals, cancels and renewals as they arrive, and gives each goal one end.
 
     One lock, re-entrant: the callbacks run under it, goals take it.
+
+    Attributes:
+        on_overtaken: Called with a goal whose cancel came before it, before that goal ends: the two come by
+            connections of their own.
     """
 
     def __init__(
@@ -155,6 +159,7 @@ class GoalTracker:
         """
         self.lock = threading.RLock()
         self._sink, self._on_goal, self._on_cancel = sink, on_goal, on_cancel
+        self.on_overtaken: Callable[[TrackedGoal], None] = lambda goal: None
         self._empty_result, self._recalled = empty_result, recalled or empty_result
         self._clock, self._ros_now = clock, ros_now
         self._goals: Dict[str, TrackedGoal] = {}  # oldest first
@@ -187,6 +192,7 @@ class GoalTracker:
             tracked = self._goals[goal_id.id] = TrackedGoal(self, goal_id, goal, client)
             if known is not None:
                 tracked.status.status = RECALLING
+                self.on_overtaken(tracked)
                 tracked.set_canceled(self._recalled(), known.status.text)
                 return
             if self._last_cancel > now:

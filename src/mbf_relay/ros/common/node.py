@@ -28,6 +28,10 @@ ALGEBRA_THREADS = "OPENBLAS_NUM_THREADS"
 """
 
 
+READ_ON = "\n\nIn the package: launch/README.md has its topics and services, config/README.md its parameters."
+"""What --help of a node without arguments ends with: they are too many for it."""
+
+
 def run_node(name: str, place: str, **arguments: Any) -> None:
     """Register a node, run its main function until it returns, and end the process.
 
@@ -51,7 +55,8 @@ def run_node(name: str, place: str, **arguments: Any) -> None:
     importlib.import_module("mbf_relay.ros.common.reconfigure")  # quietens dynamic_reconfigure
     module = importlib.import_module(module_name)
     if {"-h", "--help"} & set(rospy.myargv(sys.argv)[1:]):
-        print(str(getattr(module, "USAGE", sys.modules["__main__"].__doc__ or module.__doc__)).strip())
+        about = str(sys.modules["__main__"].__doc__ or module.__doc__).strip()
+        print(str(getattr(module, "USAGE", about + READ_ON)).strip())
         ending.leave(0)
     ending.use(rospy.signal_shutdown)
     ending.leave(_live(name, lambda: getattr(module, function)(**arguments), ending))

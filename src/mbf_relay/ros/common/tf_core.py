@@ -24,11 +24,18 @@ class TransformCore:
     def __init__(self, cache_time: rospy.Duration) -> None:
         self._cache_time = cache_time
         self._fixed: Dict[str, Tuple[TransformStamped, str]] = {}  # with who sent it, by child
+        self._told: Dict[str, rospy.Time] = {}  # the time of the last relation of /tf, by child
         self.core = tf2_py.BufferCore(cache_time)
 
     def set_transform(self, transform: TransformStamped, sender: str) -> None:
-        """Take a relation of /tf."""
-        self.core.set_transform(transform, sender)
+        """Take a relation of /tf; one of a time that is known changes nothing.
+
+        tf2 would say so for each, past the log, and hold the whole process where the terminal takes no lines.
+        """
+        stamp = transform.header.stamp
+        if self._told.get(transform.child_frame_id) != stamp:
+            self._told[transform.child_frame_id] = stamp
+            self.core.set_transform(transform, sender)
 
     def set_transform_static(self, transform: TransformStamped, sender: str) -> None:
         """Take a relation of /tf_static."""
@@ -38,6 +45,7 @@ class TransformCore:
     def forget(self, child: str = "") -> None:
         """Forget what /tf told, and what /tf_static told of one frame."""
         self._fixed.pop(child.lstrip("/"), None)
+        self._told.clear()
         core = tf2_py.BufferCore(self._cache_time)
         for transform, sender in self._fixed.values():
             core.set_transform_static(transform, sender)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
+import select
 import signal
 import sys
 import time
@@ -163,9 +165,9 @@ class Family:
     def _tell(self, name: str, status: int) -> None:
         self._failed |= status != 0
         if self._respawns:
-            print(f"{name} ended {_describe(status)}; it starts again", file=sys.stderr, flush=True)
+            _say(f"{name} ended {_describe(status)}; it starts again")
         elif status:
-            print(f"{name} ended {_describe(status)}", file=sys.stderr, flush=True)
+            _say(f"{name} ended {_describe(status)}")
 
     def _end_all(self) -> None:
         self._respawns = False
@@ -190,6 +192,19 @@ def _next_signal(numbers: Set[signal.Signals], end_time: float) -> Optional[int]
         return signal.sigwaitinfo(numbers).si_signo
     found = signal.sigtimedwait(numbers, max(0.0, end_time - time.monotonic()))
     return None if found is None else found.si_signo
+
+
+def _say(text: str) -> None:
+    """Write a line to the terminal, where it takes one: who waited for it would start nothing again.
+
+    There is no other thread to wait for it, since who forks has one alone; and what comes by others' hands, such as
+    Python's own buffer, could be waited for at the next fork.
+    """
+    terminal = select.poll()
+    terminal.register(sys.stderr.fileno(), select.POLLOUT)
+    with contextlib.suppress(OSError):
+        if [event for _, event in terminal.poll(0)] == [select.POLLOUT]:
+            os.write(sys.stderr.fileno(), f"{text}\n".encode())
 
 
 def _describe(status: int) -> str:

@@ -9,6 +9,7 @@ import pkgutil
 import sys
 from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple
 
+from mbf_relay.ros.common.ending import open_standard_streams
 from mbf_relay.ros.compose.family import Family  # what else nodes need is imported in children alone
 
 USAGE = """usage: compose [--no-respawn] -- NODE [ARGUMENT...] [-- NODE [ARGUMENT...]]... [-- [REMAPPING...]]
@@ -50,6 +51,7 @@ MEMBERS: Dict[str, Member] = {
 
 def main() -> int:
     """Run the family the command line names and return its exit status."""
+    open_standard_streams()
     if {"-h", "--help"} & set(sys.argv[1:]):
         print(USAGE)
         return 0

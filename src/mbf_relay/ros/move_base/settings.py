@@ -7,8 +7,9 @@ from typing import Any, Mapping, Tuple
 import rospy
 
 from mbf_relay.navigation.move_base_files import SERVER_NAMES, adapted, default_recoveries, plugin_name
+from mbf_relay.navigation.move_base_parameters import MoveBaseParameters
 from mbf_relay.ros.common import reconfigure
-from mbf_relay.ros.relay.reconfigure import WITHOUT_COUNTERPART, MoveBaseParameters
+from mbf_relay.ros.relay.reconfigure import PLUGIN_PARAMETERS, WITHOUT_COUNTERPART
 from mbf_relay.ros.server.node import MoveBaseFlex
 
 
@@ -54,7 +55,7 @@ class OwnSettings:
             ValueError: A plugin of that type cannot be made.
         """
         old = self.values
-        for kind, name in (("planners", "base_global_planner"), ("controllers", "base_local_planner")):
+        for kind, name in PLUGIN_PARAMETERS.items():
             if getattr(new, name) != getattr(old, name):
                 type_name = adapted(getattr(new, name), self._namespace)
                 self._server.add_plugin(kind, plugin_name(type_name), type_name)

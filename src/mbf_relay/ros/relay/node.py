@@ -13,7 +13,6 @@ from geometry_msgs.msg import PoseStamped, Twist
 from mbf_msgs.msg import MoveBaseAction, MoveBaseActionResult, MoveBaseGoal, MoveBaseResult
 from move_base_msgs import msg as move_base_msgs
 
-from mbf_relay.navigation.move_base_parameters import OTHER_MOVE_BASE_NAMES
 from mbf_relay.ros.common import parameters as ros_parameters
 from mbf_relay.ros.common.action_client import ActionClient
 from mbf_relay.ros.common.action_server import ActionServer
@@ -22,39 +21,24 @@ from mbf_relay.ros.common.node import on_shutdown, spare_what_stays
 from mbf_relay.ros.common.server_watch import check_alone
 from mbf_relay.ros.relay.answers import Answer
 from mbf_relay.ros.relay.goal_frame import GoalFrame
-from mbf_relay.ros.relay.reconfigure import (
-    MoveBaseParameters,
-    MoveBaseSettings,
-    tell_of_misplaced,
-    wishes,
-)
+from mbf_relay.ros.relay.reconfigure import wishes
 from mbf_relay.ros.relay.relay import ClientGoal, Observer, Relay, RelayParameters
-from mbf_relay.ros.relay.services import ClearCostmaps, MakePlan, PauseByServer
-from mbf_relay.ros.relay.topics import RecoveryTopic, pass_through
+from mbf_relay.ros.relay.server_side import RemoteServer, ServerSide, Settings
 
-ANYWHERE = 1e9
-"""Metres from its goal within which every arrival is."""
 CHECK_PERIOD = 0.1
 """Wall time (s) between looks at the server and at what has waited too long."""
 
 
-def serve(action: bool = True, topic: bool = True, own: Optional[Any] = None) -> None:
+def serve(action: bool = True, topic: bool = True, side: Optional[ServerSide] = None) -> None:
     """Stand in for move_base until the node ends.
 
     Args:
         action: Serve the action move_base.
         topic: Take goals from move_base_simple/goal.
-        own: The server, where it is in this process and has move_base's topics and services itself: `settings`,
-            `global_frame` and `start`, which returns when goals can be carried out.
+        side: The server; one of another process where None.
     """
-    namespace = wishes(ros_parameters.read_namespace("~"))
-    known = MoveBaseParameters.names() + OTHER_MOVE_BASE_NAMES + ros_parameters.groups_in(namespace)
-    if own is None:
-        parameters = ros_parameters.fill(RelayParameters, namespace, "~", known)
-    else:
-        given, notes = RelayParameters.read(namespace)
-        ros_parameters.warn_of(notes, "~")
-        parameters = with_own_server(given, own.global_frame)
+    side = side or RemoteServer()
+    parameters = side.relay_parameters(wishes(ros_parameters.read_namespace("~")))
     if action:
         check_alone("move_base")
     client = ActionClient(
@@ -64,14 +48,8 @@ def serve(action: bool = True, topic: bool = True, own: Optional[Any] = None) ->
         parameters.silence_timeout,
         leased=True,
     )
-    settings: Any
-    if own is not None:
-        own.start()
-        settings = own.settings
-    else:
-        values = ros_parameters.fill(MoveBaseParameters, MoveBaseParameters.known(namespace), "~")
-        tell_of_misplaced(namespace, parameters.server)
-        settings = MoveBaseSettings(parameters.server, values)
+    side.start()
+    settings = side.settings
     publishers = Publishers(parameters)
 
     def compose(pose: PoseStamped) -> MoveBaseGoal:
@@ -82,22 +60,16 @@ def serve(action: bool = True, topic: bool = True, own: Optional[Any] = None) ->
     server = ActionServer(
         "move_base", move_base_msgs.MoveBaseAction,
         lambda goal: relay.take_goal(goal, rospy.get_time()), lambda goal: relay.take_cancel(goal),
+        overtaken_cb=lambda goal: relay.take_overtaken(goal, rospy.get_time()),
     ) if action else None
     relay = Relay(
         KnownServer(client, settings), compose, parameters, publishers, server.lock if server else threading.RLock()
     )
     on_shutdown(relay.shut_down)  # before the first goal can come
-    if own is None:
-        MakePlan(parameters, settings)
-        ClearCostmaps(parameters.server, parameters.service_timeout)
-        PauseByServer(parameters.server, parameters.service_timeout)
-        pass_through(parameters.server, settings.server_name)
-        RecoveryTopic(parameters.server, lambda: publishers.robot_pose)
-        settings.serve()
+    side.offer(lambda: publishers.robot_pose)
     diagnostics = Diagnostics()
     diagnostics.add("relay", lambda: report(relay, client, parameters.server, publishers))
-    if own is None:
-        spare_what_stays()
+    spare_what_stays()
     # goals come last: all above takes its time on a busy machine, and a goal's lease is renewed by the loop below
     if server is not None:
         server.start()
@@ -110,8 +82,8 @@ def serve(action: bool = True, topic: bool = True, own: Optional[Any] = None) ->
     while not rospy.is_shutdown():
         client.check()
         is_up = client.server_is_up
-        if is_up and not was_up and own is None:
-            settings.server_came()
+        if is_up and not was_up:
+            side.came()
         was_up = is_up
         relay.check()
         time.sleep(CHECK_PERIOD)
@@ -120,7 +92,7 @@ def serve(action: bool = True, topic: bool = True, own: Optional[Any] = None) ->
 class KnownServer:
     """The server as the relay sees it: up once it is known what it calls the plugins that were asked for."""
 
-    def __init__(self, client: ActionClient, settings: MoveBaseSettings) -> None:
+    def __init__(self, client: ActionClient, settings: Settings) -> None:
         self._client, self._settings = client, settings
         self.send = client.send
 
@@ -191,11 +163,6 @@ class Publishers(Observer):
         """Publish zero velocity, where that is wanted."""
         if self._velocity is not None:
             self._velocity.publish(Twist())
-
-
-def with_own_server(given: RelayParameters, global_frame: str) -> RelayParameters:
-    """Return a relay's parameters where the server is in its process: when the robot is there, its controller says."""
-    return given.replace(server=rospy.get_name(), global_frame=global_frame, arrival_tolerance=ANYWHERE)
 
 
 def nothing_known(answer: Answer) -> MoveBaseResult:

@@ -15,11 +15,14 @@ from dynamic_reconfigure.msg import Config
 from dynamic_reconfigure.srv import Reconfigure
 
 from mbf_relay.navigation.move_base_files import SERVER_NAMES
-from mbf_relay.navigation.move_base_parameters import MoveBaseParameters as MoveBaseParameters
+from mbf_relay.navigation.move_base_parameters import MoveBaseParameters
 from mbf_relay.ros.common import reconfigure
 
 WITHOUT_COUNTERPART = ("conservative_reset_dist", "clearing_rotation_allowed", "make_plan_clear_costmap")
 """move_base's parameters that the server has nothing like; its recovery behaviours are configured on the server."""
+
+PLUGIN_PARAMETERS: Mapping[str, str] = {"planners": "base_global_planner", "controllers": "base_local_planner"}
+"""The server's lists of plugins, and the parameter by which move_base names the one of each that it uses."""
 
 MIRRORED = "mirrored"
 """Parameter that holds what others hold only because the server has it so: nobody's wish, whoever reads them next."""
@@ -46,7 +49,7 @@ def server_changes(old: MoveBaseParameters, new: MoveBaseParameters) -> Dict[str
     }
 
 
-def plugin_name(wanted: str, plugins: Sequence[Mapping[str, str]]) -> Optional[str]:
+def name_at_server(wanted: str, plugins: Sequence[Mapping[str, str]]) -> Optional[str]:
     """Return the server's name for the plugin that move_base calls by its type, None where it has none such.
 
     Args:
@@ -79,8 +82,11 @@ class MoveBaseSettings:
         defaults = MoveBaseParameters()
         self.values = self._started_with = values
         self._server = rospy.resolve_name(server)
-        self._planner = values.base_global_planner if values.base_global_planner != defaults.base_global_planner else ""
-        self._controller = values.base_local_planner if values.base_local_planner != defaults.base_local_planner else ""
+        # what was asked for, by the server's lists; empty for the first of a list
+        self._asked = {
+            kind: getattr(values, name) if getattr(values, name) != getattr(defaults, name) else ""
+            for kind, name in PLUGIN_PARAMETERS.items()
+        }
         self._lock = threading.Lock()
         self._wanted = server_changes(defaults, values)
         self._to_send = dict(self._wanted)
@@ -111,11 +117,11 @@ class MoveBaseSettings:
     @property
     def knows_server(self) -> bool:
         """Whether plugins that were asked for are known by the server's names, so that a goal can be composed."""
-        return not (self._planner or self._controller) or bool(self._plugins and not self._plugins_wanted)
+        return not any(self._asked.values()) or bool(self._plugins and not self._plugins_wanted)
 
     def plugin_names(self) -> Tuple[str, str]:
         """Return the server's names of the planner and controller to use, empty for its first; asks nobody."""
-        return self._name("planners", self._planner), self._name("controllers", self._controller)
+        return self._name("planners"), self._name("controllers")
 
     def server_name(self, kind: str, name: str) -> str:
         """Return what the server calls the plugin whose topics move_base has under `name`, a class such as NavfnROS.
@@ -130,15 +136,15 @@ class MoveBaseSettings:
                 return plugin["name"]
         return name
 
-    def _name(self, kind: str, wanted: str) -> str:
-        return plugin_name(wanted, self._plugins.get(kind, ())) or ""
+    def _name(self, kind: str) -> str:
+        return name_at_server(self._asked[kind], self._plugins.get(kind, ())) or ""
 
     def _learn_plugins(self) -> None:
         """Ask the master what plugins the server has; here alone, as a master that hangs must not keep a goal waiting.
         """
-        for kind, wanted in (("planners", self._planner), ("controllers", self._controller)):
+        for kind, wanted in self._asked.items():
             plugins = server_plugins(self._server, kind)
-            if wanted and plugin_name(wanted, plugins) is None:
+            if wanted and name_at_server(wanted, plugins) is None:
                 rospy.logwarn("%s", _no_such_plugin(wanted, plugins, self._server))
             self._plugins[kind] = plugins
 
@@ -149,14 +155,13 @@ class MoveBaseSettings:
             ValueError: The server has no such plugin; move_base too refuses one it cannot load.
         """
         old = self.values
-        for name, kind in (("base_global_planner", "planners"), ("base_local_planner", "controllers")):
+        for kind, name in PLUGIN_PARAMETERS.items():
             wanted = getattr(new, name)
             if wanted != getattr(old, name):
                 plugins = server_plugins(self._server, kind)
-                if plugin_name(wanted, plugins) is None:
+                if name_at_server(wanted, plugins) is None:
                     raise ValueError(_no_such_plugin(wanted, plugins, self._server))
-                self._plugins[kind] = plugins
-                setattr(self, "_planner" if kind == "planners" else "_controller", wanted)
+                self._plugins[kind], self._asked[kind] = plugins, wanted
         for name in WITHOUT_COUNTERPART:
             if getattr(new, name) != getattr(old, name):
                 rospy.logwarn("%s has no counterpart at the server; configure its recovery behaviours instead", name)

@@ -8,7 +8,7 @@ It pursues one goal at a time, as move_base does. What the goal's client sees:
       |  |                     |------- the server dies ---------------> ABORTED
       |  |                     `-- cancel --> PREEMPTING -- the server ends it --> PREEMPTED (or what came first)
       |  `-- not finite: ABORTED, and what runs goes on
-      `-- older than the newest goal seen ---------------------------------------> RECALLED
+      `-- older than the newest goal seen, or called off before it came ----------> RECALLED
 
 What the server is asked follows from two things alone: the goal pursued, and the goals sent that have not ended there.
 
@@ -49,7 +49,7 @@ SUCCESSOR_PATIENCE = 2.0
 
 @dataclass(frozen=True)
 class RelayParameters(ParameterSet):
-    """Parameters of the relay itself; move_base's own are in relay_reconfigure."""
+    """Parameters of the relay itself; move_base's own are MoveBaseParameters."""
 
     server: str = parameter("move_base_flex", "name of the Move Base Flex node")
     server_timeout: float = parameter(20.0, "how long a goal waits for the server to appear", unit="s", minimum=0.0)
@@ -65,7 +65,7 @@ class RelayParameters(ParameterSet):
         above=0.0,
     )
     stop_on_server_loss: bool = parameter(
-        True, "send zero velocity when a goal has ended and none follows, be it that the server was lost")
+        True, "send zero velocity when a goal has ended and none follows, also where its server was lost")
     global_frame: str = parameter("map", "frame of ~current_goal", is_frame=True)
 
 
@@ -159,7 +159,7 @@ class Relay:
         self._parameters, self._observer = parameters, observer
         self._lock, self._clock = lock or threading.RLock(), clock
         self._current: Optional[_ActiveGoal] = None
-        self._at_server: List[_Errand] = []  # oldest first
+        self._at_server: List[_SentGoal] = []  # oldest first
         self._zero_due_at = math.inf
         self._newest_stamp = 0.0
 
@@ -172,7 +172,7 @@ class Relay:
         """
         with self._lock:
             stamp, pose = client_goal.get_goal_id().stamp.to_sec(), client_goal.get_goal().target_pose
-            if stamp < self._newest_stamp <= now:
+            if stamp < self._newest_stamp <= now:  # a newest stamp in the future is of before the clock was set back
                 client_goal.set_canceled(None, answers.REPLACED)
                 return
             nonsense = answers.not_finite(pose.pose)
@@ -189,6 +189,22 @@ class Relay:
                 self._end(answers.aborted(answers.INVALID_QUATERNION))
             self._advance()
 
+    def take_overtaken(self, client_goal: ClientGoal, now: float) -> None:
+        """Let a goal that was called off before it came end what it was sent to replace: its client means to stand.
+
+        Which of the two comes first is chance, and must not decide whether the robot drives on.
+
+        Args:
+            client_goal: The goal.
+            now: ROS time (s), to know a clock that was set back.
+        """
+        with self._lock:
+            stamp, pose = client_goal.get_goal_id().stamp.to_sec(), client_goal.get_goal().target_pose
+            if not stamp < self._newest_stamp <= now and answers.not_finite(pose.pose) is None:
+                self._newest_stamp = stamp
+                self._end(answers.preempted(answers.REPLACED))
+                self._advance()
+
     def take_cancel(self, client_goal: ClientGoal) -> None:
         """Cancel a goal, if it is the one pursued; any other has its answer already."""
         with self._lock:
@@ -196,7 +212,7 @@ class Relay:
             if active is None or active.client_goal.get_goal_id().id != client_goal.get_goal_id().id:
                 return
             active.cancelled_at = self._clock()
-            if active.errand is None:
+            if active.sent is None:
                 self._end(answers.preempted())
             self._advance()
 
@@ -210,13 +226,13 @@ class Relay:
             self._advance()
             if active is None:
                 pass
-            elif active.errand is None and now - active.taken_at > parameters.server_timeout:
+            elif active.sent is None and now - active.taken_at > parameters.server_timeout:
                 self._end(answers.server_absent(parameters))
             elif active.cancelled_at is not None and now - active.cancelled_at > parameters.cancel_timeout:
                 self._end(answers.preempted(reason="the server did not answer the cancel"))
-            for errand in list(self._at_server):
-                if errand.is_given_up(now, parameters.cancel_timeout) and not errand.cancel_is_under_way(now):
-                    self._leave(errand)
+            for sent in list(self._at_server):
+                if sent.is_given_up(now, parameters.cancel_timeout) and not sent.cancel_is_under_way(now):
+                    self._leave(sent)
             self._advance()
 
     def shut_down(self) -> None:
@@ -234,35 +250,35 @@ class Relay:
         """Do what follows from the goal pursued and the goals at the server: cancel them, send it, or neither."""
         active, now = self._current, self._clock()
         if active is None or active.cancelled_at is not None:
-            for errand in list(self._at_server):
-                if not errand.is_given_up(now, self._parameters.cancel_timeout):
-                    errand.press_cancel(now)
-        elif active.errand is None and self._server.server_is_up:
-            if not any(errand.cancel_is_under_way(now) for errand in self._at_server):
+            for sent in list(self._at_server):
+                if not sent.is_given_up(now, self._parameters.cancel_timeout):
+                    sent.press_cancel(now)
+        elif active.sent is None and self._server.server_is_up:
+            if not any(sent.cancel_is_under_way(now) for sent in self._at_server):
                 self._send(active)
 
     def _send(self, active: _ActiveGoal) -> None:
-        errand = active.errand = _Errand()
-        self._at_server.append(errand)
+        sent = active.sent = _SentGoal()
+        self._at_server.append(sent)  # before it is sent: its ending may come before `send` has returned
         self._zero_due_at = math.inf
-        errand.goal = self._server.send(
+        sent.goal = self._server.send(
             self._compose(active.client_goal.get_goal().target_pose),
-            on_feedback=lambda feedback: self._take_feedback(errand, feedback),
-            on_end=lambda ending: self._take_ending(errand, ending),
+            on_feedback=lambda feedback: self._take_feedback(sent, feedback),
+            on_end=lambda ending: self._take_ending(sent, ending),
         )
 
-    def _take_feedback(self, errand: _Errand, feedback: Any) -> None:
+    def _take_feedback(self, sent: _SentGoal, feedback: Any) -> None:
         with self._lock:
             active = self._current
-            if active is not None and errand is active.errand:
+            if active is not None and sent is active.sent:
                 self._observer.robot_seen(feedback.current_pose)
                 active.client_goal.publish_feedback(MoveBaseFeedback(base_position=feedback.current_pose))
 
-    def _take_ending(self, errand: _Errand, ending: ActionEnding) -> None:
+    def _take_ending(self, sent: _SentGoal, ending: ActionEnding) -> None:
         with self._lock:
             active = self._current
-            self._leave(errand)
-            if active is not None and errand is active.errand:
+            self._leave(sent)
+            if active is not None and sent is active.sent:
                 target = active.client_goal.get_goal().target_pose
                 doubt = answers.doubt_of_arrival(ending, target, self._parameters.arrival_tolerance)
                 if not doubt:
@@ -270,16 +286,18 @@ class Relay:
                 elif active.was_doubted or active.cancelled_at is not None:
                     self._end(answers.not_arrived(doubt, active.cancelled_at is not None))
                 else:
-                    active.was_doubted, active.errand = True, None  # asked again, the server speaks of this goal
+                    # The C++ server credits a new goal with the arrival of the one it replaced. Sent once more, the
+                    # goal replaces none, and what the server claims then is this goal's own.
+                    active.was_doubted, active.sent = True, None
             self._advance()
 
-    def _leave(self, errand: _Errand) -> None:
-        """Take off what has ended at the server, or never answers; with nothing else there, the robot is to stand.
+    def _leave(self, sent: _SentGoal) -> None:
+        """Note that a goal has ended at the server, or was given up; where it was the last, have the robot stand.
 
-        What was given up before may end yet, and have driven the robot until then.
+        One that was given up, and so left before, may still end: until then the robot may have driven for it.
         """
-        if errand in self._at_server:
-            self._at_server.remove(errand)
+        if sent in self._at_server:
+            self._at_server.remove(sent)
         if not self._at_server:
             self._zero_due_at = self._clock() + ZERO_REPEATED_AFTER
             self._observer.stop_robot()
@@ -296,25 +314,38 @@ class Relay:
 
 
 class _ActiveGoal:
-    """The client's goal that is pursued."""
+    """The client's goal that is pursued.
+
+    Attributes:
+        client_goal: Where its answer goes.
+        taken_at: When it came (s).
+        sent: The server's goal that was sent for it, None before.
+        cancelled_at: When the client cancelled it (s), None before.
+        was_doubted: Whether the server has claimed an arrival once already that was not believed.
+    """
 
     def __init__(self, client_goal: ClientGoal, now: float) -> None:
         self.client_goal, self.taken_at = client_goal, now
-        self.errand: Optional[_Errand] = None
+        self.sent: Optional[_SentGoal] = None
         self.cancelled_at: Optional[float] = None
         self.was_doubted = False
 
 
-class _Errand:
-    """What the server was sent: a goal there that has not ended."""
+class _SentGoal:
+    """A goal sent to the server, where it has not ended, and what was done to cancel it.
+
+    Attributes:
+        goal: To cancel it by; None until the client of the server has returned from sending it.
+        cancelled_at: When its cancel was first sent (s), None before.
+    """
 
     def __init__(self) -> None:
         self.goal: Optional[ServerGoal] = None
         self.cancelled_at: Optional[float] = None
-        self._cancel_sent_at = 0.0
+        self._cancel_sent_at = 0.0  # last
 
     def press_cancel(self, now: float) -> None:
-        """Cancel it, or again where the server has not answered."""
+        """Send its cancel, and again where the server has not answered the last one for long."""
         if self.goal is None or (self.cancelled_at is not None and now - self._cancel_sent_at <= CANCEL_REPEATED_AFTER):
             return
         self._cancel_sent_at = now
@@ -323,9 +354,9 @@ class _Errand:
         self.goal.cancel()
 
     def is_given_up(self, now: float, timeout: float) -> bool:
-        """Return whether the server was asked to cancel it, and for so many seconds (`timeout`) has not."""
+        """Return whether its first cancel is more than `timeout` seconds old: no further one is sent then."""
         return self.cancelled_at is not None and now - self.cancelled_at > timeout
 
     def cancel_is_under_way(self, now: float) -> bool:
-        """Return whether the server was asked to cancel it and may still be expected to."""
+        """Return whether its last cancel is so young that the server may still act on it."""
         return self.cancelled_at is not None and now - self._cancel_sent_at < SUCCESSOR_PATIENCE

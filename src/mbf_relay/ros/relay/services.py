@@ -72,7 +72,6 @@ class MakePlan:
             rospy.logwarn("make_plan found no path: %s %s", outcome, ending.text)
         return response
 
-
     def _serves_plans(self) -> bool:
         """Return whether the server has a service of the planner asked for; C++'s has none."""
         name = self._settings.plugin_names()[0]
@@ -172,7 +171,7 @@ class ServiceCall(threading.Thread):
         """Call it."""
         try:
             self.response = self._call(*self._arguments)
-        except Exception as error:  # whoever joins raises it
+        except Exception as error:  # for whoever joins to tell of
             self.error = error
 
 

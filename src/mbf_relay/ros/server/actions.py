@@ -55,45 +55,41 @@ class Action:
         begin: Hands the goal to the navigator.
         result: Converts a task's result, given a stamp.
         feedback: Converts feedback, given stamp and robot frame; None where the action has none.
+        robot_frame: The robot's frame, for feedback.
+        worker: Runs `read`.
+        wake: Has `take_up` called soon; called from any thread.
         make_server: Makes the action server; constructor as ActionServer's.
         ros_now: Gives ROS time, as a message has it.
+
+    Attributes:
+        server: The action server.
     """
 
     def __init__(
         self, name: str, action_type: Any, result_type: Any, outcomes: Type[Enum], read: Callable[[Any], Any],
         begin: Callable[[Any], Task[Any]], result: Callable[[Any, Any], Any],
-        feedback: Optional[Callable[[Any, Any, str], Any]] = None, make_server: Callable[..., Any] = ActionServer,
-        ros_now: Callable[[], Any] = rospy.get_rostime,
+        feedback: Optional[Callable[[Any, Any, str], Any]] = None, *, robot_frame: str, worker: Worker,
+        wake: Callable[[], None], make_server: Callable[..., Any], ros_now: Callable[[], Any],
     ) -> None:
         self.name, self._read, self._begin_goal, self._result, self._feedback = name, read, begin, result, feedback
         self._result_type, self._outcomes = result_type, outcomes
-        self.wake: Callable[[], None] = lambda: None
-        self.worker: Worker = InlineWorker()
-        self.robot_frame = ""
-        self.is_alive: Callable[[], bool] = lambda: True
+        self._robot_frame, self._worker, self._wake, self._ros_now = robot_frame, worker, wake, ros_now
         # guards the two below; taken inside the action server's lock, so never that one inside this
         self._lock = threading.Lock()
         self._inbox: Deque[Request] = collections.deque()
         self._requests: Dict[str, Request] = {}
         self._running: List[Request] = []
-        self._ros_now = ros_now
-        self._server = make_server(f"~{name}", action_type, self._on_goal, self._on_cancel, self._recalled)
-
-    @property
-    def server(self) -> Any:
-        """The action server, which asks whether navigation is alive."""
-        self._server.is_alive = self.is_alive
-        return self._server
+        self.server = make_server(f"~{name}", action_type, self._on_goal, self._on_cancel, self._recalled)
 
     # callbacks: they note what was asked and wake the stepper
 
     def _on_goal(self, handle: TrackedGoal) -> None:
         goal = handle.get_goal()
-        request = Request(handle, self.worker.start(lambda: self._read(goal)))
+        request = Request(handle, self._worker.start(lambda: self._read(goal)))
         with self._lock:
             self._requests[request.goal_id] = request
             self._inbox.append(request)
-        self.wake()
+        self._wake()
 
     def _on_cancel(self, handle: TrackedGoal) -> None:
         goal_id = handle.get_goal_id().id
@@ -104,7 +100,7 @@ class Action:
             request.cancelled = True
             if request.task is not None:
                 request.task.cancel()
-        self.wake()
+        self._wake()
 
     # the stepping thread
 
@@ -137,7 +133,7 @@ class Action:
             assert task is not None
             for feedback in task.take_feedback():
                 if self._feedback is not None:
-                    request.handle.publish_feedback(self._feedback(feedback, stamp, self.robot_frame))
+                    request.handle.publish_feedback(self._feedback(feedback, stamp, self._robot_frame))
             if task.ending is not None:
                 self._end(request, task.ending, self._result(task.result, stamp))
             else:
@@ -212,7 +208,9 @@ class Action:
 
 
 def make_actions(
-    navigator: Navigator, make_server: Callable[..., Any] = ActionServer, ros_now: Callable[[], Any] = rospy.get_rostime
+    navigator: Navigator, make_server: Callable[..., Any] = ActionServer,
+    ros_now: Callable[[], Any] = rospy.get_rostime, worker: Optional[Worker] = None,
+    wake: Callable[[], None] = lambda: None,
 ) -> List[Action]:
     """Make the four action servers over a navigator, not yet advertised.
 
@@ -220,8 +218,13 @@ def make_actions(
         navigator: Carries out the goals.
         make_server: Makes an action server; constructor as ActionServer's.
         ros_now: Gives ROS time, as a message has it.
+        worker: Runs what takes its time; inline where None.
+        wake: Has the navigator stepped; called from any thread.
     """
-    servers: Dict[str, Any] = {"make_server": make_server, "ros_now": ros_now}
+    shared: Dict[str, Any] = {
+        "robot_frame": navigator.parameters.robot_frame, "worker": worker or InlineWorker(), "wake": wake,
+        "make_server": make_server, "ros_now": ros_now,
+    }
     return [
         Action(
             "get_path",
@@ -231,7 +234,7 @@ def make_actions(
             messages.plan_goal,
             navigator.get_path,
             messages.plan_result,
-            **servers,
+            **shared,
         ),
         Action(
             "exe_path",
@@ -242,7 +245,7 @@ def make_actions(
             navigator.exe_path,
             messages.follow_result,
             messages.follow_feedback,
-            **servers,
+            **shared,
         ),
         Action(
             "recovery",
@@ -252,7 +255,7 @@ def make_actions(
             messages.recover_goal,
             navigator.recovery,
             messages.recover_result,
-            **servers,
+            **shared,
         ),
         Action(
             "move_base",
@@ -263,6 +266,6 @@ def make_actions(
             navigator.move_base,
             messages.navigate_result,
             messages.navigate_feedback,
-            **servers,
+            **shared,
         ),
     ]

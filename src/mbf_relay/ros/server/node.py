@@ -1,4 +1,4 @@
-"""The Move Base Flex server: navigation stepped by one thread, with actions, services and costmaps around it."""
+"""The Move Base Flex server: planning, driving and recovering as actions, with the costmaps and their services."""
 
 from __future__ import annotations
 
@@ -82,13 +82,10 @@ class MoveBaseFlex:
             worker.start(lambda: topics.publish(name, path))
 
         self.navigator.plan_watcher = publish_plan
-        self._actions = make_actions(
-            self.navigator, functools.partial(ActionServer, client_timeout=parameters.client_timeout))
-        for action in self._actions:
-            action.wake, action.worker, action.robot_frame = self._stepper.wake, worker, parameters.robot_frame
         self._watchdog = Watchdog(self._stepper, self.robot, self._end_running)
-        for action in self._actions:
-            action.is_alive = self._watchdog.is_alive
+        make_server = functools.partial(
+            ActionServer, client_timeout=parameters.client_timeout, is_alive=self._watchdog.is_alive)
+        self._actions = make_actions(self.navigator, make_server, worker=worker, wake=self._stepper.wake)
         self._costmap_nodes, self._transforms = costmap_nodes, transforms
         self._rest = CostmapRest(costmap_nodes, parameters.clear_on_shutdown)
         self._trouble = ""

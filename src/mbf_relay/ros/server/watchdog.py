@@ -63,9 +63,9 @@ class Watchdog:
             self._robot.hold(self._stepper.clock_stands)
 
     def _bark(self) -> None:
+        self._robot.block()
         if not self.trouble:
             self.trouble = f"navigation hangs: a step has taken more than {STEP_PATIENCE:g} s; the robot was stopped"
             rospy.logerr("%s", self.trouble)
-        self._robot.block()
         self._end_goals(self.trouble)
         self._stepper.wake()  # a next step, in which everything begins anew, shall follow at once

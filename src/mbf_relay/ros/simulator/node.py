@@ -1,9 +1,4 @@
-"""The `simulator` node: a robot in a world, on the topics a real one has, and the graph's clock.
-
-One thread owns the simulation. Callbacks and services leave what they want done in a queue that this thread empties
-between two steps; it never waits on ROS time, which it makes. It is not the main thread: that one handles signals, and
-rospy shuts down inside of the handler, which must not come upon a publisher in the middle of its work.
-"""
+"""The `simulator` node: a robot in a world, on the topics a real one has, and the graph's clock."""
 
 from __future__ import annotations
 
@@ -46,7 +41,12 @@ SERVICE_PATIENCE = 30.0
 
 
 class Simulator:
-    """Runs the simulation, its services and what comes in on topics."""
+    """Runs the simulation, its services and what comes in on topics.
+
+    One thread owns the simulation. Callbacks and services leave what they want done in a queue that this thread empties
+    between two steps; it never waits on ROS time, which it makes. It is not the main thread: that one handles signals,
+    and rospy shuts down inside of the handler, which must not come upon a publisher in the middle of its work.
+    """
 
     def __init__(self, settings: SimulatorParameters, world: World) -> None:
         self._settings = settings

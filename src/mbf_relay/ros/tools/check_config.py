@@ -74,16 +74,23 @@ def _has_to_be_named(finding: Finding) -> bool:
 
 
 def _read(options: argparse.Namespace) -> Launch:
-    launch_files = [name for name in options.files if name.endswith((".launch", ".xml"))]
+    names = [name for name in options.files if ":=" not in name]
+    given = [*options.arg, *(text for text in options.files if ":=" in text)]  # as to roslaunch
+    launch_files = [name for name in names if name.endswith((".launch", ".xml"))]
     if launch_files:
+        others = [name for name in names if name not in launch_files]
+        if others:
+            raise ValueError(f"'{others[0]}' is no launch file and would not be read; name launch files, or YAML files")
         all_of_them = Launch([], [])
         for name in launch_files:
-            launch = read_launch(name, dict(_pair(text) for text in options.arg))
+            launch = read_launch(name, dict(_pair(text) for text in given))
             all_of_them.nodes.extend(launch.nodes)
             all_of_them.not_read.extend(launch.not_read)
         return all_of_them
+    if given:
+        raise ValueError(f"'{given[0]}' is an argument of a launch file, and no launch file is named")
     source = ParameterSource()
-    for name in options.files:
+    for name in names:
         path, _, namespace = name.partition("@")
         read_yaml(path, namespace, source)
     if not source.values:
@@ -112,10 +119,11 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument(
         "files", nargs="+", metavar="FILE",
-        help="launch files, or YAML files in the order they are loaded; FILE@NS for one loaded with ns=NS",
+        help="launch files with their arguments (name:=value), or YAML files in the order they are loaded; FILE@NS for "
+        "one loaded with ns=NS",
     )
     parser.add_argument(
-        "--arg", action="append", default=[], metavar="NAME:=VALUE", help="an argument of the launch file"
+        "--arg", action="append", default=[], metavar="NAME:=VALUE", help="an argument of the launch file, too"
     )
     parser.add_argument(
         "--node", default="", choices=("", "move_base", "move_base_flex"),

@@ -54,7 +54,7 @@ def parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:
     parser.add_argument(
         "--speed", type=float, default=1.0, metavar="F", help="simulated seconds per second (default: 1)"
     )
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all chance (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all random numbers (default: %(default)s)")
     parser.add_argument(
         "--rviz", dest="rviz", action="store_true", default=None, help="open RViz (default: where there is a display)"
     )

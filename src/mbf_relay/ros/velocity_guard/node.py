@@ -1,9 +1,4 @@
-"""The velocity_guard node: passes `cmd_vel_raw` on to `cmd_vel` while the lidar shows room to brake.
-
-Mbf_relay.control.velocity_guard judges.
-
-One thread, the main one, does everything. Callbacks leave the newest velocity and the newest scans and wake it.
-"""
+"""The velocity_guard node: passes `cmd_vel_raw` on to `cmd_vel` while the lidar shows room to brake."""
 
 from __future__ import annotations
 
@@ -43,7 +38,10 @@ IDLE_PERIOD = 0.5
 
 
 class VelocityGuardNode:
-    """The guard's topics."""
+    """The guard's topics; mbf_relay.control.velocity_guard judges.
+
+    One thread, the main one, does everything. Callbacks leave the newest velocity and the newest scans and wake it.
+    """
 
     def __init__(self, settings: VelocityGuardParameters) -> None:
         self._settings = settings

@@ -45,8 +45,10 @@ class WaypointFollowerNode:
         self._goal: Optional[Any] = None
         self._follower = WaypointFollower(1)
         self._sent: Optional[SentGoal] = None
+        self._left: List[SentGoal] = []  # at move_base, for goals whose place was taken here
         self._cancelled = False
-        self._server = ActionServer("follow_waypoints", FollowWaypointsAction, self._take, self._take_cancel)
+        self._server = ActionServer(
+            "follow_waypoints", FollowWaypointsAction, self._take, self._take_cancel, overtaken_cb=self._take_overtaken)
         self._lock = self._server.lock
         on_shutdown(self._close)
         self._topics = WaypointTopics(parameters)
@@ -67,6 +69,7 @@ class WaypointFollowerNode:
                 if self._sent.ending is None:
                     return
                 ending, self._sent = self._sent.ending, None
+                self._call_off_left()
                 self._take_ending(now, ending)
             if self._goal is not None:
                 self._go_on(now)
@@ -110,7 +113,9 @@ class WaypointFollowerNode:
         except ValueError as error:
             goal.set_rejected(self._result(), str(error))
             return
-        self._end("canceled", "another goal has come")  # move_base's own goes on until it has the new one
+        self._end("canceled", "another goal has come")
+        if self._sent is not None:  # it goes on until move_base has the new one
+            self._left.append(self._sent)
         goal.set_accepted()
         self._goal, self._follower, self._sent, self._cancelled = goal, follower, None, False
         self._topics.show(wanted.poses)
@@ -120,6 +125,20 @@ class WaypointFollowerNode:
             self._cancelled = True
             if self._sent is not None:
                 self._sent.cancel()
+            self._call_off_left()
+
+    def _take_overtaken(self, _goal: Any) -> None:
+        """Stand: a goal that was called off before it came would have taken the place of this one, and ended."""
+        self._end("canceled", "another goal has come")
+        if self._sent is not None:
+            self._sent.cancel()
+        self._call_off_left()
+
+    def _call_off_left(self) -> None:
+        """Call off what move_base may still drive for: it ends such a goal for one that it takes, not for nonsense."""
+        left, self._left = self._left, []
+        for sent in left:
+            sent.cancel()
 
     def _end(self, how: str, text: str) -> None:
         goal, self._goal = self._goal, None

@@ -89,6 +89,16 @@ def test_a_goal_recalled_is_not_begun_anew_by_another_cancel_and_its_goal_again(
     assert [status.status for status in server.results] == [RECALLED] and server.taken == []
 
 
+def test_a_goal_whose_cancel_came_first_is_told_of_before_it_ends():
+    server, told = Server(), []
+    server.tracker.on_overtaken = lambda goal: told.append((goal.get_goal_id().id, goal.get_goal(), server.state("a")))
+    server.tracker.take_cancel(GoalID(id="a"))
+    assert told == []
+    server.goal("a")
+    server.goal("a")
+    assert told == [("a", "goal", RECALLING)] and server.state("a") == RECALLED
+
+
 def test_goals_of_a_busy_server_stay_in_the_status_until_slow_clients_have_their_results():
     server = Server()
     for number in range(500):

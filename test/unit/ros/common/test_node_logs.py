@@ -2,8 +2,10 @@
 
 import logging
 import os
+import re
 import resource
 import subprocess
+import threading
 from pathlib import Path
 
 import pytest
@@ -15,6 +17,7 @@ import rospy.impl.paramserver  # noqa: E402
 from programs import program  # noqa: E402
 from ros_master import Master  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
+from rosgraph.roslogging import RosStreamHandler  # noqa: E402
 
 from mbf_relay.ros.common import logs  # noqa: E402
 from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
@@ -30,13 +33,14 @@ def master():
 
 
 def words_of_a_node(
-    master, environment, full=False, terminal=subprocess.PIPE, command=("map_server", str(MAP)), offered="/map"
+    master, environment, full=False, terminal=subprocess.PIPE, command=("map_server", str(MAP)), offered="/map",
+    prepare=None,
 ):
     """Run a node until it offers a topic, end it, and return what it said, where `terminal` is no file."""
     node = subprocess.Popen(
         [program(command[0]), *command[1:]], env=dict(environment, ROS_MASTER_URI=master.uri),
         stdout=terminal, stderr=subprocess.STDOUT, universal_newlines=True,
-        preexec_fn=(lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))) if full else None,
+        preexec_fn=(lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))) if full else prepare,
     )
     try:
         wait_until(lambda: offered in dict(master.answer("getPublishedTopics", "")), "the node to come up", 60.0)
@@ -68,6 +72,51 @@ def test_a_client_whose_disk_is_full_says_so_in_one_sentence(master, tmp_path):
 def test_a_node_whose_terminal_is_a_file_on_a_full_disk_serves_all_the_same(master, tmp_path):
     with open("/dev/full", "wb") as terminal:
         words_of_a_node(master, dict(os.environ, ROS_LOG_DIR=str(tmp_path)), full=True, terminal=terminal)
+
+
+@pytest.mark.parametrize("command", [
+    ("map_server", str(MAP)), ("compose", "--no-respawn", "--", "map_server", str(MAP), "--")])
+def test_a_node_that_was_started_without_a_terminal_serves_and_ends_as_any_other(master, tmp_path, command):
+    words_of_a_node(
+        master, dict(os.environ, ROS_LOG_DIR=str(tmp_path)), command=command, prepare=lambda: os.closerange(0, 3))
+    (log,) = tmp_path.rglob("map_server*.log")
+    assert "serving a map" in log.read_text() and "Traceback" not in log.read_text()
+
+
+@pytest.fixture
+def stuck_terminal(monkeypatch):
+    """Make a pipe that is full, which nobody reads, the terminal of this process's log; gives its reading end."""
+    reading, writing = os.pipe()
+    with open(reading, "rb") as reader, open(writing, "w", buffering=1) as writer:
+        os.set_blocking(writing, False)
+        with pytest.raises(BlockingIOError):
+            while True:
+                os.write(writing, b"\n" * 4096)
+        os.set_blocking(writing, True)
+        terminal = RosStreamHandler(colorize=False, stdout=writer, stderr=writer)
+        monkeypatch.setattr(logging.getLogger("rosout"), "handlers", [terminal])
+        monkeypatch.setattr(logging, "_logRecordFactory", logs.PlainRecord)
+        yield reader
+
+
+def test_a_watchdog_is_not_held_up_by_a_terminal_that_takes_no_lines(stuck_terminal):
+    logs.log_to_terminal()
+    place, said_in_all, said = [1], logs.MOST_WAITING + 10, threading.Event()
+
+    def say():
+        for number in range(1, 1 + said_in_all):
+            logging.getLogger("rosout").warning("navigation hangs for the %d. time, the wheels at %s", number, place)
+        place[0] = 2
+        said.set()
+
+    threading.Thread(target=say, daemon=True).start()
+    in_time = said.wait(10.0)
+    told = ""
+    while f"{said_in_all}. time" not in told:  # somebody reads again
+        told += os.read(stuck_terminal.fileno(), 4096).decode()
+    assert in_time, "whoever logs waits for the terminal"
+    left_out = int(re.search(r"(\d+) lines are left out", told).group(1))
+    assert told.count("the wheels at [1]") + left_out == said_in_all
 
 
 @pytest.mark.parametrize("home", ["/proc/nobody", None])

@@ -265,3 +265,13 @@ def test_who_listens_to_what_is_fixed_alone_hears_of_it_and_may_listen_again(rob
     assert robot.x() == 1.0
     robot.transforms.close()
     assert not robot.subscribed
+
+
+def test_who_sends_a_transform_twice_does_not_fill_the_terminal(robot, capfd):
+    for stamp in (10.0, 10.0, 10.0):
+        robot.send(1.0, stamp=stamp)
+        assert robot.x() == 1.0
+    robot.now = 10.1
+    robot.send(2.0)
+    assert robot.x() == 2.0
+    assert "TF_" not in capfd.readouterr().err

@@ -1,6 +1,7 @@
 """A family of processes: what ends is there again, and nobody is left behind."""
 
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -39,9 +40,9 @@ sys.exit(Family(prepare, tasks, respawns="respawn" in sys.argv).run())
 class Running:
     """The program, and the processes it has told of."""
 
-    def __init__(self, *arguments):
+    def __init__(self, *arguments, terminal=subprocess.DEVNULL):
         self.process = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, *arguments], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+            [sys.executable, "-c", PROGRAM, *arguments], stdout=subprocess.PIPE, stderr=terminal)
 
     def __enter__(self):
         return self
@@ -67,6 +68,21 @@ def test_a_node_that_is_killed_is_there_again_and_its_sibling_drives_on():
         name, successor = program.told()
         assert name == "one" and successor.pid != children["one"].pid
         assert not has_ended(children["two"])
+
+
+def test_a_node_that_is_killed_is_there_again_though_nobody_reads_what_is_said_of_it():
+    reading, writing = os.pipe()
+    with open(reading, "rb"), open(writing, "wb") as terminal:
+        os.set_blocking(writing, False)
+        with pytest.raises(BlockingIOError):
+            while True:
+                os.write(writing, b"\n" * 4096)
+        os.set_blocking(writing, True)
+        with Running("respawn", terminal=terminal) as program:
+            children = dict(program.told() for _ in range(2))
+            children["one"].kill()
+            wait_until(lambda: select.select([program.process.stdout], [], [], 0.0)[0], "its successor", 20.0)
+            assert program.told()[0] == "one"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -6,8 +6,8 @@ pytest.importorskip("dynamic_reconfigure", reason="there is no ROS for this inte
 
 from mbf_relay.navigation.move_base_files import server_config  # noqa: E402
 from mbf_relay.navigation.move_base_parameters import MoveBaseParameters  # noqa: E402
+from mbf_relay.ros.move_base.node import with_own_server  # noqa: E402
 from mbf_relay.ros.move_base.settings import OwnSettings  # noqa: E402
-from mbf_relay.ros.relay.node import with_own_server  # noqa: E402
 from mbf_relay.ros.relay.relay import RelayParameters  # noqa: E402
 
 

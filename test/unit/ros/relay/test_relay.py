@@ -4,7 +4,19 @@ import pytest
 
 pytest.importorskip("mbf_msgs.msg")
 
-from fake_server import ABORTED, ACTIVE, LOST, PENDING, PREEMPTED, PREEMPTING, RECALLED, REJECTED, SUCCEEDED, Setup  # noqa: E402
+from fake_server import (  # noqa: E402
+    ABORTED,
+    ACTIVE,
+    LOST,
+    PENDING,
+    PREEMPTED,
+    PREEMPTING,
+    RECALLED,
+    REJECTED,
+    SUCCEEDED,
+    PaperClientGoal,
+    Setup,
+)
 from mbf_msgs.msg import ExePathResult, GetPathResult, MoveBaseResult  # noqa: E402
 
 from mbf_relay.ros.relay import answers  # noqa: E402
@@ -84,6 +96,22 @@ def test_a_goal_reached_while_its_cancel_was_under_way_is_reached(setup):
     setup.cancel(goal)
     setup.server.sent[0].end(SUCCEEDED, MoveBaseResult.SUCCESS)
     assert goal.state == SUCCEEDED
+
+
+def test_a_robot_stands_where_the_cancel_of_the_goal_that_replaces_its_own_comes_first(setup):
+    driving = setup.goal()
+    setup.relay.take_overtaken(PaperClientGoal("newer", 2.0), 1e6)
+    assert (driving.state, driving.text) == (PREEMPTED, answers.REPLACED)
+    assert setup.server.sent[0].cancels == 1 and len(setup.server.sent) == 1
+    setup.server.sent[0].end(PREEMPTED, MoveBaseResult.CANCELED)
+    assert setup.goal(stamp=1.5).state == RECALLED  # older than the newest
+
+
+@pytest.mark.parametrize("details", [{"stamp": 0.5}, {"stamp": 2.0, "x": float("nan")}])
+def test_a_goal_that_would_have_replaced_nothing_does_not_so_when_its_cancel_comes_first(setup, details):
+    driving = setup.goal()
+    setup.relay.take_overtaken(PaperClientGoal("other", **details), 1e6)
+    assert driving.state == ACTIVE and setup.server.sent[0].cancels == 0
 
 
 def test_cancels_of_other_goals_change_nothing(setup):

@@ -4,7 +4,8 @@ import pytest
 
 pytest.importorskip("dynamic_reconfigure.encoding")
 
-from mbf_relay.ros.relay.reconfigure import MoveBaseParameters, MoveBaseSettings, plugin_name, server_changes, wishes  # noqa: E402
+from mbf_relay.navigation.move_base_parameters import MoveBaseParameters  # noqa: E402
+from mbf_relay.ros.relay.reconfigure import MoveBaseSettings, name_at_server, server_changes, wishes  # noqa: E402
 
 PLUGINS = [{"name": "NavfnROS", "type": "navfn/NavfnROS"}, {"name": "other", "type": "global_planner/GlobalPlanner"}]
 
@@ -28,8 +29,8 @@ def test_what_the_server_has_nothing_like_is_not_forwarded():
     ("carrot_planner/CarrotPlanner", None), ("GlobalPlanner", None), ("", None),
 ])
 def test_a_plugins_type_becomes_the_servers_name_for_it(wanted, name):
-    assert plugin_name(wanted, PLUGINS) == name
-    assert plugin_name(wanted, []) is None
+    assert name_at_server(wanted, PLUGINS) == name
+    assert name_at_server(wanted, []) is None
 
 
 @pytest.mark.parametrize(

@@ -141,6 +141,30 @@ def test_a_launch_file_is_read_with_its_arguments_includes_and_namespaces(tmp_pa
     assert status == 1 and "max_vel_x" in told and "inner.launch]" in told
 
 
+LAUNCH_OF_A_SPEED = """<launch><arg name="speed" default="0.3"/>
+  <node pkg="move_base" type="move_base" name="move_base">
+    <param name="base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>
+    <param name="DWAPlannerROS/max_vel_x" value="$(arg speed)"/>
+    <rosparam ns="local_costmap">{robot_radius: 0.2}</rosparam>
+  </node></launch>"""
+
+
+def test_arguments_of_a_launch_file_are_given_as_to_roslaunch(tmp_path):
+    """They were taken for files and passed over: another robot was checked than the one that is launched."""
+    assert check(tmp_path, LAUNCH_OF_A_SPEED, name="nav.launch")[0] == 0
+    status, told = check(tmp_path, LAUNCH_OF_A_SPEED, "speed:=70", name="nav.launch")
+    assert status == 1 and "max_vel_x: is 70" in told, told
+
+
+@pytest.mark.parametrize("text, name, more, said", [
+    (LAUNCH_OF_A_SPEED, "nav.launch", "more.yaml", "'more.yaml' is no launch file"),
+    (GOOD, "params.yaml", "speed:=70", "'speed:=70' is an argument of a launch file, and no launch file is named"),
+])
+def test_what_would_not_be_read_is_refused(tmp_path, capsys, text, name, more, said):
+    assert check(tmp_path, text, more, name=name)[0] == 2
+    assert said in capsys.readouterr().err
+
+
 def test_what_stands_in_a_launch_file_itself_is_told_with_that_file_s_line(tmp_path):
     inside = "<rosparam>\n      DWAPlannerROS:\n        max_vel_xx: 0.4\n    </rosparam>"
     text = f"""<launch>
