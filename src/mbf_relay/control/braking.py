@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Tuple
+from typing import NamedTuple, Tuple
 
 import numpy as np
 
@@ -53,6 +53,29 @@ def _arcs(
     return poses, counts
 
 
+class Arcs(NamedTuple):
+    """Where commands lead.
+
+    Attributes:
+        poses: Shape (N, S, 3), in the costmap's frame.
+        counts: Shape (N,): how many poses each has.
+        steps: Shape (N,): seconds from one to the next, and to the first.
+    """
+
+    poses: np.ndarray
+    counts: np.ndarray
+    steps: np.ndarray
+
+
+def arcs_to_a_stand(
+    parameters: FollowerParameters, state: ControlState, checker: FootprintChecker, commands: np.ndarray
+) -> Arcs:
+    """Return where commands, (N, 3), lead that are held for a period and braked from."""
+    durations = np.array([stopping_time(parameters, Twist2D(*command), state.period) for command in commands.tolist()])
+    poses, counts = _arcs(checker, state, commands, durations)
+    return Arcs(poses, counts, durations / counts)
+
+
 def brakes_free(
     parameters: FollowerParameters, state: ControlState, checker: FootprintChecker, command: Twist2D
 ) -> bool:
@@ -62,13 +85,10 @@ def brakes_free(
     return checker.free_steps(poses, state.pose) == len(poses)
 
 
-def brake_free(
-    parameters: FollowerParameters, state: ControlState, checker: FootprintChecker, commands: np.ndarray
-) -> np.ndarray:
-    """Tell of each of many commands, (N, 3), whether `brakes_free` holds; shape (N,)."""
-    durations = np.array([stopping_time(parameters, Twist2D(*command), state.period) for command in commands.tolist()])
-    poses, counts = _arcs(checker, state, commands, durations)
-    free: np.ndarray = checker.first_contacts(poses, counts, np.ones(len(commands)), state.pose).steps == counts
+def brake_free(state: ControlState, checker: FootprintChecker, arcs: Arcs) -> np.ndarray:
+    """Tell of each of many commands by its arc to a stand whether `brakes_free` holds; shape (N,)."""
+    ways = checker.first_contacts(arcs.poses, arcs.counts, np.ones(len(arcs.counts)), state.pose)
+    free: np.ndarray = ways.steps == arcs.counts
     return free
 
 

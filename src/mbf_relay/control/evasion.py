@@ -8,7 +8,7 @@ from typing import Tuple
 import numpy as np
 
 from mbf_relay.control import evasion_kernels
-from mbf_relay.control.braking import arc, brake_free, stopping_time
+from mbf_relay.control.braking import Arcs, arcs_to_a_stand, brake_free
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.foresight import BETTER, Foresight
 from mbf_relay.control.local_path import LocalPath
@@ -25,6 +25,7 @@ EFFORT = 0.02  # share of its time that driving costs: of ways out as good, the 
 TURN_WORTH = 0.5  # robot's widths that a radian of turning counts as there
 TOLERANCE = 0.1  # s by which a way out must be better than what the robot is about to do
 FLEES = 0.02  # s less exposed than standing: from which on the robot flees
+SHARES = np.linspace(1.0, 0.0, 9)[:-1]  # of a command, the rest braking, that are looked at
 LEAST_SPEED = 1e-3  # m/s that a robot is taken to drive at
 
 def _manoeuvres(width: float, backwards: bool, on_the_spot: bool) -> np.ndarray:
@@ -44,7 +45,8 @@ class Evasion:
     cheapest is begun where it is cheaper than what the robot is about to do; in the next cycle all is asked anew.
 
     What stands may be nearer than the robot can brake within that moment. So none is begun, but to stand, from which it
-    could not brake before that, and none at all where nobody comes near any place that it could be at.
+    could not brake before that, or by which it could run into somebody, and none at all where nobody comes near any
+    place that it could be at.
 
     What moves does not stand in the way where it is marked: it will have gone.
 
@@ -82,7 +84,8 @@ class Evasion:
     def command(self, velocity: Twist2D, wanted: Twist2D) -> Twist2D:
         """Return the wanted command or the beginning of a way out, or as good a stop as there is.
 
-        That is where the robot could not brake before it meets what moves, and would be met later where it stands.
+        That is where the robot could not brake before it meets what moves, and would be met later where it stands. It
+        is held back by as much as it could run into somebody who turns on it.
 
         Args:
             velocity: The robot's now.
@@ -92,11 +95,16 @@ class Evasion:
         command, flees = self._way_out(velocity, wanted, window)
         if command == STOP:
             return command
-        duration = stopping_time(self._parameters, command, self._state.period)
-        poses = arc(self._checker, self._state, command, duration)
-        meeting = self._foresight.meetings(poses[None], np.array([len(poses)]), np.array([duration / len(poses)]))
-        cost = self._foresight.costs(meeting, np.array([duration]), self._pose, -BETTER if flees else BETTER)[0]
-        return command if math.isfinite(cost) else window.still
+        still = np.array(window.still)
+        held_back = still + SHARES[:, None] * (np.array(command) - still)
+        arcs = arcs_to_a_stand(self._parameters, self._state, self._checker, held_back)
+        whole = Arcs(*(each[:1] for each in arcs))
+        meeting = self._foresight.meetings(*whole)
+        cost = self._foresight.costs(meeting, whole.counts * whole.steps, self._pose, -BETTER if flees else BETTER)[0]
+        runs_into = self._foresight.runs_into(*arcs)
+        if math.isinf(cost) or runs_into.all():
+            return window.still
+        return Twist2D(*held_back[int(np.argmin(runs_into))].tolist())
 
     def _way_out(self, velocity: Twist2D, wanted: Twist2D, window: VelocityWindow) -> Tuple[Twist2D, bool]:
         """Return what to begin, and whether the robot flees by it from what will come to where it stands.
@@ -112,8 +120,9 @@ class Evasion:
         costs += self._efforts
         begun = np.array([window.clip(Twist2D(x, 0.0, turn)) for x, turn in first.tolist()])
         commands, which = np.unique(begun[1:], axis=0, return_inverse=True)
-        brakes = brake_free(self._parameters, self._state, self._checker, commands)[which.ravel()]
-        costs[1:][~brakes] = np.inf
+        arcs = arcs_to_a_stand(self._parameters, self._state, self._checker, commands)
+        begins = brake_free(self._state, self._checker, arcs) & ~self._foresight.runs_into(*arcs)
+        costs[1:][~begins[which.ravel()]] = np.inf
         best = int(np.argmin(costs))
         if as_wanted.min() <= costs[best] + TOLERANCE:
             return wanted, False

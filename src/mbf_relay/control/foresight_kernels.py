@@ -112,6 +112,40 @@ def first_meetings(outline, tracks, rooms, poses, counts, steps, horizon, wait, 
                 times[n] = time
 
 
+@kernel(
+    "void(float64[:,::1], float64[:,::1], float64[::1], float64[:,:,::1], int64[::1], float64[::1], float64, "
+    "boolean[::1])"
+)
+def runs_into(outline, tracks, rooms, poses, counts, steps, nearer, found):
+    """Tell on which trajectories the robot comes nearer to something that could be there by then, wherever it turns.
+
+    Args:
+        outline, tracks, rooms: As for `meets`; what moves may go to any side, and no faster than now.
+        poses: Shape (N, S, 3).
+        counts: Shape (N,): poses of each trajectory.
+        steps: Shape (N,): seconds from one pose to the next, and to the first.
+        nearer: Metres from which on it counts as coming nearer to where a track is now.
+        found: Shape (N,): filled.
+    """
+    reach = 0.0
+    for corner in range(outline.shape[0]):
+        reach = max(reach, math.hypot(outline[corner, 0], outline[corner, 1]))
+    for n in range(poses.shape[0]):
+        found[n] = False
+        for k in range(tracks.shape[0]):
+            speed = math.hypot(tracks[k, 2], tracks[k, 3])
+            for index in range(counts[n]):
+                covered = min(rooms[k], tracks[k, 4]) + (index + 1) * steps[n] * speed
+                dx, dy = tracks[k, 0] - poses[n, index, 0], tracks[k, 1] - poses[n, index, 1]
+                if dx * dx + dy * dy >= (reach + covered) ** 2:
+                    continue
+                cos, sin = math.cos(poses[n, index, 2]), math.sin(poses[n, index, 2])
+                off = distance_to_outline(outline, cos * dx + sin * dy, cos * dy - sin * dx)
+                if off < covered and off < rooms[k] - nearer:
+                    found[n] = True
+                    break
+
+
 @kernel("void(float64[:,::1], float64[:,::1], float64, float64, float64, float64[::1])")
 def rooms_now(outline, tracks, x, y, theta, rooms):
     """Find the distance from the footprint to the centre of each track, shape (K,); see `meets`."""

@@ -28,6 +28,7 @@ from mbf_relay.tracking.tracker_kernels import (
 )
 
 GATE = 9.0  # squared deviations within which a cluster may be a thing seen before
+SURPRISE = 3.0  # squared deviations from its place, as foreseen, from which on what moves has stopped or turned
 FIRST_SPEED = 0.5  # m/s: deviation of the velocity of a thing seen for the first time
 DEPTH = 0.08  # m behind a place that must have been seen for it to have been empty
 LONGER = 2.5  # factor on the memory: who is slow has not left his place after the first time, and has after the second
@@ -56,9 +57,13 @@ class Tracker:
     move because more of it does, passes the first test and not the second. What moves straight away from the lidar
     passes neither: it hid where it goes to.
 
+    Constant velocity is what people have till they turn. Who moves and is off the place foreseen has turned or stopped:
+    his velocity is then what his new place says, and he is looked for as far back as he can have come.
+
     Source: Arras, Grzonka, Luber, Burgard, "Efficient people tracking in laser range data" (2008), for segments and
     filters; Wang, Thorpe, Thrun, "Online simultaneous localization and mapping with detection and tracking of moving
-    objects" (2003), for what was seen to be free.
+    objects" (2003), for what was seen to be free; Bar-Shalom, Li, Kirubarajan, "Estimation with applications to
+    tracking and navigation" (2001), for noise that is raised where a manoeuvre shows.
 
     Attributes:
         parameters: The values in force.
@@ -122,8 +127,10 @@ class Tracker:
         self._drop_old_scans(stamp)
         noises = self._noises(clusters)
         taken = np.empty(len(noises), np.int64)
-        tracker_kernels.associate(self._things, clusters.discs, noises, GATE, taken)
-        tracker_kernels.correct(self._things, clusters.discs, noises, taken, stamp)
+        tracker_kernels.associate(
+            self._things, clusters.discs, noises, GATE, elapsed or 0.0, CONVINCED, taken)
+        tracker_kernels.correct(
+            self._things, clusters.discs, noises, taken, stamp, elapsed or 0.0, SURPRISE, CONVINCED)
         self._judge(clusters, taken, rays, stamp)
         self._begin(clusters.discs, noises, taken, stamp)
         self._forget(rays, stamp)

@@ -45,8 +45,8 @@ def predict(things, elapsed, squared, position_noise, cross_noise, velocity_nois
         things[n, VELOCITY] = velocity + velocity_noise
 
 
-@kernel("void(float64[:,::1], float64[:,::1], float64[::1], float64, int64[::1])")
-def associate(things, discs, noises, gate, taken):
+@kernel("void(float64[:,::1], float64[:,::1], float64[::1], float64, float64, float64, int64[::1])")
+def associate(things, discs, noises, gate, elapsed, convinced, taken):
     """Find for each cluster the thing it is: the nearest pairs first, by deviations; of pairs as near, the first.
 
     Args:
@@ -54,6 +54,8 @@ def associate(things, discs, noises, gate, taken):
         discs: Shape (K, 4): the clusters.
         noises: Shape (K,): variances (m^2) of their centres.
         gate: Squared deviations within which a cluster may be a thing.
+        elapsed: Seconds since the last scan: who moved and turned back right after it is twice his way in them off.
+        convinced: Belief from which on a thing moves.
         taken: Shape (K,), written: the thing, -1 for none.
     """
     count = discs.shape[0]
@@ -61,10 +63,14 @@ def associate(things, discs, noises, gate, taken):
     near, distances = np.empty(64, np.int64), np.empty(64)
     pairs = 0
     for n in range(things.shape[0]):
+        turned = 0.0
+        if things[n, BELIEF] >= convinced:
+            turned = 2.0 * elapsed * math.hypot(things[n, VX], things[n, VY])
         for k in range(count):
             across, up = things[n, X] - discs[k, 0], things[n, Y] - discs[k, 1]
-            distance = (across * across + up * up) / (things[n, POSITION] + noises[k])
-            if not distance <= gate:
+            squared, total = across * across + up * up, things[n, POSITION] + noises[k]
+            distance = squared / total
+            if not (distance <= gate or squared <= (turned + math.sqrt(gate * total)) ** 2):
                 continue
             if pairs == near.shape[0]:
                 near, distances = np.append(near, np.empty_like(near)), np.append(distances, np.empty_like(distances))
@@ -82,14 +88,18 @@ def associate(things, discs, noises, gate, taken):
             free[n] = False
 
 
-@kernel("void(float64[:,::1], float64[:,::1], float64[::1], int64[::1], float64)")
-def correct(things, discs, noises, taken, stamp):
+@kernel("void(float64[:,::1], float64[:,::1], float64[::1], int64[::1], float64, float64, float64, float64)")
+def correct(things, discs, noises, taken, stamp, elapsed, surprise, convinced):
     """Take where things were seen, and how large.
 
     Args:
         things: Shape (N, 11), changed.
         discs, noises, taken: See `associate`; a disc's last column tells whether the whole of it was seen.
         stamp: Time (s).
+        elapsed: Seconds since the last scan.
+        surprise: Squared deviations from its place, as foreseen, from which on what moves has stopped or turned: its
+            velocity is as uncertain then as it was high.
+        convinced: Belief from which on a thing moves.
     """
     for k in range(discs.shape[0]):
         n = taken[k]
@@ -98,6 +108,12 @@ def correct(things, discs, noises, taken, stamp):
         position, cross, velocity = things[n, POSITION], things[n, CROSS], things[n, VELOCITY]
         total = position + noises[k]
         across, up = discs[k, 0] - things[n, X], discs[k, 1] - things[n, Y]
+        if things[n, BELIEF] >= convinced and across * across + up * up > surprise * total:
+            turned = things[n, VX] * things[n, VX] + things[n, VY] * things[n, VY]
+            position += elapsed * elapsed * turned
+            cross += elapsed * turned
+            velocity += turned
+            total = position + noises[k]
         things[n, X] += position / total * across
         things[n, Y] += position / total * up
         things[n, VX] += cross / total * across

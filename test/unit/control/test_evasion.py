@@ -7,7 +7,7 @@ import pytest
 from kinematics import boxes, costmap_round, path_through
 from paper import burger
 
-from mbf_relay.control.braking import brake_free, brakes_free
+from mbf_relay.control.braking import arcs_to_a_stand, brake_free, brakes_free
 from mbf_relay.control.controller import SpeedLimit
 from mbf_relay.control.evasion import Evasion
 from mbf_relay.control.foresight import Foresight
@@ -64,4 +64,5 @@ def test_commands_brake_free_together_as_each_alone_does():
     checker, rng = FootprintChecker(state.costmap), np.random.default_rng(3)
     commands = rng.uniform((-0.8, 0.0, -2.7), (0.8, 0.0, 2.7), (200, 3))
     alone = [brakes_free(FAST, state, checker, Twist2D(*command)) for command in commands.tolist()]
-    assert brake_free(FAST, state, checker, commands).tolist() == alone and 20 < sum(alone) < 180
+    together = brake_free(state, checker, arcs_to_a_stand(FAST, state, checker, commands))
+    assert together.tolist() == alone and 20 < sum(alone) < 180

@@ -189,3 +189,75 @@ def test_the_time_of_a_meeting_is_when_it_happens():
         state(START, STOP, 0.0, mover(0.4, 0.0, -0.2, 0.0)).costmap, START, 0.0, make(DWA, foresight=True).parameters
     ).meeting_of_standing(START) == pytest.approx((0.4 - 0.141) / 0.2, abs=0.2)
     assert blind.is_blind and blind.meeting_of_standing(START) == math.inf
+
+
+def nearing(before, pose, track):
+    """Return by how much (m) the robot came nearer by its own motion to where a track is."""
+    return gap(before, track) - gap(pose, track)
+
+
+@pytest.mark.parametrize("name", [DWA, PURSUIT, "mppi"])
+@pytest.mark.parametrize("after", [0.8, 1.2, 1.6])
+def test_who_walks_ahead_and_turns_back_is_not_run_into_before_that_is_seen(name, after):
+    """A robot followed who walked as fast as itself, and hit him before the tracker knew that he had turned."""
+    controller, robot, speed, lag = make(name, foresight=True), PaperRobot(START), 0.25, 0.6
+    controller.set_path(path_through((0, 0), (3.0, 0)), True)
+    came_nearer, gaps = [], []
+    for cycle in range(40):
+        now = 0.1 * cycle
+        turned = now - after
+        place = 0.35 + speed * (now if turned < 0.0 else after - turned)
+        seen = mover(place, 0.0, speed if turned < lag else -speed, 0.0, now=now)
+        try:
+            command = controller.compute_velocity(state(robot.pose, robot.velocity, now, seen))
+        except ControlError:
+            command = STOP
+        before = robot.pose
+        robot.move(command, 0.1)
+        gaps.append(gap(robot.pose, seen._replace(x=place)))
+        came_nearer.append(nearing(before, robot.pose, seen))
+        if gaps[-1] <= 0.02:
+            break
+    assert came_nearer[-1] < 0.001, gaps[-5:]
+
+
+@pytest.mark.parametrize("name", [DWA, PURSUIT, "mppi"])
+def test_no_command_brings_the_robot_braking_into_anybody_wherever_he_turns(name):
+    rng = np.random.default_rng(5)
+    controller, moved = make(name, foresight=True), 0
+    for number in range(60):
+        angle, speed = rng.uniform(-math.pi, math.pi), rng.uniform(0.05, 0.4)
+        track = mover(*rng.uniform(-0.6, 0.6, 2), speed * math.cos(angle), speed * math.sin(angle))
+        if gap(START, track) <= 0.0:
+            continue
+        now = 10.0 * number
+        controller.set_path(path_through((0, 0), tuple(rng.uniform(-1.0, 1.0, 2))), True)
+        seen = state(START, STOP, now, track._replace(stamp=now))
+        try:
+            command = controller.compute_velocity(seen)
+        except ControlError:
+            continue
+        moved += command != STOP
+        duration = stopping_time(controller.parameters, command, 0.1)
+        poses = arc(FootprintChecker(seen.costmap), seen, command, duration)
+        for index, pose in enumerate(poses.tolist()):
+            time = (index + 1) * duration / len(poses)
+            left = gap(Pose2D(*pose), track)
+            assert left >= speed * time or left >= gap(START, track) - 0.0021, number
+    assert moved > 20
+
+
+def test_who_could_be_run_into_is_found_as_by_one_pose_after_the_other():
+    rng = np.random.default_rng(6)
+    tracks = [mover(*rng.uniform(-0.5, 0.5, 2), *rng.uniform(-0.5, 0.5, 2), radius=rng.uniform(0.05, 0.2))
+              for _ in range(6)]
+    tracks = [track for track in tracks if gap(START, track) > 0.0]
+    seen, counts, steps = state(START, STOP, 0.0, *tracks).costmap, rng.integers(1, 9, 300), rng.uniform(0.02, 0.1, 300)
+    poses = np.cumsum(rng.normal((0.0, 0.0, 0.0), (0.03, 0.03, 0.1), (300, 8, 3)), axis=1)
+    found = Foresight(seen, START, 0.0, make(DWA, foresight=True).parameters).runs_into(poses, counts, steps)
+    expected = [
+        any(gap(pose, track) < min((index + 1) * step * track.speed, gap(START, track) - 0.002)
+            for track in tracks for index, pose in enumerate(map(Pose2D._make, way[:count].tolist())))
+        for way, count, step in zip(poses, counts, steps)
+    ]
+    assert found.tolist() == expected and 30 < sum(expected) < 270

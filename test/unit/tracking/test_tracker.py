@@ -68,6 +68,20 @@ def test_one_that_slows_down_on_its_way_to_the_robot_is_not_lost_sight_of(bearin
     assert counts[13:] == [1] * len(counts[13:])
 
 
+@pytest.mark.parametrize("speed, turn", [(0.2, math.pi), (0.3, 1.6), (0.3, math.pi), (0.5, 1.6), (0.5, math.pi)])
+@pytest.mark.parametrize("seed", range(3))
+def test_who_turns_on_his_way_is_seen_to_come_before_he_is_there(speed, turn, seed):
+    """For half a second he was taken to walk on, and a robot that followed him hit him; one in a hurry was lost."""
+    def way(t):
+        return np.array((0.8, 0.0)) + speed * (
+            min(t, 2.0) * np.array((math.cos(1.2), math.sin(1.2))) + max(0.0, t - 2.0) * after)
+
+    after = np.array((math.cos(1.2 + turn), math.sin(1.2 + turn)))
+    tracker, _ = follow(lambda t: [(*way(t), 0.12)], seconds=2.6, seed=seed)
+    (track,) = tracker.tracks
+    assert math.hypot(*((track.vx, track.vy) - speed * after)) < 0.4 * speed
+
+
 def test_two_that_cross_keep_their_numbers():
     world = lambda t: [(1.2, -0.8 + 0.2 * t, 0.1), (0.7, 0.8 - 0.2 * t, 0.1)]  # noqa: E731
     rng, tracker, numbers = np.random.default_rng(2), Tracker(TrackerParameters()), []

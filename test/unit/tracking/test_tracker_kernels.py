@@ -8,7 +8,8 @@ import pytest
 from mbf_relay.tracking import tracker_kernels as kernels
 from mbf_relay.tracking.tracker_kernels import BELIEF, COLUMNS, RADIUS, SEEN, VELOCITY
 
-GATE, DEPTH, CONVINCED, MOST, HALF_HIDDEN = 9.0, 0.08, 2, 5, 0.2
+GATE, SURPRISE, DEPTH, CONVINCED, MOST, HALF_HIDDEN = 9.0, 3.0, 0.08, 2, 5, 0.2
+ELAPSED = 0.2
 SEEDS = pytest.mark.parametrize("seed", range(30))
 
 
@@ -31,8 +32,11 @@ def plain_association(things, discs, noises):
     """Return for each cluster the thing it is, -1 for none."""
     taken = np.full(len(discs), -1)
     off = things[:, None, :2] - discs[:, :2]
-    distances = ((off ** 2).sum(axis=2) / (things[:, 4][:, None] + noises)).ravel()
-    pairs = (distances <= GATE).nonzero()[0]
+    squares, totals = (off ** 2).sum(axis=2), things[:, 4][:, None] + noises
+    distances = (squares / totals).ravel()
+    turned = np.where(things[:, BELIEF] >= CONVINCED, 2.0 * ELAPSED * np.hypot(things[:, 2], things[:, 3]), 0.0)
+    is_near = (distances <= GATE) | (squares <= (turned[:, None] + np.sqrt(GATE * totals)) ** 2).ravel()
+    pairs = is_near.nonzero()[0]
     free = [True] * len(things)
     for pair in pairs[np.argsort(distances[pairs], kind="stable")].tolist():
         thing, cluster = divmod(pair, len(discs))
@@ -63,13 +67,17 @@ def test_clusters_are_the_things_nearest_to_them_and_put_them_where_the_filter_d
         things[:, :2] *= 0.1  # many pairs
     discs, noises = random_discs(rng, things, rng.integers(0, 30))
     taken = np.empty(len(discs), np.int64)
-    kernels.associate(things, discs, noises, GATE, taken)
+    kernels.associate(things, discs, noises, GATE, ELAPSED, CONVINCED, taken)
     assert taken.tolist() == plain_association(things, discs, noises).tolist()
 
     expected, known = things.copy(), (taken >= 0).nonzero()[0]
     which, noise = taken[known], noises[known]
     position, cross, velocity = things[which, 4:7].T
     total, off = position + noise, discs[known, :2] - things[which, :2]
+    surprises = (things[which, BELIEF] >= CONVINCED) & ((off ** 2).sum(axis=1) > SURPRISE * total)
+    turned = np.where(surprises, (things[which, 2:4] ** 2).sum(axis=1), 0.0)
+    position, cross, velocity = position + ELAPSED * ELAPSED * turned, cross + ELAPSED * turned, velocity + turned
+    total = position + noise
     expected[which, :2] += (position / total)[:, None] * off
     expected[which, 2:4] += (cross / total)[:, None] * off
     expected[which, 4] = position - position * position / total
@@ -79,7 +87,7 @@ def test_clusters_are_the_things_nearest_to_them_and_put_them_where_the_filter_d
     radii = expected[which, RADIUS]
     radii = np.where(discs[known, 3] > 0.0, radii + 0.3 * (discs[known, 2] - radii), radii)
     expected[which, RADIUS] = np.maximum(radii, discs[known, 2])
-    kernels.correct(things, discs, noises, taken, 7.5)
+    kernels.correct(things, discs, noises, taken, 7.5, ELAPSED, SURPRISE, CONVINCED)
     assert (things == expected).all()
 
 
