@@ -58,8 +58,12 @@ class BackOut:
         self.__init__()  # type: ignore[misc]
 
     def drove(self, path: LocalPath, width: float) -> None:
-        """Note that a robot of this width (m) succeeded in driving: nearer to the goal than before, or another way."""
+        """Note that a robot of this width (m) succeeded in driving."""
         self._failing_since = None
+        self._look_for_progress(path, width)
+
+    def _look_for_progress(self, path: LocalPath, width: float) -> None:
+        """Begin to count tries anew where the robot is nearer to the goal than before, or is to go another way."""
         nearer = self._best_left - path.remaining
         if nearer > PROGRESS * width or nearer < -ANOTHER_WAY * width:
             self._best_left, self._tries = path.remaining, 0
@@ -70,9 +74,10 @@ class BackOut:
         """Note that driving failed, and begin to back out where it has for long enough and an arc is free."""
         if self._failing_since is None or now < self._failing_since:
             self._failing_since = now
+        width = checker.costmap.width
+        self._look_for_progress(path, width)
         if self._tries >= TRIES or now - self._failing_since < PATIENCE:
             return
-        width = checker.costmap.width
         ahead = path.point_at(min(path.robot_arc + AHEAD * width, float(path.arcs[-1])))
         heading = math.atan2(ahead[1] - pose.y, ahead[0] - pose.x)
         if abs(angle_between(pose.theta, heading)) < ASKEW:

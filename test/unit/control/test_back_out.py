@@ -115,15 +115,20 @@ def test_one_whose_try_brought_it_nowhere_backs_out_farther_the_next_time(wedged
     assert tries[1] > 1.5 * tries[0] and (tries[2] > 1.5 * tries[1] or tries[2] > state.costmap.width), tries
 
 
-def test_one_that_is_led_another_way_may_back_out_again(wedged):
-    """It had used up its tries before a gap, and in the dead end behind it stood until it was given up."""
+@pytest.mark.parametrize("gets_on", [True, False])
+def test_one_that_is_led_another_way_may_back_out_again(wedged, gets_on):
+    """It had used up its tries before a gap, and in the dead end behind it stood until it was given up.
+
+    Where it could not make a move towards the other way either, it stood right there.
+    """
     (state, checker, cut), back_out, parameters = wedged, BackOut(), make("dwa_local_planner/DWAPlannerROS").parameters
     ahead, round_about = cut((0.0, 0.0), (0.0, 0.5)), cut((0.0, 0.0), (-0.5, 0.0), (-0.5, 2.0))
     for _ in range(TRIES):
         assert tried(back_out, state, ahead, checker, parameters) is not None
         back_out.drove(ahead, state.costmap.width)
     assert tried(back_out, state, ahead, checker, parameters) is None
-    back_out.drove(round_about, state.costmap.width)
+    if gets_on:
+        back_out.drove(round_about, state.costmap.width)
     assert tried(back_out, state, round_about, checker, parameters) is not None
 
 
