@@ -21,6 +21,8 @@ HALF_LIFE = 30.0
 """Seconds in which a toll falls to its half: what stood there may be gone."""
 FORGOTTEN = 1.0
 """Robot's widths below which a toll is none."""
+MOST_PLANS = 5
+"""Plans for one path: on a large map each takes its time, and a robot is refused at many places where none is good."""
 
 Point = Tuple[float, float]
 
@@ -99,21 +101,22 @@ def plan_round(
     paid = [toll for toll in tolls if min(math.dist(toll.place, end) for end in ends) > reach]
     least, best = math.inf, path
     closed: List[Point] = []
-    while True:
+    for left in reversed(range(MOST_PLANS)):
         passed = [toll for toll in paid if _passes(path, toll.place, reach)]
         cost = path.length + sum(toll.detour for toll in passed)
         if cost <= least:
             least, best = cost, path
         to_close = [toll.place for toll in passed if toll.place not in closed]
-        if not to_close or path.length >= least:
-            return best
+        if not to_close or path.length >= least or left == 0:
+            break
         closed += to_close
         try:
             path = plan(_closed(costmap, closed, ends))
         except PlanningError as error:
             if error.outcome is PlanOutcome.CANCELED:
                 raise
-            return best
+            break
+    return best
 
 
 def _passes(path: Path, place: Point, reach: float) -> bool:

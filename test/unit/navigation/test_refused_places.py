@@ -13,6 +13,7 @@ from mbf_relay.navigation.refused_places import (
     DOUBLINGS,
     FORGOTTEN,
     HALF_LIFE,
+    MOST_PLANS,
     TOLL,
     RefusedPlaces,
     Toll,
@@ -106,6 +107,18 @@ def test_a_plan_past_no_refused_place_is_asked_for_once():
     costmap = wall_with_gaps(NEAR_GAP, FAR_GAP)
     plan_round([Toll(FAR_GAP, 9.0)], costmap, START, GOAL_POSE, straight)
     assert calls == [costmap]
+
+
+def test_where_every_way_was_refused_only_so_many_are_looked_at():
+    calls, places = [], [(1.5, 0.25 * k) for k in range(2 * MOST_PLANS)]
+
+    def through_the_next(seen):
+        calls.append(seen)
+        return Path(np.array([START, [*places[len(calls) - 1], 0.0], GOAL_POSE]), "map")
+
+    costmap = wall_with_gaps(NEAR_GAP, FAR_GAP)
+    path = plan_round([Toll(place, 9.0 - k) for k, place in enumerate(places)], costmap, START, GOAL_POSE, through_the_next)
+    assert len(calls) == MOST_PLANS and tuple(path.poses[1, :2]) == places[MOST_PLANS - 1]
 
 
 def test_a_plan_called_off_on_the_way_round_is_called_off():
