@@ -11,7 +11,7 @@ import sys
 import rosgraph
 import rostest
 import tornado.httpclient
-from actionlib_msgs.msg import GoalStatus
+from actionlib_msgs.msg import GoalID, GoalStatus
 from map_msgs.msg import OccupancyGridUpdate
 from move_base_msgs.msg import MoveBaseActionResult
 from rosgraph_msgs.msg import Log
@@ -19,7 +19,7 @@ from rosgraph_msgs.msg import Log
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 
 from node.web_view_stack import ViewProcess, WebViewCase  # noqa: E402
-from ros_testing import wait_until  # noqa: E402
+from ros_testing import Listener, wait_until  # noqa: E402
 from web_client import StalledClient, WebClient  # noqa: E402
 
 from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
@@ -289,6 +289,27 @@ class WebViewTest(WebViewCase):
         cancels = len(self.robot.cancels.messages)
         self.drive(client)
         self.robot.cancels.wait_for(lambda _: True, "a cancel", since=cancels)
+
+    def test_a_robot_whose_stick_is_held_does_not_set_out_for_a_goal_sent_meanwhile(self):
+        client = self.driver()
+        before = len(self.robot.cancels.messages)
+        self.drive(client)
+        self.robot.cancels.wait_for(lambda _: True, "the cancel of the goal before", since=before)
+        cancels = len(self.robot.cancels.messages)  # a goal of anybody's may come from here on
+
+        def called_off():
+            client.send(do="stick", forward=1.0, left=0.0)
+            return len(self.robot.cancels.messages) > cancels
+
+        wait_until(called_off, "a cancel", period=0.05)
+
+    def test_a_robot_that_drives_for_a_client_of_the_server_itself_is_stopped_from_the_page(self):
+        actions = ("move_base_flex/exe_path", "move_base/recovery")  # of a server beside a relay, of one in move_base
+        client = self.driver()
+        listeners = [Listener(f"{action}/cancel", GoalID, connected=True) for action in actions]
+        client.send(do="cancel")
+        for listener in listeners:
+            listener.wait_for(lambda _: True, "a cancel")
 
     def test_two_hands_do_not_drive_at_once(self):
         one, two = self.driver(), self.connect()

@@ -64,7 +64,8 @@ class Costmap:
         self._default = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
         self._last_update: Optional[float] = None
         self._updates, self._sized_by_map = 0, False
-        self._size_due = self._redo_due = False  # the next update takes another size; it redoes every cell
+        self._due_grid: Optional[Grid] = None  # the next update takes it, see there
+        self._redo_due = False  # the next update redoes every cell
         self._copy: Optional[np.ndarray] = None  # of the costs, made when somebody asks
         self._shown: Optional[CostGrid] = None  # the snapshot made last, as long as nothing changed
         self._history: Deque[Tuple[int, Window]] = deque(maxlen=HISTORY)
@@ -126,7 +127,7 @@ class Costmap:
                 outline = self._outline  # which may have come since by other ways than a parameter
                 check_padded(outline, parameters.footprint_padding, parameters.resolution)
             self.parameters = parameters
-            self._size_due |= resized
+            self._due_grid = parameters.grid() if resized else self._due_grid
             self.set_footprint(outline)
 
     def reconfigure_layer(self, name: str, parameters: ParameterSet) -> None:
@@ -213,9 +214,7 @@ class Costmap:
                         f"{self.name}: the map is turned by {occupancy.origin.theta:.6g} rad; a costmap lies along "
                         "the axes, so the third number of the map's origin must be 0"
                     )
-                self._sized_by_map, self._size_due = True, False
-                if grid != self._grid:
-                    self._resize(grid)
+                self._sized_by_map, self._due_grid = True, grid if grid != self._grid else None
             for taker in takers:
                 taker.set_map(occupancy)
         return notice
@@ -263,9 +262,9 @@ class Costmap:
         if not robot_pose.is_finite():
             raise ValueError(f"{self.name}: robot pose {tuple(robot_pose)} is not finite")
         with self._lock:
-            if self._size_due:  # not sooner: until its layers are asked again, a new grid is free all over
-                self._size_due = False
-                self._resize(self.parameters.grid())
+            if self._due_grid is not None:  # not sooner: until its layers are asked again, a new grid is free all over
+                self._resize(self._due_grid)
+                self._due_grid = None
             if self.parameters.rolling_window:
                 self._follow(robot_pose)
             context = LayerContext(now, robot_pose, self._footprint)

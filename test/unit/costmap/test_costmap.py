@@ -379,6 +379,18 @@ def test_a_map_that_comes_before_a_wanted_size_is_taken_up_wins():
     assert costmap.snapshot().grid.shape == (80, 80)
 
 
+def test_no_robot_is_planned_through_walls_between_a_larger_map_and_the_next_update():
+    """The costmap was free all over, or unknown, until then: a map grows with each room a SLAM node sees."""
+    costmap = factory.build_costmap("global_costmap", OLD_FORM_GLOBAL)
+    costmap.set_map(room())
+    costmap.update(1.0, IDENTITY)
+    before = costmap.snapshot()
+    costmap.set_map(room(120))
+    assert np.array_equal(costmap.snapshot().costs, before.costs)
+    costmap.update(1.1, IDENTITY)
+    assert costmap.snapshot().grid.shape == (120, 120) and (costmap.snapshot().costs[0] == LETHAL).all()
+
+
 @pytest.mark.parametrize("change", [{"width": 0.04}, {"height": 0.04}, {"resolution": 4.0}, {"width": 2000.0}])
 def test_a_size_without_cells_or_with_too_many_is_refused(change):
     with pytest.raises(ValueError, match="must be 1 to 32767 cells"):

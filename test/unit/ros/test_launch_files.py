@@ -8,6 +8,8 @@ import pytest
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 rlutil = pytest.importorskip("roslaunch.rlutil")
 
+from roslaunch.config import load_config_default  # noqa: E402
+
 LAUNCH = sorted((Path(__file__).resolve().parents[3] / "launch").glob("*.launch"))
 
 
@@ -21,3 +23,11 @@ def test_every_argument_is_explained(path):
 @pytest.mark.parametrize("path", LAUNCH, ids=lambda path: path.name)
 def test_roslaunch_check_finds_nothing(path):
     assert rlutil.check_roslaunch(str(path)) is None  # what roslaunch-check calls; it returns the error's text
+
+
+@pytest.mark.parametrize("driver", ("move_base_flex", "web_view"))
+def test_nobody_drives_the_demo_s_robot_past_its_guard_into_a_box(driver):
+    path, = (str(path) for path in LAUNCH if path.name == "demo.launch")
+    config = load_config_default([(path, ["web:=true"])], 11311, assign_machines=False)
+    node, = (node for node in config.nodes if node.name == driver)
+    assert ("cmd_vel", "cmd_vel_raw") in {tuple(pair) for pair in node.remap_args}

@@ -24,6 +24,9 @@ COMMAND_PERIOD = 0.05
 """Wall seconds between two velocities while a stick is held."""
 SERVICE_PATIENCE = 2.0
 """Wall seconds to wait for a service to be there."""
+ACTIONS = ("move_base", *(
+    f"{node}/{action}" for node in ("move_base_flex", "move_base") for action in ("move_base", "exe_path", "recovery")))
+"""Whatever may drive the robot: the relay's or move_base's goals, and those given to a Move Base Flex server itself."""
 OBSTACLES = "web_view"
 """Namespace of the markers set down from a browser."""
 
@@ -56,11 +59,11 @@ class Hands:
         """Advertise."""
         for name, kind in (
             ("move_base/goal", MoveBaseActionGoal),
-            ("move_base/cancel", GoalID),
             ("move_base_simple/goal", PoseStamped),
             ("initialpose", PoseWithCovarianceStamped),
             ("cmd_vel", Twist),
             ("simulator/set_obstacles", MarkerArray),
+            *((f"{action}/cancel", GoalID) for action in ACTIONS),
         ):
             self._publishers[name] = rospy.Publisher(f"{self._namespace}{name}", kind, queue_size=10, tcp_nodelay=True)
 
@@ -86,8 +89,13 @@ class Hands:
         raise Refused(f"nobody takes goals: no node listens to {self._namespace}move_base/goal")
 
     def cancel(self) -> None:
-        """End whatever goal the robot has."""
-        self._publish("move_base/cancel", GoalID())
+        """End whatever goal the robot has, whoever gave it; raise Refused where nobody takes any."""
+        found = [self._publishers.get(f"{action}/cancel") for action in ACTIONS]
+        heard = [publisher for publisher in found if publisher is not None and publisher.get_num_connections()]
+        if not heard:
+            raise Refused(f"nobody takes goals: no node listens to {self._namespace}move_base/cancel")
+        for publisher in heard:
+            publisher.publish(GoalID())
 
     def estimate(self, pose: Pose2D, spread: float, turn_spread: float) -> None:
         """Tell localization where the robot is.

@@ -130,12 +130,12 @@ class ViewedRobot:
         self.hands.clear_costmaps()
 
     def _do_stick(self, who: Hashable, forward: float, left: float) -> None:
-        if self.hands.holder is None:  # whoever takes the stick takes the robot
+        if self.hands.holder in (None, who):  # whoever has the stick has the robot, also from goals sent meanwhile
             self._tour = None
             try:
                 self.hands.cancel()
             except Refused:
-                pass  # there is no move_base, and so no goal
+                pass  # nobody takes goals, and so there is none
         self.hands.push(who, Twist2D(forward * self._settings.teleop_speed, 0.0, left * self._settings.teleop_turn))
 
     def _do_release(self, who: Hashable) -> None:
