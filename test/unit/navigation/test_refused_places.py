@@ -117,7 +117,8 @@ def test_where_every_way_was_refused_only_so_many_are_looked_at():
         return Path(np.array([START, [*places[len(calls) - 1], 0.0], GOAL_POSE]), "map")
 
     costmap = wall_with_gaps(NEAR_GAP, FAR_GAP)
-    path = plan_round([Toll(place, 9.0 - k) for k, place in enumerate(places)], costmap, START, GOAL_POSE, through_the_next)
+    tolls = [Toll(place, 9.0 - k) for k, place in enumerate(places)]
+    path = plan_round(tolls, costmap, START, GOAL_POSE, through_the_next)
     assert len(calls) == MOST_PLANS and tuple(path.poses[1, :2]) == places[MOST_PLANS - 1]
 
 
