@@ -72,7 +72,7 @@ class ActionServer:
     def __init__(
         self, name: str, action_type: Any, goal_cb: Callable[[TrackedGoal], None],
         cancel_cb: Callable[[TrackedGoal], None], recalled: Optional[Callable[[], Any]] = None,
-        client_timeout: float = 0.0, overtaken_cb: Optional[Callable[[TrackedGoal], None]] = None,
+        client_timeout: float = 0.0, overtaken_cb: Callable[[TrackedGoal], None] = lambda goal: None,
         is_alive: Callable[[], bool] = lambda: True,
     ) -> None:
         """Make a server, not yet advertised.
@@ -89,9 +89,8 @@ class ActionServer:
         self._goal_type, self._result_type = type(action.action_goal), type(action.action_result)
         self._feedback_type = type(action.action_feedback)
         empty = type(action.action_result.result)
-        self.goals = GoalTracker(self, goal_cb, cancel_cb, empty, time.monotonic, rospy.get_rostime, recalled)
-        if overtaken_cb is not None:
-            self.goals.on_overtaken = overtaken_cb
+        self.goals = GoalTracker(
+            self, goal_cb, cancel_cb, empty, time.monotonic, rospy.get_rostime, recalled, overtaken_cb)
         self.lock = self.goals.lock
         self._is_alive = is_alive
         self._late_comers = _LateComers()

@@ -135,16 +135,12 @@ class GoalTracker:
     """Takes goals, cancels and renewals as they arrive, and gives each goal one end.
 
     One lock, re-entrant: the callbacks run under it, goals take it.
-
-    Attributes:
-        on_overtaken: Called with a goal whose cancel came before it, before that goal ends: the two come by
-            connections of their own.
     """
 
     def __init__(
         self, sink: GoalSink, on_goal: Callable[[TrackedGoal], None], on_cancel: Callable[[TrackedGoal], None],
         empty_result: Callable[[], Any], clock: Callable[[], float], ros_now: Callable[[], Any],
-        recalled: Optional[Callable[[], Any]] = None,
+        recalled: Optional[Callable[[], Any]] = None, on_overtaken: Callable[[TrackedGoal], None] = lambda goal: None,
     ) -> None:
         """Begin without goals.
 
@@ -156,10 +152,11 @@ class GoalTracker:
             ros_now: Gives ROS time, as a message has it.
             recalled: Makes the result of a goal whose cancel came before it; actionlib's empty one says 0, which is
                 SUCCESS to whoever looks at the outcome alone.
+            on_overtaken: Called with a goal whose cancel came before it, before that goal ends: the two come by
+                connections of their own.
         """
         self.lock = threading.RLock()
-        self._sink, self._on_goal, self._on_cancel = sink, on_goal, on_cancel
-        self.on_overtaken: Callable[[TrackedGoal], None] = lambda goal: None
+        self._sink, self._on_goal, self._on_cancel, self._on_overtaken = sink, on_goal, on_cancel, on_overtaken
         self._empty_result, self._recalled = empty_result, recalled or empty_result
         self._clock, self._ros_now = clock, ros_now
         self._goals: Dict[str, TrackedGoal] = {}  # oldest first
@@ -192,7 +189,7 @@ class GoalTracker:
             tracked = self._goals[goal_id.id] = TrackedGoal(self, goal_id, goal, client)
             if known is not None:
                 tracked.status.status = RECALLING
-                self.on_overtaken(tracked)
+                self._on_overtaken(tracked)
                 tracked.set_canceled(self._recalled(), known.status.text)
                 return
             if self._last_cancel > now:

@@ -42,7 +42,7 @@ class Server:
 
     def __init__(self):
         self.now, self.taken, self.cancelled, self.results, self.feedback = 100.0, [], [], [], []
-        self.on_status = lambda: None
+        self.on_status, self.on_overtaken = lambda: None, lambda goal: None
         self.tracker = GoalTracker(
             self,
             self.taken.append,
@@ -50,6 +50,7 @@ class Server:
             MoveBaseResult,
             lambda: self.now,
             lambda: Time.from_sec(self.now),
+            on_overtaken=lambda goal: self.on_overtaken(goal),
         )
 
     def publish_result(self, status, result):
@@ -91,7 +92,7 @@ def test_a_goal_recalled_is_not_begun_anew_by_another_cancel_and_its_goal_again(
 
 def test_a_goal_whose_cancel_came_first_is_told_of_before_it_ends():
     server, told = Server(), []
-    server.tracker.on_overtaken = lambda goal: told.append((goal.get_goal_id().id, goal.get_goal(), server.state("a")))
+    server.on_overtaken = lambda goal: told.append((goal.get_goal_id().id, goal.get_goal(), server.state("a")))
     server.tracker.take_cancel(GoalID(id="a"))
     assert told == []
     server.goal("a")

@@ -173,6 +173,7 @@ class RelayLife(Observer):
             MoveBaseResult,
             lambda: graph.now,
             graph.ros_now,
+            on_overtaken=lambda goal: self.relay.take_overtaken(goal, graph.ros_now().to_sec()),
         )
         self.relay = Relay(
             self,
