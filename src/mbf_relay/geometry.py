@@ -90,6 +90,14 @@ class Twist2D(NamedTuple):
         """Return the translational speed (m/s)."""
         return math.hypot(self.x, self.y)
 
+    def held(self, duration: float) -> Pose2D:
+        """Return the pose that this velocity, held for `duration` (s), leads to from the origin."""
+        turn = self.theta * duration
+        if abs(self.theta) < 1e-9:
+            return Pose2D(self.x * duration, self.y * duration, turn)
+        sine, versine = math.sin(turn) / self.theta, (1.0 - math.cos(turn)) / self.theta
+        return Pose2D(self.x * sine - self.y * versine, self.x * versine + self.y * sine, turn)
+
 
 STOP = Twist2D(0.0, 0.0, 0.0)
 

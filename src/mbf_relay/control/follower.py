@@ -21,7 +21,7 @@ from mbf_relay.control.local_path import LocalPath, PathTracker
 from mbf_relay.control.report import CycleReport
 from mbf_relay.control.state import ControlState, GoalTolerance
 from mbf_relay.control.trajectories import VelocityWindow, commandable, speed_to_stop_within, window_of
-from mbf_relay.control.turning import Overshoot, free_turn, free_way_round, turn_rate
+from mbf_relay.control.turning import free_turn, free_way_round, turn_rate
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import STOP, Pose2D, Twist2D, angle_between
 from mbf_relay.outcomes import ControlError, ControlOutcome
@@ -92,7 +92,6 @@ class PathFollower(Controller, abc.ABC):
         self._stuck_checker = StuckChecker()
         self._blocked_goal_checker = BlockedGoalChecker()
         self._back_out = BackOut()
-        self._overshoot = Overshoot()
         self.command = STOP
         self._cycle: Optional[ControlCycle] = None
         self._drove = False
@@ -144,7 +143,6 @@ class PathFollower(Controller, abc.ABC):
             self._blocked_goal_checker.reset()
             self._stuck_checker.reset()
             self._back_out.reset()
-            self._overshoot.reset()
             self._turn_left = None
 
     def is_goal_reached(self, state: ControlState, tolerance: Optional[GoalTolerance] = None) -> bool:
@@ -184,14 +182,13 @@ class PathFollower(Controller, abc.ABC):
             trouble, command = error, STOP
         cycle = self._cycle
         if cycle is not None and self.parameters.foresight:
-            foresight = Foresight(state.costmap, state.pose, state.now, self.parameters)
+            foresight = Foresight(state.costmap, state.pose, state.now + state.delay, self.parameters)
             if not foresight.is_blind:
                 limit = self.speed_limit_at(state.pose)
                 evasion = Evasion(self.parameters, foresight, state, limit, self.turning_radius, cycle.path)
                 decided, command = command, evasion.command(cycle.velocity, command)
                 if command != decided:
                     trouble = None
-                    self._overshoot.interrupted()
         if trouble is not None:
             raise trouble
         return command
@@ -208,12 +205,9 @@ class PathFollower(Controller, abc.ABC):
         cycle = self._cycle = self.look_around(state)
         self._stuck_checker.check(state, self.command, parameters.stuck_timeout)
         self._blocked_goal_checker.check(state, cycle.path, cycle.checker, parameters)
-        was_there = self._goal_checker.turns
         if self._goal_checker.is_turning(state.pose, cycle.path.goal, parameters):
             self._turn_left = None
             return self._turn_at_goal(cycle)
-        if was_there:
-            self._overshoot.slid()
         farthest = max(parameters.missed_path_distance, MISSED * state.costmap.width)
         if cycle.path.robot_distance > farthest:
             raise ControlError(
@@ -257,7 +251,7 @@ class PathFollower(Controller, abc.ABC):
         path = self._tracker.cut(state, BEHIND * width, reach, lookahead + EXTENSION * width)
         checker = FootprintChecker(state.costmap)
         velocity = self._velocity_now(state, parameters)
-        speed = min(limit.share * self._overshoot.speed_share * parameters.max_vel_trans, limit.translation)
+        speed = min(limit.share * parameters.max_vel_trans, limit.translation)
         delay = state.period + parameters.stop_time_buffer
         left = max(path.remaining, state.pose.distance_to(path.goal))
         speed = min(speed, speed_to_stop_within(left, 0.5 * parameters.acc_lim_x, state.period))
@@ -297,6 +291,8 @@ class PathFollower(Controller, abc.ABC):
 
         Odometry lags; a window built on it alone makes every acceleration come late and every stop overshoot.
         """
+        if state.delay > 0.0 and state.commanded is not None:
+            return commandable(parameters, state.commanded, state.commanded)
         elapsed = math.inf if self._commanded_at is None else state.now - self._commanded_at
         if not 0.0 <= elapsed <= 3.0 * state.period:
             return commandable(parameters, state.velocity, state.commanded or STOP)
@@ -343,8 +339,7 @@ class PathFollower(Controller, abc.ABC):
         if self.parameters.max_vel_theta == 0.0:
             raise ControlError(
                 ControlOutcome.NO_VALID_CMD, f"max_vel_theta is 0 and the robot has to turn by {way:.1f} rad")
-        top = self._overshoot.turn_share(cycle.state.now, cycle.state.pose.theta, way) * cycle.turn
-        rate = turn_rate(way, cycle.velocity.theta, self.parameters, cycle.state.period, top)
+        rate = turn_rate(way, cycle.velocity.theta, self.parameters, cycle.state.period, cycle.turn)
         command = Twist2D(still.x, still.y, rate)
         if still.speed() > 0.0 and not brakes_free(self.parameters, cycle.state, cycle.checker, command):
             return braked_on_its_arc(cycle.window, cycle.velocity)

@@ -16,13 +16,15 @@ class ControlState:
 
     Attributes:
         now: Time (s).
-        pose: The robot in the costmap's frame.
+        pose: The robot in the costmap's frame, where it will be when it does what it is told now.
         velocity: The robot's velocity from odometry, body frame.
         costmap: The local costmap.
         costmap_from_path: Takes poses in the path's frame to the costmap's frame.
         period: Time (s) until the next cycle.
         commanded: The velocity sent to the robot last, where known: not the controller's own last one where that was
             held back, as at the end of a drive that was called off.
+        delay: Seconds from a command to the motion it leads to, which lie between `now` and the time of `pose`; 0.0
+            where that is little.
     """
 
     now: float
@@ -32,6 +34,7 @@ class ControlState:
     costmap_from_path: Pose2D = IDENTITY
     period: float = 0.1
     commanded: Optional[Twist2D] = None
+    delay: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -219,7 +219,7 @@ class VelocityGuard:
         for (start, velocity), end in zip(self._passed, ends):
             duration = min(end, now) - max(start, stamp)
             if duration > 0.0 and velocity != STOP:
-                moved = moved.compose(_arc(velocity, duration))
+                moved = moved.compose(velocity.held(duration))
         return moved
 
     def _free_share(self, asked: Twist2D, points: np.ndarray) -> Tuple[float, str]:
@@ -245,10 +245,10 @@ class VelocityGuard:
         if way > self._longest:
             return f"the way to a stop is longer than {self._longest:.1f} m"
         count = 1 + int(min(way / STEP, MOST_STEPS))
-        poses = np.array([_arc(velocity, seconds * step / count) for step in range(1, count + 1)])
+        poses = np.array([velocity.held(seconds * step / count) for step in range(1, count + 1)])
         if p.wheel_separation > 0.0:
             step = max(STEP, way / MOST_STEPS)
-            begin = _arc(velocity, p.reaction_time)
+            begin = velocity.held(p.reaction_time)
             braked = way_to_a_stand(begin, velocity, p.wheel_separation, p.acc_lim_x, step, step / radius)
             poses = np.concatenate((poses, braked))
         point = self._too_near(poses, points)
@@ -316,15 +316,6 @@ def _slowed(asked: Twist2D, share: float, cause: str, why: str) -> Verdict:
 
 def _scaled(velocity: Twist2D, share: float) -> Twist2D:
     return Twist2D(*(share * component for component in velocity))
-
-
-def _arc(velocity: Twist2D, duration: float) -> Pose2D:
-    """Return the pose that a constant velocity leads to within `duration` (s) from the origin."""
-    turn = velocity.theta * duration
-    if abs(velocity.theta) < 1e-9:
-        return Pose2D(velocity.x * duration, velocity.y * duration, turn)
-    sine, versine = math.sin(turn) / velocity.theta, (1.0 - math.cos(turn)) / velocity.theta
-    return Pose2D(velocity.x * sine - velocity.y * versine, velocity.x * versine + velocity.y * sine, turn)
 
 
 def _in_long_runs(flags: np.ndarray, width: float, increment: float) -> np.ndarray:

@@ -25,6 +25,7 @@ class LockstepRobot(Robot):
             send: Takes velocities for the wheels.
             map_frame, odom_frame, base_frame: Names of the frames.
         """
+        super().__init__()
         self._send = send
         self._frames = map_frame, odom_frame, base_frame
         self._odometry: Deque[Tuple[float, Pose2D]] = deque()

@@ -1,4 +1,4 @@
-"""How late the robot does what it is told, seen in how it turns."""
+"""How late the robot does what it is told, seen in how it moves, and where it will be when it does the next."""
 
 from __future__ import annotations
 
@@ -8,58 +8,83 @@ from typing import Deque, Tuple
 
 import numpy as np
 
-from mbf_relay.geometry import angle_between
+from mbf_relay.geometry import STOP, Pose2D, Twist2D
 
-WATCHED = 10.0
-"""Seconds of commands and headings that are kept."""
-STEP = 0.05
-"""Seconds from one delay tried to the next, and over which a turn is taken."""
-LONGEST = 1.5
-"""Seconds: the longest delay looked for."""
-LATE = 0.3
-"""Seconds from which commands are late; wheels that gain speed slowly look late by half of what they take."""
-TURNS = 0.05
-"""Radians per second of turning, on the mean, below which nothing can be told."""
+WATCHED = 5.0
+"""Seconds of motion that are compared with commands."""
+DELAYS = np.arange(0.0, 1.5, 0.05)
+"""Seconds: the delays looked for."""
+LATE = 0.15
+"""Seconds from which commands are late; odometry and wheels that gain speed take a third of that in any case."""
+LEAST = np.array([0.02, 0.02, 0.05])
+"""Metres and radians per second of what was commanded, on the mean, below which nothing is told by that component."""
 EXPLAINED = 0.5
-"""Share of what the commands of the moment leave unexplained of the turns that late ones leave at most."""
+"""Share of what the delay believed so far, or no command at all, leaves unexplained that a better one leaves."""
+GAIN = 0.1
+"""By how much more of the commands' squares a better delay explains at least."""
+ENOUGH = 5
+"""Cycles from which something can be told."""
 
 
 class CommandDelay:
-    """Compares how a robot turns with what it was told before, cycle by cycle."""
+    """Compares how a robot moves with what it was told before, cycle by cycle.
+
+    What it found holds until the robot's motion says otherwise: one that stands, or drives on as before, says nothing.
+
+    Attributes:
+        seconds: From a command to the motion that odometry shows of it; 0.0 where that is little or not known.
+    """
 
     def __init__(self) -> None:
-        self._cycles: Deque[Tuple[float, float, float]] = deque()
+        self.seconds = 0.0
+        self._cycles: Deque[Tuple[float, Twist2D, Twist2D]] = deque()  # end (s), what was told in it, seen at its end
+        self._judged_from = math.inf
 
-    def note(self, now: float, turn: float, heading: float) -> None:
+    def note(self, now: float, commanded: Twist2D, velocity: Twist2D) -> None:
         """Take a cycle.
 
         Args:
             now: Seconds.
-            turn: Commanded from now on (rad/s).
-            heading: Of the robot now (rad), in a frame that does not turn.
+            commanded: Since the last cycle.
+            velocity: Of the robot now, as odometry has it.
         """
         cycles = self._cycles
-        if cycles and not 0.0 < now - cycles[-1][0] <= 1.0:
-            cycles.clear()  # the drive was interrupted, or time was set back
-        if cycles:
-            heading = cycles[-1][2] + angle_between(cycles[-1][2], heading)  # goes on beyond a half turn
-        cycles.append((now, turn, heading))
-        while now - cycles[0][0] > WATCHED:
+        if cycles and not 0.0 < now - cycles[-1][0] <= 1.0:  # the drive was interrupted, or time was set back
+            cycles.clear()
+        if not cycles:  # one that stands was told so before, too
+            stands = commanded == STOP and bool(np.all(np.abs(velocity) < LEAST))
+            self._judged_from = now + (0.0 if stands else DELAYS[-1])
+        cycles.append((now, commanded, velocity))
+        while now - cycles[0][0] > WATCHED + DELAYS[-1]:
             cycles.popleft()
+        self._judge(max(self._judged_from, now - WATCHED))
 
-    def late_by(self) -> float:
-        """Return by how many seconds the robot turns later than it is told; 0.0 where that is little or not known."""
-        if not self._cycles or self._cycles[-1][0] - self._cycles[0][0] < 2.0 * LONGEST:
-            return 0.0
-        times, turns, headings = np.array(self._cycles).T
-        starts = np.arange(times[0] + LONGEST, times[-1] - STEP, STEP)
-        turned = (np.interp(starts + STEP, times, headings) - np.interp(starts, times, headings)) / STEP
-        if math.sqrt(np.mean(turned ** 2)) < TURNS:
-            return 0.0
-        delays = np.arange(0.0, LONGEST, STEP)
-        told = turns[np.searchsorted(times, starts[None, :] + 0.5 * STEP - delays[:, None], side="right") - 1]
-        unexplained = np.mean((turned - told) ** 2, axis=1)
+    def _judge(self, begin: float) -> None:
+        """Take what the cycles from `begin` (s) on say."""
+        rows = np.array([(end, *told, *seen) for end, told, seen in self._cycles])
+        ends, told, seen = rows[:, 0], rows[:, 1:4], rows[:, 4:]
+        first = int(np.searchsorted(ends, begin))
+        if len(ends) - first < ENOUGH:
+            return
+        power = np.mean(told[first:] ** 2, axis=0)
+        known = power > LEAST ** 2
+        if not known.any():
+            return
+        in_force = np.searchsorted(ends, ends[first:] - DELAYS[:, None])
+        errors = np.mean((seen[first:, known] - told[in_force][..., known]) ** 2, axis=1)
+        unexplained = (errors / power[known]).sum(axis=1)
         best = int(np.argmin(unexplained))
-        if delays[best] < LATE or unexplained[best] > EXPLAINED * unexplained[0]:
-            return 0.0
-        return float(delays[best])
+        believed = unexplained[np.searchsorted(DELAYS, self.seconds)]
+        if unexplained[best] <= min(believed - GAIN, EXPLAINED * min(believed, np.count_nonzero(known))):
+            self.seconds = float(DELAYS[best]) if DELAYS[best] >= LATE else 0.0
+
+    def ahead(self, pose: Pose2D) -> Pose2D:
+        """Return where a robot that is at `pose` in the last cycle will be when it does what it is told next."""
+        if self.seconds == 0.0:
+            return pose
+        begin = since = self._cycles[-1][0] - self.seconds
+        for end, told, _ in self._cycles:
+            if end > begin:
+                pose = pose.compose(told.held(end - since))
+                since = end
+        return pose

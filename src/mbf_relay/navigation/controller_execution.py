@@ -214,8 +214,12 @@ class ControllerExecution:
         pose_in_path = pose.relative_to(costmap_from_path)
         global_frame = self._parameters().global_frame
         global_pose = pose_in_path if path.frame == global_frame else self._robot.pose_in(global_frame)
+        delay = self._robot.delay
+        delay.note(now, self._robot.commanded or STOP, velocity)
         state = ControlState(
-            now, pose, velocity, self._costmap.snapshot(), costmap_from_path, period, self._robot.commanded)
+            now, delay.ahead(pose), velocity, self._costmap.snapshot(), costmap_from_path, period,
+            self._robot.commanded, delay.seconds,
+        )
         goal = path.goal
         return ControlView(
             state, FramedPose(global_pose, global_frame), pose_in_path.distance_to(goal),
@@ -359,7 +363,8 @@ class ControllerExecution:
 
     def _report(self, outcome: ControlOutcome, message: str) -> None:
         pose, distance, angle = self._where()
-        self.task.add_feedback(FollowFeedback(outcome, message, pose, self._command, distance, angle))
+        self.task.add_feedback(FollowFeedback(
+            outcome, message, pose, self._command, distance, angle, self._robot.delay.seconds))
 
     def _end(
         self, ending: Ending, outcome: ControlOutcome, message: str, stop: bool = True,

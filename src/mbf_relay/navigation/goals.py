@@ -85,6 +85,7 @@ class FollowFeedback:
         pose: The robot.
         velocity: What was commanded last.
         distance, angle: What is left (m, rad) to the path's last pose.
+        late: Seconds by which the robot does late what it is told, 0.0 where that is little or not known.
     """
 
     outcome: ControlOutcome
@@ -93,6 +94,7 @@ class FollowFeedback:
     velocity: Twist2D = STOP
     distance: float = math.inf
     angle: float = math.inf
+    late: float = 0.0
 
 
 @dataclass(frozen=True)

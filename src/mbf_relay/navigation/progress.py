@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Optional
 
 from mbf_relay.geometry import Pose2D, Twist2D, angle_between
-from mbf_relay.navigation.command_delay import CommandDelay
 from mbf_relay.navigation.goals import FollowFeedback
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.outcomes import ControlOutcome
@@ -68,7 +67,6 @@ class GoalProgress:
 
     def __init__(self) -> None:
         self._oscillation = OscillationDetector()
-        self._delay = CommandDelay()
         self._refusal = ""
 
     def await_start(self, now: float, paused: bool) -> None:
@@ -84,7 +82,6 @@ class GoalProgress:
         """Take what a drive tells; return why the goal is to be given up as oscillating, empty where it is not."""
         if feedback.pose is None or parameters.oscillation_timeout <= 0.0:
             return ""
-        self._delay.note(now, feedback.velocity.theta, feedback.pose.pose.theta)
         if self._oscillation.progressed(now, feedback.pose.pose, parameters):
             self._refusal = ""
             return ""
@@ -97,9 +94,8 @@ class GoalProgress:
             f"no velocity was refused, the last one is {feedback.velocity.speed():.2f} m/s and "
             f"{feedback.velocity.theta:.2f} rad/s, {feedback.distance:.2f} m before the goal"
         )
-        late = self._delay.late_by()
-        if late > 0.0:
-            why = f"it turns as it was told {late:.2f} s before, so commands reach its wheels late; {why}"
+        if feedback.late > 0.0:
+            why = f"it moves as it was told {feedback.late:.2f} s before, so commands reach its wheels late; {why}"
         return f"Robot is oscillating for {stuck:.1f} s: {why}"
 
 

@@ -7,6 +7,7 @@ from typing import Optional
 
 from mbf_relay.control.steering import Steering
 from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.navigation.command_delay import CommandDelay
 from mbf_relay.outcomes import StaleDataError
 
 OVERRUN_PERIODS = 3.0
@@ -21,11 +22,15 @@ class Robot(abc.ABC):
         steering: Set where its wheels take a steering angle for a rate; velocities are rates here all the same.
         paused: Whether drives and recoveries are to stand by, with their goals, until it is False again; may be set
             from any thread.
+        delay: How late it does what it is told.
     """
 
     commanded: Optional[Twist2D] = None
     steering: Optional[Steering] = None
     paused: bool = False
+
+    def __init__(self) -> None:
+        self.delay = CommandDelay()
 
     @abc.abstractmethod
     def pose_in(self, frame: str) -> Pose2D:

@@ -41,6 +41,7 @@ class PaperRobot(Robot):
     """A robot that is where its commands took it, at once and exactly."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.pose = Pose2D(0.0, 0.0, 0.0)
         self.sent: List[Twist2D] = []
         self.frames = {"map", "odom", "base"}

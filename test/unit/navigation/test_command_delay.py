@@ -1,49 +1,111 @@
-"""How late commands reach the wheels is told from how the robot turns."""
-
-import math
+"""How late commands reach the wheels is told from how the robot moves, and where it will be when they do."""
 
 import numpy as np
 import pytest
 
+from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.command_delay import CommandDelay
 
-PERIOD = 0.1
+PERIOD, STEP = 0.1, 0.01
 
 
-def late_by(delay, turns, lag=0.0):
-    """Return what is told of a robot that does what it was told `delay` seconds before, its wheels slow by `lag` (s).
-    """
-    watched, heading, rate, wait = CommandDelay(), 3.0, 0.0, round(delay / 0.01)
-    told = [0.0] * wait
-    for cycle, turn in enumerate(turns):
-        watched.note(PERIOD * cycle, turn, math.remainder(heading, math.tau))
-        for _ in range(round(PERIOD / 0.01)):
-            told.append(turn)
-            change = told.pop(0) - rate
-            rate += change if lag == 0.0 else change * 0.01 / lag
-            heading += 0.01 * rate
-    return watched.late_by()
+class Wheels:
+    """A robot that does what it was told `delay` seconds before, its wheels slow by `lag` (s)."""
+
+    def __init__(self, delay, lag=0.0):
+        self.delay, self.lag, self.watched = delay, lag, CommandDelay()
+        self.pose, self.velocity, self.commanded, self.now = Pose2D(1.0, 2.0, 3.0), STOP, STOP, 0.0
+        self.told = []
+
+    def drive(self, commands):
+        """Drive through commands, one a cycle; return what is believed of the delay in each (s)."""
+        believed = []
+        for command in commands:
+            self.watched.note(self.now, self.commanded, self.velocity)
+            believed.append(self.watched.seconds)
+            self.commanded = command
+            for _ in range(round(PERIOD / STEP)):
+                self.told.append(command)
+                self._roll()
+        return believed
+
+    def _roll(self):
+        late = len(self.told) - 1 - round(self.delay / STEP)
+        wanted = self.told[late] if late >= 0 else STOP
+        share = 1.0 if self.lag == 0.0 else STEP / self.lag
+        self.velocity = Twist2D(*(was + share * (now - was) for was, now in zip(self.velocity, wanted)))
+        self.pose = self.pose.compose(self.velocity.held(STEP))
+        self.now += STEP
 
 
-SWINGS = np.sin(np.arange(80) * PERIOD * 2.0)
+def swings(count=80, size=1.0):
+    return [Twist2D(0.2 * size, 0.0, size * turn) for turn in np.sin(np.arange(count) * PERIOD * 2.0)]
 
 
-@pytest.mark.parametrize("delay", [0.3, 0.5, 0.8])
-def test_a_robot_that_swings_because_it_hears_late_says_by_how_much(delay):
-    assert late_by(delay, SWINGS) == pytest.approx(delay, abs=0.1)
+def straight(count=40):
+    return [Twist2D(0.2, 0.0, 0.0)] * count
 
 
-@pytest.mark.parametrize("turns, delay, lag", [
-    (SWINGS, 0.0, 0.0), (SWINGS, 0.1, 0.1), (0.001 * SWINGS, 0.5, 0.0), (SWINGS[:20], 0.5, 0.0), ([], 0.0, 0.0),
+@pytest.mark.parametrize("drive", [swings, straight])
+@pytest.mark.parametrize("delay", [0.2, 0.3, 0.5, 0.8, 1.2])
+def test_a_robot_that_hears_late_says_by_how_much(delay, drive):
+    assert Wheels(delay).drive(drive())[-1] == pytest.approx(delay, abs=0.1)
+
+
+@pytest.mark.parametrize("drive", [swings, straight])
+def test_a_robot_that_hears_late_is_found_out_within_a_second_of_its_first_motion(drive):
+    assert Wheels(0.5).drive(drive())[15] == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize("commands, delay, lag", [
+    (swings(), 0.0, 0.0), (swings(), 0.0, 0.1), (swings(size=0.001), 0.5, 0.0), (straight(), 0.0, 0.1), ([], 0.0, 0.0),
 ])
-def test_a_robot_that_turns_when_told_or_hardly_at_all_blames_no_delay(turns, delay, lag):
-    assert late_by(delay, turns, lag) == 0.0
+def test_a_robot_that_moves_when_told_or_hardly_at_all_blames_no_delay(commands, delay, lag):
+    assert not any(Wheels(delay, lag).drive(commands))
 
 
 def test_a_robot_that_does_not_do_what_it_is_told_at_all_blames_no_delay():
     rng = np.random.default_rng(1)
-    watched, heading = CommandDelay(), 0.0
+    watched = CommandDelay()
     for cycle in range(100):
-        heading += 0.1 * rng.normal()
-        watched.note(PERIOD * cycle, rng.normal(), heading)
-    assert watched.late_by() == 0.0
+        watched.note(PERIOD * cycle, Twist2D(*rng.normal(size=3)), Twist2D(*rng.normal(size=3)))
+    assert watched.seconds == 0.0
+
+
+def test_a_robot_that_somebody_holds_blames_no_delay():
+    watched = CommandDelay()
+    for cycle, command in enumerate(swings()):
+        watched.note(PERIOD * cycle, command, STOP)
+    assert watched.seconds == 0.0
+
+
+def test_a_robot_that_stands_and_drives_straight_on_still_knows_how_late_it_hears():
+    robot = Wheels(0.5)
+    robot.drive(swings())
+    assert min(robot.drive([STOP] * 100 + straight(100))) == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_robot_that_hears_in_time_again_notices_it():
+    robot = Wheels(0.5)
+    assert robot.drive(swings())[-1] > 0.0
+    robot.delay = 0.0
+    assert robot.drive(swings())[-1] == 0.0
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.3, 0.8])
+def test_a_robot_is_where_it_was_expected_when_it_does_what_it_is_told(delay):
+    robot = Wheels(delay)
+    robot.drive(swings())
+    robot.watched.note(robot.now, robot.commanded, robot.velocity)
+    expected, believed = robot.watched.ahead(robot.pose), robot.watched.seconds
+    robot.drive(swings(count=round(believed / PERIOD)))
+    assert expected.distance_to(robot.pose) < 0.025
+    assert expected.theta == pytest.approx(robot.pose.theta, abs=0.11)
+
+
+def test_a_clock_set_back_and_a_drive_interrupted_let_nothing_of_before_count():
+    robot = Wheels(0.5)
+    robot.drive(swings())
+    for now in (1.0, 100.0):
+        robot.watched.note(now, STOP, STOP)
+        assert robot.watched.ahead(Pose2D(1.0, 2.0, 3.0)).distance_to(Pose2D(1.0, 2.0, 3.0)) < 1e-9

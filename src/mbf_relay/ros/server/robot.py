@@ -67,6 +67,7 @@ class RosRobot(Robot):
     def __init__(
         self, transforms: Transforms, base_frame: str, pose_timeout: float, odom_timeout: float
     ) -> None:
+        super().__init__()
         self._transforms, self._base_frame = transforms, base_frame
         self._pose_timeout, self._odom_timeout = pose_timeout, odom_timeout
         self._odometry: Optional[RawOdometry] = None
