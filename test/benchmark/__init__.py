@@ -13,6 +13,7 @@ NAMES = (
     "one_process",
     "footprint",
     "circle",
+    "late_commands",
     "worlds",
     "zoo",
     "cluster",
