@@ -9,6 +9,7 @@ from typing import Deque, Tuple
 import numpy as np
 
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
+from mbf_relay.timing import ROUNDING
 
 WATCHED = 5.0
 """Seconds of motion that are compared with commands."""
@@ -22,6 +23,8 @@ EXPLAINED = 0.5
 """Share of what the delay believed so far, or no command at all, leaves unexplained that a better one leaves."""
 GAIN = 0.1
 """By how much more of the commands' squares a better delay explains at least."""
+PERIOD = 0.1
+"""Seconds after which it is told anew."""
 ENOUGH = 5
 """Cycles from which something can be told."""
 
@@ -39,6 +42,7 @@ class CommandDelay:
         self.seconds = 0.0
         self._cycles: Deque[Tuple[float, Twist2D, Twist2D]] = deque()  # end (s), what was told in it, seen at its end
         self._judged_from = math.inf
+        self._judged_at = -math.inf
 
     def note(self, now: float, commanded: Twist2D, velocity: Twist2D) -> None:
         """Take a cycle.
@@ -53,11 +57,13 @@ class CommandDelay:
             cycles.clear()
         if not cycles:  # one that stands was told so before, too
             stands = commanded == STOP and bool(np.all(np.abs(velocity) < LEAST))
-            self._judged_from = now + (0.0 if stands else DELAYS[-1])
+            self._judged_from, self._judged_at = now + (0.0 if stands else DELAYS[-1]), now
         cycles.append((now, commanded, velocity))
         while now - cycles[0][0] > WATCHED + DELAYS[-1]:
             cycles.popleft()
-        self._judge(max(self._judged_from, now - WATCHED))
+        if now - self._judged_at >= PERIOD - ROUNDING:
+            self._judged_at = now
+            self._judge(max(self._judged_from, now - WATCHED))
 
     def _judge(self, begin: float) -> None:
         """Take what the cycles from `begin` (s) on say."""

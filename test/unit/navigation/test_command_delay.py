@@ -57,6 +57,14 @@ def test_a_robot_that_hears_late_is_found_out_within_a_second_of_its_first_motio
     assert Wheels(0.5).drive(drive())[15] == pytest.approx(0.5, abs=0.1)
 
 
+def test_a_robot_controlled_fifty_times_a_second_is_found_out_as_well():
+    watched, told = CommandDelay(), []
+    for cycle in range(200):
+        watched.note(0.02 * cycle, told[-1] if told else STOP, told[-26] if len(told) > 25 else STOP)
+        told.append(Twist2D(0.2, 0.0, np.sin(0.04 * cycle)))
+    assert watched.seconds == pytest.approx(0.5, abs=0.06)
+
+
 @pytest.mark.parametrize("commands, delay, lag", [
     (swings(), 0.0, 0.0), (swings(), 0.0, 0.1), (swings(size=0.001), 0.5, 0.0), (straight(), 0.0, 0.1), ([], 0.0, 0.0),
 ])
