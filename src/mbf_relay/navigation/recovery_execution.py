@@ -19,7 +19,7 @@ from mbf_relay.timing import Pacer, Stopwatch
 
 
 class RecoverySurroundings(RecoveryContext):
-    """What a behaviour sees at its current step."""
+    """What a behaviour sees at its current step: of the robot, where and how fast it is when it does what it is told."""
 
     def __init__(self, robot: Robot, costmaps: Mapping[str, Any], controller: Optional[Controller]) -> None:
         self._robot, self._costmaps, self._controller = robot, costmaps, controller
@@ -37,12 +37,13 @@ class RecoverySurroundings(RecoveryContext):
 
     @property
     def velocity(self) -> Twist2D:
-        """The robot's velocity from odometry, body frame."""
-        return self._robot.velocity()
+        """The robot's velocity, body frame: as told last where commands come late, else from odometry."""
+        measured, commanded = self._robot.velocity(), self._robot.commanded
+        return measured if commanded is None or self._robot.delay.seconds == 0.0 else commanded
 
     def pose_in(self, frame: str) -> Pose2D:
         """Return the robot's pose in `frame`; raise TransformError where it is not known."""
-        return self._robot.pose_in(frame)
+        return self._robot.delay.ahead(self._robot.pose_in(frame))
 
     @property
     def costmaps(self) -> Mapping[str, Any]:
@@ -141,6 +142,8 @@ class RecoveryExecution:
         if self._moved and self._blind(now):
             self._send(STOP)
             return
+        if self._robot.knows_its_motion:
+            self._robot.delay.note(now, self._robot.commanded or STOP, self._robot.velocity())
         self._since_call.start(now)
         self._context.time = now
         self._context.step_period = 1.0 / self._parameters().controller_frequency

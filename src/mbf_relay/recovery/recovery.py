@@ -26,11 +26,15 @@ class RecoveryContext(abc.ABC):
     @property
     @abc.abstractmethod
     def velocity(self) -> Twist2D:
-        """The robot's velocity from odometry, body frame."""
+        """The robot's velocity, body frame: as told last where commands come late, else from odometry."""
 
     @abc.abstractmethod
     def pose_in(self, frame: str) -> Pose2D:
-        """Return the robot's pose in `frame`; raise TransformError where it is not known."""
+        """Return the robot's pose in `frame` when it does what it is told now.
+
+        Raises:
+            TransformError: It is not known.
+        """
 
     @property
     @abc.abstractmethod

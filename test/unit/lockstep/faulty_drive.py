@@ -1,12 +1,14 @@
 """A drive without ROS that a test makes go wrong on its way."""
 
+import math
+
 from mbf_relay.geometry import Pose2D
 from mbf_relay.lockstep.graph import Graph
 from mbf_relay.lockstep.settings import config_folder
 from mbf_relay.lockstep.setup import make_setup
 from mbf_relay.lockstep.stages import Stages
 from mbf_relay.lockstep.tasks import circle
-from mbf_relay.navigation.goals import FramedPose, NavigateGoal
+from mbf_relay.navigation.goals import FramedPose, NavigateGoal, RecoverGoal
 from mbf_relay.navigation.task import Ending
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.shapes import Body, Box
@@ -65,6 +67,11 @@ class FaultyDrive(Graph):
         assert self.step_until(lambda: self.goal.done, 90.0), "it never arrived"
         assert self.goal.ending is Ending.SUCCEEDED, self.goal.result
         assert self.simulation.true_pose.distance_to(circle().goals[1]) < 0.35
+
+    def recover(self, behavior):
+        """Run a recovery behaviour by its name; returns its task."""
+        self._next_update = -math.inf
+        return self.navigator.recovery(RecoverGoal(behavior))
 
     def is_driving(self):
         return bool(self.commands) and self.commands[-1][1].x > 0.15

@@ -11,7 +11,7 @@ pytest.importorskip("pybullet")
 from faulty_drive import FaultyDrive  # noqa: E402
 from tally import LONG, trial  # noqa: E402
 
-from mbf_relay.geometry import STOP, Pose2D  # noqa: E402
+from mbf_relay.geometry import STOP, Pose2D, angle_between  # noqa: E402
 from mbf_relay.lockstep.tasks import circle  # noqa: E402
 from mbf_relay.navigation.task import Ending  # noqa: E402
 from mbf_relay.simulation.faults import NO_FAULTS, Faults  # noqa: E402
@@ -196,3 +196,36 @@ def test_a_robot_before_which_people_cross_touches_nobody_and_arrives(drive):
             drive.step_until(lambda: False, 0.1)
         drive.simulation.scene.remove_obstacle("person")
     drive.arrive()
+
+
+def learn_the_delay(drive):
+    """Have a robot whose commands come 0.8 s late learn it on its way, and stand."""
+    drive.simulation.faults = Faults(command_delay=0.8)
+    assert drive.step_until(drive.is_driving, 20.0)
+    drive.step_until(lambda: False, 2.0)
+    drive.goal.cancel()
+    drive.step_until(lambda: False, 2.0)
+
+
+@pytest.mark.parametrize("room", [0.1, 0.14, 0.3])
+@trial(FAILING)
+def test_a_robot_whose_commands_come_late_backs_up_no_farther_than_is_free(drive, room):
+    learn_the_delay(drive)
+    drive.set_down_ahead(-0.136 - 0.1 - room)  # from the burger's rear to the middle of the box
+    drive.step_until(lambda: False, 1.0)
+    before = drive.simulation.true_pose
+    task = drive.recover("back_up")
+    assert drive.step_until(lambda: task.done, 10.0)
+    drive.step_until(lambda: False, 1.5)
+    backed = before.distance_to(drive.simulation.true_pose)
+    assert 0.3 * room < backed < room and backed < 0.2
+
+
+@trial(FAILING)
+def test_a_robot_whose_commands_come_late_turns_round_once_to_look(drive):
+    learn_the_delay(drive)
+    before = drive.simulation.true_pose
+    task = drive.recover("rotate_recovery")
+    assert drive.step_until(lambda: task.done, 15.0)
+    drive.step_until(lambda: False, 1.5)
+    assert abs(angle_between(before.theta, drive.simulation.true_pose.theta)) < 0.3
