@@ -97,6 +97,23 @@ class TestGoals(unittest.TestCase):
         self.assertEqual((ending.status, ending.text), (GoalStatus.SUCCEEDED, "Goal reached."))
         self.assertLess(math.hypot(self.witness.pose.x - start.x + 1.0, self.witness.pose.y - start.y), 0.2)
 
+    def test_6_a_robot_whose_commands_come_late_arrives_and_the_server_knows_how_late(self):
+        heard = Listener("/diagnostics", DiagnosticArray)
+        faults = dynamic_reconfigure.client.Client("simulator/faults", timeout=10.0)
+        faults.update_configuration({"command_delay": 0.6})
+        start = self.witness.pose
+        ending = self.move_base.send(MoveBaseGoal(pose_of((0.5, 0.0), (0.0, 0.0, 0.0, 1.0), "map"))).wait(PATIENCE)
+        self.assertEqual((ending.status, ending.text), (GoalStatus.SUCCEEDED, "Goal reached."))
+        self.assertGreater(math.hypot(start.x - 0.5, start.y), 0.5, "it was there already")
+        self.assertLess(self.witness.way_to(0.5, 0.0), 0.15)
+        late = [
+            float(value.value) for message in heard.messages for status in message.status for value in status.values
+            if status.name == "move_base_flex: navigation" and value.key == "velocities take effect after [s]"
+        ]
+        self.assertGreater(max(late), 0.4)
+        self.assertEqual(self.witness.touched(), [])
+        faults.update_configuration({"command_delay": 0.0})
+
     def wait_for_rest(self):
         """Return the robot's pose once it has stood for half a second of its own time."""
 

@@ -212,6 +212,7 @@ class MoveBaseFlex:
             "steps [Hz]": f"{self._steps.rate():.1f}",
             "velocities asked for [Hz]": f"{asked:g}",
             "velocities [Hz]": f"{commands.rate():.1f}" if driving else "none",
+            "velocities take effect after [s]": f"{self.robot.delay.seconds:.2f}",
         }
         if not self._watchdog.is_alive():
             return ERROR, self._watchdog.trouble or "navigation hangs", values
