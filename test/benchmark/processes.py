@@ -11,10 +11,12 @@ from typing import Dict
 
 import psutil
 
+from mbf_relay.lockstep.driver import path_of_processes
+
 
 def told_by(code: str) -> str:
     """Return what some code prints in a Python started for it, which finds every module that this one does."""
-    environment = dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path))
+    environment = dict(os.environ, PYTHONPATH=os.pathsep.join(path_of_processes()))
     return subprocess.run(
         [sys.executable, "-c", code], check=True, stdout=subprocess.PIPE, text=True, env=environment
     ).stdout

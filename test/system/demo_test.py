@@ -96,7 +96,7 @@ class TestDemo(unittest.TestCase):
         return cls.driving
 
     def test_1_a_drive_leaves_a_report_and_nothing_else(self):
-        demo = Demo("--speed", "2", "--seed", "5", "--relay", "server")
+        demo = Demo("--speed", "4", "--seed", "5", "--relay", "server")
         self.assertEqual(demo.process.wait(PATIENCE), 0, demo.output)
         self.assertIn("Drove circle with result: True", demo.output)
         self.assertEqual(demo.left_behind(), [])

@@ -111,11 +111,11 @@ def test_what_crashes_is_one_failed_line_that_scores_nothing(tmp_path):
 def test_an_episode_that_computes_for_ever_is_ended_and_driven_again_on_request(tmp_path, capsys):
     worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE, small_worlds.BENT)
     hang = "controllers=[{name: own, type: small_worlds.Hanging}]"
-    arguments = [worlds, "--out", str(tmp_path / "out"), "--jobs", "1", "--time-limit", "1.5", "--set", hang]
+    arguments = [worlds, "--out", str(tmp_path / "out"), "--jobs", "1", "--time-limit", "0.5", "--set", hang]
     assert batch.main(arguments) == 0
     results, _ = read_lines(tmp_path / "out" / LINES)
     assert len(results) == 2
-    assert all("hung: no result within 1.5 s of computing" in result.message for result in results)
+    assert all("hung: no result within 0.5 s of computing" in result.message for result in results)
     assert batch.main(arguments) == 0
     assert "2 of 2 episodes have a result already" in capsys.readouterr().err
     assert batch.main([*arguments, "--retry-failed", "--only", "free"]) == 0

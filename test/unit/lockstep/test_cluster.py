@@ -26,6 +26,7 @@ from tally import LONG  # noqa: E402
 import mbf_relay  # noqa: E402
 from mbf_relay.lockstep import batch  # noqa: E402
 from mbf_relay.lockstep.cluster import GONE, ClusterError, DaskCluster, _Unfit, connected  # noqa: E402
+from mbf_relay.lockstep.driver import path_of_processes  # noqa: E402
 from mbf_relay.lockstep.episodes import EpisodeJob, InProcess, drive_all  # noqa: E402
 from mbf_relay.lockstep.settings import config_folder  # noqa: E402
 from mbf_relay.lockstep.setup import make_setup  # noqa: E402
@@ -209,7 +210,7 @@ def test_no_worker_outlives_a_test_that_is_killed(tmp_path):
         "print(*(process.pid for process in all), flush=True)\n"
         "sys.stdin.read()"
     )
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *path_of_processes()])}
     test = subprocess.Popen(
         [sys.executable, "-c", code, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
     with test.stdin, test.stdout:

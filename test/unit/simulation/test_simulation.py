@@ -11,7 +11,7 @@ pytest.importorskip("pybullet", reason="pybullet is not there for this interpret
 import trial  # noqa: E402
 
 from mbf_relay.geometry import Pose2D, Twist2D  # noqa: E402
-from mbf_relay.simulation import Simulation  # noqa: E402
+from mbf_relay.simulation import Simulation, physics  # noqa: E402
 from mbf_relay.simulation.arena import arena  # noqa: E402
 from mbf_relay.simulation.faults import Faults  # noqa: E402
 from mbf_relay.simulation.parameters import SimulationParameters  # noqa: E402
@@ -31,6 +31,17 @@ def stream(seed):
 def test_equal_seeds_give_equal_streams_byte_for_byte():
     assert stream(5) == stream(5)
     assert stream(5) != stream(6)
+
+
+def test_a_world_in_a_client_that_another_one_has_left_is_as_in_a_new_client(monkeypatch):
+    """Who drives through one world after the other sees of each what he would see of it alone."""
+    left = []
+    monkeypatch.setattr(physics, "_left", left)
+    alone, used = stream(5), list(left)
+    with trial.simulate([trial.box("wall", 0.3, 0.0, (0.1, 9.0, 0.5))], solver_iterations=9, physics_rate=60) as other:
+        assert used and not left, "it was to have the client of the first"
+        assert any(seen.contacts for seen in trial.run(other, 3.0, Twist2D(0.2, 0.0, -0.1)))
+    assert stream(5) == alone and left == used
 
 
 def test_set_down_elsewhere():
