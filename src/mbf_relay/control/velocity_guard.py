@@ -178,13 +178,12 @@ class VelocityGuard:
         share, in_the_way = 1.0, ""
         if not self._is_clear(asked, sights, now):
             share, in_the_way = self._free_share(asked, np.vstack([self._points_now(sight, now) for sight in sights]))
-        is_unseen = all(self._is_unseen(asked, sight) for sight in sights)
-        limit = self._parameters.unseen_speed / asked.speed() if is_unseen else 1.0
+        limit, unseen = max((self._share_in_sight(asked, sight) for sight in sights), key=lambda found: found[0])
         if not in_the_way and limit >= 1.0:
             return Verdict(asked, PASSING, "passing")
         if in_the_way and share <= limit:
             return _slowed(asked, share, OBSTACLE, in_the_way)
-        return _slowed(asked, limit, UNSEEN, "no beam of the lidar looks where the robot is to go")
+        return _slowed(asked, limit, UNSEEN, unseen)
 
     def _is_clear(self, velocity: Twist2D, sights: List[Sight], now: float) -> bool:
         """Return whether all that lidars saw is too far away to be met; where it is not, the footprint tells.
@@ -276,17 +275,37 @@ class VelocityGuard:
         point: np.ndarray = near[int(np.argmax(too_near[int(np.argmax(blocked))]))]
         return point
 
+    def _share_in_sight(self, asked: Twist2D, sight: Sight) -> Tuple[float, str]:
+        """Return the largest share of a velocity with which the robot can stop where a lidar looks, and what limits it.
+
+        What lies beyond a lidar's range nobody has seen.
+        """
+        speed = asked.speed()
+        if speed <= self._parameters.unseen_speed:  # or a turn on the spot, which leads nowhere
+            return 1.0, ""
+        least = self._parameters.unseen_speed / speed
+        if self._is_unseen(asked, sight):
+            return least, "no beam of the lidar looks where the robot is to go"
+        p, ahead = self._parameters, np.array(asked[:2]) / speed
+        room = float(ahead @ sight.laser_in_base[:2]) + sight.scan.range_max - float((self._outline @ ahead).max())
+        braking = 0.5 * speed * seconds_to_brake(asked, p.acc_lim_x, p.acc_lim_theta, p.wheel_separation)  # way (m)
+        reacting = speed * p.reaction_time
+        room = max(0.0, room)
+        share = 2.0 * room / (reacting + math.sqrt(reacting * reacting + 4.0 * braking * room))
+        return max(least, min(1.0, share)), (
+            f"the lidar sees {room:.2f} m past the footprint, and the robot needs {reacting + braking:.2f} m to stop")
+
     def _is_unseen(self, asked: Twist2D, sight: Sight) -> bool:
-        """Return whether the way leads where a lidar by its angles does not look; a turn on the spot leads nowhere."""
+        """Return whether the way leads where a lidar by its angles does not look."""
         scan = sight.scan
         width = abs(scan.angle_increment) * (len(scan.ranges) + 1)
-        if asked.speed() == 0.0 or width >= 2.0 * math.pi:
+        if width >= 2.0 * math.pi:
             return False
         if width < self._parameters.blind_sector:  # a view no wider than what it may not overlook is none
-            return asked.speed() > self._parameters.unseen_speed
+            return True
         middle = scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1) / 2.0
         off = math.atan2(asked.y, asked.x) - sight.laser_in_base.theta - middle
-        return abs(math.remainder(off, 2.0 * math.pi)) > width / 2.0 and asked.speed() > self._parameters.unseen_speed
+        return abs(math.remainder(off, 2.0 * math.pi)) > width / 2.0
 
     def _blind_points(self, scan: LaserScan, laser_in_base: Pose2D) -> np.ndarray:
         """Return points for what may hide where neighbouring beams measured nothing, shape (N, 2) in the base frame.
