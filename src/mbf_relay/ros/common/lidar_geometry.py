@@ -16,8 +16,9 @@ from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.scan import LaserScan
 
 
+
 LEAST_LEVEL = 0.5
-"""Cosine of the tilt beyond which a lidar stands on edge: its beams meet floor and ceiling, and walls nearly nowhere."""
+"""Cosine of the tilt beyond which a lidar stands on edge: its beams meet floor and ceiling, few walls."""
 
 
 class MountedScan(NamedTuple):
@@ -50,8 +51,8 @@ def scan_in_base(
     upright = _upright(placed.transform)
     if abs(upright) < LEAST_LEVEL:
         raise InvalidMessage(
-            f"the lidar in frame {shown(scan.frame)} is tilted by {math.degrees(math.acos(upright)):.0f} degrees against "
-            f"{base_frame} and does not look round it; in an optical frame its z axis would have to point up")
+            f"the lidar in frame {shown(scan.frame)} is tilted by {math.degrees(math.acos(upright)):.0f} degrees "
+            f"against {base_frame} and does not look round it, as one in a camera's optical frame")
     pose, upside_down = mounting_of(placed.transform)
     is_fixed = placed.header.stamp.to_sec() == 0.0 or scan.frame.lstrip("/") == base_frame.lstrip("/")
     return MountedScan(seen_from_above(scan, upside_down), pose, is_fixed)
@@ -68,8 +69,8 @@ def mounting_of(transform: Transform) -> Tuple[Pose2D, bool]:
 
 def _upright(transform: Transform) -> float:
     """Return by how much a sensor's z axis points up, -1 to 1."""
-    q = transform.rotation
-    return max(-1.0, min(1.0, 1.0 - 2.0 * (q.x * q.x + q.y * q.y)))
+    x, y = float(transform.rotation.x), float(transform.rotation.y)
+    return max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y)))
 
 
 def seen_from_above(scan: LaserScan, upside_down: bool) -> LaserScan:
