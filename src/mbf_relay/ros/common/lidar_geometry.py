@@ -15,8 +15,6 @@ from mbf_relay.ros.common.conversions import scan_from_message
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.scan import LaserScan
 
-
-
 LEAST_LEVEL = 0.5
 """Cosine of the tilt beyond which a lidar stands on edge: its beams meet floor and ceiling, few walls."""
 
