@@ -2,11 +2,11 @@
 
 It knows neither costmaps, goals nor a map, and keeps no memory beyond the newest scan and what it has let pass since. A
 velocity passes while its sender goes on sending, the scan is fresh, and the footprint, carried along the arc on which
-the robot would react and brake, keeps a margin from every point of the scan. So it must along the spiral on which a
-differential drive comes to a stand whose wheels are told to stop at once, where these are known. Else it is slowed
-down along the same arc, or zero. What is nearer than the margin already may not come nearer still, so a robot may
-always drive away from it. Of several lidars on the topic, told apart by their frames, each must be fresh, and the
-newest scan of each counts.
+the robot would react and brake, keeps a margin from every point of the scan and stays where a lidar looks. So it must
+along the spiral on which a differential drive comes to a stand whose wheels are told to stop at once, where these are
+known. Else it is slowed down along the same arc, or zero. What is nearer than the margin already may not come nearer
+still, so a robot may always drive away from it. Of several lidars on the topic, told apart by their frames, each must be
+fresh, and the newest scan of each counts.
 (The idea is that of Nav2's collision monitor, here with the footprint on the braking arc in place of zones.)
 """
 
@@ -35,6 +35,8 @@ LEAST = 0.1
 """Share of a velocity below which the robot is stopped instead; it would creep up to an obstacle for ever."""
 HALVINGS = 7
 """Of the range in which the share of a velocity lies that may pass: it is found to less than a hundredth."""
+OFF_ROBOT = 0.5
+"""Metres farther out than any corner of the footprint, where no lidar of the robot's own sits."""
 SELF = 0.03
 """Metres inside of the footprint from which on a reading is the robot's own; nearer to its edge it may be a contact."""
 MOVED = 0.05
@@ -64,6 +66,7 @@ class Sight(NamedTuple):
         points: What is in the way, shape (N, 2) in metres, in the base frame at the scan's time.
         changed_at: Time (s) at which its readings were first what they are.
         nearest: Distance (m) of the nearest of the points from the base; infinite where there is none.
+        rides: Whether the lidar moves with the robot.
     """
 
     scan: LaserScan
@@ -71,6 +74,7 @@ class Sight(NamedTuple):
     points: np.ndarray
     changed_at: float
     nearest: float
+    rides: bool
 
 
 class VelocityGuard:
@@ -107,7 +111,7 @@ class VelocityGuard:
         seen = laser_in_base.transform_points(points[hits])
         points = np.vstack((seen, self._blind_points(scan, laser_in_base)))
         nearest = float(np.hypot(points[:, 0], points[:, 1]).min(initial=math.inf))
-        self._seen[scan.frame] = Sight(scan, laser_in_base, points, changed_at, nearest)
+        self._seen[scan.frame] = Sight(scan, laser_in_base, points, changed_at, nearest, rides)
 
     def _changed_at(self, scan: LaserScan) -> Optional[float]:
         """Return since when (s) a lidar has read what it reads now, None where the robot has been sent elsewhere since.
@@ -170,6 +174,13 @@ class VelocityGuard:
 
     def _judge_by_scan(self, asked: Twist2D, now: float) -> Verdict:
         sights = self._sights
+        for sight in sights:
+            off = math.hypot(*sight.laser_in_base[:2])
+            if sight.rides and off > self._radius + OFF_ROBOT:
+                return Verdict(
+                    STOP, UNSEEN, f"stopped: the lidar in {sight.scan.frame} sits {off:.2f} m from "
+                    f"{self._parameters.base_frame}, and the footprint reaches {self._radius:.2f} m from there: one of "
+                    "the two is not the robot's")
         reach = max(math.hypot(*sight.laser_in_base[:2]) + sight.scan.range_max for sight in sights)
         if reach <= self._inscribed_radius:
             return Verdict(

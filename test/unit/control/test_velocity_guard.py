@@ -172,6 +172,18 @@ def test_a_robot_drives_no_faster_than_it_can_stop_within_its_lidar_s_range():
     assert judged(guard, Twist2D(2.0, 0.0, 0.0)).velocity.x == 2.0
 
 
+def test_a_robot_does_not_drive_by_a_footprint_that_is_not_round_its_lidar():
+    """With base_frame map it was looked at where the map begins; a large robot's, which nobody gave, was 0.46 m."""
+    guard = VelocityGuard(parameters(base_frame="map"))
+    for x, rides, speed in ((2.0, True, 0.0), (0.6, True, 0.22), (2.0, False, 0.22)):
+        guard.take_scan(scan_of(np.full(BEAMS, np.inf)), Pose2D(x, 0.0, 0.0), rides)
+        assert judged(guard, AHEAD).velocity.x == speed
+    guard.take_scan(scan_of(np.full(BEAMS, np.inf)), Pose2D(-2.0, 0.0, 0.0))
+    assert judged(guard, AHEAD).text == (
+        "stopped: the lidar in base_scan sits 2.00 m from map, and the footprint reaches 0.15 m from there: one of the "
+        "two is not the robot's")
+
+
 @pytest.mark.parametrize("speed", [1.0, 1e200, 1.7e308])
 def test_a_robot_whose_lidar_does_not_see_past_its_own_front_goes_slowly(speed):
     """Its range was less than the way to the front, of which the nearest side took no notice."""
