@@ -5,8 +5,8 @@ velocity passes while its sender goes on sending, the scan is fresh, and the foo
 the robot would react and brake, keeps a margin from every point of the scan and stays where a lidar looks. So it must
 along the spiral on which a differential drive comes to a stand whose wheels are told to stop at once, where these are
 known. Else it is slowed down along the same arc, or zero. What is nearer than the margin already may not come nearer
-still, so a robot may always drive away from it. Of several lidars on the topic, told apart by their frames, each must be
-fresh, and the newest scan of each counts.
+still, so a robot may always drive away from it. Of several lidars on the topic, told apart by their frames, each must
+be fresh, and the newest scan of each counts.
 (The idea is that of Nav2's collision monitor, here with the footprint on the braking arc in place of zones.)
 """
 
