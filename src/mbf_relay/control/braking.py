@@ -10,7 +10,7 @@ import numpy as np
 from mbf_relay.control import trajectory_kernels
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.state import ControlState
-from mbf_relay.control.trajectories import VelocityWindow
+from mbf_relay.control.trajectories import MOST_POSES, VelocityWindow, require_room
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Twist2D
 
@@ -41,10 +41,17 @@ def arc(checker: FootprintChecker, state: ControlState, command: Twist2D, durati
 def _arcs(
     checker: FootprintChecker, state: ControlState, commands: np.ndarray, durations: np.ndarray
 ) -> Tuple[np.ndarray, np.ndarray]:
-    """Return `arc` for commands (N, 3) and durations (N,): poses, shape (N, S, 3), and how many each has, (N,)."""
-    step, turn = 2.0 * checker.step, checker.turn_step
-    speeds = np.hypot(commands[:, 0], commands[:, 1])
-    most = math.ceil(float((np.maximum(speeds / step, np.abs(commands[:, 2]) / turn) * durations).max(initial=0.0))) + 1
+    """Return `arc` for commands (N, 3) and durations (N,): poses, shape (N, S, 3), and how many each has, (N,).
+
+    Raises:
+        ControlError: These would be too many, even as far apart as poses may be.
+    """
+    speeds, turns = np.hypot(commands[:, 0], commands[:, 1]), np.abs(commands[:, 2])
+    for step, turn in (2.0 * checker.step, checker.turn_step), (checker.longest_step, checker.longest_turn):
+        most = math.ceil(float((np.maximum(speeds / step, turns / turn) * durations).max(initial=0.0))) + 1
+        if len(commands) * most <= MOST_POSES:
+            break
+    require_room(len(commands), most)
     poses, counts = np.empty((len(commands), most, 3)), np.empty(len(commands), np.int64)
     trajectory_kernels.simulate(
         np.array(state.pose, dtype=float), np.full(3, np.nan), np.ones(3), commands, durations, step, turn, poses,

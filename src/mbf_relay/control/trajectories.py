@@ -100,7 +100,7 @@ def sample(parameters: DwaParameters, window: VelocityWindow, speed: float) -> n
     """
     p = parameters
     counts = tuple(max(2, count) for count in (p.vx_samples, p.vy_samples, p.vth_samples))
-    _require_room(math.prod(count + 1 for count in counts), 1)
+    require_room(math.prod(count + 1 for count in counts), 1)
     slowest = math.hypot(*(min(abs(low), abs(high)) if low * high > 0.0 else 0.0
                            for low, high in zip(window.low[:2], window.high[:2])))
     velocities = np.empty(((counts[0] + 1) * (counts[1] + 1) * (counts[2] + 1), 3))  # each has room for zero besides
@@ -200,7 +200,7 @@ def roll_out(
         )
         if number * (longest + 1) <= MOST_POSES:
             break
-    _require_room(number, longest + 1)
+    require_room(number, longest + 1)
     poses = np.empty((number, math.ceil(longest) + 1, 3))
     counts, steps = np.empty(number, np.int64), np.empty(number)
     start = np.array(velocity, dtype=float) if not p.use_dwa else np.full(3, np.nan)
@@ -246,7 +246,7 @@ def _brake_free(
     return brakes
 
 
-def _require_room(trajectories: int, poses: float) -> None:
+def require_room(trajectories: int, poses: float) -> None:
     """Raise ControlError where a batch is more than a machine holds, and name what makes it so."""
     if trajectories * poses > MOST_POSES:
         raise ControlError(

@@ -2,11 +2,11 @@
 
 It knows neither costmaps, goals nor a map, and keeps no memory beyond the newest scan and what it has let pass since. A
 velocity passes while its sender goes on sending, the scan is fresh, and the footprint, carried along the arc on which
-the robot would react and brake, keeps a margin from every point of the scan. So it must along the spiral on which a
-differential drive comes to a stand whose wheels are told to stop at once, where these are known. Else it is slowed
-down along the same arc, or zero. What is nearer than the margin already may not come nearer still, so a robot may
-always drive away from it. Of several lidars on the topic, told apart by their frames, each must be fresh, and the
-newest scan of each counts.
+the robot would react and brake, keeps a margin from every point of the scan and stays where a lidar looks. So it must
+along the spiral on which a differential drive comes to a stand whose wheels are told to stop at once, where these are
+known. Else it is slowed down along the same arc, or zero. What is nearer than the margin already may not come nearer
+still, so a robot may always drive away from it. Of several lidars on the topic, told apart by their frames, each must
+be fresh, and the newest scan of each counts.
 (The idea is that of Nav2's collision monitor, here with the footprint on the braking arc in place of zones.)
 """
 
@@ -35,6 +35,8 @@ LEAST = 0.1
 """Share of a velocity below which the robot is stopped instead; it would creep up to an obstacle for ever."""
 HALVINGS = 7
 """Of the range in which the share of a velocity lies that may pass: it is found to less than a hundredth."""
+OFF_ROBOT = 0.5
+"""Metres farther out than any corner of the footprint, where no lidar of the robot's own sits."""
 SELF = 0.03
 """Metres inside of the footprint from which on a reading is the robot's own; nearer to its edge it may be a contact."""
 MOVED = 0.05
@@ -64,6 +66,7 @@ class Sight(NamedTuple):
         points: What is in the way, shape (N, 2) in metres, in the base frame at the scan's time.
         changed_at: Time (s) at which its readings were first what they are.
         nearest: Distance (m) of the nearest of the points from the base; infinite where there is none.
+        rides: Whether the lidar moves with the robot.
     """
 
     scan: LaserScan
@@ -71,6 +74,7 @@ class Sight(NamedTuple):
     points: np.ndarray
     changed_at: float
     nearest: float
+    rides: bool
 
 
 class VelocityGuard:
@@ -107,7 +111,7 @@ class VelocityGuard:
         seen = laser_in_base.transform_points(points[hits])
         points = np.vstack((seen, self._blind_points(scan, laser_in_base)))
         nearest = float(np.hypot(points[:, 0], points[:, 1]).min(initial=math.inf))
-        self._seen[scan.frame] = Sight(scan, laser_in_base, points, changed_at, nearest)
+        self._seen[scan.frame] = Sight(scan, laser_in_base, points, changed_at, nearest, rides)
 
     def _changed_at(self, scan: LaserScan) -> Optional[float]:
         """Return since when (s) a lidar has read what it reads now, None where the robot has been sent elsewhere since.
@@ -170,6 +174,13 @@ class VelocityGuard:
 
     def _judge_by_scan(self, asked: Twist2D, now: float) -> Verdict:
         sights = self._sights
+        for sight in sights:
+            off = math.hypot(*sight.laser_in_base[:2])
+            if sight.rides and off > self._radius + OFF_ROBOT:
+                return Verdict(
+                    STOP, UNSEEN, f"stopped: the lidar in {sight.scan.frame} sits {off:.2f} m from "
+                    f"{self._parameters.base_frame}, and the footprint reaches {self._radius:.2f} m from there: one of "
+                    "the two is not the robot's")
         reach = max(math.hypot(*sight.laser_in_base[:2]) + sight.scan.range_max for sight in sights)
         if reach <= self._inscribed_radius:
             return Verdict(
@@ -178,13 +189,12 @@ class VelocityGuard:
         share, in_the_way = 1.0, ""
         if not self._is_clear(asked, sights, now):
             share, in_the_way = self._free_share(asked, np.vstack([self._points_now(sight, now) for sight in sights]))
-        is_unseen = all(self._is_unseen(asked, sight) for sight in sights)
-        limit = self._parameters.unseen_speed / asked.speed() if is_unseen else 1.0
+        limit, unseen = max((self._share_in_sight(asked, sight) for sight in sights), key=lambda found: found[0])
         if not in_the_way and limit >= 1.0:
             return Verdict(asked, PASSING, "passing")
         if in_the_way and share <= limit:
             return _slowed(asked, share, OBSTACLE, in_the_way)
-        return _slowed(asked, limit, UNSEEN, "no beam of the lidar looks where the robot is to go")
+        return _slowed(asked, limit, UNSEEN, unseen)
 
     def _is_clear(self, velocity: Twist2D, sights: List[Sight], now: float) -> bool:
         """Return whether all that lidars saw is too far away to be met; where it is not, the footprint tells.
@@ -276,17 +286,37 @@ class VelocityGuard:
         point: np.ndarray = near[int(np.argmax(too_near[int(np.argmax(blocked))]))]
         return point
 
+    def _share_in_sight(self, asked: Twist2D, sight: Sight) -> Tuple[float, str]:
+        """Return the largest share of a velocity with which the robot can stop where a lidar looks, and what limits it.
+
+        What lies beyond a lidar's range nobody has seen.
+        """
+        speed = asked.speed()
+        if speed <= self._parameters.unseen_speed:  # or a turn on the spot, which leads nowhere
+            return 1.0, ""
+        least = self._parameters.unseen_speed / speed
+        if self._is_unseen(asked, sight):
+            return least, "no beam of the lidar looks where the robot is to go"
+        p, ahead = self._parameters, np.array(asked[:2]) / speed
+        room = float(ahead @ sight.laser_in_base[:2]) + sight.scan.range_max - float((self._outline @ ahead).max())
+        braking = 0.5 * speed * seconds_to_brake(asked, p.acc_lim_x, p.acc_lim_theta, p.wheel_separation)  # way (m)
+        reacting = speed * p.reaction_time
+        room = max(0.0, room)
+        share = 2.0 * room / (reacting + math.sqrt(reacting * reacting + 4.0 * braking * room))
+        return max(least, min(1.0, share)), (
+            f"the lidar sees {room:.2f} m past the footprint, and the robot needs {reacting + braking:.2f} m to stop")
+
     def _is_unseen(self, asked: Twist2D, sight: Sight) -> bool:
-        """Return whether the way leads where a lidar by its angles does not look; a turn on the spot leads nowhere."""
+        """Return whether the way leads where a lidar by its angles does not look."""
         scan = sight.scan
         width = abs(scan.angle_increment) * (len(scan.ranges) + 1)
-        if asked.speed() == 0.0 or width >= 2.0 * math.pi:
+        if width >= 2.0 * math.pi:
             return False
         if width < self._parameters.blind_sector:  # a view no wider than what it may not overlook is none
-            return asked.speed() > self._parameters.unseen_speed
+            return True
         middle = scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1) / 2.0
         off = math.atan2(asked.y, asked.x) - sight.laser_in_base.theta - middle
-        return abs(math.remainder(off, 2.0 * math.pi)) > width / 2.0 and asked.speed() > self._parameters.unseen_speed
+        return abs(math.remainder(off, 2.0 * math.pi)) > width / 2.0
 
     def _blind_points(self, scan: LaserScan, laser_in_base: Pose2D) -> np.ndarray:
         """Return points for what may hide where neighbouring beams measured nothing, shape (N, 2) in the base frame.

@@ -60,7 +60,7 @@ class VelocityGuardParameters(ParameterSet):
         "the robot there; 0 where its driver sends 0 for what is far", unit="rad", minimum=0.0, maximum=7.0,
     )
     unseen_speed: float = parameter(
-        0.1, "top speed in a direction in which no beam looks", unit="m/s", minimum=0.0
+        0.1, "top speed in a direction in which no beam looks, or none past the footprint", unit="m/s", minimum=0.0
     )
 
     def check(self) -> None:

@@ -8,7 +8,7 @@ from typing import NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from mbf_relay.costmap import footprint_checker_kernels
+from mbf_relay.costmap import footprint_checker_kernels, footprint_kernels
 from mbf_relay.costmap.cost_grid import LETHAL, NO_INFORMATION, CostGrid
 from mbf_relay.distances import distances_to_zeros
 from mbf_relay.geometry import Pose2D
@@ -98,14 +98,14 @@ class FootprintChecker:
     def depths_at(self, pose: Pose2D) -> np.ndarray:
         """Return how deep (cells) the footprint reaches into what it touches, shape (2,): the deepest, and the sum.
 
-        Both are below 0 where it touches nothing.
+        Both are below 0 where it touches nothing, or so much that it takes too long to tell.
         """
         found = np.full(2, -1.0)
         if self.contacts_at(pose):
             footprint_checker_kernels.depths(
                 self._costs, *self._place, self._corners, self._radius, self._overlap, self._highest,
                 pose.x, pose.y, pose.theta, 1.0, found)
-        return found
+        return found if math.isfinite(found[0]) else np.full(2, -1.0)
 
     def first_contacts(
         self, poses: np.ndarray, counts: np.ndarray, scales: np.ndarray, begin: Optional[Pose2D] = None
@@ -220,15 +220,7 @@ def _outlines(
     ring = np.vstack(points)
     headings = math.ceil(math.pi * radius / (CORNER_MOVES * resolution * LEAST_HEADINGS))
     headings = LEAST_HEADINGS * max(1, min(headings, MOST_DRAWN // (len(ring) * LEAST_HEADINGS)))
-    angles = np.arange(headings) * (2.0 * math.pi / headings)
-    cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
-    turned = np.stack((cos * ring[:, 0] - sin * ring[:, 1], sin * ring[:, 0] + cos * ring[:, 1]), axis=2)
-    hair = 1e-3 * resolution
-    boxes = np.hstack((turned.min(axis=1) - hair, turned.max(axis=1) + hair))
-    arcs = []
-    for first in range(0, len(ring), footprint_checker_kernels.ARC):
-        part = turned[:, first:first + footprint_checker_kernels.ARC]
-        centers = part.mean(axis=1)
-        arcs.append(np.column_stack((centers, np.hypot(*(part - centers[:, None]).T).max(axis=0) + hair)))
-    drawn = [np.ascontiguousarray(part, dtype=np.float32) for part in (turned, boxes, np.stack(arcs, axis=1))]
+    arcs = math.ceil(len(ring) / footprint_checker_kernels.ARC)
+    drawn = [np.empty(shape, np.float32) for shape in ((headings, len(ring), 2), (headings, 4), (headings, arcs, 3))]
+    footprint_kernels.draw(ring, footprint_checker_kernels.ARC, 1e-3 * resolution, *drawn)
     return drawn[0], drawn[1], drawn[2], radius

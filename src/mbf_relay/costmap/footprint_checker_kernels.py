@@ -15,6 +15,9 @@ from mbf_relay.kernels import kernel
 _LETHAL = 254
 ARC = 8  # points of an outline that are passed over together where nothing is near: some three cells' length
 _RUN = 16  # poses of a path whose boxes are looked at together: some eight cells' way
+_AS_QUICK = 32  # cells of a row are told apart in about the time that one's distance from a side takes
+MOST_LOOKED_AT = 40_000_000
+"""Distances of cells from sides of the footprint that are looked at for a batch of trajectories: half a second."""
 _HAIR = 0.05  # cells: what is as deep but for rounding; a robot that creeps ahead gets deeper before it could stop
 
 
@@ -104,58 +107,6 @@ def contacts(
         costs, outline, across, up, scale / resolution, inside, overlap, in_way, 0, outline.shape[0])
 
 
-@kernel(
-    "void(uint8[:,::1], float64, float64, float64, float64[:,::1], float64, float64, int64, float64, float64, float64, "
-    "float64, float64[::1])"
-)
-def depths(costs, origin_x, origin_y, resolution, corners, circumscribed, overlap, in_way, x, y, theta, scale, found):
-    """Find how deep a footprint reaches into cells in the way, and outside the grid.
-
-    A cell is entered where its centre is nearer to the footprint than half a cell less `overlap`. Unlike the number of
-    outline points in it, this stays as it is while a side passes along it, and grows as the robot goes on into it.
-
-    Args:
-        corners: Shape (K, 2): the footprint's (m).
-        found: Shape (2,): filled with how deep (cells) it reaches into the cell it reaches deepest into, and their sum.
-        costs, origin_x, origin_y, resolution, circumscribed, overlap, in_way, x, y, theta, scale: As for `contacts`.
-    """
-    height, width = costs.shape
-    margin, factor = 0.5 - overlap, scale / resolution
-    across = (x - origin_x) / resolution
-    up = (y - origin_y) / resolution
-    reach = circumscribed * factor + margin
-    cos, sin = math.cos(theta), math.sin(theta)
-    back, front = factor * corners[:, 0].min() - margin, factor * corners[:, 0].max() + margin
-    right, far_left = factor * corners[:, 1].min() - margin, factor * corners[:, 1].max() + margin
-    found[0] = found[1] = 0.0
-    for row in range(int(math.floor(up - reach - 0.5)), int(math.floor(up + reach + 0.5)) + 1):
-        for column in range(int(math.floor(across - reach - 0.5)), int(math.floor(across + reach + 0.5)) + 1):
-            if column < 0 or row < 0 or column >= width or row >= height:
-                if in_way <= _LETHAL:
-                    continue
-            elif not _LETHAL <= costs[row, column] <= in_way:
-                continue
-            ahead = cos * (column + 0.5 - across) + sin * (row + 0.5 - up)
-            left = cos * (row + 0.5 - up) - sin * (column + 0.5 - across)
-            if not (back < ahead < front and right < left < far_left):
-                continue  # most cells of a wall beside it
-            nearest, is_within = math.inf, False
-            for k in range(corners.shape[0]):
-                x0, y0 = factor * corners[k - 1, 0], factor * corners[k - 1, 1]
-                x1, y1 = factor * corners[k, 0], factor * corners[k, 1]
-                dx, dy = x1 - x0, y1 - y0
-                share = 0.0
-                if dx != 0.0 or dy != 0.0:
-                    share = min(1.0, max(0.0, ((ahead - x0) * dx + (left - y0) * dy) / (dx * dx + dy * dy)))
-                nearest = min(nearest, math.hypot(ahead - x0 - share * dx, left - y0 - share * dy))
-                if (y0 > left) != (y1 > left) and ahead < x0 + (left - y0) / dy * dx:
-                    is_within = not is_within
-            depth = margin + nearest if is_within else margin - nearest
-            if depth > 0.0:
-                found[0] = max(found[0], depth)
-                found[1] += depth
-
-
 @kernel("boolean(uint8[:,::1], int64, int64, int64, int64, int64)")
 def _is_clear(costs, in_way, x0, y0, x1, y1):
     """Return whether nothing in the way lies in columns x0 to x1 and rows y0 to y1, the ends included.
@@ -174,6 +125,86 @@ def _is_clear(costs, in_way, x0, y0, x1, y1):
         if found != 0:
             return False
     return True
+
+
+@kernel("UniTuple(float64, 2)(float64, float64, float64, float64, float64)")
+def _between(low, high, slope, begin, end):
+    """Return the part of begin to end where slope times it lies from low to high; its end before its begin for none."""
+    if abs(slope) < 1e-9:
+        return (begin, end) if low <= 0.0 <= high else (end, begin - 2.0)
+    one, other = low / slope, high / slope
+    return max(begin, min(one, other)), min(end, max(one, other))
+
+
+@kernel(
+    "int64(uint8[:,::1], float64, float64, float64, float64[:,::1], float64, float64, int64, float64, float64, "
+    "float64, float64, float64[::1])"
+)
+def depths(costs, origin_x, origin_y, resolution, corners, circumscribed, overlap, in_way, x, y, theta, scale, found):
+    """Find how deep a footprint reaches into cells in the way, and outside the grid; return how much was looked at.
+
+    A cell is entered where its centre is nearer to the footprint than half a cell less `overlap`. Unlike the number of
+    outline points in it, this stays as it is while a side passes along it, and grows as the robot goes on into it.
+
+    Args:
+        corners: Shape (K, 2): the footprint's (m).
+        found: Shape (2,): filled with how deep (cells) it reaches into the cell it reaches deepest into, and their sum;
+            infinite where that would take more than MOST_LOOKED_AT.
+        costs, origin_x, origin_y, resolution, circumscribed, overlap, in_way, x, y, theta, scale: As for `contacts`.
+
+    Returns:
+        Of how many sides of the footprint the distance from a cell was taken; to find what is in the way counts as a
+        share of that.
+    """
+    height, width = costs.shape
+    margin, factor = 0.5 - overlap, scale / resolution
+    across = (x - origin_x) / resolution
+    up = (y - origin_y) / resolution
+    reach = circumscribed * factor + margin
+    cos, sin = math.cos(theta), math.sin(theta)
+    back, front = factor * corners[:, 0].min() - margin, factor * corners[:, 0].max() + margin
+    right, far_left = factor * corners[:, 1].min() - margin, factor * corners[:, 1].max() + margin
+    found[0] = found[1] = 0.0
+    looked_at = 0
+    for row in range(int(math.floor(up - reach - 0.5)), int(math.floor(up + reach + 0.5)) + 1):
+        above = row + 0.5 - up
+        begin, end = _between(back - sin * above, front - sin * above, cos, -reach, reach)
+        begin, end = _between(right - cos * above, far_left - cos * above, -sin, begin, end)
+        first, last = int(math.floor(across + begin - 1.0)), int(math.floor(across + end)) + 1
+        looked_at += 1 + max(0, last - first) // _AS_QUICK
+        if first > last or _is_clear(costs, in_way, first, row, last, row):
+            continue
+        for column in range(first, last + 1):
+            if column < 0 or row < 0 or column >= width or row >= height:
+                if in_way <= _LETHAL:
+                    continue
+            elif not _LETHAL <= costs[row, column] <= in_way:
+                continue
+            ahead = cos * (column + 0.5 - across) + sin * above
+            left = cos * above - sin * (column + 0.5 - across)
+            if not (back < ahead < front and right < left < far_left):
+                continue  # most cells of a wall beside it
+            looked_at += corners.shape[0]
+            if looked_at > MOST_LOOKED_AT:
+                found[0] = found[1] = math.inf
+                return looked_at
+            nearest, is_within = math.inf, False
+            for k in range(corners.shape[0]):
+                x0, y0 = factor * corners[k - 1, 0], factor * corners[k - 1, 1]
+                x1, y1 = factor * corners[k, 0], factor * corners[k, 1]
+                dx, dy = x1 - x0, y1 - y0
+                share = 0.0
+                if dx != 0.0 or dy != 0.0:
+                    share = min(1.0, max(0.0, ((ahead - x0) * dx + (left - y0) * dy) / (dx * dx + dy * dy)))
+                off_x, off_y = ahead - x0 - share * dx, left - y0 - share * dy
+                nearest = min(nearest, off_x * off_x + off_y * off_y)
+                if (y0 > left) != (y1 > left) and ahead < x0 + (left - y0) / dy * dx:
+                    is_within = not is_within
+            depth = margin + math.sqrt(nearest) if is_within else margin - math.sqrt(nearest)
+            if depth > 0.0:
+                found[0] = max(found[0], depth)
+                found[1] += depth
+    return looked_at
 
 
 @kernel(
@@ -211,9 +242,9 @@ def touching(costs, origin_x, origin_y, resolution, outlines, boxes, circumscrib
 
 
 @kernel(
-    "void(uint8[:,::1], float32[:,::1], float64, float64, float64, float32[:,:,::1], float32[:,:,::1], float64[:,::1], "
-    "float64, float64, int64, float64[:,:,::1], int64[::1], float64[::1], float64[::1], int64[::1], float64[::1], "
-    "float64[::1])"
+    "int64(uint8[:,::1], float32[:,::1], float64, float64, float64, float32[:,:,::1], float32[:,:,::1], "
+    "float64[:,::1], float64, float64, int64, float64[:,:,::1], int64[::1], float64[::1], float64[::1], int64[::1], "
+    "float64[::1], float64[::1])"
 )
 def first_contacts(
     costs, distances, origin_x, origin_y, resolution, outlines, arcs, corners, circumscribed, overlap, in_way, poses,
@@ -222,7 +253,9 @@ def first_contacts(
     """Find how far along each trajectory the footprint stays free, and what cost its centre passes.
 
     Of the outline only the arcs are looked at point by point that something is near to. Where something may stay
-    touched, nothing is entered deeper than that, nor in all by more than one cell as deep.
+    touched, nothing is entered deeper than that, nor in all by more than one cell as deep. How deep is asked up to
+    MOST_LOOKED_AT, of which each trajectory has its share and what those before it left: a large footprint on unknown
+    ground lies on as many cells at each pose. What is not looked at counts as in contact.
 
     Args:
         distances: As for `is_far`.
@@ -241,7 +274,9 @@ def first_contacts(
     height, width = costs.shape
     points = outlines.shape[1]
     entered = np.empty(2)
-    for n in range(poses.shape[0]):
+    looked_at, number = 0, poses.shape[0]
+    for n in range(number):
+        may_look_at = MOST_LOOKED_AT * (n + 1) // number
         factor, reach = scales[n] / resolution, circumscribed * scales[n] / resolution
         deepest, total = allowed[0], allowed[1]
         free[n] = counts[n]
@@ -265,11 +300,11 @@ def first_contacts(
                         break
             if found == 0:
                 deepest = total = -1.0
-            elif deepest < 0.0:
+            elif deepest < 0.0 or looked_at >= may_look_at:
                 free[n] = i
                 break
             else:
-                depths(
+                looked_at += depths(
                     costs, origin_x, origin_y, resolution, corners, circumscribed, overlap, in_way, poses[n, i, 0],
                     poses[n, i, 1], poses[n, i, 2], scales[n], entered)
                 if entered[0] > deepest + _HAIR or entered[1] > total + deepest + _HAIR:
@@ -283,6 +318,7 @@ def first_contacts(
             cost = float(costs[row, column])
             highest[n] = max(highest[n], cost)
             summed[n] += cost
+    return looked_at
 
 
 @kernel("void(uint8[:,::1], float64, float64, float64, float64, float64, float64[:,::1], uint8[::1])")

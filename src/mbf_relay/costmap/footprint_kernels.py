@@ -266,3 +266,41 @@ def covered_costs(costs, origin_x, origin_y, resolution, footprint, poses, resul
                 result[index, 3] += 1
             else:
                 result[index, 4] += cost
+
+
+@kernel("void(float64[:,::1], int64, float64, float32[:,:,::1], float32[:,::1], float32[:,:,::1])")
+def draw(ring, length, hair, outlines, boxes, arcs):
+    """Turn points round an outline to each of as many headings as there is room for, and find what holds them.
+
+    Args:
+        ring: Shape (P, 2): the points at heading 0 (m).
+        length: Of an arc, in points.
+        hair: Metres by which what holds them is wider.
+        outlines: Shape (A, P, 2), filled.
+        boxes: Shape (A, 4), filled: the least x and y and the largest.
+        arcs: Shape (A, K, 3), filled: centre and radius of a circle round every `length` points.
+    """
+    headings, points = outlines.shape[0], ring.shape[0]
+    for heading in range(headings):
+        angle = heading * (2.0 * math.pi / headings)
+        cos, sin = math.cos(angle), math.sin(angle)
+        low_x, low_y, high_x, high_y = math.inf, math.inf, -math.inf, -math.inf
+        for arc in range(arcs.shape[1]):
+            first, last = length * arc, min(length * (arc + 1), points)
+            center_x = center_y = square = 0.0
+            for point in range(first, last):
+                x = cos * ring[point, 0] - sin * ring[point, 1]
+                y = sin * ring[point, 0] + cos * ring[point, 1]
+                outlines[heading, point, 0], outlines[heading, point, 1] = x, y
+                center_x += x
+                center_y += y
+                low_x, low_y, high_x, high_y = min(low_x, x), min(low_y, y), max(high_x, x), max(high_y, y)
+            center_x /= last - first
+            center_y /= last - first
+            for point in range(first, last):
+                away_x, away_y = outlines[heading, point, 0] - center_x, outlines[heading, point, 1] - center_y
+                square = max(square, away_x * away_x + away_y * away_y)
+            arcs[heading, arc, 0], arcs[heading, arc, 1] = center_x, center_y
+            arcs[heading, arc, 2] = math.sqrt(square) + hair
+        boxes[heading, 0], boxes[heading, 1] = low_x - hair, low_y - hair
+        boxes[heading, 2], boxes[heading, 3] = high_x + hair, high_y + hair

@@ -4,13 +4,17 @@ import dataclasses
 import os
 import sys
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "contract"))
 from controllers import make  # noqa: E402
 from kinematics import boxes, costmap_round, path_through  # noqa: E402
 
+from mbf_relay.control.braking import arcs_to_a_stand  # noqa: E402
 from mbf_relay.control.state import ControlState  # noqa: E402
+from mbf_relay.control.trajectories import MOST_POSES  # noqa: E402
+from mbf_relay.costmap.footprint_checker import FootprintChecker  # noqa: E402
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D  # noqa: E402
 from mbf_relay.outcomes import ControlError  # noqa: E402
 
@@ -55,3 +59,14 @@ def test_one_that_can_go_nowhere_any_more_and_drives_straight_or_stands_says_so_
         with pytest.raises(ControlError):
             for _ in range(3):
                 controller.compute_velocity(state)
+
+
+def test_a_robot_that_hardly_brakes_is_not_followed_for_a_hundred_million_poses():
+    """A hundred ways out were each followed to a stand after eight minutes of turning: gigabytes, and no velocity."""
+    parameters = make("dwa_local_planner/DWAPlannerROS", max_vel_theta=2.75, acc_lim_theta=0.003).parameters
+    state = ControlState(0.0, HERE, STOP, costmap_round(HERE, resolution=0.01), IDENTITY, 10.0)
+    turns = np.column_stack((np.zeros((100, 2)), np.linspace(2.0, 2.75, 100)))
+    with pytest.raises(ControlError, match="raise .* acceleration limits"):
+        arcs_to_a_stand(parameters, state, FootprintChecker(state.costmap), turns)
+    arcs = arcs_to_a_stand(parameters, state, FootprintChecker(state.costmap), 0.1 * turns)
+    assert 10_000 < arcs.counts.sum() <= MOST_POSES

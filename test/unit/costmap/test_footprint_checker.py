@@ -13,9 +13,12 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."
 from kinematics import BURGER  # noqa: E402
 from plain_footprint import contacts, random_costmap  # noqa: E402
 
+from mbf_relay.costmap import footprint_checker, footprint_checker_kernels  # noqa: E402
+from mbf_relay.costmap.cost_grid import CostGrid  # noqa: E402
 from mbf_relay.costmap.footprint_checker import FootprintChecker, distances_to_obstacles  # noqa: E402
-from mbf_relay.costmap.outline import FARTHEST  # noqa: E402
+from mbf_relay.costmap.outline import FARTHEST, clearances  # noqa: E402
 from mbf_relay.geometry import Pose2D  # noqa: E402
+from mbf_relay.grid import Grid  # noqa: E402
 
 
 def with_overlap(costmap, overlap):
@@ -167,6 +170,60 @@ def test_one_that_touches_comes_no_nearer():
         assert checker.contacts_at(here) > 0
         nearer = np.column_stack((here.x + 0.001 * np.arange(1, 11), np.zeros((10, 2))))
         assert checker.free_steps(nearer, here) <= 2
+
+
+class Counting:
+    """The kernels, and how much each batch of trajectories had them look at."""
+
+    def __init__(self):
+        self.looked_at = []
+
+    def __getattr__(self, name):
+        return getattr(footprint_checker_kernels, name)
+
+    def first_contacts(self, *arguments):
+        self.looked_at.append(footprint_checker_kernels.first_contacts(*arguments))
+
+
+@pytest.mark.parametrize("corners", [4, 1000])
+def test_a_large_robot_half_on_unknown_ground_is_held_and_not_thought_about_for_half_a_minute(monkeypatch, corners):
+    """How deep it lay in each of 100 000 unknown cells was asked at each of 20 000 poses, by every side of it."""
+    monkeypatch.setattr(footprint_checker, "footprint_checker_kernels", Counting())
+    angles = 2.0 * math.pi * (np.arange(corners) + 0.5) / corners
+    outline = 0.99 * FARTHEST * 0.01 * np.column_stack((np.cos(angles), np.sin(angles)))
+    costmap = CostGrid(Grid(0.01, -8.0, -8.0, 1600, 1600), np.zeros((1600, 1600), np.uint8), "odom", outline, 1.0, 4.0)
+    costmap.costs[:, :800] = 255
+    ways = np.zeros((800, 25, 3))
+    ways[:, :, 0] = np.linspace(0.0, 0.3, 800)[:, None] * np.linspace(0.0, 1.0, 25)
+    way = FootprintChecker(costmap).first_contacts(ways, np.full(800, 25), np.ones(800), Pose2D(0.0, 0.0, 0.0))
+    looked_at, = footprint_checker.footprint_checker_kernels.looked_at
+    assert looked_at <= 2 * footprint_checker_kernels.MOST_LOOKED_AT
+    assert way.steps.max() < 25
+
+
+def test_a_car_along_a_wall_it_touches_is_thought_about_on_every_way(monkeypatch):
+    monkeypatch.setattr(footprint_checker, "footprint_checker_kernels", Counting())
+    car = np.array([[-1.0, -1.0], [-1.0, 1.0], [3.5, 1.0], [3.5, -1.0]])
+    costmap = CostGrid(Grid(0.05, -10.0, -10.0, 400, 400), np.zeros((400, 400), np.uint8), "odom", car, 1.0, 3.65)
+    costmap.costs[219:260, 40:380] = 254
+    ways = np.zeros((860, 50, 3))
+    ways[:, :, 0] = np.linspace(0.0, 1.5, 860)[:, None] * np.linspace(0.02, 1.0, 50)
+    way = FootprintChecker(costmap).first_contacts(ways, np.full(860, 50), np.ones(860), Pose2D(0.0, 0.0, 0.0))
+    assert (way.steps == 50).all()
+    assert footprint_checker.footprint_checker_kernels.looked_at[0] > 10_000_000
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.3, math.pi / 2.0, 2.5, -1.1])
+def test_every_cell_of_an_outline_of_any_heading_counts_in_how_deep_it_is(heading):
+    """The sum of depths is that over all cells, each by its distance from the outline."""
+    costmap = random_costmap(np.random.default_rng(6), obstacles=0)
+    costmap.costs[:] = 254
+    checker, pose = with_overlap(costmap, 0.2), Pose2D(0.31, -0.22, heading)
+    rows, columns = np.mgrid[:60, :60]
+    centers = pose.inverse().transform_points(costmap.grid.origin_x + 0.05 * np.column_stack(
+        (columns.ravel() + 0.5, rows.ravel() + 0.5)))
+    entered = 0.3 - clearances(centers, BURGER) / 0.05
+    assert checker.depths_at(pose) == pytest.approx([entered.max(), entered[entered > 0.0].sum()])
 
 
 def test_how_deep_a_footprint_is_in_something_is_the_way_back_out():

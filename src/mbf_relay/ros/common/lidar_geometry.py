@@ -10,9 +10,13 @@ from geometry_msgs.msg import Transform
 from sensor_msgs.msg import LaserScan as LaserScanMessage
 
 from mbf_relay.geometry import Pose2D
+from mbf_relay.ros.common.checks import InvalidMessage, shown
 from mbf_relay.ros.common.conversions import scan_from_message
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.scan import LaserScan
+
+LEAST_LEVEL = 0.5
+"""Cosine of the tilt beyond which a lidar stands on edge: its beams meet floor and ceiling, few walls."""
 
 
 class MountedScan(NamedTuple):
@@ -37,11 +41,16 @@ def scan_in_base(
         max_age: Age (s) beyond which what /tf says of a lidar that moves is refused; no limit where None.
 
     Raises:
-        InvalidMessage: The scan holds nothing usable.
+        InvalidMessage: The scan holds nothing usable, or its lidar stands on edge.
         TransformError: The sensor's frame is not connected to the base's.
     """
     scan = scan_from_message(message)
     placed = transforms.lookup_message(base_frame, scan.frame, max_age=max_age)
+    upright = _upright(placed.transform)
+    if abs(upright) < LEAST_LEVEL:
+        raise InvalidMessage(
+            f"the lidar in frame {shown(scan.frame)} is tilted by {math.degrees(math.acos(upright)):.0f} degrees "
+            f"against {base_frame} and does not look round it, as one in a camera's optical frame")
     pose, upside_down = mounting_of(placed.transform)
     is_fixed = placed.header.stamp.to_sec() == 0.0 or scan.frame.lstrip("/") == base_frame.lstrip("/")
     return MountedScan(seen_from_above(scan, upside_down), pose, is_fixed)
@@ -50,11 +59,16 @@ def scan_in_base(
 def mounting_of(transform: Transform) -> Tuple[Pose2D, bool]:
     """Return where a lidar sits on the robot, and whether it hangs upside down, from its transform to the base."""
     q, p = transform.rotation, transform.translation
-    # Of the rotation matrix: where the sensor's x axis points seen from above, and whether its z axis points up.
+    # Of the rotation matrix: where the sensor's x axis points seen from above.
     forward_x = 1.0 - 2.0 * (q.y * q.y + q.z * q.z)
     forward_y = 2.0 * (q.x * q.y + q.w * q.z)
-    up_z = 1.0 - 2.0 * (q.x * q.x + q.y * q.y)
-    return Pose2D(p.x, p.y, math.atan2(forward_y, forward_x)), up_z < 0.0
+    return Pose2D(p.x, p.y, math.atan2(forward_y, forward_x)), _upright(transform) < 0.0
+
+
+def _upright(transform: Transform) -> float:
+    """Return by how much a sensor's z axis points up, -1 to 1."""
+    x, y = float(transform.rotation.x), float(transform.rotation.y)
+    return max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y)))
 
 
 def seen_from_above(scan: LaserScan, upside_down: bool) -> LaserScan:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import importlib
 import logging
 import math
 import os
+import resource
 import sys
 import time
 import traceback
@@ -228,5 +230,9 @@ def spare_what_stays() -> None:
 
 
 def one_line(error: BaseException) -> str:
-    """Return an exception's text on one line."""
-    return " ".join(str(error).split()) or type(error).__name__
+    """Return an exception's text on one line, and what to do where the node may open no more files."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    if isinstance(error, OSError) and error.errno == errno.EMFILE:
+        most = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+        text += f"; it may have {most} open, sockets included: raise that by ulimit -n"
+    return text

@@ -33,12 +33,13 @@ AT_ONCE = 5
 
 
 class Request:
-    """A goal handle, its goal being read, and once it was taken up, its task."""
+    """A goal handle, its goal being read (None where it is called off already), and once it was taken up, its task."""
 
-    def __init__(self, handle: TrackedGoal, reading: Job) -> None:
+    def __init__(self, handle: TrackedGoal, reading: Optional[Job]) -> None:
         self.handle, self.reading = handle, reading
         self.goal_id: str = handle.get_goal_id().id
-        self.cancelled = False
+        self.slot: int = getattr(handle.get_goal(), "concurrency_slot", 0)
+        self.cancelled = reading is None
         self.task: Optional[Task[Any]] = None
 
 
@@ -79,7 +80,8 @@ class Action:
         self._inbox: Deque[Request] = collections.deque()
         self._requests: Dict[str, Request] = {}
         self._running: List[Request] = []
-        self.server = make_server(f"~{name}", action_type, self._on_goal, self._on_cancel, self._recalled)
+        self.server = make_server(
+            f"~{name}", action_type, self._on_goal, self._on_cancel, self._recalled, overtaken_cb=self._on_overtaken)
 
     # callbacks: they note what was asked and wake the stepper
 
@@ -102,6 +104,11 @@ class Action:
                 request.task.cancel()
         self._wake()
 
+    def _on_overtaken(self, handle: TrackedGoal) -> None:
+        with self._lock:
+            self._inbox.append(Request(handle, None))  # not among the requests: it ends by itself
+        self._wake()
+
     # the stepping thread
 
     def take_up(self) -> bool:
@@ -120,7 +127,10 @@ class Action:
         return more
 
     def _is_ready(self) -> bool:
-        return bool(self._inbox) and (self._inbox[0].reading.done or self._inbox[0].cancelled)
+        if not self._inbox:
+            return False
+        first = self._inbox[0]
+        return first.reading is None or first.cancelled or first.reading.done
 
     def report(self) -> None:
         """Send what running goals have to say, and how they ended."""
@@ -143,7 +153,7 @@ class Action:
     def abort_all(self, outcome: str, message: str) -> None:
         """End every goal that is left, for when stepping itself failed or the node goes down."""
         with self._lock:
-            waiting = list(self._inbox)
+            waiting = [request for request in self._inbox if self._requests.get(request.goal_id) is request]
             self._inbox.clear()
         for request in waiting:
             request.handle.set_accepted()
@@ -162,7 +172,8 @@ class Action:
             self._end(request, Ending.ABORTED, self._failure(self._outcomes[outcome], message))
 
     def _begin(self, request: Request) -> None:
-        if request.cancelled:
+        if request.reading is None or request.cancelled:
+            self._call_off(request.slot)
             self._end(request, Ending.CANCELED, self._recalled())
             return
         try:
@@ -184,6 +195,15 @@ class Action:
             if request.cancelled:
                 task.cancel()
         self._running.append(request)
+
+    def _call_off(self, slot: int) -> None:
+        """Call off what runs in a slot, in whose place a goal came that was called off before it began.
+
+        A client that sent both answers for the newer one alone: nobody would be left to stop the robot.
+        """
+        for running in self._running:
+            if running.slot == slot and running.task is not None:
+                running.task.cancel()
 
     def _recalled(self) -> Any:
         return self._failure(self._outcomes["CANCELED"], "Goal cancelled before it began")

@@ -2,6 +2,7 @@
 
 import math
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from ros_testing import wait_until  # noqa: E402
 from sensor_msgs.msg import LaserScan as LaserScanMessage  # noqa: E402
 
 from mbf_relay.ros.amcl.scan_queue import ScanQueue  # noqa: E402
+from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
 from mbf_relay.ros.common.lidar_geometry import mounting_of, scan_in_base, seen_from_above  # noqa: E402
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings  # noqa: E402
 from mbf_relay.scan import LaserScan  # noqa: E402
@@ -140,6 +142,15 @@ def test_a_lidar_that_is_moved_on_its_robot_is_seen_from_where_it_sits_now():
         scan, pose, is_fixed = scan_in_base(message(1.0), "base_link", lookups)
         assert scan.angle_increment == -message(1.0).angle_increment
         assert pose.theta == pytest.approx(lookups.yaw) and is_fixed
+
+
+@pytest.mark.parametrize("roll", [math.pi / 2.0, -math.pi / 2.0, 1.2, 2.0])
+def test_a_lidar_on_edge_which_sees_the_ceiling_is_not_believed_to_look_round_the_robot(roll):
+    lookups = SimpleNamespace(lookup_message=lambda *_, **__: TransformStamped(transform=rotation(roll, 0.3)))
+    with pytest.raises(InvalidMessage, match=r"frame front is tilted by \d+ degrees against base_link"):
+        scan_in_base(message(1.0), "base_link", lookups)
+    lookups.lookup_message = lambda *_, **__: TransformStamped(transform=rotation(roll / 4.0, 0.3))
+    assert scan_in_base(message(1.0), "base_link", lookups).laser_in_base.theta == pytest.approx(0.3)
 
 
 def test_a_scan_is_given_as_soon_as_its_transform_has_come():

@@ -1,5 +1,6 @@
 """The end of a node is told by what it did, not by what rospy closes under it."""
 
+import errno
 import types
 
 import pytest
@@ -39,6 +40,12 @@ def test_a_node_whose_master_leaves_while_it_starts_says_so_in_one_line(closing,
     assert node._live("amcl", closing, None) == 1
     (said,) = capsys.readouterr().err.splitlines()
     assert "amcl could not be started: Failed to initialize time. Please check" in said
+
+
+def test_a_node_that_may_open_too_few_files_says_how_that_is_changed():
+    text = node.one_line(OSError(errno.EMFILE, "Too many open files"))
+    assert "Too many open files; it may have " in text and text.endswith("raise that by ulimit -n")
+    assert node.one_line(OSError(errno.ENOENT, "No such file")) == "[Errno 2] No such file"
 
 
 def test_a_client_stopped_while_it_publishes_ends_without_a_traceback(closing, capsys, monkeypatch):

@@ -90,8 +90,9 @@ class PaperActionServer:
 
     topics = ("goal", "cancel", "lease")
 
-    def __init__(self, graph, name, on_goal, on_cancel, recalled):
-        self.goals = GoalTracker(self, on_goal, on_cancel, MoveBaseResult, lambda: graph.now, graph.ros_now, recalled)
+    def __init__(self, graph, name, on_goal, on_cancel, recalled, overtaken_cb):
+        self.goals = GoalTracker(
+            self, on_goal, on_cancel, MoveBaseResult, lambda: graph.now, graph.ros_now, recalled, overtaken_cb)
         self._graph, self._told_at = graph, 0.0
         self.is_connected = name.endswith("move_base")
 
@@ -131,8 +132,8 @@ class Server:
         self._servers = []
         self.actions = make_actions(self.bench.navigator, self._make_server, graph.ros_now)
 
-    def _make_server(self, name, _action_type, on_goal, on_cancel, recalled):
-        server = PaperActionServer(self._graph, name, on_goal, on_cancel, recalled)
+    def _make_server(self, name, _action_type, on_goal, on_cancel, recalled, overtaken_cb):
+        server = PaperActionServer(self._graph, name, on_goal, on_cancel, recalled, overtaken_cb)
         self._servers.append(server)
         return server
 

@@ -5,15 +5,18 @@ Two things hold at every moment: each goal ends once, and a robot for which nobo
 
 import collections
 import gc
+import math
 
 import pytest
 
 pytest.importorskip("mbf_msgs.msg")
 
-from actionlib_msgs.msg import GoalStatus  # noqa: E402
+from actionlib_msgs.msg import GoalID, GoalStatus  # noqa: E402
+from geometry_msgs.msg import PoseStamped  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule  # noqa: E402
+from mbf_msgs.msg import MoveBaseActionGoal, MoveBaseGoal  # noqa: E402
 from paper_graph import STEP, Graph, scripted, steer  # noqa: E402
 from tally import how_many, trial  # noqa: E402
 
@@ -68,6 +71,34 @@ def test_nodes_that_have_had_a_thousand_goals_hold_no_more_than_after_a_few(grap
 def stands(graph):
     graph.run(1.0)
     return graph.wheels == STOP
+
+
+@pytest.mark.parametrize("first", ["goal", "cancel"])
+def test_a_robot_stands_where_the_server_s_own_client_replaces_its_goal_and_calls_that_off_at_once(first):
+    """The newer goal ended before it began, and the robot drove on to the older one, of which its client knew no more.
+    """
+    graph, ended = Graph(), {}
+    graph.kill_relay()
+    graph.wanted_at = math.inf  # by whom the graph does not know
+    graph.network.subscribe("result", lambda message: ended.update({message.status.goal_id.id: message.status.status}))
+    send(graph, "old", x=50.0)
+    graph.run(1.0)
+    assert graph.wheels != STOP
+    if first == "cancel":  # each comes by a connection of its own
+        graph.network.publish("cancel", GoalID(id="new"))
+        graph.run(STEP)
+    send(graph, "new", x=20.0)
+    graph.network.publish("cancel", GoalID(id="new"))
+    assert stands(graph)
+    assert ended == {"old": GoalStatus.PREEMPTED, "new": GoalStatus.RECALLED}
+
+
+def send(graph, name, x):
+    """Send the server a goal without a relay."""
+    pose = PoseStamped()
+    pose.header.frame_id, pose.pose.position.x, pose.pose.orientation.w = "map", x, 1.0
+    graph.network.publish(
+        "goal", MoveBaseActionGoal(goal_id=GoalID(graph.ros_now(), name), goal=MoveBaseGoal(target_pose=pose)))
 
 
 def test_a_robot_whose_relay_was_killed_stands_within_a_second(graph):
