@@ -19,7 +19,7 @@ from mbf_relay.timing import Pacer, Stopwatch
 
 
 class RecoverySurroundings(RecoveryContext):
-    """What a behaviour sees at its current step: of the robot, where and how fast it is when it does what it is told."""
+    """What a behaviour sees at its current step; of the robot, what will be when it does what it is told."""
 
     def __init__(self, robot: Robot, costmaps: Mapping[str, Any], controller: Optional[Controller]) -> None:
         self._robot, self._costmaps, self._controller = robot, costmaps, controller
