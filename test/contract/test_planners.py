@@ -207,13 +207,26 @@ def test_bad_ends_are_told_apart(planner):
     """)
     inside, wall = at(costmap, 2, 1), at(costmap, 0, 1)
     just_outside = Pose2D(costmap.grid.origin_x - RESOLUTION / 2.0, inside.y, 0.0)
+    far_outside = Pose2D(costmap.grid.origin_x - costmap.width - RESOLUTION, inside.y, 0.0)
     nowhere = Pose2D(math.nan, 0.0, 0.0)
     assert outcome_of(planner, costmap, wall, inside) is PlanOutcome.BLOCKED_START
     assert outcome_of(planner, costmap, inside, wall) is PlanOutcome.BLOCKED_GOAL
     assert outcome_of(planner, costmap, inside, just_outside) is PlanOutcome.OUT_OF_MAP
-    assert outcome_of(planner, costmap, just_outside, inside) is PlanOutcome.OUT_OF_MAP
+    assert outcome_of(planner, costmap, far_outside, inside) is PlanOutcome.OUT_OF_MAP
+    assert outcome_of(planner, costmap, just_outside, inside) is PlanOutcome.BLOCKED_START
     assert outcome_of(planner, costmap, nowhere, inside) is PlanOutcome.INVALID_START
     assert outcome_of(planner, costmap, inside, nowhere) is PlanOutcome.INVALID_GOAL
+
+
+@pytest.mark.parametrize("past", [(-0.25, 0.0), (0.0, 5.25), (5.2, -0.2)])
+def test_a_robot_that_got_a_little_past_the_edge_of_its_map_comes_back(planner, past):
+    """It cut a corner along the edge, and its goal was given up."""
+    costmap = snapshot(np.zeros((5, 5)))
+    middle = at(costmap, 2, 2)
+    start = Pose2D(costmap.grid.origin_x + past[0] * RESOLUTION, costmap.grid.origin_y + past[1] * RESOLUTION, 0.3)
+    path = planner.plan(costmap, start, middle, 0.0, Cancellation())
+    assert path.poses[0, :2] == pytest.approx(start[:2]) and path.poses[-1, :2] == pytest.approx(middle[:2])
+    assert all(costmap.grid.contains_point(*point) for point in path.poses[1:, :2])
 
 
 def test_start_equal_to_goal_is_a_path(planner):

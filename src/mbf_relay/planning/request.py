@@ -60,15 +60,20 @@ def unreachable_error(start: Pose2D, goal: Pose2D, tolerance: float) -> Planning
 def departure(costmap: CostGrid, weights: np.ndarray, start: Pose2D) -> np.ndarray:
     """Return the cells from the start's own to the first free one: (N, 2), the start's cell alone where it is free.
 
-    A robot that stands too near an obstacle, or where nothing is known, may drive off within its inscribed radius.
+    A robot that stands too near an obstacle, or where nothing is known, may drive off within its inscribed radius. One
+    that got past the edge of the map, by no more than its width, comes back over the cell that is nearest.
 
     Raises:
         PlanningError: OUT_OF_MAP or BLOCKED_START.
     """
     grid = costmap.grid
-    if not grid.contains_point(start.x, start.y):
-        raise outside_error(costmap, "start", start)
-    column, row = grid.cell_at(start.x, start.y)
+    own = grid.cell_at(start.x, start.y)
+    column, row = min(max(own[0], 0), grid.width - 1), min(max(own[1], 0), grid.height - 1)
+    if (column, row) != own:
+        if math.dist(grid.center_of(column, row), start[:2]) > costmap.width:
+            raise outside_error(costmap, "start", start)
+        inside = departure(costmap, weights, Pose2D(*grid.center_of(column, row), start.theta))
+        return np.vstack((np.array([own], dtype=np.int32), inside))
     cost = costmap.costs[row, column]
     if weights[cost] > 0.0:
         return np.array([[column, row]], dtype=np.int32)
