@@ -57,12 +57,13 @@ class ServerWatch:
         self._node = self._address = ""
         self._heard_at = self._connected_at = self._asked_at = 0.0
         self._heard_at_ros_time = 0.0
+        self._subscriber: Optional[rospy.Subscriber] = None  # as yet: the first status may come while it is being made
         self._subscriber = rospy.Subscriber(f"{name}/status", GoalStatusArray, self._hear, tcp_nodelay=True)
 
     @property
     def is_connected(self) -> bool:
         """Whether somebody publishes the status."""
-        return bool(self._subscriber.get_num_connections())
+        return self._subscriber is not None and bool(self._subscriber.get_num_connections())
 
     @property
     def silence(self) -> float:
@@ -76,7 +77,8 @@ class ServerWatch:
 
     def close(self) -> None:
         """Stop listening."""
-        self._subscriber.unregister()
+        if self._subscriber is not None:
+            self._subscriber.unregister()
 
     def why_lost(self, now: float) -> Optional[str]:
         """Return why the server is gone, None while it is there (or never was, or its loss is already known).
@@ -116,7 +118,7 @@ class ServerWatch:
 
     def _connections(self) -> Dict[str, str]:
         """Return the addresses of the nodes that publish the status, by name, newest last."""
-        return connected_nodes(self._subscriber)
+        return {} if self._subscriber is None else connected_nodes(self._subscriber)
 
     def _find_reason(self, now: float) -> Optional[str]:
         if self.is_connected:

@@ -64,6 +64,20 @@ def test_a_server_that_was_started_again_is_not_lost_for_the_death_of_the_one_be
     assert world.asked == ["http://here:2"]
 
 
+def test_a_server_that_speaks_while_its_client_is_being_made_is_heard(monkeypatch):
+    """Its first word ended in an AttributeError in the log."""
+    class Eager(Subscriber):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            self.hear()
+
+    monkeypatch.setattr(server_watch.rospy, "Subscriber", Eager)
+    monkeypatch.setattr(server_watch.rospy, "get_rostime", lambda: SimpleNamespace(to_sec=lambda: 0.0))
+    heard = []
+    watch = ServerWatch("move_base_flex/move_base", lambda node: True, 5.0, heard.append)
+    assert len(heard) == 1 and watch.is_up and watch.silence < 60.0
+
+
 def test_a_server_that_died_is_lost_though_its_connection_seems_to_stand(world):
     world.alive.add("http://here:1")
     world.links.append(Link("http://here:1"))
