@@ -61,6 +61,21 @@ def lidars(monkeypatch):
     return costmap, send
 
 
+def test_a_scan_that_is_refused_while_its_source_is_being_made_is_named(monkeypatch):
+    """The log had an AttributeError in place of the lidar's trouble."""
+    def eager(_topic, _kind, take, **_):
+        take(scan_of("laser", 1.0, stamp=1.0))
+
+    monkeypatch.setattr(inputs.rospy, "Subscriber", eager)
+    monkeypatch.setattr(inputs.rospy, "get_time", lambda: 100.0)
+    costmap = build_costmap("local_costmap", {
+        "rolling_window": True, "width": 2.0, "height": 2.0, "plugins": [{"name": "o", "type": "ObstacleLayer"}],
+        "o": {"observation_sources": "scan", "scan": {"data_type": "LaserScan", "marking": True}}})
+    source = costmap.sources["scan"]
+    sensor = inputs.SensorInput("scan", source, costmap, StillFrames(), patience=0.2, max_age=1.0)
+    assert "on topic '/scan'" in sensor.trouble and "99" in sensor.trouble
+
+
 class Mountings:
     """Where lidars sit (rad), told to who listens: by /tf what stands in the map or is said to move."""
 

@@ -69,6 +69,7 @@ class SensorInput:
         self._blind: Dict[str, str] = {}  # why a lidar cannot be relied on
         self._used_since = math.inf
         self._used_last: Optional[float] = None
+        self._topic = rospy.resolve_name(parameters.topic)
         self._subscriber = rospy.Subscriber(
             parameters.topic, MESSAGE_TYPES[parameters.data_type], self._keep, queue_size=MOST_OF_ONE,
             buff_size=BUFFER_BYTES, tcp_nodelay=True)
@@ -138,7 +139,7 @@ class SensorInput:
         self._say(reason)
 
     def _say(self, reason: str) -> None:
-        self._trouble = f"source '{self._name}' on topic '{self._subscriber.resolved_name}': message {reason}"
+        self._trouble = f"source '{self._name}' on topic '{self._topic}': message {reason}"
         self._warnings.say(f"{self._costmap.name}: {self._trouble}")
 
     def _observation(self, message: Any) -> Observation:
