@@ -100,6 +100,7 @@ class TestGoals(unittest.TestCase):
     def test_6_a_robot_whose_commands_come_late_arrives_and_the_server_knows_how_late(self):
         heard = Listener("/diagnostics", DiagnosticArray)
         faults = dynamic_reconfigure.client.Client("simulator/faults", timeout=10.0)
+        self.addCleanup(faults.update_configuration, {"command_delay": 0.0})
         faults.update_configuration({"command_delay": 0.6})
         start = self.witness.pose
         ending = self.move_base.send(MoveBaseGoal(pose_of((0.5, 0.0), (0.0, 0.0, 0.0, 1.0), "map"))).wait(PATIENCE)
@@ -112,7 +113,6 @@ class TestGoals(unittest.TestCase):
         ]
         self.assertGreater(max(late), 0.4)
         self.assertEqual(self.witness.touched(), [])
-        faults.update_configuration({"command_delay": 0.0})
 
     def wait_for_rest(self):
         """Return the robot's pose once it has stood for half a second of its own time."""

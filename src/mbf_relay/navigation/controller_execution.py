@@ -214,8 +214,8 @@ class ControllerExecution:
         pose_in_path = pose.relative_to(costmap_from_path)
         global_frame = self._parameters().global_frame
         global_pose = pose_in_path if path.frame == global_frame else self._robot.pose_in(global_frame)
+        self._robot.note_motion(now, velocity)
         delay = self._robot.delay
-        delay.note(now, self._robot.commanded or STOP, velocity)
         state = ControlState(
             now, delay.ahead(pose), velocity, self._costmap.snapshot(), costmap_from_path, period,
             self._robot.commanded, delay.seconds,

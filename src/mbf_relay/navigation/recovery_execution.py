@@ -143,7 +143,7 @@ class RecoveryExecution:
             self._send(STOP)
             return
         if self._robot.knows_its_motion:
-            self._robot.delay.note(now, self._robot.commanded or STOP, self._robot.velocity())
+            self._robot.note_motion(now, self._robot.velocity())
         self._since_call.start(now)
         self._context.time = now
         self._context.step_period = 1.0 / self._parameters().controller_frequency

@@ -6,7 +6,7 @@ import abc
 from typing import Optional
 
 from mbf_relay.control.steering import Steering
-from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.command_delay import CommandDelay
 from mbf_relay.outcomes import StaleDataError
 
@@ -59,6 +59,10 @@ class Robot(abc.ABC):
     @abc.abstractmethod
     def command(self, velocity: Twist2D) -> None:
         """Send a velocity to the wheels; finite, within limits."""
+
+    def note_motion(self, now: float, velocity: Twist2D) -> None:
+        """Learn how late it does what it is told, from its velocity `now` (s) as odometry tells it."""
+        self.delay.note(now, self.commanded or STOP, velocity)
 
     @property
     def unheard(self) -> str:

@@ -229,6 +229,15 @@ def test_who_asks_why_a_robot_oscillated_is_told_what_the_controller_said_last(m
     assert result.message.endswith("the controller last said BLOCKED_PATH: a box stands on the path")
 
 
+def test_who_asks_why_a_robot_oscillated_is_told_that_its_wheels_hear_late(make_bench):
+    bench = make_bench(
+        oscillation_timeout=1.0, oscillation_distance=0.3, controller_patience=0.0, recovery_enabled=False)
+    bench.script.velocity, bench.robot.delay.seconds = Twist2D(0.01, 0.0, 0.0), 0.4
+    result = bench.finish(bench.navigator.move_base(GOAL))
+    assert result.outcome is NavigateOutcome.OSCILLATION
+    assert "it moves as it was told 0.40 s before, so commands reach its wheels late; no velocity" in result.message
+
+
 def test_progress_after_oscillation_gives_the_recoveries_back(make_bench):
     bench = make_bench(oscillation_timeout=1.0, oscillation_distance=0.1)
     arrive(bench)
