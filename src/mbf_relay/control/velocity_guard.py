@@ -6,7 +6,8 @@ the robot would react and brake, keeps a margin from every point of the scan and
 along the spiral on which a differential drive comes to a stand whose wheels are told to stop at once, where these are
 known. Else it is slowed down along the same arc, or zero. What is nearer than the margin already may not come nearer
 still, so a robot may always drive away from it. Of several lidars on the topic, told apart by their frames, each must
-be fresh, and the newest scan of each counts.
+be fresh, and the newest scan of each counts. Where odometry shows that the wheels hear late, the arc begins where the
+robot will be by then: what has passed cannot be taken back.
 (The idea is that of Nav2's collision monitor, here with the footprint on the braking arc in place of zones.)
 """
 
@@ -14,10 +15,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Deque, Dict, List, NamedTuple, Optional, Tuple
+from typing import Deque, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
+from mbf_relay.control.blind_beams import blind_points
+from mbf_relay.control.command_delay import LONGEST, CommandDelay, way_held
 from mbf_relay.control.stopping import seconds_to_brake, way_to_a_stand
 from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
 from mbf_relay.costmap.observation import scan_points
@@ -78,7 +81,11 @@ class Sight(NamedTuple):
 
 
 class VelocityGuard:
-    """Judges velocities by the newest scan. One thread at a time; `now` and stamps are of one clock."""
+    """Judges velocities by the newest scan. One thread at a time; `now` and stamps are of one clock.
+
+    Attributes:
+        delay: How late the wheels do what they are told.
+    """
 
     def __init__(self, parameters: VelocityGuardParameters) -> None:
         self._parameters = parameters
@@ -86,13 +93,16 @@ class VelocityGuard:
         self._inscribed_radius, self._radius = radii(self._outline)
         self._longest = MOST_STEPS * max(STEP, 0.5 * float(np.ptp(self._outline, axis=0).min()))  # way to a stop (m)
         self._asked, self._asked_at = STOP, -math.inf
+        self.delay = CommandDelay()
         self._seen: Dict[str, Sight] = {}  # by the lidar's frame
         self._lidars = Senders()
         self._passed: Deque[Tuple[float, Twist2D]] = deque([(-math.inf, STOP)])
 
-    def take_command(self, now: float, velocity: Twist2D) -> None:
-        """Take what is asked for at `now` (s)."""
+    def take_command(self, now: float, velocity: Twist2D, moving: Optional[Twist2D] = None) -> None:
+        """Take what is asked for at `now` (s), and how the robot moves, where odometry tells."""
         self._asked, self._asked_at = velocity, now
+        if moving is not None:
+            self.delay.note(now, self._passed[-1][1], moving)
 
     def forget_command(self) -> None:
         """Take note that whoever commanded is gone."""
@@ -109,7 +119,7 @@ class VelocityGuard:
             return
         points, hits = scan_points(scan)
         seen = laser_in_base.transform_points(points[hits])
-        points = np.vstack((seen, self._blind_points(scan, laser_in_base)))
+        points = np.vstack((seen, blind_points(scan, laser_in_base, self._parameters.blind_sector, self._outline)))
         nearest = float(np.hypot(points[:, 0], points[:, 1]).min(initial=math.inf))
         self._seen[scan.frame] = Sight(scan, laser_in_base, points, changed_at, nearest, rides)
 
@@ -124,7 +134,8 @@ class VelocityGuard:
         )
         if last is None or not same or self._asked == STOP:
             return scan.stamp
-        moved = self._moved(last.changed_at, scan.stamp)
+        late = self.delay.seconds
+        moved = _moved(self._passed_between(last.changed_at - late, scan.stamp - late))
         return None if max(math.hypot(moved.x, moved.y), abs(moved.theta)) > MOVED else last.changed_at
 
     @property
@@ -141,7 +152,7 @@ class VelocityGuard:
         if found.velocity != self._passed[-1][1]:
             self._passed.append((now, found.velocity))
         oldest = min((sight.changed_at for sight in self._sights), default=-math.inf)
-        while len(self._passed) > 1 and self._passed[1][0] <= oldest:
+        while len(self._passed) > 1 and self._passed[1][0] <= oldest - LONGEST:
             self._passed.popleft()
         return found
 
@@ -188,7 +199,11 @@ class VelocityGuard:
                 f"lidar sees farther than {reach:.2f} m")
         share, in_the_way = 1.0, ""
         if not self._is_clear(asked, sights, now):
-            share, in_the_way = self._free_share(asked, np.vstack([self._points_now(sight, now) for sight in sights]))
+            for sight in sights:
+                met = self._met_before(sight, now)
+                if met is not None:
+                    return Verdict(STOP, OBSTACLE, f"stopped: {self._something_at(met)} is met by what passed already")
+            share, in_the_way = self._free_share(asked, np.vstack([self._points_ahead(sight, now) for sight in sights]))
         limit, unseen = max((self._share_in_sight(asked, sight) for sight in sights), key=lambda found: found[0])
         if not in_the_way and limit >= 1.0:
             return Verdict(asked, PASSING, "passing")
@@ -203,34 +218,38 @@ class VelocityGuard:
         """
         p = self._parameters
         braking = seconds_to_brake(velocity, p.acc_lim_x, p.acc_lim_theta, p.wheel_separation)
-        if self._way(velocity, braking) > self._longest:
+        if self._way(velocity, p.reaction_time + 0.5 * braking) > self._longest:
             return False
         reach = velocity.speed() * (p.reaction_time + braking) + self._radius + p.margin
-        for sight in sights:
-            moved = self._moved(sight.scan.stamp, now)
-            if not sight.nearest - math.hypot(moved.x, moved.y) > reach:
-                return False
-        return True
+        return all(
+            sight.nearest - sum(passed.speed() * duration for passed, duration in self._held(sight, now)) > reach
+            for sight in sights)
 
-    def _way(self, velocity: Twist2D, braking: float) -> float:
-        """Return how far (m) any corner of the footprint gets while the robot reacts and brakes for so long (s)."""
-        seconds = self._parameters.reaction_time + 0.5 * braking
+    def _way(self, velocity: Twist2D, seconds: float) -> float:
+        """Return how far (m) any corner of the footprint gets with a velocity held for so long (s), at most."""
         return (velocity.speed() + abs(velocity.theta) * self._radius) * seconds
 
-    def _points_now(self, sight: Sight, now: float) -> np.ndarray:
-        """Return a scan's points seen from where the robot must be by now, shape (N, 2) in metres."""
-        return self._moved(sight.scan.stamp, now).inverse().transform_points(sight.points)
+    def _points_ahead(self, sight: Sight, now: float) -> np.ndarray:
+        """Return a scan's points seen from where the robot does what passes now, shape (N, 2) in metres."""
+        return _moved(self._held(sight, now)).inverse().transform_points(sight.points)
 
-    def _moved(self, stamp: float, now: float) -> Pose2D:
-        """Return where the velocities that passed must have brought the robot between two times (s), from where it was.
-        """
-        moved = IDENTITY
+    def _met_before(self, sight: Sight, now: float) -> Optional[np.ndarray]:
+        """Return a scan's first point (m) that the robot runs into on its way there; None for none."""
+        held = list(self._held(sight, now))
+        step = max(STEP, sum(self._way(velocity, seconds) for velocity, seconds in held) / MOST_STEPS)
+        return self._too_near(way_held(IDENTITY, held, step, step / self._radius), sight.points, 0.0)
+
+    def _held(self, sight: Sight, now: float) -> Iterator[Tuple[Twist2D, float]]:
+        """Yield the velocities that lead there, and how long each is in force (s)."""
+        return self._passed_between(sight.scan.stamp - self.delay.seconds, now)
+
+    def _passed_between(self, stamp: float, now: float) -> Iterator[Tuple[Twist2D, float]]:
+        """Yield what passed between two times (s), but for zeros, and for how long (s)."""
         ends = [time for time, _ in self._passed][1:] + [now]
         for (start, velocity), end in zip(self._passed, ends):
             duration = min(end, now) - max(start, stamp)
             if duration > 0.0 and velocity != STOP:
-                moved = moved.compose(velocity.held(duration))
-        return moved
+                yield velocity, duration
 
     def _free_share(self, asked: Twist2D, points: np.ndarray) -> Tuple[float, str]:
         """Return the largest share of a velocity that leaves room to brake, and what is in its way; empty for nothing.
@@ -251,7 +270,8 @@ class VelocityGuard:
         """Return what the robot would come too near to, were it to react and brake; empty for nothing."""
         p, radius = self._parameters, self._radius
         braking = seconds_to_brake(velocity, p.acc_lim_x, p.acc_lim_theta, p.wheel_separation)
-        seconds, way = p.reaction_time + 0.5 * braking, self._way(velocity, braking)
+        seconds = p.reaction_time + 0.5 * braking
+        way = self._way(velocity, seconds)
         if way > self._longest:
             return f"the way to a stop is longer than {self._longest:.1f} m"
         count = 1 + int(min(way / STEP, MOST_STEPS))
@@ -261,14 +281,17 @@ class VelocityGuard:
             begin = velocity.held(p.reaction_time)
             braked = way_to_a_stand(begin, velocity, p.wheel_separation, p.acc_lim_x, step, step / radius)
             poses = np.concatenate((poses, braked))
-        point = self._too_near(poses, points)
-        if point is None:
-            return ""
-        return f"something at ({point[0]:.2f}, {point[1]:.2f}) m from {p.base_frame}"
+        point = self._too_near(poses, points, p.margin)
+        return "" if point is None else self._something_at(point)
 
-    def _too_near(self, poses: np.ndarray, points: np.ndarray) -> Optional[np.ndarray]:
-        """Return the first point that the footprint comes too near to at poses, shape (P, 3), one after the other."""
-        margin = self._parameters.margin
+    def _something_at(self, point: np.ndarray) -> str:
+        return f"something at ({point[0]:.2f}, {point[1]:.2f}) m from {self._parameters.base_frame}"
+
+    def _too_near(self, poses: np.ndarray, points: np.ndarray, margin: float) -> Optional[np.ndarray]:
+        """Return the first point that the footprint, at poses of shape (P, 3) one after the other, comes too near to.
+
+        What is nearer than `margin` (m) at the origin may be as near, and no nearer.
+        """
         reach = float(np.hypot(poses[:, 0], poses[:, 1]).max()) + self._radius + margin
         near = points[np.hypot(points[:, 0], points[:, 1]) <= reach]
         if not len(near):  # as nearly always, and what follows takes longer
@@ -300,7 +323,7 @@ class VelocityGuard:
         p, ahead = self._parameters, np.array(asked[:2]) / speed
         room = float(ahead @ sight.laser_in_base[:2]) + sight.scan.range_max - float((self._outline @ ahead).max())
         braking = 0.5 * speed * seconds_to_brake(asked, p.acc_lim_x, p.acc_lim_theta, p.wheel_separation)  # way (m)
-        reacting = speed * p.reaction_time
+        reacting = speed * (p.reaction_time + self.delay.seconds)
         room = max(0.0, room)
         share = 2.0 * room / (reacting + math.sqrt(reacting * reacting + 4.0 * braking * room))
         return max(least, min(1.0, share)), (
@@ -318,24 +341,13 @@ class VelocityGuard:
         off = math.atan2(asked.y, asked.x) - sight.laser_in_base.theta - middle
         return abs(math.remainder(off, 2.0 * math.pi)) > width / 2.0
 
-    def _blind_points(self, scan: LaserScan, laser_in_base: Pose2D) -> np.ndarray:
-        """Return points for what may hide where neighbouring beams measured nothing, shape (N, 2) in the base frame.
 
-        What is nearer than range_min reads like a beam that failed. Nothing tells how near it is, so each such beam
-        stands for something where it leaves the footprint.
-        """
-        with np.errstate(invalid="ignore"):
-            failed = ~(scan.ranges >= scan.range_min)  # NaN as well
-        blind = _in_long_runs(failed, self._parameters.blind_sector, abs(scan.angle_increment)) | np.isneginf(
-            scan.ranges
-        )
-        if not blind.any():
-            return np.empty((0, 2))
-        angles = scan.angles[blind] + laser_in_base.theta
-        beams = np.column_stack((np.cos(angles), np.sin(angles)))
-        origin = np.array(laser_in_base[:2])
-        points: np.ndarray = origin + _ways_out(origin, beams, self._outline)[:, None] * beams
-        return points
+def _moved(held: Iterable[Tuple[Twist2D, float]]) -> Pose2D:
+    """Return where velocities, each held for so long (s), bring the robot from where it is."""
+    moved = IDENTITY
+    for velocity, duration in held:
+        moved = moved.compose(velocity.held(duration))
+    return moved
 
 
 def _slowed(asked: Twist2D, share: float, cause: str, why: str) -> Verdict:
@@ -346,33 +358,3 @@ def _slowed(asked: Twist2D, share: float, cause: str, why: str) -> Verdict:
 
 def _scaled(velocity: Twist2D, share: float) -> Twist2D:
     return Twist2D(*(share * component for component in velocity))
-
-
-def _in_long_runs(flags: np.ndarray, width: float, increment: float) -> np.ndarray:
-    """Return which flags stand in a run, the ends joined, that is at least `width` (rad) wide; none where that is 0."""
-    least = math.ceil(width / increment) if increment > 0.0 else len(flags)
-    if width <= 0.0 or not flags.any():
-        return np.zeros_like(flags)
-    if flags.all():
-        return flags
-    start = int(np.argmin(flags))  # a beam that is no member of a run: no run goes over the ends from here
-    turned = np.roll(flags, -start)
-    changes = np.flatnonzero(np.diff(np.concatenate(([False], turned, [False])).astype(int)))
-    kept = np.zeros_like(flags)
-    for first, end in zip(changes[::2], changes[1::2]):
-        kept[first:end] = end - first >= least
-    return np.roll(kept, start)
-
-
-def _ways_out(origin: np.ndarray, beams: np.ndarray, outline: np.ndarray) -> np.ndarray:
-    """Return how far (m) each beam from `origin` goes until it has left an outline for good, 0 where it never meets it.
-    """
-    edges = np.roll(outline, -1, axis=0) - outline
-    to_corners = outline - origin
-    slopes = beams[:, None, 0] * edges[:, 1] - beams[:, None, 1] * edges[:, 0]
-    slopes = np.where(slopes == 0.0, np.inf, slopes)
-    lengths = (to_corners[:, 0] * edges[:, 1] - to_corners[:, 1] * edges[:, 0]) / slopes
-    shares = (to_corners[None, :, 0] * beams[:, None, 1] - to_corners[None, :, 1] * beams[:, None, 0]) / slopes
-    met = (shares >= 0.0) & (shares <= 1.0) & (lengths > 0.0)
-    farthest: np.ndarray = np.where(met, lengths, 0.0).max(axis=1, initial=0.0)
-    return farthest

@@ -215,10 +215,10 @@ class ControllerExecution:
         global_frame = self._parameters().global_frame
         global_pose = pose_in_path if path.frame == global_frame else self._robot.pose_in(global_frame)
         self._robot.note_motion(now, velocity)
-        delay = self._robot.delay
+        snapshot = self._costmap.snapshot()
         state = ControlState(
-            now, delay.ahead(pose), velocity, self._costmap.snapshot(), costmap_from_path, period,
-            self._robot.commanded, delay.seconds,
+            now, self._robot.expected_in(pose, snapshot), velocity, snapshot, costmap_from_path, period,
+            self._robot.commanded, self._robot.delay.seconds,
         )
         goal = path.goal
         return ControlView(

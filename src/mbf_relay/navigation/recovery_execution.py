@@ -43,7 +43,9 @@ class RecoverySurroundings(RecoveryContext):
 
     def pose_in(self, frame: str) -> Pose2D:
         """Return the robot's pose in `frame`; raise TransformError where it is not known."""
-        return self._robot.delay.ahead(self._robot.pose_in(frame))
+        pose = self._robot.pose_in(frame)
+        costmap = next((costmap for costmap in self._costmaps.values() if costmap.frame == frame), None)
+        return pose if costmap is None else self._robot.expected_in(pose, costmap.snapshot())
 
     @property
     def costmaps(self) -> Mapping[str, Any]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import abc
 from typing import Optional
 
+from mbf_relay.control.command_delay import CommandDelay
 from mbf_relay.control.steering import Steering
+from mbf_relay.costmap.cost_grid import CostGrid
+from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
-from mbf_relay.navigation.command_delay import CommandDelay
 from mbf_relay.outcomes import StaleDataError
 
 OVERRUN_PERIODS = 3.0
@@ -59,6 +61,17 @@ class Robot(abc.ABC):
     @abc.abstractmethod
     def command(self, velocity: Twist2D) -> None:
         """Send a velocity to the wheels; finite, within limits."""
+
+    def expected_in(self, pose: Pose2D, costmap: CostGrid) -> Pose2D:
+        """Return where a robot at `pose` will be when it does what it is told next, both in a costmap's frame.
+
+        It is carried no farther than to what it meets on its way there, or it would take that for passed.
+        """
+        if self.delay.seconds == 0.0:
+            return pose
+        checker = FootprintChecker(costmap, unknown_touches=False)
+        way = self.delay.way(pose, checker.longest_step, checker.longest_turn)
+        return Pose2D(*map(float, way[min(checker.free_steps(way, pose), len(way) - 1)]))
 
     def note_motion(self, now: float, velocity: Twist2D) -> None:
         """Learn how late it does what it is told, from its velocity `now` (s) as odometry tells it."""

@@ -222,6 +222,17 @@ def test_a_robot_whose_commands_come_late_backs_up_no_farther_than_is_free(drive
 
 
 @trial(FAILING)
+def test_a_robot_thought_to_hear_late_does_not_take_a_pole_right_before_it_for_passed(drive):
+    assert drive.step_until(lambda: drive.simulation.true_velocity.x > 0.2, 20.0)
+    drive.step_until(lambda: False, 1.5)
+    delay = drive.navigator.robot.delay
+    delay.seconds, delay._judge = 1.2, lambda begin: None  # it hears at once, and could stand in time
+    there = drive.simulation.true_pose.compose(Pose2D(0.041 + 0.1 + 0.015, 0.0, 0.0))
+    drive.set_down("pole", Cylinder(0.015, 1.0), there, 0.5)
+    drive.step_until(lambda: False, 8.0)
+
+
+@trial(FAILING)
 def test_a_robot_whose_commands_come_late_turns_round_once_to_look(drive):
     learn_the_delay(drive)
     before = drive.simulation.true_pose

@@ -26,11 +26,13 @@ def test_what_is_judged_is_a_rate_and_what_passes_half_as_fast_is_the_same_angle
     half = Twist2D(*(0.5 * part for part in velocity))
     node = VelocityGuardNode.__new__(VelocityGuardNode)
     node.__dict__.update(
-        _steering=steering, _scans=deque(), _command=Twist(Vector3(*TOLD[:2], 0.0), Vector3(0.0, 0.0, TOLD.theta)),
+        _steering=steering, _scans=deque(), _odometry=None,
+        _command=Twist(Vector3(*TOLD[:2], 0.0), Vector3(0.0, 0.0, TOLD.theta)),
         _guard=SimpleNamespace(
-            take_command=lambda now, asked: judged.append(asked), verdict=lambda now: Verdict(half, PASSING, "slower")),
+            take_command=lambda now, asked, moving: judged.append(asked),
+            verdict=lambda now: Verdict(half, PASSING, "slower")),
         _verdict=Verdict(STOP, PASSING, ""), _counts={}, _sending=threading.Lock(), _closed=False,
-        _velocity=SimpleNamespace(publish=sent.append), _tell=lambda now: None)
+        _velocity=SimpleNamespace(publish=sent.append, get_num_connections=lambda: 1), _tell=lambda now: None)
     node._step(1.0)
     assert judged == [pytest.approx(velocity)]
     expected = TOLD.theta if steering else 0.5 * TOLD.theta

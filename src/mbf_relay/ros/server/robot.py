@@ -7,33 +7,20 @@ import threading
 from collections import defaultdict
 from typing import Any, Callable, Dict, Optional, Tuple
 
-import genpy
 import rospy
 from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry
 
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.odometry_monitor import OdometryMonitor, TransformMonitor
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.outcomes import StaleDataError
-from mbf_relay.ros.common.checks import InvalidMessage, check_stamp
-from mbf_relay.ros.common.conversions import transform_from_message, twist_from_message, twist_to_message
+from mbf_relay.ros.common.conversions import transform_from_message, twist_to_message
 from mbf_relay.ros.common.diagnostics import RateMeter
+from mbf_relay.ros.common.odometry import RawOdometry
 from mbf_relay.ros.common.transforms import Transforms
 
 COMMANDS_PAUSE = 1.0
 """Seconds without a velocity after which a drive is over, and the next one's rate is measured anew."""
-
-
-class RawOdometry(rospy.AnyMsg):
-    """An Odometry message as it came, to be read when it is needed."""
-
-    _md5sum, _type = Odometry._md5sum, Odometry._type
-    _full_text, _has_header = Odometry._full_text, False
-
-    def read(self) -> Odometry:
-        """Return the message."""
-        return Odometry().deserialize(self._buff)
 
 
 class _Wheels(rospy.SubscribeListener):
@@ -120,18 +107,7 @@ class RosRobot(Robot):
             return self.commanded or STOP
         if self._odometry is None:
             raise StaleDataError(f"no odometry on {self._topic} yet")
-        try:
-            odometry = self._odometry.read()
-            stamp, now = odometry.header.stamp.to_sec(), rospy.get_time()
-            if now - stamp > self._odom_timeout:
-                raise StaleDataError(
-                    f"odometry on {self._topic} is {now - stamp:.2f} s old; at most {self._odom_timeout:.2f} s allowed")
-            check_stamp(stamp, now)
-            velocity = twist_from_message(odometry.twist.twist)
-        except genpy.DeserializationError as error:
-            raise StaleDataError(f"odometry on {self._topic} cannot be read: {error}") from error
-        except InvalidMessage as error:
-            raise StaleDataError(f"odometry on {self._topic}: {error}") from error
+        odometry, stamp, velocity = self._odometry.read(self._topic, rospy.get_time(), self._odom_timeout)
         position, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
         # as it is: a driver that fills in velocities alone is none to refuse
         pose = Pose2D(position.x, position.y, 2.0 * math.atan2(turn.z, turn.w))

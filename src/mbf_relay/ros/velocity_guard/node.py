@@ -16,12 +16,13 @@ from mbf_relay.control.steering import Steering
 from mbf_relay.control.velocity_guard import NO_SCAN, PASSING, STANDING, VelocityGuard, Verdict
 from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
 from mbf_relay.geometry import STOP, Twist2D
-from mbf_relay.outcomes import TransformError
+from mbf_relay.outcomes import StaleDataError, TransformError
 from mbf_relay.ros.common import diagnostics, parameters
 from mbf_relay.ros.common.checks import InvalidMessage
 from mbf_relay.ros.common.conversions import dated, twist_to_message
 from mbf_relay.ros.common.lidar_geometry import scan_in_base
 from mbf_relay.ros.common.node import on_shutdown, spare_what_stays
+from mbf_relay.ros.common.odometry import RawOdometry
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.senders import AT_ONCE
 
@@ -31,8 +32,10 @@ JUDGE_PERIOD = 0.1
 """Seconds of ROS time after which a velocity is judged again, though neither another one nor a scan has come."""
 MOST_SCANS = 10
 """Scans that may wait to be looked at, of all lidars on the topic: of each the newest counts."""
-UNPLACED_PERIOD = 10.0
-"""Seconds between two warnings of a lidar that tf cannot place."""
+MOTION_AGE = 0.5
+"""Seconds after which odometry no longer tells how late the wheels do what they are told."""
+WARN_PERIOD = 10.0
+"""Seconds between two warnings of a lidar that tf cannot place, or of a robot that does not listen."""
 IDLE_PERIOD = 0.5
 """Wall seconds between two looks while the robot stands."""
 
@@ -40,7 +43,7 @@ IDLE_PERIOD = 0.5
 class VelocityGuardNode:
     """The guard's topics; mbf_relay.control.velocity_guard judges.
 
-    One thread, the main one, does everything. Callbacks leave the newest velocity and the newest scans and wake it.
+    One thread, the main one, does everything. Callbacks leave the newest velocity, scans and odometry, and wake it.
     """
 
     def __init__(self, settings: VelocityGuardParameters) -> None:
@@ -54,6 +57,7 @@ class VelocityGuardNode:
         self._woken = threading.Event()
         self._command: Optional[Twist] = None
         self._scans: Deque[LaserScan] = deque(maxlen=MOST_SCANS)
+        self._odometry: Optional[RawOdometry] = None
         self._sending = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
         self._closed = False
         self._verdict = Verdict(STOP, STANDING, "standing: no velocity is asked for")
@@ -65,6 +69,7 @@ class VelocityGuardNode:
         on_shutdown(self.close)
         self._commands = rospy.Subscriber("cmd_vel_raw", Twist, self._take_command, queue_size=1, tcp_nodelay=True)
         rospy.Subscriber("scan", LaserScan, self._take_scan, queue_size=MOST_SCANS, buff_size=1 << 18, tcp_nodelay=True)
+        rospy.Subscriber("odom", RawOdometry, self._take_odometry, queue_size=1, buff_size=1 << 18, tcp_nodelay=True)
         self._diagnostics = diagnostics.Diagnostics()
         self._diagnostics.add("velocities", self._report)
 
@@ -89,6 +94,9 @@ class VelocityGuardNode:
         self._scans.append(dated(message))
         self._woken.set()
 
+    def _take_odometry(self, message: RawOdometry) -> None:
+        self._odometry = message
+
     def _step(self, now: float) -> None:
         """Judge what came; publish each velocity that was asked for, and what becomes of the last one."""
         scans: Dict[str, LaserScan] = {}
@@ -102,7 +110,7 @@ class VelocityGuardNode:
             self._follow(now)
         if command is not None:
             asked = Twist2D(command.linear.x, command.linear.y, command.angular.z)
-            self._guard.take_command(now, self._steering.turning(asked) if self._steering else asked)
+            self._guard.take_command(now, self._steering.turning(asked) if self._steering else asked, self._motion(now))
         elif self._commands.get_num_connections() == 0:
             self._guard.forget_command()
         elif not scans and 0.0 <= now - self._judged_at < JUDGE_PERIOD:
@@ -113,8 +121,19 @@ class VelocityGuardNode:
             self._counts[self._verdict.cause] = self._counts.get(self._verdict.cause, 0) + 1
         if command is not None or self._verdict.velocity != before.velocity:
             self._send(self._verdict.velocity)
+        if self._unheard():
+            rospy.logwarn_throttle(WARN_PERIOD, f"passing velocities {self._unheard()}")
         if (self._verdict.cause, self._verdict.velocity == STOP) != (before.cause, before.velocity == STOP):
             self._tell(now)
+
+    def _motion(self, now: float) -> Optional[Twist2D]:
+        """Return how the robot moves, None where odometry does not tell: the guard drives without it, too."""
+        if self._odometry is None:
+            return None
+        try:
+            return self._odometry.read("odom", now, MOTION_AGE)[2]
+        except StaleDataError:
+            return None
 
     def _see(self, message: LaserScan, now: float) -> None:
         frame, base = message.header.frame_id, self._settings.base_frame
@@ -134,7 +153,7 @@ class VelocityGuardNode:
             self._moving[frame] = now
         without = self._without(now)
         if without:
-            rospy.logwarn_throttle(UNPLACED_PERIOD, f"passing velocities {without}")
+            rospy.logwarn_throttle(WARN_PERIOD, f"passing velocities {without}")
 
     def _follow(self, now: float) -> None:
         """Listen to /tf while a lidar is placed by it, or by nothing yet; /tf_static is listened to all the time."""
@@ -151,6 +170,12 @@ class VelocityGuardNode:
         base = self._settings.base_frame
         return f"without the lidar in {' and '.join(frames)}: tf does not tell where it sits in {base}"
 
+    def _unheard(self) -> str:
+        """Say where nobody takes the velocities that pass, empty where somebody does or none passes."""
+        if self._verdict.velocity == STOP or self._velocity.get_num_connections():
+            return ""
+        return f"to nobody: nothing that can be reached listens to {self._velocity.resolved_name}"
+
     def _send(self, velocity: Twist2D) -> None:
         with self._sending:
             if not self._closed:
@@ -165,13 +190,15 @@ class VelocityGuardNode:
             rospy.loginfo_throttle(2.0, text)
 
     def _text(self, now: float) -> str:
-        trouble = self._trouble if self._verdict.cause == NO_SCAN else self._without(now)
+        trouble = self._trouble if self._verdict.cause == NO_SCAN else self._unheard() or self._without(now)
         return f"{self._verdict.text} ({trouble})" if trouble else self._verdict.text
 
     def _report(self) -> diagnostics.Report:
-        values = {f"velocities, {cause}": count for cause, count in sorted(dict(self._counts).items())}
+        values: Dict[str, object] = {
+            f"velocities, {cause}": count for cause, count in sorted(dict(self._counts).items())}
+        values["velocities take effect after [s]"] = f"{self._guard.delay.seconds:.2f}"
         now = rospy.get_time()
-        fine = self._verdict.cause in (PASSING, STANDING) and not self._without(now)
+        fine = self._verdict.cause in (PASSING, STANDING) and not (self._without(now) or self._unheard())
         return diagnostics.OK if fine else diagnostics.WARN, self._text(now), values
 
 

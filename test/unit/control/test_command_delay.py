@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from mbf_relay.control.command_delay import CommandDelay
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
-from mbf_relay.navigation.command_delay import CommandDelay
 
 PERIOD, STEP = 0.1, 0.01
 
@@ -105,7 +105,9 @@ def test_a_robot_is_where_it_was_expected_when_it_does_what_it_is_told(delay):
     robot = Wheels(delay)
     robot.drive(swings())
     robot.watched.note(robot.now, robot.commanded, robot.velocity)
-    expected, believed = robot.watched.ahead(robot.pose), robot.watched.seconds
+    way, believed = robot.watched.way(robot.pose, 0.01, 0.05), robot.watched.seconds
+    assert np.all(np.hypot(*np.diff(way[:, :2], axis=0).T) <= 0.01 + 1e-9)
+    expected = Pose2D(*way[-1])
     robot.drive(swings(count=round(believed / PERIOD)))
     assert expected.distance_to(robot.pose) < 0.025
     assert expected.theta == pytest.approx(robot.pose.theta, abs=0.11)
@@ -116,4 +118,4 @@ def test_a_clock_set_back_and_a_drive_interrupted_let_nothing_of_before_count():
     robot.drive(swings())
     for now in (1.0, 100.0):
         robot.watched.note(now, STOP, STOP)
-        assert robot.watched.ahead(Pose2D(1.0, 2.0, 3.0)).distance_to(Pose2D(1.0, 2.0, 3.0)) < 1e-9
+        assert robot.watched.way(Pose2D(1.0, 2.0, 3.0), 0.01, 0.05) == pytest.approx(np.array([[1.0, 2.0, 3.0]]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Deque, Tuple
+from typing import Deque, Iterable, Tuple
 
 import numpy as np
 
@@ -23,8 +23,10 @@ EXPLAINED = 0.5
 """Share of what the delay believed so far, or no command at all, leaves unexplained that a better one leaves."""
 GAIN = 0.1
 """By how much more of the commands' squares a better delay explains at least."""
-PERIOD = 0.1
-"""Seconds after which it is told anew."""
+PERIOD = 0.5
+"""Seconds after which it is told anew: a comparison takes as long as a third of a cycle of DWA."""
+LONGEST = float(DELAYS[-1])
+"""Seconds: the longest delay looked for."""
 ENOUGH = 5
 """Cycles from which something can be told."""
 
@@ -57,9 +59,9 @@ class CommandDelay:
             cycles.clear()
         if not cycles:  # one that stands was told so before, too
             stands = commanded == STOP and bool(np.all(np.abs(velocity) < LEAST))
-            self._judged_from, self._judged_at = now + (0.0 if stands else DELAYS[-1]), now
+            self._judged_from, self._judged_at = now + (0.0 if stands else LONGEST), now
         cycles.append((now, commanded, velocity))
-        while now - cycles[0][0] > WATCHED + DELAYS[-1]:
+        while now - cycles[0][0] > WATCHED + LONGEST:
             cycles.popleft()
         if now - self._judged_at >= PERIOD - ROUNDING:
             self._judged_at = now
@@ -84,13 +86,38 @@ class CommandDelay:
         if unexplained[best] <= min(believed - GAIN, EXPLAINED * min(believed, np.count_nonzero(known))):
             self.seconds = float(DELAYS[best]) if DELAYS[best] >= LATE else 0.0
 
-    def ahead(self, pose: Pose2D) -> Pose2D:
-        """Return where a robot that is at `pose` in the last cycle will be when it does what it is told next."""
+    def way(self, pose: Pose2D, step: float, turn_step: float) -> np.ndarray:
+        """Return the poses that lead from where a robot is in the last cycle to where it does what it is told next.
+
+        Args:
+            pose: Where it is.
+            step, turn_step: Metres and radians from pose to pose, at most.
+
+        Returns:
+            Shape (P, 3); the last one is where it will be, `pose` itself where nothing comes late.
+        """
         if self.seconds == 0.0:
-            return pose
+            return np.array([pose])
         begin = since = self._cycles[-1][0] - self.seconds
+        held = []
         for end, told, _ in self._cycles:
             if end > begin:
-                pose = pose.compose(told.held(end - since))
+                held.append((told, end - since))
                 since = end
-        return pose
+        return way_held(pose, held, step, turn_step)
+
+
+def way_held(pose: Pose2D, held: Iterable[Tuple[Twist2D, float]], step: float, turn_step: float) -> np.ndarray:
+    """Return the poses on which velocities lead that are held one after the other, shape (P, 3).
+
+    Args:
+        pose: Where that begins; of no velocity it is the only one.
+        held: Velocities (body frame), and how long each is held (s).
+        step, turn_step: Metres and radians from pose to pose, at most.
+    """
+    poses = [pose]
+    for velocity, duration in held:
+        count = math.ceil(max(velocity.speed() / step, abs(velocity.theta) / turn_step) * duration)
+        begin = poses[-1]
+        poses += [begin.compose(velocity.held(duration * part / count)) for part in range(1, count + 1)]
+    return np.array(poses[1:] or poses)
