@@ -29,12 +29,15 @@ def wait(process: subprocess.Popen, timeout: float) -> float:
         subprocess.TimeoutExpired: It has not, after `timeout` seconds of the wall clock.
     """
     end = time.monotonic() + timeout
-    while os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT | os.WNOHANG) is None:
-        if time.monotonic() >= end:
-            raise subprocess.TimeoutExpired(process.args, timeout)
-        _PAUSE.wait(0.05)
-    with open(f"/proc/{process.pid}/stat", encoding="utf-8", errors="replace") as stream:
-        ticks = stream.read().rpartition(")")[2].split()[11:15]  # utime, stime, and both of its children
+    try:
+        while os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT | os.WNOHANG) is None:
+            if time.monotonic() >= end:
+                raise subprocess.TimeoutExpired(process.args, timeout)
+            _PAUSE.wait(0.05)
+        with open(f"/proc/{process.pid}/stat", encoding="utf-8", errors="replace") as stream:
+            ticks = stream.read().rpartition(")")[2].split()[11:15]  # utime, stime, and both of its children
+    except (ChildProcessError, FileNotFoundError):  # who interrupts the run has ended it, and waited for it
+        ticks = []
     process.wait()
     return sum(int(each) for each in ticks) / os.sysconf("SC_CLK_TCK")
 

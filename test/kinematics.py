@@ -39,7 +39,7 @@ def nowhere(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.zeros(np.broadcast(x, y).shape, dtype=bool)
 
 
-_STANDING: weakref.WeakSet[Occupied] = weakref.WeakSet()
+_STANDING: weakref.WeakSet[Occupied] = weakref.WeakSet([nowhere])
 """Obstacles that are the same whenever they are asked for."""
 
 

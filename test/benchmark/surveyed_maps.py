@@ -106,8 +106,8 @@ def _lay(
     for counted, reach, chosen in ((passes, along, passed), (hits, far, ended[:, None])):
         points = np.array(pose[:2]) + reach[:, :, None] * directions[:, None, :]
         cells = grid.cells_at(points[chosen])
-        columns, rows = np.unique(cells[grid.contains_cells(cells)], axis=0).T
-        counted[rows, columns] += 1.0
+        columns, rows = cells[grid.contains_cells(cells)].T
+        counted[rows, columns] += 1.0  # a scan counts once for a cell, however often that stands among the indices
 
 
 def _grid_over(shape: Tuple[int, ...]) -> Grid:

@@ -74,13 +74,17 @@ def outcome_of(planner, *arguments, **options):
 
 def assert_safe(costmap, path):
     """Assert that neither a pose nor a point between two lies in an obstacle or outside the map."""
-    for (x0, y0, _), (x1, y1, _) in zip(path.poses[:-1], path.poses[1:]):
-        for share in np.linspace(0.0, 1.0, 21):
-            x, y = x0 + share * (x1 - x0), y0 + share * (y1 - y0)
-            # on the border of two cells either is meant
-            cells = {costmap.grid.cell_at(x + dx, y + dy) for dx, dy in itertools.product((-1e-9, 1e-9), repeat=2)}
-            costs = [costmap.costs[row, column] for column, row in cells if costmap.grid.contains_cell(column, row)]
-            assert any(cost < 253 or cost == NO_INFORMATION for cost in costs), (x, y)
+    shares = np.linspace(0.0, 1.0, 21)[:, None, None]
+    starts, ends = path.poses[:-1, :2], path.poses[1:, :2]
+    points = (starts + shares * (ends - starts)).reshape(-1, 2)
+    is_free = np.zeros(len(points), bool)
+    for aside in itertools.product((-1e-9, 1e-9), repeat=2):  # on the border of two cells either is meant
+        cells = costmap.grid.cells_at(points + aside)
+        inside = costmap.grid.contains_cells(cells)
+        columns, rows = cells[inside].T
+        costs = costmap.costs[rows, columns]
+        is_free[inside] |= (costs < 253) | (costs == NO_INFORMATION)
+    assert is_free.all(), points[~is_free]
 
 
 MAZE = """

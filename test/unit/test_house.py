@@ -1,6 +1,7 @@
 """Rules of the house that a reader could break without noticing, held by reading the sources."""
 
 import ast
+import functools
 import re
 from pathlib import Path
 
@@ -28,6 +29,7 @@ def room(path):
     return path.relative_to(SOURCE).parts[0]
 
 
+@functools.lru_cache(maxsize=None)
 def parsed(path):
     return ast.parse(path.read_text(encoding="utf-8"), str(path))
 
@@ -63,7 +65,7 @@ def test_no_clock_is_read_and_no_global_chance_used_below_the_ros_edge(path):
 def test_modules_are_short_and_documented(path):
     text = path.read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 400, f"{path.name} has two jobs"
-    assert ast.get_docstring(ast.parse(text)), f"{path.name} does not say what it is for"
+    assert ast.get_docstring(parsed(path)), f"{path.name} does not say what it is for"
 
 
 def test_kernels_share_one_decorator():
@@ -93,6 +95,7 @@ def test_no_two_test_modules_have_one_name():
     assert sorted({name for name in names if names.count(name) > 1} - {"conftest.py"}) == []
 
 
+@functools.lru_cache(maxsize=None)
 def house_imports():
     """Return what each module of the package imports of the package, wherever in the file it does so."""
     names = {

@@ -118,7 +118,7 @@ class Evasion:
         poses, first = self._driven(velocity, self._manoeuvres)
         costs, exposures = self._judged(poses)
         costs += self._efforts
-        begun = np.array([window.clip(Twist2D(x, 0.0, turn)) for x, turn in first.tolist()])
+        begun = window.clip_all(np.insert(first, 1, 0.0, axis=1))
         commands, which = np.unique(begun[1:], axis=0, return_inverse=True)
         arcs = arcs_to_a_stand(self._parameters, self._state, self._checker, commands)
         begins = brake_free(self._state, self._checker, arcs) & ~self._foresight.runs_into(*arcs)

@@ -44,6 +44,11 @@ class VelocityWindow:
         """Return the velocity in reach that is nearest, component by component."""
         return Twist2D(*(min(high, max(low, value)) for low, value, high in zip(self.low, velocity, self.high)))
 
+    def clip_all(self, velocities: np.ndarray) -> np.ndarray:
+        """Return `clip` of each row of velocities, shape (N, 3), to the sign of a zero."""
+        raised: np.ndarray = np.where(velocities > self.low, velocities, self.low)
+        return np.where(raised < self.high, raised, self.high)
+
 
 def window_of(
     parameters: FollowerParameters, velocity: Twist2D, horizon: float, speed: float, turn: float

@@ -10,6 +10,7 @@ from plain_footprint import random_costmap
 
 from mbf_relay.control import trajectory_kernels
 from mbf_relay.control.trajectories import (
+    VelocityWindow,
     roll_out,
     sample,
     speed_to_stop_within,
@@ -216,3 +217,12 @@ def test_equal_scenes_give_equal_batches():
     first, _ = random_scene(np.random.default_rng(11))
     second, _ = random_scene(np.random.default_rng(11))
     assert np.array_equal(first.ends, second.ends) and np.array_equal(first.free, second.free)
+
+
+def test_a_batch_of_velocities_is_clipped_as_each_is_alone_to_the_sign_of_a_zero():
+    rng = np.random.default_rng(3)
+    velocities = np.vstack((rng.uniform(-1.0, 1.0, (200, 3)), rng.choice([-0.5, -0.0, 0.0, 0.5], (200, 3))))
+    for low, high in (((-0.5, 0.0, -0.5), (0.5, 0.0, 0.5)), ((0.0, -0.0, -0.0), (0.5, 0.0, 0.5))):
+        window = VelocityWindow(Twist2D(*low), Twist2D(*high), STOP)
+        alone = np.array([window.clip(Twist2D(*row)) for row in velocities.tolist()])
+        assert window.clip_all(velocities).tobytes() == alone.tobytes()

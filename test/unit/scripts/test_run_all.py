@@ -119,6 +119,12 @@ def test_what_the_children_of_a_job_compute_is_counted(tmp_path):
     assert runner.outcomes[0].cpu_seconds >= 0.5
 
 
+def test_who_interrupts_a_run_is_told_that_and_sees_no_traceback_of_jobs_that_were_ended():
+    process = subprocess.Popen([sys.executable, "-c", "pass"])
+    process.wait()  # as who interrupts does, before the thread whose job it is
+    assert job_times.wait(process, 60.0) == 0.0
+
+
 def test_without_a_run_there_is_nothing_to_tell(tmp_path):
     assert "no run" in job_times.table(str(tmp_path))
 

@@ -24,8 +24,10 @@ from mbf_relay.simulation.observations import JointReading
 
 UNMEASURED = 1e6
 """Variance of what a planar robot's odometry knows nothing of: height, roll and pitch."""
-PLANAR = np.ix_((0, 1, 5), (0, 1, 5))
-"""Where x, y and heading stand in a covariance of six."""
+PLANAR = (0, 1, 5, 6, 7, 11, 30, 31, 35)
+"""Where those of x, y and heading stand among the 36 numbers of a covariance of six."""
+UNKNOWN = (14, 21, 28)
+"""Where the variances of height, roll and pitch do."""
 
 
 def scan_to_message(scan: LaserScan, parameters: SimulatorParameters) -> LaserScanMessage:
@@ -90,7 +92,9 @@ def contacts_to_message(contacts: Iterable[Contact], stamp: float, frame: str) -
 
 def covariance_of_six(planar: np.ndarray) -> List[float]:
     """Return a message's 6 x 6 covariance, row by row, of one of x, y and heading, shape (3, 3)."""
-    covariance = np.diag([0.0, 0.0, UNMEASURED, UNMEASURED, UNMEASURED, 0.0])
-    covariance[PLANAR] = planar
-    numbers: List[float] = covariance.ravel().tolist()
+    numbers = [0.0] * 36
+    for place in UNKNOWN:
+        numbers[place] = UNMEASURED
+    for place, number in zip(PLANAR, planar.ravel().tolist()):
+        numbers[place] = number
     return numbers

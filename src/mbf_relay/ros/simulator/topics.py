@@ -54,7 +54,7 @@ class SimulatorTopics:
             self._clock.publish(Clock(rospy.Time.from_sec(now)))
 
     def publish(self, simulation: Simulation, seen: Observations, steps: int) -> None:
-        """Publish what one step gave; `steps` counts them."""
+        """Publish what one step gave; `steps` counts them. Of what nobody listens to no message is made."""
         settings = self._settings
         if seen.odometry is not None:
             if settings.publish_odom_tf:
@@ -63,13 +63,13 @@ class SimulatorTopics:
                     TransformStamped(top, settings.base_frame, transform_to_message(seen.odometry.pose))
                 ])
             self._odom.publish(messages.odometry_to_message(seen.odometry, settings))
-        if seen.joints is not None:
+        if seen.joints is not None and _is_heard(self._joints):
             self._joints.publish(messages.joints_to_message(seen.joints))
-        if seen.imu is not None:
+        if seen.imu is not None and _is_heard(self._imu):
             self._imu.publish(messages.imu_to_message(seen.imu, settings))
         if seen.scan is not None:
             self._scan.publish(messages.scan_to_message(seen.scan, settings))
-        if self._truth_steps and steps % self._truth_steps == 0:
+        if self._truth_steps and steps % self._truth_steps == 0 and _is_heard(self._truth):
             self._truth.publish(
                 messages.odometry_message(
                     simulation.true_pose,
@@ -94,3 +94,8 @@ class SimulatorTopics:
         if fresh or now - self._told >= CONTACT_PERIOD:
             self._told = now
             self._contacts.publish(messages.contacts_to_message(seen.contacts, now, self._settings.world_frame))
+
+
+def _is_heard(publisher: rospy.Publisher) -> bool:
+    """Return whether anybody listens, so that a message is worth its making."""
+    return bool(publisher.get_num_connections() > 0)

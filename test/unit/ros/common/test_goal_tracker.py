@@ -188,7 +188,8 @@ def test_a_robot_that_a_crowd_of_clients_has_left_holds_little_of_their_goals():
             goal = server.goal(f"client-{number}")
             goal.set_accepted()
             goal.set_succeeded()
-            server.tracker.look()
+            if number % 100 == 0:  # a look goes through all that are listed
+                server.tracker.look()
         del goal
         server.wait(LIST_FOR + 1.0)
         for heard in (server.taken, server.results):
