@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Optional
+from typing import NamedTuple, Optional, Tuple
 
 import numpy as np
 
 from mbf_relay.control import trajectory_kernels
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.local_path import LocalPath
+from mbf_relay.control.trail import Trail, WayBack
 from mbf_relay.control.trajectories import speed_to_stop_within
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D, Twist2D, angle_between, normalize_angles
@@ -23,7 +24,7 @@ SPEED, SLOWEST = 0.45, 0.15  # of the top speed
 REACH = 1.5  # the longest way
 LEAST = 0.13  # the shortest, and how far ends that are looked at lie apart
 PROGRESS = 1.3  # how much nearer to the goal makes the next try a first one
-ANOTHER_WAY = 2.0 * REACH  # how much farther from it does, too: backing out leads half as far
+ANOTHER_WAY = 2.0 * REACH  # how much farther from it does, too, or twice as far as it backed out
 AHEAD = 0.9  # where on the path the direction lies that it turns to
 FAR = 4.5  # so far it looks along the arc, and beyond its end, for what it has to brake for
 TURN_WORTH = 3.0  # of way that a radian counts as by which it could not turn to the path's direction at an arc's end
@@ -31,19 +32,26 @@ CURVATURES = np.array([0.0, 0.35, -0.35, 0.7, -0.7, 1.15, -1.15])  # of the arcs
 
 
 class BackOut:
-    """Decides when to back out, along which arc, and when that is enough.
+    """Decides when to back out, along which arc or how far the way it came, and when that is enough.
 
-    It begins when driving has failed for a moment, and takes the shortest arc at whose end the robot is free to turn to
+    It begins when driving has failed for a moment, and takes the shortest way at whose end the robot is free to turn to
     where the path leads, or as near to that as it gets; where that brought no progress, one twice as long.
 
     Attributes:
-        end: Where the arc ends that is driven, or was last.
+        end: Where the way ends that is driven, or was last.
+        trail: Where the robot has been; noted in each cycle.
     """
 
     def __init__(self) -> None:
+        self.trail = Trail()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything but the trail: the goal is a new one."""
         self._failing_since: Optional[float] = None
         self.end: Optional[Pose2D] = None
         self._from: Optional[Pose2D] = None
+        self._way: Optional[WayBack] = None
         self._sign, self._curvature, self._length = -1.0, 0.0, 0.0
         self._tries = 0
         self._best_left = math.inf
@@ -53,10 +61,6 @@ class BackOut:
         """Return whether the robot is backing out."""
         return self._from is not None
 
-    def reset(self) -> None:
-        """Forget everything: the goal is a new one."""
-        self.__init__()  # type: ignore[misc]
-
     def drove(self, path: LocalPath, width: float) -> None:
         """Note that a robot of this width (m) succeeded in driving."""
         self._failing_since = None
@@ -65,7 +69,7 @@ class BackOut:
     def _look_for_progress(self, path: LocalPath, width: float) -> None:
         """Begin to count tries anew where the robot is nearer to the goal than before, or is to go another way."""
         nearer = self._best_left - path.remaining
-        if nearer > PROGRESS * width or nearer < -ANOTHER_WAY * width:
+        if nearer > PROGRESS * width or nearer < -max(ANOTHER_WAY * width, 2.0 * self._length):
             self._best_left, self._tries = path.remaining, 0
 
     def failed(
@@ -90,27 +94,41 @@ class BackOut:
         which, steps = np.nonzero(np.arange(1, arcs.poses.shape[1] + 1) <= arcs.free[:, None])
         kept = (steps + 1) % stride == 0
         which, steps = which[kept], steps[kept]
-        if len(which) == 0:
-            return
         ends, lengths = arcs.poses[which, steps], arcs.step * (steps + 1)
-        if self._tries:  # what was tried last was too short
-            enough = lengths >= min(2.0 * self._length, float(lengths.max()))
-            which, ends, lengths = which[enough], ends[enough], lengths[enough]
         lateral = path.project(ends, -math.inf, math.inf)[:, 0]
         turns = normalize_angles(np.arctan2(ahead[1] - ends[:, 1], ahead[0] - ends[:, 0]) - ends[:, 2])
         costs = lengths + lateral + TURN_WORTH * width * _turns_not_free(ends, turns, checker)
+        way = self.trail.way_back(pose, checker) if parameters.min_vel_x < 0.0 else None
+        if way is not None:
+            steps_back, costs_back = _turning_places(way, path, checker)
+            lengths, costs = np.append(lengths, way.arcs[steps_back]), np.append(costs, costs_back)
+        if self._tries:  # what was tried last was too short
+            costs[lengths < min(2.0 * self._length, float(lengths.max(initial=0.0)))] = math.inf
+        if not np.isfinite(costs).any():
+            return
         best = int(np.argmin(costs))
-        self.end = Pose2D(*map(float, ends[best]))
-        self._from, self._length, self._tries = pose, float(lengths[best]), self._tries + 1
-        self._sign, self._curvature = float(signs[which[best]]), float(curvatures[which[best]])
+        self._from, self._length, self._tries, self._way = pose, float(lengths[best]), self._tries + 1, None
+        if best < len(which):
+            self._sign, self._curvature = float(signs[which[best]]), float(curvatures[which[best]])
+            self.end = Pose2D(*map(float, ends[best]))
+        elif way is not None:
+            way.cut(int(steps_back[best - len(which)]))
+            self._way, self.end = way, Pose2D(*map(float, way.poses[-1]))
 
     def command(
         self, pose: Pose2D, velocity: Twist2D, checker: FootprintChecker, parameters: FollowerParameters, period: float
     ) -> Optional[Twist2D]:
-        """Return the next velocity on the arc, None where the robot has come far enough or comes no farther."""
+        """Return the next velocity on the way, None where the robot has come far enough or comes no farther."""
         if self._from is None:
             return None
         width = checker.costmap.width
+        slowest = SLOWEST * parameters.max_vel_trans
+        if self._way is not None:
+            top = min(SPEED * parameters.max_vel_trans, -parameters.min_vel_x)
+            command = self._way.command(pose, velocity, checker, parameters, period, (slowest, top))
+            if command is None:
+                self._from, self._failing_since = None, None
+            return command
         left = self._length - pose.distance_to(self._from)
         free = 0.0
         if left > 0.0:
@@ -123,7 +141,6 @@ class BackOut:
         highest = parameters.max_vel_x if self._sign > 0.0 else -parameters.min_vel_x
         top = min(SPEED * parameters.max_vel_trans, highest)
         delay = period + parameters.stop_time_buffer
-        slowest = SLOWEST * parameters.max_vel_trans
         to_stop = speed_to_stop_within(free, parameters.acc_lim_x, delay)
         wanted = self._sign * min(top, max(slowest, to_stop))
         change = parameters.acc_lim_x * period
@@ -180,6 +197,20 @@ def _arcs(
     return _Arcs(poses[:, :counts[0]], way.steps, length / int(counts[0]))
 
 
+def _turning_places(way: WayBack, path: LocalPath, checker: FootprintChecker) -> Tuple[np.ndarray, np.ndarray]:
+    """Return which poses of a way back, (K,), are free to turn at to where the path leads there, and what they cost."""
+    width = checker.costmap.width
+    arcs = way.arcs[:way.free_poses(checker)]
+    marks = np.arange(LEAST * width, arcs[-1], LEAST * width) if len(arcs) else np.zeros(0)
+    steps = np.searchsorted(arcs, marks)
+    ends = way.poses[steps]
+    places = path.project(ends, -math.inf, math.inf)
+    ahead = np.array([path.point_at(arc + AHEAD * width) for arc in places[:, 1]]).reshape(-1, 2)
+    turns = normalize_angles(np.arctan2(ahead[:, 1] - ends[:, 1], ahead[:, 0] - ends[:, 0]) - ends[:, 2])
+    free = _turns_not_free(ends, turns, checker) <= 0.0
+    return steps[free], (arcs[steps] + places[:, 0])[free]
+
+
 def _turns_not_free(poses: np.ndarray, turns: np.ndarray, checker: FootprintChecker) -> np.ndarray:
     """Return by how much (rad) less than it should a robot can turn on each spot.
 
@@ -188,6 +219,8 @@ def _turns_not_free(poses: np.ndarray, turns: np.ndarray, checker: FootprintChec
         turns: Shape (N,), to the left.
         checker: The obstacles.
     """
+    if not len(poses):
+        return np.zeros(0)
     counts = np.maximum(1, np.ceil(np.abs(turns) / (2.0 * checker.turn_step))).astype(np.int64)
     turned = np.repeat(poses[:, None], counts.max(), axis=1)
     shares = np.arange(1, counts.max() + 1) / counts[:, None]

@@ -203,6 +203,7 @@ class PathFollower(Controller, abc.ABC):
                 f"pose {tuple(state.pose)} or velocity {tuple(state.velocity)} is not finite",
             )
         cycle = self._cycle = self.look_around(state)
+        self._back_out.trail.note(state.pose, cycle.checker)
         self._stuck_checker.check(state, self.command, parameters.stuck_timeout)
         self._blocked_goal_checker.check(state, cycle.path, cycle.checker, parameters)
         if self._goal_checker.is_turning(state.pose, cycle.path.goal, parameters):
