@@ -1,5 +1,6 @@
 """What the rostests share: waiting for conditions, bounded by the wall clock, and listening to topics."""
 
+import io
 import threading
 import time
 from typing import Any, Callable, List, Optional
@@ -27,6 +28,13 @@ def wait_until(condition: Callable[[], Any], what: str, timeout: float = 30.0, p
         if time.monotonic() >= end:
             raise AssertionError(f"waited {timeout:.0f} s for {what}, in vain")
         _PAUSE.wait(period)
+
+
+def as_received(message: Any, kind: Any) -> Any:
+    """Return a message as one of a kind that reads the same bytes, as a subscriber of that kind gets it."""
+    sent = io.BytesIO()
+    message.serialize(sent)
+    return kind().deserialize(sent.getvalue())
 
 
 class Listener:

@@ -6,6 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from geometry_msgs.msg import TransformStamped, Twist, Vector3
+from nav_msgs.msg import Odometry
+from ros_testing import as_received
 from sensor_msgs.msg import LaserScan
 
 from mbf_relay.control.velocity_guard import OBSTACLE
@@ -13,6 +15,7 @@ from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
 from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.geometry import IDENTITY
 from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.common.odometry import RawOdometry
 from mbf_relay.ros.costmap import inputs
 from mbf_relay.ros.velocity_guard import node
 
@@ -110,7 +113,8 @@ class Mountings:
 def guard(monkeypatch):
     """Return a guard node whose robot is asked to drive ahead."""
     for name in ("Publisher", "Subscriber"):
-        monkeypatch.setattr(inputs.rospy, name, lambda *_, **__: SimpleNamespace(publish=lambda message: None))
+        monkeypatch.setattr(inputs.rospy, name, lambda *_, **__: SimpleNamespace(
+            publish=lambda message: None, get_num_connections=lambda: 1, resolved_name="/cmd_vel"))
     for name in ("loginfo_throttle", "logwarn_throttle"):
         monkeypatch.setattr(inputs.rospy, name, lambda period, text: None)
     monkeypatch.setattr(node, "on_shutdown", lambda function: None)
@@ -170,6 +174,41 @@ def test_the_guard_drives_on_when_a_lidar_that_stands_in_the_world_falls_silent(
     guard._take_command(Twist(linear=Vector3(x=0.2)))
     guard._step(5.5)
     assert guard._verdict.velocity.x == 0.0, "one that stands in the world is none in the robot's stead"
+
+
+def test_a_guard_that_nobody_listens_to_says_why_the_robot_does_not_move(guard, monkeypatch):
+    """The log had only that the robot stood still against its commands."""
+    monkeypatch.setattr(inputs.rospy, "get_time", lambda: 1.0)
+    guard._velocity.get_num_connections = lambda: 0
+    assert asked(guard, 0.2, scan_of("front", 3.0)) == 0.2
+    level, text, _values = guard._report()
+    assert level == node.diagnostics.WARN
+    assert text == "passing (to nobody: nothing that can be reached listens to /cmd_vel)"
+    assert asked(guard, 0.0) == 0.0 and guard._report()[0] == node.diagnostics.OK, "one that stands needs nobody"
+
+
+@pytest.mark.parametrize("odometry", ["none", "broken", "old", "not a number", "as told", "late"])
+def test_a_guard_drives_on_whatever_odometry_is_and_learns_from_what_is_sound_how_late_wheels_are(
+        guard, monkeypatch, odometry):
+    for step in range(1, 60):
+        now, speed = 10.0 + 0.1 * step, 0.2 + 0.05 * math.sin(0.5 * step)
+        monkeypatch.setattr(inputs.rospy, "get_time", lambda now=now: now)
+        message = Odometry()
+        message.header.stamp = inputs.rospy.Time.from_sec(now - 2.0 * (odometry == "old"))
+        late = step - (11 if odometry != "as told" else 1)
+        message.twist.twist.linear.x = 0.2 + 0.05 * math.sin(0.5 * late) if late > 0 else 0.0
+        if odometry == "not a number":
+            message.twist.twist.linear.x = math.nan
+        if odometry != "none":
+            guard._take_odometry(as_received(message, RawOdometry))
+        if odometry == "broken":
+            guard._odometry._buff = b"broken"
+        guard._take_scan(scan_of("front", 3.0 - 0.001 * step, now))
+        guard._take_command(Twist(linear=Vector3(x=speed)))
+        guard._step(now)
+        assert guard._verdict.velocity.x == pytest.approx(speed), guard._verdict.text
+    told = float(guard._report()[2]["velocities take effect after [s]"])
+    assert told == (pytest.approx(1.0, abs=0.1) if odometry == "late" else 0.0)
 
 
 def test_a_fast_lidar_does_not_displace_a_slow_one_before_the_next_update(lidars):

@@ -7,8 +7,10 @@ pytest.importorskip("mbf_msgs", reason="needs the built package")
 import rospy  # noqa: E402
 from geometry_msgs.msg import TransformStamped  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
+from ros_testing import as_received  # noqa: E402
 
 from mbf_relay.outcomes import StaleDataError  # noqa: E402
+from mbf_relay.ros.common.odometry import RawOdometry  # noqa: E402
 from mbf_relay.ros.server.robot import RosRobot  # noqa: E402
 
 
@@ -48,20 +50,12 @@ class Broadcast:
             odometry = Odometry()
             odometry.header.stamp = rospy.Time.from_sec(self.now)
             odometry.pose.pose.position.x, odometry.twist.twist.linear.x = self.x, speed
-            self._sent.append(_Told(odometry))
+            self._sent.append(as_received(odometry, RawOdometry))
             self.robot._odometry = self._sent[-1 - late:][0]
             if asked:
                 self.robot.pose_in("odom")
                 velocities.append(self.robot.velocity())
         return velocities
-
-
-class _Told:
-    def __init__(self, message):
-        self._message = message
-
-    def read(self):
-        return self._message
 
 
 def test_a_robot_is_not_driven_by_a_transform_that_repeats_itself_while_odometry_tells_of_motion(monkeypatch):
