@@ -202,7 +202,7 @@ def test_a_guard_drives_on_whatever_odometry_is_and_learns_from_what_is_sound_ho
         if odometry != "none":
             guard._take_odometry(as_received(message, RawOdometry))
         if odometry == "broken":
-            guard._odometry._buff = b"broken"
+            guard._odometry.bytes = b"broken"
         guard._take_scan(scan_of("front", 3.0 - 0.001 * step, now))
         guard._take_command(Twist(linear=Vector3(x=speed)))
         guard._step(now)

@@ -16,7 +16,7 @@ from mbf_relay.navigation.robot import Robot
 from mbf_relay.outcomes import StaleDataError
 from mbf_relay.ros.common.conversions import transform_from_message, twist_to_message
 from mbf_relay.ros.common.diagnostics import RateMeter
-from mbf_relay.ros.common.odometry import RawOdometry
+from mbf_relay.ros.common.odometry import RawOdometry, read_odometry
 from mbf_relay.ros.common.transforms import Transforms
 
 COMMANDS_PAUSE = 1.0
@@ -57,7 +57,7 @@ class RosRobot(Robot):
         super().__init__()
         self._transforms, self._base_frame = transforms, base_frame
         self._pose_timeout, self._odom_timeout = pose_timeout, odom_timeout
-        self._odometry: Optional[RawOdometry] = None
+        self._odometry: Any = None  # a RawOdometry
         self._poses: Dict[str, Tuple[float, Pose2D]] = {}  # those looked up last, with their times (s), by frame
         self._tf_monitors: Dict[str, TransformMonitor] = defaultdict(TransformMonitor)
         self._monitor = OdometryMonitor()
@@ -107,7 +107,7 @@ class RosRobot(Robot):
             return self.commanded or STOP
         if self._odometry is None:
             raise StaleDataError(f"no odometry on {self._topic} yet")
-        odometry, stamp, velocity = self._odometry.read(self._topic, rospy.get_time(), self._odom_timeout)
+        odometry, stamp, velocity = read_odometry(self._odometry, self._topic, rospy.get_time(), self._odom_timeout)
         position, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
         # as it is: a driver that fills in velocities alone is none to refuse
         pose = Pose2D(position.x, position.y, 2.0 * math.atan2(turn.z, turn.w))
@@ -167,5 +167,5 @@ class RosRobot(Robot):
     def _publish(self, velocity: Twist2D) -> None:
         self._publisher.publish(twist_to_message(self.steering.steered(velocity) if self.steering else velocity))
 
-    def _on_odometry(self, message: RawOdometry) -> None:
+    def _on_odometry(self, message: Any) -> None:
         self._odometry = message

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from typing import Deque, Dict, List, Optional
+from typing import Any, Deque, Dict, List, Optional
 
 import rospy
 from geometry_msgs.msg import Twist
@@ -22,7 +22,7 @@ from mbf_relay.ros.common.checks import InvalidMessage
 from mbf_relay.ros.common.conversions import dated, twist_to_message
 from mbf_relay.ros.common.lidar_geometry import scan_in_base
 from mbf_relay.ros.common.node import on_shutdown, spare_what_stays
-from mbf_relay.ros.common.odometry import RawOdometry
+from mbf_relay.ros.common.odometry import RawOdometry, read_odometry
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.senders import AT_ONCE
 
@@ -57,7 +57,7 @@ class VelocityGuardNode:
         self._woken = threading.Event()
         self._command: Optional[Twist] = None
         self._scans: Deque[LaserScan] = deque(maxlen=MOST_SCANS)
-        self._odometry: Optional[RawOdometry] = None
+        self._odometry: Any = None  # a RawOdometry
         self._sending = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
         self._closed = False
         self._verdict = Verdict(STOP, STANDING, "standing: no velocity is asked for")
@@ -94,7 +94,7 @@ class VelocityGuardNode:
         self._scans.append(dated(message))
         self._woken.set()
 
-    def _take_odometry(self, message: RawOdometry) -> None:
+    def _take_odometry(self, message: Any) -> None:
         self._odometry = message
 
     def _step(self, now: float) -> None:
@@ -131,7 +131,7 @@ class VelocityGuardNode:
         if self._odometry is None:
             return None
         try:
-            return self._odometry.read("odom", now, MOTION_AGE)[2]
+            return read_odometry(self._odometry, "odom", now, MOTION_AGE)[2]
         except StaleDataError:
             return None
 

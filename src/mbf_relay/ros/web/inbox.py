@@ -48,30 +48,6 @@ class Inbox:
         return [(key, message) for _, key, message in came]
 
 
-def unread(message: Any) -> Any:
-    """Return a class that is received as `message` is and keeps its bytes; `read` makes the message of it."""
-
-    class Unread(message):
-        """Bytes under the name of their type."""
-
-        __slots__ = ["bytes"]
-        _has_header = False
-
-        def __init__(self, *_args: Any, **_fields: Any) -> None:
-            self.bytes = b""
-
-        def deserialize(self, data: bytes) -> Unread:
-            """Keep the bytes."""
-            self.bytes = bytes(data)
-            return self
-
-        def read(self) -> Any:
-            """Return the message; raise rospy's or genpy's error where the bytes are none."""
-            return message().deserialize(self.bytes)
-
-    return Unread
-
-
 def subscribe(topic: str, kind: Any, take: Any) -> rospy.Subscriber:
     """Subscribe to unread messages."""
     return rospy.Subscriber(topic, kind, take, queue_size=None, buff_size=1 << 22, tcp_nodelay=True)

@@ -8,8 +8,9 @@ from typing import Any, Callable, Dict, FrozenSet, List, Mapping, Optional, Tupl
 import rospy
 
 from mbf_relay.geometry import Pose2D
+from mbf_relay.ros.common.unread import unread
 from mbf_relay.ros.web.frames import Frames
-from mbf_relay.ros.web.inbox import Inbox, subscribe, unread
+from mbf_relay.ros.web.inbox import Inbox, subscribe
 from mbf_relay.ros.web.sources import SOURCES, topics_of
 
 UNREAD = {key: unread(source.message) for key, source in SOURCES.items()}

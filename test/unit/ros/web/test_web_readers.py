@@ -11,8 +11,9 @@ from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 from visualization_msgs.msg import Marker, MarkerArray
 
 from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.unread import unread
 from mbf_relay.ros.web import readers
-from mbf_relay.ros.web.inbox import WAITING, Inbox, unread
+from mbf_relay.ros.web.inbox import WAITING, Inbox
 from mbf_relay.ros.web.sources import SOURCES, robots_of, topics_of
 
 NAN = float("nan")
