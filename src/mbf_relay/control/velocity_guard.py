@@ -7,7 +7,8 @@ along the spiral on which a differential drive comes to a stand whose wheels are
 known. Else it is slowed down along the same arc, or zero. What is nearer than the margin already may not come nearer
 still, so a robot may always drive away from it. Of several lidars on the topic, told apart by their frames, each must
 be fresh, and the newest scan of each counts. Where odometry shows that the wheels hear late, the arc begins where the
-robot will be by then: what has passed cannot be taken back.
+robot will be by then: what has passed cannot be taken back. Nor may it meet anything from where it is, for that is
+only believed, and late odometry or wheels that hear in time again leave it believed for a while.
 (The idea is that of Nav2's collision monitor, here with the footprint on the braking arc in place of zones.)
 """
 
@@ -203,7 +204,8 @@ class VelocityGuard:
                 met = self._met_before(sight, now)
                 if met is not None:
                     return Verdict(STOP, OBSTACLE, f"stopped: {self._something_at(met)} is met by what passed already")
-            share, in_the_way = self._free_share(asked, np.vstack([self._points_ahead(sight, now) for sight in sights]))
+            seen = [points for sight in sights for points in self._points_ahead(sight, now)]
+            share, in_the_way = self._free_share(asked, np.vstack(seen))
         limit, unseen = max((self._share_in_sight(asked, sight) for sight in sights), key=lambda found: found[0])
         if not in_the_way and limit >= 1.0:
             return Verdict(asked, PASSING, "passing")
@@ -229,9 +231,14 @@ class VelocityGuard:
         """Return how far (m) any corner of the footprint gets with a velocity held for so long (s), at most."""
         return (velocity.speed() + abs(velocity.theta) * self._radius) * seconds
 
-    def _points_ahead(self, sight: Sight, now: float) -> np.ndarray:
-        """Return a scan's points seen from where the robot does what passes now, shape (N, 2) in metres."""
-        return _moved(self._held(sight, now)).inverse().transform_points(sight.points)
+    def _points_ahead(self, sight: Sight, now: float) -> Iterator[np.ndarray]:
+        """Yield a scan's points from where the robot does what passes now, shape (N, 2) in metres.
+
+        Twice where it is thought late: as it is, and as it is not.
+        """
+        for delay in {0.0, self.delay.seconds}:
+            held = self._passed_between(sight.scan.stamp - delay, now)
+            yield _moved(held).inverse().transform_points(sight.points)
 
     def _met_before(self, sight: Sight, now: float) -> Optional[np.ndarray]:
         """Return a scan's first point (m) that the robot runs into on its way there; None for none."""

@@ -382,6 +382,15 @@ def test_a_late_robot_may_turn_away_from_what_it_stands_before():
     assert judged(guard, Twist2D(-0.2, 0.0, 0.0)).cause == guards.PASSING
 
 
+@pytest.mark.parametrize("turn", [-1.5, 1.5])
+@pytest.mark.parametrize("late", [1.0, 1.4])
+def test_a_robot_wrongly_thought_late_does_not_drive_into_the_wall_it_is_thought_to_have_turned_from(late, turn):
+    wall, turned, asked = scan_with(0.3, -30, 31), Twist2D(0.0, 0.0, turn), Twist2D(0.6, 0.0, 0.0)
+    prompt, late = (judged(guard_of_wheels_believed_late(wall, by, turned), asked) for by in (0.0, late))
+    assert prompt.velocity.x < asked.x
+    assert late.velocity.x <= prompt.velocity.x and late.cause == guards.OBSTACLE
+
+
 @pytest.mark.parametrize("speed", [0.22, 5.0])
 def test_a_late_robot_goes_no_faster_than_it_can_stop_where_its_lidar_looks(speed):
     asked = Twist2D(speed, 0.0, 0.0)

@@ -85,7 +85,7 @@ class WaypointFollowerNode:
             self._end("aborted", f"on the way to waypoint {follower.current}: {reason}")
             return
         follower.ended(now, reached)
-        if not reached:
+        if not reached and not self._cancelled:
             rospy.logwarn("waypoint %d was not reached: %s", follower.current, ending.text)
 
     def _go_on(self, now: float) -> None:

@@ -7,11 +7,12 @@ import pytest
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
-from actionlib_msgs.msg import GoalID  # noqa: E402
+from actionlib_msgs.msg import GoalID, GoalStatus  # noqa: E402
 from geometry_msgs.msg import PoseStamped  # noqa: E402
 
 from mbf_relay.msg import FollowWaypointsGoal  # noqa: E402
 from mbf_relay.navigation.waypoints import WaypointFollowerParameters  # noqa: E402
+from mbf_relay.ros.common.client_goals import ActionEnding  # noqa: E402
 from mbf_relay.ros.waypoint_follower import node as waypoint_follower  # noqa: E402
 
 
@@ -85,3 +86,20 @@ def test_a_robot_stands_where_the_cancel_of_what_took_its_goals_place_comes_firs
     follower.node.look(1.05)
     assert [sent.is_cancelled for sent in follower.move_base.sent] == [True]
     assert older.ends == ["accepted", "canceled"]
+
+
+@pytest.mark.parametrize("is_cancelled, warnings", [(True, []), (False, ["no way"])])
+def test_who_calls_waypoints_off_is_not_warned_that_one_was_not_reached(follower, monkeypatch, is_cancelled, warnings):
+    """The log said `waypoint 0 was not reached:`, and no reason."""
+    warned = []
+    monkeypatch.setattr(waypoint_follower.rospy, "logwarn", lambda _text, _number, reason: warned.append(reason))
+    goal = PaperGoal("goal")
+    follower.node._server.take(goal)
+    follower.node.look(1.0)
+    if is_cancelled:
+        follower.node._server.cancel(goal)
+    status, text = (GoalStatus.PREEMPTED, "") if is_cancelled else (GoalStatus.ABORTED, "no way")
+    follower.move_base.sent[0].ending = ActionEnding(status, text, None)
+    follower.node.look(1.05)
+    assert warned == warnings
+    assert goal.ends == ["accepted", "canceled" if is_cancelled else "succeeded"]
