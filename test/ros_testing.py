@@ -30,11 +30,13 @@ def wait_until(condition: Callable[[], Any], what: str, timeout: float = 30.0, p
         _PAUSE.wait(period)
 
 
-def as_received(message: Any, kind: Any) -> Any:
+def as_received(message: Any, kind: Any, sender: str = "/driver") -> Any:
     """Return a message as one of a kind that reads the same bytes, as a subscriber of that kind gets it."""
     sent = io.BytesIO()
     message.serialize(sent)
-    return kind().deserialize(sent.getvalue())
+    received = kind().deserialize(sent.getvalue())
+    received._connection_header = {"callerid": sender}
+    return received
 
 
 class Listener:

@@ -115,6 +115,7 @@ def guard(monkeypatch):
     for name in ("Publisher", "Subscriber"):
         monkeypatch.setattr(inputs.rospy, name, lambda *_, **__: SimpleNamespace(
             publish=lambda message: None, get_num_connections=lambda: 1, resolved_name="/cmd_vel"))
+    monkeypatch.setattr(inputs.rospy, "resolve_name", lambda name: f"/{name}")
     for name in ("loginfo_throttle", "logwarn_throttle"):
         monkeypatch.setattr(inputs.rospy, name, lambda period, text: None)
     monkeypatch.setattr(node, "on_shutdown", lambda function: None)
@@ -200,9 +201,9 @@ def test_a_guard_drives_on_whatever_odometry_is_and_learns_from_what_is_sound_ho
         if odometry == "not a number":
             message.twist.twist.linear.x = math.nan
         if odometry != "none":
-            guard._take_odometry(as_received(message, RawOdometry))
+            guard._odometry._take(as_received(message, RawOdometry))
         if odometry == "broken":
-            guard._odometry.bytes = b"broken"
+            guard._odometry._newest.bytes = b"broken"
         guard._take_scan(scan_of("front", 3.0 - 0.001 * step, now))
         guard._take_command(Twist(linear=Vector3(x=speed)))
         guard._step(now)

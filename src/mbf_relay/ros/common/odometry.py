@@ -2,41 +2,86 @@
 
 from __future__ import annotations
 
+import math
+import time
 from typing import Any, Tuple
 
 import genpy
+import rospy
 from nav_msgs.msg import Odometry
 
 from mbf_relay.geometry import Twist2D
 from mbf_relay.outcomes import StaleDataError
 from mbf_relay.ros.common.checks import InvalidMessage, check_stamp
+from mbf_relay.ros.common.connected_nodes import connected_nodes
 from mbf_relay.ros.common.conversions import twist_from_message
 from mbf_relay.ros.common.unread import unread
 
 RawOdometry = unread(Odometry)
-"""What to subscribe to."""
+"""An Odometry message as it came."""
+FALLEN_SILENT = 2.0
+"""Wall seconds after which another node is heard in the place of one that is there and says nothing."""
+WARN_PERIOD = 10.0
+"""Seconds between two warnings of a second node."""
 
 
-def read_odometry(message: Any, topic: str, now: float, max_age: float) -> Tuple[Odometry, float, Twist2D]:
-    """Return a message, its time (s) and its velocity (body frame).
+class OdometryInput:
+    """Subscribes to odometry and keeps the newest.
+
+    Of several nodes that publish on the topic only one is heard, who came first, as of those that tell of one frame on
+    /tf: a robot drives by either, and by both in turn by neither.
 
     Args:
-        message: A RawOdometry.
-        topic: Where it came from, for the error.
-        now: Seconds.
-        max_age: Seconds.
+        topic: Its name.
 
-    Raises:
-        StaleDataError: It is too old or from the future, cannot be read, or its velocity is none.
+    Attributes:
+        topic: Resolved.
     """
-    try:
-        odometry = message.read()
-        stamp = odometry.header.stamp.to_sec()
-        if now - stamp > max_age:
-            raise StaleDataError(f"odometry on {topic} is {now - stamp:.2f} s old; at most {max_age:.2f} s allowed")
-        check_stamp(stamp, now)
-        return odometry, stamp, twist_from_message(odometry.twist.twist)
-    except genpy.DeserializationError as error:
-        raise StaleDataError(f"odometry on {topic} cannot be read: {error}") from error
-    except InvalidMessage as error:
-        raise StaleDataError(f"odometry on {topic}: {error}") from error
+
+    def __init__(self, topic: str) -> None:
+        self.topic = rospy.resolve_name(topic)
+        self._newest: Any = None
+        self._teller, self._heard_at = "", -math.inf
+        self._subscriber: Any = None  # messages may come before it is there
+        self._subscriber = rospy.Subscriber(
+            topic, RawOdometry, self._take, queue_size=1, buff_size=1 << 18, tcp_nodelay=True)
+
+    @property
+    def is_expected(self) -> bool:
+        """Whether there has been any, or somebody is there to send it."""
+        return self._newest is not None or self._subscriber.get_num_connections() > 0
+
+    def read(self, now: float, max_age: float) -> Tuple[Odometry, float, Twist2D]:
+        """Return the newest message, its time (s) and its velocity (body frame).
+
+        Args:
+            now: Seconds.
+            max_age: Seconds.
+
+        Raises:
+            StaleDataError: There is none, it is too old or from the future, cannot be read, or its velocity is none.
+        """
+        if self._newest is None:
+            raise StaleDataError(f"no odometry on {self.topic} yet")
+        try:
+            odometry = self._newest.read()
+            stamp = odometry.header.stamp.to_sec()
+            if now - stamp > max_age:
+                raise StaleDataError(
+                    f"odometry on {self.topic} is {now - stamp:.2f} s old; at most {max_age:.2f} s allowed")
+            check_stamp(stamp, now)
+            return odometry, stamp, twist_from_message(odometry.twist.twist)
+        except genpy.DeserializationError as error:
+            raise StaleDataError(f"odometry on {self.topic} cannot be read: {error}") from error
+        except InvalidMessage as error:
+            raise StaleDataError(f"odometry on {self.topic}: {error}") from error
+
+    def _take(self, message: Any) -> None:
+        teller, now = message._connection_header["callerid"], time.monotonic()
+        speaks = now - self._heard_at <= FALLEN_SILENT and self._subscriber is not None
+        if teller != self._teller and speaks and self._teller in connected_nodes(self._subscriber):
+            rospy.logwarn_throttle(
+                WARN_PERIOD, f"odometry on {self.topic} comes from {self._teller} and from {teller}: the first alone "
+                "is heard; have the other publish elsewhere, or end it")
+            return
+        self._teller, self._heard_at, self._newest = teller, now, message

@@ -16,7 +16,7 @@ from mbf_relay.navigation.robot import Robot
 from mbf_relay.outcomes import StaleDataError
 from mbf_relay.ros.common.conversions import transform_from_message, twist_to_message
 from mbf_relay.ros.common.diagnostics import RateMeter
-from mbf_relay.ros.common.odometry import RawOdometry, read_odometry
+from mbf_relay.ros.common.odometry import OdometryInput
 from mbf_relay.ros.common.transforms import Transforms
 
 COMMANDS_PAUSE = 1.0
@@ -57,7 +57,7 @@ class RosRobot(Robot):
         super().__init__()
         self._transforms, self._base_frame = transforms, base_frame
         self._pose_timeout, self._odom_timeout = pose_timeout, odom_timeout
-        self._odometry: Any = None  # a RawOdometry
+        self._odometry: Optional[OdometryInput] = None
         self._poses: Dict[str, Tuple[float, Pose2D]] = {}  # those looked up last, with their times (s), by frame
         self._tf_monitors: Dict[str, TransformMonitor] = defaultdict(TransformMonitor)
         self._monitor = OdometryMonitor()
@@ -65,8 +65,6 @@ class RosRobot(Robot):
         self._publisher = rospy.Publisher("cmd_vel", Twist, _Wheels(self), queue_size=1, tcp_nodelay=True)
         self._closing = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
         self._closed = self._blocked = self._held = False
-        self._topic = ""
-        self._subscriber: Optional[rospy.Subscriber] = None
 
     def listen(self, odom_topic: str) -> None:
         """Take the robot's velocity from a topic from now on.
@@ -75,11 +73,7 @@ class RosRobot(Robot):
         drives robots whose files name no odometry, too.
         """
         if odom_topic:
-            self._topic = rospy.resolve_name(odom_topic)
-            # kept as bytes until somebody asks: most of thirty messages a second are never looked at
-            self._subscriber = rospy.Subscriber(
-                odom_topic, RawOdometry, self._on_odometry, queue_size=1, buff_size=1 << 18, tcp_nodelay=True
-            )
+            self._odometry = OdometryInput(odom_topic)
 
     def pose_in(self, frame: str) -> Pose2D:
         """Return the newest pose of the base in `frame`; raise TransformError where it is unknown or too old."""
@@ -98,26 +92,25 @@ class RosRobot(Robot):
         Raises:
             StaleDataError: There is none, it is too old, or odometry's poses contradict it or those of tf.
         """
-        if self._subscriber is None:
+        if self._odometry is None:
             return self.commanded or STOP
-        if self._odometry is None and self._subscriber.get_num_connections() == 0:
+        topic = self._odometry.topic
+        if not self._odometry.is_expected:
             rospy.logwarn_once(
                 "nobody publishes odometry on %s: the last command stands in for the robot's velocity; name the "
-                "robot's topic by a remapping of odom, or by ~odom_topic", self._topic)
+                "robot's topic by a remapping of odom, or by ~odom_topic", topic)
             return self.commanded or STOP
-        if self._odometry is None:
-            raise StaleDataError(f"no odometry on {self._topic} yet")
-        odometry, stamp, velocity = read_odometry(self._odometry, self._topic, rospy.get_time(), self._odom_timeout)
+        odometry, stamp, velocity = self._odometry.read(rospy.get_time(), self._odom_timeout)
         position, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
         # as it is: a driver that fills in velocities alone is none to refuse
         pose = Pose2D(position.x, position.y, 2.0 * math.atan2(turn.z, turn.w))
         trouble = self._monitor.trouble(stamp, pose, velocity)
         if trouble is not None:
-            raise StaleDataError(f"{trouble} ({self._topic})")
+            raise StaleDataError(f"{trouble} ({topic})")
         for frame, (at, seen) in list(self._poses.items()):
             trouble = self._tf_monitors[frame].trouble(at, seen, stamp, pose)
             if trouble is not None:
-                raise StaleDataError(f"{trouble} ('{self._base_frame}' in '{frame}' and {self._topic})")
+                raise StaleDataError(f"{trouble} ('{self._base_frame}' in '{frame}' and {topic})")
         return velocity
 
     @property
@@ -166,6 +159,3 @@ class RosRobot(Robot):
 
     def _publish(self, velocity: Twist2D) -> None:
         self._publisher.publish(twist_to_message(self.steering.steered(velocity) if self.steering else velocity))
-
-    def _on_odometry(self, message: Any) -> None:
-        self._odometry = message

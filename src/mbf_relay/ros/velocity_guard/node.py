@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from typing import Any, Deque, Dict, List, Optional
+from typing import Deque, Dict, List, Optional
 
 import rospy
 from geometry_msgs.msg import Twist
@@ -22,7 +22,7 @@ from mbf_relay.ros.common.checks import InvalidMessage
 from mbf_relay.ros.common.conversions import dated, twist_to_message
 from mbf_relay.ros.common.lidar_geometry import scan_in_base
 from mbf_relay.ros.common.node import on_shutdown, spare_what_stays
-from mbf_relay.ros.common.odometry import RawOdometry, read_odometry
+from mbf_relay.ros.common.odometry import OdometryInput
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.senders import AT_ONCE
 
@@ -43,7 +43,7 @@ IDLE_PERIOD = 0.5
 class VelocityGuardNode:
     """The guard's topics; mbf_relay.control.velocity_guard judges.
 
-    One thread, the main one, does everything. Callbacks leave the newest velocity, scans and odometry, and wake it.
+    One thread, the main one, does everything. Callbacks leave the newest velocity and scans and wake it.
     """
 
     def __init__(self, settings: VelocityGuardParameters) -> None:
@@ -57,7 +57,6 @@ class VelocityGuardNode:
         self._woken = threading.Event()
         self._command: Optional[Twist] = None
         self._scans: Deque[LaserScan] = deque(maxlen=MOST_SCANS)
-        self._odometry: Any = None  # a RawOdometry
         self._sending = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
         self._closed = False
         self._verdict = Verdict(STOP, STANDING, "standing: no velocity is asked for")
@@ -69,7 +68,7 @@ class VelocityGuardNode:
         on_shutdown(self.close)
         self._commands = rospy.Subscriber("cmd_vel_raw", Twist, self._take_command, queue_size=1, tcp_nodelay=True)
         rospy.Subscriber("scan", LaserScan, self._take_scan, queue_size=MOST_SCANS, buff_size=1 << 18, tcp_nodelay=True)
-        rospy.Subscriber("odom", RawOdometry, self._take_odometry, queue_size=1, buff_size=1 << 18, tcp_nodelay=True)
+        self._odometry = OdometryInput("odom")
         self._diagnostics = diagnostics.Diagnostics()
         self._diagnostics.add("velocities", self._report)
 
@@ -93,9 +92,6 @@ class VelocityGuardNode:
     def _take_scan(self, message: LaserScan) -> None:
         self._scans.append(dated(message))
         self._woken.set()
-
-    def _take_odometry(self, message: Any) -> None:
-        self._odometry = message
 
     def _step(self, now: float) -> None:
         """Judge what came; publish each velocity that was asked for, and what becomes of the last one."""
@@ -128,10 +124,8 @@ class VelocityGuardNode:
 
     def _motion(self, now: float) -> Optional[Twist2D]:
         """Return how the robot moves, None where odometry does not tell: the guard drives without it, too."""
-        if self._odometry is None:
-            return None
         try:
-            return read_odometry(self._odometry, "odom", now, MOTION_AGE)[2]
+            return self._odometry.read(now, MOTION_AGE)[2]
         except StaleDataError:
             return None
 

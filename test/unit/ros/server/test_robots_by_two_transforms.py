@@ -51,7 +51,7 @@ class Broadcast:
             odometry.header.stamp = rospy.Time.from_sec(self.now)
             odometry.pose.pose.position.x, odometry.twist.twist.linear.x = self.x, speed
             self._sent.append(as_received(odometry, RawOdometry))
-            self.robot._odometry = self._sent[-1 - late:][0]
+            self.robot._odometry._take(self._sent[-1 - late:][0])
             if asked:
                 self.robot.pose_in("odom")
                 velocities.append(self.robot.velocity())

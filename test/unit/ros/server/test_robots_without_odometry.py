@@ -6,21 +6,33 @@ import pytest
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
+import rospy  # noqa: E402
+
 from mbf_relay.geometry import STOP, Twist2D  # noqa: E402
 from mbf_relay.outcomes import StaleDataError  # noqa: E402
+from mbf_relay.ros.common.odometry import OdometryInput  # noqa: E402
 from mbf_relay.ros.server.robot import RosRobot  # noqa: E402
 
 
-def robot(publishers, commanded):
-    subscriber = SimpleNamespace(get_num_connections=lambda: publishers)
-    return SimpleNamespace(_odometry=None, _topic="/odom", _subscriber=subscriber, commanded=commanded)
+@pytest.fixture
+def robot(monkeypatch):
+    """Return a function that gives a robot whose odometry has so many publishers, and was told a velocity last."""
+
+    def made(publishers, commanded):
+        monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+        monkeypatch.setattr(
+            rospy, "Subscriber", lambda *_, **__: SimpleNamespace(get_num_connections=lambda: publishers))
+        monkeypatch.setattr(rospy, "get_time", lambda: 10.0)
+        return SimpleNamespace(_odometry=OdometryInput("odom"), _odom_timeout=1.0, commanded=commanded)
+
+    return made
 
 
 @pytest.mark.parametrize("commanded", [None, Twist2D(0.2, 0.0, 0.1)])
-def test_a_robot_without_odometry_is_taken_to_drive_as_it_was_told(commanded):
+def test_a_robot_without_odometry_is_taken_to_drive_as_it_was_told(robot, commanded):
     assert RosRobot.velocity(robot(0, commanded)) == (commanded or STOP)
 
 
-def test_a_robot_whose_odometry_says_nothing_yet_is_not_driven():
+def test_a_robot_whose_odometry_says_nothing_yet_is_not_driven(robot):
     with pytest.raises(StaleDataError, match="no odometry on /odom yet"):
         RosRobot.velocity(robot(1, STOP))

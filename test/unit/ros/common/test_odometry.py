@@ -1,0 +1,66 @@
+"""Odometry of several nodes on one topic: the robot drives by one of them, and the log names both."""
+
+import time
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("mbf_msgs", reason="needs the built package")
+
+import rospy  # noqa: E402
+from nav_msgs.msg import Odometry  # noqa: E402
+from ros_testing import as_received  # noqa: E402
+
+from mbf_relay.ros.common import odometry  # noqa: E402
+
+NOW = 10.0
+
+
+class Graph:
+    """Nodes that publish odometry, some of them connected, and what the log says of it."""
+
+    def __init__(self, monkeypatch):
+        self.connected, self.warnings, self.wall = ["/driver", "/stranger"], [], 100.0
+        self._subscriber = SimpleNamespace(get_num_connections=lambda: len(self.connected))
+        monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+        monkeypatch.setattr(rospy, "Subscriber", lambda *_, **__: self._subscriber)
+        monkeypatch.setattr(rospy, "logwarn_throttle", lambda period, text: self.warnings.append(text))
+        monkeypatch.setattr(odometry, "connected_nodes", lambda subscriber: dict.fromkeys(self.connected, ""))
+        monkeypatch.setattr(time, "monotonic", lambda: self.wall)
+        self.heard = odometry.OdometryInput("odom")
+
+    def sends(self, sender, speed):
+        """Have a node send its velocity; return the one that is taken for the robot's."""
+        message = Odometry()
+        message.header.stamp = rospy.Time.from_sec(NOW)
+        message.twist.twist.linear.x = speed
+        self.heard._take(as_received(message, odometry.RawOdometry, sender))
+        return self.heard.read(NOW, 1.0)[2].x
+
+
+@pytest.fixture
+def graph(monkeypatch):
+    return Graph(monkeypatch)
+
+
+def test_a_robot_drives_on_by_its_own_odometry_where_a_stranger_sends_some_as_well(graph):
+    """It swung to and fro, and the log told of wheels that might not be free."""
+    assert graph.sends("/driver", 0.2) == 0.2
+    for _ in range(3):
+        assert graph.sends("/stranger", -1000.0) == 0.2
+        assert graph.sends("/driver", 0.2) == 0.2
+    assert set(graph.warnings) == {
+        "odometry on /odom comes from /driver and from /stranger: the first alone is heard; have the other publish "
+        "elsewhere, or end it"}
+
+
+def test_a_driver_that_is_started_anew_under_another_name_is_heard_at_once(graph):
+    graph.sends("/driver_1", 0.2)
+    graph.connected = ["/driver_2"]
+    assert graph.sends("/driver_2", 0.1) == 0.1 and graph.warnings == []
+
+
+def test_another_one_is_heard_where_the_first_has_fallen_silent(graph):
+    graph.sends("/driver", 0.2)
+    graph.wall += odometry.FALLEN_SILENT + 0.1
+    assert graph.sends("/stranger", 0.1) == 0.1
