@@ -112,3 +112,25 @@ def braked_on_its_arc(window: VelocityWindow, velocity: Twist2D) -> Twist2D:
     still = window.still
     share = still.speed() / max(still.speed(), velocity.speed(), 1e-9)
     return Twist2D(still.x, still.y, window.clip(Twist2D(0.0, 0.0, share * velocity.theta)).theta)
+
+
+def where_it_sees(
+    parameters: FollowerParameters, state: ControlState, checker: FootprintChecker, command: Twist2D,
+    window: VelocityWindow, velocity: Twist2D,
+) -> Twist2D:
+    """Return a command, or to brake on the arc the robot is on where the command's sweeps over what is out of sight.
+
+    What stands behind an obstacle shows when the robot is round it, and may then be nearer than its way to a stand. Of
+    one that touches already, what it touches hides the ground beside it.
+
+    Args:
+        parameters: Limits.
+        state, checker: Where the robot is, and among what.
+        command: Free as far as obstacles are seen.
+        window: The velocities in reach.
+        velocity: The robot's.
+    """
+    if command.speed() == 0.0 or checker.contacts_at(state.pose):
+        return command
+    way = arc(checker, state, command, stopping_time(parameters, command, state.period))
+    return command if checker.sees_way(state.pose, way) else braked_on_its_arc(window, velocity)

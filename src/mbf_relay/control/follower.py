@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Optional, Type
 import numpy as np
 
 from mbf_relay.control.back_out import BackOut
-from mbf_relay.control.braking import braked_on_its_arc, brakes_free
+from mbf_relay.control.braking import braked_on_its_arc, brakes_free, where_it_sees
 from mbf_relay.control.checkers import FACING, BlockedGoalChecker, GoalChecker, StuckChecker
 from mbf_relay.control.controller import Controller
 from mbf_relay.control.evasion import Evasion
@@ -238,7 +238,7 @@ class PathFollower(Controller, abc.ABC):
                     raise
             else:
                 back_out.drove(cycle.path, state.costmap.width)
-                return command
+                return where_it_sees(parameters, state, cycle.checker, command, cycle.window, cycle.velocity)
         backward = back_out.command(state.pose, cycle.velocity, cycle.checker, parameters, state.period)
         return self.drive(cycle) if backward is None else backward
 

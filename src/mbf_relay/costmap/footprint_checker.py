@@ -171,6 +171,18 @@ class FootprintChecker:
         )
         return seen.astype(bool)
 
+    def sees_way(self, pose: Pose2D, poses: np.ndarray) -> bool:
+        """Return whether from a pose the footprint's corners are in sight all along poses, (N, 3).
+
+        What hides a corner by a cell or two alone is what the footprint passes, not what something may stand behind.
+        """
+        corners, cos, sin = self._corners, np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
+        across = poses[:, :1] + cos * corners[:, 0] - sin * corners[:, 1] - pose.x
+        up = poses[:, 1:2] + sin * corners[:, 0] + cos * corners[:, 1] - pose.y
+        short = 1.0 - APART * self.costmap.grid.resolution / np.maximum(np.hypot(across, up), 1e-9)
+        points = np.column_stack(((short * across).ravel() + pose.x, (short * up).ravel() + pose.y))
+        return bool(self.in_sight(pose, points).all())
+
     def clearance_at(self, x: float, y: float) -> float:
         """Return the distance (m) from a point to the centre of the nearest obstacle cell; 0 outside the grid."""
         column, row = self.costmap.grid.cell_at(x, y)

@@ -70,3 +70,39 @@ def test_a_robot_that_hardly_brakes_is_not_followed_for_a_hundred_million_poses(
         arcs_to_a_stand(parameters, state, FootprintChecker(state.costmap), turns)
     arcs = arcs_to_a_stand(parameters, state, FootprintChecker(state.costmap), 0.1 * turns)
     assert 10_000 < arcs.counts.sum() <= MOST_POSES
+
+
+def swinging(occupied, velocity, side):
+    """Return what becomes of the command to swing round to a side at 0.78 m/s, and that command."""
+    controller = make(
+        "regulated_pure_pursuit", max_vel_x=TOP, max_vel_trans=TOP, desired_linear_vel=TOP, acc_lim_x=0.74)
+    asked = []
+
+    def drive(cycle):
+        asked.append(cycle.window.clip(Twist2D(0.78, 0.0, side * 2.45)))
+        return asked[-1]
+
+    controller.drive = drive
+    controller.set_path(path_through((0.0, 0.0), (2.0, 0.0)), True)
+    command = controller.compute_velocity(
+        ControlState(0.0, HERE, velocity, costmap_round(HERE, occupied), IDENTITY, PERIOD))
+    return command, asked[0]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_one_that_swings_round_an_obstacle_keeps_room_to_stop_for_what_stands_behind(side):
+    """What the arc's inner corner was to sweep over showed when it was nearer than the way to a stand: it hit a box."""
+    velocity = Twist2D(0.73, 0.0, side * 2.3)
+    low, high = sorted((side * 0.18, side * 0.46))
+    command, _ = swinging(boxes((-0.14, low, 0.14, high)), velocity, side)
+    assert command.x == pytest.approx(velocity.x - 0.074)
+    assert command.theta / command.x == pytest.approx(velocity.theta / velocity.x)
+    in_the_open, asked = swinging(boxes(), velocity, side)
+    assert in_the_open == asked and asked.x > velocity.x
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_one_that_stands_beside_an_obstacle_drives_on_though_it_does_not_see_behind(side):
+    low, high = sorted((side * 0.13, side * 0.46))
+    command, asked = swinging(boxes((-0.14, low, 0.14, high)), STOP, side)
+    assert command == asked and command.speed() > 0.0

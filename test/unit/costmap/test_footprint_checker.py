@@ -281,6 +281,18 @@ def test_sight_ends_at_obstacles_and_is_not_judged_outside():
     assert checker.in_sight(Pose2D(0.0, 0.0, 0.0), points).tolist() == [True, False, True, True]
 
 
+def test_a_way_is_seen_where_no_corner_comes_behind_an_obstacle():
+    """A wall that the robot comes up to, as deep as a cell is marked, or passes along, hides nothing of it."""
+    costmap = empty_costmap()
+    costmap.costs[25:28, 40:] = 254  # x from 0.5, y from -0.25 to -0.1
+    checker, here = FootprintChecker(costmap), Pose2D(0.0, 0.02, 0.0)
+    ahead = np.array([[x, 0.02, 0.0] for x in np.arange(0.0, 0.9, 0.02)])
+    up_to_it = np.array([[x, -0.18, 0.0] for x in np.arange(0.0, 0.48, 0.02)])
+    assert checker.sees_way(here, ahead) and checker.sees_way(Pose2D(0.0, -0.18, 0.0), up_to_it)
+    below = np.array([[x, -0.45, 0.0] for x in np.arange(0.3, 0.7, 0.02)])
+    assert not checker.sees_way(here, below) and checker.sees_way(Pose2D(0.3, -0.45, 0.0), below)
+
+
 def test_a_point_robot_has_an_outline_of_one_point():
     costmap = random_costmap(np.random.default_rng(1), obstacles=0, footprint=np.zeros((0, 2)))
     costmap.costs[:] = 0
