@@ -176,7 +176,8 @@ class FootprintChecker:
 
         What hides a corner by a cell or two alone is what the footprint passes, not what something may stand behind.
         """
-        corners, cos, sin = self._corners, np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
+        corners, headings = self._corners, poses[:, 2].copy()[:, None]
+        cos, sin = np.cos(headings), np.sin(headings)
         across = poses[:, :1] + cos * corners[:, 0] - sin * corners[:, 1] - pose.x
         up = poses[:, 1:2] + sin * corners[:, 0] + cos * corners[:, 1] - pose.y
         short = 1.0 - APART * self.costmap.grid.resolution / np.maximum(np.hypot(across, up), 1e-9)

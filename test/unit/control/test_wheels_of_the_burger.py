@@ -12,8 +12,8 @@ from mbf_relay.simulation.robot_file import load_robot
 PERIOD, STEP = 0.1, 0.01
 SERVER = load_settings(config_folder())["move_base_flex"]
 AS_TOLD = [entry for entry in SERVER["controllers"] if entry["name"] != "DWAPlannerROS"]
-"""DWA touched nothing in 330 obstacle fields at 0.8 m/s as it is, and takes 3 % longer for the tutorial's circle where it
-may speed up less."""
+"""DWA touched nothing in 330 obstacle fields at 0.8 m/s as it is, and takes 3 % longer for the tutorial's circle where
+it may speed up less."""
 
 
 @pytest.mark.parametrize("top", [0.22, 0.8])
