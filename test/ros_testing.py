@@ -30,12 +30,15 @@ def wait_until(condition: Callable[[], Any], what: str, timeout: float = 30.0, p
         _PAUSE.wait(period)
 
 
-def as_received(message: Any, kind: Any, sender: str = "/driver") -> Any:
-    """Return a message as one of a kind that reads the same bytes, as a subscriber of that kind gets it."""
+def as_received(message: Any, kind: Any, sender: Optional[str] = "/driver") -> Any:
+    """Return a message as one of a kind that reads the same bytes, as a subscriber of that kind gets it.
+
+    A sender need not name itself.
+    """
     sent = io.BytesIO()
     message.serialize(sent)
     received = kind().deserialize(sent.getvalue())
-    received._connection_header = {"callerid": sender}
+    received._connection_header = {} if sender is None else {"callerid": sender}
     return received
 
 

@@ -77,7 +77,7 @@ class OdometryInput:
             raise StaleDataError(f"odometry on {self.topic}: {error}") from error
 
     def _take(self, message: Any) -> None:
-        teller, now = message._connection_header["callerid"], time.monotonic()
+        teller, now = message._connection_header.get("callerid", ""), time.monotonic()
         speaks = now - self._heard_at <= FALLEN_SILENT and self._subscriber is not None
         if teller != self._teller and speaks and self._teller in connected_nodes(self._subscriber):
             rospy.logwarn_throttle(

@@ -97,7 +97,7 @@ class ServerWatch:
         return self.loss
 
     def _hear(self, message: GoalStatusArray) -> None:
-        node = message._connection_header["callerid"]
+        node = message._connection_header.get("callerid", "")
         if self._takes_goals(node):
             self._note_life(node)
             self._on_status(message)

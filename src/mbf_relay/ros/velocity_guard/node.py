@@ -117,8 +117,9 @@ class VelocityGuardNode:
             self._counts[self._verdict.cause] = self._counts.get(self._verdict.cause, 0) + 1
         if command is not None or self._verdict.velocity != before.velocity:
             self._send(self._verdict.velocity)
-        if self._unheard():
-            rospy.logwarn_throttle(WARN_PERIOD, f"passing velocities {self._unheard()}")
+        unheard = self._unheard()
+        if unheard:
+            rospy.logwarn_throttle(WARN_PERIOD, f"passing velocities {unheard}")
         if (self._verdict.cause, self._verdict.velocity == STOP) != (before.cause, before.velocity == STOP):
             self._tell(now)
 

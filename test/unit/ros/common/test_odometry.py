@@ -64,3 +64,9 @@ def test_another_one_is_heard_where_the_first_has_fallen_silent(graph):
     graph.sends("/driver", 0.2)
     graph.wall += odometry.FALLEN_SILENT + 0.1
     assert graph.sends("/stranger", 0.1) == 0.1
+
+
+def test_a_driver_that_does_not_name_itself_is_heard(graph):
+    """TCPROS lets who publishes leave its name out; every message of such a one was an error in the log, and the robot
+    stood."""
+    assert [graph.sends(None, speed) for speed in (0.2, 0.1)] == [0.2, 0.1] and graph.warnings == []
