@@ -243,14 +243,15 @@ class Graph:
                         costmap.observe(name, seen, self.now)
 
     def _update(self, costmap: Costmap) -> None:
-        try:
-            pose = self.robot.pose_in(costmap.frame)
-        except TransformError:
-            return
         with self._stages.stage("costmaps"):
-            for layer in costmap.layers:
-                if layer.map_frame:
-                    costmap.set_map_from_costmap(self.robot.transform(layer.map_frame, costmap.frame), layer.name)
+            try:
+                pose = self.robot.pose_in(costmap.frame)
+                for layer in costmap.layers:
+                    frame = layer.map_frame or (self.map_frame if layer.maps_floor else costmap.frame)
+                    if frame != costmap.frame:
+                        costmap.set_map_from_costmap(self.robot.transform(frame, costmap.frame), layer.name)
+            except TransformError:
+                return
             costmap.update(self.now, pose)
 
     def _command(self, velocity: Twist2D) -> None:

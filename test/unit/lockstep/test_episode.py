@@ -123,6 +123,18 @@ def test_truth_has_no_error_and_amcl_finds_its_way_in_a_drawn_map(tmp_path):
     assert amcl.success and 0.0 < amcl.localization_error_mean < 0.15
 
 
+def test_a_map_in_the_rolling_costmap_stands_where_it_is_for_a_robot_that_starts_elsewhere_than_at_its_origin(tmp_path):
+    layers = [(name, f"costmap_2d::{name}", {}) for name in ("StaticLayer", "InflationLayer")]
+    server = dict(SEEING.settings[SERVER])
+    server["local_costmap"] = {
+        **server["local_costmap"], "plugins": [{"name": name, "type": kind} for name, kind, _values in layers]}
+    mapped = dataclasses.replace(
+        SEEING, settings={**SEEING.settings, SERVER: server}, localization="truth", map="known")
+    past = {**small_worlds.FREE, "cylinders": [[0.8, 0.0, 0.3, 0.5]], "start": [2.0, 1.0, 0.0], "goal": [3.6, 1.0, 0.0]}
+    result = Episode(task(tmp_path, past), mapped, seed=1).run()
+    assert result.success and result.path_length < 1.65, (result.outcome, result.message)  # straight on
+
+
 def test_a_start_inside_of_something_is_refused_by_name(tmp_path):
     with pytest.raises(ValueError, match="start.*lies in 'blocked_start_0'; choose a free place"):
         Episode(task(tmp_path, small_worlds.BLOCKED_START), BLIND, 1)
