@@ -48,9 +48,10 @@ def as_dwa(p: TrajectoryPlannerParameters, resolution: float) -> DwaParameters:
 
     Args:
         p: TrajectoryPlannerROS's.
-        resolution: Side (m) of a cell, in which distances are weighed without meter_scoring.
+        resolution: Side (m) of a cell, in which distances are weighed without meter_scoring. With it they count
+            metres, and a cost as much less: what a cell off the path weighs against is the same cost.
     """
-    cells = 1.0 if p.meter_scoring else 1.0 / resolution
+    a_metre, a_cost = (1.0, resolution) if p.meter_scoring else (1.0 / resolution, 1.0)
     sideways = p.sideways()
     turns = [abs(turn) for turn in (p.max_vel_theta, p.min_vel_theta) if turn != 0.0]
     fastest = math.hypot(p.max_vel_x, sideways)
@@ -63,8 +64,8 @@ def as_dwa(p: TrajectoryPlannerParameters, resolution: float) -> DwaParameters:
         acc_lim_theta=p.acc_lim_theta, xy_goal_tolerance=p.xy_goal_tolerance, yaw_goal_tolerance=p.yaw_goal_tolerance,
         latch_xy_goal_tolerance=p.latch_xy_goal_tolerance, stop_time_buffer=p.stop_time_buffer, sim_time=p.sim_time,
         sim_granularity=p.sim_granularity, angular_sim_granularity=p.angular_sim_granularity, use_dwa=p.dwa,
-        vx_samples=p.vx_samples, vth_samples=p.vtheta_samples, path_distance_bias=cells * p.path_distance_bias,
-        goal_distance_bias=cells * p.goal_distance_bias, occdist_scale=p.occdist_scale,
+        vx_samples=p.vx_samples, vth_samples=p.vtheta_samples, path_distance_bias=a_metre * p.path_distance_bias,
+        goal_distance_bias=a_metre * p.goal_distance_bias, occdist_scale=a_cost * p.occdist_scale,
         prefer_forward_scale=FORWARD_ONLY, forward_point_distance=p.heading_lookahead,
         oscillation_reset_dist=p.oscillation_reset_dist, heading_scale=HEADING_SCALE,
         heading_time=p.heading_scoring_timestep, critics=DwaParameters().critics + critics,

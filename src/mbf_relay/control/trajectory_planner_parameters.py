@@ -70,7 +70,8 @@ class TrajectoryPlannerParameters(ParameterSet):
         aliases=("pdist_scale",))
     goal_distance_bias: float = parameter(
         0.8, "weight of the distance left to the goal, likewise", "", 0.0, 5.0, aliases=("gdist_scale",))
-    occdist_scale: float = parameter(0.01, "weight of the highest cost passed", "", 0.0, 5.0)
+    occdist_scale: float = parameter(
+        0.01, "weight of the highest cost passed; with meter_scoring times the resolution", "", 0.0, 5.0)
     meter_scoring: bool = parameter(False, "the biases count metres instead of cells")
     oscillation_reset_dist: float = parameter(0.05, "distance that lifts the ban on turning back", "m", 0.0, 5.0)
     escape_reset_dist: float = parameter(

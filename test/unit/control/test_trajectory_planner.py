@@ -74,12 +74,11 @@ def test_a_robot_that_never_said_it_drives_sideways_is_not_driven_sideways():
     assert any("holonomic_robot" in note for note in controller.notes)
 
 
-def test_the_weights_count_cells_or_metres():
+def test_a_robot_that_scores_in_metres_shuns_obstacles_no_more_than_one_that_scores_in_cells():
     metres = as_dwa(TrajectoryPlannerParameters(**ROBOT), 0.025)
     cells = as_dwa(TrajectoryPlannerParameters(**{**ROBOT, "meter_scoring": False}), 0.025)
-    assert cells.path_distance_bias == pytest.approx(40.0 * metres.path_distance_bias)
-    assert cells.goal_distance_bias == pytest.approx(40.0 * metres.goal_distance_bias)
-    assert cells.occdist_scale == metres.occdist_scale
+    for weight in ("path_distance_bias", "goal_distance_bias", "occdist_scale"):
+        assert getattr(cells, weight) == pytest.approx(40.0 * getattr(metres, weight)), weight
 
 
 @pytest.mark.parametrize("name, value", [("pdist_scale", 0.75), ("acc_lim_th", 1.25), ("max_rotational_vel", 0.7)])
