@@ -125,6 +125,7 @@ class FootprintChecker:
         footprint_checker_kernels.first_contacts(
             self._costs,
             self._distances_to(reach + APART),
+            reach + APART,
             *self._place,
             self._outlines,
             self._arcs,

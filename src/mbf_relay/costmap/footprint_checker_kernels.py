@@ -242,23 +242,25 @@ def touching(costs, origin_x, origin_y, resolution, outlines, boxes, circumscrib
 
 
 @kernel(
-    "int64(uint8[:,::1], float32[:,::1], float64, float64, float64, float32[:,:,::1], float32[:,:,::1], "
+    "int64(uint8[:,::1], float32[:,::1], float64, float64, float64, float64, float32[:,:,::1], float32[:,:,::1], "
     "float64[:,::1], float64, float64, int64, float64[:,:,::1], int64[::1], float64[::1], float64[::1], int64[::1], "
     "float64[::1], float64[::1])"
 )
 def first_contacts(
-    costs, distances, origin_x, origin_y, resolution, outlines, arcs, corners, circumscribed, overlap, in_way, poses,
-    counts, scales, allowed, free, highest, summed,
+    costs, distances, known, origin_x, origin_y, resolution, outlines, arcs, corners, circumscribed, overlap, in_way,
+    poses, counts, scales, allowed, free, highest, summed,
 ):
     """Find how far along each trajectory the footprint stays free, and what cost its centre passes.
 
-    Of the outline only the arcs are looked at point by point that something is near to. Where something may stay
-    touched, nothing is entered deeper than that, nor in all by more than one cell as deep. How deep is asked up to
+    Of the outline only the arcs are looked at point by point that something is near to. As far as the nearest thing is
+    from all of them, so far the footprint goes on without a look (conservative advancement, Mirtich 1996). Where
+    something may stay touched, nothing is entered deeper than that, nor in all by more than one cell as deep. How deep is asked up to
     MOST_LOOKED_AT, of which each trajectory has its share and what those before it left: a large footprint on unknown
     ground lies on as many cells at each pose. What is not looked at counts as in contact.
 
     Args:
         distances: As for `is_far`.
+        known: Cells up to which they are right.
         costs, origin_x, origin_y, resolution, outlines, circumscribed, overlap, in_way: As for `contacts`.
         arcs: Shape (A, K, 3): at each heading, for every ARC points of the outline, a circle (x, y, radius, m) that
             holds them.
@@ -282,22 +284,32 @@ def first_contacts(
         free[n] = counts[n]
         highest[n] = 0.0
         summed[n] = 0.0
+        moved, room = 0.0, -1.0  # of the footprint's outermost point, in cells: since the last look, and before the next
         for i in range(counts[n]):
             across, up = (poses[n, i, 0] - origin_x) / resolution, (poses[n, i, 1] - origin_y) / resolution
             found = 0
-            if not is_far(distances, across, up, reach):
+            if room > 0.0:
+                moved += reach * abs(poses[n, i, 2] - poses[n, i - 1, 2]) + math.hypot(
+                    poses[n, i, 0] - poses[n, i - 1, 0], poses[n, i, 1] - poses[n, i - 1, 1]) / resolution
+            if not moved < room and not is_far(distances, across, up, reach):
                 heading = _heading(poses[n, i, 2], outlines.shape[0])
-                inside = across - reach >= 0.0 and up - reach >= 0.0 and across + reach < width and up + reach < height
+                moved, room = 0.0, known
                 for k in range(arcs.shape[1]):
-                    if inside:  # as is_far tells, a circle of the outline's own being inside as well
-                        x, y = across + factor * arcs[heading, k, 0], up + factor * arcs[heading, k, 1]
-                        if distances[np.uint64(y), np.uint64(x)] > factor * arcs[heading, k, 2] + 1.4143:
-                            continue
+                    x, y = across + factor * arcs[heading, k, 0], up + factor * arcs[heading, k, 1]
+                    radius = factor * arcs[heading, k, 2]
+                    away = min(x, y, width - x, height - y) - radius
+                    inside = away > 0.0
+                    if inside:
+                        away = min(away, distances[np.uint64(y), np.uint64(x)] - radius - 1.4143)
+                    room = min(room, away)
+                    if away > 0.0:
+                        continue
                     found = _contacts_between(
                         costs, outlines[heading], across, up, factor, inside, overlap, in_way, ARC * k,
                         min(ARC * k + ARC, points))
                     if found > 0:
                         break
+                room -= reach * 2.0 * math.pi / outlines.shape[0]  # the nearest heading drawn may be half as far off
             if found == 0:
                 deepest = total = -1.0
             elif deepest < 0.0 or looked_at >= may_look_at:

@@ -106,13 +106,22 @@ def test_a_cell_is_nearly_full_only_without_overlap():
     assert with_overlap(costmap, 0.25).contacts_at(Pose2D(0.48, 0.025, 0.0)) > 0
 
 
+def arcs_from(rng, number, steps):
+    """Ways of up to half a cell or a few degrees a step, as controllers look at them; shape (number, steps, 3)."""
+    moves = rng.uniform((-0.025, -0.01, -0.1), (0.025, 0.01, 0.1), (number, 1, 3)) * np.arange(1, steps + 1)[None, :, None]
+    return rng.uniform((-1.2, -1.2, -3.0), (1.2, 1.2, 3.0), (number, 1, 3)) + moves
+
+
 @pytest.mark.parametrize("obstacles", [5, 20, 80])
-def test_first_contacts_count_free_poses_and_sum_the_costs_under_them(obstacles):
+@pytest.mark.parametrize("resized", [1.0, 3.0])
+@pytest.mark.parametrize("arcs", [False, True])
+def test_first_contacts_count_free_poses_and_sum_the_costs_under_them(obstacles, resized, arcs):
     rng = np.random.default_rng(7)
-    costmap = random_costmap(rng, obstacles)
+    costmap = random_costmap(rng, obstacles, footprint=resized * BURGER)
     checker = FootprintChecker(costmap)
-    poses = rng.uniform((-1.4, -1.4, -3.0), (1.4, 1.4, 3.0), (400, 10, 3))
-    counts, scales = rng.integers(1, 11, 400), rng.choice([1.0, 1.3], 400)
+    steps = 40 if arcs else 10
+    poses = arcs_from(rng, 400, steps) if arcs else rng.uniform((-1.4, -1.4, -3.0), (1.4, 1.4, 3.0), (400, steps, 3))
+    counts, scales = rng.integers(1, steps + 1, 400), rng.choice([1.0, 1.3], 400)
     free, highest, summed = checker.first_contacts(poses, counts, scales)
     for n in range(400):
         touching = [checker.contacts_at(Pose2D(*pose), scales[n]) > 0 for pose in poses[n, : counts[n]]]
