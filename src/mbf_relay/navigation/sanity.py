@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Iterator, List, Mapping, Tuple
+from typing import Any, Iterable, Iterator, List, Mapping, Tuple
 
 import numpy as np
 
 from mbf_relay.costmap.factory import layer_groups
 from mbf_relay.costmap.outline import parse_footprint, radii
+from mbf_relay.costmap.parameters import CostmapParameters
 
 FASTEST = {"max_vel_x": 5.0, "max_vel_y": 5.0, "max_vel_trans": 5.0, "max_trans_vel": 5.0, "max_vel_lin": 5.0}
 """Speeds (m/s) beyond which a value is more likely cm/s: indoor robots are slower, and their scans too slow for more.
@@ -18,11 +19,17 @@ FASTEST_TURN = {"max_vel_theta": 7.0, "max_rot_vel": 7.0, "max_rotational_vel": 
 WIDEST_TOLERANCE = {"xy_goal_tolerance": (2.0, "m"), "yaw_goal_tolerance": (math.tau, "rad")}
 """Tolerances beyond which every goal is reached before it is driven to."""
 
+SAME_SIZE = 0.1
+"""Share by which the outlines of the two costmaps may differ, as by a padding of one of them."""
+
 NEVER_MOVES = {
     "max_vel_trans": "drive", "max_trans_vel": "drive", "max_vel_x": "drive forward", "max_vel_theta": "turn",
     "max_rot_vel": "turn", "max_rotational_vel": "turn", "max_vel_th": "turn",
 }
 """Top speeds, and what a robot never does where they are 0."""
+
+SEE = ("costmap_2d::ObstacleLayer", "costmap_2d::VoxelLayer")
+"""Layers that know only what their sensors see."""
 
 Doubt = Tuple[str, str]
 """Name of the parameter below the node, and what there is to say of it."""
@@ -34,16 +41,36 @@ def doubts(config: Mapping[str, Any]) -> List[Doubt]:
     for name, group in config.items():
         if isinstance(group, Mapping):
             if name in ("global_costmap", "local_costmap"):
-                found += [(f"{name}/{key}", text) for key, text in _of_costmap(group, config)]
+                found += [(f"{name}/{key}", text) for key, text in _of_costmap(group, config, name == "local_costmap")]
                 if name == "local_costmap" and _is_zero(group.get("update_frequency")):
                     text = f"is {group['update_frequency']}; nothing is driven by a costmap that is never updated"
                     found.append((f"{name}/update_frequency", text))
             else:
                 found += [(f"{name}/{key}", text) for key, text in _of_controller(group)]
-    return found
+    return found + _of_two_outlines(config)
 
 
-def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any]) -> Iterator[Doubt]:
+def _of_two_outlines(config: Mapping[str, Any]) -> List[Doubt]:
+    """Doubt that planner and controller are to drive robots of different sizes."""
+    inscribed = []
+    for side in ("global_costmap", "local_costmap"):
+        group = config.get(side)
+        group = group if isinstance(group, Mapping) else {}
+        try:
+            values = {name: group.get(name, config.get(name)) for name in ("footprint", "robot_radius")}
+            costmap = CostmapParameters.from_mapping({name: v for name, v in values.items() if v is not None})
+            inscribed.append(radii(costmap.outline())[0])
+        except ValueError:
+            return []  # told elsewhere
+    planned, driven = inscribed
+    if abs(planned - driven) <= SAME_SIZE * max(inscribed):
+        return []
+    return [("local_costmap/footprint", (
+        f"reaches {driven:.2f} m from the robot's middle to its nearest edge, and the global costmap's {planned:.2f} m: "
+        "paths are planned for another robot than drives them; give both the same footprint or robot_radius"))]
+
+
+def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any], is_driven_by: bool) -> Iterator[Doubt]:
     text = group.get("footprint", config.get("footprint"))
     try:
         corners = parse_footprint(text) if text is not None else np.zeros((0, 2))
@@ -60,15 +87,20 @@ def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any]) -> Iterator
     for name in ("width", "height"):
         if group.get("rolling_window") is True and 0.0 < _number(group.get(name)) < 2.0 * reach:
             yield name, f"is {group[name]}; the robot, which reaches {reach:.2f} m, must fit into the costmap round it"
-    yield from _of_inflation(group, inscribed)
-
-
-def _of_inflation(group: Mapping[str, Any], inscribed: float) -> Iterator[Doubt]:
-    """Doubt that obstacles are to be inflated by less than the robot's inscribed radius (m), as Nav2 does."""
     try:
         layers = layer_groups(group)
     except ValueError:
         return  # told elsewhere
+    yield from _of_inflation(group, layers, inscribed)
+    for name, kind, values in layers if is_driven_by else ():
+        if kind in SEE and values.get("enabled") is not False and not str(values.get("observation_sources", "")).strip():
+            at = f"{name}/observation_sources" if "plugins" in group else "observation_sources"
+            above = "; the costmap's own are not read for layers it lists" if "observation_sources" in group else ""
+            yield at, f"is not given, so that nothing is seen there: the robot drives into what is not on the map{above}"
+
+
+def _of_inflation(group: Mapping[str, Any], layers: Iterable[Tuple[str, str, Any]], inscribed: float) -> Iterator[Doubt]:
+    """Doubt that obstacles are to be inflated by less than the robot's inscribed radius (m), as Nav2 does."""
     for name, kind, values in layers:
         inflation = _number(values.get("inflation_radius"), otherwise=math.inf)
         if kind == "costmap_2d::InflationLayer" and values.get("enabled") is not False and inflation < inscribed:

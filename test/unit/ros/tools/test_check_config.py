@@ -12,7 +12,7 @@ from mbf_relay.ros.tools.check_config import main  # noqa: E402
 
 GOOD = """
 base_local_planner: dwa_local_planner/DWAPlannerROS
-local_costmap: {robot_radius: 0.2, global_frame: odom, rolling_window: true}
+local_costmap: {robot_radius: 0.2, global_frame: odom, rolling_window: true, observation_sources: scan, scan: {topic: scan}}
 global_costmap: {robot_radius: 0.2}
 DWAPlannerROS:
   max_vel_x: 0.3
@@ -59,6 +59,23 @@ def test_a_local_costmap_that_is_never_updated_is_doubted(tmp_path):
     status, told = check(tmp_path, GOOD.replace("rolling_window: true", "rolling_window: true, update_frequency: 0"))
     assert "local_costmap/update_frequency: is 0; nothing is driven by" in told and status == 1
     assert check(tmp_path, GOOD.replace("global_costmap: {", "global_costmap: {update_frequency: 0, "))[0] == 0
+
+
+def test_a_robot_that_would_see_nothing_is_doubted(tmp_path):
+    blind = "local_costmap/observation_sources: is not given, so that nothing is seen there"
+    status, told = check(tmp_path, GOOD.replace("observation_sources: scan, ", ""))
+    assert blind in told and status == 1
+    layers = ("plugins: [{name: seen, type: 'costmap_2d::ObstacleLayer'}], seen: {scan: {topic: scan}}, "
+              "observation_sources: scan, ")
+    told = check(tmp_path, GOOD.replace("observation_sources: scan, ", layers))[1]
+    assert "local_costmap/seen/observation_sources: is not given" in told  # costmap_2d looks for it in the layer's group
+    assert "is not given" not in check(tmp_path, GOOD.replace("observation_sources: scan, ", layers.replace(
+        "seen: {", "seen: {observation_sources: scan, ")))[1]
+
+
+def test_a_path_planned_for_a_smaller_robot_than_drives_it_is_doubted(tmp_path):
+    told = check(tmp_path, GOOD.replace("local_costmap: {robot_radius: 0.2, ", "local_costmap: {"))[1]
+    assert "local_costmap/footprint: reaches 0.45 m" in told and "the global costmap's 0.20 m" in told, told
 
 
 @pytest.mark.parametrize("footprint, said", [
@@ -126,7 +143,7 @@ def test_what_is_no_yaml_is_told_with_its_line(tmp_path, capsys, text, said):
 
 
 def test_a_launch_file_is_read_with_its_arguments_includes_and_namespaces(tmp_path):
-    (tmp_path / "common.yaml").write_text("footprint: [[-0.2, -0.2], [-0.2, 0.2], [0.2, 0.2], [0.2, -0.2]]\nrobot: 1\n")
+    (tmp_path / "common.yaml").write_text("observation_sources: scan\nscan: {topic: scan}\nrobot: 1\n")
     (tmp_path / "inner.launch").write_text(f"""<launch><arg name="speed"/>
       <node pkg="move_base" type="move_base" name="move_base">
         <rosparam file="{tmp_path}/common.yaml" command="load" ns="local_costmap"/>
@@ -136,7 +153,7 @@ def test_a_launch_file_is_read_with_its_arguments_includes_and_namespaces(tmp_pa
     launch = f"""<launch><arg name="speed" default="0.3"/>
       <include file="{tmp_path}/inner.launch"><arg name="speed" value="$(arg speed)"/></include></launch>"""
     status, told = check(tmp_path, launch, name="outer.launch")
-    assert status == 0 and "local_costmap/robot" in told and "common.yaml:2]" in told
+    assert status == 0 and "local_costmap/robot" in told and "common.yaml:3]" in told
     status, told = check(tmp_path, launch, "--arg", "speed:=70", name="outer.launch")
     assert status == 1 and "max_vel_x" in told and "inner.launch]" in told
 
@@ -145,7 +162,7 @@ LAUNCH_OF_A_SPEED = """<launch><arg name="speed" default="0.3"/>
   <node pkg="move_base" type="move_base" name="move_base">
     <param name="base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>
     <param name="DWAPlannerROS/max_vel_x" value="$(arg speed)"/>
-    <rosparam ns="local_costmap">{robot_radius: 0.2}</rosparam>
+    <rosparam ns="local_costmap">{observation_sources: scan, scan: {topic: scan}}</rosparam>
   </node></launch>"""
 
 
@@ -171,7 +188,7 @@ def test_what_stands_in_a_launch_file_itself_is_told_with_that_file_s_line(tmp_p
   <node pkg="mbf_relay" type="move_base" name="move_base">
     <param name="base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>
     {inside}
-    <rosparam ns="local_costmap">{{robot_radius: 0.2}}</rosparam>
+    <rosparam ns="local_costmap">{{robot_radius: 0.2, observation_sources: scan, scan: {{topic: scan}}}}</rosparam>
     {inside.replace("max_vel_xx", "<!-- not yet -->max_vel_yy")}
   </node>
 </launch>"""
@@ -199,7 +216,7 @@ def checkout(tmp_path):
         (tmp_path / name / "package.xml").write_text(
             f"<package format='2'><name>{name}</name><version>1.0.0</version><description>-</description>"
             "<maintainer email='a@b.c'>-</maintainer><license>BSD</license></package>")
-    (tmp_path / "laptop_robot" / "config" / "common.yaml").write_text("robot: 1\n")
+    (tmp_path / "laptop_robot" / "config" / "common.yaml").write_text("robot: 1\nobservation_sources: scan\n")
     return tmp_path / "laptop_robot_launch"
 
 
