@@ -23,7 +23,7 @@ EXTRA = {
         path_distance_bias=0.75,
         goal_distance_bias=1.0,
         vtheta_samples=40,
-        occdist_scale=0.001,
+        occdist_scale=0.02,
     ),
     "mppi": load_settings(config_folder())["move_base_flex"]["MPPI"],
     "regulated_pure_pursuit": {"desired_linear_vel": 0.22},

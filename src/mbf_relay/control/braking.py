@@ -103,15 +103,16 @@ def braked_on_its_arc(window: VelocityWindow, velocity: Twist2D) -> Twist2D:
     """Return the command that brakes as hard as can be and keeps to the arc the robot is on, which was looked along.
 
     Told to stand at once, wheels brake each as hard as it can: until the slower one stands the robot turns as fast as
-    before, and off the arc to its inner side.
+    before, and off the arc to its inner side. One that drives sideways as well would end that first, and go on ahead.
 
     Args:
         window: The velocities in reach.
         velocity: The robot's.
     """
-    still = window.still
-    share = still.speed() / max(still.speed(), velocity.speed(), 1e-9)
-    return Twist2D(still.x, still.y, window.clip(Twist2D(0.0, 0.0, share * velocity.theta)).theta)
+    shares = [left / speed if left * speed > 0.0 else 0.0 for left, speed in zip(window.still, velocity)]
+    share = min(1.0, max(shares[:2]))
+    return Twist2D(*(
+        left if own >= share else share * speed for left, speed, own in zip(window.still, velocity, shares)))
 
 
 def where_it_sees(

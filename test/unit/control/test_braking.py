@@ -41,6 +41,17 @@ def test_one_that_can_go_nowhere_any_more_stops_along_its_curve(name, side):
     assert command.theta / command.x == pytest.approx(velocity.theta / velocity.x)
 
 
+@pytest.mark.parametrize("ahead, aside", [(0.7, 0.2), (-0.7, 0.2), (0.2, -0.7)])
+def test_one_that_drives_sideways_stops_along_the_way_it_looked_along(ahead, aside):
+    """The slower of the two ended first, and the robot went on ahead: into a box beside the way it was on."""
+    velocity = Twist2D(ahead, aside, 0.1)
+    controller, state = shut_in(
+        FOLLOWERS[0], velocity, max_vel_y=TOP, min_vel_x=-TOP, min_vel_y=-TOP, acc_lim_y=1.0, vy_samples=5)
+    command = controller.compute_velocity(state)
+    assert 0.0 < command.speed() < velocity.speed()
+    assert np.array(command) / command.speed() == pytest.approx(np.array(velocity) / velocity.speed())
+
+
 @pytest.mark.parametrize("name", FOLLOWERS)
 def test_one_that_can_go_nowhere_any_more_stands_however_slowly_it_may_drive(name):
     """It drove on along its curve at min_vel_x, into the wall; told to stand there it never did, and circled its goal.
