@@ -18,7 +18,7 @@ _RUN = 16  # poses of a path whose boxes are looked at together: some eight cell
 _AS_QUICK = 32  # cells of a row are told apart in about the time that one's distance from a side takes
 MOST_LOOKED_AT = 40_000_000
 """Distances of cells from sides of the footprint that are looked at for a batch of trajectories: half a second."""
-_HAIR = 0.05  # cells: what is as deep but for rounding; a robot that creeps ahead gets deeper before it could stop
+_HAIR = 1e-6  # cells: what is as deep but for rounding
 
 
 @kernel("boolean(float32[:,::1], float64, float64, float64)")

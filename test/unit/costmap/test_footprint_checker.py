@@ -181,6 +181,20 @@ def test_one_that_touches_comes_no_nearer():
         assert checker.free_steps(nearer, here) <= 2
 
 
+@pytest.mark.parametrize("way", [1e-4, 1e-3])
+def test_a_robot_that_creeps_gets_no_deeper_into_what_it_touches_step_by_step(way):
+    """A twentieth of a cell was allowed, and each cycle again: a large robot crept 4 cm into a box."""
+    costmap = empty_costmap()
+    costmap.costs[:, 42:] = 254  # from x = 0.6 on
+    checker = FootprintChecker(costmap)
+    pose = Pose2D(0.6, 0.0, 0.0)
+    for _ in range(100):
+        ahead = np.array([[pose.x + way, 0.0, 0.0]])
+        if checker.free_steps(ahead, pose):
+            pose = Pose2D(*ahead[0])
+    assert pose.x - 0.6 < 0.1 * costmap.grid.resolution * 0.05
+
+
 class Counting:
     """The kernels, and how much each batch of trajectories had them look at."""
 
