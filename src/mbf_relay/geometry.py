@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import List, NamedTuple
+from numbers import Real
+from typing import Any, List, NamedTuple
 
 import numpy as np
 
@@ -81,6 +82,18 @@ class Twist2D(NamedTuple):
     x: float
     y: float
     theta: float
+
+    @staticmethod
+    def of(values: Any) -> Twist2D:
+        """Return three numbers, whatever kind of sequence has them, as a velocity of plain floats.
+
+        Raises:
+            TypeError: They are anything else.
+        """
+        parts = tuple(values) if isinstance(values, (tuple, list, np.ndarray)) else ()
+        if len(parts) != 3 or not all(isinstance(part, Real) for part in parts):
+            raise TypeError(f"{values!r} is no velocity, which is three numbers: x, y, theta")
+        return Twist2D(*map(float, parts))
 
     def is_finite(self) -> bool:
         """Return whether no component is NaN or infinite."""

@@ -251,14 +251,14 @@ class ControllerExecution:
             return
         try:
             answer = job.result()
-            velocity = Twist2D(*answer.velocity)
+            velocity = Twist2D.of(answer.velocity)
         except ControlError as error:
             if error.outcome in FINAL:
                 self._end(Ending.ABORTED, error.outcome, error.message)
             else:
                 self._fail(now, error.outcome, error.message)
         except Exception as error:  # a plugin may raise anything, and the server lives on
-            message = f"controller '{self.instance.name}' failed with {type(error).__name__}: {error}"
+            message = f"controller '{self.instance.name}' failed with {self.instance.failure_text(error)}"
             self._end(Ending.ABORTED, ControlOutcome.INTERNAL_ERROR, message)
         else:
             if answer.arrived or self._arrived():
