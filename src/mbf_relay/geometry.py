@@ -8,6 +8,9 @@ from typing import Any, List, NamedTuple
 
 import numpy as np
 
+FASTEST = 1000.0
+"""Metres or radians per second; nothing on wheels is faster."""
+
 
 def normalize_angle(angle: float) -> float:
     """Return `angle` (rad) wrapped to [-pi, pi)."""
@@ -98,6 +101,10 @@ class Twist2D(NamedTuple):
     def is_finite(self) -> bool:
         """Return whether no component is NaN or infinite."""
         return math.isfinite(self.x) and math.isfinite(self.y) and math.isfinite(self.theta)
+
+    def is_a_robots(self) -> bool:
+        """Return whether something on wheels can be that fast: no component is NaN or beyond FASTEST."""
+        return all(abs(part) <= FASTEST for part in self)
 
     def speed(self) -> float:
         """Return the translational speed (m/s)."""

@@ -263,8 +263,8 @@ class ControllerExecution:
         else:
             if answer.arrived or self._arrived():
                 self._end(Ending.SUCCEEDED, ControlOutcome.SUCCESS, "Controller succeeded; arrived at goal!")
-            elif not velocity.is_finite():
-                message = f"controller '{self.instance.name}' returned velocity {tuple(velocity)}, which is not finite"
+            elif not velocity.is_a_robots():
+                message = f"controller '{self.instance.name}' returned velocity {tuple(velocity)}, which no robot drives"
                 self._fail(now, ControlOutcome.NO_VALID_CMD, message)
             else:
                 self._drive(now, velocity)

@@ -184,8 +184,8 @@ class RecoveryExecution:
         try:
             velocity = job.result()
             velocity = velocity if velocity is None else Twist2D.of(velocity)
-            if velocity is not None and not velocity.is_finite():
-                raise ValueError(f"it wanted velocity {tuple(velocity)}, which is not finite")
+            if velocity is not None and not velocity.is_a_robots():
+                raise ValueError(f"it wanted velocity {tuple(velocity)}, which no robot drives")
         except RecoveryError as error:
             self._finish(Ending.SUCCEEDED, error.outcome, error.message)
         except TransformError as error:
