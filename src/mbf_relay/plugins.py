@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import inspect
 import os
 import traceback
 import warnings
-from typing import Any, ClassVar, Mapping, Tuple, Type, TypeVar
+from typing import Any, ClassVar, Iterator, Mapping, Tuple, Type, TypeVar
 
 from mbf_relay.parameters import ParameterSet
 
@@ -45,6 +46,10 @@ class Plugin:
 P = TypeVar("P", bound=Plugin)
 
 
+class PluginFailure(RuntimeError):
+    """A plugin that is part of another thing, such as a critic or a layer, raised something; the text names it."""
+
+
 class PluginError(ValueError):
     """A plugin could not be found or made; the text names it and what is available."""
 
@@ -63,6 +68,16 @@ def failure_text(error: BaseException, module: str) -> str:
         for frame, line in traceback.walk_tb(error.__traceback__) if frame.f_globals.get("__name__") == module
     ]
     return f"{text} ({places[-1]})" if places else text
+
+
+@contextlib.contextmanager
+def failures_of(plugin: Plugin, kind: str) -> Iterator[None]:
+    """Turn whatever a plugin, a `kind` such as "critic", raises into a PluginFailure."""
+    try:
+        yield
+    except Exception as error:
+        text = f"{kind} '{plugin.name}' failed with {failure_text(error, type(plugin).__module__)}"
+        raise PluginFailure(text) from error
 
 
 def find_class(type_name: str, base: Type[P], known: Mapping[str, str]) -> Type[P]:
