@@ -112,7 +112,8 @@ def _check_values(settings: Settings) -> None:
     AmclParameters.from_mapping(settings["amcl"])
     server = settings[SERVER]
     for name in ("global_costmap", "local_costmap"):
-        build_costmap(name, server.get(name, {}), server)
+        for layer, reason in build_costmap(name, server.get(name, {}), server).failed.items():
+            raise ValueError(f"{name}: layer '{layer}': {reason}")
     NavigatorParameters.from_mapping(server)
     for listed in PLUGIN_LISTS:
         for reason in listed.registry(server, InlineWorker()).failed.values():

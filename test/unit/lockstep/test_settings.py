@@ -83,6 +83,7 @@ def test_missing_and_malformed_files_are_named(tmp_path):
     ("controllers: [{name: mine, type: mppi}]\n  mine: 3", "parameter mine is 3; it must be the group of plugin 'mine'"),
     ("controllers: 3", "parameter controllers is 3"),
     ("global_costmap: 3", "global_costmap"),
+    ("local_costmap: {plugins: [{name: mine, type: my_layers.Godo}]}", "local_costmap: layer 'mine': .*my_layers"),
 ])
 def test_a_list_of_plugins_written_wrongly_is_refused_before_anything_is_driven(tmp_path, text, words):
     (tmp_path / "mine.yaml").write_text(f"move_base_flex:\n  {text}\n")

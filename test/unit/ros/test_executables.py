@@ -43,6 +43,35 @@ def test_help_of_a_node_says_where_its_topics_and_parameters_stand(name, program
     assert "config/README.md" in text and "hread" not in text
 
 
+@pytest.mark.parametrize("name, arguments, status, said", [
+    ("map_server", (), 2, "0 arguments given; usage: map_server MAP.yaml"),
+    ("map_saver", ("-f",), 2, "argument -f: expected one argument"),
+    ("map_saver", ("--occ", "30", "--free", "60"), 2, "--occ is 30 and --free is 60"),
+    ("amcl", ("map.yaml",), 2, "unrecognized arguments: map.yaml"),
+    ("amcl", ("--global-localization",), 2, "--global-localization needs --run-from-bag"),
+    ("movebase_client.py", ("--timeout", "0"), 1, "no ROS master at http://localhost:1 within 0 s"),
+    ("mbf_path_client.py", ("--timeout", "-3"), 2, "argument --timeout: -3 is below 0"),
+    ("movebase_client.py", ("left",), 2, "argument x: 'left' is no finite number"),
+])
+def test_what_is_wrong_on_a_command_line_is_said_without_a_ros_master(name, arguments, status, said, programs):
+    """Each waited for a master first, the clients for ever, and said what was wrong with it once there was one."""
+    done = subprocess.run(
+        [str(programs / name), *arguments], stderr=subprocess.PIPE, timeout=120.0,
+        env=dict(os.environ, ROS_MASTER_URI="http://localhost:1"))
+    assert done.returncode == status and said in done.stderr.decode(), done.stderr.decode()
+
+
+def test_an_argument_that_a_node_does_not_take_is_said_to_be_ignored(programs):
+    """`simulator --seed 3` began with another seed and said nothing."""
+    with subprocess.Popen(
+        [str(programs / "simulator"), "--seed", "3"], stderr=subprocess.PIPE,
+        env=dict(os.environ, ROS_MASTER_URI="http://localhost:1"),
+    ) as node:
+        first = node.stderr.readline().decode()
+        node.terminate()
+    assert "simulator: '--seed' is ignored" in first and "_name:=value" in first
+
+
 def test_a_robots_memory_is_not_filled_with_libraries_no_node_needs():
     places = [re.search(r'run_node\(.*"(mbf_relay[\w.]+)\.\w+"', path.read_text()) for path in EXECUTABLES]
     nodes = sorted({place.group(1) for place in places if place and ".tools." not in place.group(1)})
