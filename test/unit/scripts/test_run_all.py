@@ -119,6 +119,24 @@ def test_what_the_children_of_a_job_compute_is_counted(tmp_path):
     assert runner.outcomes[0].cpu_seconds >= 0.5
 
 
+def test_a_job_that_waits_for_a_core_is_not_ended_as_one_that_hangs(monkeypatch):
+    """On a machine with much else to do the longest folder of unit tests was ended half way."""
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+        with pytest.raises(subprocess.TimeoutExpired):
+            job_times.wait(process, 0.0)
+        looks = []
+
+        def starved(pid):
+            looks.append(pid)
+            if len(looks) == 3:
+                process.stdin.close()
+            return 1e9
+
+        monkeypatch.setattr(job_times, "waited_for_a_core", starved)
+        job_times.wait(process, 0.0)
+        assert set(looks) == {process.pid} and len(looks) >= 3
+
+
 def test_who_interrupts_a_run_is_told_that_and_sees_no_traceback_of_jobs_that_were_ended():
     process = subprocess.Popen([sys.executable, "-c", "pass"])
     process.wait()  # as who interrupts does, before the thread whose job it is
