@@ -30,8 +30,8 @@ CHECKOUT = os.path.dirname(TEST_FOLDER)
 SUMMARY = r"SUMMARY\s+\S* \* RESULT: .*?TESTS: (\d+)\s+\S* \* ERRORS: (\d+).*?FAILURES: (\d+)"
 """The end of rostest's output, coloured or not."""
 TIME_LIMIT = 1250.0
-"""Wall seconds after which one job is ended and counts as failed, less those it waited for a core; --long multiplies it.
-"""
+"""Wall seconds, less those it waited for a core, after which one job is ended and counts as failed; --long multiplies
+it."""
 LONGER = 6
 
 

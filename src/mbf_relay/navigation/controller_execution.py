@@ -264,7 +264,8 @@ class ControllerExecution:
             if answer.arrived or self._arrived():
                 self._end(Ending.SUCCEEDED, ControlOutcome.SUCCESS, "Controller succeeded; arrived at goal!")
             elif not velocity.is_a_robots():
-                message = f"controller '{self.instance.name}' returned velocity {tuple(velocity)}, which no robot drives"
+                name, told = self.instance.name, tuple(velocity)
+                message = f"controller '{name}' returned velocity {told}, which no robot drives"
                 self._fail(now, ControlOutcome.NO_VALID_CMD, message)
             else:
                 self._drive(now, velocity)

@@ -26,8 +26,8 @@ def main(arguments: Optional[List[str]] = None) -> int:
             grid = grid_around(world, options.resolution, height=options.height)
         if grid.width * grid.height > MOST_CELLS:
             raise ValueError(
-                f"the map would have {grid.width} x {grid.height} cells; at most {MOST_CELLS} are drawn: give a coarser "
-                "--resolution")
+                f"the map would have {grid.width} x {grid.height} cells; at most {MOST_CELLS} are drawn: give a "
+                "coarser --resolution")
         folder = os.path.dirname(os.path.abspath(options.output))
         os.makedirs(folder, exist_ok=True)
         paths = save_map(options.output, map_of_world(world, grid, options.height))

@@ -10,8 +10,8 @@ import yaml
 
 from mbf_relay.costmap import factory
 from mbf_relay.costmap.cost_grid import FREE_SPACE, INSCRIBED, LETHAL, Window
-from mbf_relay.costmap.observation import Observation, observation_from_scan
 from mbf_relay.costmap.layer import Layer
+from mbf_relay.costmap.observation import Observation, observation_from_scan
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.outcomes import PlanOutcome

@@ -80,7 +80,7 @@ def test_missing_and_malformed_files_are_named(tmp_path):
     ("planners: my_planners.StraightLine", "parameter planners is 'my_planners.StraightLine'; it must be a list"),
     ("planners: [{name: mine, typ: navfn/NavfnROS}]", "entry 0 of planners .* must have a name and a type"),
     ("planners: [{name: a, type: any_angle}, {name: a, type: navfn/NavfnROS}]", "planners names 'a' twice"),
-    ("controllers: [{name: mine, type: mppi}]\n  mine: 3", "parameter mine is 3; it must be the group of plugin 'mine'"),
+    ("controllers: [{name: mine, type: mppi}]\n  mine: 3", "parameter mine is 3; it must be the group of plugin"),
     ("controllers: 3", "parameter controllers is 3"),
     ("global_costmap: 3", "global_costmap"),
     ("local_costmap: {plugins: [{name: mine, type: my_layers.Godo}]}", "local_costmap: layer 'mine': .*my_layers"),

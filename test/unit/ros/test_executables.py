@@ -44,9 +44,9 @@ def test_help_of_a_node_says_where_its_topics_and_parameters_stand(name, program
 
 
 @pytest.mark.parametrize("name, arguments, status, said", [
-    ("map_server", (), 2, "0 arguments given; usage: map_server MAP.yaml"),
+    ("map_server", (), 1, "0 arguments given; usage: map_server MAP.yaml"),
     ("map_saver", ("-f",), 2, "argument -f: expected one argument"),
-    ("map_saver", ("--occ", "30", "--free", "60"), 2, "--occ is 30 and --free is 60"),
+    ("map_saver", ("--occ", "30", "--free", "60"), 1, "--occ is 30 and --free is 60"),
     ("amcl", ("map.yaml",), 2, "unrecognized arguments: map.yaml"),
     ("amcl", ("--global-localization",), 2, "--global-localization needs --run-from-bag"),
     ("movebase_client.py", ("--timeout", "0"), 1, "no ROS master at http://localhost:1 within 0 s"),

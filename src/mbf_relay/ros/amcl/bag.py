@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import Optional, Protocol
+from typing import List, Optional, Protocol
 
 import rosbag
 import rospy

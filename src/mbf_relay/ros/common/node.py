@@ -85,7 +85,7 @@ def _misread(name: str, line: Sequence[str], check: Optional[Callable[[Sequence[
         return int(end.code or 0)
     except ValueError as error:
         print(f"{name}: {one_line(error)}", file=sys.stderr)
-        return 2
+        return 1
     return 0
 
 

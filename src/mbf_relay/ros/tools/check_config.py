@@ -92,8 +92,8 @@ def _read(options: argparse.Namespace) -> Launch:
         declared = sorted({argument for name in launch_files for argument in arguments_of(name)})
         for argument in dict(_pair(text) for text in given):
             if argument not in declared:
-                raise ValueError(
-                    f"'{argument}' is no argument of {', '.join(launch_files)}{did_you_mean(nearest_of(argument, declared))}")
+                hint = did_you_mean(nearest_of(argument, declared))
+                raise ValueError(f"'{argument}' is no argument of {', '.join(launch_files)}{hint}")
         all_of_them = Launch([], [])
         for name in launch_files:
             launch = read_launch(name, dict(_pair(text) for text in given))

@@ -58,7 +58,8 @@ class ParameterSource:
         prefix = f"{name}/"
 
         def cut(pairs: Iterable[Tuple[str, str]]) -> List[Tuple[str, str]]:
-            return [(f"{full}/"[len(prefix):].strip("/"), text) for full, text in pairs if f"{full}/".startswith(prefix)]
+            return [
+                (f"{full}/"[len(prefix):].strip("/"), text) for full, text in pairs if f"{full}/".startswith(prefix)]
 
         return ParameterSource(
             copy.deepcopy(values) if isinstance(values, dict) else {}, dict(cut(self.places.items())),

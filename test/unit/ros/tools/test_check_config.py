@@ -179,7 +179,8 @@ def test_what_is_set_outside_of_a_node_is_the_node_s_within_its_namespace(tmp_pa
         tmp_path / "inner.launch")
     _, told = check(tmp_path, text, name="nav.launch")
     inner, outer = told.split("first/move_base (move_base)")
-    assert inner.startswith("first/nav/move_base (move_base)") and "controler_frequency" in inner and "controler_frequency" not in outer
+    assert inner.startswith("first/nav/move_base (move_base)")
+    assert "controler_frequency" in inner and "controler_frequency" not in outer
     assert "DWAPlannerROS" in outer and "max_vel_x: is 70" not in told, told
     _, told = check(tmp_path, text, "robot:=second", name="nav.launch")
     assert "max_vel_x: is 70" in told.split("second/move_base (move_base)")[1]
