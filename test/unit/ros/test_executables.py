@@ -2,15 +2,18 @@
 
 import os
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from ros_testing import wait_until
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
 ROOT = Path(__file__).resolve().parents[3]
+FILE = ROOT / "config" / "move_base_flex.yaml"
 EXECUTABLES = sorted(path for path in (ROOT / "scripts").iterdir() if path.is_file() and os.access(path, os.X_OK))
 
 
@@ -70,6 +73,32 @@ def test_an_argument_that_a_node_does_not_take_is_said_to_be_ignored(programs):
         first = node.stderr.readline().decode()
         node.terminate()
     assert "simulator: '--seed' is ignored" in first and "_name:=value" in first
+
+
+ENDED_BY = {
+    signal.SIGPIPE: (("parameter_tables.py",), ("robot_description.py", "waffle"), ("check_config.py", str(FILE))),
+    signal.SIGINT: (("make_worlds.py", "--kind", "office", "--count", "100000"), ("train_policy.py",)),
+}
+
+
+@pytest.mark.parametrize("number, line", [(number, line) for number, lines in ENDED_BY.items() for line in lines])
+def test_ctrl_c_and_a_reader_that_has_gone_show_nobody_a_traceback(number, line, programs, tmp_path):
+    """`… | head` ended with BrokenPipeError, Ctrl-C with a page of whatever was being done."""
+    reader, writer = os.pipe()
+    with subprocess.Popen(
+        [str(programs / line[0]), *line[1:]], stdout=writer, stderr=subprocess.PIPE, cwd=str(tmp_path)
+    ) as command:
+        os.close(writer)
+        if number == signal.SIGPIPE:
+            os.close(reader)
+        else:
+            maps = Path(f"/proc/{command.pid}/maps")
+            wait_until(lambda: "numpy" in maps.read_text(), "the command's own imports", 60.0)
+            command.send_signal(number)
+            os.close(reader)
+        said = command.stderr.read().decode()
+    assert command.returncode == -number and "Error" not in said and "Traceback" not in said, said
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_robots_memory_is_not_filled_with_libraries_no_node_needs():
