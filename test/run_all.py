@@ -22,7 +22,7 @@ import sys
 import threading
 import time
 import xml.etree.ElementTree as ElementTree
-from typing import IO, Dict, List, NamedTuple, Optional
+from typing import Dict, Iterator, List, NamedTuple, Optional
 
 import job_times
 
@@ -125,25 +125,23 @@ def main() -> int:
     if not jobs:
         print(f"no test has {' or '.join(options.names)} in its name; --list names them", file=sys.stderr)
         return 2
-    try:
-        lock = only_one(results)
-    except BlockingIOError:
-        print(f"another run of the tests writes to {results}; wait for it, or give another --results", file=sys.stderr)
-        return 2
-    with lock:
+    with contextlib.ExitStack() as stack:
+        try:
+            stack.enter_context(only_one(results))
+        except BlockingIOError:
+            print(f"another run of the tests writes to {results}; wait for it, or give another --results",
+                  file=sys.stderr)
+            return 2
         return run(jobs, results, options)
 
 
-def only_one(results: str) -> IO[str]:
-    """Return what keeps another run out of a folder until it is closed; raise BlockingIOError where there is one."""
+@contextlib.contextmanager
+def only_one(results: str) -> Iterator[None]:
+    """Keep another run out of a folder meanwhile; raise BlockingIOError where there is one."""
     os.makedirs(results, exist_ok=True)
-    lock = open(os.path.join(results, ".lock"), "w", encoding="ascii")
-    try:
+    with open(os.path.join(results, ".lock"), "w", encoding="ascii") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        lock.close()
-        raise
-    return lock
+        yield
 
 
 def run(jobs: List[Job], results: str, options: argparse.Namespace) -> int:

@@ -144,7 +144,8 @@ def test_a_second_run_does_not_empty_the_folder_that_a_first_one_writes_to(tmp_p
     with run_all.only_one(str(tmp_path)):
         assert run_all.main() == 2
     assert "another run of the tests writes to" in capsys.readouterr().err and (tmp_path / "unit").is_dir()
-    run_all.only_one(str(tmp_path)).close()
+    with run_all.only_one(str(tmp_path)):
+        pass
 
 
 def test_who_interrupts_a_run_is_told_that_and_sees_no_traceback_of_jobs_that_were_ended():
