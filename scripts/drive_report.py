@@ -1,4 +1,7 @@
 #!/usr/bin/env python3
-from mbf_relay.ros.tools.drive_report import main
+from mbf_relay.commands import end_in_silence
+
+end_in_silence()
+from mbf_relay.ros.tools.drive_report import main  # noqa: E402
 
 main()

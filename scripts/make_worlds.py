@@ -1,6 +1,9 @@
 #!/usr/bin/env python3
 import sys
 
-from mbf_relay.simulation.make_worlds import main
+from mbf_relay.commands import end_in_silence
+
+end_in_silence()
+from mbf_relay.simulation.make_worlds import main  # noqa: E402
 
 sys.exit(main())

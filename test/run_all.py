@@ -11,6 +11,7 @@ wrote stays in the results folder.
 import argparse
 import contextlib
 import enum
+import fcntl
 import glob
 import os
 import re
@@ -21,7 +22,7 @@ import sys
 import threading
 import time
 import xml.etree.ElementTree as ElementTree
-from typing import Dict, List, NamedTuple, Optional
+from typing import Dict, Iterator, List, NamedTuple, Optional
 
 import job_times
 
@@ -30,7 +31,8 @@ CHECKOUT = os.path.dirname(TEST_FOLDER)
 SUMMARY = r"SUMMARY\s+\S* \* RESULT: .*?TESTS: (\d+)\s+\S* \* ERRORS: (\d+).*?FAILURES: (\d+)"
 """The end of rostest's output, coloured or not."""
 TIME_LIMIT = 1250.0
-"""Wall seconds after which one job is ended and counts as failed; --long multiplies it."""
+"""Wall seconds, less those it waited for a core, after which one job is ended and counts as failed; --long multiplies
+it."""
 LONGER = 6
 
 
@@ -110,6 +112,8 @@ def main() -> int:
     parser.add_argument("--list", action="store_true", help="name the jobs and run none")
     parser.add_argument("--times", action="store_true", help="tell what the last run took its time for; run none")
     options = parser.parse_args()
+    if options.jobs < 1:
+        parser.error(f"--jobs is {options.jobs}; it must be at least 1")
     results = os.path.abspath(options.results or os.path.join(os.getcwd(), "test_results"))
     if options.times:
         print(job_times.table(results))
@@ -121,6 +125,27 @@ def main() -> int:
     if not jobs:
         print(f"no test has {' or '.join(options.names)} in its name; --list names them", file=sys.stderr)
         return 2
+    with contextlib.ExitStack() as stack:
+        try:
+            stack.enter_context(only_one(results))
+        except BlockingIOError:
+            print(f"another run of the tests writes to {results}; wait for it, or give another --results",
+                  file=sys.stderr)
+            return 2
+        return run(jobs, results, options)
+
+
+@contextlib.contextmanager
+def only_one(results: str) -> Iterator[None]:
+    """Keep another run out of a folder meanwhile; raise BlockingIOError where there is one."""
+    os.makedirs(results, exist_ok=True)
+    with open(os.path.join(results, ".lock"), "w", encoding="ascii") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+
+
+def run(jobs: List[Job], results: str, options: argparse.Namespace) -> int:
+    """Run jobs, their results in an emptied folder; return the exit status."""
     for folder in glob.glob(os.path.join(results, "*")):
         shutil.rmtree(folder, ignore_errors=True)
     # A shell starts what it puts in the background deaf to Ctrl-C, and nodes would inherit that; tests end them with

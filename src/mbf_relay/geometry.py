@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import List, NamedTuple
+from numbers import Real
+from typing import Any, List, NamedTuple
 
 import numpy as np
+
+FASTEST = 1000.0
+"""Metres or radians per second; nothing on wheels is faster."""
 
 
 def normalize_angle(angle: float) -> float:
@@ -82,9 +86,25 @@ class Twist2D(NamedTuple):
     y: float
     theta: float
 
+    @staticmethod
+    def of(values: Any) -> Twist2D:
+        """Return three numbers, whatever kind of sequence has them, as a velocity of plain floats.
+
+        Raises:
+            TypeError: They are anything else.
+        """
+        parts = tuple(values) if isinstance(values, (tuple, list, np.ndarray)) else ()
+        if len(parts) != 3 or not all(isinstance(part, Real) for part in parts):
+            raise TypeError(f"{values!r} is no velocity, which is three numbers: x, y, theta")
+        return Twist2D(*map(float, parts))
+
     def is_finite(self) -> bool:
         """Return whether no component is NaN or infinite."""
         return math.isfinite(self.x) and math.isfinite(self.y) and math.isfinite(self.theta)
+
+    def is_a_robots(self) -> bool:
+        """Return whether something on wheels can be that fast: no component is NaN or beyond FASTEST."""
+        return all(abs(part) <= FASTEST for part in self)
 
     def speed(self) -> float:
         """Return the translational speed (m/s)."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import inspect
+import os
+import traceback
 import warnings
-from typing import Any, ClassVar, Mapping, Tuple, Type, TypeVar
+from typing import Any, ClassVar, Iterator, Mapping, Tuple, Type, TypeVar
 
 from mbf_relay.parameters import ParameterSet
 
@@ -43,8 +46,38 @@ class Plugin:
 P = TypeVar("P", bound=Plugin)
 
 
+class PluginFailure(RuntimeError):
+    """A plugin that is part of another thing, such as a critic or a layer, raised something; the text names it."""
+
+
 class PluginError(ValueError):
     """A plugin could not be found or made; the text names it and what is available."""
+
+
+def failure_text(error: BaseException, module: str) -> str:
+    """Return what an exception says, and where in a plugin's module it came up: "KeyError: 'x' (mine.py, line 7)".
+
+    Args:
+        error: It, as it was caught.
+        module: Full name of the module; where nothing of it was running, as of a call that it does not take, no place
+            is told.
+    """
+    text = f"{type(error).__name__}: {error}"
+    places = [
+        f"{os.path.basename(frame.f_code.co_filename)}, line {line}"
+        for frame, line in traceback.walk_tb(error.__traceback__) if frame.f_globals.get("__name__") == module
+    ]
+    return f"{text} ({places[-1]})" if places else text
+
+
+@contextlib.contextmanager
+def failures_of(plugin: Plugin, kind: str) -> Iterator[None]:
+    """Turn whatever a plugin, a `kind` such as "critic", raises into a PluginFailure."""
+    try:
+        yield
+    except Exception as error:
+        text = f"{kind} '{plugin.name}' failed with {failure_text(error, type(plugin).__module__)}"
+        raise PluginFailure(text) from error
 
 
 def find_class(type_name: str, base: Type[P], known: Mapping[str, str]) -> Type[P]:
@@ -79,7 +112,7 @@ def find_class(type_name: str, base: Type[P], known: Mapping[str, str]) -> Type[
         reason = (
             str(error)
             if isinstance(error, (ImportError, AttributeError, SyntaxError))
-            else f"{type(error).__name__}: {error}"
+            else failure_text(error, module_name)
         )
         if isinstance(error, ModuleNotFoundError) and error.name == module_name.partition(".")[0]:
             reason += ": is its folder on PYTHONPATH?"
@@ -119,8 +152,13 @@ def create(name: str, type_name: str, values: Mapping[str, Any], base: Type[P], 
     try:
         plugin = found(name, parameters)
     except Exception as error:  # whatever a user's constructor raises
-        kind = "" if isinstance(error, (ValueError, OSError)) else f"{type(error).__name__}: "
-        raise PluginError(f"plugin '{name}' ({type_name}) cannot be made: {kind}{error}") from error
+        reason = str(error) if isinstance(error, (ValueError, OSError)) else failure_text(error, found.__module__)
+        raise PluginError(f"plugin '{name}' ({type_name}) cannot be made: {reason}") from error
+    if not {"name", "parameters"} <= set(vars(plugin)):
+        raise PluginError(
+            f"plugin '{name}' ({type_name}) cannot be made: its __init__ does not call "
+            "super().__init__(name, parameters)"
+        )
     stand_in = [f"{type_name} is not available here; {found.stands_in}"] if found.stands_in else []
     plugin.notes = (*stand_in, *notes)
     return plugin

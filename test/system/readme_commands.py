@@ -48,8 +48,7 @@ class TestReadme(unittest.TestCase):
 
     def tearDown(self):
         for process in reversed(self.running):
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGINT)
+            process.send_signal(signal.SIGINT)
         for process in self.running:
             process.wait(40.0)
         # A node ended while it starts stays on the master's list; the next test looks at that list.
@@ -61,9 +60,12 @@ class TestReadme(unittest.TestCase):
         return {name for name in names if not name.startswith("/readme")}
 
     def launch(self, command, *nodes, environment=None):
-        """Start a command of the README and wait for the nodes it brings."""
+        """Start a command of the README and wait for the nodes it brings.
+
+        It stays in this process's group: rostest interrupts that, and no tearDown runs then.
+        """
         process = subprocess.Popen(
-            ["bash", "-c", f"exec {command}"], cwd=self.folder.name, start_new_session=True,
+            ["bash", "-c", f"exec {command}"], cwd=self.folder.name,
             env=dict(environment or os.environ, PWD=self.folder.name),
         )
         self.running.append(process)
@@ -77,7 +79,7 @@ class TestReadme(unittest.TestCase):
     def end_last(self):
         """End what was started last, as Ctrl-C does."""
         process = self.running.pop()
-        os.killpg(process.pid, signal.SIGINT)
+        process.send_signal(signal.SIGINT)
         process.wait(40.0)
 
     def run_to_end(self, command, environment=None):

@@ -54,7 +54,7 @@ class TestUsersLaunchFiles(unittest.TestCase):
 
     def tearDown(self):
         for process in reversed(self.running):
-            os.killpg(process.pid, signal.SIGINT)
+            process.send_signal(signal.SIGINT)
             process.wait(60.0)
         subprocess.run(["rosnode", "cleanup"], input=b"y\n", stdout=subprocess.DEVNULL, timeout=30.0, check=True)
         # The master is asked, since rospy answers for "/" with the few parameters it has cached.
@@ -65,9 +65,10 @@ class TestUsersLaunchFiles(unittest.TestCase):
         self.folder.cleanup()
 
     def launch(self, path, arguments, shims=False):
+        """Launch a file in this process's group: rostest interrupts that, and no tearDown runs then."""
         command = ["roslaunch", str(path), *(f"{name}:={value}" for name, value in arguments.items())]
         before = [str(ROOT / "scripts" / "run"), "--shims"] if shims else []
-        self.running.append(subprocess.Popen(before + command, start_new_session=True))
+        self.running.append(subprocess.Popen(before + command))
 
     def is_up(self, client):
         """Return whether the action is there; fail where what was launched has ended."""

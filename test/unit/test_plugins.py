@@ -32,6 +32,11 @@ class Anvil(Tool):
         {}["heat"]
 
 
+class Orphan(Tool):
+    def __init__(self, name, parameters):
+        self.weight = 1.0
+
+
 class Mallet(Hammer):
     stands_in = "the mallet strikes with its weight"
 
@@ -80,7 +85,8 @@ def test_what_could_not_be_taken_as_it_is_stands_in_the_notes():
         (f"{__name__}.Screw", {}, ["mine", "Screw", "/no/such/thread.bin"]),
         (f"{__name__}.Handle", {}, ["Handle", "does not define hold"]),
         ("tools/Hammer", {"weight": "much"}, ["mine", "tools/Hammer", "weight", "'much'"]),
-        (f"{__name__}.Anvil", {}, ["mine", "Anvil", "KeyError", "heat"]),
+        (f"{__name__}.Anvil", {}, ["mine", "Anvil", "KeyError", "heat", "test_plugins.py, line 32"]),
+        (f"{__name__}.Orphan", {}, ["mine", "Orphan", "super().__init__(name, parameters)"]),
     ],
 )
 def test_a_refusal_names_the_plugin_and_what_there_is(type_name, values, words):
@@ -95,6 +101,13 @@ def test_of_a_module_that_python_does_not_find_is_said_where_it_looks():
         create("x", "my_tools.Saw", {}, Tool, KNOWN)
     with pytest.raises(PluginError, match=r"\(No module named 'json\.none'\)"):
         create("x", "json.none.Saw", {}, Tool, KNOWN)
+
+
+def test_a_file_that_throws_when_it_is_read_is_named_with_the_line(tmp_path, monkeypatch):
+    (tmp_path / "thrown_tools.py").write_text("x = 1\nint(speed=3)\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(PluginError, match=r"thrown_tools\.Saw.*TypeError: .*\(thrown_tools\.py, line 2\)"):
+        create("mine", "thrown_tools.Saw", {}, Tool, KNOWN)
 
 
 def test_a_file_that_is_no_python_is_named_with_the_line(tmp_path, monkeypatch):

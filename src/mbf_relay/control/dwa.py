@@ -16,7 +16,7 @@ from mbf_relay.control.report import CycleReport
 from mbf_relay.control.trajectories import STANDING, Trajectories, is_fastest, roll_out, sample, window_of
 from mbf_relay.geometry import Twist2D
 from mbf_relay.planning.path import Path
-from mbf_relay.plugins import find_class
+from mbf_relay.plugins import failures_of, find_class
 
 LEAST_GAIN = 0.01  # robot's widths off the path by which a trajectory's end must be better than standing
 
@@ -115,7 +115,10 @@ class DwaController(PathFollower):
         asked = [critic for critic in self.critics if critic.scale > 0.0]
         scores = np.zeros((len(asked), len(trajectories)))
         for row, critic in zip(scores, asked):
-            row[:] = critic.scale * critic.score(trajectories, data)
+            with failures_of(critic, "critic"):
+                row[:] = np.multiply(critic.scale, critic.score(trajectories, data))
+                if not row.min() > -np.inf:  # either would make what others rule out the winner
+                    raise ValueError("it scored a trajectory NaN or -inf")
         return Explanation.of(asked, scores, trajectories.velocities)
 
     def _only_turns(self, explanation: Explanation) -> bool:

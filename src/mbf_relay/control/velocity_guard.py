@@ -1,14 +1,15 @@
 """The last look at a velocity before it reaches the wheels: may the robot still brake before what the lidar shows?
 
-It knows neither costmaps, goals nor a map, and keeps no memory beyond the newest scan and what it has let pass since. A
-velocity passes while its sender goes on sending, the scan is fresh, and the footprint, carried along the arc on which
-the robot would react and brake, keeps a margin from every point of the scan and stays where a lidar looks. So it must
-along the spiral on which a differential drive comes to a stand whose wheels are told to stop at once, where these are
-known. Else it is slowed down along the same arc, or zero. What is nearer than the margin already may not come nearer
-still, so a robot may always drive away from it. Of several lidars on the topic, told apart by their frames, each must
-be fresh, and the newest scan of each counts. Where odometry shows that the wheels hear late, the arc begins where the
-robot will be by then: what has passed cannot be taken back. Nor may it meet anything from where it is, for that is
-only believed, and late odometry or wheels that hear in time again leave it believed for a while.
+It knows neither costmaps, goals nor a map, and keeps no memory beyond the newest scans, what it has let pass since, and
+how late the wheels did that. A velocity passes while its sender goes on sending, the scan is fresh, and the footprint,
+carried along the arc on which the robot would react and brake, keeps a margin from every point of the scan and stays
+where a lidar looks. So it must along the spiral on which a differential drive comes to a stand whose wheels are told to
+stop at once, where these are known. Else it is slowed down along the same arc, or zero. What is nearer than the margin
+already may not come nearer still, so a robot may always drive away from it. Of several lidars on the topic, told apart
+by their frames, each must be fresh, and the newest scan of each counts. Where odometry shows that the wheels hear late,
+the arc begins where the robot will be by then: what has passed cannot be taken back. Nor may it meet anything from
+where it is, for that is only believed, and late odometry or wheels that hear in time again leave it believed for a
+while.
 (The idea is that of Nav2's collision monitor, here with the footprint on the braking arc in place of zones.)
 """
 

@@ -11,15 +11,7 @@ from typing import Any, Collection, Deque, Dict, Iterator, List, Mapping, Option
 import numpy as np
 
 from mbf_relay.costmap import footprint as footprints
-from mbf_relay.costmap.cost_grid import (
-    EMPTY,
-    FREE_SPACE,
-    INSCRIBED,
-    NO_INFORMATION,
-    CostGrid,
-    Window,
-    half_width_of,
-)
+from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, INSCRIBED, NO_INFORMATION, CostGrid, Window, half_width_of
 from mbf_relay.costmap.layer import Layer, LayerContext, ZoneLimit, changed_window, shifted, tracks_of
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.outline import check_padded
@@ -29,6 +21,7 @@ from mbf_relay.grid import Grid
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.parameters import ParameterSet
+from mbf_relay.plugins import PluginFailure, failures_of
 
 HISTORY = 64
 """How many changes back a snapshot knows what changed since."""
@@ -65,7 +58,7 @@ class Costmap:
         self._last_update: Optional[float] = None
         self._updates, self._sized_by_map = 0, False
         self._due_grid: Optional[Grid] = None  # the next update takes it, see there
-        self._redo_due = False  # the next update redoes every cell
+        self._redo_due, self._failure = False, ""  # the next update redoes every cell; why the last was broken off
         self._copy: Optional[np.ndarray] = None  # of the costs, made when somebody asks
         self._shown: Optional[CostGrid] = None  # the snapshot made last, as long as nothing changed
         self._history: Deque[Tuple[int, Window]] = deque(maxlen=HISTORY)
@@ -258,6 +251,7 @@ class Costmap:
 
         Raises:
             ValueError: The pose is not finite.
+            PluginFailure: A layer raised something; the next update redoes what this one has begun.
         """
         if not robot_pose.is_finite():
             raise ValueError(f"{self.name}: robot pose {tuple(robot_pose)} is not finite")
@@ -270,20 +264,30 @@ class Costmap:
             context = LayerContext(now, robot_pose, self._footprint)
             active = [layer for layer in self.layers if layer.enabled]
             window = Window.of(self._grid) if self._redo_due else EMPTY
-            self._redo_due = False
-            for layer in active:
-                window = layer.update_bounds(context, window)
-            window = window.within(self._grid)
-            if not window.is_empty:
-                self._redo(window, active)
-            self._last_update, self._shown = now, None
+            self._redo_due = True  # again, where a layer breaks off what others have begun
+            try:
+                for layer in active:
+                    with failures_of(layer, "layer"):
+                        window = Window(*layer.update_bounds(context, window))
+                window = window.within(self._grid)
+                if not window.is_empty:
+                    self._redo(window, active)
+            except PluginFailure as failure:
+                self._failure = f": {failure}"
+                raise
+            self._last_update, self._shown, self._redo_due, self._failure = now, None, False, ""
             self._updates += 1
 
     def _redo(self, window: Window, layers: Sequence[Layer]) -> None:
         before = self._costs[window.slices].copy()
         self._costs[window.slices] = self._default
-        for layer in layers:
-            layer.update_costs(self._costs, window)
+        try:
+            for layer in layers:
+                with failures_of(layer, "layer"):
+                    layer.update_costs(self._costs, window)
+        except PluginFailure:
+            self._costs[window.slices] = before
+            raise
         self._note_change(changed_window(before, self._costs, window))
 
     def _note_change(self, changed: Window) -> None:
@@ -369,7 +373,7 @@ class Costmap:
         """Return why the snapshot must not be driven on, or None."""
         with self._lock:
             if self._last_update is None:
-                return f"{self.name} was not updated yet"
+                return f"{self.name} was not updated yet{self._failure}"
             not_updated = self._age_reason(now, 1.0 if self.sources else math.inf)  # nor do sensors get through then
             reasons = (layer.stale_reason(now) for layer in self.layers if layer.enabled)
             return not_updated or next((f"{self.name}: {reason}" for reason in reasons if reason is not None), None)
@@ -380,7 +384,7 @@ class Costmap:
         with self._lock:
             missing = "; ".join(filter(None, (layer.missing_input() for layer in self.layers if layer.enabled)))
             if self._last_update is None:
-                why = f": {missing}" if missing else ""
+                why = f": {missing}" if missing else self._failure
                 return PlanningError(PlanOutcome.NOT_INITIALIZED, f"{self.name} was not updated yet{why}")
             if missing:
                 return PlanningError(PlanOutcome.MAP_ERROR, f"{self.name}: {missing}")
@@ -392,5 +396,5 @@ class Costmap:
         assert self._last_update is not None
         age, frequency = now - self._last_update, self.parameters.update_frequency
         limit, why = (max(1.0, 5.0 / frequency), "") if frequency else (never_updated, ": its update_frequency is 0")
-        told = f"{self.name} was last updated {age:.2f} s ago; at most {limit:.2f} s is allowed{why}"
+        told = f"{self.name} was last updated {age:.2f} s ago; at most {limit:.2f} s is allowed{self._failure or why}"
         return told if age > limit else None

@@ -31,6 +31,8 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     parser.add_argument("--worlds", metavar="FILE", type=Path, help="worlds file that states difficulties")
     parser.add_argument("--by", metavar="MEASURE", default="path_length_ratio", help="of difficulty, for --plot")
     options = parser.parse_args(without_remappings(sys.argv[1:] if arguments is None else arguments))
+    if options.plot and options.worlds is None:
+        parser.error("--plot needs --worlds FILE, the worlds file that states how hard its worlds are")
     try:
         paths = [options.first, *options.others]
         batches = [_read(path) for path in paths]
@@ -59,8 +61,6 @@ def _two(paths: Sequence[Path], batches: Sequence[List[EpisodeResult]], json_fil
 
 
 def _plot(options: argparse.Namespace, paths: Sequence[Path], batches: Sequence[List[EpisodeResult]]) -> None:
-    if options.worlds is None:
-        raise ValueError("--plot needs --worlds FILE, the worlds file that states how hard its worlds are")
     known = load_difficulties(options.worlds)
     compare_many.plot(options.plot, [str(path) for path in paths], batches, known, options.by)
 

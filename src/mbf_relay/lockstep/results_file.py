@@ -38,6 +38,7 @@ class ResultsFile:
         Raises:
             ValueError: The folder holds results of other settings, or another batch is writing there.
         """
+        self._folder, self._is_new = folder, not folder.exists()
         folder.mkdir(parents=True, exist_ok=True)
         self._path = folder / LINES
         self._descriptor = os.open(str(self._path), os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
@@ -91,8 +92,15 @@ class ResultsFile:
             raise OSError(error.errno, error.strerror, str(self._path)) from error
 
     def close(self) -> None:
-        """Release the folder."""
-        os.close(self._descriptor)
+        """Release the folder; where nothing was driven, leave nothing there that a batch of other settings minds."""
+        try:
+            if not self._results and os.fstat(self._descriptor).st_size == 0:
+                for name in (SETTINGS, LINES):
+                    (self._folder / name).unlink()
+                if self._is_new:
+                    self._folder.rmdir()
+        finally:
+            os.close(self._descriptor)
 
 
 def read_lines(path: Path) -> Tuple[List[EpisodeResult], List[str]]:

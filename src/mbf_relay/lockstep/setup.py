@@ -20,8 +20,10 @@ from mbf_relay.lockstep.tasks import MAP_RESOLUTION, EpisodeTask
 from mbf_relay.maps import COARSEST, FINEST
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS
+from mbf_relay.navigation.registry import entries_of
+from mbf_relay.navigation.worker import InlineWorker
 from mbf_relay.parameters import ParameterSet
-from mbf_relay.plugins import create, find_class
+from mbf_relay.plugins import find_class
 from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.robot import RobotModel
 from mbf_relay.simulation.robot_file import load_robot
@@ -95,11 +97,12 @@ def make_setup(
         settings["simulator"]["robot"] = robot
     if config is not None:
         settings = merged(settings, load_own(config))
+        _check_values(settings)  # names are looked for in them next
     for text in changes:  # one by one, for a plugin that one of them brings has parameters of its own
         settings = change(settings, [text], known_names(settings))
+    _check_values(settings)
     for kind, name in (("controllers", controller), ("planners", planner)):
         _check_listed(settings[SERVER].get(kind, []), kind, name)
-    _check_values(settings)
     return Setup(settings, localization, prior_map, controller, planner, map_resolution, after_contact=after_contact)
 
 
@@ -109,11 +112,12 @@ def _check_values(settings: Settings) -> None:
     AmclParameters.from_mapping(settings["amcl"])
     server = settings[SERVER]
     for name in ("global_costmap", "local_costmap"):
-        build_costmap(name, server.get(name, {}), server)
+        for layer, reason in build_costmap(name, server.get(name, {}), server).failed.items():
+            raise ValueError(f"{name}: layer '{layer}': {reason}")
     NavigatorParameters.from_mapping(server)
     for listed in PLUGIN_LISTS:
-        for entry in server.get(listed.kind, []):
-            create(entry["name"], entry["type"], server.get(entry["name"], {}), listed.base, listed.known)
+        for reason in listed.registry(server, InlineWorker()).failed.values():
+            raise ValueError(reason)
 
 
 def known_types(settings: Settings) -> Dict[str, Any]:
@@ -128,9 +132,8 @@ def known_types(settings: Settings) -> Dict[str, Any]:
     declare("amcl", AmclParameters)
     declare(SERVER, NavigatorParameters)
     for listed in PLUGIN_LISTS:
-        for entry in server.get(listed.kind, []):
-            parameters = find_class(entry["type"], listed.base, listed.known).Parameters
-            declare(f"{SERVER}.{entry['name']}", parameters)
+        for name, (type_name, _) in entries_of(listed.kind, server.get(listed.kind, []), listed.costmap).items():
+            declare(f"{SERVER}.{name}", find_class(type_name, listed.base, listed.known).Parameters)
     for costmap in ("global_costmap", "local_costmap"):
         group = server.get(costmap, {})
         declare(f"{SERVER}.{costmap}", CostmapParameters)

@@ -209,7 +209,8 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--space", type=Path, metavar="FILE", help="YAML of ranges, {A.B: [LOW, HIGH]}")
     parser.add_argument("--trials", type=positive, default=40, metavar="N", help="default 40")
     parser.add_argument(
-        "--metric", choices=[measure.name for measure in MEASURES], default="score", help="maximised (default score)"
+        "--metric", metavar="NAME", choices=[measure.name for measure in MEASURES], default="score",
+        help=f"maximised (default score); of {'; '.join(measure.name for measure in MEASURES)}"
     )
     parser.add_argument(
         "--together", type=positive, default=1, metavar="N",

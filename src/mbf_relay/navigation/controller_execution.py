@@ -251,20 +251,21 @@ class ControllerExecution:
             return
         try:
             answer = job.result()
-            velocity = Twist2D(*answer.velocity)
+            velocity = Twist2D.of(answer.velocity)
         except ControlError as error:
             if error.outcome in FINAL:
                 self._end(Ending.ABORTED, error.outcome, error.message)
             else:
                 self._fail(now, error.outcome, error.message)
         except Exception as error:  # a plugin may raise anything, and the server lives on
-            message = f"controller '{self.instance.name}' failed with {type(error).__name__}: {error}"
+            message = f"controller '{self.instance.name}' failed with {self.instance.failure_text(error)}"
             self._end(Ending.ABORTED, ControlOutcome.INTERNAL_ERROR, message)
         else:
             if answer.arrived or self._arrived():
                 self._end(Ending.SUCCEEDED, ControlOutcome.SUCCESS, "Controller succeeded; arrived at goal!")
-            elif not velocity.is_finite():
-                message = f"controller '{self.instance.name}' returned velocity {tuple(velocity)}, which is not finite"
+            elif not velocity.is_a_robots():
+                name, told = self.instance.name, tuple(velocity)
+                message = f"controller '{name}' returned velocity {told}, which no robot drives"
                 self._fail(now, ControlOutcome.NO_VALID_CMD, message)
             else:
                 self._drive(now, velocity)

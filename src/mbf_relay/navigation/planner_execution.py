@@ -188,7 +188,7 @@ class PlannerExecution:
         except Exception as error:  # a plugin may raise anything, and the server lives on
             self.give_up(
                 Ending.ABORTED, PlanOutcome.INTERNAL_ERROR,
-                f"planner '{self.instance.name}' failed with {type(error).__name__}: {error}",
+                f"planner '{self.instance.name}' failed with {self.instance.failure_text(error)}",
             )
         else:
             if self._watcher is not None:
@@ -206,7 +206,8 @@ class PlannerExecution:
         try:
             poses = self._robot.transform(frame, path.frame).transform_poses(path.poses)
         except TransformError as error:
-            raise PlanningError(PlanOutcome.TF_ERROR, str(error)) from error
+            name = self.instance.name
+            raise PlanningError(PlanOutcome.TF_ERROR, f"the path that planner '{name}' returned: {error}") from error
         return Path(poses, frame, path.cost)
 
     def _fail(self, now: float, error: PlanningError) -> None:
@@ -243,17 +244,20 @@ class PlannerExecution:
 
 
 def usable(answer: Any, name: str) -> Path:
-    """Return what a planner of some name answered, which is a plugin's and may be anything.
+    """Return what a planner of some name answered, which is a plugin's and may be anything, as a path of float64.
 
     Raises:
         TypeError: It is no path.
-        ValueError: It is one with poses that are not finite.
+        ValueError: It is one whose poses or cost are no finite numbers, or not as a path has them.
         PlanningError: It is an empty one.
     """
     if not isinstance(answer, Path):
         raise TypeError(f"it returned {type(answer).__name__}, not a path")
-    if len(answer) == 0:
+    poses = np.asarray(answer.poses, dtype=np.float64)
+    if poses.size == 0:
         raise PlanningError(PlanOutcome.EMPTY_PATH, f"planner '{name}' returned an empty path")
-    if not np.isfinite(answer.poses).all():
-        raise ValueError("it returned a path with poses that are not finite")
-    return answer
+    if poses.ndim != 2 or poses.shape[1] != 3:
+        raise ValueError(f"it returned a path with poses of shape {poses.shape}, not (N, 3)")
+    if not (np.isfinite(poses).all() and math.isfinite(answer.cost)):
+        raise ValueError("it returned a path with poses or a cost that are not finite")
+    return answer if poses is answer.poses else dataclasses.replace(answer, poses=poses)

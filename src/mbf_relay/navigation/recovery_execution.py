@@ -183,9 +183,9 @@ class RecoveryExecution:
         name = self.instance.name
         try:
             velocity = job.result()
-            velocity = velocity if velocity is None else Twist2D(*velocity)
-            if velocity is not None and not velocity.is_finite():
-                raise ValueError(f"it wanted velocity {tuple(velocity)}, which is not finite")
+            velocity = velocity if velocity is None else Twist2D.of(velocity)
+            if velocity is not None and not velocity.is_a_robots():
+                raise ValueError(f"it wanted velocity {tuple(velocity)}, which no robot drives")
         except RecoveryError as error:
             self._finish(Ending.SUCCEEDED, error.outcome, error.message)
         except TransformError as error:
@@ -193,7 +193,7 @@ class RecoveryExecution:
         except StaleDataError as error:
             self._finish(Ending.SUCCEEDED, RecoveryOutcome.FAILURE, str(error))
         except Exception as error:  # a plugin may raise anything, and the server lives on
-            message = f"recovery behaviour '{name}' failed with {type(error).__name__}: {error}"
+            message = f"recovery behaviour '{name}' failed with {self.instance.failure_text(error)}"
             self._give_up(Ending.ABORTED, RecoveryOutcome.INTERNAL_ERROR, message)
         else:
             if velocity is None:

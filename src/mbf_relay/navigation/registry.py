@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Callable, Dict, Generic, Hashable, List, Mapping, Optional, Tuple, Type, TypeVar
 
 from mbf_relay.navigation.worker import Job, Worker
-from mbf_relay.plugins import Plugin, PluginError, create, find_class
+from mbf_relay.plugins import Plugin, PluginError, create, failure_text, find_class
 
 P = TypeVar("P", bound=Plugin)
 
@@ -47,6 +47,10 @@ class PluginInstance(Generic[P]):
             raise RuntimeError(f"plugin '{self.name}' is still in an earlier call")
         self._job = self._worker.start(lambda: self._run(task), self._kind)
         return self._job
+
+    def failure_text(self, error: Exception) -> str:
+        """Return what an exception that came out of a call says, with its place in the plugin's module."""
+        return failure_text(error, type(self.plugin).__module__)
 
     def reconfigure(self, parameters: Any) -> None:
         """Give the plugin new parameters before its next call, or at once when it is idle."""

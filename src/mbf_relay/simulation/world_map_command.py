@@ -8,7 +8,7 @@ import sys
 from typing import List, Optional
 
 from mbf_relay.grid import Grid
-from mbf_relay.maps import save_map
+from mbf_relay.maps import COARSEST, FINEST, MOST_CELLS, save_map
 from mbf_relay.simulation.world_map import SCAN_HEIGHT, grid_around, map_of_world
 from mbf_relay.simulation.worlds import load_world
 
@@ -17,11 +17,17 @@ def main(arguments: Optional[List[str]] = None) -> int:
     """Write the map and return the exit status: 0, or 1 after an error, said in one line."""
     options = _parser().parse_args(arguments)
     try:
+        if not FINEST <= options.resolution <= COARSEST:
+            raise ValueError(f"--resolution is {options.resolution:g} m; it must be {FINEST:g} to {COARSEST:g} m")
         world = load_world(options.world, options.world_name)
         if options.size:
             grid = Grid(options.resolution, *options.origin, *options.size)
         else:
             grid = grid_around(world, options.resolution, height=options.height)
+        if grid.width * grid.height > MOST_CELLS:
+            raise ValueError(
+                f"the map would have {grid.width} x {grid.height} cells; at most {MOST_CELLS} are drawn: give a "
+                "coarser --resolution")
         folder = os.path.dirname(os.path.abspath(options.output))
         os.makedirs(folder, exist_ok=True)
         paths = save_map(options.output, map_of_world(world, grid, options.height))

@@ -20,7 +20,7 @@ from mbf_relay.control.explanation import Explanation
 from mbf_relay.control.state import ControlState
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.outcomes import ControlError
-from mbf_relay.plugins import PluginError, create, find_class
+from mbf_relay.plugins import PluginError, PluginFailure, create, find_class
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
@@ -171,6 +171,35 @@ def test_a_users_own_critic_has_its_say():
     assert free.command.theta > 0.0 >= shy.command.theta
     with pytest.raises(PluginError, match="no_such_critic"):
         on_the_way(critics=("no_such_critic",))
+
+
+class Odd(Shy):
+    """A user's own critic that answers what the test says."""
+
+    answer = None
+
+    def score(self, trajectories, data):
+        return self.answer(len(trajectories))
+
+
+@pytest.mark.parametrize("answer, words", [
+    (lambda count: np.where(np.arange(count) == 3, np.nan, 0.0), "ValueError: it scored a trajectory NaN"),
+    (lambda count: np.full(count, -np.inf), "it scored a trajectory NaN or -inf"),
+    (lambda count: None, "TypeError"),
+    (lambda count: np.zeros(3), "ValueError: could not broadcast"),
+    (lambda count: {}["door"], r"KeyError: 'door' \(test_dwa\.py, line \d+\)"),
+])
+def test_a_critic_that_scores_nonsense_drives_nobody_and_is_named(answer, words):
+    controller = on_the_way(critics=("obstacle", "path", "goal", "test_dwa.Odd"))
+    controller.critics[-1].answer = answer
+    with pytest.raises(PluginFailure, match=f"critic 'test_dwa.Odd' failed with .*{words}"):
+        controller.compute_velocity(state(velocity=Twist2D(0.2, 0.0, 0.0)))
+
+
+def test_a_list_of_scores_is_as_good_as_an_array():
+    controller = on_the_way(critics=("obstacle", "path", "goal", "test_dwa.Odd"))
+    controller.critics[-1].answer = lambda count: [0.0] * count
+    assert controller.compute_velocity(state(velocity=Twist2D(0.2, 0.0, 0.0))).x > 0.0
 
 
 def test_the_built_in_critics_drive_alike_under_names_of_the_users_own():

@@ -80,9 +80,20 @@ def test_an_interrupt_during_the_writing_leaves_no_line_without_its_result(tmp_p
 
 
 def test_other_settings_are_refused_by_name(tmp_path):
-    ResultsFile(tmp_path, {"controller": "dwa", "seeds": 1}).close()
+    file = ResultsFile(tmp_path, {"controller": "dwa", "seeds": 1})
+    file.append(RESULT)
+    file.close()
     with pytest.raises(ValueError, match='controller was "dwa", now "pure_pursuit"'):
         ResultsFile(tmp_path, {"controller": "pure_pursuit", "seeds": 1})
+
+
+def test_a_batch_that_drove_nothing_leaves_nothing_and_binds_nobody_to_its_settings(tmp_path):
+    """After a slip in --scheduler the folder was taken for one of other settings once the slip was mended."""
+    kept = tmp_path / "made_before"
+    kept.mkdir()
+    for folder in (kept, tmp_path / "new"):
+        ResultsFile(folder, {"controller": "dwa"}).close()
+    assert [path.name for path in tmp_path.rglob("*")] == ["made_before"]
 
 
 def test_two_batches_do_not_write_to_one_folder(tmp_path):

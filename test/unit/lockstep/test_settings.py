@@ -2,7 +2,8 @@
 
 import pytest
 
-from mbf_relay.lockstep.settings import change, flatten, full_name, load_settings, parse_change
+from mbf_relay.lockstep.settings import change, config_folder, flatten, full_name, load_settings, parse_change
+from mbf_relay.lockstep.setup import make_setup
 
 SETTINGS = {
     "simulator": {"time_step": 0.005},
@@ -73,3 +74,19 @@ def test_missing_and_malformed_files_are_named(tmp_path):
     (tmp_path / "simulator.yaml").write_text("3")
     with pytest.raises(ValueError, match="holds no parameters"):
         load_settings(tmp_path)
+
+
+@pytest.mark.parametrize("text, words", [
+    ("planners: my_planners.StraightLine", "parameter planners is 'my_planners.StraightLine'; it must be a list"),
+    ("planners: [{name: mine, typ: navfn/NavfnROS}]", "entry 0 of planners .* must have a name and a type"),
+    ("planners: [{name: a, type: any_angle}, {name: a, type: navfn/NavfnROS}]", "planners names 'a' twice"),
+    ("controllers: [{name: mine, type: mppi}]\n  mine: 3", "parameter mine is 3; it must be the group of plugin"),
+    ("controllers: 3", "parameter controllers is 3"),
+    ("global_costmap: 3", "global_costmap"),
+    ("local_costmap: {plugins: [{name: mine, type: my_layers.Godo}]}", "local_costmap: layer 'mine': .*my_layers"),
+])
+def test_a_list_of_plugins_written_wrongly_is_refused_before_anything_is_driven(tmp_path, text, words):
+    (tmp_path / "mine.yaml").write_text(f"move_base_flex:\n  {text}\n")
+    for changes in ((), ("seed=3",)):
+        with pytest.raises(ValueError, match=words):
+            make_setup(config_folder(), changes=changes, config=tmp_path / "mine.yaml")

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 import scripted
 from scripted import FORWARD, STUCK, arrive
@@ -146,10 +147,14 @@ def test_what_no_retry_can_change_ends_the_drive_at_once(make_bench, outcome):
 
 @pytest.mark.parametrize("answer, outcome, text", [
     (RuntimeError("index 7"), ControlOutcome.INTERNAL_ERROR, "RuntimeError: index 7"),
-    (None, ControlOutcome.INTERNAL_ERROR, ""),
-    ("fast", ControlOutcome.INTERNAL_ERROR, ""),
-    (Twist2D(math.nan, 0.0, 0.0), ControlOutcome.PAT_EXCEEDED, "not finite"),
-    (Twist2D(0.0, 0.0, math.inf), ControlOutcome.PAT_EXCEEDED, "not finite"),
+    (None, ControlOutcome.INTERNAL_ERROR, "None is no velocity"),
+    ("fast", ControlOutcome.INTERNAL_ERROR, "'fast' is no velocity"),
+    ((0.1, 0.0), ControlOutcome.INTERNAL_ERROR, "(0.1, 0.0) is no velocity"),
+    (Twist2D("0.1", 0.0, 0.0), ControlOutcome.INTERNAL_ERROR, "controller 'C1' failed"),
+    (Twist2D(np.array([0.1]), 0.0, 0.0), ControlOutcome.INTERNAL_ERROR, "controller 'C1' failed"),
+    (Twist2D(math.nan, 0.0, 0.0), ControlOutcome.PAT_EXCEEDED, "(nan, 0.0, 0.0), which no robot drives"),
+    (Twist2D(0.0, 0.0, math.inf), ControlOutcome.PAT_EXCEEDED, "(0.0, 0.0, inf), which no robot drives"),
+    (Twist2D(1e9, 0.0, 0.0), ControlOutcome.PAT_EXCEEDED, "(1000000000.0, 0.0, 0.0), which no robot drives"),
 ])
 def test_a_controller_that_misbehaves_ends_its_goal_and_no_more(bench, answer, outcome, text):
     bench.script.velocity = answer

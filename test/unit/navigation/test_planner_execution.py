@@ -116,6 +116,11 @@ def test_what_failed_last_is_told_where_patience_ends(bench):
     (None, PlanOutcome.INTERNAL_ERROR, "it returned NoneType, not a path"),
     (SystemExit("plugin wants out"), PlanOutcome.INTERNAL_ERROR, "plugin wants out"),
     (Path(np.array([[0.0, math.nan, 0.0]]), "map"), PlanOutcome.INTERNAL_ERROR, "not finite"),
+    (Path(np.zeros((2, 3)), "map", math.nan), PlanOutcome.INTERNAL_ERROR, "not finite"),
+    (Path(np.zeros((2, 2)), "map"), PlanOutcome.INTERNAL_ERROR, "shape (2, 2), not (N, 3)"),
+    (Path(None, "map"), PlanOutcome.INTERNAL_ERROR, "shape (), not (N, 3)"),
+    (Path([], "map"), PlanOutcome.PAT_EXCEEDED, "empty path"),
+    (Path(np.zeros((2, 3)), "attic"), PlanOutcome.PAT_EXCEEDED, "planner 'P1' returned: no transform from 'attic'"),
     (Path(np.zeros((0, 3)), "map"), PlanOutcome.PAT_EXCEEDED, "empty path"),
 ])
 def test_a_planner_that_misbehaves_ends_its_goal_and_no_more(bench, answer, outcome, text):
@@ -125,6 +130,12 @@ def test_a_planner_that_misbehaves_ends_its_goal_and_no_more(bench, answer, outc
         assert result.outcome is outcome and text in result.message and result.path is None
     bench.script.plan = scripted.line
     assert bench.finish(bench.navigator.get_path(PlanGoal(TARGET))).outcome is PlanOutcome.SUCCESS
+
+
+def test_a_path_written_as_lists_of_whole_numbers_is_one(bench):
+    bench.script.plan = Path([[0, 0, 0], [1, 0, 0]], "map")
+    found = bench.finish(bench.navigator.get_path(PlanGoal(TARGET))).path
+    assert found.poses.dtype == np.float64 and found.poses.tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
 
 
 def test_a_planner_that_hangs_is_given_up_and_waited_for(held_bench):

@@ -42,7 +42,8 @@ def test_a_behaviour_that_gives_up_ends_succeeded_with_its_outcome_as_upstream(b
     assert bench.finish(task).outcome is outcome and task.ending is Ending.SUCCEEDED
 
 
-@pytest.mark.parametrize("velocity", [Twist2D(math.nan, 0.0, 0.0), "fast", (1.0,)])
+@pytest.mark.parametrize("velocity", [
+    Twist2D(math.nan, 0.0, 0.0), Twist2D(0.0, 0.0, -1e9), Twist2D("0.1", 0.0, 0.0), "fast", (1.0,)])
 def test_nonsense_never_reaches_the_wheels(bench, velocity):
     bench.script.recovery = steps(3, velocity)
     task = bench.navigator.recovery(RecoverGoal("R1"))

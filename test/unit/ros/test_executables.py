@@ -2,15 +2,18 @@
 
 import os
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from ros_testing import wait_until
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
 ROOT = Path(__file__).resolve().parents[3]
+FILE = ROOT / "config" / "move_base_flex.yaml"
 EXECUTABLES = sorted(path for path in (ROOT / "scripts").iterdir() if path.is_file() and os.access(path, os.X_OK))
 
 
@@ -41,6 +44,61 @@ def test_help_of_a_node_says_where_its_topics_and_parameters_stand(name, program
     for folder in re.findall(r"(\w+)/README\.md", text):
         assert name in (ROOT / folder / "README.md").read_text(encoding="utf-8")
     assert "config/README.md" in text and "hread" not in text
+
+
+@pytest.mark.parametrize("name, arguments, status, said", [
+    ("map_server", (), 1, "0 arguments given; usage: map_server MAP.yaml"),
+    ("map_saver", ("-f",), 2, "argument -f: expected one argument"),
+    ("map_saver", ("--occ", "30", "--free", "60"), 1, "--occ is 30 and --free is 60"),
+    ("amcl", ("map.yaml",), 2, "unrecognized arguments: map.yaml"),
+    ("amcl", ("--global-localization",), 2, "--global-localization needs --run-from-bag"),
+    ("movebase_client.py", ("--timeout", "0"), 1, "no ROS master at http://localhost:1 within 0 s"),
+    ("mbf_path_client.py", ("--timeout", "-3"), 2, "argument --timeout: -3 is below 0"),
+    ("movebase_client.py", ("left",), 2, "argument x: 'left' is no finite number"),
+])
+def test_what_is_wrong_on_a_command_line_is_said_without_a_ros_master(name, arguments, status, said, programs):
+    """Each waited for a master first, the clients for ever, and said what was wrong with it once there was one."""
+    done = subprocess.run(
+        [str(programs / name), *arguments], stderr=subprocess.PIPE, timeout=120.0,
+        env=dict(os.environ, ROS_MASTER_URI="http://localhost:1"))
+    assert done.returncode == status and said in done.stderr.decode(), done.stderr.decode()
+
+
+def test_an_argument_that_a_node_does_not_take_is_said_to_be_ignored(programs):
+    """`simulator --seed 3` began with another seed and said nothing."""
+    with subprocess.Popen(
+        [str(programs / "simulator"), "--seed", "3"], stderr=subprocess.PIPE,
+        env=dict(os.environ, ROS_MASTER_URI="http://localhost:1"),
+    ) as node:
+        first = node.stderr.readline().decode()
+        node.terminate()
+    assert "simulator: '--seed' is ignored" in first and "_name:=value" in first
+
+
+ENDED_BY = {
+    signal.SIGPIPE: (("parameter_tables.py",), ("robot_description.py", "waffle"), ("check_config.py", str(FILE))),
+    signal.SIGINT: (("make_worlds.py", "--kind", "office", "--count", "100000"), ("train_policy.py",)),
+}
+
+
+@pytest.mark.parametrize("number, line", [(number, line) for number, lines in ENDED_BY.items() for line in lines])
+def test_ctrl_c_and_a_reader_that_has_gone_show_nobody_a_traceback(number, line, programs, tmp_path):
+    """`… | head` ended with BrokenPipeError, Ctrl-C with a page of whatever was being done."""
+    reader, writer = os.pipe()
+    with subprocess.Popen(
+        [str(programs / line[0]), *line[1:]], stdout=writer, stderr=subprocess.PIPE, cwd=str(tmp_path)
+    ) as command:
+        os.close(writer)
+        if number == signal.SIGPIPE:
+            os.close(reader)
+        else:
+            maps = Path(f"/proc/{command.pid}/maps")
+            wait_until(lambda: "numpy" in maps.read_text(), "the command's own imports", 60.0)
+            command.send_signal(number)
+            os.close(reader)
+        said = command.stderr.read().decode()
+    assert command.returncode == -number and "Error" not in said and "Traceback" not in said, said
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_robots_memory_is_not_filled_with_libraries_no_node_needs():

@@ -119,6 +119,35 @@ def test_what_the_children_of_a_job_compute_is_counted(tmp_path):
     assert runner.outcomes[0].cpu_seconds >= 0.5
 
 
+def test_a_job_that_waits_for_a_core_is_not_ended_as_one_that_hangs(monkeypatch):
+    """On a machine with much else to do the longest folder of unit tests was ended half way."""
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+        with pytest.raises(subprocess.TimeoutExpired):
+            job_times.wait(process, 0.0)
+        looks = []
+
+        def starved(pid):
+            looks.append(pid)
+            if len(looks) == 3:
+                process.stdin.close()
+            return 1e9
+
+        monkeypatch.setattr(job_times, "waited_for_a_core", starved)
+        job_times.wait(process, 0.0)
+        assert set(looks) == {process.pid} and len(looks) >= 3
+
+
+def test_a_second_run_does_not_empty_the_folder_that_a_first_one_writes_to(tmp_path, monkeypatch, capsys):
+    """The reports of the first were gone before they were read, and its jobs counted as failed."""
+    (tmp_path / "unit").mkdir()
+    monkeypatch.setattr(sys, "argv", ["run_all.py", "--results", str(tmp_path), "unit/scripts"])
+    with run_all.only_one(str(tmp_path)):
+        assert run_all.main() == 2
+    assert "another run of the tests writes to" in capsys.readouterr().err and (tmp_path / "unit").is_dir()
+    with run_all.only_one(str(tmp_path)):
+        pass
+
+
 def test_who_interrupts_a_run_is_told_that_and_sees_no_traceback_of_jobs_that_were_ended():
     process = subprocess.Popen([sys.executable, "-c", "pass"])
     process.wait()  # as who interrupts does, before the thread whose job it is

@@ -123,3 +123,12 @@ def test_the_command_writes_a_map_and_says_what_is_wrong(tmp_path, capsys):
     assert (tmp_path / "new" / "arena.pgm").read_bytes() == ARENA_MAP.with_suffix(".pgm").read_bytes()
     assert main(["nowhere", str(tmp_path / "x")]) == 1
     assert capsys.readouterr().err.startswith("world_to_map.py: world 'nowhere' is not known")
+
+
+@pytest.mark.parametrize("resolution, words", [
+    ("0", "--resolution is 0 m; it must be 0.001 to 50 m"), ("nan", "--resolution is nan m"), ("1e-9", "0.001 to 50 m"),
+])
+def test_cells_of_no_size_are_refused_in_one_line(tmp_path, capsys, resolution, words):
+    assert main(["arena", str(tmp_path / "map"), "--resolution", resolution]) == 1
+    assert words in (said := capsys.readouterr().err) and said.count("\n") == 1
+    assert not list(tmp_path.iterdir())

@@ -21,7 +21,7 @@ from mbf_relay.costmap.cost_grid import INSCRIBED
 from mbf_relay.costmap.footprint_checker import FreeWay
 from mbf_relay.geometry import STOP, Twist2D
 from mbf_relay.planning.path import Path
-from mbf_relay.plugins import create
+from mbf_relay.plugins import create, failures_of
 
 SMOOTHED = np.array([-21.0, 14.0, 39.0, 54.0, 59.0, 54.0, 39.0, 14.0, -21.0]) / 231.0
 """Savitzky and Golay's weights of nine values in a row, for a parabola through them; Nav2 smooths its mean so, too."""
@@ -213,7 +213,8 @@ class MppiController(PathFollower):
         data = self._data(cycle, way)
         costs = np.zeros(p.batch_size)
         for critic in self.critics:
-            costs += critic.cost(data)
+            with failures_of(critic, "critic"):
+                costs += critic.cost(data)
         self.costs = np.where(np.isfinite(costs), costs, 1e12)
         scales = np.where(self._deviations > 0.0, self._deviations, 1.0)
         gamma = p.gamma * (1.0 - self._kept) / (1.0 + self._kept)  # steps that are alike tell one thing, not many

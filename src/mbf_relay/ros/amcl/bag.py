@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import time
 from typing import List, Optional, Protocol
 
@@ -41,32 +40,27 @@ class BagFed(Protocol):
 
 
 
-def run_from_bag(node: BagFed, arguments: List[str]) -> None:
+def run_from_bag(node: BagFed, path: str, all_over: bool) -> None:
     """Play a bag's transforms and scans into the filter, publish them along, and say where the robot ended.
 
     Args:
         node: The node, not opened yet.
-        arguments: What follows the program's name on the command line.
+        path: Of the bag.
+        all_over: Whether to start with particles all over the map.
 
     Raises:
         OSError: The bag cannot be read.
         ValueError: It holds no scan.
     """
-    parser = argparse.ArgumentParser(prog="amcl", description="Without options: run on topics.")
-    parser.add_argument(
-        "--run-from-bag", dest="bag", required=True, metavar="BAG", help="bag with /tf and one topic of scans"
-    )
-    parser.add_argument("--global-localization", action="store_true", help="start with particles all over the map")
-    options = parser.parse_args(arguments)
     pause = float(rospy.get_param("~bag_scan_period", -1.0))
     began = time.monotonic()
-    with open_bag(options.bag) as bag:
+    with open_bag(path) as bag:
         scan_topic = find_scan_topic(bag)
         node.open()
-        if options.global_localization:
+        if all_over:
             node.globalize()
         scans = _Player(node, scan_topic, pause).play(bag)
-    rospy.loginfo("%d scans of %s took %.1f s", scans, options.bag, time.monotonic() - began)
+    rospy.loginfo("%d scans of %s took %.1f s", scans, path, time.monotonic() - began)
     pose = node.pose()
     rospy.loginfo("final location %s", "unknown" if pose is None else "{:.3f}, {:.3f}, {:.3f}".format(*pose))
     rospy.signal_shutdown("the bag has ended")

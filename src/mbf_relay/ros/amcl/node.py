@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from typing import Any, Callable, List, Optional, Tuple
+from typing import Any, Callable, Optional, Tuple
 
 import numpy as np
 import rospy
@@ -33,6 +33,8 @@ from mbf_relay.ros.amcl.map_to_odom import MapToOdom
 from mbf_relay.ros.amcl.particle_cloud import ParticleCloud
 from mbf_relay.ros.amcl.saved_pose import SavedPose
 from mbf_relay.ros.amcl.scan_queue import AnyScan, CloudScan, ScanQueue
+from mbf_relay.ros.amcl.usage import USAGE as USAGE  # run_node looks for it here
+from mbf_relay.ros.amcl.usage import check_arguments
 from mbf_relay.ros.common import diagnostics, parameters
 from mbf_relay.ros.common.conversions import header, map_from_message, pose_to_message
 from mbf_relay.ros.common.lidar_geometry import scan_in_base
@@ -40,10 +42,6 @@ from mbf_relay.ros.common.map_client import request_map, warn_of_frame
 from mbf_relay.ros.common.node import spare_what_stays
 from mbf_relay.ros.common.transforms import TransformPublisher, Transforms
 from mbf_relay.scan import LaserScan
-
-USAGE = """usage: amcl [--run-from-bag BAG [--global-localization]]
-
-The particle filter under amcl's topics, services and parameters; with a bag, on its scans and /tf."""
 
 
 class AmclNode:
@@ -382,12 +380,12 @@ class AmclNode:
 
 def main() -> None:
     """Run the node on topics, or with --run-from-bag BAG [--global-localization] on a recorded bag."""
-    arguments: List[str] = rospy.myargv(sys.argv)[1:]
+    options = check_arguments(rospy.myargv(sys.argv)[1:])
     node = AmclNode()
-    if arguments:
+    if options.bag is not None:
         from mbf_relay.ros.amcl.bag import run_from_bag
 
-        run_from_bag(node, arguments)
+        run_from_bag(node, options.bag, options.global_localization)
         return
     node.open()
     spare_what_stays()

@@ -11,6 +11,7 @@ from typing import Any, Optional
 
 import numpy as np
 
+from mbf_relay.geometry import FASTEST
 from mbf_relay.maps import COARSEST, FINEST, LARGEST_SIDE, MOST_CELLS
 from mbf_relay.scan_monitor import LARGEST_GAP
 
@@ -22,8 +23,6 @@ TF2_END = 2 ** 31 - 1000
 """Seconds from which tf2 ends the process, less what its caches add to a stamp."""
 FARTHEST = 1e7
 """Metres from a frame's origin: a quarter of the way round the earth, for those who navigate in UTM."""
-FASTEST = 1000.0
-"""Metres or radians per second; nothing on wheels is faster."""
 LONGEST_RANGE = 1e4
 """Metres that a range sensor may claim to reach."""
 FIRST_RANGE = 10.0

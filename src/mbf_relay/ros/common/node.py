@@ -12,7 +12,7 @@ import resource
 import sys
 import time
 import traceback
-from typing import Any, Callable
+from typing import Any, Callable, Optional, Sequence
 
 from mbf_relay import memory
 from mbf_relay.ros.common import logs
@@ -40,7 +40,8 @@ def run_node(name: str, place: str, **arguments: Any) -> None:
     The exit status is 0 after the function returned or ROS was shut down, be it by a signal at any moment from here on,
     and 1 after an error a user can mend, which is logged as one line, and where there is a new master, so that whoever
     started the node starts it again. A programming error keeps its traceback. `--help` prints what the module says of
-    itself (its USAGE where it has one, else the executable's docstring or its own) and needs no ROS master.
+    itself (its USAGE where it has one, else the executable's docstring or its own) and needs no ROS master, nor does
+    what the module's `check_arguments`, where it has that, says of the command line; any other node takes none.
 
     Args:
         name: Of the node.
@@ -56,12 +57,36 @@ def run_node(name: str, place: str, **arguments: Any) -> None:
     module_name, _, function = place.rpartition(".")
     importlib.import_module("mbf_relay.ros.common.reconfigure")  # quietens dynamic_reconfigure
     module = importlib.import_module(module_name)
-    if {"-h", "--help"} & set(rospy.myargv(sys.argv)[1:]):
+    line = rospy.myargv(sys.argv)[1:]
+    if {"-h", "--help"} & set(line):
         about = str(sys.modules["__main__"].__doc__ or module.__doc__).strip()
         print(str(getattr(module, "USAGE", about + READ_ON)).strip())
         ending.leave(0)
+    status = _misread(name, line, getattr(module, "check_arguments", None))
+    if status:
+        ending.leave(status)
     ending.use(rospy.signal_shutdown)
     ending.leave(_live(name, lambda: getattr(module, function)(**arguments), ending))
+
+
+def _misread(name: str, line: Sequence[str], check: Optional[Callable[[Sequence[str]], Any]]) -> int:
+    """Return the exit status of a command line that a node cannot take, having said why; 0 of one that it can.
+
+    What upstream's nodes pass over in silence is passed over here as well, and said.
+    """
+    if check is None:
+        if line:
+            print(f"{name}: '{line[0]}' is ignored: it takes no arguments; parameters are given as _name:=value, names "
+                  "as old:=new", file=sys.stderr)
+        return 0
+    try:
+        check(line)
+    except SystemExit as end:
+        return int(end.code or 0)
+    except ValueError as error:
+        print(f"{name}: {one_line(error)}", file=sys.stderr)
+        return 1
+    return 0
 
 
 def run_program(place: str) -> None:

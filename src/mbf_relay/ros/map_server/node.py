@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from typing import List
+from typing import Sequence
 
 import rospy
 from nav_msgs.msg import MapMetaData, OccupancyGrid
@@ -103,17 +103,22 @@ def is_below(path: str, folder: str) -> bool:
     return all(os.path.commonpath((root, found)) == root for found in paths)
 
 
-def read_arguments(arguments: List[str]) -> OccupancyMap:
+def check_arguments(arguments: Sequence[str]) -> None:
+    """Raise ValueError where the command line names no map."""
+    if len(arguments) not in (1, 2):
+        raise ValueError(f"{len(arguments)} arguments given; {USAGE}")
+
+
+def read_arguments(arguments: Sequence[str]) -> OccupancyMap:
     """Load the map the command line names.
 
     Raises:
         ValueError: The arguments are not understood, or the map is wrong.
         OSError: A file cannot be read.
     """
+    check_arguments(arguments)
     if len(arguments) == 1:
         return load_map(arguments[0])
-    if len(arguments) != 2:
-        raise ValueError(f"{len(arguments)} arguments given; {USAGE}")
     rospy.logwarn("an image with a resolution is the old way to name a map; give a YAML file instead")
     values = dict(rospy.get_param("~", {}) or {})
     values.update(image=arguments[0], resolution=float(arguments[1]), mode="trinary")

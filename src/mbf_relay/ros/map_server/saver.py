@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import Optional
+from typing import Optional, Sequence
 
 import rospy
 from nav_msgs.msg import OccupancyGrid
@@ -37,11 +37,17 @@ def wait_for_map() -> Optional[OccupancyGrid]:
     return None
 
 
-def main() -> None:
-    """Save one map."""
-    options = make_parser().parse_args(rospy.myargv(sys.argv)[1:])
+def check_arguments(arguments: Sequence[str]) -> argparse.Namespace:
+    """Return the options of the command line; raise ValueError where they contradict each other."""
+    options = make_parser().parse_args(arguments)
     if not 0 <= options.free < options.occ <= 100:
         raise ValueError(f"--occ is {options.occ} and --free is {options.free}; they must be 0 <= free < occ <= 100")
+    return options
+
+
+def main() -> None:
+    """Save one map."""
+    options = check_arguments(rospy.myargv(sys.argv)[1:])
     rospy.loginfo("waiting for a map on %s", rospy.resolve_name("map"))
     message = wait_for_map()
     if message is None:

@@ -8,8 +8,16 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, TextIO
 
 from mbf_relay.navigation import examination as exam
 from mbf_relay.navigation.examination import Examination, Finding
+from mbf_relay.parameters import did_you_mean, nearest_of
 from mbf_relay.ros.common.logs import plain
-from mbf_relay.ros.tools.parameter_source import Launch, LaunchedNode, ParameterSource, read_launch, read_yaml
+from mbf_relay.ros.tools.parameter_source import (
+    Launch,
+    LaunchedNode,
+    ParameterSource,
+    arguments_of,
+    read_launch,
+    read_yaml,
+)
 
 TROUBLE = (exam.REFUSED, exam.DOUBTFUL)
 """What makes the exit status 1; with --strict, everything but what is used."""
@@ -81,6 +89,11 @@ def _read(options: argparse.Namespace) -> Launch:
         others = [name for name in names if name not in launch_files]
         if others:
             raise ValueError(f"'{others[0]}' is no launch file and would not be read; name launch files, or YAML files")
+        declared = sorted({argument for name in launch_files for argument in arguments_of(name)})
+        for argument in dict(_pair(text) for text in given):
+            if argument not in declared:
+                hint = did_you_mean(nearest_of(argument, declared))
+                raise ValueError(f"'{argument}' is no argument of {', '.join(launch_files)}{hint}")
         all_of_them = Launch([], [])
         for name in launch_files:
             launch = read_launch(name, dict(_pair(text) for text in given))
@@ -133,4 +146,4 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
         "--strict", action="store_true", help="exit status 1 also for what is changed, ignored or not read"
     )
     parser.add_argument("--quiet", action="store_true", help="leave out what is used as it stands")
-    return parser.parse_args(arguments)
+    return parser.parse_intermixed_args(arguments)

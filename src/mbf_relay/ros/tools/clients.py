@@ -14,6 +14,7 @@ import sys
 import time
 from typing import Any, Callable, List, NoReturn, Optional, Sequence
 
+import rosgraph
 import rospy
 from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
@@ -209,8 +210,8 @@ def circle_arguments(description: Optional[str], server: str, via: bool = False)
 def common_arguments(arguments: argparse.ArgumentParser, server: str) -> None:
     """Add what every client takes."""
     arguments.add_argument("--server", default=server, help="name of the node to ask, default %(default)s")
-    arguments.add_argument("--timeout", type=finite, default=60.0,
-                           help="seconds to wait for it to appear, default %(default)s")
+    arguments.add_argument("--timeout", type=not_negative, default=60.0,
+                           help="seconds to wait for it and for the ROS master to appear, default %(default)s")
 
 
 def parse(arguments: argparse.ArgumentParser, argv: Optional[Sequence[str]] = None) -> argparse.Namespace:
@@ -218,14 +219,45 @@ def parse(arguments: argparse.ArgumentParser, argv: Optional[Sequence[str]] = No
     options = arguments.parse_args(rospy.myargv(argv if argv is not None else sys.argv)[1:])
     if getattr(options, "laps", 1) < 1:
         arguments.error(f"--laps is {options.laps}; it must be at least 1")
+    _wait_for_master(options.timeout)
     return options
+
+
+def _wait_for_master(timeout: float) -> None:
+    """Return once there is a ROS master; end the program where none comes. rospy would wait for ever."""
+    master, end, said = rosgraph.Master("/client"), time.monotonic() + timeout, False
+    while not rospy.core.is_shutdown_requested():
+        try:
+            master.getPid()
+            return
+        except OSError as error:
+            if time.monotonic() >= end:
+                print(f"no ROS master at {master.master_uri} within {timeout:g} s ({error}); is roscore running, or a "
+                      "launch file?", file=sys.stderr)
+                sys.exit(1)
+            if not said:
+                print(f"no ROS master at {master.master_uri} ({error}); waiting for it", file=sys.stderr)
+            said = True
+            time.sleep(0.1)
+    sys.exit(130)
 
 
 def finite(text: str) -> float:
     """Return a finite number."""
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
     if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} is not finite")
+        raise argparse.ArgumentTypeError(f"'{text}' is no finite number")
+    return value
+
+
+def not_negative(text: str) -> float:
+    """Return a finite number that is 0 or above."""
+    value = finite(text)
+    if value < 0.0:
+        raise argparse.ArgumentTypeError(f"{text} is below 0")
     return value
 
 

@@ -93,6 +93,10 @@ def run(options: argparse.Namespace) -> Drive:
     logs = os.path.join(folder, "log")
     if os.path.exists(logs) and not os.path.isdir(logs):
         raise GraphError(f"{logs} is a file, and the logs go into a folder of that name; give another --report")
+    try:
+        os.makedirs(logs, exist_ok=True)
+    except OSError as error:
+        raise GraphError(f"--report: {folder} cannot be written: {error.strerror}; give another") from error
     print(
         f"starting simulator, localization, navigation and relay (seed {options.seed}, {options.speed:g} x real time)",
         flush=True,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import os
 import re
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Callable, Dict, List, Mapping, NamedTuple, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Tuple
 from xml.etree.ElementTree import Element
 
 import yaml
@@ -29,13 +30,13 @@ class ParameterSource:
         values: Nested as in the files.
         places: "FILE:LINE" by the parameter's name, its parts joined by slashes.
         trouble: What the files give cause for: name and text each.
-        missing: What should have been read and is not here, a sentence each.
+        missing: What should have been read and is not here: the name it was for and a sentence each.
     """
 
     values: Dict[str, Any] = field(default_factory=dict)
     places: Dict[str, str] = field(default_factory=dict)
     trouble: List[Tuple[str, str]] = field(default_factory=list)
-    missing: List[str] = field(default_factory=list)
+    missing: List[Tuple[str, str]] = field(default_factory=list)
 
     def put(self, name: str, value: Any, place: str) -> None:
         """Set a value, as the parameter server does: groups are merged, all else is replaced."""
@@ -48,6 +49,21 @@ class ParameterSource:
             here = there
         here[last] = value
         self.places["/".join([*groups, last])] = place
+
+    def below(self, name: str) -> ParameterSource:
+        """Return what stands in a group, with names from there on."""
+        values: Any = self.values
+        for part in name.split("/"):
+            values = values.get(part, {}) if isinstance(values, dict) else {}
+        prefix = f"{name}/"
+
+        def cut(pairs: Iterable[Tuple[str, str]]) -> List[Tuple[str, str]]:
+            return [
+                (f"{full}/"[len(prefix):].strip("/"), text) for full, text in pairs if f"{full}/".startswith(prefix)]
+
+        return ParameterSource(
+            copy.deepcopy(values) if isinstance(values, dict) else {}, dict(cut(self.places.items())),
+            cut(self.trouble), cut(self.missing))
 
     def place(self, name: str) -> str:
         """Return where a parameter was read; where it has no place of its own, that of the group it is in."""
@@ -162,23 +178,39 @@ def read_launch(path: str, given: Mapping[str, str]) -> Launch:
     from mbf_relay.ros.tools.substitution import Substitution
 
     launch = Launch([], [])
-    _LaunchReader(path, Substitution(path, given), 0, {}, launch)
+    _LaunchReader(path, Substitution(path, given), "", 0, ParameterSource(), launch)
     return launch
+
+
+def arguments_of(path: str) -> List[str]:
+    """Return the names of the arguments that a launch file declares; errors as of `read_launch`."""
+    root = files.read_xml(path)
+    passed_on = {id(argument) for include in root.iter("include") for argument in include}
+    return [element.get("name") or "" for element in root.iter("arg") if id(element) not in passed_on]
+
+
+def _joined(*names: str) -> str:
+    """Return a full name, without its first slash: names within each other, of which an absolute one stands alone."""
+    full = ""
+    for name in names:
+        full = name if name.startswith("/") else f"{full}/{name}"
+    return "/".join(part for part in full.split("/") if part)
 
 
 class _LaunchReader:
     """Reads one launch file, as roslaunch does, as far as parameters of servers go."""
 
     def __init__(
-        self, path: str, substitution: Substitution, depth: int, above: Dict[str, ParameterSource], launch: Launch,
+        self, path: str, substitution: Substitution, namespace: str, depth: int, above: ParameterSource, launch: Launch,
     ) -> None:
         """Read it.
 
         Args:
             path: The file.
             substitution: With the arguments given from outside; defaults in the file come second.
+            namespace: It is included in.
             depth: Of includes.
-            above: What was loaded for a node from outside of it, by the node's name.
+            above: What was set outside of nodes, by full names.
             launch: Takes what is found.
         """
         if depth > DEEPEST_INCLUDE:
@@ -187,7 +219,7 @@ class _LaunchReader:
         self._launch = launch
         with files.open_regular(path) as file:
             self._as_written, self._read_up_to = file.read().decode("utf-8", "replace").replace("\r\n", "\n"), 0
-        self._walk(files.read_xml(path), "")
+        self._walk(files.read_xml(path), namespace)
 
     def _walk(self, parent: Element, namespace: str) -> None:
         for element in parent:
@@ -196,19 +228,19 @@ class _LaunchReader:
             if element.tag == "arg":
                 self._take_argument(element)
             elif element.tag == "group":
-                self._walk(element, f"{namespace}/{self._text(element, 'ns')}".strip("/"))
+                self._walk(element, _joined(namespace, self._text(element, "ns")))
             elif element.tag == "include":
-                self._include(element)
+                self._include(element, namespace)
             elif element.tag in ("param", "rosparam"):
                 self._take_outside(element, namespace)
             elif element.tag == "node" and self._text(element, "type") in TYPES:
-                self._take_node(element)
+                self._take_node(element, namespace)
 
-    def _take_node(self, element: Element) -> None:
-        name = self._text(element, "name")
-        source = self._above.get(name, ParameterSource())
-        if source.missing:
-            raise ValueError(source.missing[0])
+    def _take_node(self, element: Element, namespace: str) -> None:
+        name = _joined(namespace, self._text(element, "ns"), self._text(element, "name"))
+        source = self._above.below(name)
+        for _, text in source.missing:
+            raise ValueError(text)
         for child in element:
             if isinstance(child.tag, str) and self._applies(child):
                 self._take_values(child, source, self._text(child, "ns"))
@@ -219,14 +251,11 @@ class _LaunchReader:
 
         What is not here is missed only by the node it is for, which may be none of the servers.
         """
-        full = f"{namespace}/{self._text(element, 'ns')}/{self._text(element, 'name')}"
-        parts = [part for part in full.split("/") if part]
-        if len(parts) > 1 or (element.tag == "rosparam" and parts):
-            source = self._above.setdefault(parts[0], ParameterSource())
-            try:
-                self._take_values(element, source, "/".join(parts[1:]), True)
-            except (ValueError, OSError) as error:
-                source.missing.append(str(error))
+        full = _joined(namespace, self._text(element, "ns"), self._text(element, "name"))
+        try:
+            self._take_values(element, self._above, full, True)
+        except (ValueError, OSError) as error:
+            self._above.missing.append((full, str(error)))
 
     def _take_values(
         self, element: Element, source: ParameterSource, namespace: str, named: bool = False
@@ -271,7 +300,7 @@ class _LaunchReader:
         elif default is not None and not self._substitution.knows(name):
             self._substitution.give(name, default, self._substitution)
 
-    def _include(self, element: Element) -> None:
+    def _include(self, element: Element, namespace: str) -> None:
         """Read an included file; one of a package or a robot that is not here is noted, and left out."""
         from mbf_relay.ros.tools.substitution import Substitution
 
@@ -290,7 +319,8 @@ class _LaunchReader:
             if child.tag == "arg" and self._applies(child):
                 passed.give(self._text(child, "name"), child.get("value") or child.get("default") or "",
                             self._substitution)
-        _LaunchReader(path, passed, self._depth + 1, self._above, self._launch)
+        within = _joined(namespace, self._text(element, "ns"))
+        _LaunchReader(path, passed, within, self._depth + 1, self._above, self._launch)
 
     def _applies(self, element: Element) -> bool:
         wanted, unwanted = element.get("if"), element.get("unless")

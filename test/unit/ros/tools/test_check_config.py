@@ -173,6 +173,36 @@ def test_arguments_of_a_launch_file_are_given_as_to_roslaunch(tmp_path):
     assert status == 1 and "max_vel_x: is 70" in told, told
 
 
+def test_an_argument_that_the_launch_file_does_not_have_is_refused_as_roslaunch_does(tmp_path, capsys):
+    """It was taken in silence: what was checked had the default, and the robot was launched with neither."""
+    for given in (("--quiet", "sped:=70"), ("--arg", "sped:=70")):  # also after an option
+        assert check(tmp_path, LAUNCH_OF_A_SPEED, *given, name="nav.launch")[0] == 2
+        assert "'sped' is no argument of" in (said := capsys.readouterr().err) and "did you mean 'speed'?" in said
+
+
+LAUNCH_OF_A_GROUP = """<launch><group ns="$(arg robot)"><arg name="speed" default="0.3"/>
+  <rosparam ns="move_base/local_costmap">{robot_radius: 0.2}</rosparam>
+  <param name="move_base/base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>
+  <param name="/second/move_base/DWAPlannerROS/max_vel_x" value="70"/>
+  <include file="%s" ns="nav"/>
+  <node pkg="move_base" type="move_base" name="move_base"/></group></launch>"""
+
+
+def test_what_is_set_outside_of_a_node_is_the_node_s_within_its_namespace(tmp_path):
+    """Of a robot in a group nothing was found that stood outside of the node, and it passed as one without size."""
+    (tmp_path / "inner.launch").write_text("""<launch><param name="move_base/controler_frequency" value="1"/>
+      <node pkg="move_base" type="move_base" name="move_base"/></launch>""")
+    text = LAUNCH_OF_A_GROUP.replace("<launch>", '<launch><arg name="robot" default="first"/>') % (
+        tmp_path / "inner.launch")
+    _, told = check(tmp_path, text, name="nav.launch")
+    inner, outer = told.split("first/move_base (move_base)")
+    assert inner.startswith("first/nav/move_base (move_base)")
+    assert "controler_frequency" in inner and "controler_frequency" not in outer
+    assert "DWAPlannerROS" in outer and "max_vel_x: is 70" not in told, told
+    _, told = check(tmp_path, text, "robot:=second", name="nav.launch")
+    assert "max_vel_x: is 70" in told.split("second/move_base (move_base)")[1]
+
+
 @pytest.mark.parametrize("text, name, more, said", [
     (LAUNCH_OF_A_SPEED, "nav.launch", "more.yaml", "'more.yaml' is no launch file"),
     (GOOD, "params.yaml", "speed:=70", "'speed:=70' is an argument of a launch file, and no launch file is named"),

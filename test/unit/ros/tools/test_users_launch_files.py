@@ -74,5 +74,5 @@ def test_no_value_is_refused_or_doubtful_or_lost(folder, name):
 def test_check_config_reads_what_roslaunch_loads(folder, name):
     path = str(folder / f"{name}.launch")
     servers = {node.name: node for node in read_launch(path, users_launch_files.arguments_of(name, MAP)).nodes}
-    server = users_launch_files.SERVERS.get(name, "/move_base").rpartition("/")[2]
+    server = users_launch_files.SERVERS.get(name, "/move_base").strip("/")
     assert servers[server].source.values == server_values(folder, name)

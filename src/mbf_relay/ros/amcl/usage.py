@@ -1,0 +1,21 @@
+"""The amcl node's command line."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Sequence
+
+USAGE = """usage: amcl [--run-from-bag BAG [--global-localization]]
+
+The particle filter under amcl's topics, services and parameters; with a bag, on its scans and /tf."""
+
+
+def check_arguments(arguments: Sequence[str]) -> argparse.Namespace:
+    """Return the options; end the program with its usage where they cannot be understood."""
+    parser = argparse.ArgumentParser(prog="amcl", description="Without options: run on topics.")
+    parser.add_argument("--run-from-bag", dest="bag", metavar="BAG", help="bag with /tf and one topic of scans")
+    parser.add_argument("--global-localization", action="store_true", help="start with particles all over the map")
+    options = parser.parse_args(arguments)
+    if options.global_localization and options.bag is None:
+        parser.error("--global-localization needs --run-from-bag; on topics, call the service global_localization")
+    return options
