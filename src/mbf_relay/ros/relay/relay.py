@@ -6,7 +6,7 @@ It pursues one goal at a time, as move_base does. What the goal's client sees:
       |  |                     |------- a newer goal arrives ----------> PREEMPTED, at once
       |  |                     |------- no server in `server_timeout` -> ABORTED
       |  |                     |------- the server dies ---------------> ABORTED
-      |  |                     |------- its quaternion is none ----------> ABORTED, at once
+      |  |                     |------- its quaternion is none --------> ABORTED, at once
       |  |                     `-- cancel --> PREEMPTING -- the server ends it --> PREEMPTED (or what came first)
       |  `-- not finite: ABORTED, and what runs goes on
       `-- older than the newest goal seen, or called off before it came ----------> RECALLED
