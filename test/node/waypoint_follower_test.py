@@ -104,6 +104,7 @@ class WaypointFollowerTest(unittest.TestCase):
         ending = self.follow(1.0, WALL, 3.0, stop_on_failure=True)
         self.assertEqual((ending.status, list(ending.result.missed_waypoints)), (GoalStatus.ABORTED, [1]))
         self.assertEqual(self.move_base.goals[3:], [1.0, WALL])
+        self.assertEqual(ending.text, "waypoint 1 was not reached: a wall")
 
     def test_nonsense_is_rejected_with_its_value(self):
         self.assertEqual(self.follow().status, GoalStatus.REJECTED)

@@ -1,15 +1,15 @@
 """The last look at a velocity before it reaches the wheels: may the robot still brake before what the lidar shows?
 
 It knows neither costmaps, goals nor a map, and keeps no memory beyond the newest scans, what it has let pass since, and
-how late the wheels did that. A velocity passes while its sender goes on sending, the scan is fresh, and the footprint,
-carried along the arc on which the robot would react and brake, keeps a margin from every point of the scan and stays
-where a lidar looks. So it must along the spiral on which a differential drive comes to a stand whose wheels are told to
-stop at once, where these are known. Else it is slowed down along the same arc, or zero. What is nearer than the margin
-already may not come nearer still, so a robot may always drive away from it. Of several lidars on the topic, told apart
-by their frames, each must be fresh, and the newest scan of each counts. Where odometry shows that the wheels hear late,
-the arc begins where the robot will be by then: what has passed cannot be taken back. Nor may it meet anything from
-where it is, for that is only believed, and late odometry or wheels that hear in time again leave it believed for a
-while.
+how late the wheels did that. A velocity passes while time goes on, its sender goes on sending, the scan is fresh, and
+the footprint, carried along the arc on which the robot would react and brake, keeps a margin from every point of the
+scan and stays where a lidar looks. So it must along the spiral on which a differential drive comes to a stand whose
+wheels are told to stop at once, where these are known. Else it is slowed down along the same arc, or zero. What is
+nearer than the margin already may not come nearer still, so a robot may always drive away from it. Of several lidars on
+the topic, told apart by their frames, each must be fresh, and the newest scan of each counts. Where odometry shows that
+the wheels hear late, the arc begins where the robot will be by then: what has passed cannot be taken back. Nor may it
+meet anything from where it is, for that is only believed, and late odometry or wheels that hear in time again leave it
+believed for a while.
 (The idea is that of Nav2's collision monitor, here with the footprint on the braking arc in place of zones.)
 """
 
@@ -51,6 +51,7 @@ TOUCH = 1e-9
 
 PASSING, STANDING = "passing", "standing"
 SILENT, NO_SCAN, OBSTACLE, UNSEEN, NOT_FINITE = "silent sender", "no fresh scan", "obstacle", "unseen", "not finite"
+NO_TIME = "no time"
 """Causes of a verdict."""
 
 
@@ -87,6 +88,7 @@ class VelocityGuard:
 
     Attributes:
         delay: How late the wheels do what they are told.
+        time_stands: Whether the clock does not go on, so that nothing on it ever gets old.
     """
 
     def __init__(self, parameters: VelocityGuardParameters) -> None:
@@ -95,7 +97,7 @@ class VelocityGuard:
         self._inscribed_radius, self._radius = radii(self._outline)
         self._longest = MOST_STEPS * max(STEP, 0.5 * float(np.ptp(self._outline, axis=0).min()))  # way to a stop (m)
         self._asked, self._asked_at = STOP, -math.inf
-        self.delay = CommandDelay()
+        self.delay, self.time_stands = CommandDelay(), False
         self._seen: Dict[str, Sight] = {}  # by the lidar's frame
         self._lidars = Senders()
         self._passed: Deque[Tuple[float, Twist2D]] = deque([(-math.inf, STOP)])
@@ -164,6 +166,8 @@ class VelocityGuard:
             return Verdict(STOP, NOT_FINITE, f"stopped: velocity {tuple(asked)} is not finite")
         if asked == STOP:
             return Verdict(STOP, STANDING, "standing: no velocity is asked for")
+        if self.time_stands:
+            return Verdict(STOP, NO_TIME, f"stopped: simulated time stands at {now:.2f} s, by which nothing gets old")
         if not 0.0 <= now - self._asked_at <= parameters.input_timeout:
             return Verdict(
                 STOP, SILENT, f"stopped: no velocity has come for {parameters.input_timeout:g} s, or its sender is gone"

@@ -252,11 +252,12 @@ def first_contacts(
 ):
     """Find how far along each trajectory the footprint stays free, and what cost its centre passes.
 
-    Of the outline only the arcs are looked at point by point that something is near to. As far as the nearest thing is
-    from all of them, so far the footprint goes on without a look (conservative advancement, Mirtich 1996). Where
-    something may stay touched, nothing is entered deeper than that, nor in all by more than one cell as deep. How deep is asked up to
-    MOST_LOOKED_AT, of which each trajectory has its share and what those before it left: a large footprint on unknown
-    ground lies on as many cells at each pose. What is not looked at counts as in contact.
+    Of the outline only the arcs are looked at point by point that something is near to. As far as the nearest thing
+    is from all of them, so far the footprint goes on without a look (conservative advancement, Mirtich 1996). Where
+    something may stay touched, nothing is entered deeper than that, nor in all by more than one cell as deep. How
+    deep is asked up to MOST_LOOKED_AT, of which each trajectory has its share and what those before it left: a
+    large footprint on unknown ground lies on as many cells at each pose. What is not looked at counts as in
+    contact.
 
     Args:
         distances: As for `is_far`.
@@ -284,7 +285,7 @@ def first_contacts(
         free[n] = counts[n]
         highest[n] = 0.0
         summed[n] = 0.0
-        moved, room = 0.0, -1.0  # of the footprint's outermost point, in cells: since the last look, and before the next
+        moved, room = 0.0, -1.0  # cells: of the footprint's outermost point since the last look; before the next
         for i in range(counts[n]):
             across, up = (poses[n, i, 0] - origin_x) / resolution, (poses[n, i, 1] - origin_y) / resolution
             found = 0

@@ -66,8 +66,8 @@ def _of_two_outlines(config: Mapping[str, Any]) -> List[Doubt]:
     if abs(planned - driven) <= SAME_SIZE * max(inscribed):
         return []
     return [("local_costmap/footprint", (
-        f"reaches {driven:.2f} m from the robot's middle to its nearest edge, and the global costmap's {planned:.2f} m: "
-        "paths are planned for another robot than drives them; give both the same footprint or robot_radius"))]
+        f"reaches {driven:.2f} m from the robot's middle to its nearest edge, the global costmap's {planned:.2f} m: paths "
+        "are planned for another robot than drives them; give both the same footprint or robot_radius"))]
 
 
 def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any], is_driven_by: bool) -> Iterator[Doubt]:
@@ -93,13 +93,18 @@ def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any], is_driven_b
         return  # told elsewhere
     yield from _of_inflation(group, layers, inscribed)
     for name, kind, values in layers if is_driven_by else ():
-        if kind in SEE and values.get("enabled") is not False and not str(values.get("observation_sources", "")).strip():
+        sources = str(values.get("observation_sources", "")).split()
+        if kind in SEE and values.get("enabled") is not False and not sources:
             at = f"{name}/observation_sources" if "plugins" in group else "observation_sources"
-            above = "; the costmap's own are not read for layers it lists" if "observation_sources" in group else ""
-            yield at, f"is not given, so that nothing is seen there: the robot drives into what is not on the map{above}"
+            text = "is not given, so that nothing is seen there: the robot drives into what is not on the map"
+            if "observation_sources" in group:
+                text += "; the costmap's own are not read for layers it lists"
+            yield at, text
 
 
-def _of_inflation(group: Mapping[str, Any], layers: Iterable[Tuple[str, str, Any]], inscribed: float) -> Iterator[Doubt]:
+def _of_inflation(
+    group: Mapping[str, Any], layers: Iterable[Tuple[str, str, Any]], inscribed: float
+) -> Iterator[Doubt]:
     """Doubt that obstacles are to be inflated by less than the robot's inscribed radius (m), as Nav2 does."""
     for name, kind, values in layers:
         inflation = _number(values.get("inflation_radius"), otherwise=math.inf)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import List, Optional
 
 from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.timing import Stopwatch
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class WaypointFollower:
         self.current, self.loop = first, 0
         self.missed: List[int] = []
         self._ahead: Optional[int] = first
-        self._go_on_at = float("-inf")
+        self._standing, self._wait = Stopwatch(), 0.0
 
     @property
     def is_over(self) -> bool:
@@ -68,7 +69,7 @@ class WaypointFollower:
 
     def next_waypoint(self, now: float) -> Optional[int]:
         """Return the index of the waypoint to drive to at `now` (s), None while the robot is to stand."""
-        if self._ahead is None or now < self._go_on_at:
+        if self._ahead is None or self._standing.elapsed(now) < self._wait:
             return None
         self.current = self._ahead
         return self._ahead
@@ -83,4 +84,5 @@ class WaypointFollower:
             return
         self._ahead = 0 if last else self.current + 1
         self.loop += int(last)
-        self._go_on_at = now + (self._pause if reached else 0.0)
+        self._wait = self._pause if reached else 0.0
+        self._standing.start(now)

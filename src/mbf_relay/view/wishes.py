@@ -39,7 +39,7 @@ class Wish(NamedTuple):
 def number(low: float, high: float) -> Callable[[Any], float]:
     """Return a check for a finite number from `low` to `high`."""
     def check(value: Any) -> float:
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < math.inf:
             raise Refused("must be a finite number")
         if not low <= value <= high:
             raise Refused(f"must lie between {low:g} and {high:g}")

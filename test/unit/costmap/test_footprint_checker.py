@@ -108,7 +108,8 @@ def test_a_cell_is_nearly_full_only_without_overlap():
 
 def arcs_from(rng, number, steps):
     """Ways of up to half a cell or a few degrees a step, as controllers look at them; shape (number, steps, 3)."""
-    moves = rng.uniform((-0.025, -0.01, -0.1), (0.025, 0.01, 0.1), (number, 1, 3)) * np.arange(1, steps + 1)[None, :, None]
+    moves = rng.uniform((-0.025, -0.01, -0.1), (0.025, 0.01, 0.1), (number, 1, 3))
+    moves = moves * np.arange(1, steps + 1)[None, :, None]
     return rng.uniform((-1.2, -1.2, -3.0), (1.2, 1.2, 3.0), (number, 1, 3)) + moves
 
 

@@ -38,6 +38,14 @@ def test_the_robot_stands_at_each_that_it_reached_but_not_after_the_last():
     assert way == [(0, 0.0), (1, 6.0), (2, 7.0)]
 
 
+def test_a_robot_whose_clock_is_set_back_while_it_stands_goes_on_after_the_wait():
+    """It stood until the clock was there again, an hour later, and its client heard nothing."""
+    follower = WaypointFollower(2, pause=5.0)
+    follower.ended(3600.0, reached=follower.next_waypoint(3600.0) == 0)
+    assert follower.next_waypoint(1.0) is None and follower.next_waypoint(5.0) is None
+    assert follower.next_waypoint(6.0) == 1
+
+
 def test_one_that_is_not_reached_is_left_out():
     follower = WaypointFollower(3, loops=1)
     assert len(driven(follower, lambda index: index != 1)) == 6

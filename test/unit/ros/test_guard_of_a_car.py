@@ -13,6 +13,7 @@ from geometry_msgs.msg import Twist, Vector3  # noqa: E402
 from mbf_relay.control.steering import Steering  # noqa: E402
 from mbf_relay.control.velocity_guard import PASSING, Verdict  # noqa: E402
 from mbf_relay.geometry import STOP, Twist2D  # noqa: E402
+from mbf_relay.ros.common.clock_watch import ClockWatch  # noqa: E402
 from mbf_relay.ros.velocity_guard.node import VelocityGuardNode  # noqa: E402
 
 CAR = Steering(0.4)
@@ -26,7 +27,7 @@ def test_what_is_judged_is_a_rate_and_what_passes_half_as_fast_is_the_same_angle
     half = Twist2D(*(0.5 * part for part in velocity))
     node = VelocityGuardNode.__new__(VelocityGuardNode)
     node.__dict__.update(
-        _steering=steering, _scans=deque(), _motion=lambda now: None,
+        _steering=steering, _scans=deque(), _motion=lambda now: None, _clock=ClockWatch(),
         _command=Twist(Vector3(*TOLD[:2], 0.0), Vector3(0.0, 0.0, TOLD.theta)),
         _guard=SimpleNamespace(
             take_command=lambda now, asked, moving: judged.append(asked),

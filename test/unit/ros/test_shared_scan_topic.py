@@ -13,7 +13,7 @@ from sensor_msgs.msg import LaserScan
 from mbf_relay.control.velocity_guard import OBSTACLE
 from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
 from mbf_relay.costmap.factory import build_costmap
-from mbf_relay.geometry import IDENTITY
+from mbf_relay.geometry import IDENTITY, STOP
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common.odometry import RawOdometry
 from mbf_relay.ros.costmap import inputs
@@ -122,7 +122,9 @@ def guard(monkeypatch):
     monkeypatch.setattr(node, "Transforms", Mountings)
     monkeypatch.setattr(node.diagnostics, "Diagnostics", lambda: SimpleNamespace(add=lambda name, report: None))
     footprint = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]]
-    return node.VelocityGuardNode(VelocityGuardParameters(footprint=footprint))
+    made = node.VelocityGuardNode(VelocityGuardParameters(footprint=footprint))
+    made._clock = SimpleNamespace(note=lambda now: None, stands=False)  # the tests' time goes by steps
+    return made
 
 
 def asked(guard, speed, *scans):
@@ -158,6 +160,16 @@ def test_a_wall_is_guarded_against_where_the_lidar_looks_since_it_was_turned(gua
     assert asked(guard, 0.2, scan_of("front", ranges)) == 0.2 and not guard._transforms.is_heard
     guard._transforms.told["front"] = math.pi / 2.0
     assert asked(guard, 0.2, scan_of("front", ranges, 1.01)) < 0.05 and guard._verdict.cause == OBSTACLE
+
+
+def test_a_robot_stands_while_its_clock_does_though_nothing_comes_that_could_be_judged(guard):
+    """In a time that stood no silence of the driver's and no scan's age ever grew: the wheels rolled on by the last."""
+    assert asked(guard, 0.2, scan_of("front", 3.0)) == 0.2
+    guard._clock.stands = True
+    guard._step(1.0)
+    assert guard._verdict.velocity == STOP and "time stands at 1.00 s" in guard._verdict.text
+    guard._clock.stands = False
+    assert asked(guard, 0.2) == 0.2
 
 
 def test_the_guard_drives_on_when_a_lidar_that_stands_in_the_world_falls_silent(guard):

@@ -14,7 +14,7 @@ def test_looking_and_driving_are_two_rights():
     tokens = Tokens("see", "drive")
     assert tokens.rights("drive") == Rights(True, True)
     assert tokens.rights("see") == Rights(True, False)
-    for wrong in ("", "se", "sees", "Drive", "drive ", "ü"):
+    for wrong in ("", "se", "sees", "Drive", "drive ", "ü", "\ud800"):
         assert tokens.rights(wrong) == Rights(False, False)
 
 

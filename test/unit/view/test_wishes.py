@@ -15,6 +15,7 @@ BAD = {
     "a position that is not a number": '{"do": "goal", "x": NaN, "y": 0, "theta": 0}',
     "a position without end": '{"do": "goal", "x": Infinity, "y": 0, "theta": 0}',
     "a position far beyond any map": json.dumps({**GOAL, "x": 1e9}),
+    "a position of four hundred digits": json.dumps({**GOAL, "x": 10 ** 400}),
     "a text for a number": json.dumps({**GOAL, "x": "1"}),
     "a yes for a number": json.dumps({**GOAL, "x": True}),
     "a field too few": json.dumps({"do": "goal", "x": 1.0, "y": 0.0}),

@@ -118,6 +118,20 @@ def interrupt_at_death_of(parent: int) -> Callable[[], None]:
     return ask
 
 
+def become_another_program(parent: int) -> Callable[[], None]:
+    """Return what a node's child does before it becomes another program: hear signals, and end with its parent.
+
+    What is blocked in a node's threads is blocked in what they start, which could then be asked to end in vain.
+    """
+    ask = interrupt_at_death_of(parent)
+
+    def prepare() -> None:
+        signal.pthread_sigmask(signal.SIG_SETMASK, ())
+        ask()
+
+    return prepare
+
+
 def adopt_orphans() -> None:
     """Become the parent of descendants whose own parent ends, so that they stay in sight (Linux: prctl(2))."""
     import ctypes

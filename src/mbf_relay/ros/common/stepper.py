@@ -11,16 +11,16 @@ from typing import Callable, Optional
 import rospy
 from rosgraph_msgs.msg import Clock
 
+from mbf_relay.ros.common.clock_watch import ClockWatch
+
 STILL_CLOCK = 1.0
 """Wall seconds between two steps while time stands still or is set back, so that nothing depends on its going on."""
 STEP_PATIENCE = 1.0
 """Wall seconds a step may take before whoever watches it must take it for hung."""
-CLOCK_STANDS = 0.5
-"""Wall seconds without simulated time after which the wheels must not go on by what was sent before."""
-TICKS_LATE = 3.0
-"""Times as long as the last tick took to come, as far as that is more: simulations far below real time tick slowly."""
 CLOCK_PATIENCE = 2.0
 """Wall seconds a simulator may take to come back before the clock it published counts as lost."""
+FIRST_CLOCK = 20.0
+"""Wall seconds it may take to come up: as long as goals wait for a server."""
 
 
 class Stepper:
@@ -41,8 +41,7 @@ class Stepper:
         self._simulated = rospy.rostime.is_wallclock() is False
         self._thread = threading.Thread(target=self._loop, name="stepper", daemon=True)
         self._clock: Optional[rospy.Subscriber] = None
-        self._ticked_at: Optional[float] = None
-        self._time_shown, self._ran_at, self._tick_period = -math.inf, math.inf, 0.0
+        self._watch, self._has_ticked, self._ticked_at = ClockWatch(), False, time.monotonic()
 
     def start(self) -> None:
         """Begin stepping."""
@@ -62,23 +61,22 @@ class Stepper:
 
     @property
     def clock_stands(self) -> bool:
-        """Whether the simulated clock ran and now shows one time for much longer than it took from tick to tick.
-
-        It may be paused, or whoever publishes it may hang; a wheel on the wall clock knows nothing of either.
-        """
-        return time.monotonic() - self._ran_at > max(CLOCK_STANDS, TICKS_LATE * self._tick_period)
+        """Whether time is simulated and does not go on."""
+        return self._simulated and self._watch.stands
 
     @property
     def clock_loss(self) -> str:
         """How the simulated clock was lost, or empty.
 
-        A clock that stands is none: a simulation may be paused. One that ran and that nobody publishes any more is.
+        A clock that stands is none: a simulation may be paused. One that nobody publishes, or no longer, is.
         """
-        if self._ticked_at is None or self._clock is None or self._clock.get_num_connections() > 0:
+        if self._clock is None or self._clock.get_num_connections() > 0:
             return ""
         silence = time.monotonic() - self._ticked_at
-        if silence < CLOCK_PATIENCE:
+        if silence < (CLOCK_PATIENCE if self._has_ticked else FIRST_CLOCK):
             return ""
+        if not self._has_ticked:
+            return f"nobody has published /clock for {silence:.0f} s, by which all time goes where use_sim_time is set"
         return f"/clock has stood at {rospy.get_time():.2f} s for {silence:.1f} s and nobody publishes it any more"
 
     def stop(self) -> None:
@@ -89,11 +87,9 @@ class Stepper:
             self._thread.join(2.0)
 
     def _on_clock(self, message: Clock) -> None:
-        self._ticked_at = time.monotonic()
+        self._has_ticked, self._ticked_at = True, time.monotonic()
         now = message.clock.to_sec()
-        if now != self._time_shown:
-            self._tick_period = max(0.0, self._ticked_at - self._ran_at)
-            self._time_shown, self._ran_at = now, self._ticked_at
+        self._watch.note(now)
         if now >= self._due or (now < self._last and math.isfinite(self._due)):
             self._wake.set()
 

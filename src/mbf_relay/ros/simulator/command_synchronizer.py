@@ -7,7 +7,7 @@ import time
 from typing import Callable, Optional
 
 from mbf_relay.geometry import STOP, Twist2D
-from mbf_relay.ros.common.stepper import CLOCK_STANDS
+from mbf_relay.ros.common.clock_watch import CLOCK_STANDS
 
 IN_VAIN = 2
 """Waits in vain after which commands are taken to be rarer than scans; a machine may well hang for one."""

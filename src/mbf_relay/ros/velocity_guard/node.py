@@ -19,6 +19,7 @@ from mbf_relay.geometry import STOP, Twist2D
 from mbf_relay.outcomes import StaleDataError, TransformError
 from mbf_relay.ros.common import diagnostics, parameters
 from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.clock_watch import ClockWatch
 from mbf_relay.ros.common.conversions import dated, twist_to_message
 from mbf_relay.ros.common.lidar_geometry import scan_in_base
 from mbf_relay.ros.common.node import on_shutdown, spare_what_stays
@@ -54,6 +55,7 @@ class VelocityGuardNode:
         self._trouble = ""  # why scans are of no use
         self._unplaced: Dict[str, float] = {}  # frames of lidars that tf cannot place, and when they were heard last
         self._moving: Dict[str, float] = {}  # likewise of those that /tf places
+        self._clock = ClockWatch()
         self._woken = threading.Event()
         self._command: Optional[Twist] = None
         self._scans: Deque[LaserScan] = deque(maxlen=MOST_SCANS)
@@ -95,6 +97,8 @@ class VelocityGuardNode:
 
     def _step(self, now: float) -> None:
         """Judge what came; publish each velocity that was asked for, and what becomes of the last one."""
+        self._clock.note(now)
+        self._guard.time_stands = self._clock.stands
         scans: Dict[str, LaserScan] = {}
         while self._scans:
             scan = self._scans.popleft()
@@ -109,7 +113,7 @@ class VelocityGuardNode:
             self._guard.take_command(now, self._steering.turning(asked) if self._steering else asked, self._motion(now))
         elif self._commands.get_num_connections() == 0:
             self._guard.forget_command()
-        elif not scans and 0.0 <= now - self._judged_at < JUDGE_PERIOD:
+        elif not (scans or self._guard.time_stands) and 0.0 <= now - self._judged_at < JUDGE_PERIOD:
             return
         self._judged_at = now
         before, self._verdict = self._verdict, self._guard.verdict(now)

@@ -46,7 +46,7 @@ class WaypointFollowerNode:
         self._follower = WaypointFollower(1)
         self._sent: Optional[SentGoal] = None
         self._left: List[SentGoal] = []  # at move_base, for goals whose place was taken here
-        self._cancelled = False
+        self._cancelled, self._why = False, ""  # why the last waypoint was not reached
         self._server = ActionServer(
             "follow_waypoints", FollowWaypointsAction, self._take, self._take_cancel, overtaken_cb=self._take_overtaken)
         self._lock = self._server.lock
@@ -85,6 +85,7 @@ class WaypointFollowerNode:
             self._end("aborted", f"on the way to waypoint {follower.current}: {reason}")
             return
         follower.ended(now, reached)
+        self._why = ending.text
         if not reached and not self._cancelled:
             rospy.logwarn("waypoint %d was not reached: %s", follower.current, ending.text)
 
@@ -95,7 +96,7 @@ class WaypointFollowerNode:
         if self._cancelled:
             self._end("canceled", f"called off on the way to waypoint {follower.current}")
         elif follower.is_over and follower.has_failed:
-            self._end("aborted", f"waypoint {follower.current} was not reached")
+            self._end("aborted", f"waypoint {follower.current} was not reached: {self._why}")
         elif follower.is_over:
             self._end("succeeded", f"{len(follower.missed)} of the waypoints were missed" if follower.missed else "")
         else:

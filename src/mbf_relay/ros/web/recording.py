@@ -9,6 +9,8 @@ import subprocess
 import time
 from typing import List, Optional
 
+from mbf_relay.ros.common.ending import become_another_program
+
 TOPICS = (
     "/tf",
     "/tf_static",
@@ -65,7 +67,8 @@ class Recording:
                 raise OSError(self._lack())
             self.path = os.path.join(self._folder, time.strftime("web_%Y-%m-%d-%H-%M-%S.bag"))
             self._process = subprocess.Popen(
-                self._command(namespace), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+                self._command(namespace), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL, preexec_fn=become_another_program(os.getpid()),
             )
             self._ended = False
         return self.path

@@ -1,6 +1,7 @@
 """A robot under a simulated clock: is time going on?"""
 
 import itertools
+from types import SimpleNamespace
 
 import pytest
 from ros_testing import wait_until
@@ -37,7 +38,28 @@ def watched(monkeypatch):
     return Watched(monkeypatch)
 
 
-def test_a_clock_that_never_ran_does_not_stand(watched):
+def test_a_robot_whose_clock_nobody_ever_published_stands_and_its_client_is_told(watched, monkeypatch):
+    """Real wheels rolled on by the first velocity: in a time that stands at 0 no other one follows, nor any end."""
+    assert watched.stands_after(0.0)
+    told = SimpleNamespace(get_num_connections=lambda: 0)
+    monkeypatch.setattr(stepper.rospy, "Subscriber", lambda *_, **__: told)
+    monkeypatch.setattr(stepper.threading, "Thread", lambda **_: SimpleNamespace(start=lambda: None))
+    monkeypatch.setattr(stepper.rospy, "get_time", lambda: 1.0)
+    watched.stepper = Stepper(lambda now: now)
+    watched.stepper.start()
+    watched.wall += 19.0
+    assert watched.stepper.clock_loss == "", "a simulator may be coming up"
+    watched.wall += 2.0
+    assert watched.stepper.clock_loss.startswith("nobody has published /clock for 21 s")
+    watched.tick(1.0, after=0.1)
+    assert watched.stepper.clock_loss == "" and not watched.stands_after(0.1)
+    assert watched.stands_after(3.0)
+    assert watched.stepper.clock_loss.endswith("and nobody publishes it any more")
+
+
+def test_a_robot_on_the_machine_s_own_time_is_not_stopped(watched, monkeypatch):
+    monkeypatch.setattr(stepper.rospy.rostime, "is_wallclock", lambda: True)
+    watched.stepper = Stepper(lambda now: now)
     assert not watched.stands_after(1e4)
 
 

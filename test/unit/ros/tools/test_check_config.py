@@ -12,7 +12,7 @@ from mbf_relay.ros.tools.check_config import main  # noqa: E402
 
 GOOD = """
 base_local_planner: dwa_local_planner/DWAPlannerROS
-local_costmap: {robot_radius: 0.2, global_frame: odom, rolling_window: true, observation_sources: scan, scan: {topic: scan}}
+local_costmap: {robot_radius: 0.2, global_frame: odom, rolling_window: true, observation_sources: scan, scan: {}}
 global_costmap: {robot_radius: 0.2}
 DWAPlannerROS:
   max_vel_x: 0.3
@@ -68,7 +68,7 @@ def test_a_robot_that_would_see_nothing_is_doubted(tmp_path):
     layers = ("plugins: [{name: seen, type: 'costmap_2d::ObstacleLayer'}], seen: {scan: {topic: scan}}, "
               "observation_sources: scan, ")
     told = check(tmp_path, GOOD.replace("observation_sources: scan, ", layers))[1]
-    assert "local_costmap/seen/observation_sources: is not given" in told  # costmap_2d looks for it in the layer's group
+    assert "local_costmap/seen/observation_sources: is not given" in told  # costmap_2d reads the layer's group
     assert "is not given" not in check(tmp_path, GOOD.replace("observation_sources: scan, ", layers.replace(
         "seen: {", "seen: {observation_sources: scan, ")))[1]
 

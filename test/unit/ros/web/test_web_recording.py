@@ -1,9 +1,13 @@
 """Recordings that somebody started from a browser, and that fail while nobody sees rosbag's own words."""
 
 import shutil
+import signal
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import pytest
+from ros_testing import wait_until
 
 from mbf_relay.ros.web.recording import LEAST_SPACE, Recording
 
@@ -54,3 +58,43 @@ def test_a_recording_that_somebody_ended_is_no_failure(recording):
     recording.stop()
     assert recording._process.wait() != 0  # sleep's, on an interrupt
     assert not recording.is_on and recording.look() == ""
+
+
+def test_a_person_who_ends_a_recording_has_a_whole_bag_though_the_node_blocks_signals_in_its_threads(recording):
+    """rosbag inherited that: it recorded on, beyond the node's own end, and the bag never got its name."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        recording.start("/")
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    recording.stop()
+    assert recording._process.wait(10.0) == -signal.SIGINT
+
+
+def test_a_recording_ends_with_a_node_that_is_killed(tmp_path):
+    node = subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path)], stdout=subprocess.PIPE)
+    bag = int(node.stdout.readline())
+    node.kill()
+    node.communicate()
+    wait_until(lambda: not is_running(bag), "the recording's end", 10.0)
+
+
+KILLED = """
+import sys, time
+from mbf_relay.ros.web import recording
+recording.LEAST_SPACE = 0
+made = recording.Recording(sys.argv[1], 1.0)
+made._command = lambda _namespace: ["sleep", "60"]
+made.start("/")
+print(made._process.pid, flush=True)
+time.sleep(60.0)
+"""
+
+
+def is_running(pid):
+    """Return whether there is such a process; one that nobody has waited for yet has ended."""
+    try:
+        with open(f"/proc/{pid}/stat", encoding="ascii") as stat:
+            return stat.read().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
