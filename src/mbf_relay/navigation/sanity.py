@@ -66,8 +66,8 @@ def _of_two_outlines(config: Mapping[str, Any]) -> List[Doubt]:
     if abs(planned - driven) <= SAME_SIZE * max(inscribed):
         return []
     return [("local_costmap/footprint", (
-        f"reaches {driven:.2f} m from the robot's middle to its nearest edge, the global costmap's {planned:.2f} m: paths "
-        "are planned for another robot than drives them; give both the same footprint or robot_radius"))]
+        f"reaches {driven:.2f} m from the robot's middle to its nearest edge, the global costmap's {planned:.2f} m: "
+        "paths are planned for another robot than drives them; give both the same footprint or robot_radius"))]
 
 
 def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any], is_driven_by: bool) -> Iterator[Doubt]:
