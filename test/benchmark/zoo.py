@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, Iterator
+from typing import Any, Dict, Iterator, Sequence, Tuple
 
 from contract import zoo
 
 from benchmark.metric import Metric, NotMeasurable
 from mbf_relay.lockstep.result import EpisodeResult
+from mbf_relay.lockstep.tasks import EpisodeTask
 from mbf_relay.navigation.examination import CLAMPED, DOUBTFUL, IGNORED, REFUSED, STOOD_IN, USED
 
 QUICK = ("dingo_o", "husky", "limo_diff")
 """Of those that take the least computing."""
+FIELDS = range(792000, 792006)
+"""Seeds of the fields of obstacles."""
 WARNINGS = (STOOD_IN, CLAMPED, IGNORED, DOUBTFUL)
 
 
@@ -22,13 +25,26 @@ def metrics(quick: bool) -> Iterator[Metric]:
     except ImportError as error:
         raise NotMeasurable(str(error)) from error
     for name in QUICK if quick else zoo.NAMES:
-        yield driven(name, Episode(zoo.there_and_back(name), zoo.setup_for(name), seed=1).run())
+        alone = Episode(zoo.there_and_back(name), zoo.setup_for(name), seed=1).run()
+        fields = [zoo.through_field(name, seed) for seed in FIELDS]
+        yield driven(name, alone, [(task, Episode(task, zoo.setup_for(name), seed=1).run()) for task in fields])
 
 
-def driven(name: str, result: EpisodeResult) -> Metric:
-    """Return what is told of a robot's drive."""
-    return Metric(name, result.time, "s", parameters={
-        **described(name), "drives": result.outcome if not result.success else "yes", "contacts": result.contacts})
+def driven(name: str, alone: EpisodeResult, fields: Sequence[Tuple[EpisodeTask, EpisodeResult]]) -> Metric:
+    """Return what is told of a robot's drives."""
+    ended = [_end_of(task, result) for task, result in fields]
+    reached = f"{ended.count('')} of {len(fields)}"
+    return Metric(name, alone.time, "s", parameters={
+        **described(name), "drives": alone.outcome if not alone.success else "yes", "contacts": alone.contacts,
+        "fields": ", ".join([reached, *sorted(set(ended) - {""})]),
+        "contacts there": sum(result.contacts for _task, result in fields)})
+
+
+def _end_of(task: EpisodeTask, result: EpisodeResult) -> str:
+    """Return how a drive failed, empty where it did not: a path that ends short of the goal counts as one to it."""
+    if not result.success:
+        return result.outcome
+    return "" if result.final_error <= (task.goal_radius or 0.0) else "short of the goal"
 
 
 def described(name: str) -> Dict[str, Any]:

@@ -4,6 +4,7 @@ What a file does not say of a robot is made up as any builder would: wheels near
 """
 
 import copy
+import dataclasses
 import functools
 import math
 from pathlib import Path
@@ -14,13 +15,15 @@ from mbf_relay import files
 from mbf_relay.costmap.outline import footprint_from_radius, parse_footprint
 from mbf_relay.geometry import Pose2D, convex_hull
 from mbf_relay.lockstep.setup import KNOWN, TRUTH, Setup
-from mbf_relay.lockstep.tasks import EpisodeTask
+from mbf_relay.lockstep.tasks import EpisodeTask, task_of
 from mbf_relay.navigation.examination import examine_move_base
 from mbf_relay.simulation.frames import Frame
+from mbf_relay.simulation.generators import generate
 from mbf_relay.simulation.robot import CAR
 from mbf_relay.simulation.robot_file import robot_of
 from mbf_relay.simulation.shapes import Body, Box
 from mbf_relay.simulation.world import World
+from mbf_relay.simulation.worlds_file import world_of
 
 SETS = files.parse_yaml((Path(__file__).parent / "zoo.yaml").read_text(encoding="utf-8"))
 NAMES = sorted(SETS)
@@ -103,6 +106,14 @@ def take_scans(group):
         group["data_type"] = "LaserScan"
         group["min_obstacle_height"] = min(group.get("min_obstacle_height", 0.0), LIDAR_HEIGHT)
         group["max_obstacle_height"] = max(group.get("max_obstacle_height", 2.0), LIDAR_HEIGHT)
+
+
+def through_field(name, seed):
+    """Return the task: through a generated field of obstacles, as large as the robot is beside the burger."""
+    burger = footprint_of(examined("turtlebot3_burger").config).ptp(axis=0).max()
+    scale = max(1.0, float(footprint_of(examined(name).config).ptp(axis=0).mean() / burger))
+    task = task_of(world_of(Path("generated"), 0, generate("barn", seed))).scaled(scale)
+    return dataclasses.replace(task, time_limit=300.0)
 
 
 def there_and_back(name):

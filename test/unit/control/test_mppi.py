@@ -191,3 +191,15 @@ def test_new_parameters_resize_the_batch():
     controller.reconfigure(controller.parameters.replace(batch_size=200, time_steps=30))
     assert isinstance(controller, MppiController) and isinstance(controller.compute_velocity(state(now=0.1)), Twist2D)
     assert controller.controls.shape == (30, 3) and controller.costs.shape == (200,)
+
+
+@pytest.mark.parametrize("model", ["Ackermann", "DiffDrive"])
+def test_a_car_that_stands_with_its_wheels_turned_does_not_count_as_driving(model):
+    """It told whoever sent it that it drove, at a tenth of a millimetre a second, until its time was up."""
+    controller = make(motion_model=model)
+    controller.set_path(path_through((0.0, 0.0), (3.0, 0.0)), True)
+    cycle = controller.look_around(state())
+    controller.controls[:] = (1e-4, 0.0, 0.5)
+    assert controller._puts_off(cycle) == (model == "Ackermann")
+    controller.controls[:] = (0.1, 0.0, 0.5)
+    assert not controller._puts_off(cycle)

@@ -264,17 +264,20 @@ class MppiController(PathFollower):
         return None
 
     def _first(self, controls: np.ndarray, period: float) -> np.ndarray:
-        """Return the mean, shape (3,), of the controls of the next period (s)."""
+        """Return the mean, shape (3,), of the controls of the next period (s); a car that stands does not turn."""
         count = min(len(controls), max(1, round(period / self.parameters.model_dt)))
         mean: np.ndarray = controls[:count].mean(axis=0)
-        return mean
+        return np.array(self._steered(Twist2D(*mean.tolist())))
 
     def _drivable(self, cycle: ControlCycle, wanted: np.ndarray) -> Twist2D:
-        command = cycle.window.clip(Twist2D(*map(float, wanted)))
-        if self.parameters.motion_model == ACKERMANN:
-            most = abs(command.x) / self.parameters.min_turning_r
-            command = Twist2D(command.x, 0.0, min(most, max(-most, command.theta)))
-        return command
+        return self._steered(cycle.window.clip(Twist2D(*map(float, wanted))))
+
+    def _steered(self, velocity: Twist2D) -> Twist2D:
+        """Return the velocity, of a car with the tightest turn it can steer at that speed at most."""
+        if self.parameters.motion_model != ACKERMANN:
+            return velocity
+        most = abs(velocity.x) / self.parameters.min_turning_r
+        return Twist2D(velocity.x, 0.0, min(most, max(-most, velocity.theta)))
 
     def _limits(self) -> np.ndarray:
         return np.array([self.parameters.acc_lim_x, self.parameters.acc_lim_y, self.parameters.acc_lim_theta])
