@@ -47,12 +47,14 @@ class TestReadme(unittest.TestCase):
         self.running = []
 
     def tearDown(self):
+        ended = [process.args[-1] for process in self.running if process.poll() is not None]
         for process in reversed(self.running):
             process.send_signal(signal.SIGINT)
         for process in self.running:
             process.wait(40.0)
         # A node ended while it starts stays on the master's list; the next test looks at that list.
         subprocess.run(["rosnode", "cleanup"], input=b"y\n", stdout=subprocess.DEVNULL, timeout=30.0, check=True)
+        self.assertFalse(ended, "these ended by themselves")
 
     def nodes(self):
         publishers, subscribers, services = self.master.getSystemState()
@@ -79,6 +81,7 @@ class TestReadme(unittest.TestCase):
     def end_last(self):
         """End what was started last, as Ctrl-C does."""
         process = self.running.pop()
+        self.assertIsNone(process.poll(), f"{process.args} ended by itself")
         process.send_signal(signal.SIGINT)
         process.wait(40.0)
 
@@ -117,7 +120,8 @@ class TestReadme(unittest.TestCase):
 
     def test_4_one_s_own_map_and_world_and_parameters_are_taken(self):
         shutil.copy(str(ROOT / "config" / "move_base_flex.yaml"), os.path.join(self.folder.name, "my_robot.yaml"))
-        self.launch(command_with("turtlebot3_world.launch", "world:="), "/simulator")
+        own = command_with("turtlebot3_world.launch", "world:=")  # of a building without a pillar in its middle
+        self.launch(own.replace("x_pos:=0.0", "x_pos:=0.5").replace("y_pos:=0.0", "y_pos:=0.5"), "/simulator")
         self.launch(command_with("composed:=true"), "/map_server", "/amcl", "/move_base_flex", "/move_base")
         self.end_last()
         self.launch(command_with("map:=", "initial_pose_x:="), "/map_server", "/amcl", "/move_base_flex")
@@ -156,6 +160,7 @@ class TestReadme(unittest.TestCase):
         said = self.run_to_end(batch.replace("--seeds 10", "--seeds 1"), environment=environment)
         self.assertIn("no straight way to", said)
         self.launch(launch, "/move_base_flex", environment=environment)
+        self.assertFalse(self.master.hasParam("/simulator/x_pos"), "the robot starts where it did in an earlier world")
         wait_until(
             lambda: any(name.startswith("/move_base_flex/straight/") for name, _ in self.master.getPublishedTopics("")),
             "topics of the planner", 60.0)

@@ -50,7 +50,7 @@ def add_test(executable, arguments, words):
         status, output = run(executable, arguments)
         self.assertNotIn("Traceback", output)
         self.assertNotEqual(status, 0, output)
-        fatal = [line for line in output.splitlines() if "FATAL" in line]
+        fatal = [line for line in output.splitlines() if "FATAL" in line or line.startswith(f"{executable}: ")]
         self.assertEqual(len(fatal), 1, output)
         for word in words:
             self.assertIn(word, fatal[0])
