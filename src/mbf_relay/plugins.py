@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import inspect
 import os
 import traceback
 import warnings
-from typing import Any, ClassVar, Iterator, Mapping, Tuple, Type, TypeVar
+from typing import Any, ClassVar, Mapping, Optional, Tuple, Type, TypeVar
 
 from mbf_relay.parameters import ParameterSet
 
@@ -70,14 +69,21 @@ def failure_text(error: BaseException, module: str) -> str:
     return f"{text} ({places[-1]})" if places else text
 
 
-@contextlib.contextmanager
-def failures_of(plugin: Plugin, kind: str) -> Iterator[None]:
+class failures_of:  # a word of the `with` statement; a generator would take several times as long
     """Turn whatever a plugin, a `kind` such as "critic", raises into a PluginFailure."""
-    try:
-        yield
-    except Exception as error:
-        text = f"{kind} '{plugin.name}' failed with {failure_text(error, type(plugin).__module__)}"
-        raise PluginFailure(text) from error
+
+    __slots__ = ("_plugin", "_kind")
+
+    def __init__(self, plugin: Plugin, kind: str) -> None:
+        self._plugin, self._kind = plugin, kind
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: Any, error: Optional[BaseException], place: Any) -> None:
+        if isinstance(error, Exception):
+            text = failure_text(error, type(self._plugin).__module__)
+            raise PluginFailure(f"{self._kind} '{self._plugin.name}' failed with {text}") from error
 
 
 def find_class(type_name: str, base: Type[P], known: Mapping[str, str]) -> Type[P]:
