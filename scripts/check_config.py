@@ -1,9 +1,4 @@
 #!/usr/bin/env python3
-import sys
+from mbf_relay.commands import run
 
-from mbf_relay.commands import end_in_silence
-
-end_in_silence()
-from mbf_relay.ros.tools.check_config import main  # noqa: E402
-
-sys.exit(main())
+run("mbf_relay.ros.tools.check_config.main")

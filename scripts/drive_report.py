@@ -1,7 +1,4 @@
 #!/usr/bin/env python3
-from mbf_relay.commands import end_in_silence
+from mbf_relay.commands import run
 
-end_in_silence()
-from mbf_relay.ros.tools.drive_report import main  # noqa: E402
-
-main()
+run("mbf_relay.ros.tools.drive_report.main")

@@ -1,8 +1,22 @@
-"""What commands that do one thing and leave it whole or undone have in common."""
+"""What commands have in common."""
 
 from __future__ import annotations
 
+import argparse
+import importlib
 import signal
+import sys
+
+
+def run(place: str) -> None:
+    """Run a command that does one thing and leaves it whole or undone, and exit with the status it returns.
+
+    Args:
+        place: The function, with its module: imported once signals end this process.
+    """
+    end_in_silence()
+    module, _, function = place.rpartition(".")
+    sys.exit(getattr(importlib.import_module(module), function)())
 
 
 def end_in_silence() -> None:
@@ -13,3 +27,14 @@ def end_in_silence() -> None:
     """
     for number in (signal.SIGINT, signal.SIGPIPE):
         signal.signal(number, signal.SIG_DFL)
+
+
+def positive(text: str) -> int:
+    """Return what an option says, a whole number above zero."""
+    try:
+        value = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is no whole number") from None
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{value} is below 1")
+    return value

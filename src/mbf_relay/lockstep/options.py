@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 from typing import List
 
+from mbf_relay.commands import positive
 from mbf_relay.lockstep.setup import LOCALIZATIONS, MAPS
 from mbf_relay.lockstep.tasks import MAP_RESOLUTION
 
@@ -65,17 +66,6 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
         "--time-limit", type=_above_zero, default=TIME_LIMIT, metavar="S",
         help=f"seconds of computing after which an episode counts as hung (default {TIME_LIMIT:g})",
     )
-
-
-def positive(text: str) -> int:
-    """Return a whole number above zero."""
-    try:
-        value = int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"'{text}' is no whole number") from None
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{value} is below 1")
-    return value
 
 
 def seeds(text: str) -> List[int]:

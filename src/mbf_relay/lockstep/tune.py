@@ -11,12 +11,13 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import yaml
 
+from mbf_relay.commands import positive
 from mbf_relay.files import parse_yaml, read_text
 from mbf_relay.lockstep import tune_picture
 from mbf_relay.lockstep.batch import settings_of
 from mbf_relay.lockstep.command import without_remappings
 from mbf_relay.lockstep.compare_many import contrasts
-from mbf_relay.lockstep.options import add_setup_options, add_worker_options, positive, seeds
+from mbf_relay.lockstep.options import add_setup_options, add_worker_options, seeds
 from mbf_relay.lockstep.settings import config_folder, full_name
 from mbf_relay.lockstep.setup import Setup, known_types, make_setup
 from mbf_relay.lockstep.sources import plugins_of

@@ -11,6 +11,7 @@ from typing import Any, Dict, Optional, Sequence
 
 import numpy as np
 
+from mbf_relay.commands import positive
 from mbf_relay.simulation.difficulty import CELL, difficulty_of
 from mbf_relay.simulation.generators import KINDS, generate
 from mbf_relay.simulation.sdf import read_sdf
@@ -97,20 +98,10 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="make_worlds.py", description="Write a worlds file for batch.py.")
     parser.add_argument("worlds", nargs="*", type=Path, metavar="FILE.world", help="Gazebo worlds, such as BARN's")
     parser.add_argument("--kind", choices=sorted(KINDS), default="barn", help="what is generated without a file")
-    parser.add_argument("--count", type=_positive, default=100, metavar="N", help="how many (default 100)")
+    parser.add_argument("--count", type=positive, default=100, metavar="N", help="how many (default 100)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the first; equal seeds give equal worlds")
     for name, pose in (("start", BARN_START), ("goal", BARN_GOAL)):
         parser.add_argument(f"--{name}", type=float, nargs=3, default=pose, metavar=("X", "Y", "YAW"),
                             help="in the given files (default: the BARN challenge's)")
     parser.add_argument("--out", type=Path, default=Path("worlds.json"), metavar="FILE", help="default worlds.json")
     return parser.parse_args(arguments)
-
-
-def _positive(text: str) -> int:
-    try:
-        value = int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"'{text}' is no whole number") from None
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{value} is below 1")
-    return value
