@@ -119,13 +119,13 @@ class FootprintChecker:
             begin: Where the robot is, if what touches there is no end of it: that may be left, or passed along a side,
                 and not entered deeper.
         """
-        reach = self._radius * float(scales.max(initial=0.0)) / self.costmap.grid.resolution
+        known = self._radius * float(scales.max(initial=0.0)) / self.costmap.grid.resolution + APART
         way = FreeWay(np.empty(len(poses), np.int64), np.empty(len(poses)), np.empty(len(poses)))
         allowed = np.full(2, -1.0) if begin is None else self.depths_at(begin)
         footprint_checker_kernels.first_contacts(
             self._costs,
-            self._distances_to(reach + APART),
-            reach + APART,
+            self._distances_to(known),
+            known,
             *self._place,
             self._outlines,
             self._arcs,

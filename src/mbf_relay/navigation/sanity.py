@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Iterable, Iterator, List, Mapping, Tuple
+from typing import Any, Iterator, List, Mapping, Tuple
 
 import numpy as np
 
@@ -41,10 +41,9 @@ def doubts(config: Mapping[str, Any]) -> List[Doubt]:
     for name, group in config.items():
         if isinstance(group, Mapping):
             if name in ("global_costmap", "local_costmap"):
-                found += [(f"{name}/{key}", text) for key, text in _of_costmap(group, config, name == "local_costmap")]
-                if name == "local_costmap" and _is_zero(group.get("update_frequency")):
-                    text = f"is {group['update_frequency']}; nothing is driven by a costmap that is never updated"
-                    found.append((f"{name}/update_frequency", text))
+                found += [(f"{name}/{key}", text) for key, text in _of_costmap(group, config)]
+                if name == "local_costmap":
+                    found += [(f"{name}/{key}", text) for key, text in _of_what_is_driven_by(group)]
             else:
                 found += [(f"{name}/{key}", text) for key, text in _of_controller(group)]
     return found + _of_two_outlines(config)
@@ -70,7 +69,7 @@ def _of_two_outlines(config: Mapping[str, Any]) -> List[Doubt]:
         "paths are planned for another robot than drives them; give both the same footprint or robot_radius"))]
 
 
-def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any], is_driven_by: bool) -> Iterator[Doubt]:
+def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any]) -> Iterator[Doubt]:
     text = group.get("footprint", config.get("footprint"))
     try:
         corners = parse_footprint(text) if text is not None else np.zeros((0, 2))
@@ -87,12 +86,12 @@ def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any], is_driven_b
     for name in ("width", "height"):
         if group.get("rolling_window") is True and 0.0 < _number(group.get(name)) < 2.0 * reach:
             yield name, f"is {group[name]}; the robot, which reaches {reach:.2f} m, must fit into the costmap round it"
-    try:
-        layers = layer_groups(group)
-    except ValueError:
-        return  # told elsewhere
-    yield from _of_inflation(group, layers, inscribed)
-    for name, kind, values in layers if is_driven_by else ():
+    yield from _of_inflation(group, inscribed)
+
+
+def _of_what_is_driven_by(group: Mapping[str, Any]) -> Iterator[Doubt]:
+    """Doubt a local costmap that shows nothing new."""
+    for name, kind, values in _layers(group):
         sources = str(values.get("observation_sources", "")).split()
         if kind in SEE and values.get("enabled") is not False and not sources:
             at = f"{name}/observation_sources" if "plugins" in group else "observation_sources"
@@ -100,13 +99,22 @@ def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any], is_driven_b
             if "observation_sources" in group:
                 text += "; the costmap's own are not read for layers it lists"
             yield at, text
+    if _is_zero(group.get("update_frequency")):
+        yield "update_frequency", (
+            f"is {group['update_frequency']}; nothing is driven by a costmap that is never updated")
 
 
-def _of_inflation(
-    group: Mapping[str, Any], layers: Iterable[Tuple[str, str, Any]], inscribed: float
-) -> Iterator[Doubt]:
+def _layers(group: Mapping[str, Any]) -> List[Tuple[str, str, Any]]:
+    """Return `layer_groups`, none of a list that is told elsewhere."""
+    try:
+        return layer_groups(group)
+    except ValueError:
+        return []
+
+
+def _of_inflation(group: Mapping[str, Any], inscribed: float) -> Iterator[Doubt]:
     """Doubt that obstacles are to be inflated by less than the robot's inscribed radius (m), as Nav2 does."""
-    for name, kind, values in layers:
+    for name, kind, values in _layers(group):
         inflation = _number(values.get("inflation_radius"), otherwise=math.inf)
         if kind == "costmap_2d::InflationLayer" and values.get("enabled") is not False and inflation < inscribed:
             written = group.get(name)

@@ -11,7 +11,7 @@ from typing import Any, Optional
 
 import numpy as np
 
-from mbf_relay.geometry import FASTEST
+from mbf_relay.geometry import FASTEST, Twist2D
 from mbf_relay.maps import COARSEST, FINEST, LARGEST_SIDE, MOST_CELLS
 from mbf_relay.scan_monitor import LARGEST_GAP
 
@@ -56,10 +56,10 @@ def check_place(*place: float) -> None:
         raise InvalidMessage(f"position {place} is not within {FARTHEST:g} m of its frame's origin")
 
 
-def check_speed(*parts: float) -> None:
-    """Refuse parts of a velocity (m/s, rad/s) that are not finite or faster than any robot."""
-    if not all(abs(part) <= FASTEST for part in parts):
-        raise InvalidMessage(f"velocity {parts} is not finite or above {FASTEST:g} m/s or rad/s")
+def check_velocity(velocity: Twist2D) -> None:
+    """Refuse a velocity (m/s, rad/s) that is not finite or faster than any robot."""
+    if not velocity.is_a_robots():
+        raise InvalidMessage(f"velocity {tuple(velocity)} is not finite or above {FASTEST:g} m/s or rad/s")
 
 
 def check_stamp(stamp: float, now: float, max_age: Optional[float] = None) -> None:

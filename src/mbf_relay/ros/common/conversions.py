@@ -86,7 +86,7 @@ def transform_to_message(pose: Pose2D) -> Transform:
 def twist_from_message(twist: Twist) -> Twist2D:
     """Return the planar part of a twist; raise InvalidMessage where it is not finite or beyond any robot."""
     velocity = Twist2D(twist.linear.x, twist.linear.y, twist.angular.z)
-    checks.check_speed(*velocity)
+    checks.check_velocity(velocity)
     return velocity
 
 
