@@ -21,15 +21,13 @@ import subprocess
 import sys
 import threading
 import time
-import xml.etree.ElementTree as ElementTree
 from typing import Dict, Iterator, List, NamedTuple, Optional
 
+import job_reports
 import job_times
 
 TEST_FOLDER = os.path.dirname(os.path.abspath(__file__))
 CHECKOUT = os.path.dirname(TEST_FOLDER)
-SUMMARY = r"SUMMARY\s+\S* \* RESULT: .*?TESTS: (\d+)\s+\S* \* ERRORS: (\d+).*?FAILURES: (\d+)"
-"""The end of rostest's output, coloured or not."""
 TIME_LIMIT = 1250.0
 """Wall seconds, less those it waited for a core, after which one job is ended and counts as failed; --long multiplies
 it."""
@@ -125,14 +123,12 @@ def main() -> int:
     if not jobs:
         print(f"no test has {' or '.join(options.names)} in its name; --list names them", file=sys.stderr)
         return 2
-    with contextlib.ExitStack() as stack:
-        try:
-            stack.enter_context(only_one(results))
-        except BlockingIOError:
-            print(f"another run of the tests writes to {results}; wait for it, or give another --results",
-                  file=sys.stderr)
-            return 2
-        return run(jobs, results, options)
+    try:
+        with only_one(results):
+            return run(jobs, results, options)
+    except BlockingIOError:
+        print(f"another run of the tests writes to {results}; wait for it, or give another --results", file=sys.stderr)
+        return 2
 
 
 @contextlib.contextmanager
@@ -326,7 +322,8 @@ class Runner:
         if job.kind is Kind.LINTER:
             passed, failed, skipped = int(process.returncode == 0), int(process.returncode != 0), 0
         else:
-            passed, failed, skipped = read_rostest(log) if job.kind is Kind.ROSTEST else read_pytest(report_file)
+            passed, failed, skipped = (
+                job_reports.of_rostest(log) if job.kind is Kind.ROSTEST else job_reports.of_pytest(report_file))
         if process.returncode != 0 and failed == 0:
             failed = 1
         return Outcome(job, passed, failed, skipped, time.monotonic() - start, log, cpu_seconds)
@@ -360,31 +357,6 @@ def end_group(process: subprocess.Popen) -> None:
         os.killpg(process.pid, number)
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(patience)
-
-
-def read_pytest(path: str) -> "tuple[int, int, int]":
-    """Return how many tests passed, failed and were skipped by a pytest report; one failure where there is none."""
-    try:
-        root = ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError):
-        return 0, 1, 0
-    totals = [0, 0, 0, 0]
-    for suite in root.iter("testsuite"):
-        for index, name in enumerate(("tests", "failures", "errors", "skipped")):
-            totals[index] += int(suite.get(name, 0))
-    tests, failures, errors, skipped = totals
-    return tests - failures - errors - skipped, failures + errors, skipped
-
-
-def read_rostest(log: str) -> "tuple[int, int, int]":
-    """Return how many tests passed, failed and were skipped by rostest's own summary; one failure without it."""
-    with open(log, encoding="utf-8", errors="replace") as stream:
-        text = stream.read()
-    found = re.search(SUMMARY, text, re.DOTALL)
-    if not found:
-        return 0, 1, 0
-    tests, errors, failures = (int(number) for number in found.groups())
-    return max(0, tests - errors - failures), errors + failures, 0
 
 
 def counts(outcome: Outcome) -> str:

@@ -1,7 +1,6 @@
 """The costmap as a whole: made from files of both forms, fed, updated, seen."""
 
 import math
-import re
 import threading
 
 import numpy as np
@@ -10,12 +9,10 @@ import yaml
 
 from mbf_relay.costmap import factory
 from mbf_relay.costmap.cost_grid import FREE_SPACE, INSCRIBED, LETHAL, Window
-from mbf_relay.costmap.layer import Layer
 from mbf_relay.costmap.observation import Observation, observation_from_scan
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.outcomes import PlanOutcome
-from mbf_relay.plugins import PluginFailure
 from mbf_relay.scan import LaserScan
 
 OLD_FORM_GLOBAL = yaml.safe_load("""
@@ -398,48 +395,3 @@ def test_no_robot_is_planned_through_walls_between_a_larger_map_and_the_next_upd
 def test_a_size_without_cells_or_with_too_many_is_refused(change):
     with pytest.raises(ValueError, match="must be 1 to 32767 cells"):
         seen().parameters.replace(**change)
-
-
-class HalfWrittenLayer(Layer):
-    """A user's own, which breaks off as the test says."""
-
-    broken = ""
-
-    def update_bounds(self, context, window):
-        if self.broken == "bounds":
-            return None
-        return window
-
-    def update_costs(self, costs, window):
-        costs[window.slices] = LETHAL if self.broken == "costs" else costs[window.slices]
-        if self.broken == "costs":
-            {}["scan"]
-
-
-@pytest.mark.parametrize("broken, words", [
-    ("bounds", r"layer 'mine' failed with TypeError: .* not NoneType"),
-    ("costs", r"layer 'mine' failed with KeyError: 'scan' \(test_costmap\.py, line \d+\)"),
-])
-def test_an_obstacle_stays_where_a_layer_of_one_s_own_breaks_off_and_whoever_asks_hears_which(broken, words):
-    listed = [NEW_FORM["plugins"][0], {"name": "mine", "type": f"{__name__}.HalfWrittenLayer"}, NEW_FORM["plugins"][1]]
-    costmap = factory.build_costmap("local_costmap", {**NEW_FORM, "plugins": listed})
-    mine = costmap.layer("mine")
-    mine.broken = broken
-    with pytest.raises(PluginFailure, match=words):
-        costmap.update(0.0, IDENTITY)
-    assert re.search(f"not updated yet: {words}", costmap.stale_reason(0.0))
-    mine.broken = ""
-    costmap.update(0.1, IDENTITY)
-    empty = costmap.snapshot()
-    costmap.observe("scan", Observation((0.0, 0.0), np.array([[1.0, 0.0]]), None, 0.2))
-    mine.broken = broken
-    with pytest.raises(PluginFailure):
-        costmap.update(0.2, IDENTITY)
-    assert np.array_equal(costmap.snapshot().costs, empty.costs)
-    assert re.search(f"at most 1.00 s is allowed: {words}", costmap.stale_reason(9.0))
-    assert re.search(words, costmap.planning_trouble(9.0).message)
-    mine.broken = ""
-    costmap.update(0.3, IDENTITY)
-    seen = costmap.snapshot()
-    column, row = seen.grid.cell_at(1.0, 0.0)
-    assert seen.costs[row, column] == LETHAL and (seen.costs == LETHAL).sum() == 1 and costmap.stale_reason(0.3) is None
