@@ -294,7 +294,7 @@ class GarbageTest(unittest.TestCase):
         rospy.ServiceProxy("move_base_flex/hang", Empty)()
         wait_until(lambda: self.sent.ending is not None, "the goal's end", 2.9)
         self.assertEqual(self.sent.ending.status, GoalStatus.ABORTED)
-        self.assertIn("hangs", self.sent.ending.text)
+        self.assertIn("hangs in garbage_server.py, line ", self.sent.ending.text)
         self.assertEqual(self.velocity.last.linear.x, 0.0)
         count = len(self.velocity.messages)
         self.drive()

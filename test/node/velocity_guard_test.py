@@ -185,6 +185,11 @@ class TestVelocityGuard(unittest.TestCase):
             others.unregister()
         self.drive_until(lambda: self.guards_report(DiagnosticStatus.OK, "passing"), "the all-clear", speed=0.02)
 
+    def test_a_guard_that_nobody_asks_does_not_look_like_one_that_guards(self):
+        self.drive.unregister()
+        said = "nobody publishes on /cmd_vel_raw"
+        wait_until(lambda: self.guards_report(DiagnosticStatus.WARN, said), "the guard to say so")
+
     def test_z_a_guard_that_ends_sends_a_zero_first(self):
         self.start_driving()
         rosnode.kill_nodes(["/velocity_guard"])

@@ -43,10 +43,12 @@ def build_costmap(name: str, values: Mapping[str, Any], above: Optional[Mapping[
         values: Names and values as costmap_2d reads them, groups as mappings.
         above: The namespace the costmap's own stands in, where it looks for a footprint and for ranges too.
 
-    A layer of unknown type is left out, and named in the costmap's `failed`: the others do their work without it.
+    A layer of a type that is C++'s and unknown here is left out, and named in the costmap's `failed`: the others do
+    their work without it. One of Python was written for this costmap, which is none where it cannot be loaded.
 
     Raises:
-        ValueError: A value is wrong; the text names costmap, parameter, value and what is allowed.
+        ValueError: A value is wrong, or a layer in Python cannot be loaded; the text names costmap, parameter, value
+            and what is allowed.
     """
     if not isinstance(values, Mapping):
         raise ValueError(f"{name}: is {values!r}; it must be a group of parameters")
@@ -76,8 +78,8 @@ def _groups_in_vain(values: Mapping[str, Any]) -> List[str]:
     ]
 
 
-class _UnknownLayer(ValueError):
-    """There is no layer of that type, nor one that could stand in for it."""
+class _UnknownLayer(plugins.PluginError):
+    """There is no layer of that type, nor one that could stand in for it, and there need be none: it is C++'s."""
 
 
 def layer_groups(values: Mapping[str, Any]) -> List[Tuple[str, str, Dict[str, Any]]]:
@@ -128,10 +130,7 @@ def _old_form(values: Mapping[str, Any]) -> List[Tuple[str, str, Dict[str, Any]]
 def _layer(name: str, type_name: str, group: Mapping[str, Any]) -> Layer:
     if not isinstance(type_name, str):
         raise ValueError(f"layer '{name}' has type {type_name!r}; it must be a text")
-    try:
-        found = _class_of(type_name, group)
-    except plugins.PluginError as error:
-        raise _UnknownLayer(str(error)) from error
+    found = _class_of(type_name, group)
     layer = plugins.create(name, found, group, Layer, LAYERS)
     if found != type_name:
         layer.notes = (
@@ -145,13 +144,16 @@ def _class_of(type_name: str, group: Mapping[str, Any]) -> str:
     Its own, or for an unknown one that lists sensors, the nearest that marks those.
 
     Raises:
-        PluginError: It is unknown, and lists no sensors.
+        PluginError: It is a class in Python and cannot be loaded.
+        _UnknownLayer: It is unknown, and lists no sensors.
     """
     try:
         plugins.find_class(type_name, Layer, LAYERS)
-    except plugins.PluginError:
-        if not group.get("observation_sources"):
+    except plugins.PluginError as error:
+        if "." in type_name:
             raise
+        if not group.get("observation_sources"):
+            raise _UnknownLayer(str(error)) from error
         return "costmap_2d::VoxelLayer" if "z_voxels" in group else "costmap_2d::ObstacleLayer"
     return type_name
 

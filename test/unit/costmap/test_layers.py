@@ -1,6 +1,7 @@
 """The layers one by one: what each makes of maps, scans and clouds."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -345,8 +346,15 @@ def test_a_layer_is_a_class_and_a_line():
     costmap = factory.build_costmap("costmap", {**STILL, "plugins": kinds})
     costmap.update(0.0, IDENTITY)
     assert (costmap.snapshot().costs == 77).sum() == 12
-    misspelt = factory.build_costmap("costmap", {**STILL, "plugins": [{"name": "a", "type": f"{__name__}.Swamp"}]})
-    assert "Swamp" in misspelt.failed["a"] and "costmap_2d::StaticLayer" in misspelt.failed["a"]
+
+
+@pytest.mark.parametrize("type_name, said", [
+    (f"{__name__}.Swamp", "has no attribute 'Swamp'"), ("no_such_package.Layer", "is its folder on PYTHONPATH?")])
+@pytest.mark.parametrize("sources", [{}, {"observation_sources": "scan", "scan": {"data_type": "LaserScan"}}])
+def test_a_robot_does_not_drive_without_the_layer_that_was_written_for_it(type_name, said, sources):
+    """What it would have kept the robot from was not in the costmap, and one line of the log said so."""
+    with pytest.raises(ValueError, match=f"costmap: layer type '{type_name}'.*{re.escape(said)}"):
+        factory.build_costmap("costmap", {**STILL, "plugins": [{"name": "a", "type": type_name}], "a": sources})
 
 
 # --- windows

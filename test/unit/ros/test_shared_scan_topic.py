@@ -1,6 +1,7 @@
 """Two lidars on one topic: what one of them sees says nothing of the other."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +16,7 @@ from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
 from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.geometry import IDENTITY, STOP
 from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.common.frame_tree import FrameTree
 from mbf_relay.ros.common.odometry import RawOdometry
 from mbf_relay.ros.costmap import inputs
 from mbf_relay.ros.velocity_guard import node
@@ -85,6 +87,12 @@ class Mountings:
     def __init__(self):
         self.told, self.moved, self._known = {"front": 0.0}, {"map": 0.0}, {}
         self.is_heard = True
+        self._tree = FrameTree(lambda *_: True)
+        for parent, child in (("map", "odom"), ("odom", "base_link"), ("base_link", "pan"), ("odom", "post")):
+            self._tree.add(parent, child, "/driver", now=1.0)
+
+    def frames_above(self, base, frame):
+        return self._tree.above(base, frame)
 
     def listen(self):
         self.is_heard = True
@@ -187,6 +195,20 @@ def test_the_guard_drives_on_when_a_lidar_that_stands_in_the_world_falls_silent(
     guard._take_command(Twist(linear=Vector3(x=0.2)))
     guard._step(5.5)
     assert guard._verdict.velocity.x == 0.0, "one that stands in the world is none in the robot's stead"
+
+
+@pytest.mark.parametrize("base, lidar, speed", [
+    ("odom", "pan", 0.0), ("/map", "pan", 0.0), ("base_link", "pan", 0.2), ("base_link", "post", 0.2)])
+def test_a_guard_whose_base_is_not_the_robots_lets_nothing_pass(guard, monkeypatch, base, lidar, speed):
+    """With `base_frame: odom` it looked for obstacles round where the robot had begun, for as long as that was near."""
+    monkeypatch.setattr(inputs.rospy, "get_time", lambda: 1.0)
+    guard._settings = replace(guard._settings, base_frame=base)
+    guard._transforms.moved[lidar] = 0.0
+    odometry = Odometry()
+    odometry.header.frame_id, odometry.header.stamp = "odom", inputs.rospy.Time.from_sec(1.0)
+    guard._odometry._take(as_received(odometry, RawOdometry))
+    assert asked(guard, 0.2, scan_of(lidar, 3.0)) == speed
+    assert (f"base_frame is {base.strip('/')}, in which the robot moves" in guard._report()[1]) == (speed == 0.0)
 
 
 def test_a_guard_that_nobody_listens_to_says_why_the_robot_does_not_move(guard, monkeypatch):

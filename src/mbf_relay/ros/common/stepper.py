@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+import os
+import sys
 import threading
 import time
 from typing import Callable, Optional
@@ -19,6 +21,8 @@ STEP_PATIENCE = 1.0
 """Wall seconds a step may take before whoever watches it must take it for hung."""
 CLOCK_PATIENCE = 2.0
 """Wall seconds a simulator may take to come back before the clock it published counts as lost."""
+PYTHONS_OWN = os.path.dirname(threading.__file__)
+"""Folder of what a step waits in and nobody looks for: locks, queues, sockets."""
 FIRST_CLOCK = 20.0
 """Wall seconds it may take to come up: as long as goals wait for a server."""
 
@@ -58,6 +62,18 @@ class Stepper:
         """Wall seconds the running step has taken so far; 0 between two steps, for sleeping is no hanging."""
         began = self._began
         return 0.0 if began is None else time.monotonic() - began
+
+    @property
+    def hangs_in(self) -> str:
+        """Where the running step is that takes too long, such as "my_layer.py, line 7"; empty while none does."""
+        if self.step_time <= STEP_PATIENCE:
+            return ""
+        frame = sys._current_frames().get(self._thread.ident or 0)
+        while frame is not None and frame.f_code.co_filename.startswith(PYTHONS_OWN):
+            frame = frame.f_back
+        if frame is None:  # it has just ended
+            return ""
+        return f"{os.path.basename(frame.f_code.co_filename)}, line {frame.f_lineno}"
 
     @property
     def clock_stands(self) -> bool:

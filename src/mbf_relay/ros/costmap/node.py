@@ -97,6 +97,11 @@ class CostmapNode:
             missing.append(self._pose_trouble or f"{self._name} was not updated yet")
         return "; ".join(reason for reason in missing if reason)
 
+    @property
+    def hangs_in(self) -> str:
+        """Where the update is that takes too long, empty while none does; see Stepper."""
+        return self._stepper.hangs_in
+
     def rest(self) -> None:
         """Update no more until `resume`; what rests is stale."""
         self._resting = True
@@ -109,7 +114,9 @@ class CostmapNode:
 
     def report(self) -> Report:
         """Return the costmap's part of the node's diagnostics."""
-        now = rospy.get_time()
+        now, place = rospy.get_time(), self.hangs_in
+        if place:  # and holds what all else here waits for
+            return ERROR, f"hangs in {place}", {}
         snapshot = self.costmap.snapshot()
         asked = self.costmap.parameters.update_frequency
         values = {

@@ -82,7 +82,7 @@ class MoveBaseFlex:
             worker.start(lambda: topics.publish(name, path))
 
         self.navigator.plan_watcher = publish_plan
-        self._watchdog = Watchdog(self._stepper, self.robot, self._end_running)
+        self._watchdog = Watchdog(self._stepper, self.robot, self._end_running, self._hung_costmaps)
         make_server = functools.partial(
             ActionServer, client_timeout=parameters.client_timeout, is_alive=self._watchdog.is_alive)
         self._actions = make_actions(self.navigator, make_server, worker=worker, wake=self._stepper.wake)
@@ -191,6 +191,10 @@ class MoveBaseFlex:
     def _end_running(self, message: str) -> None:
         for action in self._actions:
             action.abort_running("INTERNAL_ERROR", message)
+
+    def _hung_costmaps(self) -> List[str]:
+        places = {side: node.hangs_in for side, node in self._costmap_nodes.items()}
+        return [f"{side} costmap hangs in {place}" for side, place in places.items() if place]
 
     def _start_over(self, message: str) -> None:
         self.robot.command(STOP)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from typing import Callable
+from typing import Callable, List
 
 import rospy
 
@@ -25,10 +25,13 @@ class Watchdog:
         stepper: The stepping thread.
         robot: What is stopped.
         end_goals: Ends, with a text, the goals in pursuit; called from the watchdog's thread.
+        hung: Tells what else hangs that navigation may wait for, and where, one text for each.
     """
 
-    def __init__(self, stepper: Stepper, robot: RosRobot, end_goals: Callable[[str], None]) -> None:
-        self._stepper, self._robot, self._end_goals = stepper, robot, end_goals
+    def __init__(
+        self, stepper: Stepper, robot: RosRobot, end_goals: Callable[[str], None], hung: Callable[[], List[str]]
+    ) -> None:
+        self._stepper, self._robot, self._end_goals, self._hung = stepper, robot, end_goals, hung
         self._stop = threading.Event()
         # held while it stops the robot and while a step begins, or a robot let go would be stopped once more, for good;
         # taken before the locks of robot and actions
@@ -65,7 +68,8 @@ class Watchdog:
     def _bark(self) -> None:
         self._robot.block()
         if not self.trouble:
-            self.trouble = f"navigation hangs: a step has taken more than {STEP_PATIENCE:g} s; the robot was stopped"
+            where = "; ".join([f"navigation hangs in {self._stepper.hangs_in or 'what has just ended'}", *self._hung()])
+            self.trouble = f"{where}: a step has taken more than {STEP_PATIENCE:g} s; the robot was stopped"
             rospy.logerr("%s", self.trouble)
         self._end_goals(self.trouble)
         self._stepper.wake()  # a next step, in which everything begins anew, shall follow at once

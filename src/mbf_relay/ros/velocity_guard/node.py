@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections import deque
 from typing import Deque, Dict, List, Optional
 
@@ -18,7 +19,7 @@ from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
 from mbf_relay.geometry import STOP, Twist2D
 from mbf_relay.outcomes import StaleDataError, TransformError
 from mbf_relay.ros.common import diagnostics, parameters
-from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.checks import InvalidMessage, shown
 from mbf_relay.ros.common.clock_watch import ClockWatch
 from mbf_relay.ros.common.conversions import dated, twist_to_message
 from mbf_relay.ros.common.lidar_geometry import scan_in_base
@@ -39,6 +40,8 @@ WARN_PERIOD = 10.0
 """Seconds between two warnings of a lidar that tf cannot place, or of a robot that does not listen."""
 IDLE_PERIOD = 0.5
 """Wall seconds between two looks while the robot stands."""
+ALONE_FOR = 20.0
+"""Wall seconds without anybody who could ask for a velocity, after which that is said in the log, once."""
 
 
 class VelocityGuardNode:
@@ -71,6 +74,7 @@ class VelocityGuardNode:
         self._commands = rospy.Subscriber("cmd_vel_raw", Twist, self._take_command, queue_size=1, tcp_nodelay=True)
         rospy.Subscriber("scan", LaserScan, self._take_scan, queue_size=MOST_SCANS, buff_size=1 << 18, tcp_nodelay=True)
         self._odometry = OdometryInput("odom")
+        self._alone_since = time.monotonic()
         self._diagnostics = diagnostics.Diagnostics()
         self._diagnostics.add("velocities", self._report)
 
@@ -138,6 +142,8 @@ class VelocityGuardNode:
         frame, base = message.header.frame_id, self._settings.base_frame
         try:
             scan, laser_in_base, is_fixed = scan_in_base(message, base, self._transforms, max_age=AT_ONCE)
+            if not is_fixed:
+                self._check_base(frame, now)
         except InvalidMessage as error:
             self._trouble = str(error)
             return
@@ -153,6 +159,18 @@ class VelocityGuardNode:
         without = self._without(now)
         if without:
             rospy.logwarn_throttle(WARN_PERIOD, f"passing velocities {without}")
+
+    def _check_base(self, frame: str, now: float) -> None:
+        """Raise InvalidMessage where the robot moves in `base_frame`: odometry's frame lies between it and a lidar."""
+        try:
+            odometry = self._odometry.read(now, MOTION_AGE)[0]
+        except StaleDataError:
+            return
+        base, world = (name.lstrip("/") for name in (self._settings.base_frame, odometry.header.frame_id))
+        if {base, world} <= set(self._transforms.frames_above(frame, base)):
+            raise InvalidMessage(
+                f"base_frame is {base}, in which the robot moves, as odometry in {shown(world)} tells; it must be the "
+                "robot's own, such as base_link")
 
     def _follow(self, now: float) -> None:
         """Listen to /tf while a lidar is placed by it, or by nothing yet; /tf_static is listened to all the time."""
@@ -175,6 +193,13 @@ class VelocityGuardNode:
             return ""
         return f"to nobody: nothing that can be reached listens to {self._velocity.resolved_name}"
 
+    def _unasked(self) -> str:
+        """Say where nobody can ask for a velocity, empty where somebody can."""
+        if self._commands.get_num_connections():
+            return ""
+        return (f"nobody publishes on {self._commands.resolved_name}: who drives the robot does so past this guard, or "
+                "not at all")
+
     def _send(self, velocity: Twist2D) -> None:
         with self._sending:
             if not self._closed:
@@ -189,7 +214,8 @@ class VelocityGuardNode:
             rospy.loginfo_throttle(2.0, text)
 
     def _text(self, now: float) -> str:
-        trouble = self._trouble if self._verdict.cause == NO_SCAN else self._unheard() or self._without(now)
+        trouble = self._trouble if self._verdict.cause == NO_SCAN else (
+            self._unheard() or self._unasked() or self._without(now))
         return f"{self._verdict.text} ({trouble})" if trouble else self._verdict.text
 
     def _report(self) -> diagnostics.Report:
@@ -197,7 +223,12 @@ class VelocityGuardNode:
             f"velocities, {cause}": count for cause, count in sorted(dict(self._counts).items())}
         values["velocities take effect after [s]"] = f"{self._guard.delay.seconds:.2f}"
         now = rospy.get_time()
-        fine = self._verdict.cause in (PASSING, STANDING) and not (self._without(now) or self._unheard())
+        unasked = self._unasked()
+        if not unasked:
+            self._alone_since = time.monotonic()
+        elif time.monotonic() - self._alone_since > ALONE_FOR:
+            rospy.logwarn_once(unasked)
+        fine = self._verdict.cause in (PASSING, STANDING) and not (self._without(now) or self._unheard() or unasked)
         return diagnostics.OK if fine else diagnostics.WARN, self._text(now), values
 
 

@@ -1,17 +1,21 @@
 """A server whose navigation hangs stands; one that goes on drives again."""
 
+import math
 import threading
+from pathlib import Path
 
 import pytest
 from ros_testing import wait_until
 
 from mbf_relay.ros.common import stepper
+from mbf_relay.ros.common.diagnostics import ERROR
+from mbf_relay.ros.costmap.node import CostmapNode
 from mbf_relay.ros.server import watchdog
 from mbf_relay.ros.server.watchdog import Watchdog
 
 
 class PaperStepper:
-    step_time, clock_stands = 0.0, False
+    step_time, clock_stands, hangs_in = 0.0, False, "planner.py, line 3"
 
     def wake(self):
         pass
@@ -38,7 +42,7 @@ class PaperRobot:
 def watched(monkeypatch):
     monkeypatch.setattr(watchdog, "PERIOD", 0.001)
     stepping, robot, ended = PaperStepper(), PaperRobot(), []
-    dog = Watchdog(stepping, robot, ended.append)
+    dog = Watchdog(stepping, robot, ended.append, lambda: ["local costmap hangs in my_layer.py, line 7"])
     dog.start()
     yield stepping, robot, ended, dog
     dog.stop()
@@ -50,10 +54,34 @@ def test_a_step_that_takes_too_long_stops_the_robot_and_ends_goals_until_the_nex
     stepping.step_time = stepper.STEP_PATIENCE + 0.1
     assert not dog.is_alive()
     wait_until(lambda: robot.blocked and ended, "the robot to be stopped")
-    assert "hangs" in ended[0]
+    assert ended[0].startswith("navigation hangs in planner.py, line 3; local costmap hangs in my_layer.py, line 7: ")
     stepping.step_time = 0.0
     assert "hangs" in dog.settle() and not robot.blocked
     assert dog.settle() == ""
+
+
+def test_a_layer_that_blocks_for_ever_is_named_by_file_and_line(monkeypatch):
+    """The client heard that navigation hangs, /diagnostics fell silent, and which of ten plugins it was nobody told."""
+    monkeypatch.setattr(stepper, "STEP_PATIENCE", 0.0)
+    monkeypatch.setattr(stepper.rospy, "get_time", lambda: 1.0)
+    monkeypatch.setattr(stepper.rospy.rostime, "is_wallclock", lambda: True)
+    comes_free, entered = threading.Event(), threading.Event()
+
+    def step(_now):
+        entered.set()
+        comes_free.wait()  # what hangs
+        return math.inf
+
+    costmap = CostmapNode.__new__(CostmapNode)
+    costmap.__dict__.update(_stepper=stepper.Stepper(step), costmap=None)
+    assert costmap.hangs_in == ""
+    costmap._stepper.start()
+    place = f"{Path(__file__).name}, line {step.__code__.co_firstlineno + 2}"
+    wait_until(lambda: entered.is_set() and costmap.hangs_in == place, "the place where it hangs")
+    assert costmap.report()[:2] == (ERROR, f"hangs in {place}")
+    comes_free.set()
+    wait_until(lambda: costmap.hangs_in == "", "the step's end")
+    costmap._stepper.stop()
 
 
 def test_a_robot_let_go_by_a_new_step_is_not_stopped_for_the_old_one(watched):
