@@ -31,6 +31,7 @@ GATE = 9.0  # squared deviations within which a cluster may be a thing seen befo
 SURPRISE = 3.0  # squared deviations from its place, as foreseen, from which on what moves has stopped or turned
 FIRST_SPEED = 0.5  # m/s: deviation of the velocity of a thing seen for the first time
 DEPTH = 0.08  # m behind a place that must have been seen for it to have been empty
+ASIDE = 0.05  # m to both sides of it that must have been seen past as well, for no scan lies where it was on the last
 LONGER = 2.5  # factor on the memory: who is slow has not left his place after the first time, and has after the second
 CONVINCED, MOST_CONVINCED = 2, 5  # scans in favour, less those against: when a thing moves, and the most that counts
 HIDDEN_PATIENCE = 3.0  # factor on how long a thing that moves is remembered while something stands before it
@@ -54,8 +55,9 @@ class Tracker:
 
     Each coordinate has the same filter, as a disc has no sides. A thing moves if its velocity differs from zero for
     sure *and* it stood once where a while before the lidar had seen through: what merely comes into view, or seems to
-    move because more of it does, passes the first test and not the second. What moves straight away from the lidar
-    passes neither: it hid where it goes to.
+    move because more of it does, passes the first test and not the second. A place was seen through where what is
+    beside it was, too: along a wall beams pass that by a hair would have met it. What moves straight away from the
+    lidar passes neither: it hid where it goes to.
 
     Constant velocity is what people have till they turn. Who moves and is off the place foreseen has turned or stopped:
     his velocity is then what his new place says, and he is looked for as far back as he can have come.
@@ -180,7 +182,7 @@ class Tracker:
         memory = self.parameters.track_memory
         tracker_kernels.judge(
             self._things, clusters.discs, taken, rays.ends, clusters.runs, clusters.order, *self._seen_before(memory),
-            *self._seen_before(LONGER * memory), self.parameters.track_slowest, DEPTH, CONVINCED, MOST_CONVINCED,
+            *self._seen_before(LONGER * memory), self.parameters.track_slowest, DEPTH, ASIDE, CONVINCED, MOST_CONVINCED,
             self.moving)
 
     def _drop_old_scans(self, stamp: float) -> None:

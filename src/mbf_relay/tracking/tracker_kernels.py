@@ -158,23 +158,37 @@ def _first_not_below(directions, bearing):
     return low
 
 
-@kernel("boolean(float64, float64, float64, float64, float64[::1], float64[::1], float64)")
-def _sees_past(x, y, sensor_x, sensor_y, directions, depths, margin):
-    """Return whether a scan, see `arrange`, saw beyond a point, `margin` (m) at least."""
+@kernel("boolean(float64, float64, float64, float64, float64[::1], float64[::1], float64, float64)")
+def _sees_past(x, y, sensor_x, sensor_y, directions, depths, margin, aside):
+    """Return whether a scan, see `arrange`, saw `margin` (m) beyond a point at least, and beyond all `aside` (m) of it.
+    """
     across, up = x - sensor_x, y - sensor_y
-    bearing = math.atan2(up, across)
-    index = _first_not_below(directions, bearing) % directions.shape[0]
-    turn = abs(directions[index] - bearing)
-    return min(turn, 2.0 * math.pi - turn) < _IN_VIEW and depths[index] > math.hypot(across, up) + margin
+    bearing, distance = math.atan2(up, across), math.hypot(across, up)
+    count = directions.shape[0]
+    nearest = _first_not_below(directions, bearing) % count
+    turn = abs(directions[nearest] - bearing)
+    if min(turn, 2.0 * math.pi - turn) >= _IN_VIEW or distance <= aside:
+        return False
+    width = math.asin(aside / distance)
+    for way in (-1, 1):
+        index = nearest
+        for _ in range(count):
+            if depths[index] <= distance + margin:
+                return False
+            index = (index + way) % count
+            turn = abs(directions[index] - bearing)
+            if min(turn, 2.0 * math.pi - turn) > width:
+                break
+    return True
 
 
 @kernel(
     "void(float64[:,::1], float64[:,::1], int64[::1], float64[:,::1], int64[:,::1], int64[::1], float64, float64,"
-    " float64[::1], float64[::1], float64, float64, float64[::1], float64[::1], float64, float64, int64, int64,"
+    " float64[::1], float64[::1], float64, float64, float64[::1], float64[::1], float64, float64, float64, int64, int64,"
     " boolean[::1])")
 def judge(
     things, discs, taken, ends, runs, order, x, y, directions, depths, other_x, other_y, other_directions, other_depths,
-    slowest, margin, convinced, most_convinced, moving,
+    slowest, margin, aside, convinced, most_convinced, moving,
 ):
     """Take what speaks for and against the moving of what was seen, and mark the readings of what moves.
 
@@ -186,7 +200,8 @@ def judge(
         x, y, directions, depths: A scan of a while ago: where it was taken, and see `arrange`; empty for none.
         other_x, other_y, other_directions, other_depths: One of longer ago.
         slowest: Speed (m/s) below which nothing moves, as what does not differ from standing for sure.
-        margin: Metres beyond a reading that must have been seen for its place to have been empty.
+        margin, aside: Metres beyond a reading, and to both sides of it, that must have been seen for its place to have
+            been empty.
         convinced, most_convinced: Belief from which on a thing moves, and the highest there is.
         moving: Shape (R,), set where readings are of what moves.
     """
@@ -203,9 +218,9 @@ def judge(
             empty = 0
             for place in range(first, last):
                 end_x, end_y = ends[order[place], 0], ends[order[place], 1]
-                if (directions.shape[0] > 0 and _sees_past(end_x, end_y, x, y, directions, depths, margin)) or (
+                if (directions.shape[0] > 0 and _sees_past(end_x, end_y, x, y, directions, depths, margin, aside)) or (
                         other_directions.shape[0] > 0
-                        and _sees_past(end_x, end_y, other_x, other_y, other_directions, other_depths, margin)):
+                        and _sees_past(end_x, end_y, other_x, other_y, other_directions, other_depths, margin, aside)):
                     empty += 1
             came = empty / (last - first) >= _SEEN_EMPTY
         # half hidden, it seems to stand or to jump

@@ -1,4 +1,4 @@
-"""Scans of a lidar in a square room with discs in it."""
+"""Scans of a lidar in a square room with discs in it, and among boxes."""
 
 import math
 
@@ -24,3 +24,15 @@ def scan(x, y, discs, rng, theta=0.0):
     hits = ranges < REACH
     ranges = np.where(hits, ranges + rng.normal(0.0, 0.01, BEAMS), REACH)
     return np.column_stack((x + ranges * dx, y + ranges * dy)), hits
+
+
+def scan_of_boxes(x, y, boxes, rng):
+    """Return ends and hits of a lidar at (x, y) among boxes, shape (N, 4): their lower corners and their upper ones."""
+    angles = np.arange(BEAMS) * 2.0 * math.pi / BEAMS
+    ways = np.column_stack((np.cos(angles), np.sin(angles))) + 1e-12
+    low, high = ((boxes[:, None, first:first + 2] - (x, y)) / ways for first in (0, 2))
+    enter, leave = np.minimum(low, high).max(axis=2), np.maximum(low, high).min(axis=2)
+    ranges = np.where((enter <= leave) & (enter > 0.0), enter, np.inf).min(axis=0)
+    hits = ranges < REACH
+    ranges = np.where(hits, ranges + rng.normal(0.0, 0.01, BEAMS), REACH)
+    return np.column_stack((x + ranges * ways[:, 0], y + ranges * ways[:, 1])), hits

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from made_scans import scan
+from made_scans import scan, scan_of_boxes
 
 from mbf_relay.tracking.clusters import find_clusters, rays_of
 from mbf_relay.tracking.parameters import TrackerParameters
@@ -43,6 +43,20 @@ def test_what_stands_is_no_track_though_the_robot_passes_and_uncovers_it():
     ]
     _, counts = follow(lambda t: posts, seconds=8.0, robot=lambda t: (-1.5 + 0.22 * t, 0.05))
     assert max(counts) == 0
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_robot_that_drives_fast_among_boxes_gives_way_to_none_of_them(seed):
+    """Beams that had passed along a side of one by a hair told that it had come; robots turned away from their path."""
+    rng = np.random.default_rng(seed)
+    corners = 0.15 * rng.integers(0, (40, 20), (60, 2)) - (0.0, 1.5)
+    corners = corners[np.abs(corners[:, 1] + 0.075) > 0.25]
+    boxes, tracker, seen = np.hstack((corners, corners + 0.15)), Tracker(TrackerParameters()), []
+    for t in 0.2 * np.arange(32):
+        x, y = 0.8 * t - 0.5, 0.05 * math.sin(t)
+        tracker.update(x, y, *scan_of_boxes(x, y, boxes, rng), 1.0 + t)
+        seen += tracker.tracks
+    assert not seen
 
 
 def test_a_thing_that_stops_is_no_longer_one_that_moves():

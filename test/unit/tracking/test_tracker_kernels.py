@@ -8,7 +8,7 @@ import pytest
 from mbf_relay.tracking import tracker_kernels as kernels
 from mbf_relay.tracking.tracker_kernels import BELIEF, COLUMNS, RADIUS, SEEN, VELOCITY
 
-GATE, SURPRISE, DEPTH, CONVINCED, MOST, HALF_HIDDEN = 9.0, 3.0, 0.08, 2, 5, 0.2
+GATE, SURPRISE, DEPTH, ASIDE, CONVINCED, MOST, HALF_HIDDEN = 9.0, 3.0, 0.08, 0.05, 2, 5, 0.2
 ELAPSED = 0.2
 SEEDS = pytest.mark.parametrize("seed", range(30))
 
@@ -103,8 +103,14 @@ def plain_sees_past(place, bearings, ranges, ends):
     across, up = (ends - place).T
     there, distances = np.arctan2(up, across), np.hypot(across, up)
     index = np.searchsorted(directions, there) % len(order)
-    turn = np.abs(directions[index] - there)
-    return (np.minimum(turn, 2.0 * np.pi - turn) < 0.1) & (least[index] > distances + DEPTH)
+    turns = np.abs(directions - there[:, None])
+    turns = np.minimum(turns, 2.0 * np.pi - turns)
+    sees = turns[np.arange(len(ends)), index] < 0.1
+    with np.errstate(invalid="ignore"):
+        beside = turns <= np.arcsin(ASIDE / distances)[:, None]
+    beside[np.arange(len(ends)), index] = True
+    past = (least > distances[:, None] + DEPTH) | ~beside
+    return sees & (distances > ASIDE) & past.all(axis=1)
 
 
 def arranged(place, bearings, ranges):
@@ -141,6 +147,6 @@ def test_a_thing_moves_that_is_fast_and_came_to_where_nothing_was(seed):
 
     moving = np.zeros(60, dtype=bool)
     kernels.judge(
-        things, discs, taken, ends, runs, order, *arranged(*scans[0]), *arranged(*scans[1]), 0.04, DEPTH, CONVINCED,
-        MOST, moving)
+        things, discs, taken, ends, runs, order, *arranged(*scans[0]), *arranged(*scans[1]), 0.04, DEPTH, ASIDE,
+        CONVINCED, MOST, moving)
     assert (things == expected).all() and (moving == moves).all()
