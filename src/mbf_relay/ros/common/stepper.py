@@ -69,7 +69,7 @@ class Stepper:
         if self.step_time <= STEP_PATIENCE:
             return ""
         frame = sys._current_frames().get(self._thread.ident or 0)
-        while frame is not None and frame.f_code.co_filename.startswith(PYTHONS_OWN):
+        while frame is not None and os.path.dirname(frame.f_code.co_filename) == PYTHONS_OWN:
             frame = frame.f_back
         if frame is None:  # it has just ended
             return ""
