@@ -130,7 +130,12 @@ def _old_form(values: Mapping[str, Any]) -> List[Tuple[str, str, Dict[str, Any]]
 def _layer(name: str, type_name: str, group: Mapping[str, Any]) -> Layer:
     if not isinstance(type_name, str):
         raise ValueError(f"layer '{name}' has type {type_name!r}; it must be a text")
-    found = _class_of(type_name, group)
+    try:
+        found = _class_of(type_name, group)
+    except _UnknownLayer:
+        raise
+    except plugins.PluginError as error:
+        raise ValueError(f"layer '{name}': {error}") from error
     layer = plugins.create(name, found, group, Layer, LAYERS)
     if found != type_name:
         layer.notes = (

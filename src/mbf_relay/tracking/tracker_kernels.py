@@ -184,8 +184,8 @@ def _sees_past(x, y, sensor_x, sensor_y, directions, depths, margin, aside):
 
 @kernel(
     "void(float64[:,::1], float64[:,::1], int64[::1], float64[:,::1], int64[:,::1], int64[::1], float64, float64,"
-    " float64[::1], float64[::1], float64, float64, float64[::1], float64[::1], float64, float64, float64, int64, int64,"
-    " boolean[::1])")
+    " float64[::1], float64[::1], float64, float64, float64[::1], float64[::1], float64, float64, float64, int64,"
+    " int64, boolean[::1])")
 def judge(
     things, discs, taken, ends, runs, order, x, y, directions, depths, other_x, other_y, other_directions, other_depths,
     slowest, margin, aside, convinced, most_convinced, moving,

@@ -353,7 +353,7 @@ def test_a_layer_is_a_class_and_a_line():
 @pytest.mark.parametrize("sources", [{}, {"observation_sources": "scan", "scan": {"data_type": "LaserScan"}}])
 def test_a_robot_does_not_drive_without_the_layer_that_was_written_for_it(type_name, said, sources):
     """What it would have kept the robot from was not in the costmap, and one line of the log said so."""
-    with pytest.raises(ValueError, match=f"costmap: layer type '{type_name}'.*{re.escape(said)}"):
+    with pytest.raises(ValueError, match=f"costmap: layer 'a': layer type '{type_name}'.*{re.escape(said)}"):
         factory.build_costmap("costmap", {**STILL, "plugins": [{"name": "a", "type": type_name}], "a": sources})
 
 
