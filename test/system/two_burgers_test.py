@@ -39,6 +39,10 @@ class TwoBurgersTest(unittest.TestCase):
     def pose(self, name):
         return pose_from_message(self.truth[name].last.pose.pose)
 
+    def sees(self, name, other):
+        seen = [marker for marker in self.obstacles[name].last.markers if marker.ns.strip("/") == other]
+        return len(seen) == 1 and self.pose(other).distance_to(pose_from_message(seen[0].pose)) < 0.1
+
     def test_both_get_where_they_are_sent(self):
         sent = {}
         for name, (x, y, w) in GOALS.items():
@@ -56,9 +60,7 @@ class TwoBurgersTest(unittest.TestCase):
             self.assertLess(abs(pose.x - x) + abs(pose.y - y), 0.25, f"{name} stands at {tuple(pose)}")
         for name, other in (("burger1", "burger2"), ("burger2", "burger1")):
             self.assertFalse([marker.ns for message in self.contacts[name].messages for marker in message.markers])
-            seen = [marker for marker in self.obstacles[name].last.markers if marker.ns.strip("/") == other]
-            self.assertEqual(len(seen), 1, f"{name} does not see {other}")
-            self.assertLess(self.pose(other).distance_to(pose_from_message(seen[0].pose)), 0.1)
+            wait_until(lambda: self.sees(name, other), f"{name} to see {other}, once and where it is")
             wait_until(lambda: self.velocities[name].last.linear.x == 0.0, f"a zero as the last velocity of {name}")
 
     def test_stamps_of_both_keep_to_one_clock(self):
