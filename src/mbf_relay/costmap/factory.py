@@ -78,7 +78,7 @@ def _groups_in_vain(values: Mapping[str, Any]) -> List[str]:
     ]
 
 
-class _UnknownLayer(plugins.PluginError):
+class _UnknownLayer(ValueError):
     """There is no layer of that type, nor one that could stand in for it, and there need be none: it is C++'s."""
 
 
@@ -132,8 +132,6 @@ def _layer(name: str, type_name: str, group: Mapping[str, Any]) -> Layer:
         raise ValueError(f"layer '{name}' has type {type_name!r}; it must be a text")
     try:
         found = _class_of(type_name, group)
-    except _UnknownLayer:
-        raise
     except plugins.PluginError as error:
         raise ValueError(f"layer '{name}': {error}") from error
     layer = plugins.create(name, found, group, Layer, LAYERS)
@@ -184,7 +182,7 @@ def unknown_names(values: Mapping[str, Any]) -> Dict[str, str]:
     for layer_name, type_name, group in groups:
         try:
             layer_class = plugins.find_class(_class_of(type_name, group), Layer, LAYERS)
-        except plugins.PluginError:
+        except (plugins.PluginError, _UnknownLayer):
             continue  # nothing is known of its parameters
         prefix = "" if old_form else f"{layer_name}/"
         kind = layer_class.Parameters

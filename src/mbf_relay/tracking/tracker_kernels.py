@@ -158,6 +158,13 @@ def _first_not_below(directions, bearing):
     return low
 
 
+@kernel("float64(float64, float64)")
+def _turn(one, other):
+    """Return the turn (rad) between two directions, of -pi to pi each."""
+    turn = abs(one - other)
+    return min(turn, 2.0 * math.pi - turn)
+
+
 @kernel("boolean(float64, float64, float64, float64, float64[::1], float64[::1], float64, float64)")
 def _sees_past(x, y, sensor_x, sensor_y, directions, depths, margin, aside):
     """Return whether a scan, see `arrange`, saw `margin` (m) beyond a point at least, and beyond all `aside` (m) of it.
@@ -166,8 +173,7 @@ def _sees_past(x, y, sensor_x, sensor_y, directions, depths, margin, aside):
     bearing, distance = math.atan2(up, across), math.hypot(across, up)
     count = directions.shape[0]
     nearest = _first_not_below(directions, bearing) % count
-    turn = abs(directions[nearest] - bearing)
-    if min(turn, 2.0 * math.pi - turn) >= _IN_VIEW or distance <= aside:
+    if _turn(directions[nearest], bearing) >= _IN_VIEW or distance <= aside:
         return False
     width = math.asin(aside / distance)
     for way in (-1, 1):
@@ -176,8 +182,7 @@ def _sees_past(x, y, sensor_x, sensor_y, directions, depths, margin, aside):
             if depths[index] <= distance + margin:
                 return False
             index = (index + way) % count
-            turn = abs(directions[index] - bearing)
-            if min(turn, 2.0 * math.pi - turn) > width:
+            if _turn(directions[index], bearing) > width:
                 break
     return True
 

@@ -21,10 +21,10 @@ STEP_PATIENCE = 1.0
 """Wall seconds a step may take before whoever watches it must take it for hung."""
 CLOCK_PATIENCE = 2.0
 """Wall seconds a simulator may take to come back before the clock it published counts as lost."""
-PYTHONS_OWN = os.path.dirname(threading.__file__)
-"""Folder of what a step waits in and nobody looks for: locks, queues, sockets."""
 FIRST_CLOCK = 20.0
 """Wall seconds it may take to come up: as long as goals wait for a server."""
+PYTHONS_OWN = os.path.dirname(threading.__file__)
+"""Folder of what a step waits in and nobody looks for: locks, queues, sockets."""
 
 
 class Stepper:

@@ -200,6 +200,10 @@ class VelocityGuardNode:
         return (f"nobody publishes on {self._commands.resolved_name}: who drives the robot does so past this guard, or "
                 "not at all")
 
+    def _lacking(self, now: float) -> str:
+        """Say what is missing round a guard that judges as it should, empty for nothing."""
+        return self._unheard() or self._unasked() or self._without(now)
+
     def _send(self, velocity: Twist2D) -> None:
         with self._sending:
             if not self._closed:
@@ -214,8 +218,7 @@ class VelocityGuardNode:
             rospy.loginfo_throttle(2.0, text)
 
     def _text(self, now: float) -> str:
-        trouble = self._trouble if self._verdict.cause == NO_SCAN else (
-            self._unheard() or self._unasked() or self._without(now))
+        trouble = self._trouble if self._verdict.cause == NO_SCAN else self._lacking(now)
         return f"{self._verdict.text} ({trouble})" if trouble else self._verdict.text
 
     def _report(self) -> diagnostics.Report:
@@ -228,7 +231,7 @@ class VelocityGuardNode:
             self._alone_since = time.monotonic()
         elif time.monotonic() - self._alone_since > ALONE_FOR:
             rospy.logwarn_once(unasked)
-        fine = self._verdict.cause in (PASSING, STANDING) and not (self._without(now) or self._unheard() or unasked)
+        fine = self._verdict.cause in (PASSING, STANDING) and not self._lacking(now)
         return diagnostics.OK if fine else diagnostics.WARN, self._text(now), values
 
 
