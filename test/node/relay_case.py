@@ -38,10 +38,10 @@ class RelayCase(unittest.TestCase):
         rospy.set_param("move_base_flex/recovery_behaviors", [
             {"name": "clear", "type": "x"}, {"name": "rotate", "type": "y"}])
         cls.report = Listener("move_base_flex/report", String)
-        cls.results = Listener("move_base/result", Result)
+        cls.results = Listener("move_base/result", Result, connected=True)
         cls.status = Listener("move_base/status", GoalStatusArray, connected=True)
-        cls.feedback = Listener("move_base/feedback", MoveBaseActionFeedback)
-        cls.outcomes = Listener("move_base/navigation_outcome", MoveBaseActionResult)
+        cls.feedback = Listener("move_base/feedback", MoveBaseActionFeedback, connected=True)
+        cls.outcomes = Listener("move_base/navigation_outcome", MoveBaseActionResult, connected=True)
         cls.velocity = Listener("cmd_vel", Twist, connected=True)
         cls.current_goal = Listener("move_base/current_goal", PoseStamped, connected=True)
         cls.goals = connected_publisher("move_base/goal", MoveBaseActionGoal, queue_size=100)

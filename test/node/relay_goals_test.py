@@ -48,7 +48,7 @@ class RelayGoalsTest(RelayCase):
     def test_a_stranger_who_says_that_the_robot_has_arrived_is_not_believed(self):
         """Its client was told "Goal reached." and the robot drove on until the goal's lease ran out."""
         self.make_sure_of_server()
-        sent = Listener("move_base_flex/move_base/goal", mbf.MoveBaseActionGoal)
+        sent = Listener("move_base_flex/move_base/goal", mbf.MoveBaseActionGoal, connected=True)
         # publishes no status; it listens to goals, as a recorder does
         stranger = connected_publisher("move_base_flex/move_base/result", mbf.MoveBaseActionResult, queue_size=10)
         running = self.send("drive", x=73.0)

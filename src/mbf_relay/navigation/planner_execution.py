@@ -32,6 +32,9 @@ PlanWatcher = Callable[[str, Path], None]
 
 HOPELESS = (PlanOutcome.INVALID_START, PlanOutcome.INVALID_GOAL, PlanOutcome.OUT_OF_MAP, PlanOutcome.CANCELED)
 """Failures that waiting does not mend."""
+UNSEEN = 1.0
+"""Seconds, at least, by which a look is late before which nobody can have looked: a process that was stopped, a clock
+that was set forward. What is missing is waited for anew then."""
 
 
 class PlannerExecution:
@@ -74,7 +77,7 @@ class PlannerExecution:
         self._retry = retry
         self._cancellation = Cancellation()
         self._job: Optional[Job] = None
-        self._since_goal, self._since_call = Stopwatch(), Stopwatch()
+        self._waiting, self._since_call = Stopwatch(), Stopwatch()
         self._pacer = Pacer()
         self._retries = 0
         self._last_failure = ""
@@ -101,8 +104,7 @@ class PlannerExecution:
         """Look at what came of the last step and begin the next one."""
         if self.task.done:
             return
-        if not self._since_goal.running:
-            self._since_goal.start(now)
+        if self._asked == -math.inf:
             self._asked, self._waited = now, self._pathless.elapsed(now)
         if self.task.cancel_requested:
             self.give_up(Ending.CANCELED, PlanOutcome.CANCELED, "Planning was cancelled")
@@ -128,6 +130,8 @@ class PlannerExecution:
             self._last_failure = f"planner '{self.instance.name}' is still busy with an earlier call that was given up"
             self._pacer.postpone(now, 0.01)
             return
+        if now - self._pacer.next > max(UNSEEN, self._parameters().planning_tf_timeout):
+            self._waiting.start(now)
         try:
             trouble = self._costmap.planning_trouble(now)
             if trouble is not None:
@@ -173,7 +177,7 @@ class PlannerExecution:
         patience = self._parameters().planning_tf_timeout
         if outcome is PlanOutcome.NOT_INITIALIZED:  # the server has only just come; move_base takes no goal until then
             patience = max(patience, STARTING_PATIENCE)
-        if not self._retry or self._since_goal.elapsed(now) >= patience:
+        if not self._retry or self._waiting.elapsed(now) >= patience:
             self.give_up(Ending.ABORTED, outcome, message)
         else:
             self._pacer.postpone(now, 0.05)

@@ -191,6 +191,18 @@ def test_a_goal_that_comes_before_the_costmaps_first_picture_is_carried_out_with
     assert bench.finish(task).outcome is PlanOutcome.SUCCESS
 
 
+def test_a_goal_is_not_lost_to_time_in_which_its_server_was_stopped_and_could_not_wait(bench):
+    """Just after a frozen server went on, it took a goal by the clock of before, and gave it up with the next tick."""
+    costmap = bench.costmaps["global"]
+    costmap.trouble = PlanningError(PlanOutcome.MAP_ERROR, "global_costmap was last updated 6.37 s ago")
+    task = bench.navigator.get_path(PlanGoal(TARGET))
+    bench.step(0.0)
+    bench.step(6.37)
+    assert not task.done
+    costmap.trouble = None
+    assert bench.finish(task, 0.5).outcome is PlanOutcome.SUCCESS
+
+
 def test_an_unknown_planner_is_rejected_and_the_known_ones_named(bench):
     task = bench.navigator.get_path(PlanGoal(TARGET, planner="navfn/NavfnROS"))
     assert task.ending is Ending.REJECTED and task.result.outcome is PlanOutcome.INVALID_PLUGIN
