@@ -242,6 +242,16 @@ def test_a_new_path_to_the_same_goal_keeps_what_was_reached(name):
     assert not controller.is_goal_reached(state(drifted))
 
 
+def test_a_robot_that_stopped_short_of_where_it_was_expected_drives_on(name):
+    controller, short = make(name, latch_xy_goal_tolerance=True), Pose2D(0.8, 0.0, 0.0)
+    controller.set_path(path_through((0, 0), (1, 0)), True)
+    expected = dataclasses.replace(state(Pose2D(1.0, 0.0, 0.0)), pose_now=short)
+    controller.is_goal_reached(expected)
+    controller.compute_velocity(expected)
+    assert not controller.is_goal_reached(state(short)), "latched by where it was only expected"
+    assert controller.compute_velocity(state(short)).x > 0.0
+
+
 class SlipperyGoal(PaperRobot):
     """A robot that slides on by 6 cm when it brakes for the goal of `STRAIGHT`, as where commands come late."""
 

@@ -2,6 +2,7 @@
 """Users' launch files drive their robots: with another `pkg`, or as they stand where there are shims."""
 
 import contextlib
+import math
 import os
 import signal
 import subprocess
@@ -30,6 +31,8 @@ ROOT = TEST.parent
 MAP = ROOT / "config" / "maps" / "turtlebot3_world.yaml"
 START, STEP = (-2.0, -0.5), 0.6
 """Where the simulated robot stands, and how far (m) it is sent."""
+TOLERANCE = 0.1
+"""The widest xy_goal_tolerance (m) of the files that are driven with."""
 AS_THEY_STAND = ("turtlebot3", "flex")
 """Started by `scripts/run --shims`, with not a letter changed."""
 ROBOTS = {
@@ -98,7 +101,7 @@ class TestUsersLaunchFiles(unittest.TestCase):
         wait_until(lambda: client.get_state() in ended, f"the end of {name}'s goal", 120.0)
         self.assertEqual((client.get_state(), client.get_goal_status_text()), (GoalStatus.SUCCEEDED, "Goal reached."))
         where = truth.last.pose.pose.position
-        self.assertLess(abs(where.x - target[0]) + abs(where.y - target[1]), 0.3)
+        self.assertLess(math.hypot(where.x - target[0], where.y - target[1]), TOLERANCE + 0.05)
         touched = [marker.ns for m in contacts.messages for marker in m.markers if marker.action == marker.ADD]
         self.assertEqual(touched, [])
         for listener in (truth, contacts):

@@ -27,12 +27,12 @@ class GoalChecker:
     """
 
     def __init__(self) -> None:
-        self._turns = False
+        self._turns = self._was_there = False
         self.tolerance: Optional[GoalTolerance] = None
 
     def reset(self) -> None:
         """Forget what was reached: the goal is a new one."""
-        self._turns = False
+        self._turns = self._was_there = False
         self.tolerance = None
 
     @property
@@ -44,19 +44,20 @@ class GoalChecker:
         """Return the tolerance that holds: the action's where there is one."""
         return self.tolerance or GoalTolerance(parameters.xy_goal_tolerance, parameters.yaw_goal_tolerance)
 
-    def is_turning(self, pose: Pose2D, goal: Pose2D, parameters: FollowerParameters) -> bool:
+    def is_turning(self, state: ControlState, goal: Pose2D, parameters: FollowerParameters) -> bool:
         """Return whether the robot has come near enough to stop and turn to the goal's heading.
 
         Within tolerance it drives on as long as that brings it nearer; once it turns it turns, until it has drifted
-        well out of tolerance, or with latch_xy_goal_tolerance until the goal changes. One that has turned and does not
-        stand within tolerance drives again: nothing else would bring it there.
+        well out of tolerance, or with latch_xy_goal_tolerance, once it was there and not only expected to be, until the
+        goal changes. One that has turned and does not stand within tolerance drives again: nothing else would bring it
+        there.
         """
-        tolerance = self.tolerance_of(parameters)
-        distance = pose.distance_to(goal)
+        tolerance, pose = self.tolerance_of(parameters), state.pose
+        distance, latched = pose.distance_to(goal), self._latched(state, goal, parameters)
         if self._turns:
             has_turned = abs(angle_between(pose.theta, goal.theta)) <= FACING * tolerance.angle
             drift = 1.0 if has_turned else HYSTERESIS
-            self._turns = parameters.latch_xy_goal_tolerance or distance <= drift * tolerance.distance
+            self._turns = latched or distance <= drift * tolerance.distance
         elif distance <= tolerance.distance:
             ahead = goal.relative_to(pose)
             passed = ahead.x <= PASSED * distance
@@ -69,7 +70,7 @@ class GoalChecker:
         One that is still on its way nearer does not stand, however slow.
         """
         tolerance = self.tolerance_of(parameters)
-        latched = self._turns and parameters.latch_xy_goal_tolerance
+        latched = self._turns and self._latched(state, goal, parameters)
         return (
             (self._turns or state.velocity.speed() < CREEPING * parameters.max_vel_trans)
             and (latched or state.pose.distance_to(goal) <= tolerance.distance)
@@ -77,6 +78,12 @@ class GoalChecker:
             and state.velocity.speed() <= parameters.trans_stopped_vel
             and abs(state.velocity.theta) <= parameters.theta_stopped_vel
         )
+
+    def _latched(self, state: ControlState, goal: Pose2D, parameters: FollowerParameters) -> bool:
+        """Return whether nothing but the heading counts any more for a robot that turns; asked in every cycle."""
+        is_there = (state.pose_now or state.pose).distance_to(goal) <= self.tolerance_of(parameters).distance
+        self._was_there = self._was_there or is_there
+        return self._was_there and parameters.latch_xy_goal_tolerance
 
 
 class StuckChecker:

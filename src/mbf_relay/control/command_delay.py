@@ -18,7 +18,7 @@ DELAYS = np.arange(0.0, 1.5, 0.05)
 LATE = 0.15
 """Seconds from which commands are late; odometry and wheels that gain speed take a third of that in any case."""
 LEAST = np.array([0.02, 0.02, 0.05])
-"""Metres and radians per second of what was commanded, on the mean, below which nothing is told by that component."""
+"""Metres and radians per second that were commanded, and seen, on the mean, below which a component tells nothing."""
 EXPLAINED = 0.5
 """Share of what the delay believed so far, or no command at all, leaves unexplained that a better one leaves."""
 GAIN = 0.1
@@ -42,44 +42,52 @@ class CommandDelay:
 
     def __init__(self) -> None:
         self.seconds = 0.0
-        self._cycles: Deque[Tuple[float, Twist2D, Twist2D]] = deque()  # end (s), what was told in it, seen at its end
+        self._told: Deque[Tuple[float, Twist2D]] = deque()  # since when (s)
+        self._seen: Deque[Tuple[float, Twist2D]] = deque()  # when (s)
         self._judged_from = math.inf
         self._judged_at = -math.inf
 
-    def note(self, now: float, commanded: Twist2D, velocity: Twist2D) -> None:
-        """Take a cycle.
+    def tell(self, now: float, velocity: Twist2D) -> None:
+        """Take what the robot is told `now` (s), which holds until it is told otherwise; before all it was to stand."""
+        told = self._told
+        if told and now < told[-1][0]:  # time was set back
+            told.clear()
+        told.append((now, velocity))
+        while len(told) > 1 and told[1][0] <= now - WATCHED - 2.0 * LONGEST:
+            told.popleft()
 
-        Args:
-            now: Seconds.
-            commanded: Since the last cycle.
-            velocity: Of the robot now, as odometry has it.
-        """
-        cycles = self._cycles
-        if cycles and not 0.0 < now - cycles[-1][0] <= 1.0:  # the drive was interrupted, or time was set back
-            cycles.clear()
-        if not cycles:  # one that stands was told so before, too
-            stands = commanded == STOP and bool(np.all(np.abs(velocity) < LEAST))
+    def note(self, now: float, velocity: Twist2D) -> None:
+        """Take the robot's velocity `now` (s), as odometry has it, at the end of a cycle."""
+        seen = self._seen
+        if seen and not 0.0 < now - seen[-1][0] <= 1.0:  # the drive was interrupted, or time was set back
+            seen.clear()
+        if not seen:  # one that stands was told so before, too
+            stands = not self._told_at(np.array([now])).any() and bool(np.all(np.abs(velocity) < LEAST))
             self._judged_from, self._judged_at = now + (0.0 if stands else LONGEST), now
-        cycles.append((now, commanded, velocity))
-        while now - cycles[0][0] > WATCHED + LONGEST:
-            cycles.popleft()
+        seen.append((now, velocity))
+        while now - seen[0][0] > WATCHED + LONGEST:
+            seen.popleft()
         if now - self._judged_at >= PERIOD - ROUNDING:
             self._judged_at = now
             self._judge(max(self._judged_from, now - WATCHED))
 
+    def _told_at(self, times: np.ndarray) -> np.ndarray:
+        """Return what the robot had been told just before each of the times (s), shape (..., 3)."""
+        rows = np.array([(-math.inf, *STOP), *((since, *velocity) for since, velocity in self._told)])
+        return np.asarray(rows[np.maximum(0, np.searchsorted(rows[:, 0], times) - 1), 1:])
+
     def _judge(self, begin: float) -> None:
         """Take what the cycles from `begin` (s) on say."""
-        rows = np.array([(end, *told, *seen) for end, told, seen in self._cycles])
-        ends, told, seen = rows[:, 0], rows[:, 1:4], rows[:, 4:]
-        first = int(np.searchsorted(ends, begin))
-        if len(ends) - first < ENOUGH:
+        rows = np.array([(time, *velocity) for time, velocity in self._seen if time >= begin]).reshape(-1, 4)
+        if len(rows) < ENOUGH:
             return
-        power = np.mean(told[first:] ** 2, axis=0)
-        known = power > LEAST ** 2
+        times, seen = rows[:, 0], rows[:, 1:]
+        power = np.mean(self._told_at(times) ** 2, axis=0)
+        known = np.minimum(power, np.mean(seen ** 2, axis=0)) > LEAST ** 2
         if not known.any():
             return
-        in_force = np.searchsorted(ends, ends[first:] - DELAYS[:, None])
-        errors = np.mean((seen[first:, known] - told[in_force][..., known]) ** 2, axis=1)
+        told = self._told_at(times - DELAYS[:, None])
+        errors = np.mean((seen[:, known] - told[..., known]) ** 2, axis=1)
         unexplained = (errors / power[known]).sum(axis=1)
         best = int(np.argmin(unexplained))
         believed = unexplained[np.searchsorted(DELAYS, self.seconds)]
@@ -98,12 +106,11 @@ class CommandDelay:
         """
         if self.seconds == 0.0:
             return np.array([pose])
-        begin = since = self._cycles[-1][0] - self.seconds
-        held = []
-        for end, told, _ in self._cycles:
-            if end > begin:
-                held.append((told, end - since))
-                since = end
+        end = self._seen[-1][0]
+        begin = end - self.seconds
+        ends = [since for since, _ in self._told][1:] + [math.inf]
+        held = [(told, min(until, end) - max(since, begin))
+                for (since, told), until in zip(self._told, ends) if since < end and until > begin]
         return way_held(pose, held, step, turn_step)
 
 

@@ -206,7 +206,7 @@ class PathFollower(Controller, abc.ABC):
         self._back_out.trail.note(state.pose, cycle.checker)
         self._stuck_checker.check(state, self.command, parameters.stuck_timeout)
         self._blocked_goal_checker.check(state, cycle.path, cycle.checker, parameters)
-        if self._goal_checker.is_turning(state.pose, cycle.path.goal, parameters):
+        if self._goal_checker.is_turning(state, cycle.path.goal, parameters):
             self._turn_left = None
             return self._turn_at_goal(cycle)
         farthest = max(parameters.missed_path_distance, MISSED * state.costmap.width)

@@ -25,6 +25,7 @@ class ControlState:
             held back, as at the end of a drive that was called off.
         delay: Seconds from a command to the motion it leads to, which lie between `now` and the time of `pose`; 0.0
             where that is little.
+        pose_now: The robot in the costmap's frame at `now`; None where that is `pose`.
     """
 
     now: float
@@ -35,6 +36,7 @@ class ControlState:
     period: float = 0.1
     commanded: Optional[Twist2D] = None
     delay: float = 0.0
+    pose_now: Optional[Pose2D] = None
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,7 @@ class VelocityGuard:
         """Take what is asked for at `now` (s), and how the robot moves, where odometry tells."""
         self._asked, self._asked_at = velocity, now
         if moving is not None:
-            self.delay.note(now, self._passed[-1][1], moving)
+            self.delay.note(now, moving)
 
     def forget_command(self) -> None:
         """Take note that whoever commanded is gone."""
@@ -155,6 +155,7 @@ class VelocityGuard:
             self._passed.append((-math.inf, STOP))
         if found.velocity != self._passed[-1][1]:
             self._passed.append((now, found.velocity))
+            self.delay.tell(now, found.velocity)
         oldest = min((sight.changed_at for sight in self._sights), default=-math.inf)
         while len(self._passed) > 1 and self._passed[1][0] <= oldest - LONGEST:
             self._passed.popleft()

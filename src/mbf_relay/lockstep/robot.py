@@ -122,6 +122,7 @@ class LockstepRobot(Robot):
     def command(self, velocity: Twist2D) -> None:
         """Send a velocity to the wheels."""
         self.commanded = velocity
+        self.delay.tell(self._clock(), velocity)
         self._send(velocity)
 
     def _in_odom(self, frame: str) -> Pose2D:

@@ -12,6 +12,7 @@ from mbf_relay.control.controller import Controller
 from mbf_relay.control.state import ControlState, GoalTolerance, SpeedLimit
 from mbf_relay.costmap.layer import ZoneLimit
 from mbf_relay.geometry import STOP, Twist2D, angle_between
+from mbf_relay.navigation.control_cycle import ControlAnswer, run_cycle
 from mbf_relay.navigation.cycle_load import CycleLoad
 from mbf_relay.navigation.goals import FollowFeedback, FollowGoal, FollowResult, FramedPose
 from mbf_relay.navigation.parameters import NavigatorParameters
@@ -34,13 +35,6 @@ FINAL = frozenset((
     ControlOutcome.INVALID_PATH, ControlOutcome.ROBOT_STUCK, ControlOutcome.BLOCKED_GOAL, ControlOutcome.MISSED_PATH,
 ))
 """What another try with the same path cannot change; controllers say it after a patience of their own."""
-
-
-class ControlAnswer(NamedTuple):
-    """What a controller said in one cycle: that it has arrived, or else a velocity."""
-
-    arrived: bool
-    velocity: Twist2D = STOP
 
 
 class ControlView(NamedTuple):
@@ -195,7 +189,7 @@ class ControllerExecution:
         def cycle(controller: Controller) -> ControlAnswer:
             if limit != told:
                 controller.limit_speed(SpeedLimit(limit.speed, share=limit.share), ZONE)
-            return _cycle(controller, view.state, path, goal_is_new, tolerance)
+            return run_cycle(controller, view.state, path, goal_is_new, tolerance)
 
         self._job = self.instance.call(cycle)
         if self._job.done:
@@ -218,7 +212,7 @@ class ControllerExecution:
         snapshot = self._costmap.snapshot()
         state = ControlState(
             now, self._robot.expected_in(pose, snapshot), velocity, snapshot, costmap_from_path, period,
-            self._robot.commanded, self._robot.delay.seconds,
+            self._robot.commanded, self._robot.delay.seconds, pose,
         )
         goal = path.goal
         return ControlView(
@@ -380,18 +374,6 @@ class ControllerExecution:
 
     def _where(self) -> Tuple[Optional[FramedPose], float, float]:
         return (None, math.inf, math.inf) if self._view is None else self._view[1:]
-
-
-def _cycle(
-    controller: Controller, state: ControlState, path: Optional[Path], is_new_goal: bool,
-    tolerance: Optional[GoalTolerance],
-) -> ControlAnswer:
-    """Run one cycle of a controller; on the worker."""
-    if path is not None:
-        controller.set_path(path, is_new_goal)
-    if controller.is_goal_reached(state, tolerance):
-        return ControlAnswer(True)
-    return ControlAnswer(False, controller.compute_velocity(state))
 
 
 def _same_end(old: Path, new: Path) -> bool:

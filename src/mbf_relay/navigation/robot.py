@@ -9,7 +9,7 @@ from mbf_relay.control.command_delay import CommandDelay
 from mbf_relay.control.steering import Steering
 from mbf_relay.costmap.cost_grid import CostGrid
 from mbf_relay.costmap.footprint_checker import FootprintChecker
-from mbf_relay.geometry import STOP, Pose2D, Twist2D
+from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.outcomes import StaleDataError
 
 OVERRUN_PERIODS = 3.0
@@ -60,7 +60,7 @@ class Robot(abc.ABC):
 
     @abc.abstractmethod
     def command(self, velocity: Twist2D) -> None:
-        """Send a velocity to the wheels; finite, within limits."""
+        """Send a velocity to the wheels; finite, within limits. `delay` is told of what really goes out."""
 
     def expected_in(self, pose: Pose2D, costmap: CostGrid) -> Pose2D:
         """Return where a robot at `pose` will be when it does what it is told next, both in a costmap's frame.
@@ -75,7 +75,7 @@ class Robot(abc.ABC):
 
     def note_motion(self, now: float, velocity: Twist2D) -> None:
         """Learn how late it does what it is told, from its velocity `now` (s) as odometry tells it."""
-        self.delay.note(now, self.commanded or STOP, velocity)
+        self.delay.note(now, velocity)
 
     @property
     def unheard(self) -> str:

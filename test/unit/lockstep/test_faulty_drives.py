@@ -13,6 +13,7 @@ from tally import LONG, trial  # noqa: E402
 
 from mbf_relay.geometry import STOP, Pose2D, angle_between  # noqa: E402
 from mbf_relay.lockstep.tasks import circle  # noqa: E402
+from mbf_relay.navigation.goals import FramedPose, NavigateGoal  # noqa: E402
 from mbf_relay.navigation.task import Ending  # noqa: E402
 from mbf_relay.simulation.faults import NO_FAULTS, Faults  # noqa: E402
 from mbf_relay.simulation.shapes import Cylinder  # noqa: E402
@@ -127,6 +128,23 @@ def test_a_robot_whose_commands_came_late_for_a_while_does_not_creep_to_its_goal
     drive.simulation.faults = NO_FAULTS
     assert drive.step_until(lambda: drive.goal.done, 13.0)
     assert drive.goal.ending is Ending.SUCCEEDED, drive.goal.result
+
+
+@pytest.mark.parametrize("delay, late_for", [(0.5, 0.4), (0.9, 0.2), (1.3, 0.02)])
+@trial(FAILING)
+def test_a_robot_whose_commands_came_late_only_at_first_is_where_it_says_it_has_arrived(drive, delay, late_for):
+    """It stopped a second's way short of its goal, where it would have come to if they still had come late."""
+    drive.goal.cancel()
+    drive.step_until(lambda: drive.goal.done, 1.0)
+    start = drive.simulation.true_pose
+    goal = start.compose(Pose2D(0.6, 0.0, 0.0))
+    drive.goal = drive.navigate(NavigateGoal(FramedPose(goal, drive.map_frame)))
+    drive.simulation.faults = Faults(command_delay=delay)
+    drive.step_until(lambda: drive.simulation.true_pose.distance_to(start) > late_for, 5.0)
+    drive.simulation.faults = NO_FAULTS
+    assert drive.step_until(lambda: drive.goal.done, 20.0)
+    assert drive.goal.ending is Ending.SUCCEEDED, drive.goal.result
+    assert drive.simulation.true_pose.distance_to(goal) < 0.06
 
 
 @pytest.mark.parametrize("slip", [0.0, 0.3])

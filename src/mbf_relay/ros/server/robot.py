@@ -158,4 +158,5 @@ class RosRobot(Robot):
                 self._publish(STOP)
 
     def _publish(self, velocity: Twist2D) -> None:
+        self.delay.tell(rospy.get_time(), velocity)
         self._publisher.publish(twist_to_message(self.steering.steered(velocity) if self.steering else velocity))
