@@ -94,20 +94,29 @@ class CommandDelay:
         if unexplained[best] <= min(believed - GAIN, EXPLAINED * min(believed, np.count_nonzero(known))):
             self.seconds = float(DELAYS[best]) if DELAYS[best] >= LATE else 0.0
 
-    def way(self, pose: Pose2D, step: float, turn_step: float) -> np.ndarray:
+    def caught_up(self, pose: Pose2D, age: float) -> Pose2D:
+        """Return where a robot is in the last cycle that was at `pose` `age` (s) before, as its velocities tell."""
+        since = self._seen[-1][0] - age if self._seen else math.inf
+        for time, velocity in self._seen:
+            if time > since:
+                pose, since = pose.compose(velocity.held(time - since)), time
+        return pose
+
+    def way(self, pose: Pose2D, step: float, turn_step: float, ahead: float = 0.0) -> np.ndarray:
         """Return the poses that lead from where a robot is in the last cycle to where it does what it is told next.
 
         Args:
             pose: Where it is.
             step, turn_step: Metres and radians from pose to pose, at most.
+            ahead: By how much (s) `pose` is newer than the velocities noted: so much of the way lies behind it.
 
         Returns:
             Shape (P, 3); the last one is where it will be, `pose` itself where nothing comes late.
         """
-        if self.seconds == 0.0:
+        if self.seconds <= ahead or not self._seen:
             return np.array([pose])
         end = self._seen[-1][0]
-        begin = end - self.seconds
+        begin = end - (self.seconds - ahead)
         ends = [since for since, _ in self._told][1:] + [math.inf]
         held = [(told, min(until, end) - max(since, begin))
                 for (since, told), until in zip(self._told, ends) if since < end and until > begin]

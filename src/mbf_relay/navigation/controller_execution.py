@@ -210,9 +210,10 @@ class ControllerExecution:
         global_pose = pose_in_path if path.frame == global_frame else self._robot.pose_in(global_frame)
         self._robot.note_motion(now, velocity)
         snapshot = self._costmap.snapshot()
+        here = self._robot.caught_up(pose, frame)
         state = ControlState(
-            now, self._robot.expected_in(pose, snapshot), velocity, snapshot, costmap_from_path, period,
-            self._robot.commanded, self._robot.delay.seconds, pose,
+            now, self._robot.expected_in(here, snapshot), velocity, snapshot, costmap_from_path, period,
+            self._robot.commanded, self._robot.delay.seconds, here,
         )
         goal = path.goal
         return ControlView(

@@ -44,10 +44,10 @@ class RecoverySurroundings(RecoveryContext):
     def pose_in(self, frame: str) -> Pose2D:
         """Return the robot's pose in `frame`; raise TransformError where it is not known."""
         pose = self._robot.pose_in(frame)
-        if self._robot.delay.seconds == 0.0:  # nor is a snapshot needed to tell
-            return pose
         costmap = next((costmap for costmap in self._costmaps.values() if costmap.frame == frame), None)
-        return pose if costmap is None else self._robot.expected_in(pose, costmap.snapshot())
+        if costmap is None:
+            return pose
+        return self._robot.expected_in(self._robot.caught_up(pose, frame), costmap.snapshot())
 
     @property
     def costmaps(self) -> Mapping[str, Any]:

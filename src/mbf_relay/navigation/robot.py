@@ -62,15 +62,26 @@ class Robot(abc.ABC):
     def command(self, velocity: Twist2D) -> None:
         """Send a velocity to the wheels; finite, within limits. `delay` is told of what really goes out."""
 
-    def expected_in(self, pose: Pose2D, costmap: CostGrid) -> Pose2D:
-        """Return where a robot at `pose` will be when it does what it is told next, both in a costmap's frame.
+    def pose_ahead(self, frame: str) -> float:
+        """Return by how much (s) the newest pose in `frame` is newer than the newest velocity; below 0 for older."""
+        return 0.0
 
-        It is carried no farther than to what it meets on its way there, or it would take that for passed.
+    def caught_up(self, pose: Pose2D, frame: str) -> Pose2D:
+        """Return where a robot is whose newest pose in `frame` this is: where that comes later than odometry, carried on
+        by what odometry tells since.
         """
-        if self.delay.seconds == 0.0:
+        return self.delay.caught_up(pose, -self.pose_ahead(frame))
+
+    def expected_in(self, pose: Pose2D, costmap: CostGrid) -> Pose2D:
+        """Return where a robot at `pose` now will be when it does what it is told next, both in a costmap's frame.
+
+        It is carried no farther than to what it meets on its way, or it would take that for passed.
+        """
+        ahead = max(0.0, self.pose_ahead(costmap.frame))
+        if self.delay.seconds <= ahead:
             return pose
         checker = FootprintChecker(costmap, unknown_touches=False)
-        way = self.delay.way(pose, checker.longest_step, checker.longest_turn)
+        way = self.delay.way(pose, checker.longest_step, checker.longest_turn, ahead)
         return Pose2D(*map(float, way[min(checker.free_steps(way, pose), len(way) - 1)]))
 
     def note_motion(self, now: float, velocity: Twist2D) -> None:

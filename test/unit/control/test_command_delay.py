@@ -128,6 +128,29 @@ def test_a_robot_is_where_it_was_expected_when_it_does_what_it_is_told(delay):
     assert expected.theta == pytest.approx(robot.pose.theta, abs=0.11)
 
 
+@pytest.mark.parametrize("age", [0.0, 0.1, 0.3])
+def test_a_robot_whose_pose_comes_late_is_where_odometry_saw_it_go_since(age):
+    robot, poses = Wheels(0.0), []
+    for command in swings():
+        poses.append(robot.pose)
+        robot.drive([command])
+    poses.append(robot.pose)
+    robot.watched.note(robot.now, robot.velocity)
+    caught_up = robot.watched.caught_up(poses[-1 - round(age / PERIOD)], age)
+    assert caught_up.distance_to(robot.pose) < 1e-6
+    assert caught_up.theta == pytest.approx(robot.pose.theta)
+
+
+def test_a_robot_whose_odometry_comes_late_and_its_pose_does_not_has_that_much_of_its_way_behind_it():
+    robot = Wheels(0.5)
+    robot.drive(swings())
+    robot.watched.note(robot.now, robot.velocity)
+    ways = [robot.watched.way(robot.pose, 0.01, 0.05, ahead) for ahead in (0.0, 0.2, robot.watched.seconds)]
+    begin, middle, end = ([*map(float, way[-1])] for way in ways)
+    assert end == pytest.approx([*robot.pose])
+    assert 0.2 * 0.3 * 0.8 < Pose2D(*middle).distance_to(robot.pose) < Pose2D(*begin).distance_to(robot.pose)
+
+
 def test_a_clock_set_back_and_a_drive_interrupted_let_nothing_of_before_count():
     robot = Wheels(0.5)
     robot.drive(swings())

@@ -120,6 +120,19 @@ def test_a_robot_whose_commands_always_come_late_drives_as_well_as_one_that_hear
     assert drive.simulation.true_pose.distance_to(circle().goals[1]) < 0.1
 
 
+@pytest.mark.parametrize("late", [0.2, 0.3, 0.45])
+@trial(FAILING)
+def test_a_robot_whose_transform_comes_later_than_its_odometry_arrives_all_the_same(drive, monkeypatch, late):
+    """It took the place where it had been for the one where it was, circled its goal, and was given up beside it."""
+    robot = drive.navigator.robot
+    monkeypatch.setattr(type(robot), "base_in_odom", property(
+        lambda self: self.odometry_at(max(self._odometry[0][0], self.odometry_stamp - late))))
+    monkeypatch.setattr(robot, "pose_ahead", lambda frame: -late, raising=False)
+    assert drive.step_until(lambda: drive.goal.done, 17.5), "it takes 16.5 s where the transform comes at once"
+    assert drive.goal.ending is Ending.SUCCEEDED, drive.goal.result
+    assert drive.simulation.true_pose.distance_to(circle().goals[1]) < 0.1
+
+
 @trial(FAILING)
 def test_a_robot_whose_commands_came_late_for_a_while_does_not_creep_to_its_goal_for_the_rest_of_it(drive):
     """It turned to its heading at a sixteenth of its speed, and was given up as oscillating."""

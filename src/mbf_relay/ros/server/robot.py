@@ -10,7 +10,7 @@ from typing import Any, Callable, Dict, Optional, Tuple
 import rospy
 from geometry_msgs.msg import Twist
 
-from mbf_relay.geometry import STOP, Pose2D, Twist2D
+from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.navigation.odometry_monitor import OdometryMonitor, TransformMonitor
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.outcomes import StaleDataError
@@ -59,6 +59,7 @@ class RosRobot(Robot):
         self._pose_timeout, self._odom_timeout = pose_timeout, odom_timeout
         self._odometry: Optional[OdometryInput] = None
         self._poses: Dict[str, Tuple[float, Pose2D]] = {}  # those looked up last, with their times (s), by frame
+        self._velocity_at: Optional[float] = None  # time (s) of odometry, where that told the velocity last
         self._tf_monitors: Dict[str, TransformMonitor] = defaultdict(TransformMonitor)
         self._monitor = OdometryMonitor()
         self.commands = RateMeter(pause=COMMANDS_PAUSE)
@@ -111,7 +112,16 @@ class RosRobot(Robot):
             trouble = self._tf_monitors[frame].trouble(at, seen, stamp, pose)
             if trouble is not None:
                 raise StaleDataError(f"{trouble} ('{self._base_frame}' in '{frame}' and {topic})")
+        self._velocity_at = stamp
         return velocity
+
+    def pose_ahead(self, frame: str) -> float:
+        """Return by how much (s) tf is ahead of odometry, below 0 where it lags behind: 0.0 without odometry."""
+        told_at, (at, _) = self._velocity_at, self._poses.get(frame, (0.0, IDENTITY))
+        if told_at is None or at == 0.0:  # which is the time of what never moves
+            return 0.0
+        now: float = rospy.get_time()  # what is post-dated tells of now
+        return min(now, at) - min(now, told_at)
 
     @property
     def unheard(self) -> str:

@@ -81,3 +81,17 @@ def test_a_robot_that_stopped_as_odometry_came_late_may_set_out_again(monkeypatc
     assert len(broadcast.seen(0.25, speed, late)) == 5
     broadcast.seen(pause, 0.0, late, asked=False)
     assert len(broadcast.seen(2.0, 0.0, late)) == 40
+
+
+@pytest.mark.parametrize("late", [0, 1, 4])
+def test_a_robot_knows_by_how_much_its_transform_and_its_odometry_tell_of_different_times(monkeypatch, late):
+    broadcast = Broadcast(monkeypatch, goes_on=True)
+    broadcast.seen(0.8, late=late)
+    assert broadcast.robot.pose_ahead("odom") == pytest.approx(0.05 * late)
+    assert broadcast.robot.pose_ahead("map") == 0.0  # where nobody asked for a pose yet
+
+
+def test_a_robot_knows_that_its_transform_is_of_the_time_when_it_ended(monkeypatch):
+    broadcast = Broadcast(monkeypatch, goes_on=False)
+    broadcast.seen(1.4)
+    assert broadcast.robot.pose_ahead("odom") == pytest.approx(-0.4)
