@@ -67,9 +67,7 @@ class Robot(abc.ABC):
         return 0.0
 
     def caught_up(self, pose: Pose2D, frame: str) -> Pose2D:
-        """Return where a robot is whose newest pose in `frame` this is: where that comes later than odometry, carried on
-        by what odometry tells since.
-        """
+        """Return where a robot is now whose newest pose in `frame` may be older than odometry, as that tells since."""
         return self.delay.caught_up(pose, -self.pose_ahead(frame))
 
     def expected_in(self, pose: Pose2D, costmap: CostGrid) -> Pose2D:
