@@ -1,8 +1,10 @@
 """What the rostests share: waiting for conditions, bounded by the wall clock, and listening to topics."""
 
 import io
+import signal
 import threading
 import time
+from pathlib import Path
 from typing import Any, Callable, List, Optional
 
 _PAUSE = threading.Event()
@@ -28,6 +30,17 @@ def wait_until(condition: Callable[[], Any], what: str, timeout: float = 30.0, p
         if time.monotonic() >= end:
             raise AssertionError(f"waited {timeout:.0f} s for {what}, in vain")
         _PAUSE.wait(period)
+
+
+def freeze(process: Any) -> None:
+    """Stop a process and wait until all of it stands: its threads run on until the one that takes the signal does."""
+    process.send_signal(signal.SIGSTOP)
+
+    def stands() -> bool:
+        stats = Path(f"/proc/{process.pid}/task").glob("*/stat")
+        return {path.read_text(encoding="utf-8").rpartition(")")[2].split()[0] for path in stats} == {"T"}
+
+    wait_until(stands, f"process {process.pid} to stand still")
 
 
 def as_received(message: Any, kind: Any, sender: Optional[str] = "/driver") -> Any:

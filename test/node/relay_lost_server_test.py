@@ -14,7 +14,7 @@ from actionlib_msgs.msg import GoalID, GoalStatus
 from geometry_msgs.msg import Twist
 from nav_msgs.srv import GetPlan, GetPlanRequest
 from node.relay_case import REPLACED, RelayCase
-from ros_testing import wait_until
+from ros_testing import freeze, wait_until
 from std_srvs.srv import Empty
 
 
@@ -58,7 +58,7 @@ class RelayLostServerTest(RelayCase):
         goal_id = self.send("drive", x=61.0)
         self.wait_for_feedback(goal_id)
         stops = len(self.velocity.messages)
-        self.server.send_signal(signal.SIGSTOP)
+        freeze(self.server)
         try:
             end = self.end_of(goal_id, 15.0)
             wait_until(lambda: len(self.velocity.messages) > stops, "zero velocity while it is frozen")
@@ -82,7 +82,7 @@ class RelayLostServerTest(RelayCase):
         cleared = wait_until(
             lambda: len(self.reported("clear")) > before and len(self.reported("clear")), "word of the clearing"
         )
-        self.server.send_signal(signal.SIGSTOP)
+        freeze(self.server)
         try:
             for call in (lambda: make_plan(request), lambda: make_plan(request), clear, clear):
                 with self.assertRaisesRegex(rospy.ServiceException, "/move_base_flex.* hangs"):
