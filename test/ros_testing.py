@@ -5,17 +5,19 @@ import signal
 import threading
 import time
 from pathlib import Path
-from typing import Any, Callable, List, Optional
+from typing import Any, Callable, List, Optional, Union
 
 _PAUSE = threading.Event()
 
 
-def wait_until(condition: Callable[[], Any], what: str, timeout: float = 30.0, period: float = 0.02) -> Any:
+def wait_until(
+    condition: Callable[[], Any], what: Union[str, Callable[[], str]], timeout: float = 30.0, period: float = 0.02
+) -> Any:
     """Return the condition's first true value.
 
     Args:
         condition: Asked again every `period` wall seconds.
-        what: Named in the failure: "waited 30 s for WHAT, in vain".
+        what: Named in the failure: "waited 30 s for WHAT, in vain"; called then, where that is known only then.
         timeout: Wall seconds to wait at most.
         period: Wall seconds between two looks.
 
@@ -28,7 +30,7 @@ def wait_until(condition: Callable[[], Any], what: str, timeout: float = 30.0, p
         if value:
             return value
         if time.monotonic() >= end:
-            raise AssertionError(f"waited {timeout:.0f} s for {what}, in vain")
+            raise AssertionError(f"waited {timeout:.0f} s for {what() if callable(what) else what}, in vain")
         _PAUSE.wait(period)
 
 

@@ -185,12 +185,16 @@ class TestCostmaps(unittest.TestCase):
             message.header.frame_id = "nowhere"
             return message
 
+        said = []
+
+        def names_the_frame():
+            said.append(self.nodes["local"].report()[1])
+            return "nowhere" in said[-1]
+
         self.robot.change_message = renamed
         try:
-            text = wait_until(
-                lambda: "nowhere" in self.nodes["local"].report()[1] and self.nodes["local"].report()[1],
-                "a report that names the frame", timeout=15.0)
-            self.assertIn("'scan'", text)
+            wait_until(names_the_frame, lambda: f"a report that names the frame; the last one is '{said[-1]}'")
+            self.assertIn("'scan'", said[-1])
         finally:
             self.robot.change_message = real
 
