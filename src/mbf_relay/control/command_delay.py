@@ -18,9 +18,12 @@ DELAYS = np.arange(0.0, 1.5, 0.05)
 LATE = 0.15
 """Seconds from which commands are late; odometry and wheels that gain speed take a third of that in any case."""
 LEAST = np.array([0.02, 0.02, 0.05])
-"""Metres and radians per second that were commanded, and seen, on the mean, below which a component tells nothing."""
+"""Metres and radians per second of what was commanded, on the mean, below which nothing is told by that component."""
 EXPLAINED = 0.5
-"""Share of what the delay believed so far, or no command at all, leaves unexplained that a better one leaves."""
+"""Share of what the delay believed so far, or no command at all, leaves unexplained that a better one leaves.
+
+One that is held as it sets out does what it was told before, to stand: no delay explains that better than none of them.
+"""
 GAIN = 0.1
 """By how much more of the commands' squares a better delay explains at least."""
 PERIOD = 0.5
@@ -83,7 +86,7 @@ class CommandDelay:
             return
         times, seen = rows[:, 0], rows[:, 1:]
         power = np.mean(self._told_at(times) ** 2, axis=0)
-        known = np.minimum(power, np.mean(seen ** 2, axis=0)) > LEAST ** 2
+        known = power > LEAST ** 2
         if not known.any():
             return
         told = self._told_at(times - DELAYS[:, None])
@@ -91,7 +94,8 @@ class CommandDelay:
         unexplained = (errors / power[known]).sum(axis=1)
         best = int(np.argmin(unexplained))
         believed = unexplained[np.searchsorted(DELAYS, self.seconds)]
-        if unexplained[best] <= min(believed - GAIN, EXPLAINED * min(believed, np.count_nonzero(known))):
+        stood = (np.mean(seen[:, known] ** 2, axis=0) / power[known]).sum()  # as by no command at all
+        if unexplained[best] < min(believed - GAIN, EXPLAINED * min(believed, stood)):
             self.seconds = float(DELAYS[best]) if DELAYS[best] >= LATE else 0.0
 
     def caught_up(self, pose: Pose2D, age: float) -> Pose2D:

@@ -90,6 +90,18 @@ def test_a_robot_that_somebody_holds_blames_no_delay():
     assert watched.seconds == 0.0
 
 
+@pytest.mark.parametrize("drive", [swings, straight])
+@pytest.mark.parametrize("free", [0, 2, 5])
+def test_a_robot_that_a_guard_or_a_hand_holds_as_it_sets_out_is_not_thought_to_hear_late(drive, free):
+    """A guard that stopped it made its server reckon with 1.45 s, and it was taken to be where it never got to."""
+    watched, seen = CommandDelay(), STOP
+    for cycle, told in enumerate([STOP] * 10 + drive()):
+        watched.note(PERIOD * cycle, seen if cycle <= 10 + free else STOP)
+        assert watched.seconds == 0.0, cycle
+        watched.tell(PERIOD * cycle, told)
+        seen = told
+
+
 def test_a_robot_that_was_stopped_between_its_cycles_blames_no_delay():
     """One whose computer fell behind at its start took itself for over a second late, and ended its drive 0.2 m short.
     """

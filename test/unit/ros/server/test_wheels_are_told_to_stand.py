@@ -9,6 +9,7 @@ import rospy
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
+from mbf_relay.control.command_delay import CommandDelay
 from mbf_relay.control.steering import Steering  # noqa: E402
 from mbf_relay.geometry import STOP, Twist2D  # noqa: E402
 from mbf_relay.ros.server.robot import RosRobot, _Wheels  # noqa: E402
@@ -42,7 +43,7 @@ def test_a_car_is_told_the_angle_that_its_driver_takes_for_a_rate(monkeypatch, s
     robot = RosRobot.__new__(RosRobot)
     robot.__dict__.update(
         steering=steering, commands=SimpleNamespace(tick=lambda now: None), _closing=threading.Lock(), _closed=False,
-        _blocked=False, _held=False, _publisher=SimpleNamespace(publish=sent.append))
+        _blocked=False, _held=False, _publisher=SimpleNamespace(publish=sent.append), delay=CommandDelay())
     robot.command(Twist2D(0.4, 0.0, 0.5))
     robot.hold(True)
     robot.hold(False)
