@@ -13,7 +13,11 @@ CPU = {"x86_64": "x86-64"}
 WIDE = {"x86_64": "+avx2"}
 """What nearly all of a kind can do besides, which nearly halves the time of plain loops over cells; the module asks for
 it when it is loaded. It changes no bit: nothing is computed in another order."""
-WIDENED = ("mbf_relay.costmap.inflation_kernels", "mbf_relay.localization.laser_kernels")
+WIDENED = (
+    "mbf_relay.control.path_kernels", "mbf_relay.costmap.footprint_checker_kernels",
+    "mbf_relay.costmap.inflation_kernels", "mbf_relay.costmap.layer_kernels", "mbf_relay.distance_kernels",
+    "mbf_relay.localization.laser_kernels",
+)
 """Modules that gain by it; each takes its time twice when the package is built."""
 
 
