@@ -8,7 +8,7 @@ from typing import NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from mbf_relay.costmap import footprint_checker_kernels, footprint_kernels
+from mbf_relay.costmap import footprint_checker_kernels, footprint_kernels, sight_kernels
 from mbf_relay.costmap.cost_grid import LETHAL, NO_INFORMATION, CostGrid
 from mbf_relay.distances import distances_to_zeros
 from mbf_relay.geometry import Pose2D
@@ -167,7 +167,7 @@ class FootprintChecker:
         """Tell for each point, (N, 2) in metres, whether the straight line to it from the robot is free of obstacles.
         """
         seen = np.empty(len(points), np.uint8)
-        footprint_checker_kernels.in_sight(
+        sight_kernels.in_sight(
             self._costs, *self._place, pose.x, pose.y, np.ascontiguousarray(points), seen
         )
         return seen.astype(bool)
@@ -177,13 +177,9 @@ class FootprintChecker:
 
         What hides a corner by a cell or two alone is what the footprint passes, not what something may stand behind.
         """
-        corners, headings = self._corners, poses[:, 2].copy()[:, None]
-        cos, sin = np.cos(headings), np.sin(headings)
-        across = poses[:, :1] + cos * corners[:, 0] - sin * corners[:, 1] - pose.x
-        up = poses[:, 1:2] + sin * corners[:, 0] + cos * corners[:, 1] - pose.y
-        short = 1.0 - APART * self.costmap.grid.resolution / np.maximum(np.hypot(across, up), 1e-9)
-        points = np.column_stack(((short * across).ravel() + pose.x, (short * up).ravel() + pose.y))
-        return bool(self.in_sight(pose, points).all())
+        return bool(sight_kernels.sees_way(
+            self._costs, *self._place, pose.x, pose.y, self._corners, np.ascontiguousarray(poses, dtype=float),
+            APART * self.costmap.grid.resolution))
 
     def clearance_at(self, x: float, y: float) -> float:
         """Return the distance (m) from a point to the centre of the nearest obstacle cell; 0 outside the grid."""
@@ -207,8 +203,8 @@ def distances_to_obstacles(costs: np.ndarray, farthest: float = math.inf) -> np.
 
     Of more than `farthest` any distance beyond may be told.
     """
-    distances: np.ndarray = np.minimum(distances_to_zeros(costs < LETHAL, farthest), FAR)
-    return distances
+    distances = distances_to_zeros(costs < LETHAL, farthest)
+    return np.minimum(distances, FAR, out=distances)
 
 
 def _corners(footprint: np.ndarray) -> np.ndarray:

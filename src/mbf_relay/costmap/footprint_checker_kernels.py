@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loops over a footprint laid on a costmap: contacts at poses, the first contact along trajectories, sight.
+"""Compiled loops over a footprint laid on a costmap: contacts at poses, the first contact along trajectories.
 
 `_LETHAL` is cost_grid's, copied because numba's cache notices changes of its own file alone; a test compares them.
 """
@@ -332,32 +332,6 @@ def first_contacts(
             highest[n] = max(highest[n], cost)
             summed[n] += cost
     return looked_at
-
-
-@kernel("void(uint8[:,::1], float64, float64, float64, float64, float64, float64[:,::1], uint8[::1])")
-def in_sight(costs, origin_x, origin_y, resolution, x, y, points, seen):
-    """Mark the points whose straight line from (x, y) crosses no lethal or unknown cell; what is outside is not judged.
-
-    Args:
-        costs: Shape (H, W), uint8.
-        origin_x, origin_y, resolution: Where the cells lie.
-        x, y: Where from (m).
-        points: Shape (N, 2) in metres.
-        seen: Shape (N,): filled with 1 or 0.
-    """
-    height, width = costs.shape
-    for n in range(points.shape[0]):
-        dx, dy = points[n, 0] - x, points[n, 1] - y
-        count = int(math.hypot(dx, dy) / (0.5 * resolution)) + 1
-        seen[n] = 1
-        for i in range(1, count + 1):
-            column = int(math.floor((x + dx * i / count - origin_x) / resolution))
-            row = int(math.floor((y + dy * i / count - origin_y) / resolution))
-            if column < 0 or row < 0 or column >= width or row >= height:
-                break
-            if costs[row, column] >= _LETHAL:
-                seen[n] = 0
-                break
 
 
 @kernel("float64(float32[:,::1], float64, float64, float64, float64[:,::1])")

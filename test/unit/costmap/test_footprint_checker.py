@@ -317,6 +317,21 @@ def test_a_way_is_seen_where_no_corner_comes_behind_an_obstacle():
     assert not checker.sees_way(here, below) and checker.sees_way(Pose2D(0.3, -0.45, 0.0), below)
 
 
+def test_a_way_is_seen_where_each_of_its_corners_is():
+    rng = np.random.default_rng(6)
+    seen = 0
+    for _ in range(60):
+        checker = FootprintChecker(random_costmap(rng, obstacles=60))
+        here = Pose2D(*rng.uniform((-0.5, -0.5, -3.0), (0.5, 0.5, 3.0)))
+        way = np.array([here.compose(Pose2D(ahead, 0.3 * ahead, ahead)) for ahead in np.arange(0.0, 0.5, 0.03)])
+        corners = np.concatenate([Pose2D(*pose).transform_points(checker.costmap.footprint) for pose in way])
+        away = corners - here[:2]
+        nearer = 1.0 - footprint_checker.APART * checker.costmap.grid.resolution / np.hypot(*away.T)[:, None]
+        assert checker.sees_way(here, way) == checker.in_sight(here, here[:2] + nearer * away).all()
+        seen += checker.sees_way(here, way)
+    assert 10 < seen < 50
+
+
 def test_a_point_robot_has_an_outline_of_one_point():
     costmap = random_costmap(np.random.default_rng(1), obstacles=0, footprint=np.zeros((0, 2)))
     costmap.costs[:] = 0
