@@ -136,17 +136,7 @@ class Simulation:
 
     def step(self) -> Observations:
         """Advance by one physics step and return what the sensors that were due then read."""
-        parameters, faults = self.parameters, self.faults
-        slip = 1.0 - (1.0 - parameters.wheel_slip) * (1.0 - faults.slip)
-        restless = self.scene.restless
-        self._drivetrain.advance(slip, restless)
-        self._steps += 1
-        if restless:
-            self.scene.advance((self._steps - self._first_step) / parameters.physics_rate)
-        self.physics.step()
-        if parameters.scan_skew and self._scan_steps:
-            self.lidar.sweep(self.base.frame(), self._steps)
-        return self._read(self.scene.contacts_of(self.base.body))
+        return self.advance(1)[1]
 
     def advance(self, most: int) -> Tuple[int, Observations]:
         """Advance by at most so many steps, until a sensor reads something or something is touched.
@@ -154,11 +144,21 @@ class Simulation:
         Returns:
             How many steps were taken, and what the last of them brought.
         """
-        for count in range(1, most):
-            observations = self.step()
-            if observations is not NOTHING:
-                return count, observations
-        return most, self.step()
+        parameters, scene, base = self.parameters, self.scene, self.base
+        slip = 1.0 - (1.0 - parameters.wheel_slip) * (1.0 - self.faults.slip)
+        restless = scene.restless
+        for count in range(1, most + 1):
+            self._drivetrain.advance(slip, restless)
+            self._steps += 1
+            if restless:
+                scene.advance((self._steps - self._first_step) / parameters.physics_rate)
+            self.physics.step()
+            if parameters.scan_skew and self._scan_steps:
+                self.lidar.sweep(base.frame(), self._steps)
+            contacts = scene.contacts_of(base.body)
+            if contacts or self._due(self._reading_steps):
+                return count, self._read(contacts)
+        return most, NOTHING
 
     def close(self) -> None:
         """Free the physics."""
