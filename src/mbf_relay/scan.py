@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -12,7 +13,7 @@ NEAREST = float(np.finfo(np.float32).tiny)
 
 @dataclass(frozen=True)
 class LaserScan:
-    """One sweep of a planar lidar, in the sensor's frame.
+    """One sweep of a planar lidar, in the sensor's frame; treat as read-only.
 
     Attributes:
         ranges: Shape (B,) in metres; +inf where nothing came back, NaN or below `range_min` where the reading is
@@ -36,12 +37,12 @@ class LaserScan:
         if self.range_min == 0.0:
             object.__setattr__(self, "range_min", NEAREST)
 
-    @property
+    @cached_property
     def angles(self) -> np.ndarray:
         """Directions of the beams, shape (B,) in radians."""
         return self.angle_min + self.angle_increment * np.arange(len(self.ranges))
 
-    @property
+    @cached_property
     def hit(self) -> np.ndarray:
         """Which beams came back from something within the lidar's reach, bool of shape (B,)."""
         with np.errstate(invalid="ignore"):

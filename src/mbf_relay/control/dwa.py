@@ -117,7 +117,9 @@ class DwaController(PathFollower):
         for row, critic in zip(scores, asked):
             with failures_of(critic, "critic"):
                 row[:] = np.multiply(critic.scale, critic.score(trajectories, data))
-                if not row.min() > -np.inf:  # either would make what others rule out the winner
+        for lowest, critic in zip(scores.min(axis=1), asked):
+            if not lowest > -np.inf:  # NaN as well: either would make what others rule out the winner
+                with failures_of(critic, "critic"):
                     raise ValueError("it scored a trajectory NaN or -inf")
         return Explanation.of(asked, scores, trajectories.velocities)
 

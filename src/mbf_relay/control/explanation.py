@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Dict, Iterable, Optional, Sequence, Tuple
 
 import numpy as np
@@ -41,7 +42,7 @@ class Explanation:
         """The critics' names."""
         return tuple(critic.name for critic in self.critics)
 
-    @property
+    @cached_property
     def judges_place(self) -> np.ndarray:
         """Which critics judge the place a trajectory ends at, shape (C,)."""
         return np.array([critic.judges_place for critic in self.critics], dtype=bool)

@@ -65,8 +65,8 @@ class LocalPath:
         Returns:
             Shape (M, 2): distance and arc length, both in metres.
         """
-        first = max(0, int(np.searchsorted(self.arcs, start)) - 1)
-        last = min(len(self.arcs), int(np.searchsorted(self.arcs, end)) + 1)
+        first = max(0, int(self.arcs.searchsorted(start)) - 1)
+        last = min(len(self.arcs), int(self.arcs.searchsorted(end)) + 1)
         if last - first < 2:
             first, last = max(0, last - 2), max(2, last)
         result = np.empty((len(points), 2))
@@ -133,8 +133,8 @@ class PathTracker:
         robot, width = state.pose.relative_to(state.costmap_from_path), state.costmap.width
         distance, arc = self._locate(robot, width)
         self._robot_arc = arc
-        first = max(0, int(np.searchsorted(self._arcs, arc - behind)) - 1)
-        last = min(len(self._arcs), int(np.searchsorted(self._arcs, arc + ahead)) + 1)
+        first = max(0, int(self._arcs.searchsorted(arc - behind)) - 1)
+        last = min(len(self._arcs), int(self._arcs.searchsorted(arc + ahead)) + 1)
         points, arcs = self._points[first:last], self._arcs[first:last]
         assert self.path is not None
         if last == len(self._arcs):
@@ -165,8 +165,8 @@ class PathTracker:
     def _nearest(self, place: np.ndarray, start: float, end: float) -> tuple[float, float]:
         if len(self._points) == 1:
             return float(np.hypot(*(place[0] - self._points[0]))), 0.0
-        first = max(0, int(np.searchsorted(self._arcs, start)) - 1)
-        last = max(first + 2, min(len(self._arcs), int(np.searchsorted(self._arcs, end)) + 1))
+        first = max(0, int(self._arcs.searchsorted(start)) - 1)
+        last = max(first + 2, min(len(self._arcs), int(self._arcs.searchsorted(end)) + 1))
         result = np.empty((1, 2))
         path_kernels.project(place, self._points[first:last], self._arcs[first:last], result)
         return float(result[0, 0]), float(result[0, 1])
@@ -176,7 +176,7 @@ class PathTracker:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Lengthen a stretch beyond the goal the way the path arrives there, or from the robot where it is too short.
         """
-        start = self._points[max(0, int(np.searchsorted(self._arcs, self._arcs[-1] - ARRIVAL * width)))]
+        start = self._points[max(0, int(self._arcs.searchsorted(self._arcs[-1] - ARRIVAL * width)))]
         direction = self._points[-1] - start
         if np.hypot(*direction) < 0.7 * ARRIVAL * width:
             direction = self._points[-1] - (robot.x, robot.y)

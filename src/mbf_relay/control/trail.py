@@ -43,10 +43,10 @@ class Trail:
             away, distances = away[:0], distances[:0]
         self._frame = checker.costmap.frame
         depths = checker.depths_at(pose)
-        near = (distances < APART * checker.step) & (
-            np.abs(normalize_angles(away[:, 2])) < APART * checker.turn_step)
-        if near.any():
-            first = int(np.argmax(near))
+        near = np.flatnonzero(distances < APART * checker.step)
+        near = near[np.abs(normalize_angles(away[near, 2])) < APART * checker.turn_step]
+        if len(near):
+            first = int(near[0])
             self._poses, self._depths = self._poses[:first + 1], self._depths[:first + 1]
             self._depths[first] = np.maximum(self._depths[first], depths)
         else:

@@ -19,12 +19,12 @@ class Job:
         self._task = task
         self._value: Any = None
         self._error: Optional[Exception] = None
-        self._done = threading.Event()
+        self._done = False  # set last, by the thread that runs it
 
     @property
     def done(self) -> bool:
         """Return whether the task returned or raised."""
-        return self._done.is_set()
+        return self._done
 
     def result(self) -> Any:
         """Return what the task returned, or raise what it raised; only once it is done."""
@@ -43,7 +43,7 @@ class Job:
         except SystemExit as error:  # a plugin ends its call, not the program
             self._error = RuntimeError(f"SystemExit: {error}")
         finally:
-            self._done.set()
+            self._done = True
 
 
 class Worker(abc.ABC):
