@@ -76,6 +76,7 @@ def clear_rays(costs, origin_x, origin_y, resolution, sensor_x, sensor_y, ends, 
     if not (0 <= first_column < width and 0 <= first_row < height):
         return
     far_x, far_y = origin_x + width * resolution, origin_y + height * resolution
+    cells = costs.ravel()
     for index in range(ends.shape[0]):
         x, y = ends[index, 0], ends[index, 1]
         dx, dy = x - sensor_x, y - sensor_y
@@ -101,22 +102,16 @@ def clear_rays(costs, origin_x, origin_y, resolution, sensor_x, sensor_y, ends, 
         scale = 1.0 if distance == 0.0 else min(1.0, reach / distance)
         steps = min(int(scale * longer), longer)
         error = longer // 2
-        column, row = first_column, first_row
+        ahead, aside = (step_x, step_y * width) if along_x else (step_y * width, step_x)
+        cell = first_row * width + first_column
         for _ in range(steps):
-            costs[row, column] = _FREE
+            cells[np.uint64(cell)] = _FREE
             error += shorter
-            turn = error >= longer
-            if turn:
+            cell += ahead
+            if error >= longer:
                 error -= longer
-            if along_x:
-                column += step_x
-                if turn:
-                    row += step_y
-            else:
-                row += step_y
-                if turn:
-                    column += step_x
-        costs[row, column] = _FREE
+                cell += aside
+        cells[np.uint64(cell)] = _FREE
 
 
 @kernel("void(uint8[:,::1], float64, float64, float64, float64[:,::1])")

@@ -102,7 +102,7 @@ class ObstacleLayer(CellLayer):
 
     @property
     def sources(self) -> Mapping[str, SourceParameters]:
-        return {name: source.parameters for name, source in self._sources.items()}
+        return self.parameters.source_parameters
 
     @property
     def sensor_patience(self) -> float:

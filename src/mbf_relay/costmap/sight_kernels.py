@@ -26,7 +26,7 @@ def _is_seen(costs, origin_x, origin_y, resolution, x, y, dx, dy):
         row = int(math.floor((y + dy * i / count - origin_y) / resolution))
         if column < 0 or row < 0 or column >= width or row >= height:
             return True
-        if costs[row, column] >= _LETHAL:
+        if costs[np.uint64(row), np.uint64(column)] >= _LETHAL:
             return False
     return True
 

@@ -25,15 +25,15 @@ class Rate:
             raise ValueError(
                 f"a rate is {frequency:g} Hz; the simulation's step of {time_step:g} s allows {1.0 / time_step:g} Hz"
             )
-        self._count = 0
+        self._due = 0  # number of the step at which it is due next
 
     def steps_left(self, step: int) -> int:
         """Return how many steps after step number `step` it is due next, 1 or more."""
-        return max(1, math.ceil(self._count * self._steps - 1e-6) - step)
+        return max(1, self._due - step)
 
     def is_due(self, step: int) -> bool:
         """Return whether something is due at step number `step`; asked with rising numbers, at least when it is."""
-        if step < self._count * self._steps - 1e-6:
+        if step < self._due:
             return False
-        self._count = int((step + 1e-6) / self._steps) + 1
+        self._due = math.ceil((int((step + 1e-6) / self._steps) + 1) * self._steps - 1e-6)
         return True

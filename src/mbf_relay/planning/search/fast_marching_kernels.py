@@ -251,8 +251,10 @@ def grow(
 @kernel("float32(float32[:,::1], int64, int64, float32)")
 def _below(field, x, y, value):
     """Return a cell's value where it is known and below `value`, else inf."""
-    if 0 <= x < field.shape[1] and 0 <= y < field.shape[0] and 0 < field[y, x] < value:
-        return field[y, x]
+    if 0 <= x < field.shape[1] and 0 <= y < field.shape[0]:
+        found = field[np.uint64(y), np.uint64(x)]
+        if 0 < found < value:
+            return found
     return np.float32(np.inf)
 
 
@@ -262,12 +264,12 @@ def _is_supported_by_front(costs, weights, field, x, y):
 
     The fast-marching update gives no more than it says.
     """
-    value = field[y, x]
+    value = field[np.uint64(y), np.uint64(x)]
     if value == _ROOT:
         return True
     across = min(_below(field, x - 1, y, value), _below(field, x + 1, y, value))
     along = min(_below(field, x, y - 1, value), _below(field, x, y + 1, value))
-    return _arrival(across, along, weights[costs[y, x]]) <= value
+    return _arrival(across, along, weights[costs[np.uint64(y), np.uint64(x)]]) <= value
 
 
 @kernel("int64(uint8[:,::1], float32[::1], float32[:,::1], int32[:,::1], int32[::1])")
@@ -289,7 +291,7 @@ def invalidate(costs, weights, field, changed, unsupported):
             x = middle_x + (side * 2 - 1 if side < 2 else 0)
             y = middle_y + (side * 2 - 5 if side > 1 else 0)
             if 0 <= x < width and 0 <= y < height:
-                if field[y, x] > 0 and not _is_supported_by_front(costs, weights, field, x, y):
+                if field[np.uint64(y), np.uint64(x)] > 0 and not _is_supported_by_front(costs, weights, field, x, y):
                     if count == unsupported.shape[0]:
                         return -1
                     field[y, x] = 0

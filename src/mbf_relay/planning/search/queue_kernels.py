@@ -257,8 +257,9 @@ def requeue(field, changed, forgotten, count, apart_cells, apart_keys, state):
             middle_x, middle_y = np.int64(changed[n - count, 0]), np.int64(changed[n - count, 1])
         for y in range(max(middle_y - 1, 0), min(middle_y + 2, height)):  # type: ignore[call-overload]
             for x in range(max(middle_x - 1, 0), min(middle_x + 2, width)):  # type: ignore[call-overload]
-                if field[y, x] > 0:
-                    apart_cells[waiting], apart_keys[waiting] = y * 65536 + x, field[y, x]
+                value = field[np.uint64(y), np.uint64(x)]
+                if value > 0:
+                    apart_cells[np.uint64(waiting)], apart_keys[np.uint64(waiting)] = y * 65536 + x, value
                     waiting += 1
     state[_APART] = waiting
     return waiting
