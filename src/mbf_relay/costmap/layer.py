@@ -149,6 +149,16 @@ class Layer(Plugin, abc.ABC):
         """
         return None
 
+    def share(self, other: Layer, frame: Pose2D) -> None:
+        """Learn of a layer of another costmap that is always shown the same before this one is.
+
+        What both would find in it need not be found twice.
+
+        Args:
+            other: That layer, of whatever kind.
+            frame: Where its costmap's frame lies, and stays, in this one's.
+        """
+
     def refuse(self, source: str, reason: str, is_blind: bool) -> None:
         """Take note why a message of one of `sources` is not used.
 

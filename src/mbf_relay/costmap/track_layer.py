@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -14,12 +14,14 @@ from mbf_relay.costmap.layer import Layer, LayerContext
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.observation_source import SourceParameters
 from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters
+from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.parameters import parameter
 from mbf_relay.senders import Senders
 from mbf_relay.tracking.parameters import TrackerParameters
 from mbf_relay.tracking.track import Track
 from mbf_relay.tracking.tracker import Tracker
 
+_Lidar = Tuple[str, str]  # source and frame
 REACH = 3.0  # deviations beyond which personal space costs nothing worth writing
 
 
@@ -52,6 +54,13 @@ class TrackLayerParameters(TrackerParameters):
         return ObstacleLayerParameters.groups(values)
 
 
+def _looks_alike(one: TrackLayerParameters, other: TrackLayerParameters) -> bool:
+    """Return whether two layers find the same in a scan."""
+    names = TrackerParameters.types()
+    return one.source_parameters == other.source_parameters and all(
+        getattr(one, name) == getattr(other, name) for name in names)
+
+
 class TrackLayer(Layer):
     """Has a tracker per lidar, also of those that share a topic.
 
@@ -67,12 +76,16 @@ class TrackLayer(Layer):
     def __init__(self, name: str, parameters: TrackLayerParameters) -> None:
         super().__init__(name, parameters)
         self._lidars: Dict[str, Senders] = {source: Senders() for source in parameters.source_parameters}
-        self._trackers: Dict[Tuple[str, str], Tracker] = {}  # by source and frame
+        self._trackers: Dict[_Lidar, Tracker] = {}
+        self._other: Optional[TrackLayer] = None  # see `share`
+        self._frame = IDENTITY
+        self._shown: Dict[_Lidar, Tuple[Tracker, Pose2D]] = {}  # who looked for what moves in the last scan, and where
         self._written = EMPTY
         self._around: Tuple[Track, ...] = ()
 
     def reconfigure(self, parameters: TrackLayerParameters) -> None:
         super().reconfigure(parameters)
+        self._other = None
         for tracker in self._trackers.values():
             tracker.parameters = parameters
 
@@ -82,8 +95,14 @@ class TrackLayer(Layer):
 
     @property
     def tracks(self) -> Tuple[Track, ...]:
-        return tuple(track for (source, frame), tracker in self._trackers.items()
-                     if frame in self._lidars[source].heard for track in tracker.tracks)
+        return tuple(
+            track if frame is IDENTITY else track.seen_from(frame)
+            for (source, lidar), (tracker, frame) in self._shown.items() if lidar in self._lidars[source].heard
+            for track in tracker.tracks)
+
+    def share(self, other: Layer, frame: Pose2D) -> None:
+        if isinstance(other, TrackLayer) and _looks_alike(self.parameters, other.parameters):
+            self._other, self._frame = other, frame
 
     def observe(self, source: str, observation: Observation, now: float) -> Observation:
         ends = np.asarray(observation.points, dtype=float)[:, :2]
@@ -91,13 +110,27 @@ class TrackLayer(Layer):
         finite = np.isfinite(ends[:, 0]) & np.isfinite(ends[:, 1])
         x, y = observation.origin[:2]
         self._lidars[source].hear(observation.frame, now, is_guest=not observation.rides)
-        tracker = self._trackers.setdefault((source, observation.frame), Tracker(self.parameters))
-        tracker.update(float(x), float(y), ends[finite], hits[finite], observation.stamp)
+        lidar = source, observation.frame
+        tracker = self._other.tracker_at(lidar, observation.stamp) if self._other is not None else None
+        if tracker is not None:
+            self._shown[lidar] = tracker, self._frame
+        else:
+            if lidar not in self._trackers:
+                self._trackers[lidar] = Tracker(self.parameters)
+            tracker = self._trackers[lidar]
+            tracker.update(float(x), float(y), ends[finite], hits[finite], observation.stamp)
+            self._shown[lidar] = tracker, IDENTITY
         if self.parameters.mark_movers:
             return observation
         stands = hits.copy()
         stands[finite] &= ~tracker.moving
         return dataclasses.replace(observation, hits=stands)
+
+    def tracker_at(self, lidar: _Lidar, stamp: float) -> Optional[Tracker]:
+        """Return the layer's own tracker of a lidar, by source and frame, if that lidar's scan of `stamp` (s) was its last.
+        """
+        tracker = self._trackers.get(lidar)
+        return tracker if tracker is not None and tracker.stamp == stamp else None
 
     def update_bounds(self, context: LayerContext, window: Window) -> Window:
         before, self._written = self._written, EMPTY

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import deque
 from typing import Callable, Deque, Dict, NamedTuple, Optional, Tuple
@@ -89,6 +90,8 @@ class Graph:
             self._localizer: Optional[Localizer] = None
             self._locate(task, setup, amcl, known, seed)
             self._build_costmaps(known if setup.map == KNOWN else None, server)
+            if setup.localization == ODOMETRY:
+                self._share_scans()
             self.navigator = Navigator(server, self.robot, self.costmaps, TimedWorker(stages))
             limits = self.navigator.parameters
             self.robot.limit_ages(lambda: self.now, limits.pose_timeout, limits.odom_timeout)
@@ -129,6 +132,14 @@ class Graph:
             _Updated(costmap, Rate(costmap.parameters.update_frequency, self.time_step))
             for costmap in self.costmaps.values()
         ]
+
+    def _share_scans(self) -> None:
+        """Have the global costmap's layers find nothing twice: odometry's frame, that of the local one, stays where it is.
+        """
+        local, known = self.costmaps["local"], self.costmaps["global"]
+        if {local.frame, known.frame} <= self.robot.fixed_frames:
+            for layer, other in itertools.product(known.layers, local.layers):
+                layer.share(other, self.robot.transform(known.frame, local.frame))
 
     @property
     def goal_tolerance(self) -> Optional[GoalTolerance]:
@@ -223,7 +234,7 @@ class Graph:
                 self.robot.map_from_odom = self._localizer.map_from_odom
         points: Dict[bool, Tuple[np.ndarray, np.ndarray]] = {}  # of the scan; by whether infinity shows free space
         with self._stages.stage("costmaps"):
-            for costmap in self.costmaps.values():
+            for costmap in reversed(tuple(self.costmaps.values())):  # the local one first, see _share_scans
                 try:
                     odom_in_costmap = self.robot.transform(costmap.frame, "odom")
                 except TransformError:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Callable, Deque, Optional, Tuple
+from typing import Callable, Deque, Optional, Set, Tuple
 
 from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D, angle_between
 from mbf_relay.navigation.odometry_monitor import OdometryMonitor
@@ -52,6 +52,11 @@ class LockstepRobot(Robot):
         while self._odometry[0][0] < stamp - HISTORY:
             self._odometry.popleft()
         self._velocity = velocity
+
+    @property
+    def fixed_frames(self) -> Set[str]:
+        """Names of the frames that the robot moves in: the map's and odometry's."""
+        return set(self._frames[:2])
 
     @property
     def odometry_stamp(self) -> float:

@@ -7,6 +7,8 @@ from typing import NamedTuple, Sequence
 
 import numpy as np
 
+from mbf_relay.geometry import Pose2D
+
 
 class Track(NamedTuple):
     """One moving thing, taken for a disc, in the frame of the scans it was seen in.
@@ -37,6 +39,12 @@ class Track(NamedTuple):
     def speed(self) -> float:
         """Metres per second."""
         return math.hypot(self.vx, self.vy)
+
+    def seen_from(self, frame: Pose2D) -> Track:
+        """Return it in another frame, in which `frame` is where the one it is given in lies."""
+        x, y, _ = frame.compose(Pose2D(self.x, self.y, 0.0))
+        vx, vy, _ = Pose2D(0.0, 0.0, frame.theta).compose(Pose2D(self.vx, self.vy, 0.0))
+        return self._replace(x=x, y=y, vx=vx, vy=vy)
 
     def at(self, time: float) -> Track:
         """Return it where it will be at a time (s) if it goes on as it does."""

@@ -105,6 +105,11 @@ class Tracker:
             Track(int(number), stamp, x, y, vx, vy, radius, *variances)
             for x, y, vx, vy, *variances, radius, _seen, _belief, number in sure.tolist())
 
+    @property
+    def stamp(self) -> Optional[float]:
+        """Time (s) of the last scan, None before the first."""
+        return self._stamp
+
     def update(self, x: float, y: float, ends: np.ndarray, hits: np.ndarray, stamp: float) -> None:
         """Take a scan.
 

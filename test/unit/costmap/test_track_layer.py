@@ -1,6 +1,7 @@
 """The track layer: what moves is no wall to who plans, and what stands is one."""
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -10,6 +11,7 @@ from mbf_relay.costmap.cost_grid import LETHAL
 from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.geometry import Pose2D
+from mbf_relay.tracking.tracker import Tracker
 
 BEAMS, REACH = 360, 3.0
 
@@ -101,6 +103,71 @@ def test_who_walks_by_is_no_wall_where_two_lidars_share_a_topic(late):
     snapshot = costmap.snapshot()
     assert len(snapshot.tracks) == 1
     assert not is_marked(snapshot, 1.0, 0.0, 0.12) and is_marked(snapshot, -1.0, 0.5, 0.1)
+
+
+def looked_through(monkeypatch):
+    """Return a list that gets the stamp of each scan that a tracker looks through from now on."""
+    stamps, update = [], Tracker.update
+
+    def noted(tracker, x, y, ends, hits, stamp):
+        stamps.append(stamp)
+        update(tracker, x, y, ends, hits, stamp)
+
+    monkeypatch.setattr(Tracker, "update", noted)
+    return stamps
+
+
+def seen_from(frame, observation):
+    x, y, _ = frame
+    return dataclasses.replace(observation, origin=(x, y), points=frame.transform_points(observation.points))
+
+
+def sharing(frame):
+    """Return two costmaps; the second, in whose frame that of the first lies at `frame`, plans past who walks."""
+    first, second = costmap_of(), costmap_of(mark_movers=False)
+    for layer, other in itertools.product(second.layers, first.layers):
+        layer.share(other, frame)
+    return first, second
+
+
+def test_who_walks_by_is_looked_for_once_where_two_costmaps_are_always_shown_the_same(monkeypatch):
+    frame = Pose2D(0.3, -0.2, 0.7)
+    (first, second), alone = sharing(frame), costmap_of(mark_movers=False)
+    stamps = looked_through(monkeypatch)
+    for step in range(21):
+        now = 10.0 + 0.2 * step
+        seen = scan(crossing(now - 10.0), now)
+        first.observe("scan", seen, now)
+        second.observe("scan", seen_from(frame, seen), now)
+        assert stamps == [now]
+        alone.observe("scan", seen_from(frame, seen), now)
+        stamps.clear()
+        second.update(now, frame)
+        alone.update(now, frame)
+    assert np.array_equal(second.snapshot().costs, alone.snapshot().costs)
+    (found,), (expected,) = second.snapshot().tracks, alone.snapshot().tracks
+    assert np.allclose(found[1:], expected[1:], atol=1e-6) and found.speed > 0.2
+    assert abs(first.snapshot().tracks[0].y - found.y) > 0.3, "each tells it in its own frame"
+
+
+def test_who_walks_by_is_looked_for_by_the_costmap_that_alone_is_shown_him(monkeypatch):
+    frame = Pose2D(0.3, -0.2, 0.7)
+    _, second = sharing(frame)
+    stamps = looked_through(monkeypatch)
+    for step in range(21):
+        now = 10.0 + 0.2 * step
+        second.observe("scan", seen_from(frame, scan(crossing(now - 10.0), now)), now)
+    assert len(stamps) == 21 and len(second.snapshot().tracks) == 1
+
+
+def test_layers_that_look_for_other_things_share_nothing(monkeypatch):
+    first, second = costmap_of(track_gap=0.2), costmap_of()
+    for layer, other in itertools.product(second.layers, first.layers):
+        layer.share(other, Pose2D(0.0, 0.0, 0.0))
+    stamps = looked_through(monkeypatch)
+    for costmap in (first, second):
+        costmap.observe("scan", scan(crossing(0.0), 10.0), 10.0)
+    assert stamps == [10.0, 10.0]
 
 
 def test_who_stops_is_a_wall_again():

@@ -24,6 +24,7 @@ from mbf_relay.lockstep.tasks import circle, load_tasks, task_of  # noqa: E402
 from mbf_relay.lockstep.workers import run  # noqa: E402
 from mbf_relay.simulation.generators import generate  # noqa: E402
 from mbf_relay.simulation.worlds_file import world_of  # noqa: E402
+from mbf_relay.tracking.tracker import Tracker  # noqa: E402
 
 BLIND = make_setup(config_folder(), has_map=False)
 SEEING = make_setup(config_folder())
@@ -155,6 +156,22 @@ def test_a_goal_that_something_stands_on_is_reached_as_far_as_its_radius_allows(
     exact = Episode(task(tmp_path, {**on_it, "goal_radius": 0.02, "time_limit": 60.0}), BLIND, 1).run()
     assert not exact.success
     assert "(1.600, 0.100) lies" in exact.message and "obstacle" in exact.message  # in it or by it, as scans mark it
+
+
+@pytest.mark.parametrize("localization, times", [("odometry", 1), ("truth", 2)])
+def test_a_scan_is_looked_through_once_where_the_costmaps_lie_still_to_each_other(
+    tmp_path, monkeypatch, localization, times
+):
+    stamps, update = [], Tracker.update
+
+    def noted(tracker, x, y, ends, hits, stamp):
+        stamps.append(stamp)
+        update(tracker, x, y, ends, hits, stamp)
+
+    monkeypatch.setattr(Tracker, "update", noted)
+    setup = make_setup(config_folder(), localization, has_map=False)
+    assert Episode(task(tmp_path, small_worlds.FREE), setup, seed=1).run().success
+    assert len(stamps) == times * len(set(stamps)) > 20
 
 
 def test_a_mover_that_runs_into_the_robot_is_a_contact(tmp_path):
