@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Callable, Deque, Dict, List, Optional, Tuple
 
 import numpy as np
@@ -34,11 +34,23 @@ from mbf_relay.senders import HOW_TO_GO_ON, Senders
 
 BUFFER_BYTES = 1 << 24
 MOST_WAITING, MOST_OF_ONE = 50, 5
-"""Messages that wait for the next update or for tf: in all, and of one sensor where only its newest counts."""
+"""Messages that wait: in all, and for the next update, of one sensor where only its newest counts."""
 WARN_PERIOD = 5.0
 """Seconds between two warnings about the same source."""
 
 MESSAGE_TYPES = {"LaserScan": LaserScanMessage, "PointCloud": PointCloud, "PointCloud2": PointCloud2}
+
+
+@dataclass(eq=False)
+class Waiting:
+    """A message that waits, since when (s), and whether for tf; one that does is displaced by none newer.
+
+    Where a transform comes late, none of a fast lidar's would ever get old enough to be used, or complained of.
+    """
+
+    arrived: float
+    message: Any
+    for_tf: bool = False
 
 
 class SensorInput:
@@ -60,7 +72,7 @@ class SensorInput:
         self._name, self._parameters, self._costmap, self._transforms = name, parameters, costmap, transforms
         self._patience, self._max_age = patience, max_age or None
         self._lock = threading.Lock()  # guards the messages that wait; nothing else is locked while it is held
-        self._waiting: Deque[Tuple[float, Any]] = deque(maxlen=MOST_WAITING)
+        self._waiting: Deque[Waiting] = deque(maxlen=MOST_WAITING)
         self._most = MOST_WAITING if parameters.observation_persistence > 0.0 else MOST_OF_ONE
         self._trouble: Optional[str] = None
         self._warnings = ThrottledWarnings()
@@ -95,20 +107,21 @@ class SensorInput:
             self._complain(f"refused: {error}")
             return
         with self._lock:
-            if self._waiting and now < self._waiting[-1][0]:
+            if self._waiting and now < self._waiting[-1].arrived:
                 self._waiting.clear()  # time was set back: what waits belongs to a world that is over
             frame = message.header.frame_id
-            same = [index for index, (_, other) in enumerate(self._waiting) if other.header.frame_id == frame]
+            same = [entry for entry in self._waiting if entry.message.header.frame_id == frame and not entry.for_tf]
             if len(same) >= self._most:  # a fast lidar must not displace a slow one on its topic
-                del self._waiting[same[0]]
-            self._waiting.append((now, message))
+                self._waiting.remove(same[0])
+            self._waiting.append(Waiting(now, message))
 
     def feed(self, now: float) -> None:
         """Hand the costmap every message whose transform is there; drop those that waited too long."""
         with self._lock:
             waiting = list(self._waiting)
-        done: List[Any] = []
-        for arrived, message in waiting:
+        done: List[Waiting] = []
+        for entry in waiting:
+            arrived, message = entry.arrived, entry.message
             try:
                 observation = self._observation(message)
                 measured = min(observation.stamp, arrived) if observation.stamp > 0.0 else arrived
@@ -121,6 +134,7 @@ class SensorInput:
                     self._warnings.worked()
             except TransformError as error:
                 if now - arrived <= self._patience:
+                    entry.for_tf = True
                     continue
                 if arrived >= self._used_since or self._used_since == math.inf:  # what is older came before tf did
                     self._complain(f"dropped after {now - arrived:.2f} s: {error}")
@@ -128,9 +142,9 @@ class SensorInput:
                 self._refuse_blind()
             except InvalidMessage as error:
                 self._complain(f"refused: {error}")
-            done.append(message)
+            done.append(entry)
         with self._lock:
-            kept = [entry for entry in self._waiting if not any(entry[1] is message for message in done)]
+            kept = [entry for entry in self._waiting if entry not in done]
             self._waiting.clear()
             self._waiting.extend(kept)
 
