@@ -70,6 +70,7 @@ class Sight(NamedTuple):
         scan: As seen from above.
         laser_in_base: Where the lidar sits.
         points: What is in the way, shape (N, 2) in metres, in the base frame at the scan's time.
+        measured: How many of the points it measured; what follows may hide where it measured nothing.
         changed_at: Time (s) at which its readings were first what they are.
         nearest: Distance (m) of the nearest of the points from the base; infinite where there is none.
         rides: Whether the lidar moves with the robot.
@@ -78,6 +79,7 @@ class Sight(NamedTuple):
     scan: LaserScan
     laser_in_base: Pose2D
     points: np.ndarray
+    measured: int
     changed_at: float
     nearest: float
     rides: bool
@@ -125,7 +127,7 @@ class VelocityGuard:
         seen = laser_in_base.transform_points(points[hits])
         points = np.vstack((seen, blind_points(scan, laser_in_base, self._parameters.blind_sector, self._outline)))
         nearest = float(np.hypot(points[:, 0], points[:, 1]).min(initial=math.inf))
-        self._seen[scan.frame] = Sight(scan, laser_in_base, points, changed_at, nearest, rides)
+        self._seen[scan.frame] = Sight(scan, laser_in_base, points, len(seen), changed_at, nearest, rides)
 
     def _changed_at(self, scan: LaserScan) -> Optional[float]:
         """Return since when (s) a lidar has read what it reads now, None where the robot has been sent elsewhere since.
@@ -210,8 +212,10 @@ class VelocityGuard:
                 met = self._met_before(sight, now)
                 if met is not None:
                     return Verdict(STOP, OBSTACLE, f"stopped: {self._something_at(met)} is met by what passed already")
-            seen = [points for sight in sights for points in self._points_ahead(sight, now)]
-            share, in_the_way = self._free_share(asked, np.vstack(seen))
+            share, in_the_way = self._free_share(asked, self._points_ahead(sights, now))
+            measured = [sight._replace(points=sight.points[:sight.measured]) for sight in sights]
+            if in_the_way and not self._in_the_way(asked, self._points_ahead(measured, now)):
+                in_the_way += ", where the lidar measures nothing, so that something may touch the robot (blind_sector)"
         limit, unseen = max((self._share_in_sight(asked, sight) for sight in sights), key=lambda found: found[0])
         if not in_the_way and limit >= 1.0:
             return Verdict(asked, PASSING, "passing")
@@ -237,14 +241,14 @@ class VelocityGuard:
         """Return how far (m) any corner of the footprint gets with a velocity held for so long (s), at most."""
         return (velocity.speed() + abs(velocity.theta) * self._radius) * seconds
 
-    def _points_ahead(self, sight: Sight, now: float) -> Iterator[np.ndarray]:
-        """Yield a scan's points from where the robot does what passes now, shape (N, 2) in metres.
+    def _points_ahead(self, sights: List[Sight], now: float) -> np.ndarray:
+        """Return the points of scans from where the robot does what passes now, shape (N, 2) in metres.
 
         Twice where it is thought late: as it is, and as it is not.
         """
-        for delay in {0.0, self.delay.seconds}:
-            held = self._passed_between(sight.scan.stamp - delay, now)
-            yield _moved(held).inverse().transform_points(sight.points)
+        return np.vstack([
+            _moved(self._passed_between(sight.scan.stamp - delay, now)).inverse().transform_points(sight.points)
+            for sight in sights for delay in {0.0, self.delay.seconds}])
 
     def _met_before(self, sight: Sight, now: float) -> Optional[np.ndarray]:
         """Return a scan's first point (m) that the robot runs into on its way there; None for none."""

@@ -101,6 +101,18 @@ def test_dead_beams_ahead_stop_a_robot_and_a_dead_one_here_and_there_does_not():
     assert judged(guard_that_saw(scan_of(ranges), blind_sector=0.0), AHEAD).velocity == AHEAD
 
 
+def test_a_robot_whose_mast_hides_a_sector_is_told_why_it_may_not_turn():
+    """It was stopped by "something at (-0.10, 0.02) m", where its owner saw nothing, and never told of the lidar."""
+    ranges = np.full(BEAMS, 2.0)
+    ranges[165:195] = np.nan
+    turn = Twist2D(0.0, 0.0, 0.5)
+    verdict = judged(guard_that_saw(scan_of(ranges)), turn)
+    assert verdict.velocity.theta == 0.0 and "measures nothing" in verdict.text and "blind_sector" in verdict.text
+    assert judged(guard_that_saw(scan_of(ranges), blind_sector=0.6), turn).velocity == turn
+    text = judged(guard_that_saw(scan_with(0.13, 0, 40)), AHEAD).text
+    assert "something at" in text and "measures nothing" not in text
+
+
 def test_dead_beams_of_a_lidar_inside_of_a_large_robot_stand_for_what_touches_it():
     square = [[-1, -1], [-1, 1], [1, 1], [1, -1]]
     ranges = np.full(BEAMS, 3.0)
