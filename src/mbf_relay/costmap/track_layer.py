@@ -127,7 +127,7 @@ class TrackLayer(Layer):
         return dataclasses.replace(observation, hits=stands)
 
     def tracker_at(self, lidar: _Lidar, stamp: float) -> Optional[Tracker]:
-        """Return the layer's own tracker of a lidar, by source and frame, if its scan of `stamp` (s) was the last."""
+        """Return its own tracker of a lidar, if that lidar's scan of `stamp` (s) was the tracker's last."""
         tracker = self._trackers.get(lidar)
         return tracker if tracker is not None and tracker.stamp == stamp else None
 

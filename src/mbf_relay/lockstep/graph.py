@@ -134,7 +134,7 @@ class Graph:
         ]
 
     def _share_scans(self) -> None:
-        """Have the global costmap's layers find nothing twice: odometry's frame, the local one's, stays where it is."""
+        """Have the global costmap's layers find nothing twice, for the local one's frame never moves in theirs."""
         local, known = self.costmaps["local"], self.costmaps["global"]
         if {local.frame, known.frame} <= self.robot.fixed_frames:
             for layer, other in itertools.product(known.layers, local.layers):
