@@ -7,6 +7,7 @@
     cloud_scan.py      a scan out of a point cloud
     estimate.py        estimate         (clusters, mean and covariance)
     tracker.py         the robust form: predict, correct, doubt, decide
+      lever_arm.py       how far from its place the lidar is mounted, learnt on the drive
       scan_proposal.py   particles drawn with the scan in view, for sparse scans and poor odometry
       hypotheses.py      rival places with the evidence of all scans since they came up; evidence.py weighs them
       scan_search.py     one-scan global localization: all places on the map where a scan fits

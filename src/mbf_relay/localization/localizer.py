@@ -15,6 +15,7 @@ from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.estimate import Estimate, Moments, estimate, mean_and_covariance
 from mbf_relay.localization.gaussians import log_sum_exp
 from mbf_relay.localization.laser_models import is_converged, make_laser_model
+from mbf_relay.localization.lever_arm import spread
 from mbf_relay.localization.motion_models import make_motion_model
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.resampling import AverageLikelihood, particle_limits, resample
@@ -272,8 +273,13 @@ class Localizer:
             fewest = min(self.parameters.max_particles, max(self.parameters.min_particles, FEWEST_PREDICTED))
             if len(self.poses) <= fewest // 2:
                 self.poses, self.log_weights = replicate(self.poses, self.log_weights, fewest)
-            noise = self._motion_model.covariance(before, after) if self._tracker.hypotheses.rivals else NO_NOISE
-            self._tracker.predict(after.relative_to(before), noise, shown)
+            tracker = self._tracker
+            step = tracker.lever_arm.moved(after.relative_to(before))
+            after = before.compose(step)
+            added = tracker.lever_arm.predict(float(tracker.hypotheses.at[2]), step)
+            noise = self._motion_model.covariance(before, after) if tracker.hypotheses.rivals else NO_NOISE
+            tracker.predict(step, noise, shown)
+            self.poses = spread(self.poses, added, self._rng)
         self.poses = self._motion_model.propagate(self.poses, before, after, self._rng)
 
     def _pick(self, scan: LaserScan, laser_pose: Pose2D) -> Beams:

@@ -22,6 +22,7 @@ from mbf_relay.localization.estimate import Moments, deviation_of, mean_and_cova
 from mbf_relay.localization.evidence import Evidence, Seen
 from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp, normalized
 from mbf_relay.localization.hypotheses import Hypotheses
+from mbf_relay.localization.lever_arm import LeverArm
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, apart, thin_out
 from mbf_relay.localization.scan_proposal import ScanProposal, Weigh
@@ -124,12 +125,14 @@ class HypothesisTracker:
         self._recovers = parameters.recovery_alpha_fast > 0.0
         self._semi_static = parameters.semi_static
         self.hypotheses = Hypotheses()
+        self.lever_arm = LeverArm()
         self.blocks = ChangedBlocks(field, parameters.changed_block_size, sigma_hit)
         self.start()
 
     def start(self, anywhere: bool = False) -> None:
         """Begin anew, around the particles handed in next, or anywhere on the map."""
         self.hypotheses.clear()
+        self.lever_arm.forget_pose()
         self._doubt = Doubt()
         self._anywhere = anywhere
         self._ways: Dict[str, float] = {}  # since the last scan of each lidar that told something
@@ -182,6 +185,7 @@ class HypothesisTracker:
         weighed = self._unchanged(poses, log_weights, seen.ends) if self._semi_static else seen.ends
         proposed = self._proposal.propose(poses, log_weights, weighed, news, rng, weigh)
         held = proposed.best
+        self.lever_arm.correct(proposed.prior, held)
         self.hypotheses.correct(held.mean, self._likelihood, self._evidence, seen, way, since, news)
         if self._doubt.look(proposed.explained, way, self.hypotheses.fit.right):
             self._look_for_rivals(held, proposed.explained, seen.ends, rng)
@@ -190,6 +194,7 @@ class HypothesisTracker:
         winner = self.hypotheses.challenge(held)
         if winner is not None:
             self._doubt.way = 0.0
+            self.lever_arm.forget_pose()
             self.blocks.forget()  # counted from a pose that is given up
             poses, log_weights = drawn_around(winner, rng)
             return Corrected(poses, *normalized(log_weights), None, news)
