@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Deque, Iterable, Tuple
+from typing import Collection, Deque, Iterable, Iterator, Tuple
 
 import numpy as np
 
@@ -85,11 +85,11 @@ class CommandDelay:
         if len(rows) < ENOUGH:
             return
         times, seen = rows[:, 0], rows[:, 1:]
-        power = np.mean(self._told_at(times) ** 2, axis=0)
+        told = self._told_at(times - DELAYS[:, None])
+        power = np.mean(told[0] ** 2, axis=0)  # the first delay is none
         known = power > LEAST ** 2
         if not known.any():
             return
-        told = self._told_at(times - DELAYS[:, None])
         errors = np.mean((seen[:, known] - told[..., known]) ** 2, axis=1)
         unexplained = (errors / power[known]).sum(axis=1)
         best = int(np.argmin(unexplained))
@@ -120,11 +120,18 @@ class CommandDelay:
         if self.seconds <= ahead or not self._seen:
             return np.array([pose])
         end = self._seen[-1][0]
-        begin = end - (self.seconds - ahead)
-        ends = [since for since, _ in self._told][1:] + [math.inf]
-        held = [(told, min(until, end) - max(since, begin))
-                for (since, told), until in zip(self._told, ends) if since < end and until > begin]
-        return way_held(pose, held, step, turn_step)
+        return way_held(pose, held_between(self._told, end - (self.seconds - ahead), end), step, turn_step)
+
+
+def held_between(
+    told: Collection[Tuple[float, Twist2D]], begin: float, end: float
+) -> Iterator[Tuple[Twist2D, float]]:
+    """Yield what was held between two times (s), and for how long (s), of velocities and since when (s) each was."""
+    ends = [since for since, _ in told][1:] + [end]
+    for (since, velocity), until in zip(told, ends):
+        duration = min(until, end) - max(since, begin)
+        if duration > 0.0:
+            yield velocity, duration
 
 
 def way_held(pose: Pose2D, held: Iterable[Tuple[Twist2D, float]], step: float, turn_step: float) -> np.ndarray:

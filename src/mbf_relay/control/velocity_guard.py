@@ -22,7 +22,7 @@ from typing import Deque, Dict, Iterable, Iterator, List, NamedTuple, Optional, 
 import numpy as np
 
 from mbf_relay.control.blind_beams import blind_points
-from mbf_relay.control.command_delay import LONGEST, CommandDelay, way_held
+from mbf_relay.control.command_delay import LONGEST, CommandDelay, held_between, way_held
 from mbf_relay.control.stopping import seconds_to_brake, way_to_a_stand
 from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
 from mbf_relay.costmap.observation import scan_points
@@ -261,12 +261,8 @@ class VelocityGuard:
         return self._passed_between(sight.scan.stamp - self.delay.seconds, now)
 
     def _passed_between(self, stamp: float, now: float) -> Iterator[Tuple[Twist2D, float]]:
-        """Yield what passed between two times (s), but for zeros, and for how long (s)."""
-        ends = [time for time, _ in self._passed][1:] + [now]
-        for (start, velocity), end in zip(self._passed, ends):
-            duration = min(end, now) - max(start, stamp)
-            if duration > 0.0 and velocity != STOP:
-                yield velocity, duration
+        """Return what passed between two times (s), but for zeros, and for how long (s) each."""
+        return (held for held in held_between(self._passed, stamp, now) if held[0] != STOP)
 
     def _free_share(self, asked: Twist2D, points: np.ndarray) -> Tuple[float, str]:
         """Return the largest share of a velocity that leaves room to brake, and what is in its way; empty for nothing.

@@ -36,8 +36,7 @@ def run_cycle(
     """
     if path is not None:
         controller.set_path(path, is_new_goal)
-    arrived = controller.is_goal_reached(state, tolerance)
-    if arrived and state.pose_now not in (None, state.pose):
-        assert state.pose_now is not None
-        arrived = controller.is_goal_reached(dataclasses.replace(state, pose=state.pose_now), tolerance)
+    here, arrived = state.pose_now or state.pose, controller.is_goal_reached(state, tolerance)
+    if arrived and here != state.pose:
+        arrived = controller.is_goal_reached(dataclasses.replace(state, pose=here), tolerance)
     return ControlAnswer(True) if arrived else ControlAnswer(False, controller.compute_velocity(state))

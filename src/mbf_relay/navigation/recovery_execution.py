@@ -47,7 +47,10 @@ class RecoverySurroundings(RecoveryContext):
         costmap = next((costmap for costmap in self._costmaps.values() if costmap.frame == frame), None)
         if costmap is None:
             return pose
-        return self._robot.expected_in(self._robot.caught_up(pose, frame), costmap.snapshot())
+        here = self._robot.caught_up(pose, frame)
+        if self._robot.delay.seconds == 0.0:  # nor is a snapshot needed to tell
+            return here
+        return self._robot.expected_in(here, costmap.snapshot())
 
     @property
     def costmaps(self) -> Mapping[str, Any]:

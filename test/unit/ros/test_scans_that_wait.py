@@ -1,10 +1,9 @@
 """Scans whose transform comes late, or never."""
 
 import pytest
-from geometry_msgs.msg import TransformStamped
+from scan_source import StillFrames, scan_source
 from sensor_msgs.msg import LaserScan
 
-from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.geometry import IDENTITY
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.costmap import inputs
@@ -13,21 +12,16 @@ PERIOD, PATIENCE = 0.2, 0.5
 """Seconds from update to update, and those that a scan waits for its transform."""
 
 
-class LateFrames:
-    """Frames that all lie in one place, of which is told `late` s later."""
+class LateFrames(StillFrames):
+    """Frames that are told of `late` s later."""
 
     def __init__(self, late):
         self.late, self.now = late, 0.0
 
-    def rides_on(self, _base, _frame):
-        return True
-
     def lookup_message(self, _target, frame, when=None):
         if when is not None and when > self.now - self.late:
             raise TransformError(f"no transform from '{frame}'")
-        message = TransformStamped()
-        message.transform.rotation.w = 1.0
-        return message
+        return super().lookup_message()
 
 
 class Lidar:
@@ -36,12 +30,8 @@ class Lidar:
     def __init__(self, monkeypatch, rate, late):
         monkeypatch.setattr(inputs.rospy, "Subscriber", lambda *_, **__: None)
         monkeypatch.setattr(inputs.rospy, "get_time", lambda: self.frames.now)
-        self.costmap = build_costmap("local_costmap", {
-            "rolling_window": True, "width": 2.0, "height": 2.0, "plugins": [{"name": "o", "type": "ObstacleLayer"}],
-            "o": {"observation_sources": "scan", "scan": {"data_type": "LaserScan", "marking": True}}})
         self.rate, self.frames = rate, LateFrames(late)
-        source = self.costmap.sources["scan"]
-        self.sensor = inputs.SensorInput("scan", source, self.costmap, self.frames, PATIENCE, max_age=1.0)
+        self.costmap, self.sensor = scan_source(self.frames, PATIENCE)
         monkeypatch.setattr(self.sensor, "_require_sight", lambda *_: None)
 
     def run(self, seconds):

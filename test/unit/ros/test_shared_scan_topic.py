@@ -9,11 +9,11 @@ import pytest
 from geometry_msgs.msg import TransformStamped, Twist, Vector3
 from nav_msgs.msg import Odometry
 from ros_testing import as_received
+from scan_source import StillFrames, scan_source
 from sensor_msgs.msg import LaserScan
 
 from mbf_relay.control.velocity_guard import OBSTACLE
 from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
-from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.geometry import IDENTITY, STOP
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common.frame_tree import FrameTree
@@ -32,28 +32,11 @@ def scan_of(frame, ranges, stamp=1.0):
     return message
 
 
-class StillFrames:
-    """Frames that all lie in one place; "map" does not move with the robot."""
-
-    @staticmethod
-    def rides_on(_base, frame):
-        return frame != "map"
-
-    def lookup_message(self, *_frames):
-        message = TransformStamped()
-        message.transform.rotation.w = 1.0
-        return message
-
-
 @pytest.fixture
 def lidars(monkeypatch):
     """Return a costmap and a function that has a lidar send readings at a time."""
     monkeypatch.setattr(inputs.rospy, "Subscriber", lambda *_, **__: None)
-    costmap = build_costmap("local_costmap", {
-        "rolling_window": True, "width": 2.0, "height": 2.0, "plugins": [{"name": "o", "type": "ObstacleLayer"}],
-        "o": {"observation_sources": "scan", "scan": {"data_type": "LaserScan", "marking": True}}})
-    source = costmap.sources["scan"]
-    sensor = inputs.SensorInput("scan", source, costmap, StillFrames(), patience=0.2, max_age=1.0)
+    costmap, sensor = scan_source(StillFrames(), patience=0.2)
     monkeypatch.setattr(sensor, "_say", lambda reason: None)
 
     def send(stamp, frame, ranges, *more):
@@ -73,11 +56,7 @@ def test_a_scan_that_is_refused_while_its_source_is_being_made_is_named(monkeypa
 
     monkeypatch.setattr(inputs.rospy, "Subscriber", eager)
     monkeypatch.setattr(inputs.rospy, "get_time", lambda: 100.0)
-    costmap = build_costmap("local_costmap", {
-        "rolling_window": True, "width": 2.0, "height": 2.0, "plugins": [{"name": "o", "type": "ObstacleLayer"}],
-        "o": {"observation_sources": "scan", "scan": {"data_type": "LaserScan", "marking": True}}})
-    source = costmap.sources["scan"]
-    sensor = inputs.SensorInput("scan", source, costmap, StillFrames(), patience=0.2, max_age=1.0)
+    _, sensor = scan_source(StillFrames(), patience=0.2)
     assert "on topic '/scan'" in sensor.trouble and "99" in sensor.trouble
 
 
