@@ -4,7 +4,7 @@ import math
 import os
 import subprocess
 import tempfile
-from typing import Dict, List, Tuple
+from typing import Dict, List, Sequence, Tuple
 
 from ros_testing import wait_until
 
@@ -68,16 +68,18 @@ class VirtualScreen:
 
 
 class RViz:
-    """RViz on a virtual screen, seen from straight above at a known scale."""
+    """RViz on a virtual screen, seen from straight above at a known scale; `command` starts it if not `rviz` itself."""
 
-    def __init__(self, screen: VirtualScreen, config: str, log: str, scale: float = 110.0) -> None:
+    def __init__(
+        self, screen: VirtualScreen, config: str, log: str, scale: float = 110.0, command: Sequence[str] = ()
+    ) -> None:
         self.screen = screen
         self.scale = scale
         self._name = os.path.basename(config)
         self._view: Tuple[int, int, int, int] = (0, 0, 0, 0)
         for _attempt in range(4):
             # On a screen without a graphics card RViz itself now and then aborts while it starts.
-            self.process = screen.start(["rviz", "-d", config, "__name:=rviz"], log)
+            self.process = screen.start(list(command) or ["rviz", "-d", config, "__name:=rviz"], log)
             ended = wait_until(
                 lambda: self._has_settled() or self.process.poll() is not None, "RViz's 3D view", 60.0, 1.0
             )

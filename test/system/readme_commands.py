@@ -21,7 +21,7 @@ sys.path.insert(0, str(TEST))
 
 from readmes import block_with, command_with, first_command, run_to_end, texts  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
-from virtual_screen import VirtualScreen  # noqa: E402
+from virtual_screen import RViz, VirtualScreen  # noqa: E402
 
 from mbf_relay.maps import OCCUPIED, load_map  # noqa: E402
 
@@ -95,11 +95,15 @@ class TestReadme(unittest.TestCase):
         )
         self.launch(command_with("record.launch"), "/record")
         with VirtualScreen() as screen:
-            self.launch(first_command("roslaunch mbf_relay rviz.launch"), "/rviz", environment=screen.environment)
+            rviz = RViz(
+                screen, "navigation.rviz", os.path.join(self.folder.name, "rviz.log"),
+                command=first_command("roslaunch mbf_relay rviz.launch").split(),
+            )
+            self.assertIn("/rviz", self.nodes())
             self.assertIn(
                 "Drove circle with result: True", self.run_to_end(first_command("rosrun mbf_relay mb_relay_client.py"))
             )
-            self.end_last()
+            self.assertIsNone(rviz.process.poll(), "RViz ended by itself")
         self.end_last()
         self.run_to_end(command_with("drive_report.py"))
         report = json.loads((Path(self.folder.name) / "report.json").read_text())
