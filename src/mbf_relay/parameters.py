@@ -268,12 +268,17 @@ def _read(cls: Type[T], known: Dict[str, Any]) -> Tuple[T, List[str]]:
 
 
 def _nearest_allowed(value: Any, field: Any) -> Any:
-    """Return the number in range nearest to `value`, else the default, None where none will do."""
+    """Return the number in range nearest to `value`, else the default, None where none will do.
+
+    A rate that is none says nothing of how low it is to be: at the lowest one a robot would drive on for seconds unseen.
+    """
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not field.metadata.get("clamped", True):
         return None
     if field.metadata.get("unit") in SPEED_UNITS and abs(value) > LARGEST:
         return None  # no guess is safe, not even the end of a range
     minimum, maximum, above = (field.metadata.get(key) for key in ("minimum", "maximum", "above"))
+    if minimum is not None and value <= 0.0 < minimum and field.metadata.get("unit") == "Hz":
+        return field.default
     if maximum is not None and value > maximum:
         return type(value)(maximum)
     if minimum is not None and value < minimum and above is None:

@@ -5,6 +5,7 @@ from typing import Optional, Tuple
 
 import pytest
 
+from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.parameters import ParameterSet, nearest_of, parameter
 
 
@@ -96,6 +97,13 @@ def test_a_switch_in_another_spelling_is_taken_and_told_of(given, active):
 def test_what_is_no_switch_is_refused(given):
     with pytest.raises(ValueError, match="active is .*bool"):
         Example.read({"active": given})
+
+
+@pytest.mark.parametrize("given, used", [(-3.0, 20.0), (0.0, 20.0), (0.01, 0.1), (1000.0, 100.0)])
+def test_a_robot_is_not_driven_unseen_for_seconds_since_its_file_has_no_rate_of_control(given, used):
+    read, notes = NavigatorParameters.read({"controller_frequency": given})
+    assert read.controller_frequency == used
+    assert any(f": {used} is used" in note for note in notes)
 
 
 def test_values_in_order_are_read_without_a_word():
