@@ -126,9 +126,10 @@ def look_up_endpoints(poses, endpoints, codes, table, outside, frame, values):
 
 
 @kernel(
-    "void(float32[:,::1], uint8[:,::1], float64, float64, float64, float64[::1], float64[::1], float64[::1])"
+    "void(float32[:,::1], uint8[:,::1], float64, float64, float64, float64[::1], float64[::1], float64[::1],"
+    " float64[::1])"
 )
-def judge_beams(hits, passed, unmapped, most_unmapped, through_walls, logs, hit, through):
+def judge_beams(hits, passed, unmapped, most_unmapped, through_walls, logs, hit, through, grazed):
     """Average over beams how likely they are, how many hit what the map has, and how many pass through what it has.
 
     Args:
@@ -138,12 +139,14 @@ def judge_beams(hits, passed, unmapped, most_unmapped, through_walls, logs, hit,
         most_unmapped: Which it is at most.
         through_walls: Share of these that pass through something.
         logs: Result, shape (K,): mean log-likelihood.
-        hit, through: Result, shape (K,): means.
+        hit: Result, shape (K,): mean.
+        through, grazed: Results, shape (K,): means, of those that passed through something and end on nothing, and of
+            those that passed through something and hit.
     """
     poses, beams = hits.shape
     price = 0.0
     for i in range(poses):
-        logs[i], hit[i], through[i] = 0.0, 0.0, 0.0
+        logs[i], hit[i], through[i], grazed[i] = 0.0, 0.0, 0.0, 0.0
         for j in range(beams):
             hit[i] += hits[i, j]
         hit[i] /= beams
@@ -152,9 +155,11 @@ def judge_beams(hits, passed, unmapped, most_unmapped, through_walls, logs, hit,
         for j in range(beams):
             wrong = passed[i, j] * (1.0 - hits[i, j])
             through[i] += wrong
+            grazed[i] += passed[i, j] * hits[i, j]
             logs[i] += math.log((1.0 - price) * hits[i, j] + price * (1.0 - wrong * (1.0 - through_walls)))
         logs[i] /= beams
         through[i] /= beams
+        grazed[i] /= beams
 
 
 @kernel("float64(uint8[:,::1], float64, float64, float64, float64)")
@@ -304,18 +309,18 @@ def judge_scan(
         passed: Where silent beams got to, shape (S, 2) in metres, in the base's frame.
         fits: How well a beam that ends in a cell ends on something, 0 to 1, for each code.
         unmapped, most_unmapped, through_walls: As for `judge_beams`.
-        judged: Result, shape (4, K): the three means of `judge_beams`, and the share of the silent beams that pass
+        judged: Result, shape (5, K): the four means of `judge_beams`, and the share of the silent beams that pass
             through what the map has.
     """
     hits = np.empty((poses.shape[0], endpoints.shape[0]), np.float32)
     look_up_endpoints(poses, endpoints, codes, fits, 0.0, frame, hits)
     through = np.empty(hits.shape, np.uint8)
     trace_endpoints(poses, endpoints, laser, codes, distances, frame, margin, through)
-    judge_beams(hits, through, unmapped, most_unmapped, through_walls, judged[0], judged[1], judged[2])
+    judge_beams(hits, through, unmapped, most_unmapped, through_walls, judged[0], judged[1], judged[2], judged[3])
     silent = np.empty((poses.shape[0], passed.shape[0]), np.uint8)
     trace_endpoints(poses, passed, laser, codes, distances, frame, margin, silent)
     for i in range(poses.shape[0]):
         count = 0
         for j in range(passed.shape[0]):
             count += silent[i, j]
-        judged[3, i] = count / max(1, passed.shape[0])
+        judged[4, i] = count / max(1, passed.shape[0])

@@ -21,7 +21,7 @@ from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.estimate import Moments, deviation_of, mean_and_covariance
 from mbf_relay.localization.evidence import Evidence, Seen
 from mbf_relay.localization.gaussians import PoseGaussian, log_sum_exp, normalized
-from mbf_relay.localization.hypotheses import Hypotheses
+from mbf_relay.localization.hypotheses import FITS, Hypotheses
 from mbf_relay.localization.lever_arm import LeverArm
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, apart, thin_out
@@ -186,11 +186,13 @@ class HypothesisTracker:
         proposed = self._proposal.propose(poses, log_weights, weighed, news, rng, weigh)
         held = proposed.best
         self.lever_arm.correct(proposed.prior, held)
-        self.hypotheses.correct(held.mean, self._likelihood, self._evidence, seen, way, since, news)
+        judged = self.hypotheses.correct(held.mean, self._likelihood, self._evidence, seen, way, since, news)
         if self._doubt.look(proposed.explained, way, self.hypotheses.fit.right):
             self._look_for_rivals(held, proposed.explained, seen.ends, rng)
         else:
             self._evidence.learn(proposed.explained, way)
+            if self.hypotheses.fit.right >= FITS:
+                self._evidence.learn_grazing(judged, way)
         winner = self.hypotheses.challenge(held)
         if winner is not None:
             self._doubt.way = 0.0

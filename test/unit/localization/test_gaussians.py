@@ -135,14 +135,15 @@ def test_a_scan_keeps_the_first_of_its_ends_in_each_square():
 def test_beams_are_judged_at_the_price_that_the_pose_held_has_for_what_is_not_on_the_map(unmapped):
     rng = np.random.default_rng(7)
     hits, passed = rng.random((3, 40)).astype(np.float32), (rng.random((3, 40)) < 0.3).astype(np.uint8)
-    logs, hit, through = np.empty((3, 3))
-    judge_beams(hits, passed, unmapped, 0.45, 0.1, logs, hit, through)
+    logs, hit, through, grazed = np.empty((4, 3))
+    judge_beams(hits, passed, unmapped, 0.45, 0.1, logs, hit, through, grazed)
     wrong = passed * (1.0 - hits.astype(float))
     price = min(max(unmapped, 1.0 - hits[0].mean()), 0.45)
     expected = np.log((1.0 - price) * hits + price * (1.0 - 0.9 * wrong))
     assert logs == pytest.approx(expected.mean(axis=1), abs=1e-6)
     assert hit == pytest.approx(hits.mean(axis=1), abs=1e-6)
     assert through == pytest.approx(wrong.mean(axis=1), abs=1e-6)
+    assert grazed == pytest.approx((passed * hits.astype(float)).mean(axis=1), abs=1e-6)
 
 
 @pytest.mark.parametrize("silent", [0, 7])
@@ -151,20 +152,20 @@ def test_a_scan_is_judged_by_its_ends_and_by_its_silent_beams(silent):
     poses, ends = rng.normal(0.0, 0.5, (4, 3)), rng.uniform(-4.0, 4.0, (40, 2))
     passed, laser = rng.uniform(-9.0, 9.0, (silent, 2)), np.array([0.1, -0.05])
     fits = np.exp(-field.face_distances)
-    judged = np.empty((4, 4))
+    judged = np.empty((5, 4))
     judge_scan(
         poses, ends, passed, laser, field.codes, fits, field.cell_distances, field.frame, 0.3, 0.2, 0.45, 0.1, judged)
 
     hits, through = np.empty((4, 40), np.float32), np.empty((4, 40), np.uint8)
     look_up_endpoints(poses, ends, field.codes, fits, 0.0, field.frame, hits)
     trace_endpoints(poses, ends, laser, field.codes, field.cell_distances, field.frame, 0.3, through)
-    expected = np.zeros((4, 4))
-    judge_beams(hits, through, 0.2, 0.45, 0.1, *expected[:3])
+    expected = np.zeros((5, 4))
+    judge_beams(hits, through, 0.2, 0.45, 0.1, *expected[:4])
     if silent:
         crossed = np.empty((4, silent), np.uint8)
         trace_endpoints(poses, passed, laser, field.codes, field.cell_distances, field.frame, 0.3, crossed)
-        expected[3] = crossed.mean(axis=1)
-        assert 0.0 < expected[3].mean() < 1.0
+        expected[4] = crossed.mean(axis=1)
+        assert 0.0 < expected[4].mean() < 1.0
     assert np.array_equal(judged, expected)
 
 

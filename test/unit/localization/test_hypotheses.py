@@ -7,7 +7,7 @@ from synthetic_room import ORIGIN, room, scan_at
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.localization.beams import pick_beams
 from mbf_relay.localization.distance_field import DistanceField
-from mbf_relay.localization.evidence import Evidence, Seen
+from mbf_relay.localization.evidence import Evidence, Judgement, Seen
 from mbf_relay.localization.gaussians import PoseGaussian
 from mbf_relay.localization.hypotheses import LEAD, PROVEN_SCANS, Hypotheses
 from mbf_relay.localization.localizer import Localizer
@@ -220,6 +220,33 @@ def test_what_the_map_lacks_is_learnt_over_metres_and_never_all():
     for _ in range(1000):
         evidence.learn(0.0, 1.0)
     assert evidence.unmapped == pytest.approx(0.6)
+
+
+def test_a_robot_whose_lidar_grazes_what_is_on_its_map_is_not_told_that_it_sees_through_walls():
+    """A map of large cells: of the beams that hit as many cut a corner on their way as of those to a new rack."""
+    data = np.zeros((100, 200), dtype=np.int8)
+    data[:, 100:103] = 100
+    data[48:50, 40:42] = 100  # a table's leg before the wall
+    evidence = Evidence(DistanceField(OccupancyMap(data, 0.05, IDENTITY), 2.0), 0.2)
+    pose, sides = np.array([[0.4, 2.45, 0.0]]), np.linspace(-1.5, 1.5, 20)
+    to_wall = Seen(np.column_stack((np.full(20, 4.6), sides)), np.zeros((0, 2)), 0.0, LASER)
+    to_rack = Seen(np.column_stack((np.full(20, 3.6), sides)), np.zeros((0, 2)), 0.0, LASER)
+    judged = evidence.judge(pose, to_wall)
+    assert 0.0 < judged.grazed[0] < 0.15 and judged.through[0] < 0.01
+    before = evidence.judge(pose, to_rack).through[0]
+    assert before > 0.05
+    for _ in range(3):
+        evidence.learn_grazing(judged, 0.2)
+    assert evidence.judge(pose, to_rack).through[0] < 0.6 * before
+    beyond = Seen(np.column_stack((np.full(20, 8.0), sides)), np.zeros((0, 2)), 0.0, LASER)
+    assert evidence.judge(pose, beyond).through[0] > 0.8, "through the wall itself"
+
+
+def test_no_more_beams_are_taken_to_graze_than_do_at_a_right_place():
+    evidence = Evidence(DistanceField(room(), 2.0), 0.2)
+    assert evidence.grazing == 0.0
+    evidence.learn_grazing(Judgement(np.zeros(1), np.ones(1), np.zeros(1), np.full(1, 0.6)), 1.0)
+    assert evidence.grazing == pytest.approx(0.075)
 
 
 def test_where_two_rooms_look_alike_the_robot_says_so():
