@@ -35,6 +35,8 @@ class RelayCase(unittest.TestCase):
         cls.server = None
         rospy.set_param("move_base_flex/planners", [
             {"name": "navfn", "type": "navfn/NavfnROS"}, {"name": "GP", "type": "global_planner/GlobalPlanner"}])
+        rospy.set_param("move_base_flex/controllers", [
+            {"name": "first", "type": "our_planner/First"}, {"name": "DWA", "type": "dwa_local_planner/DWAPlannerROS"}])
         rospy.set_param("move_base_flex/recovery_behaviors", [
             {"name": "clear", "type": "x"}, {"name": "rotate", "type": "y"}])
         cls.report = Listener("move_base_flex/report", String)

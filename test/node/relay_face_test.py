@@ -83,6 +83,26 @@ class RelayFaceTest(RelayCase):
         client.update_configuration({"base_global_planner": "global_planner/GlobalPlanner"})
         client.close()
 
+    def test_who_tries_another_controller_gets_the_one_of_before_back(self):
+        """move_base's default stands for the server's first, and no server need have it: it was refused, by
+        restore_defaults too, and all that was changed with it."""
+        self.make_sure_of_server()
+        client = ReconfigureClient("move_base", timeout=10)
+        before = client.get_configuration()
+        another = {"base_local_planner": "dwa_local_planner/DWAPlannerROS"}
+        for number, back in enumerate((
+                {"base_local_planner": before["base_local_planner"], "make_plan_add_unreachable_goal": True},
+                {"restore_defaults": True})):
+            client.update_configuration({**another, "make_plan_add_unreachable_goal": False})
+            self.check_end(self.send("arrive", x=83.0 + number), GoalStatus.SUCCEEDED, "Goal reached.")
+            self.assertTrue(self.reported(f"goal arrive {83.0 + number} GP DWA"))
+            after = client.update_configuration(back)
+            self.assertEqual(after["base_local_planner"], before["base_local_planner"])
+            self.assertTrue(after["make_plan_add_unreachable_goal"])
+            self.check_end(self.send("arrive", x=93.0 + number), GoalStatus.SUCCEEDED, "Goal reached.")
+            self.assertFalse(self.reported(f"goal arrive {93.0 + number} GP DWA"))
+        client.close()
+
     def test_a_goal_in_another_frame_is_shown_in_the_map(self):
         self.make_sure_of_server()
         broadcaster = tf2_ros.StaticTransformBroadcaster()

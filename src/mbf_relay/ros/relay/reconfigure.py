@@ -151,6 +151,8 @@ class MoveBaseSettings:
     def _change(self, new: MoveBaseParameters) -> None:
         """Take new values from dynamic_reconfigure.
 
+        A plugin that the server has not is taken back where it is the one of the start, which stands for the first.
+
         Raises:
             ValueError: The server has no such plugin; move_base too refuses one it cannot load.
         """
@@ -160,7 +162,9 @@ class MoveBaseSettings:
             if wanted != getattr(old, name):
                 plugins = server_plugins(self._server, kind)
                 if name_at_server(wanted, plugins) is None:
-                    raise ValueError(_no_such_plugin(wanted, plugins, self._server))
+                    if wanted != getattr(self._started_with, name):
+                        raise ValueError(_no_such_plugin(wanted, plugins, self._server))
+                    wanted = ""
                 self._plugins[kind], self._asked[kind] = plugins, wanted
         for name in WITHOUT_COUNTERPART:
             if getattr(new, name) != getattr(old, name):
