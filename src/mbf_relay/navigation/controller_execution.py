@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import warnings
 from typing import Any, Callable, NamedTuple, Optional, Tuple
@@ -202,11 +203,10 @@ class ControllerExecution:
         stale = self._costmap.stale_reason(now)
         if stale:
             raise StaleDataError(stale)
-        assert self._goal is not None
-        path = self._goal.path
+        global_frame = self._parameters().global_frame
+        path = self._fixed_path(frame, global_frame)
         costmap_from_path = self._robot.transform(frame, path.frame)
         pose_in_path = pose.relative_to(costmap_from_path)
-        global_frame = self._parameters().global_frame
         global_pose = pose_in_path if path.frame == global_frame else self._robot.pose_in(global_frame)
         self._robot.note_motion(now, velocity)
         snapshot = self._costmap.snapshot()
@@ -220,6 +220,19 @@ class ControllerExecution:
             state, FramedPose(global_pose, global_frame), pose_in_path.distance_to(goal),
             abs(angle_between(pose_in_path.theta, goal.theta)),
         )
+
+    def _fixed_path(self, *frames: str) -> Path:
+        """Return the path, in the last of `frames` from its first cycle on where it came in none of them.
+
+        Seen from a frame that moves with the robot it runs ahead, as a goal does.
+        """
+        assert self._goal is not None
+        path = self._goal.path
+        if path.frame not in frames:
+            poses = self._robot.transform(frames[-1], path.frame).transform_poses(path.poses)
+            path = Path(poses, frames[-1], path.cost)
+            self._goal = dataclasses.replace(self._goal, path=path)
+        return path
 
     def _watch(self, now: float, job: Job) -> None:
         """Collect the running cycle, or see to it that the robot does not drive on while its controller hangs."""

@@ -62,7 +62,8 @@ class PaperRobot(Robot):
     def transform(self, target_frame: str, source_frame: str) -> Pose2D:
         if self.lost or not {target_frame, source_frame} <= self.frames:
             raise TransformError(self.lost or f"no transform from '{source_frame}' to '{target_frame}'")
-        return IDENTITY
+        source, target = (self.pose if frame == "base" else IDENTITY for frame in (source_frame, target_frame))
+        return source.relative_to(target)
 
     def velocity(self) -> Twist2D:
         if self.stale:
