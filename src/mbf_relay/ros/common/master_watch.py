@@ -1,4 +1,7 @@
-"""Noticing a new master: rospy does not register again, so that a node would be there and never be found."""
+"""Noticing a new master, or that time is simulated since: rospy looks for neither again.
+
+A node would be there and never be found, or find all that it hears older than itself by as much as 1970 is.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from typing import Any, Callable, Dict, Tuple
 
 import rosgraph
 import rospy
+from rospy import rostime
 
 from mbf_relay.ros.common.impatient_proxy import NO_ANSWER, impatient_proxy
 
@@ -32,7 +36,7 @@ class MasterWatch:
     the node is another one. It gets the parameters back that this node had, where it has none. A node that died
     before can give nothing back, and would start again with defaults, a larger robot's limits among them: what it had
     is given back by those that saw it when they started, after all that live had time for their own. Then
-    `on_stranger` is told.
+    `on_stranger` is told; so it is where `other_time` has something to say.
 
     Args:
         on_stranger: Called with a sentence, in a thread of its own, once; it ends the process.
@@ -41,7 +45,7 @@ class MasterWatch:
     def __init__(self, on_stranger: Callable[[str], None]) -> None:
         self._on_stranger = on_stranger
         self._name, self._uri = rospy.get_name(), rosgraph.get_master_uri()
-        self._silent = False
+        self._silent, self._by_wall_clock = False, rostime.is_wallclock()
         self._stop = threading.Event()
         rospy.on_shutdown(self._stop.set)
         master = xmlrpc.client.ServerProxy(self._uri)
@@ -53,18 +57,34 @@ class MasterWatch:
         while not self._stop.wait(PERIOD):
             try:
                 known = self._is_known()
+                trouble = self.other_time() if known else (
+                    f"the master at {self._uri} is another one and does not know {self._name}; it must start again")
             except NO_ANSWER as error:
                 if not self._silent:
                     rospy.logwarn("the master at %s does not answer (%s); what is connected stays so", self._uri, error)
                 self._silent = True
                 continue
-            if known:
-                self._silent = False
-            elif not (self._stop.is_set() or rospy.is_shutdown()):
-                self._on_stranger(
-                    f"the master at {self._uri} is another one and does not know {self._name}; it must start again"
-                )
+            self._silent = self._silent and not known
+            if trouble and not (self._stop.is_set() or rospy.is_shutdown()):
+                self._on_stranger(trouble)
                 return
+
+    def other_time(self) -> str:
+        """Return why a node that began by the wall clock has to start again in simulated time; empty where it need not.
+
+        The parameter alone is no reason, as it may have been set by mistake, and so that nobody makes the time.
+        """
+        if not self._by_wall_clock:
+            return ""
+        master = impatient_proxy(self._uri, TIMEOUT)
+        if self._ask(master.getParam, "/use_sim_time") != (True, True):
+            return ""
+        publishers = dict(self._ask(master.getSystemState)[1][0]).get("/clock", [])
+        if not publishers or self._name in publishers:
+            return ""
+        return (
+            f"use_sim_time was set after {self._name} had begun, which goes by the wall clock and not by the /clock of "
+            f"{', '.join(publishers)}; it must start again")
 
     def _is_known(self) -> bool:
         master = impatient_proxy(self._uri, TIMEOUT)

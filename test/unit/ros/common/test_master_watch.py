@@ -53,6 +53,38 @@ def test_a_node_ends_for_a_new_master_and_leaves_it_its_parameters_and_those_of_
         master.kill()
 
 
+def test_who_starts_the_world_last_has_the_other_nodes_start_again_in_its_time(tmp_path):
+    """They went by the computer's clock for good: each scan and transform of the world was 56 years old to them."""
+    port = free_port()
+    master = Master(port)
+    node = start(port, tmp_path)
+    try:
+        wait_until(lambda: master.answer("lookupService", "/static_map"), "the node to come up")
+        master.answer("registerPublisher", "/clock", "rosgraph_msgs/Clock", "http://localhost:1/")
+        master.answer("setParam", "/use_sim_time", True)
+        output = node.communicate(timeout=60.0)[0]
+        assert node.returncode == 1
+        assert "use_sim_time" in output and "/clock of /test" in output and "Traceback" not in output
+    finally:
+        node.kill()
+        node.communicate()
+        master.kill()
+
+
+@pytest.mark.parametrize("is_set, publishers", [(False, ["/simulator"]), (True, []), (True, ["/amcl"])])
+def test_a_robot_s_nodes_live_on_where_no_world_was_started(monkeypatch, is_set, publishers):
+    """A parameter that was left or set by mistake must not end them, nor what makes the time itself."""
+    state = [[["/clock", publishers]], [], []]
+    master = SimpleNamespace(
+        getParam=lambda _name, key: (1, "", {} if key == "/" else is_set), getPid=lambda _name: (1, "", 7),
+        getSystemState=lambda _name: (1, "", state))
+    monkeypatch.setattr(master_watch.xmlrpc.client, "ServerProxy", lambda _uri: master)
+    monkeypatch.setattr(master_watch, "impatient_proxy", lambda *_: master)
+    monkeypatch.setattr(master_watch, "rospy", SimpleNamespace(get_name=lambda: "/amcl", on_shutdown=lambda end: None))
+    monkeypatch.setattr(master_watch.MasterWatch, "_loop", lambda self: None)
+    assert master_watch.MasterWatch(lambda reason: None).other_time() == ""
+
+
 def test_a_node_comes_up_while_others_set_their_parameters(monkeypatch):
     """rosmaster's answer is a fault where its tree grows meanwhile, and the node ended in a traceback."""
     faults = iter([xmlrpc.client.Fault(1, "RuntimeError: dictionary changed size during iteration")] * 3)
