@@ -56,7 +56,7 @@ class Costmap:
         self._costs = np.zeros((0, 0), dtype=np.uint8)
         self._default = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
         self._last_update: Optional[float] = None
-        self._updates, self._sized_by_map = 0, False
+        self._updates, self._sized_by_map, self._missing = 0, False, ""
         self._due_grid: Optional[Grid] = None  # the next update takes it, see there
         self._redo_due, self._failure = False, ""  # the next update redoes every cell; why the last was broken off
         self._copy: Optional[np.ndarray] = None  # of the costs, made when somebody asks
@@ -276,6 +276,7 @@ class Costmap:
                 self._failure = f": {failure}"
                 raise
             self._last_update, self._shown, self._redo_due, self._failure = now, None, False, ""
+            self._missing = "; ".join(filter(None, (layer.missing_input() for layer in active)))
             self._updates += 1
 
     def _redo(self, window: Window, layers: Sequence[Layer]) -> None:
@@ -379,15 +380,14 @@ class Costmap:
             return not_updated or next((f"{self.name}: {reason}" for reason in reasons if reason is not None), None)
 
     def planning_trouble(self, now: float) -> Optional[PlanningError]:
-        """Return why the snapshot must not be planned on, or None: sensors may be silent, but there must be a snapshot.
-        """
+        """Return why the snapshot must not be planned on, or None: sensors may be silent, but it must have a map."""
         with self._lock:
-            missing = "; ".join(filter(None, (layer.missing_input() for layer in self.layers if layer.enabled)))
             if self._last_update is None:
+                missing = "; ".join(filter(None, (layer.missing_input() for layer in self.layers if layer.enabled)))
                 why = f": {missing}" if missing else self._failure
                 return PlanningError(PlanOutcome.NOT_INITIALIZED, f"{self.name} was not updated yet{why}")
-            if missing:
-                return PlanningError(PlanOutcome.MAP_ERROR, f"{self.name}: {missing}")
+            if self._missing:  # at that update: a map that has come since is not in the snapshot
+                return PlanningError(PlanOutcome.MAP_ERROR, f"{self.name}: {self._missing}")
             reason = self._age_reason(now, math.inf)
             return PlanningError(PlanOutcome.MAP_ERROR, reason) if reason is not None else None
 

@@ -199,6 +199,15 @@ def test_a_costmap_without_a_first_picture_says_what_it_waits_for():
     assert costmap.planning_trouble(0.0).outcome is PlanOutcome.MAP_ERROR
 
 
+def test_no_plan_leads_through_the_walls_of_a_map_that_has_just_come():
+    costmap = factory.build_costmap("global_costmap", {"plugins": [{"name": "s", "type": "costmap_2d::StaticLayer"}]})
+    costmap.update(0.0, IDENTITY)
+    costmap.set_map(OccupancyMap(np.full((20, 20), 100, dtype=np.int8), 0.05, IDENTITY))
+    assert costmap.planning_trouble(0.0) is not None
+    costmap.update(0.1, IDENTITY)
+    assert costmap.planning_trouble(0.1) is None and (costmap.snapshot().costs == 254).all()
+
+
 def test_a_costmap_that_sees_and_is_never_updated_is_planned_on_but_not_driven_on():
     seen_by_camera = yaml.safe_load(yaml.safe_dump(NEW_FORM).replace("LaserScan", "PointCloud2"))
     costmap = factory.build_costmap("local_costmap", {**seen_by_camera, "update_frequency": 0.0})

@@ -113,16 +113,17 @@ class CostmapServices:
 
     def _update(self, _request: EmptyRequest) -> EmptyResponse:
         self._wake()
-        self._await_updates()
+        self._await_updates(*self._nodes)
         return EmptyResponse()
 
-    def _await_updates(self) -> None:
-        """Have every costmap updated and wait for it; raise ValueError where one is not in time."""
-        asked = {side: node.costmap.updates for side, node in self._nodes.items()}
-        for node in self._nodes.values():
-            node.resume()
+    def _await_updates(self, *sides: str) -> None:
+        """Have costmaps updated and wait for it; raise ValueError where one is not in time."""
+        asked = {side: self._nodes[side].costmap.updates for side in sides}
+        for side in sides:
+            self._nodes[side].resume()
         end, pause = time.monotonic() + UPDATE_TIMEOUT, threading.Event()
-        for side, node in self._nodes.items():
+        for side in sides:
+            node = self._nodes[side]
             while node.costmap.updates == asked[side]:
                 if time.monotonic() > end:
                     reason = node.costmap.stale_reason(rospy.get_time())
@@ -135,11 +136,17 @@ class CostmapServices:
         return EmptyResponse()
 
     def _costmap(self, number: int) -> Costmap:
+        """Return the costmap asked for; raise ValueError where nothing is to be planned on, or told, by it."""
         if number not in SIDES:
             raise ValueError(f"costmap is {number}; it must be LOCAL_COSTMAP (1) or GLOBAL_COSTMAP (2)")
-        if self._wake():
-            self._await_updates()
-        return self._nodes[SIDES[number]].costmap
+        side = SIDES[number]
+        costmap = self._nodes[side].costmap
+        if self._wake() or costmap.planning_trouble(rospy.get_time()) is not None:
+            self._await_updates(side)
+        trouble = costmap.planning_trouble(rospy.get_time())
+        if trouble is not None:
+            raise ValueError(trouble.message)
+        return costmap
 
     def _pose(self, costmap: Costmap, request: Any) -> Pose2D:
         if request.current_pose:
