@@ -270,7 +270,7 @@ def _read(cls: Type[T], known: Dict[str, Any]) -> Tuple[T, List[str]]:
 def _nearest_allowed(value: Any, field: Any) -> Any:
     """Return the number in range nearest to `value`, else the default, None where none will do.
 
-    A rate that is none says nothing of how low it is to be: at the lowest one a robot would drive on for seconds unseen.
+    A rate that is none says nothing of how low it is to be: at the lowest one a robot would drive unseen for seconds.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not field.metadata.get("clamped", True):
         return None

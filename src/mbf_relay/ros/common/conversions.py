@@ -96,7 +96,7 @@ def twist_to_message(velocity: Twist2D) -> Twist:
 
 
 def path_from_message(message: PathMessage) -> Path:
-    """Return a path; each pose is taken in the path's own frame.
+    """Return a path; each pose is taken in the frame of the path's header.
 
     Raises:
         InvalidMessage: A pose is not finite or has no rotation, and the text says which; or there are too many.

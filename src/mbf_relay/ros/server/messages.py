@@ -35,7 +35,7 @@ from mbf_relay.navigation.goals import (
     RecoverResult,
 )
 from mbf_relay.outcomes import ControlError, ControlOutcome, PlanningError, PlanOutcome, RecoveryOutcome
-from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.checks import InvalidMessage, shown
 from mbf_relay.ros.common.conversions import (
     path_from_message,
     path_to_message,
@@ -85,9 +85,7 @@ def follow_goal(goal: ExePathGoal) -> FollowGoal:
     message = goal.path
     if not message.poses:
         raise ControlError(ControlOutcome.INVALID_PATH, "Controller started with an empty plan!")
-    if not message.header.frame_id:
-        message.header.frame_id = message.poses[0].header.frame_id
-    message.header.frame_id = message.header.frame_id.lstrip("/")
+    message.header.frame_id = _frame_of_path(message)
     tolerance = None
     if goal.tolerance_from_action:
         tolerance = GoalTolerance(goal.dist_tolerance, goal.angle_tolerance)
@@ -99,6 +97,17 @@ def follow_goal(goal: ExePathGoal) -> FollowGoal:
     except InvalidMessage as error:
         raise ControlError(ControlOutcome.INVALID_PATH, str(error)) from error
     return FollowGoal(path, goal.controller, goal.concurrency_slot, tolerance)
+
+
+def _frame_of_path(message: Any) -> str:
+    """Return the frame of a path's poses, as Move Base Flex; the path's own where they name none."""
+    frames = sorted({stamped.header.frame_id.lstrip("/") for stamped in message.poses} - {""})
+    if len(frames) > 1:
+        raise ControlError(
+            ControlOutcome.INVALID_PATH,
+            f"the path's poses are in frames '{shown(frames[0])}' and '{shown(frames[1])}'; they must all be in one")
+    frame: str = frames[0] if frames else message.header.frame_id.lstrip("/")
+    return frame
 
 
 def recover_goal(goal: RecoveryGoal) -> RecoverGoal:

@@ -1,7 +1,5 @@
 """What the server's services answer of a costmap that there is nothing in yet."""
 
-import types
-
 import numpy as np
 import pytest
 
