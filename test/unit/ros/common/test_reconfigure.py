@@ -11,6 +11,7 @@ from upstream_parameters import CONFIG, DIFFERENT, README, SECTION, UPSTREAM, of
 
 from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.localization.node_parameters import AmclParameters
+from mbf_relay.navigation.parameters import NavigatorParameters
 
 SPEEDS = ("max_vel_x", "max_vel_trans", "min_vel_trans")
 
@@ -48,6 +49,13 @@ def test_a_slider_of_ours_is_of_a_length_a_hand_can_use(path):
     for parameter, (kind, default, low, high) in offered(path.stem).items():
         if kind == "double" and low is not None and high is not None:
             assert high - low <= 2000.0 * max(1.0, abs(default)), parameter
+
+
+def test_a_slider_pulled_to_its_end_leaves_no_robot_to_drive_unseen_for_seconds():
+    """The control loop's ended at 0.1 Hz, and a 0 became that; Move Base Flex goes on at the rate it had."""
+    _kind, _default, low, _high = offered("MoveBaseFlex")["controller_frequency"]
+    with pytest.raises(ValueError, match="controller_frequency"):
+        NavigatorParameters().reconfigured({"controller_frequency": low})
 
 
 def served(monkeypatch, parameters, low, high):
