@@ -12,7 +12,6 @@ from mbf_relay.costmap.cost_grid import FREE_SPACE, INSCRIBED, LETHAL, Window
 from mbf_relay.costmap.observation import Observation, observation_from_scan
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.maps import OccupancyMap
-from mbf_relay.outcomes import PlanOutcome
 from mbf_relay.scan import LaserScan
 
 OLD_FORM_GLOBAL = yaml.safe_load("""
@@ -187,25 +186,6 @@ def test_stale_sources_are_named_with_their_age():
     assert costmap.stale_reason(0.5) is None
     costmap.update(3.0, IDENTITY)
     assert "3.00 s" in costmap.stale_reason(3.0)
-
-
-def test_a_costmap_without_a_first_picture_says_what_it_waits_for():
-    layers = [{"name": "static", "type": "costmap_2d::StaticLayer"}]
-    costmap = factory.build_costmap("global_costmap", {"plugins": layers})
-    trouble = costmap.planning_trouble(0.0)
-    assert trouble.outcome is PlanOutcome.NOT_INITIALIZED
-    assert trouble.message == "global_costmap was not updated yet: no map has come on topic 'map'"
-    costmap.update(0.0, IDENTITY)
-    assert costmap.planning_trouble(0.0).outcome is PlanOutcome.MAP_ERROR
-
-
-def test_no_plan_leads_through_the_walls_of_a_map_that_has_just_come():
-    costmap = factory.build_costmap("global_costmap", {"plugins": [{"name": "s", "type": "costmap_2d::StaticLayer"}]})
-    costmap.update(0.0, IDENTITY)
-    costmap.set_map(OccupancyMap(np.full((20, 20), 100, dtype=np.int8), 0.05, IDENTITY))
-    assert costmap.planning_trouble(0.0) is not None
-    costmap.update(0.1, IDENTITY)
-    assert costmap.planning_trouble(0.1) is None and (costmap.snapshot().costs == 254).all()
 
 
 def test_a_costmap_that_sees_and_is_never_updated_is_planned_on_but_not_driven_on():
