@@ -49,9 +49,12 @@ class SlowMachine:
         self._folder.rmdir()
 
     def take(self, processes: Iterable[int]) -> None:
-        """Move processes to it."""
+        """Move processes to it, and to one core: of two, one would be given all of a period's time, in turn or not."""
+        core = {min(os.sched_getaffinity(0))}
         for process in processes:
             (self._folder / "cgroup.procs").write_text(str(process), encoding="ascii")
+            for thread in os.listdir(f"/proc/{process}/task"):
+                os.sched_setaffinity(int(thread), core)
 
 
 class BusyMachine:
