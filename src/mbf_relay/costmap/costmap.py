@@ -12,7 +12,7 @@ import numpy as np
 
 from mbf_relay.costmap import footprint as footprints
 from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, INSCRIBED, NO_INFORMATION, CostGrid, Window, half_width_of
-from mbf_relay.costmap.layer import Layer, LayerContext, ZoneLimit, changed_window, shifted, tracks_of
+from mbf_relay.costmap.layer import Layer, LayerContext, ZoneLimit, changed_window, missing_inputs, shifted, tracks_of
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.outline import check_padded
 from mbf_relay.costmap.parameters import CostmapParameters
@@ -276,7 +276,7 @@ class Costmap:
                 self._failure = f": {failure}"
                 raise
             self._last_update, self._shown, self._redo_due, self._failure = now, None, False, ""
-            self._missing = "; ".join(filter(None, (layer.missing_input() for layer in active)))
+            self._missing = missing_inputs(active)
             self._updates += 1
 
     def _redo(self, window: Window, layers: Sequence[Layer]) -> None:
@@ -383,7 +383,7 @@ class Costmap:
         """Return why the snapshot must not be planned on, or None: sensors may be silent, but it must have a map."""
         with self._lock:
             if self._last_update is None:
-                missing = "; ".join(filter(None, (layer.missing_input() for layer in self.layers if layer.enabled)))
+                missing = missing_inputs(self.layers)
                 why = f": {missing}" if missing else self._failure
                 return PlanningError(PlanOutcome.NOT_INITIALIZED, f"{self.name} was not updated yet{why}")
             if self._missing:  # at that update: a map that has come since is not in the snapshot

@@ -205,6 +205,11 @@ class Layer(Plugin, abc.ABC):
         return None
 
 
+def missing_inputs(layers: Iterable[Layer]) -> str:
+    """Return what those of the layers that are on have never had and show nothing without; empty for nothing."""
+    return "; ".join(filter(None, (layer.missing_input() for layer in layers if layer.enabled)))
+
+
 class CellLayer(Layer):
     """A layer that keeps costs of its own, one per cell, and notes where they changed.
 

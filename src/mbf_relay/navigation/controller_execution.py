@@ -204,7 +204,7 @@ class ControllerExecution:
         if stale:
             raise StaleDataError(stale)
         global_frame = self._parameters().global_frame
-        path = self._fixed_path(frame, global_frame)
+        path = self._fixed_path(global_frame)
         costmap_from_path = self._robot.transform(frame, path.frame)
         pose_in_path = pose.relative_to(costmap_from_path)
         global_pose = pose_in_path if path.frame == global_frame else self._robot.pose_in(global_frame)
@@ -221,16 +221,16 @@ class ControllerExecution:
             abs(angle_between(pose_in_path.theta, goal.theta)),
         )
 
-    def _fixed_path(self, *frames: str) -> Path:
-        """Return the path, in the last of `frames` from its first cycle on where it came in none of them.
+    def _fixed_path(self, global_frame: str) -> Path:
+        """Return the path, in the global frame from its first cycle on where it came in neither this nor the costmap's.
 
         Seen from a frame that moves with the robot it runs ahead, as a goal does.
         """
         assert self._goal is not None
         path = self._goal.path
-        if path.frame not in frames:
-            poses = self._robot.transform(frames[-1], path.frame).transform_poses(path.poses)
-            path = Path(poses, frames[-1], path.cost)
+        if path.frame not in (self._costmap.frame, global_frame):
+            poses = self._robot.transform(global_frame, path.frame).transform_poses(path.poses)
+            path = Path(poses, global_frame, path.cost)
             self._goal = dataclasses.replace(self._goal, path=path)
         return path
 

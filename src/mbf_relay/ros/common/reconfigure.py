@@ -42,7 +42,7 @@ def add_parameters(
         parameter_set: The dataclass; lists, which dynamic_reconfigure has no type for, are left out.
         names: Only these, where given.
         restore: Add `restore_defaults`, which brings back the values the node was started with.
-        sliders: Range to offer by name, where it is narrower than what a file may say; None for an end that has none.
+        sliders: Range to offer by name, where it is not what a file may say; None for an end that has none.
     """
     from dynamic_reconfigure.parameter_generator_catkin import bool_t, double_t, int_t, str_t
 
