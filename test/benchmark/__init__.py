@@ -10,6 +10,7 @@ NAMES = (
     "control",
     "server",
     "relay",
+    "guard",
     "one_process",
     "footprint",
     "circle",
