@@ -77,7 +77,7 @@ class Driver:
         """Drive for some wall time.
 
         Returns:
-            The time (ms) that each velocity took through the guard; infinite for one that it did not let pass as it was.
+            The time (ms) that each velocity took through the guard; infinite for one that did not pass as it was.
         """
         sent: Dict[float, float] = {}
         end = time.monotonic() + seconds

@@ -11,6 +11,7 @@ from mbf_relay.kernels import kernel
 
 _CORNER = 1e-9  # cells: nearer than this to a corner, a line passes through it
 _MOVE = 0.37  # cells: no sum of it and its halves is half a cell, so that no point comes to lie on a border
+_GAIN = 1e-4  # share of what a point's two lines count by which a move has to make them cheaper
 
 
 @kernel("float64(uint8[:,::1], float32[::1], float64, float64, float64, float64)")
@@ -79,9 +80,9 @@ def polyline_cost(costs, weights, points):
 def pull_string(costs, weights, points, passes):
     """Straighten a path in place by string pulling; it never counts more than before. Return how many points are left.
 
-    Points that a straight line past them makes cheaper, or no dearer, are dropped; what is left is moved by parts of
-    a cell where that makes its two lines cheaper; until nothing changes. What was tried in vain is not tried again
-    before the point or one of its neighbours has changed.
+    Points that a straight line past them makes cheaper, or no dearer, are dropped; when none is left to drop, each is
+    moved by parts of a cell where that makes its two lines cheaper by a ten-thousandth; until nothing changes. What was
+    tried in vain is not tried again before the point or one of its neighbours has changed.
 
     Args:
         costs, weights: As for `line_cost`.
@@ -122,6 +123,8 @@ def pull_string(costs, weights, points, passes):
             if count > 1:
                 points[kept, 0], points[kept, 1] = points[count - 1, 0], points[count - 1, 1]
                 count = kept + 1
+        if changed:
+            continue
         moved = False
         for n in range(1, count - 1):
             if rests[n]:
@@ -129,6 +132,7 @@ def pull_string(costs, weights, points, passes):
             rests[n] = True
             x, y = points[n, 0], points[n, 1]
             best = lines[n - 1] + lines[n]
+            gain = _GAIN * best
             best_x, best_y = x, y
             for k in range(4):
                 to_x = x + (reach * (k * 2 - 1) if k < 2 else 0.0)
@@ -136,9 +140,9 @@ def pull_string(costs, weights, points, passes):
                 if not (0.0 < to_x < costs.shape[1] and 0.0 < to_y < costs.shape[0]):
                     continue
                 before = line_cost(costs, weights, points[n - 1, 0], points[n - 1, 1], to_x, to_y)
-                if before < best:
+                if before < best - gain:
                     after = line_cost(costs, weights, to_x, to_y, points[n + 1, 0], points[n + 1, 1])
-                    if before + after < best - 1e-6:
+                    if before + after < best - gain:
                         best = before + after
                         best_x, best_y = to_x, to_y
             if best_x != x or best_y != y:
@@ -148,7 +152,7 @@ def pull_string(costs, weights, points, passes):
                 moved = True
                 for k in range(n - 1, n + 2):
                     stays[k] = rests[k] = False
-        if not changed and not moved:
+        if not moved:
             if reach <= 0.25 * _MOVE:
                 break
             reach *= 0.5
