@@ -98,17 +98,31 @@ def twist_to_message(velocity: Twist2D) -> Twist:
 def path_from_message(message: PathMessage) -> Path:
     """Return a path; each pose is taken in the frame of the path's header.
 
+    A pose whose quaternion was left at zeros, as many clients and planners do, heads for the next one. The last, by
+    which the robot turns where it has arrived, must have a rotation.
+
     Raises:
-        InvalidMessage: A pose is not finite or has no rotation, and the text says which; or there are too many.
+        InvalidMessage: There are too many poses, one is not finite, or the last has no rotation; the text says which.
     """
     checks.check_count(len(message.poses), checks.MOST_POSES, "poses in a path")
     poses = np.empty((len(message.poses), 3))
-    for index, stamped in enumerate(message.poses):
+    following = message.poses[1:] + [None]
+    for index, (stamped, after) in enumerate(zip(message.poses, following)):
         try:
-            poses[index] = pose_from_message(stamped.pose)
+            poses[index] = _pose_before(stamped.pose, after.pose.position) if after else pose_from_message(stamped.pose)
         except InvalidMessage as error:
             raise InvalidMessage(f"pose {index} of the path: {error}") from error
     return Path(poses, message.header.frame_id)
+
+
+def _pose_before(pose: Pose, after: Point) -> Pose2D:
+    """Return a message's pose on the way to a place; where it has no rotation, it heads there."""
+    turned = pose.orientation
+    if any((turned.x, turned.y, turned.z, turned.w)):
+        return pose_from_message(pose)
+    checks.check_place(pose.position.x, pose.position.y)
+    return Pose2D(
+        pose.position.x, pose.position.y, math.atan2(after.y - pose.position.y, after.x - pose.position.x))
 
 
 def path_to_message(path: Path, stamp: Any) -> PathMessage:
