@@ -131,7 +131,8 @@ class StuckChecker:
             raise ControlError(
                 ControlOutcome.ROBOT_STUCK,
                 f"the robot has not moved for {now - since:.1f} s, though {self._asked_distance:.2f} m and "
-                f"{self._asked_angle:.2f} rad were commanded; see whether its wheels are free and its motors on",
+                f"{self._asked_angle:.2f} rad were commanded; see whether its wheels are free, its motors on, and what "
+                "its velocity_guard says on ~state, where it has one",
             )
 
     def _restart(self, state: ControlState) -> None:
