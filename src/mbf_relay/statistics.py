@@ -7,6 +7,7 @@ from statistics import NormalDist
 from typing import List, Mapping, NamedTuple, Sequence
 
 import numpy as np
+from scipy import special
 
 RESAMPLINGS = 10_000
 MOST_TRIED = 12
@@ -60,8 +61,9 @@ def share(successes: float, trials: float, confidence: float = 0.95) -> Interval
 def grouped_share(groups: Mapping[str, Sequence[float]], confidence: float = 0.95) -> IntervalEstimate:
     """Return the share of ones among samples of 0 and 1, with a score interval that knows that groups are alike within.
 
-    As many trials are counted as would have that much spread if they were independent (Kish's design effect), but no
-    fewer than there are groups; where all samples agree, nothing tells their likeness, and each group counts once.
+    As many trials are counted as would have that much spread if they were independent (Kish's design effect), fewer
+    where few groups tell of it (Korn and Graubard 1998), but no fewer than there are groups; where all samples agree,
+    nothing tells their likeness, and each group counts once.
 
     Args:
         groups: The samples of each group, e.g. of each world.
@@ -70,45 +72,52 @@ def grouped_share(groups: Mapping[str, Sequence[float]], confidence: float = 0.9
     filled = [np.asarray(samples, dtype=float) for _, samples in sorted(groups.items()) if len(samples)]
     if not filled:
         return NOTHING
-    trials = float(sum(len(samples) for samples in filled))
-    p = sum(float(samples.sum()) for samples in filled) / trials
+    sums, sizes = np.array([samples.sum() for samples in filled]), np.array([len(samples) for samples in filled])
+    trials, k = float(sizes.sum()), len(filled)
+    p = float(sums.sum()) / trials
     counted = trials
-    if 1 < len(filled) < trials:
-        counted = float(len(filled))
+    if 1 < k < trials:
+        counted = float(k)
         if 0.0 < p < 1.0:
-            k = len(filled)
-            residuals = np.array([(samples - p).sum() for samples in filled])
-            variance = k / (k - 1.0) * float((residuals**2).sum()) / trials**2
-            counted = min(trials, max(counted, p * (1.0 - p) / variance)) if variance > 0.0 else trials
+            few = NormalDist().inv_cdf(0.5 + 0.5 * confidence) / _students_t(k - 1, confidence)
+            variance = _variance_of_mean(sums, sizes, p)
+            counted = min(trials, max(counted, few**2 * p * (1.0 - p) / variance)) if variance > 0.0 else trials
     return share(p * counted, counted, confidence)
 
 
-def mean(groups: Mapping[str, Sequence[float]], seed: int = 0, confidence: float = 0.95) -> IntervalEstimate:
-    """Return the mean over all samples with its bootstrap interval, groups drawn as a whole.
+def mean(groups: Mapping[str, Sequence[float]], confidence: float = 0.95) -> IntervalEstimate:
+    """Return the mean over all samples with an interval by Student's t, of groups that count as a whole.
 
-    Episodes of one world resemble each other, so worlds are drawn, not episodes (a cluster bootstrap; Davison and
-    Hinkley, Bootstrap Methods and their Application, 3.8). A difference is given by differences as samples, paired.
+    Episodes of one world resemble each other, so worlds vary, not episodes (a ratio of sums over clusters; Cochran,
+    Sampling Techniques, 9A). A difference is given by differences as samples, paired. Of a single group the samples
+    vary: the interval tells of that group alone.
 
     Args:
         groups: The samples of each group, e.g. of each world.
-        seed: Seed of the draws: equal samples give equal intervals.
         confidence: Confidence of the interval.
     """
     filled = [np.asarray(samples, dtype=float) for _, samples in sorted(groups.items()) if len(samples)]
     if not filled:
         return NOTHING
-    sums = np.array([samples.sum() for samples in filled])
-    sizes = np.array([len(samples) for samples in filled], dtype=float)
+    sums, sizes = np.array([samples.sum() for samples in filled]), np.array([len(samples) for samples in filled])
     value = float(sums.sum() / sizes.sum())
     if len(filled) == 1:
-        if len(filled[0]) == 1:
-            return IntervalEstimate(value, math.nan, math.nan)
-        sums, sizes = filled[0], np.ones(len(filled[0]))
-    drawn = np.random.default_rng(seed).integers(0, len(sums), (RESAMPLINGS, len(sums)))
-    means = sums[drawn].sum(axis=1) / sizes[drawn].sum(axis=1)
-    tail = 50.0 * (1.0 - confidence)
-    low, high = (float(bound) for bound in np.percentile(means, [tail, 100.0 - tail]))
-    return IntervalEstimate(value, low, high)
+        sums, sizes = filled[0], np.ones(len(filled[0]), dtype=int)
+    if len(sums) == 1:
+        return IntervalEstimate(value, math.nan, math.nan)
+    reach = _students_t(len(sums) - 1, confidence) * math.sqrt(_variance_of_mean(sums, sizes, value))
+    return IntervalEstimate(value, value - reach, value + reach)
+
+
+def _variance_of_mean(sums: np.ndarray, sizes: np.ndarray, value: float) -> float:
+    """Return the variance of a mean `value` of groups of so many samples (`sizes`) with these sums, shape (K,) each."""
+    k = len(sums)
+    return k / (k - 1.0) * float(((sums - value * sizes) ** 2).sum()) / float(sizes.sum()) ** 2
+
+
+def _students_t(freedom: int, confidence: float) -> float:
+    """Return how many standard errors an estimated spread of so many degrees of freedom reaches to each side."""
+    return float(special.stdtrit(freedom, 0.5 + 0.5 * confidence))
 
 
 def sign_test(groups: Mapping[str, Sequence[int]]) -> float:
