@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import random
 from typing import Any, Callable, Dict, List, Optional, Tuple
 
+import numpy as np
 import psutil
 
 from mbf_relay.lockstep import result as outcomes
@@ -40,6 +42,7 @@ class Episode:
             ValueError: The robot cannot stand at the start, or a parameter is wrong.
         """
         self.task, self.setup, self.seed = task, setup, seed
+        _seed_chance_of_plugins(seed)
         self._stages = Stages(clock)
         self._clock = clock
         self._began = clock() if clock is not None else 0.0
@@ -154,3 +157,9 @@ class Episode:
             return {"memory_mib": round(memory, 1)}
         seconds = {name: round(value, 4) for name, value in sorted(self._stages.seconds.items())}
         return {"wall": round(self._clock() - self._began, 4), "stages": seconds, "memory_mib": round(memory, 1)}
+
+
+def _seed_chance_of_plugins(seed: int) -> None:
+    """Seed the generators of all the process: nothing here draws from them, but plugins of others do."""
+    random.seed(seed)
+    np.random.seed(seed % 2**32)

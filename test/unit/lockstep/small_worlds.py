@@ -1,7 +1,10 @@
 """Small worlds that a robot crosses in seconds, and plugins that misbehave."""
 
 import json
+import random
 from dataclasses import dataclass
+
+import numpy as np
 
 from mbf_relay.control.controller import Controller
 from mbf_relay.geometry import STOP, Twist2D
@@ -94,6 +97,13 @@ class Slow(Throwing):
 
     def compute_velocity(self, state):
         return Twist2D(self.parameters.pace, 0.0, 0.0)
+
+
+class Trembling(Throwing):
+    """A controller that draws from the generators of all the process, as most code of researchers does."""
+
+    def compute_velocity(self, state):
+        return Twist2D(0.15 + 0.02 * np.random.randn(), 0.0, random.uniform(-0.1, 0.1))
 
 
 class Never(Planner):
