@@ -51,11 +51,14 @@ def smoothness(times: np.ndarray, linear: np.ndarray, angular: np.ndarray, lengt
     """Return the figures of a drive.
 
     Args:
-        times: Shape (N,), seconds, rising.
+        times: Shape (N,), seconds, rising. A drive begins and ends between two samples: one that came sooner than half
+            the longest period after the one before is left out, for the slightest change in so little time is a jerk.
         linear: Forward velocities (m/s), shape (N,).
         angular: Angular velocities (rad/s), shape (N,).
         length: How far it drove (m).
     """
+    whole = np.diff(times, prepend=-np.inf) >= 0.5 * np.diff(times).max(initial=0.0)
+    times, linear, angular = times[whole], linear[whole], angular[whole]
     if len(times) < 3:
         return Smoothness()
     periods = np.diff(times)

@@ -24,6 +24,20 @@ def test_constant_acceleration_has_no_jerk():
     assert made.standing_share == 0.0
 
 
+def test_a_drive_that_ends_just_after_a_sample_is_as_calm_as_the_same_one_a_moment_before():
+    # Of 252 drives to a goal, jerk came out 1.6 times as large on average for this, and of one 24 times.
+    times = np.append(np.arange(0.0, 30.0, 0.1), 29.908)
+    linear = 0.2 + 0.01 * np.sin(times)
+    linear[-1] -= 0.01
+    ended, before = (smoothness(times[:n], linear[:n], 2.0 * linear[:n], 6.0) for n in (len(times), len(times) - 1))
+    assert ended.mean_jerk == pytest.approx(before.mean_jerk, rel=0.02) and before.mean_jerk < 0.01
+    assert ended.mean_acceleration == pytest.approx(before.mean_acceleration, rel=0.02)
+    assert ended.mean_angular_jerk == pytest.approx(before.mean_angular_jerk, rel=0.02)
+    begun = smoothness(np.insert(times[:-1] + 0.0, 1, 0.008), np.insert(linear[:-1], 1, 0.21), 2.0 * np.insert(
+        linear[:-1], 1, 0.21), 6.0)
+    assert begun.mean_jerk == pytest.approx(before.mean_jerk, rel=0.02)
+
+
 def test_weaving_is_counted_per_metre():
     times = np.arange(0.0, 4.0, 0.1)
     angular = np.where((times / 0.5).astype(int) % 2 == 0, 0.5, -0.5)
