@@ -169,7 +169,7 @@ class DaskCluster:
             (answer,) = coming.result()
             return _Unfit(answer[1].decode()) if answer[0] == driver.REFUSED else value_of(answer)
         if isinstance(error, ImportError):
-            return _Unfit(str(error))
+            return _Unfit(f"cannot work: {error}")
         return Lost(f"{type(error).__name__}: {error}")
 
     def _look(self) -> None:
@@ -187,7 +187,7 @@ class DaskCluster:
             del self._asked[future]
             future.release()
         for address in sorted(set(threads) - set(self._fit) - set(self._asked.values())):
-            work = driver.packed(_sources, sorted(self._expected.plugins))
+            work = driver.packed(_sources, sorted(self._expected.plugins), self._expected)
             self._asked[self._send(work, address)] = address
         self._tell("" if threads else f"no worker is at {self._client.scheduler.address} yet; waiting for one")
 
@@ -224,8 +224,8 @@ class DaskCluster:
         future.release()
         if found == GONE:
             return  # one that is there nevertheless is asked again
-        fit = isinstance(found, Sources)
-        difference = self._expected.difference(found) if fit else f"cannot work: {found}"
+        unable = f"cannot work: {found}" if isinstance(found, Lost) else str(found)
+        difference = "" if isinstance(found, Sources) else unable
         self._fit[address] = not difference
         if difference:
             self._warn(f"worker {address} {difference}; it gets no work")

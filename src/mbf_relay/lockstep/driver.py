@@ -61,12 +61,16 @@ class Driver:
     def run(self, work: bytes, time_limit: float) -> Answer:
         """Return what became of a piece of work.
 
+        A process that has other sources than the work must be of is ended, for it may have loaded them before they were
+        edited; the next one refuses the work only where they are others still.
+
         Args:
             work: See `packed`.
             time_limit: Seconds of computing time after which it counts as hung; so it does after as many seconds of
                 the clock in which it next to never computed, nor waited for a core to do so.
         """
         for _ in range(2):
+            is_new = not self._is_there()
             process = self._started()
             try:
                 content = self._exchanged(process, _framed(work), time_limit)
@@ -76,7 +80,10 @@ class Driver:
             if content is not None:
                 # of our own process, not from outside
                 answer: Answer = pickle.loads(content)  # noqa: S301  # nosec B301
-                return answer
+                if answer[0] != REFUSED or is_new:
+                    return answer
+                self.end()
+                continue
             code = process.returncode
             self.end()
             if code:  # else it had been without work and just ended
@@ -93,8 +100,11 @@ class Driver:
             for pipe in (process.stdin, process.stdout):
                 _pipe(pipe).close()
 
+    def _is_there(self) -> bool:
+        return self._process is not None and self._process.poll() is None
+
     def _started(self) -> subprocess.Popen:
-        if self._process is not None and self._process.poll() is not None:
+        if not self._is_there():
             self.end()
         if self._process is None:
             environment = {**os.environ, **ONE_THREAD, "PYTHONPATH": os.pathsep.join(filter(None, path_of_processes()))}

@@ -79,6 +79,7 @@ def package_digest() -> str:
     return known.hexdigest()[:16]
 
 
+@functools.lru_cache(maxsize=None)  # a process drives with what it has loaded, whatever is written there later
 def _plugin_digest(name: str) -> str:
     try:
         module = importlib.import_module(name.rpartition(".")[0])
