@@ -16,6 +16,7 @@ from typing import Dict, Iterator, List, NamedTuple, Sequence
 from mbf_relay.control.critics import CRITICS
 from mbf_relay.costmap import LAYERS
 from mbf_relay.costmap.factory import layer_groups
+from mbf_relay.lockstep.own_modules import own_modules
 from mbf_relay.lockstep.settings import config_folder
 from mbf_relay.lockstep.setup import SERVER, Setup
 from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS
@@ -31,7 +32,8 @@ class Sources(NamedTuple):
     Attributes:
         version: Of the package.
         package: Hash over the package's modules that a drive may enter.
-        plugins: Hash of the module of each plugin that is not the package's, by its type.
+        plugins: Hash of each plugin that is not the package's, by its type: of its module, and of what that imports and
+            is its author's as well.
     """
 
     version: str
@@ -82,8 +84,15 @@ def package_digest() -> str:
 @functools.lru_cache(maxsize=None)  # a process drives with what it has loaded, whatever is written there later
 def _plugin_digest(name: str) -> str:
     try:
-        module = importlib.import_module(name.rpartition(".")[0])
-        return hashlib.sha256(inspect.getsource(module).encode()).hexdigest()[:16]
+        module = name.rpartition(".")[0]
+        loaded = importlib.import_module(module)
+        parts = own_modules(module)
+        if module not in parts:  # of a zip file
+            parts[module] = inspect.getsource(loaded).encode()
+        known = hashlib.sha256()
+        for part, content in sorted(parts.items()):
+            known.update(f"{part}\0{len(content)}\0".encode() + content)
+        return known.hexdigest()[:16]
     except Exception as error:  # whatever a user's module does when it is run
         return f"{type(error).__name__}: {error}"
 

@@ -53,3 +53,45 @@ def test_a_worker_that_stands_by_drives_with_an_edited_plugin_as_it_is_now(folde
     assert asked(worker, pace_of, "edited_plugin", second) == 0.0725
     kind, text = worker.run(packed(pace_of, "edited_plugin", first), 60.0)
     assert kind == REFUSED and b"has another edited_plugin.Mine" in text, "what is gone is driven with by nobody"
+
+
+def test_results_of_a_plugin_are_told_from_those_after_an_edit_of_what_it_imports(folder):
+    package = folder / "edited_package"
+    package.mkdir()
+    (folder / "edited_helper.py").write_text("import edited_second\nimport numpy\n")
+    (folder / "edited_second.py").write_text("COST = 253\n")
+    (folder / "edited_stranger.py").write_text("COST = 253\n")
+    (package / "__init__.py").write_text("")
+    (package / "late.py").write_text("")
+    (package / "plugins.py").write_text(
+        "import edited_helper, json, sys\nfrom . import part\n\n\ndef plan():\n    from edited_package.late import thing\n"
+    )
+    (package / "part.py").write_text("import edited_package.plugins\n")  # in a circle
+
+    def digest():
+        return as_batch_sees_them(["edited_package.plugins.Mine"]).plugins["edited_package.plugins.Mine"]
+
+    before = digest()
+    assert len(before) == 16
+    (folder / "edited_stranger.py").write_text("COST = 20\n")
+    assert digest() == before, "what it does not import is none of its code"
+    seen = {before}
+    for name in ("edited_helper.py", "edited_second.py", "edited_package/__init__.py", "edited_package/part.py",
+                 "edited_package/late.py", "edited_package/plugins.py"):
+        with open(folder / name, "a", encoding="utf-8") as file:
+            file.write("# edited\n")
+        seen.add(digest())
+    assert len(seen) == 7
+
+
+def test_a_plugin_is_the_same_wherever_its_folder_lies(folder, tmp_path, monkeypatch):
+    found = []
+    for name in ("here", "site-packages"):
+        package = folder / name / "moved_package"
+        package.mkdir(parents=True)
+        (package / "__init__.py").write_text("from moved_package import part\n")
+        (package / "part.py").write_text("import numpy, yaml\n")
+        with monkeypatch.context() as patch:
+            patch.syspath_prepend(folder / name)
+            found.append(as_batch_sees_them(["moved_package.part.Mine"]))
+    assert found[0] == found[1]
