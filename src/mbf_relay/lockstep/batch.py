@@ -14,7 +14,7 @@ from mbf_relay.lockstep.command import Progress, without_remappings
 from mbf_relay.lockstep.episodes import EpisodeJob, drive_all
 from mbf_relay.lockstep.options import add_setup_options, add_worker_options, seeds
 from mbf_relay.lockstep.result import EpisodeResult
-from mbf_relay.lockstep.results_file import ResultsFile
+from mbf_relay.lockstep.results_file import WORLDS, ResultsFile
 from mbf_relay.lockstep.settings import config_folder, flatten
 from mbf_relay.lockstep.setup import Setup, make_setup
 from mbf_relay.lockstep.sources import plugins_of, sources
@@ -49,10 +49,11 @@ def main(arguments: Optional[Sequence[str]] = None, clock: Callable[[], float] =
 
 def settings_of(worlds: str, tasks: Sequence[EpisodeTask], setup: Setup) -> Dict[str, Any]:
     """Return what makes two results comparable with each other: everything but seeds and where the work was done."""
-    digest = hashlib.sha256("\n".join(task.digest() for task in tasks).encode()).hexdigest()[:16]
+    digests = {task.name: task.digest()[:16] for task in tasks}
+    digest = hashlib.sha256("\n".join(digests.values()).encode()).hexdigest()[:16]
     code = sources(plugins_of(setup))
     return {
-        "worlds": worlds, "worlds_digest": digest, "localization": setup.localization, "map": setup.map,
+        "worlds": worlds, "worlds_digest": digest, WORLDS: digests, "localization": setup.localization, "map": setup.map,
         "map_resolution": setup.map_resolution, "controller": setup.controller, "planner": setup.planner,
         "after_contact": setup.after_contact,
         "version": code.version, "sources": code.package, "plugins": code.plugins, **flatten(setup.settings),

@@ -9,14 +9,18 @@ import sys
 from pathlib import Path
 from typing import List, Optional, Sequence
 
+from mbf_relay import statistics
 from mbf_relay.lockstep import compare_many
 from mbf_relay.lockstep.command import finite, without_remappings
 from mbf_relay.lockstep.result import EpisodeResult
-from mbf_relay.lockstep.results_file import LINES, SETTINGS, read_lines
+from mbf_relay.lockstep.results_file import LINES, WORLDS, other_worlds, read_lines, read_settings
 from mbf_relay.lockstep.summary import MEASURES, Comparison, compare
 from mbf_relay.simulation.worlds_file import load_difficulties
 from mbf_relay.statistics import IntervalEstimate
 from mbf_relay.whole_files import write_whole
+
+MOST_NAMES = 5
+"""Worlds that are named where there are more."""
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
@@ -36,6 +40,8 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     try:
         paths = [options.first, *options.others]
         batches = [_read(path) for path in paths]
+        for path in paths[1:]:
+            _tell_other_worlds(paths[0], path)
         if len(batches) > 2:
             print(compare_many.as_table([str(path) for path in paths], batches))
         if len(batches) == 2 or options.json:
@@ -84,10 +90,14 @@ def as_text(comparison: Comparison) -> str:
             f"{title:34}{comparison.first[measure.name].value:9.3f} {comparison.second[measure.name].value:9.3f}   "
             f"{difference.value:+9.3f}  {difference.interval()}{_mark(difference)}"
         )
-    lines += ["", "* the interval leaves out zero"]
+    lines += ["", "* the interval leaves out zero, as that of one measure in twenty does where nothing differs"]
+    if comparison.worlds == 1:
+        lines.append("all are of one world: intervals tell of other seeds in that world, and of no other world")
     lines.append(f"brought to success by B alone: {_names(comparison.gained)}")
     lines.append(f"brought to success by A alone: {_names(comparison.lost)}")
-    lines.append(f"chance of so uneven a split if both were equally good: {comparison.chance:.3f}")
+    needed = statistics.least_groups(compare_many.SURE)
+    few = f"; {compare_many.too_few(comparison.worlds, needed)}" if comparison.worlds < needed else ""
+    lines.append(f"chance of so uneven a split if both were equally good: {comparison.chance:.3f}{few}")
     return "\n".join(lines)
 
 
@@ -95,6 +105,7 @@ def as_json(comparison: Comparison) -> str:
     """Return the comparison as JSON; what was not measured is null."""
     values = {
         "pairs": comparison.pairs,
+        "worlds": comparison.worlds,
         "only_first": comparison.only_first,
         "only_second": comparison.only_second,
         "measures": {
@@ -122,12 +133,20 @@ def _read(path: Path) -> List[EpisodeResult]:
 
 def _settings_that_differ(first: Path, second: Path) -> str:
     """Return a line per setting in which the two batches differ."""
-    try:
-        a, b = (json.loads((path / SETTINGS).read_text(encoding="utf-8")) for path in (first, second))
-    except (OSError, ValueError):
+    a, b = read_settings(first), read_settings(second)
+    if a is None or b is None:
         return "settings: not known"
-    names = sorted(name for name in set(a) | set(b) if a.get(name) != b.get(name))
+    names = sorted(name for name in (set(a) | set(b)) - {WORLDS} if a.get(name) != b.get(name))
     return "\n".join([f"{name}: A {a.get(name)!r}, B {b.get(name)!r}" for name in names] or ["settings: the same"])
+
+
+def _tell_other_worlds(first: Path, other: Path) -> None:
+    """Tell which worlds of a batch have the names of the first's and are others: their episodes are no pairs."""
+    names = other_worlds(read_settings(first), read_settings(other))
+    if names:
+        more = ", …" if len(names) > MOST_NAMES else ""
+        print(f"{other}: {len(names)} worlds are not those of {first}, for all their names: "
+              f"{', '.join(names[:MOST_NAMES])}{more}; what is told of them may come of that")
 
 
 def _mark(difference: IntervalEstimate) -> str:

@@ -45,10 +45,15 @@ class Contrast(NamedTuple):
     def verdict(self) -> str:
         """Return "better", "worse", "no difference" or "too few worlds"; what is compared is the better the larger."""
         if self.worlds < self.needed:
-            return f"too few worlds to tell ({self.worlds}; it takes {self.needed})"
+            return too_few(self.worlds, self.needed)
         if self.chance >= SURE or self.difference.value == 0.0 or math.isnan(self.chance):
             return "no difference"
         return "better" if self.difference.value > 0.0 else "worse"
+
+
+def too_few(worlds: int, needed: int) -> str:
+    """Return what is said where there are not as many worlds as are needed to tell."""
+    return f"too few worlds to tell ({worlds}; it takes {needed})"
 
 
 def contrasts(batches: Sequence[Sequence[EpisodeResult]]) -> List[List[Contrast]]:

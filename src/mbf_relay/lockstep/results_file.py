@@ -6,7 +6,7 @@ import fcntl
 import json
 import os
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Set, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Set, Tuple
 
 from mbf_relay.lockstep.result import ERROR, EpisodeResult
 from mbf_relay.whole_files import write_whole
@@ -16,6 +16,9 @@ SETTINGS = "settings.json"
 
 CODE = ("version", "sources", "plugins")
 """Settings that tell what code has driven."""
+
+WORLDS = "world_digests"
+"""Setting that holds a hash of each world by its name: names alone do not tell an edited world from the one before."""
 
 Key = Tuple[str, int]
 """World and seed: what tells the episodes of one batch apart."""
@@ -146,12 +149,34 @@ def _check_settings(folder: Path, settings: Mapping[str, Any]) -> None:
             f"{folder} holds results of other code ({name} was {_short(before.get(name))}, now "
             f"{_short(now.get(name))}); choose another --out, or go back to that code"
         )
+    others = other_worlds(before, now)
+    if others:
+        raise ValueError(f"{folder} holds results of other settings (world '{others[0]}' is another one now); "
+                         "choose another --out")
     if changed:
         name = changed[0]
         raise ValueError(
             f"{folder} holds results of other settings ({name} was {_short(before.get(name))}, "
             f"now {_short(now.get(name))}); choose another --out"
         )
+
+
+def other_worlds(one: Any, other: Any) -> List[str]:
+    """Return the names by which two settings mean different worlds; none where either does not say."""
+    a, b = (settings.get(WORLDS) if isinstance(settings, Mapping) else None for settings in (one, other))
+    if not isinstance(a, Mapping) or not isinstance(b, Mapping):
+        return []
+    return sorted(name for name in set(a) & set(b) if a[name] != b[name])
+
+
+def read_settings(path: Path) -> Optional[Dict[str, Any]]:
+    """Return the settings of a folder of results, or of the file in it; None where they are not known."""
+    folder = path if path.is_dir() else path.parent
+    try:
+        found = json.loads((folder / SETTINGS).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) else None
 
 
 def _short(value: Any) -> str:

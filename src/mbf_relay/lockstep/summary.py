@@ -93,6 +93,7 @@ class Comparison:
         differences: Second less first, from the pairs.
         gained, lost: Episodes that only the second, or only the first, brought to success.
         chance: How likely a split at least as uneven is if both were equally good (exact sign test over worlds).
+        worlds: How many worlds the pairs are of; each counts once for the chance, however many seeds it has.
     """
 
     pairs: int
@@ -104,6 +105,7 @@ class Comparison:
     gained: List[Key]
     lost: List[Key]
     chance: float
+    worlds: int
 
 
 def compare(first: Iterable[EpisodeResult], second: Iterable[EpisodeResult]) -> Comparison:
@@ -121,7 +123,8 @@ def compare(first: Iterable[EpisodeResult], second: Iterable[EpisodeResult]) -> 
     lost = [key for key in keys if a[key].success and not b[key].success]
     chance = statistics.sign_test(_by_world((key[0], int(b[key].success) - int(a[key].success)) for key in keys))
     return Comparison(
-        len(keys), len(a) - len(keys), len(b) - len(keys), of_first, of_second, differences, gained, lost, chance
+        len(keys), len(a) - len(keys), len(b) - len(keys), of_first, of_second, differences, gained, lost, chance,
+        len({world for world, _ in keys}),
     )
 
 

@@ -95,6 +95,7 @@ class EpisodeTask:
             known.update(given.data.tobytes() + repr((given.resolution, given.origin)).encode())
         for mover in world.movers:
             known.update(mover.times.tobytes() + mover.poses.tobytes() + mover.body.triangles().tobytes())
+            known.update(b"loops" if mover.loop else b"")
         return known.hexdigest()
 
 

@@ -155,6 +155,20 @@ def test_seeds_are_a_number_or_a_range(tmp_path, capsys):
     assert "'7-3' holds no seed" in capsys.readouterr().err
 
 
+def test_a_world_that_was_edited_is_named_when_a_batch_goes_on(tmp_path, capsys):
+    out, file = str(tmp_path / "out"), tmp_path / "worlds.json"
+    mover = {**small_worlds.RUN_OVER["movers"][0], "waypoints": [[0.0, 1.0, 2.0], [4.0, 1.0, 3.0]], "loop": True}
+    walked = {**small_worlds.FREE, "name": "walked", "movers": [mover]}
+    arguments = [small_worlds.write(file, small_worlds.FREE, walked), "--jobs", "1", "--out", out]
+    assert batch.main(arguments) == 0
+    digests = json.loads((tmp_path / "out" / "settings.json").read_text())["world_digests"]
+    assert set(digests) == {"free", "walked"}
+    small_worlds.write(file, small_worlds.FREE, {**walked, "movers": [{**mover, "loop": False}]})
+    capsys.readouterr()
+    assert batch.main(arguments) == 1
+    assert "holds results of other settings (world 'walked' is another one now)" in capsys.readouterr().err
+
+
 def test_own_parameters_lie_over_the_packages_and_plugins_of_ones_own_have_theirs(tmp_path, capsys):
     worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE)
     own = tmp_path / "move_base_flex.yaml"

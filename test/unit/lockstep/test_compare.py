@@ -85,6 +85,43 @@ def test_worlds_too_few_to_tell_are_not_called_no_difference(tmp_path, capsys):
         assert line.endswith(told)
 
 
+def seeds_of_one_world(folder, successes):
+    file = ResultsFile(folder, {})
+    for seed in range(1, 101):
+        file.append(EpisodeResult("circle", seed, successes, "SUCCEEDED" if successes else "TIMEOUT", time=60.0))
+    file.close()
+    return str(folder)
+
+
+def test_a_hundred_seeds_of_one_world_are_not_told_to_differ_by_chance_alone(tmp_path, capsys):
+    never, always = seeds_of_one_world(tmp_path / "a", False), seeds_of_one_world(tmp_path / "b", True)
+    assert compare.main([never, always]) == 0
+    shown = capsys.readouterr().out
+    assert "+1.000" in shown and "too few worlds to tell (1; it takes 6)" in shown
+    assert "intervals tell of other seeds in that world, and of no other world" in shown
+    enough = [str(batch(tmp_path / name, [time] * 6, {})) for name, time in (("slow", None), ("fast", 10.0))]
+    assert compare.main(enough) == 0
+    shown = capsys.readouterr().out
+    assert "too few" not in shown and "no other world" not in shown and "equally good: 0.031" in shown
+
+
+def test_other_worlds_under_the_same_names_are_told_of(tmp_path, capsys):
+    names = [f"barn_{index:03d}" for index in range(8)]
+    before = {name: f"hash of {name}" for name in names}
+    for folder, digests in (("a", before), ("b", {**before, "barn_002": "edited", "barn_005": "edited", "more": "x"}),
+                            ("c", before), ("old", None)):
+        batch(tmp_path / folder, [10.0] * 8, {} if digests is None else {"world_digests": digests})
+    a, b, c, old = (str(tmp_path / folder) for folder in ("a", "b", "c", "old"))
+    for arguments in ([a, b], [a, c, b]):
+        assert compare.main(arguments) == 0
+        told = capsys.readouterr()
+        assert f"{b}: 2 worlds are not those of {a}, for all their names: barn_002, barn_005" in told.out
+        assert "hash of" not in told.out, "of a thousand worlds nobody wants to read that"
+    for arguments in ([a, c], [a, c, c], [a, old]):
+        assert compare.main(arguments) == 0
+        assert "for all their names" not in capsys.readouterr().out
+
+
 def test_success_is_drawn_against_difficulty(tmp_path, capsys):
     folder = batch(tmp_path / "a", [None if index > 9 else 9.0 for index in range(20)], {})
     worlds = tmp_path / "worlds.json"
