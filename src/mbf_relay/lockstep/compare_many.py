@@ -10,7 +10,7 @@ import numpy as np
 
 from mbf_relay import statistics
 from mbf_relay.lockstep.result import EpisodeResult
-from mbf_relay.lockstep.summary import MEASURES, Measure, paired
+from mbf_relay.lockstep.summary import Measure, measure_of, paired
 from mbf_relay.statistics import IntervalEstimate
 from mbf_relay.whole_files import whole_file
 
@@ -43,12 +43,12 @@ class Contrast(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Return "better", "worse", "no difference" or "too few worlds"; what is compared is the better the larger."""
+        """Return "better", "worse", "no difference" or "too few worlds"."""
         if self.worlds < self.needed:
             return too_few(self.worlds, self.needed)
         if self.chance >= SURE or self.difference.value == 0.0 or math.isnan(self.chance):
             return "no difference"
-        return "better" if self.difference.value > 0.0 else "worse"
+        return "better" if self.difference.value * measure_of(self.measure).better > 0.0 else "worse"
 
 
 def too_few(worlds: int, needed: int) -> str:
@@ -56,8 +56,14 @@ def too_few(worlds: int, needed: int) -> str:
     return f"too few worlds to tell ({worlds}; it takes {needed})"
 
 
-def contrasts(batches: Sequence[Sequence[EpisodeResult]]) -> List[List[Contrast]]:
+def contrasts(
+    batches: Sequence[Sequence[EpisodeResult]], compared: Sequence[str] = COMPARED
+) -> List[List[Contrast]]:
     """Return, for each batch but the first, what is compared of it; over the episodes that all have.
+
+    Args:
+        batches: The results of each.
+        compared: Names of measures of which more or less is better.
 
     Raises:
         ValueError: They share no world and seed.
@@ -68,7 +74,7 @@ def contrasts(batches: Sequence[Sequence[EpisodeResult]]) -> List[List[Contrast]
     shared = [[r for r in batch if (r.world, r.seed) in common] for batch in batches]
     found: List[List[Contrast]] = []
     for batch in shared[1:]:
-        found.append([_contrast(measure, shared[0], batch) for measure in MEASURES if measure.name in COMPARED])
+        found.append([_contrast(measure, shared[0], batch) for measure in map(measure_of, compared)])
     known = [(i, j) for i, row in enumerate(found) for j, one in enumerate(row) if not math.isnan(one.chance)]
     for (i, j), chance in zip(known, statistics.holm([found[i][j].chance for i, j in known])):
         found[i][j] = found[i][j]._replace(chance=chance, needed=statistics.least_groups(SURE / len(known)))

@@ -23,12 +23,15 @@ class Measure:
         unit: Empty for a share or a plain number.
         of: Takes it from a result; None where the episode has none.
         is_share: Whether it is 0 or 1, so that its mean is a share.
+        better: 1 where more of it is better, -1 where less is; 0 where neither is, or where a robot that fails lacks
+            it and would seem good.
     """
 
     name: str
     unit: str
     of: Callable[[EpisodeResult], Optional[float]]
     is_share: bool = False
+    better: int = 0
 
 
 def _if_driven(value: Callable[[EpisodeResult], Optional[float]]) -> Callable[[EpisodeResult], Optional[float]]:
@@ -48,27 +51,34 @@ def _share(outcome: str) -> Callable[[EpisodeResult], float]:
 
 
 MEASURES: Sequence[Measure] = (
-    Measure("success", "", lambda episode: float(episode.success), is_share=True),
-    Measure("contact", "", _share(outcomes.CONTACT), is_share=True),
-    Measure("contact by the robot's fault", "", lambda episode: float(episode.contacts_at_fault > 0), is_share=True),
-    Measure("timeout", "", _share(outcomes.TIMEOUT), is_share=True),
-    Measure("error", "", _share(outcomes.ERROR), is_share=True),
-    Measure("score", "", lambda episode: episode.score),
+    Measure("success", "", lambda episode: float(episode.success), is_share=True, better=1),
+    Measure("contact", "", _share(outcomes.CONTACT), is_share=True, better=-1),
+    Measure("contact by the robot's fault", "", lambda episode: float(episode.contacts_at_fault > 0),
+            is_share=True, better=-1),
+    Measure("timeout", "", _share(outcomes.TIMEOUT), is_share=True, better=-1),
+    Measure("error", "", _share(outcomes.ERROR), is_share=True, better=-1),
+    Measure("score", "", lambda episode: episode.score, better=1),
     Measure("time of successes", "s", _if_successful(lambda episode: episode.time)),
     Measure("path length of successes", "m", _if_successful(lambda episode: episode.path_length)),
-    Measure("smallest clearance", "m", _if_driven(lambda episode: episode.smallest_clearance)),
-    Measure("closest approach", "m", _if_driven(lambda episode: episode.closest_approach)),
+    Measure("smallest clearance", "m", _if_driven(lambda episode: episode.smallest_clearance), better=1),
+    Measure("closest approach", "m", _if_driven(lambda episode: episode.closest_approach), better=1),
     Measure("time to collision", "s", _if_driven(lambda episode: episode.time_to_collision)),
     Measure("final error of successes", "m", _if_successful(lambda episode: episode.final_error)),
-    Measure("localization error, mean", "m", _if_driven(lambda episode: episode.localization_error_mean)),
-    Measure("localization error, max", "m", _if_driven(lambda episode: episode.localization_error_max)),
-    Measure("heading error, mean", "rad", _if_driven(lambda episode: episode.heading_error_mean)),
-    Measure("changes of turning side", "/m", _if_driven(lambda episode: episode.smoothness.turn_changes_per_metre)),
-    Measure("acceleration, mean", "m/s2", _if_driven(lambda episode: episode.smoothness.mean_acceleration)),
-    Measure("jerk, mean", "m/s3", _if_driven(lambda episode: episode.smoothness.mean_jerk)),
+    Measure("localization error, mean", "m", _if_driven(lambda episode: episode.localization_error_mean), better=-1),
+    Measure("localization error, max", "m", _if_driven(lambda episode: episode.localization_error_max), better=-1),
+    Measure("heading error, mean", "rad", _if_driven(lambda episode: episode.heading_error_mean), better=-1),
+    Measure("changes of turning side", "/m", _if_driven(lambda episode: episode.smoothness.turn_changes_per_metre),
+            better=-1),
+    Measure("acceleration, mean", "m/s2", _if_driven(lambda episode: episode.smoothness.mean_acceleration), better=-1),
+    Measure("jerk, mean", "m/s3", _if_driven(lambda episode: episode.smoothness.mean_jerk), better=-1),
     Measure("within tolerance before reached", "s", _wait),
-    Measure("standing still", "", _if_driven(lambda episode: episode.smoothness.standing_share)),
+    Measure("standing still", "", _if_driven(lambda episode: episode.smoothness.standing_share), better=-1),
 )
+
+
+def measure_of(name: str) -> Measure:
+    """Return the measure of a name."""
+    return next(measure for measure in MEASURES if measure.name == name)
 
 
 def summarize(results: Iterable[EpisodeResult]) -> Dict[str, IntervalEstimate]:

@@ -6,13 +6,14 @@ they ended. So a search that was interrupted anywhere, and went on, is the one t
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Sequence, Tuple, Union
 
 from mbf_relay.lockstep.episodes import EpisodeJob, Workers, drive_all
-from mbf_relay.lockstep.result import EpisodeResult
+from mbf_relay.lockstep.result import ERROR, EpisodeResult
 from mbf_relay.lockstep.setup import Setup
-from mbf_relay.lockstep.summary import MEASURES
+from mbf_relay.lockstep.summary import measure_of
 from mbf_relay.lockstep.tasks import EpisodeTask
 
 FIRST_LOOK = 3
@@ -50,7 +51,7 @@ class Plan(NamedTuple):
         trials: How many there are to be in the end.
         together: How many a round has.
         seed: Of all chance in drawing.
-        metric: What is maximised, a measure's name.
+        metric: What is to be better, a measure's name.
     """
 
     trials: int
@@ -124,23 +125,27 @@ def search(
         for number in range(len(known), min(first + plan.together, plan.trials)):
             past.sampler = optuna.samplers.TPESampler(seed=plan.seed + number, n_startup_trials=DRAWN_AT_RANDOM)
             trials.append(past.ask(distributions))
-        for number, noted in enumerate(_tried(trials, plan.metric, tasks, driving), len(known)):
+        for number, noted in enumerate(_tried(trials, plan.metric, tasks, driving, len(known)), len(known)):
             study.add_trial(optuna.trial.create_trial(distributions=distributions, **noted))
             given_up = noted["state"] is optuna.trial.TrialState.PRUNED
-            value = noted["intermediate_values"][max(noted["intermediate_values"])]
+            value = measure_of(plan.metric).better * noted["intermediate_values"][max(noted["intermediate_values"])]
             tell(f"trial {number + 1}/{plan.trials}: {value:.3f}{' (given up)' if given_up else ''}")
 
 
 def _tried(
-    trials: Sequence[Any], metric: str, tasks: Sequence[EpisodeTask], driving: TrialDrives
+    trials: Sequence[Any], metric: str, tasks: Sequence[EpisodeTask], driving: TrialDrives, first: int
 ) -> List[Dict[str, Any]]:
     """Return what came of a round's trials, as Optuna's create_trial takes it.
 
     Args:
         trials: Asked for.
-        metric: What is maximised.
+        metric: What is to be better.
         tasks: The worlds.
         driving: Who drives.
+        first: Number of the first trial.
+
+    Raises:
+        ValueError: The worlds have nothing to measure the metric by.
     """
     import optuna
 
@@ -151,6 +156,7 @@ def _tried(
     for step, part in enumerate(parts):
         for index, found in zip(going_on, driving.results([(trials[index].params, part) for index in going_on])):
             results[index] += found
+            _require(metric, results[index], first + index)
             values[index][step] = value_of(results[index], metric)
             trials[index].report(values[index][step], step)
         if step < len(parts) - 1:
@@ -165,6 +171,19 @@ def _tried(
 
 
 def value_of(results: Sequence[EpisodeResult], metric: str) -> float:
-    """Return the mean of a measure; what is not measured counts 0."""
-    measure = next(measure for measure in MEASURES if measure.name == metric)
-    return sum(measure.of(result) or 0.0 for result in results) / len(results)
+    """Return how good drives are: a measure's mean, or its negative where less of it is better.
+
+    A drive without it, such as one that could not be driven, is as bad as can be: 0 where more is better, endless where
+    less is.
+    """
+    measure = measure_of(metric)
+    worst = 0.0 if measure.better > 0 else math.inf
+    values = [worst if value is None else value for value in map(measure.of, results)]
+    return measure.better * sum(values) / len(values)
+
+
+def _require(metric: str, results: Sequence[EpisodeResult], number: int) -> None:
+    """Raise ValueError where drives lack a measure though they were driven: their worlds have nothing to measure."""
+    driven = [result for result in results if result.outcome != ERROR]
+    if driven and all(measure_of(metric).of(result) is None for result in driven):
+        raise ValueError(f"no drive of trial {number + 1} has a '{metric}'; these worlds have nothing to measure it by")

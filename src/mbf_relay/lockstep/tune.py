@@ -21,7 +21,7 @@ from mbf_relay.lockstep.options import add_setup_options, add_worker_options, se
 from mbf_relay.lockstep.settings import config_folder, full_name
 from mbf_relay.lockstep.setup import Setup, known_types, make_setup
 from mbf_relay.lockstep.sources import plugins_of
-from mbf_relay.lockstep.summary import MEASURES
+from mbf_relay.lockstep.summary import MEASURES, measure_of
 from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks
 from mbf_relay.lockstep.trials import Parameters, Plan, Range, Space, TrialDrives, search
 from mbf_relay.lockstep.workers import tell, workers_for
@@ -39,6 +39,9 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     try:
         tasks = load_tasks(options.worlds)
         seen, unseen = split(tasks)
+        if options.metric == "score" and not any(task.reference_path_length for task in tasks):
+            raise ValueError("the worlds state no reference_path_length, so that no drive has a score; choose another "
+                             "--metric, such as success")
         setup = _setup(options, tasks, [])
         space = read_space(options.param, options.space, setup)
         study = open_study(options, space, setup, tasks)
@@ -52,14 +55,17 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
             drive = TrialDrives(workers, options.seeds, options.time_limit, setup_of)
             plan = Plan(options.trials, options.together, options.seed, options.metric)
             search(study, space, plan, seen, drive, tell)
+            if not math.isfinite(study.best_value):
+                raise ValueError("no trial could drive every world, so that none is the best; batch.py tells why")
             best = dict(study.best_params)
             write_best(options.out / "best", best)
             tune_picture.draw(
                 options.out / "study.png",
-                [(trial.params, trial.value) for trial in study.get_trials() if trial.value is not None],
+                [(trial.params, measure_of(options.metric).better * trial.value) for trial in study.get_trials()
+                 if trial.value is not None and math.isfinite(trial.value)],
             )
             print("\n".join(f"{name}: {value:g}" for name, value in best.items()))
-            print(verdict(unseen, best, drive))
+            print(verdict(unseen, best, drive, options.metric, is_unseen=len(seen) < len(tasks)))
     except (OSError, ValueError) as error:
         print(f"tune.py: {error}", file=sys.stderr)
         return 1
@@ -182,12 +188,24 @@ def write_best(folder: Path, best: Parameters) -> None:
         write_whole(folder / f"{node}.yaml", yaml.safe_dump(values))
 
 
-def verdict(unseen: Sequence[EpisodeTask], best: Parameters, drive: TrialDrives) -> str:
-    """Return whether the best parameters are better than those begun with, on worlds and seeds they never met."""
+def verdict(
+    unseen: Sequence[EpisodeTask], best: Parameters, drive: TrialDrives, metric: str, is_unseen: bool
+) -> str:
+    """Return whether the best parameters are better than those begun with, on seeds they never met.
+
+    Args:
+        unseen: The worlds to tell by.
+        best: Parameters.
+        drive: Drives worlds.
+        metric: What was tuned for, told of beside success.
+        is_unseen: Whether the worlds were not tuned on.
+    """
     others = drive.with_other_seeds([seed + OTHER_SEEDS for seed in drive.seeds])
     before, after = others.results([({}, unseen), (best, unseen)])
-    (found,) = contrasts([before, after])
-    lines = [f"on {len(unseen)} worlds with {len(others.seeds)} seeds each that it was not tuned on:"]
+    (found,) = contrasts([before, after], list(dict.fromkeys(("success", metric))))
+    count = len(others.seeds)
+    lines = [f"on {len(unseen)} worlds with {count} seeds each that it was not tuned on:" if is_unseen else
+             f"on the same {len(unseen)} worlds, too few to keep any from the tuning, with {count} other seeds each:"]
     lines += [
         f"  {c.measure}: {c.difference.value:+.3f} {c.difference.interval()}, chance {c.chance:.3f}: {c.verdict}"
         for c in found if not math.isnan(c.value.value)
@@ -204,14 +222,15 @@ def _setup(options: argparse.Namespace, tasks: Sequence[EpisodeTask], changes: S
 
 
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
+    metrics = [measure.name for measure in MEASURES if measure.better]
     parser = argparse.ArgumentParser(prog="tune.py", description="Look for parameters that drive worlds better.")
     parser.add_argument("worlds", metavar="WORLDS", help="a worlds file (JSON), or 'circle'")
     parser.add_argument("--param", action="append", default=[], metavar="A.B=LOW:HIGH", help="tune this; repeatable")
     parser.add_argument("--space", type=Path, metavar="FILE", help="YAML of ranges, {A.B: [LOW, HIGH]}")
     parser.add_argument("--trials", type=positive, default=40, metavar="N", help="default 40")
     parser.add_argument(
-        "--metric", metavar="NAME", choices=[measure.name for measure in MEASURES], default="score",
-        help=f"maximised (default score); of {'; '.join(measure.name for measure in MEASURES)}"
+        "--metric", metavar="NAME", choices=metrics, default="score",
+        help=f"to be more where more is better, less where less is (default score); of {'; '.join(metrics)}"
     )
     parser.add_argument(
         "--together", type=positive, default=1, metavar="N",

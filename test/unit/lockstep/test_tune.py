@@ -1,6 +1,7 @@
 """The tune command: better parameters from a bad start, resumed as if never interrupted, and what is refused."""
 
 import json
+import math
 import sys
 from pathlib import Path
 
@@ -15,6 +16,9 @@ import yaml  # noqa: E402
 from tally import LONG  # noqa: E402
 
 from mbf_relay.lockstep import batch, compare, tune, tune_picture  # noqa: E402
+from mbf_relay.lockstep.result import EpisodeResult  # noqa: E402
+from mbf_relay.lockstep.smoothness import Smoothness  # noqa: E402
+from mbf_relay.lockstep.trials import value_of  # noqa: E402
 
 SHORT = {**small_worlds.FREE, "goal": [0.3, 0.0, 0.0], "goal_radius": 0.1, "reference_path_length": 0.3}
 SAMPLE = Path(__file__).resolve().parents[3] / "config" / "worlds" / "sample.json"
@@ -130,6 +134,57 @@ def test_what_matters_is_told_from_what_does_not():
     found = tune_picture.importances(tried)
     assert list(found) == ["a.much", "a.none"] and found["a.much"] == pytest.approx(1.0) and found["a.none"] < 0.5
     assert tune_picture.importances([({"a": 1.0}, 0.0), ({"a": 2.0}, 0.0), ({"a": 3.0}, 0.0)]) == {"a": 0.0}
+
+
+def test_what_is_bad_is_tuned_to_be_less_and_the_verdict_is_of_what_was_tuned(tmp_path, capsys):
+    """The most violent of six robots would have been called the best of those that were to drive calmly."""
+    common = [worlds(tmp_path, 3), *SLOW, "--set", "mine.pace=0.2", "--param", "mine.pace=0.03:0.2", "--trials", "6"]
+    out = tmp_path / "out"
+    assert tune.main([*common, "--metric", "acceleration, mean", "--out", str(out)]) == 0
+    shown = capsys.readouterr()
+    paces = {value: parameters["move_base_flex.mine.pace"] for parameters, _, value, _ in trials(out)
+             if value is not None}
+    best = yaml.safe_load((out / "best" / "move_base_flex.yaml").read_text())["mine"]["pace"]
+    assert best == min(paces.values()) and max(paces) < 0.0, "what is maximised is the negative"
+    assert "trial 1/6: -" not in shown.err, "people are told the acceleration itself"
+    assert "  acceleration, mean: -" in shown.out and "on 1 worlds with 1 seeds each that it was not" in shown.out
+
+
+def test_a_single_world_that_serves_the_verdict_as_well_is_not_called_unseen(tmp_path, capsys):
+    common = [worlds(tmp_path, 1), *SLOW, "--param", "mine.pace=0.03:0.2", "--trials", "1"]
+    assert tune.main([*common, "--out", str(tmp_path / "out")]) == 0
+    assert "on the same 1 worlds, too few to keep any from the tuning, with 1 other seeds each" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("metric, words", [
+    ("score", "the worlds state no reference_path_length, so that no drive has a score"),
+    ("closest approach", "no drive of trial 1 has a 'closest approach'"),
+])
+def test_a_metric_that_no_drive_has_is_not_tuned_for(tmp_path, capsys, metric, words):
+    """Forty trials of 0 had a best one, which the nodes were then given."""
+    bare = {name: value for name, value in SHORT.items() if name != "reference_path_length"}
+    file = small_worlds.write(tmp_path / "worlds.json", *({**bare, "name": f"w{i}"} for i in range(3)))
+    arguments = [file, *SLOW, "--param", "mine.pace=0.03:0.2", "--metric", metric, "--out", str(tmp_path / "out")]
+    assert tune.main(arguments) == 1
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("tune.py")]
+    assert words in line and not (tmp_path / "out" / "best").exists()
+
+
+def test_trials_that_cannot_be_driven_are_gone_on_from_and_none_of_them_is_the_best(tmp_path, capsys):
+    file = small_worlds.write(tmp_path / "worlds.json", SHORT, small_worlds.BLOCKED_START)
+    arguments = [file, *SLOW, "--param", "mine.pace=0.03:0.2", "--metric", "jerk, mean", "--trials"]
+    for count in ("9", "10"):
+        assert tune.main([*arguments, count, "--out", str(tmp_path / "out")]) == 1
+        assert "no trial could drive every world" in capsys.readouterr().err
+    assert len(trials(tmp_path / "out")) == 10 and not (tmp_path / "out" / "best").exists()
+
+
+def test_a_drive_that_failed_is_no_quiet_one():
+    quiet, failed = (EpisodeResult("a", seed, outcome == "SUCCEEDED", outcome, smoothness=Smoothness(mean_jerk=0.1))
+                     for seed, outcome in ((1, "SUCCEEDED"), (2, "ERROR")))
+    assert value_of([quiet], "jerk, mean") == -0.1
+    assert value_of([quiet, failed], "jerk, mean") == value_of([failed], "jerk, mean") == -math.inf
+    assert value_of([quiet, failed], "success") == 0.5 and value_of([quiet, failed], "error") == -0.5
 
 
 def test_worlds_of_the_verdict_are_none_of_the_tuning():
