@@ -54,8 +54,8 @@ def settings_of(worlds: str, tasks: Sequence[EpisodeTask], setup: Setup) -> Dict
     code = sources(plugins_of(setup))
     return {
         "worlds": worlds, "worlds_digest": digest, WORLDS: digests, "localization": setup.localization,
-        "map": setup.map, "map_resolution": setup.map_resolution, "controller": setup.controller, "planner": setup.planner,
-        "after_contact": setup.after_contact,
+        "map": setup.map, "map_resolution": setup.map_resolution, "controller": setup.controller,
+        "planner": setup.planner, "after_contact": setup.after_contact,
         "version": code.version, "sources": code.package, "plugins": code.plugins, **flatten(setup.settings),
     }
 

@@ -70,7 +70,7 @@ def draw(folder: Path, shown: Sequence[pictures.Shown], processes: int) -> None:
             progress.show(len(tiles), 0.0, "pictures")
         for number, (((_, result),), drawn) in enumerate(workers.run(pictures.failure, failures, TIME_LIMIT), 1):
             if not isinstance(drawn, Lost):
-                write_whole(folder / f"failure-{result.world}-{result.seed}.png", drawn)
+                write_whole(folder / f"failure-{result.stem}.png", drawn)
             progress.show(len(pieces) + number, 0.0, "pictures")
     pictures.contact_sheet([tile for piece in pieces for tile in tiles[id(piece)]], folder / "contact_sheet.png")
 

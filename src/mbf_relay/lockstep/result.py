@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
+import re
 from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 from mbf_relay.lockstep.smoothness import Smoothness
@@ -18,6 +20,10 @@ CLOSE = 0.1
 PERSONAL_SPACE = 1.2
 """Metres to a person within which a stranger is felt to be too near: Hall's personal distance (The Hidden Dimension,
 1966)."""
+
+
+MOST_BYTES = 180
+"""Bytes of a world's name in a file's, which may have 255 with its ending."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,6 +109,15 @@ class EpisodeResult:
         """Return what equal seeds must give equally: everything but the texts and the machine's times."""
         fields = dataclasses.asdict(self)
         return {name: value for name, value in fields.items() if name not in ("message", "machine")}
+
+    @property
+    def stem(self) -> str:
+        """Name of files of this episode: its world's, without what a file system takes for a place, and its seed."""
+        name = re.sub("[/%\\x00-\\x1f]", lambda found: f"%{ord(found.group()):02X}", self.world)
+        if len(name.encode()) > MOST_BYTES:
+            whole = hashlib.sha256(name.encode()).hexdigest()[:16]
+            name = f"{name.encode()[:MOST_BYTES - 17].decode(errors='ignore')}-{whole}"
+        return f"{name}-{self.seed}"
 
     def to_line(self) -> str:
         """Return the result as one line of JSON."""

@@ -142,7 +142,7 @@ def write(folder: Path, results: Sequence[EpisodeResult], trajectories: bool = F
     if trajectories:
         (folder / TRAJECTORIES).mkdir(exist_ok=True)
         for result in results:
-            _write_trajectory(folder / TRAJECTORIES / f"{result.world}-{result.seed}.npz", result)
+            _write_trajectory(folder / TRAJECTORIES / f"{result.stem}.npz", result)
     write_whole(folder / DICTIONARY, dictionary())
 
 

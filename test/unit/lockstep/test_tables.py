@@ -1,6 +1,7 @@
 """Tables of results: what a spreadsheet, pandas or NumPy finds in them."""
 
 import csv
+import dataclasses
 import math
 
 import numpy as np
@@ -32,6 +33,17 @@ def test_a_row_an_episode_and_nothing_that_was_not_measured(tmp_path):
         assert file["truth"].shape == file["believed"].shape == (2, 3) and file["velocity"][1, 0] == -0.2
     text = (tmp_path / "README.md").read_text()
     assert all(f"| `{column.name}` | {column.unit} |" in text for column in COLUMNS)
+
+
+def test_worlds_named_like_places_have_their_files_in_the_folder_and_each_one_of_its_own(tmp_path):
+    """After a night of driving, neither picture nor trajectory was left, or one lay three folders higher."""
+    names = ["set1/world 3", "set1_world 3", "set1%2Fworld 3", "../../../up", "..", "x" * 300, "x" * 301, "w\u00f6rld", "a\0b"]
+    out = tmp_path / "a" / "b" / "out"
+    out.mkdir(parents=True)
+    write(out, [dataclasses.replace(DRIVEN, world=name) for name in names], trajectories=True)
+    files = [path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.npz")]
+    assert len(files) == len(names) and all(file.startswith("a/b/out/trajectories/") for file in files)
+    assert "a/b/out/trajectories/w\u00f6rld-3.npz" in files and "a/b/out/trajectories/set1_world 3-3.npz" in files
 
 
 def test_whoever_cites_a_figure_finds_who_defined_it():
