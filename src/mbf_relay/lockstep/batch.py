@@ -16,10 +16,11 @@ from mbf_relay.lockstep.options import add_setup_options, add_worker_options, se
 from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.results_file import WORLDS, ResultsFile
 from mbf_relay.lockstep.settings import config_folder, flatten
-from mbf_relay.lockstep.setup import Setup, make_setup
+from mbf_relay.lockstep.setup import Setup, make_setup, named_robot
 from mbf_relay.lockstep.sources import plugins_of, sources
 from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks
 from mbf_relay.lockstep.workers import workers_for
+from mbf_relay.simulation.robot_file import robot_text
 
 
 def main(arguments: Optional[Sequence[str]] = None, clock: Callable[[], float] = time.perf_counter) -> int:
@@ -52,10 +53,11 @@ def settings_of(worlds: str, tasks: Sequence[EpisodeTask], setup: Setup) -> Dict
     digests = {task.name: task.digest()[:16] for task in tasks}
     digest = hashlib.sha256("\n".join(digests.values()).encode()).hexdigest()[:16]
     code = sources(plugins_of(setup))
+    robot = hashlib.sha256(robot_text(named_robot(setup.settings)).encode()).hexdigest()[:16]
     return {
         "worlds": worlds, "worlds_digest": digest, WORLDS: digests, "localization": setup.localization,
         "map": setup.map, "map_resolution": setup.map_resolution, "controller": setup.controller,
-        "planner": setup.planner, "after_contact": setup.after_contact,
+        "planner": setup.planner, "after_contact": setup.after_contact, "robot_digest": robot,
         "version": code.version, "sources": code.package, "plugins": code.plugins, **flatten(setup.settings),
     }
 

@@ -271,5 +271,9 @@ class Graph:
 
 def _simulation_parameters(setup: Setup) -> SimulationParameters:
     """Return the simulator's parameters without the sensors nobody listens to; each sensor has its own chance."""
-    parameters = SimulationParameters.from_mapping(setup.settings["simulator"])
+    values = setup.settings["simulator"]
+    if setup.robot is not None:  # which came with the setup, though its file may not lie here
+        own = {name: value for name, value in values.items() if name != "robot"}
+        values = {**SimulationParameters.known(setup.robot.settings), **SimulationParameters.known(own)}
+    parameters = SimulationParameters.from_mapping(values)
     return parameters.replace(imu_rate=0.0, joint_state_rate=0.0)

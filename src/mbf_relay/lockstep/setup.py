@@ -103,7 +103,13 @@ def make_setup(
     _check_values(settings)
     for kind, name in (("controllers", controller), ("planners", planner)):
         _check_listed(settings[SERVER].get(kind, []), kind, name)
-    return Setup(settings, localization, prior_map, controller, planner, map_resolution, after_contact=after_contact)
+    model = load_robot(named_robot(settings))  # here: a worker elsewhere has not this file
+    return Setup(settings, localization, prior_map, controller, planner, map_resolution, model, after_contact)
+
+
+def named_robot(settings: Settings) -> str:
+    """Return the name or file of the robot that the simulator's parameters name."""
+    return str(settings["simulator"].get("robot", SimulationParameters.robot))
 
 
 def _check_values(settings: Settings) -> None:

@@ -43,19 +43,34 @@ def load_robot(text: str) -> RobotModel:
     Raises:
         ValueError: There is none, or it is malformed; the text names file and place.
     """
-    path = Path(text)
-    if path.suffix not in (".yaml", ".yml"):
-        folder = files.config_folder() / "robot"
-        path = folder / f"{text}.yaml"
-        if not path.is_file():
-            known = sorted(file.stem for file in folder.glob("*.yaml"))
-            raise ValueError(f"robot '{text}' is not known; there are {', '.join(known)}, or name a .yaml file")
+    path, content = _path_of(text), robot_text(text)
     try:
-        return _robot_of_text(path.stem, files.read_text(str(path)))
+        return _robot_of_text(path.stem, content)
+    except ValueError as error:
+        raise ValueError(f"robot file {path}: {error}") from error
+
+
+def robot_text(text: str) -> str:
+    """Return what the file of a robot says; see `load_robot`."""
+    path = _path_of(text)
+    try:
+        return files.read_text(str(path))
     except OSError as error:
         raise ValueError(f"robot file {path} cannot be read: {error.strerror}") from error
     except ValueError as error:
         raise ValueError(f"robot file {path}: {error}") from error
+
+
+def _path_of(text: str) -> Path:
+    path = Path(text)
+    if path.suffix in (".yaml", ".yml"):
+        return path
+    folder = files.config_folder() / "robot"
+    path = folder / f"{text}.yaml"
+    if not path.is_file():
+        known = sorted(file.stem for file in folder.glob("*.yaml"))
+        raise ValueError(f"robot '{text}' is not known; there are {', '.join(known)}, or name a .yaml file")
+    return path
 
 
 @lru_cache(maxsize=16)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -19,7 +20,11 @@ import small_worlds  # noqa: E402
 import mbf_relay  # noqa: E402
 from mbf_relay.lockstep import batch, batch_report  # noqa: E402
 from mbf_relay.lockstep.cluster import ClusterError  # noqa: E402
+from mbf_relay.lockstep.episodes import EpisodeJob, drive  # noqa: E402
 from mbf_relay.lockstep.results_file import LINES, read_lines  # noqa: E402
+from mbf_relay.lockstep.settings import config_folder  # noqa: E402
+from mbf_relay.lockstep.setup import make_setup  # noqa: E402
+from mbf_relay.lockstep.tasks import load_tasks  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[3]
 SCRIPT = ROOT / "scripts" / "batch.py"
@@ -167,6 +172,27 @@ def test_a_world_that_was_edited_is_named_when_a_batch_goes_on(tmp_path, capsys)
     capsys.readouterr()
     assert batch.main(arguments) == 1
     assert "holds results of other settings (world 'walked' is another one now)" in capsys.readouterr().err
+
+
+def test_a_robot_of_ones_own_goes_with_the_work_and_an_edited_one_is_another(tmp_path, capsys, monkeypatch):
+    """Its file was read where a worker happened to stand, and one that was edited went on in the same table."""
+    (tmp_path / "home").mkdir()
+    monkeypatch.chdir(tmp_path / "home")
+    robot = Path("mine.yaml")
+    robot.write_text((ROOT / "config" / "robot" / "burger.yaml").read_text())
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE)
+    arguments = [worlds, "--robot", "mine.yaml", "--jobs", "1", "--out", str(tmp_path / "out")]
+    assert batch.main(arguments) == 0
+    setup = make_setup(config_folder(), has_map=False, robot="mine.yaml")
+    sent = pickle.dumps(EpisodeJob(load_tasks(worlds)[0], setup, 1))
+    robot.write_text(robot.read_text() + "\n# edited\n")
+    capsys.readouterr()
+    assert batch.main(arguments) == 1
+    assert "holds results of other settings (robot_digest was" in capsys.readouterr().err
+    monkeypatch.chdir(tmp_path)
+    result = drive(pickle.loads(sent))
+    assert result.success, result.message
+    assert result.digest == read_lines(tmp_path / "out" / LINES)[0][0].digest
 
 
 def test_own_parameters_lie_over_the_packages_and_plugins_of_ones_own_have_theirs(tmp_path, capsys):
