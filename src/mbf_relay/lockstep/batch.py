@@ -34,6 +34,8 @@ def main(arguments: Optional[Sequence[str]] = None, clock: Callable[[], float] =
             all(task.has_map for task in tasks), options.config, options.map_resolution, options.robot,
             options.after_contact,
         )
+        for note in setup.notes:
+            print(f"batch.py: {note}", file=sys.stderr)
         folder = options.out or Path(f"batch-{Path(options.worlds).stem}")
         results = ResultsFile(folder, settings_of(Path(options.worlds).name, all_tasks, setup))
         try:

@@ -18,6 +18,7 @@ from mbf_relay.lockstep.fitting import fitted
 from mbf_relay.lockstep.settings import Settings, change, flatten, load_own, load_settings, merged
 from mbf_relay.lockstep.tasks import MAP_RESOLUTION, EpisodeTask
 from mbf_relay.maps import COARSEST, FINEST
+from mbf_relay.navigation.examination import CLAMPED, IGNORED, STOOD_IN, examine_server
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS
 from mbf_relay.navigation.registry import entries_of
@@ -51,6 +52,7 @@ class Setup:
         map_resolution: Metres per cell of maps drawn from a world.
         robot: What drives; the one the simulator's parameters name where None.
         after_contact: Whether a drive goes on after a contact, which fails it all the same.
+        notes: What of a user's own parameters has no effect, or another one than he wrote; for people.
     """
 
     settings: Settings
@@ -61,6 +63,7 @@ class Setup:
     map_resolution: float = MAP_RESOLUTION
     robot: Optional[RobotModel] = None
     after_contact: bool = False
+    notes: Tuple[str, ...] = ()
 
 
 def make_setup(
@@ -95,6 +98,7 @@ def make_setup(
     if robot:
         settings = fitted(settings, load_robot(robot))
         settings["simulator"]["robot"] = robot
+    packages = settings
     if config is not None:
         settings = merged(settings, load_own(config))
         _check_values(settings)  # names are looked for in them next
@@ -104,7 +108,28 @@ def make_setup(
     for kind, name in (("controllers", controller), ("planners", planner)):
         _check_listed(settings[SERVER].get(kind, []), kind, name)
     model = load_robot(named_robot(settings))  # here: a worker elsewhere has not this file
-    return Setup(settings, localization, prior_map, controller, planner, map_resolution, model, after_contact)
+    notes = tuple(_notes_on(settings, packages)) if settings != packages else ()
+    return Setup(settings, localization, prior_map, controller, planner, map_resolution, model, after_contact, notes)
+
+
+def _notes_on(settings: Settings, packages: Settings) -> List[str]:
+    """Return what there is to say of parameters that are left unused, changed, or served by another plugin.
+
+    Args:
+        settings: With a user's own.
+        packages: Without them; what stands there is not the user's to mend.
+    """
+    before, now = (examine_server(values[SERVER]).of(IGNORED, CLAMPED, STOOD_IN) for values in (packages, settings))
+    theirs = set(flatten(packages)) | {f"{SERVER}.{group}" for group in packages[SERVER]}
+    notes = []
+    for finding in now:
+        name = f"{SERVER}.{finding.name.replace('/', '.')}"
+        if finding not in before and not (finding.kind == IGNORED and name in theirs):
+            notes.append(f"{name}: {finding.text}")
+    for node, kind in (("simulator", SimulationParameters), ("amcl", AmclParameters)):
+        unknown = [name for name in kind.unknown_names(settings[node]) if name not in packages[node]]
+        notes += [f"{node}.{name}: is not known here{kind.hint(name)}" for name in unknown]
+    return notes
 
 
 def named_robot(settings: Settings) -> str:

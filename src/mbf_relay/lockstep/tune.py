@@ -43,6 +43,8 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
             raise ValueError("the worlds state no reference_path_length, so that no drive has a score; choose another "
                              "--metric, such as success")
         setup = _setup(options, tasks, [])
+        for note in setup.notes:
+            tell(f"tune.py: {note}")
         space = read_space(options.param, options.space, setup)
         study = open_study(options, space, setup, tasks)
         count = len(seen) * len(options.seeds) * options.together

@@ -195,6 +195,28 @@ def test_a_robot_of_ones_own_goes_with_the_work_and_an_edited_one_is_another(tmp
     assert result.digest == read_lines(tmp_path / "out" / LINES)[0][0].digest
 
 
+def test_parameters_of_ones_own_that_mean_nothing_are_told_before_a_night_is_driven_without_them(tmp_path, capsys):
+    own = tmp_path / "own.yaml"
+    own.write_text(
+        "move_base_flex:\n  DWAPlannerROS: {sim_tim: 2.0, sim_time: 1.5}\n"
+        "  local_costmap: {inflation_layer: {inflation_radus: 0.9}}\n  nonsense: 3\n  straight: {weave: 0.1}\n"
+        "amcl: {min_particle: 3}\nsimulator: {scan_nois: 0.3}\n"
+    )
+    arguments = [small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE), "--jobs", "1"]
+    assert batch.main([*arguments, "--config", str(own), "--out", str(tmp_path / "own")]) == 0
+    told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("batch.py: ")]
+    for name, hint in (("move_base_flex.DWAPlannerROS.sim_tim", "'sim_time'"), ("move_base_flex.nonsense", ""),
+                       ("move_base_flex.local_costmap.inflation_radus", "'inflation_radius'"),
+                       ("move_base_flex.straight", ""), ("amcl.min_particle", "'min_particles'"),
+                       ("simulator.scan_nois", "'scan_noise'")):
+        (line,) = [line for line in told if line.startswith(f"batch.py: {name}: ")]
+        assert hint in line
+    assert len(told) == 6
+    changed = ["--set", "DWAPlannerROS.sim_time=2.0", "--robot", "car", "--out", str(tmp_path / "car")]
+    assert batch.main([*arguments, *changed]) == 0
+    assert "batch.py: " not in capsys.readouterr().err, "what the package's own files leave unused is no news"
+
+
 def test_own_parameters_lie_over_the_packages_and_plugins_of_ones_own_have_theirs(tmp_path, capsys):
     worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE)
     own = tmp_path / "move_base_flex.yaml"
