@@ -64,6 +64,20 @@ def merged(settings: Mapping[str, Any], own: Mapping[str, Any]) -> Dict[str, Any
     return result
 
 
+def own_part(settings: Mapping[str, Any], others: Mapping[str, Any]) -> Dict[str, Any]:
+    """Return what settings have that others have not, or otherwise: laid over the others, it gives the settings."""
+    found: Dict[str, Any] = {}
+    for name, value in settings.items():
+        other = others.get(name)
+        if isinstance(value, Mapping) and isinstance(other, Mapping):
+            below = own_part(value, other)
+            if below:
+                found[name] = below
+        elif name not in others or value != other:
+            found[name] = copy.deepcopy(value)
+    return found
+
+
 def _read(path: Path) -> Dict[str, Any]:
     try:
         values = _parsed(files.read_text(str(path)))

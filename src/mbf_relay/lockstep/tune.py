@@ -18,7 +18,7 @@ from mbf_relay.lockstep.batch import settings_of
 from mbf_relay.lockstep.command import without_remappings
 from mbf_relay.lockstep.compare_many import contrasts
 from mbf_relay.lockstep.options import add_setup_options, add_worker_options, seeds
-from mbf_relay.lockstep.settings import config_folder, full_name
+from mbf_relay.lockstep.settings import config_folder, full_name, load_settings, own_part
 from mbf_relay.lockstep.setup import Setup, known_types, make_setup
 from mbf_relay.lockstep.sources import plugins_of
 from mbf_relay.lockstep.summary import MEASURES, measure_of
@@ -60,7 +60,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
             if not math.isfinite(study.best_value):
                 raise ValueError("no trial could drive every world, so that none is the best; batch.py tells why")
             best = dict(study.best_params)
-            write_best(options.out / "best", best)
+            write_best(options.out, setup_of(best))
             tune_picture.draw(
                 options.out / "study.png",
                 [(trial.params, measure_of(options.metric).better * trial.value) for trial in study.get_trials()
@@ -176,18 +176,18 @@ def changes_of(parameters: Parameters) -> List[str]:
     return [f"{name}={value!r}" for name, value in parameters.items()]
 
 
-def write_best(folder: Path, best: Parameters) -> None:
-    """Write parameters by full name as a YAML file a node, which nodes and --config load as they are."""
-    nodes: Dict[str, Any] = {}
-    for name, value in best.items():
-        *groups, last = name.split(".")
-        place = nodes
-        for group in groups:
-            place = place.setdefault(group, {})
-        place[last] = value
-    folder.mkdir(parents=True, exist_ok=True)
+def write_best(folder: Path, setup: Setup) -> None:
+    """Write what a setup has beside the package's own files: plugins, changes and what was tuned.
+
+    Args:
+        folder: Takes `best.yaml`, with the nodes' names as its first level, and `best`, with a file a node.
+        setup: The best one.
+    """
+    nodes = own_part(setup.settings, load_settings(config_folder()))
+    (folder / "best").mkdir(parents=True, exist_ok=True)
+    write_whole(folder / "best.yaml", yaml.safe_dump(nodes))
     for node, values in nodes.items():
-        write_whole(folder / f"{node}.yaml", yaml.safe_dump(values))
+        write_whole(folder / "best" / f"{node}.yaml", yaml.safe_dump(values))
 
 
 def verdict(

@@ -17,6 +17,8 @@ from tally import LONG  # noqa: E402
 
 from mbf_relay.lockstep import batch, compare, tune, tune_picture  # noqa: E402
 from mbf_relay.lockstep.result import EpisodeResult  # noqa: E402
+from mbf_relay.lockstep.settings import config_folder  # noqa: E402
+from mbf_relay.lockstep.setup import make_setup  # noqa: E402
 from mbf_relay.lockstep.smoothness import Smoothness  # noqa: E402
 from mbf_relay.lockstep.trials import value_of  # noqa: E402
 
@@ -148,6 +150,25 @@ def test_what_is_bad_is_tuned_to_be_less_and_the_verdict_is_of_what_was_tuned(tm
     assert best == min(paces.values()) and max(paces) < 0.0, "what is maximised is the negative"
     assert "trial 1/6: -" not in shown.err, "people are told the acceleration itself"
     assert "  acceleration, mean: -" in shown.out and "on 1 worlds with 1 seeds each that it was not" in shown.out
+
+
+def test_what_was_tuned_with_ones_own_plugin_is_driven_with_it_again(tmp_path, capsys, monkeypatch):
+    """The best parameters were written without the plugin they are of: the package's drove, and nobody said so."""
+    own, out = tmp_path / "own.yaml", tmp_path / "out"
+    own.write_text("move_base_flex: {controllers: [{name: mine, type: small_worlds.Slow}]}\n")
+    file = worlds(tmp_path, 1)
+    common = ["--config", str(own), "--set", "mine.pace=0.05", "--set", "simulator.scan_noise=0.02", "--jobs", "1"]
+    assert tune.main([file, *common, "--param", "mine.pace=0.1:0.2", "--trials", "1", "--out", str(out)]) == 0
+    (pace,) = trials(out)[0][0].values()
+    by_node = yaml.safe_load((out / "best.yaml").read_text())
+    assert set(by_node) == {"move_base_flex", "simulator"} and by_node["simulator"] == {"scan_noise": 0.02}
+    assert by_node["move_base_flex"] == {"controllers": [{"name": "mine", "type": "small_worlds.Slow"}],
+                                         "mine": {"pace": pace}}
+    assert yaml.safe_load((out / "best" / "move_base_flex.yaml").read_text()) == by_node["move_base_flex"]
+    again = [make_setup(config_folder(), has_map=False, config=out / name).settings for name in ("best", "best.yaml")]
+    asked = make_setup(config_folder(), has_map=False, config=own, changes=[
+        f"mine.pace={pace!r}", "simulator.scan_noise=0.02"]).settings
+    assert again == [asked, asked]
 
 
 def test_a_single_world_that_serves_the_verdict_as_well_is_not_called_unseen(tmp_path, capsys):
