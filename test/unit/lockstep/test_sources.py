@@ -64,7 +64,8 @@ def test_results_of_a_plugin_are_told_from_those_after_an_edit_of_what_it_import
     (package / "__init__.py").write_text("")
     (package / "late.py").write_text("")
     (package / "plugins.py").write_text(
-        "import edited_helper, json, sys\nfrom . import part\n\n\ndef plan():\n    from edited_package.late import thing\n"
+        "import edited_helper, json, sys\nfrom . import part\n\n\n"
+        "def plan():\n    from edited_package.late import thing\n"
     )
     (package / "part.py").write_text("import edited_package.plugins\n")  # in a circle
 

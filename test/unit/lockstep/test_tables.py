@@ -37,7 +37,8 @@ def test_a_row_an_episode_and_nothing_that_was_not_measured(tmp_path):
 
 def test_worlds_named_like_places_have_their_files_in_the_folder_and_each_one_of_its_own(tmp_path):
     """After a night of driving, neither picture nor trajectory was left, or one lay three folders higher."""
-    names = ["set1/world 3", "set1_world 3", "set1%2Fworld 3", "../../../up", "..", "x" * 300, "x" * 301, "w\u00f6rld", "a\0b"]
+    names = ["set1/world 3", "set1_world 3", "set1%2Fworld 3", "../../../up", "..", "x" * 300, "x" * 301, "a\0b",
+             "w\u00f6rld"]
     out = tmp_path / "a" / "b" / "out"
     out.mkdir(parents=True)
     write(out, [dataclasses.replace(DRIVEN, world=name) for name in names], trajectories=True)

@@ -174,7 +174,8 @@ def test_what_was_tuned_with_ones_own_plugin_is_driven_with_it_again(tmp_path, c
 def test_a_single_world_that_serves_the_verdict_as_well_is_not_called_unseen(tmp_path, capsys):
     common = [worlds(tmp_path, 1), *SLOW, "--param", "mine.pace=0.03:0.2", "--trials", "1"]
     assert tune.main([*common, "--out", str(tmp_path / "out")]) == 0
-    assert "on the same 1 worlds, too few to keep any from the tuning, with 1 other seeds each" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "on the same 1 worlds, too few to keep any from the tuning, with 1 other seeds each" in shown
 
 
 @pytest.mark.parametrize("metric, words", [
