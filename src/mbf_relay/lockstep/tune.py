@@ -46,6 +46,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         for note in setup.notes:
             tell(f"tune.py: {note}")
         space = read_space(options.param, options.space, setup)
+        _check_ends(options, tasks, space, setup)
         study = open_study(options, space, setup, tasks)
         count = len(seen) * len(options.seeds) * options.together
         where = options.scheduler, options.scheduler_file
@@ -139,6 +140,16 @@ def _range(name: str, first: Any, last: Any, declared: Any) -> Range:
     if whole and not (low.is_integer() and high.is_integer()):
         raise ValueError(f"the range of {name} is {low:g} to {high:g}; it is a whole number, and so must its ends be")
     return Range(low, high, whole)
+
+
+def _check_ends(options: argparse.Namespace, tasks: Sequence[EpisodeTask], space: Space, setup: Setup) -> None:
+    """Raise ValueError where an end of a range is refused, or another value than that would be driven with."""
+    for name, between in space.items():
+        for end in (between.low, between.high):
+            found = _setup(options, tasks, changes_of({name: int(end) if between.whole else end}))
+            others = [note for note in found.notes if note not in setup.notes]
+            if others:
+                raise ValueError(f"the range of {name} goes beyond what is driven with: {others[0]}")
 
 
 def open_study(options: argparse.Namespace, space: Space, setup: Setup, tasks: Sequence[EpisodeTask]) -> Any:
