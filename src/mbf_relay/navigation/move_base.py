@@ -32,7 +32,7 @@ from mbf_relay.navigation.registry import Registry
 from mbf_relay.navigation.robot import Robot
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.ways import Ways
-from mbf_relay.outcomes import ControlOutcome, PlanOutcome, TransformError
+from mbf_relay.outcomes import ControlOutcome, PlanOutcome, RecoveryOutcome, TransformError
 from mbf_relay.planning.path import Path
 from mbf_relay.planning.planner import Planner
 from mbf_relay.recovery.recovery import Recovery
@@ -108,7 +108,7 @@ class MoveBase:
         self._tried, self._ways = TriedBehaviors(self._behaviors), Ways(navigator.robot, navigator.costmaps["global"])
         self._progress, self._pathless = GoalProgress(), Stopwatch()
         self._replan_pacer, self._feedback_pacer = Pacer(), Pacer()
-        self._replan_trouble = ""
+        self._replan_trouble = self._recovery_fault = ""
         self._last = FollowFeedback(ControlOutcome.SUCCESS, "")
         self._at: Union[Planning, Driving, Recovering, Done] = Planning(self._new_plan(), driving)
 
@@ -331,6 +331,9 @@ class MoveBase:
         at.recovery.update(now)
         if not at.recovery.task.done:
             return
+        result = at.recovery.task.ended_with()
+        if result.outcome is RecoveryOutcome.INTERNAL_ERROR:
+            self._recovery_fault = result.message
         self._progress.restart(now)
         self._at = planning = Planning(self._new_plan(self._ways.tolls(now)))
         self._update_plan(now, planning)
@@ -363,6 +366,8 @@ class MoveBase:
 
     def _end(self, ending: Ending, outcome: Enum, message: str) -> None:
         pose, distance, angle = self._where()
+        if ending is Ending.ABORTED:  # for a fault in a behaviour is not what planning or driving failed for
+            message = "; ".join(filter(None, (message, self._recovery_fault)))
         self.task.end(ending, NavigateResult(outcome, message, pose, distance, angle))
         self._at = Done()
 

@@ -62,8 +62,11 @@ def test_recoveries_that_fail_lead_to_the_next_ones(make_bench):
         raise RuntimeError("motor gone")
 
     bench.script.recovery = breaks
-    assert bench.finish(bench.navigator.move_base(GOAL)).outcome is ControlOutcome.NO_VALID_CMD
+    result = bench.finish(bench.navigator.move_base(GOAL))
+    assert result.outcome is ControlOutcome.NO_VALID_CMD
     assert bench.script.calls["R1"] == bench.script.calls["R2"] == 1
+    assert "recovery behaviour 'R2' failed with RuntimeError: motor gone (scripted.py, line" in result.message, (
+        "whoever wrote it would look for the fault in the planner")
 
 
 def test_a_path_alone_does_not_start_the_recoveries_over(make_bench):
