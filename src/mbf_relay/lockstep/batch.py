@@ -18,7 +18,7 @@ from mbf_relay.lockstep.results_file import WORLDS, ResultsFile
 from mbf_relay.lockstep.settings import config_folder, flatten
 from mbf_relay.lockstep.setup import Setup, make_setup, named_robot
 from mbf_relay.lockstep.sources import plugins_of, sources
-from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks
+from mbf_relay.lockstep.tasks import EpisodeTask, have_maps, load_tasks
 from mbf_relay.lockstep.workers import workers_for
 from mbf_relay.simulation.robot_file import robot_text
 
@@ -31,7 +31,7 @@ def main(arguments: Optional[Sequence[str]] = None, clock: Callable[[], float] =
         tasks = _chosen(all_tasks, options.only)
         setup = make_setup(
             config_folder(), options.localization, options.map, options.controller, options.planner, options.set,
-            all(task.has_map for task in tasks), options.config, options.map_resolution, options.robot,
+            have_maps(tasks, bool(options.map)), options.config, options.map_resolution, options.robot,
             options.after_contact,
         )
         for note in setup.notes:

@@ -6,7 +6,7 @@ import hashlib
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import List, Optional, Tuple
+from typing import List, Optional, Sequence, Tuple
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.lockstep.result import EpisodeResult, failed
@@ -118,6 +118,25 @@ def load_tasks(source: str) -> List[EpisodeTask]:
     if source == CIRCLE:
         return [circle()]
     return [task_of(world) for world in load_worlds_file(Path(source))]
+
+
+def have_maps(tasks: Sequence[EpisodeTask], is_said: bool) -> bool:
+    """Return whether robots usually have maps of these worlds.
+
+    Args:
+        tasks: The worlds.
+        is_said: Whether somebody says what they have, whatever is usual.
+
+    Raises:
+        ValueError: Some worlds have a map of their own and some have none, and nobody says what is to be.
+    """
+    mapped, bare = ([task for task in tasks if task.has_map is has] for has in (True, False))
+    if mapped and bare and not is_said:
+        raise ValueError(
+            f"world '{mapped[0].name}' has a map of its own, and world '{bare[0].name}' has none; say --map known, "
+            "which draws a map where there is none, or --map none"
+        )
+    return not bare
 
 
 def task_of(world: World) -> EpisodeTask:

@@ -22,7 +22,7 @@ from mbf_relay.lockstep.settings import config_folder, full_name, load_settings,
 from mbf_relay.lockstep.setup import Setup, known_types, make_setup
 from mbf_relay.lockstep.sources import plugins_of
 from mbf_relay.lockstep.summary import MEASURES, measure_of
-from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks
+from mbf_relay.lockstep.tasks import EpisodeTask, have_maps, load_tasks
 from mbf_relay.lockstep.trials import Parameters, Plan, Range, Space, TrialDrives, search
 from mbf_relay.lockstep.workers import tell, workers_for
 from mbf_relay.whole_files import write_whole
@@ -229,7 +229,7 @@ def verdict(
 def _setup(options: argparse.Namespace, tasks: Sequence[EpisodeTask], changes: Sequence[str]) -> Setup:
     return make_setup(
         config_folder(), options.localization, options.map, options.controller, options.planner,
-        [*options.set, *changes], all(task.has_map for task in tasks), options.config, options.map_resolution,
+        [*options.set, *changes], have_maps(tasks, bool(options.map)), options.config, options.map_resolution,
         options.robot, options.after_contact,
     )
 

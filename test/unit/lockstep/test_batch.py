@@ -217,6 +217,18 @@ def test_parameters_of_ones_own_that_mean_nothing_are_told_before_a_night_is_dri
     assert "batch.py: " not in capsys.readouterr().err, "what the package's own files leave unused is no news"
 
 
+def test_worlds_of_which_some_have_a_map_are_not_all_driven_without(tmp_path, capsys):
+    mapped = {**small_worlds.FREE, "name": "mapped", "map": str(ROOT / "config" / "maps" / "turtlebot3_world.yaml")}
+    file = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE, mapped)
+    arguments = [file, "--jobs", "1", "--out", str(tmp_path / "out")]
+    assert batch.main(arguments) == 1
+    told = capsys.readouterr().err
+    assert "world 'mapped' has a map of its own, and world 'free' has none; say --map known" in told
+    assert batch.main([*arguments, "--map", "none", "--only", "free"]) == 0
+    assert batch.main([file, "--jobs", "1", "--only", "free", "--out", str(tmp_path / "free")]) == 0
+    assert json.loads((tmp_path / "free" / "settings.json").read_text())["map"] == "none"
+
+
 def test_own_parameters_lie_over_the_packages_and_plugins_of_ones_own_have_theirs(tmp_path, capsys):
     worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE)
     own = tmp_path / "move_base_flex.yaml"
