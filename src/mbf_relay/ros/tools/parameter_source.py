@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import os
 import re
+import shlex
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Tuple
 from xml.etree.ElementTree import Element
@@ -18,6 +20,9 @@ if TYPE_CHECKING:
 
 TYPES = {"move_base": "move_base", "mbf_costmap_nav": "move_base_flex", "move_base_flex": "move_base_flex"}
 """Executables of the servers, each with the one here that takes its place."""
+COMPOSE = "compose"
+"""The executable that several nodes are forked from, as its arguments say: `-- NODE [ARGUMENT...] -- NODE ...`."""
+NAMED = "__name:="
 DEEPEST_INCLUDE = 20
 CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f]")
 
@@ -51,7 +56,7 @@ class ParameterSource:
         self.places["/".join([*groups, last])] = place
 
     def below(self, name: str) -> ParameterSource:
-        """Return what stands in a group, with names from there on."""
+        """Return what stands in a group, with names from there on; missing is also what may have held some of it."""
         values: Any = self.values
         for part in name.split("/"):
             values = values.get(part, {}) if isinstance(values, dict) else {}
@@ -61,9 +66,10 @@ class ParameterSource:
             return [
                 (f"{full}/"[len(prefix):].strip("/"), text) for full, text in pairs if f"{full}/".startswith(prefix)]
 
+        above = [("", text) for full, text in self.missing if prefix.startswith(f"{full}/".lstrip("/")) and full != name]
         return ParameterSource(
             copy.deepcopy(values) if isinstance(values, dict) else {}, dict(cut(self.places.items())),
-            cut(self.trouble), cut(self.missing))
+            cut(self.trouble), cut(self.missing) + above)
 
     def place(self, name: str) -> str:
         """Return where a parameter was read; where it has no place of its own, that of the group it is in."""
@@ -177,9 +183,8 @@ def read_launch(path: str, given: Mapping[str, str]) -> Launch:
     """
     from mbf_relay.ros.tools.substitution import Substitution
 
-    launch = Launch([], [])
-    _LaunchReader(path, Substitution(path, given), "", 0, ParameterSource(), launch)
-    return launch
+    reader = _LaunchReader(path, Substitution(path, given), "", 0, ParameterSource(), Launch([], []))
+    return reader.launch()
 
 
 def arguments_of(path: str) -> List[str]:
@@ -201,7 +206,8 @@ class _LaunchReader:
     """Reads one launch file, as roslaunch does, as far as parameters of servers go."""
 
     def __init__(
-        self, path: str, substitution: Substitution, namespace: str, depth: int, above: ParameterSource, launch: Launch,
+        self, path: str, substitution: Substitution, namespace: str, depth: int, parameters: ParameterSource,
+        launch: Launch,
     ) -> None:
         """Read it.
 
@@ -210,16 +216,28 @@ class _LaunchReader:
             substitution: With the arguments given from outside; defaults in the file come second.
             namespace: It is included in.
             depth: Of includes.
-            above: What was set outside of nodes, by full names.
-            launch: Takes what is found.
+            parameters: Takes what is set, by full names: of what is set twice the last holds, as on the parameter server.
+            launch: Takes the rest of what is found.
         """
         if depth > DEEPEST_INCLUDE:
             raise ValueError(f"{path}: includes are nested deeper than {DEEPEST_INCLUDE}")
-        self._path, self._substitution, self._depth, self._above = path, substitution, depth, above
+        self._path, self._substitution, self._depth, self._parameters = path, substitution, depth, parameters
         self._launch = launch
         with files.open_regular(path) as file:
             self._as_written, self._read_up_to = file.read().decode("utf-8", "replace").replace("\r\n", "\n"), 0
         self._walk(files.read_xml(path), namespace)
+
+    def launch(self) -> Launch:
+        """Return what was found, each server with all that was set for it, before and after it and within.
+
+        Raises:
+            ValueError: A file that may hold some of it is not here; the text names it.
+        """
+        nodes = [node._replace(source=self._parameters.below(node.name)) for node in self._launch.nodes]
+        for node in nodes:
+            for _, text in node.source.missing:
+                raise ValueError(text)
+        return self._launch._replace(nodes=nodes)
 
     def _walk(self, parent: Element, namespace: str) -> None:
         for element in parent:
@@ -235,39 +253,45 @@ class _LaunchReader:
                 self._take_outside(element, namespace)
             elif element.tag == "node" and self._text(element, "type") in TYPES:
                 self._take_node(element, namespace)
+            elif element.tag == "node" and self._text(element, "type") == COMPOSE:
+                self._take_members(element, namespace)
 
     def _take_node(self, element: Element, namespace: str) -> None:
         name = _joined(namespace, self._text(element, "ns"), self._text(element, "name"))
-        source = self._above.below(name)
-        for _, text in source.missing:
-            raise ValueError(text)
         for child in element:
             if isinstance(child.tag, str) and self._applies(child):
-                self._take_values(child, source, self._text(child, "ns"))
-        self._launch.nodes.append(LaunchedNode(name, TYPES[self._text(element, "type")], source))
+                self._take_values(child, _joined(name, self._text(child, "ns")))
+        self._launch.nodes.append(LaunchedNode(name, TYPES[self._text(element, "type")], self._parameters))
+
+    def _take_members(self, element: Element, namespace: str) -> None:
+        """Take the servers among the nodes that are forked from one, each by its command line behind a "--"."""
+        for is_between, words in itertools.groupby(shlex.split(self._text(element, "args")), "--".__eq__):
+            program, *rest = words
+            if not is_between and program in TYPES:
+                given = [word[len(NAMED):] for word in rest if word.startswith(NAMED)]
+                name = _joined(namespace, self._text(element, "ns"), (given or [program])[-1])
+                self._launch.nodes.append(LaunchedNode(name, TYPES[program], self._parameters))
 
     def _take_outside(self, element: Element, namespace: str) -> None:
         """Take parameters set outside of the node they are for, by their full names.
 
-        What is not here is missed only by the node it is for, which may be none of the servers.
+        What is not here is missed only by the nodes it may be for, which may be none of the servers.
         """
         full = _joined(namespace, self._text(element, "ns"), self._text(element, "name"))
         try:
-            self._take_values(element, self._above, full, True)
+            self._take_values(element, full, True)
         except (ValueError, OSError) as error:
-            self._above.missing.append((full, str(error)))
+            self._parameters.missing.append((full, str(error)))
 
-    def _take_values(
-        self, element: Element, source: ParameterSource, namespace: str, named: bool = False
-    ) -> None:
+    def _take_values(self, element: Element, namespace: str, named: bool = False) -> None:
         """Add what a <param> or <rosparam> says.
 
         Args:
             element: That.
-            source: Takes it.
-            namespace: Below the node.
+            namespace: It stands in.
             named: Whether `namespace` holds a <param>'s name already.
         """
+        source = self._parameters
         if element.tag == "param" and element.get("value") is not None:
             name = namespace if named else f"{namespace}/{self._text(element, 'name')}"
             text = self._text(element, "value")
@@ -320,14 +344,17 @@ class _LaunchReader:
                 passed.give(self._text(child, "name"), child.get("value") or child.get("default") or "",
                             self._substitution)
         within = _joined(namespace, self._text(element, "ns"))
-        _LaunchReader(path, passed, within, self._depth + 1, self._above, self._launch)
+        _LaunchReader(path, passed, within, self._depth + 1, self._parameters, self._launch)
 
     def _applies(self, element: Element) -> bool:
         wanted, unwanted = element.get("if"), element.get("unless")
         return (wanted is None or self._is_true(wanted)) and (unwanted is None or not self._is_true(unwanted))
 
     def _is_true(self, text: str) -> bool:
-        return self._substitution.resolved(text).strip().lower() in ("true", "1")
+        value = self._substitution.resolved(text).strip().lower()
+        if value not in ("true", "1", "false", "0"):
+            raise ValueError(f"{self._path}: '{value}' is neither true nor false, as an if or unless must be")
+        return value in ("true", "1")
 
     def _text(self, element: Element, name: str) -> str:
         return self._substitution.resolved(element.get(name) or "")

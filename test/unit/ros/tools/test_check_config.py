@@ -227,6 +227,50 @@ def test_what_stands_in_a_launch_file_itself_is_told_with_that_file_s_line(tmp_p
     assert "nav.launch:11]" in told.split("max_vel_yy")[1].split("\n")[0]
 
 
+OVERRIDES_BEHIND = """<launch><arg name="overrides" default=""/><arg name="guard" default="0"/>
+  <node pkg="mbf_relay" type="move_base" name="move_base">
+    <param name="base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>
+    <param name="DWAPlannerROS/max_vel_x" value="0.2" unless="$(arg guard)"/>
+    <rosparam ns="local_costmap">{observation_sources: scan, scan: {topic: scan}}</rosparam>
+  </node>
+  <rosparam command="load" file="$(arg overrides)" unless="$(eval overrides == '')"/></launch>"""
+
+
+def test_what_is_set_behind_a_node_holds_as_it_does_under_roslaunch(tmp_path):
+    """The launch files' own `overrides` were not read: whatever stood in them passed, and the robot did not start."""
+    overrides = tmp_path / "mine.yaml"
+    overrides.write_text("move_base:\n  controler_frequency: 5\n  DWAPlannerROS:\n    max_vel_x: 70\n")
+    assert check(tmp_path, OVERRIDES_BEHIND, name="nav.launch")[0] == 0
+    status, told = check(tmp_path, OVERRIDES_BEHIND, f"overrides:={overrides}", name="nav.launch")
+    assert status == 1 and "max_vel_x: is 70" in told and "mine.yaml:4]" in told, told
+    assert "controler_frequency" in told
+
+
+@pytest.mark.parametrize("text", [None, "move_base:\n\tcontroller_frequency: 5\n"])
+def test_a_file_that_may_hold_the_servers_parameters_has_to_be_there_and_sound(tmp_path, capsys, text):
+    """It passed, and roslaunch started nothing."""
+    if text is not None:
+        (tmp_path / "mine.yaml").write_text(text)
+    assert check(tmp_path, OVERRIDES_BEHIND, f"overrides:={tmp_path}/mine.yaml", name="nav.launch")[0] == 2
+    assert "mine.yaml" in capsys.readouterr().err
+
+
+def test_a_server_that_is_forked_beside_other_nodes_is_examined(tmp_path):
+    """With `composed:=true`, as a robot's own computer runs it, no server was found."""
+    text = """<launch><group ns="robot">
+      <rosparam ns="nav">{controler_frequency: 5, planners: [{name: a, type: navfn/NavfnROS}]}</rosparam>
+      <node pkg="mbf_relay" type="compose" name="navigation"
+        args="--no-respawn -- map_server &quot;my floor.yaml&quot; -- move_base_flex __name:=nav -- move_base_relay --"/>
+    </group></launch>"""
+    _, told = check(tmp_path, text, name="nav.launch")
+    assert told.startswith("robot/nav (move_base_flex)") and "controler_frequency" in told
+
+
+def test_a_condition_that_is_neither_true_nor_false_is_refused_as_roslaunch_does(tmp_path, capsys):
+    assert check(tmp_path, OVERRIDES_BEHIND, "guard:=yes", name="nav.launch")[0] == 2
+    assert "nav.launch: 'yes' is neither true nor false" in capsys.readouterr().err
+
+
 def test_a_launch_file_without_a_server_is_told(tmp_path, capsys):
     assert check(tmp_path, "<launch/>", name="none.launch")[0] == 2
     assert "no node of type move_base" in capsys.readouterr().err
