@@ -66,7 +66,8 @@ class ParameterSource:
             return [
                 (f"{full}/"[len(prefix):].strip("/"), text) for full, text in pairs if f"{full}/".startswith(prefix)]
 
-        above = [("", text) for full, text in self.missing if prefix.startswith(f"{full}/".lstrip("/")) and full != name]
+        above = [
+            ("", text) for full, text in self.missing if full != name and prefix.startswith(f"{full}/".lstrip("/"))]
         return ParameterSource(
             copy.deepcopy(values) if isinstance(values, dict) else {}, dict(cut(self.places.items())),
             cut(self.trouble), cut(self.missing) + above)
@@ -216,7 +217,7 @@ class _LaunchReader:
             substitution: With the arguments given from outside; defaults in the file come second.
             namespace: It is included in.
             depth: Of includes.
-            parameters: Takes what is set, by full names: of what is set twice the last holds, as on the parameter server.
+            parameters: Takes what is set, by full names: the last of one name holds, as on the parameter server.
             launch: Takes the rest of what is found.
         """
         if depth > DEEPEST_INCLUDE:

@@ -260,7 +260,7 @@ def test_a_server_that_is_forked_beside_other_nodes_is_examined(tmp_path):
     text = """<launch><group ns="robot">
       <rosparam ns="nav">{controler_frequency: 5, planners: [{name: a, type: navfn/NavfnROS}]}</rosparam>
       <node pkg="mbf_relay" type="compose" name="navigation"
-        args="--no-respawn -- map_server &quot;my floor.yaml&quot; -- move_base_flex __name:=nav -- move_base_relay --"/>
+       args="--no-respawn -- map_server &quot;a floor.yaml&quot; -- move_base_flex __name:=nav -- move_base_relay --"/>
     </group></launch>"""
     _, told = check(tmp_path, text, name="nav.launch")
     assert told.startswith("robot/nav (move_base_flex)") and "controler_frequency" in told
