@@ -31,3 +31,14 @@ def test_nobody_drives_the_demo_s_robot_past_its_guard_into_a_box(driver):
     config = load_config_default([(path, ["web:=true"])], 11311, assign_machines=False)
     node, = (node for node in config.nodes if node.name == driver)
     assert ("cmd_vel", "cmd_vel_raw") in {tuple(pair) for pair in node.remap_args}
+
+
+@pytest.mark.parametrize("name", ("demo", "simulator", "turtlebot3_world", "two_burgers"))
+def test_a_world_in_a_namespace_makes_the_time_of_all_nodes(name, tmp_path):
+    """The parameter was set in the namespace, where no node looks: all went by the wall clock, and no goal was reached.
+    """
+    path, = (str(path) for path in LAUNCH if path.name == f"{name}.launch")
+    outer = tmp_path / "outer.launch"
+    outer.write_text(f'<launch><include file="{path}" ns="robot"/></launch>')
+    config = load_config_default([str(outer)], 11311, assign_machines=False)
+    assert config.params["/use_sim_time"].value is True
