@@ -46,9 +46,8 @@ class Costmap:
         self, name: str, parameters: CostmapParameters, layers: Sequence[Layer], notes: Sequence[str] = (),
         failed: Optional[Mapping[str, str]] = None,
     ) -> None:
-        self.name = name
+        self.name, self.parameters = name, parameters
         self.notes, self.failed = tuple(notes), dict(failed or {})
-        self.parameters = parameters
         self.layers: List[Layer] = list(layers)
         # the only lock: held for an update, for a copy of the snapshot, and while input is handed to the layers
         self._lock = threading.RLock()
@@ -58,7 +57,7 @@ class Costmap:
         self._last_update: Optional[float] = None
         self._updates, self._sized_by_map, self._missing = 0, False, ""
         self._due_grid: Optional[Grid] = None  # the next update takes it, see there
-        self._redo_due, self._failure = False, ""  # the next update redoes every cell; why the last was broken off
+        self._redo_due, self._failure = False, ""  # the next update redoes every cell; why there is none
         self._copy: Optional[np.ndarray] = None  # of the costs, made when somebody asks
         self._shown: Optional[CostGrid] = None  # the snapshot made last, as long as nothing changed
         self._history: Deque[Tuple[int, Window]] = deque(maxlen=HISTORY)
@@ -205,8 +204,7 @@ class Costmap:
                 if abs(occupancy.origin.theta) > 1e-6:
                     raise ValueError(
                         f"{self.name}: the map is turned by {occupancy.origin.theta:.6g} rad; a costmap lies along "
-                        "the axes, so the third number of the map's origin must be 0"
-                    )
+                        "the axes, so the third number of the map's origin must be 0")
                 self._sized_by_map, self._due_grid = True, grid if grid != self._grid else None
             for taker in takers:
                 taker.set_map(occupancy)
@@ -273,11 +271,15 @@ class Costmap:
                 if not window.is_empty:
                     self._redo(window, active)
             except PluginFailure as failure:
-                self._failure = f": {failure}"
+                self.note_failure(str(failure))
                 raise
             self._last_update, self._shown, self._redo_due, self._failure = now, None, False, ""
             self._missing = missing_inputs(active)
             self._updates += 1
+
+    def note_failure(self, reason: str) -> None:
+        """Note why it cannot be updated at present; told, until it is, where the snapshot is missing or too old."""
+        self._failure = f": {reason}"
 
     def _redo(self, window: Window, layers: Sequence[Layer]) -> None:
         before = self._costs[window.slices].copy()
@@ -324,8 +326,7 @@ class Costmap:
     def snapshot(self) -> CostGrid:
         """Return the present snapshot; it does not change when the costmap does."""
         with self._lock:
-            if self._copy is None:
-                self._copy = self._costs.copy()
+            self._copy = self._costs.copy() if self._copy is None else self._copy
             self._shown = self._shown or CostGrid(
                 self._grid, self._copy, self.frame, self._footprint, self._inscribed_radius, self._circumscribed_radius,
                 self._history[-1][0], self._last_update or 0.0, tuple(self._history), self.parameters.obstacle_overlap,
@@ -335,10 +336,9 @@ class Costmap:
     def _near_costs(self) -> Tuple[int, int]:
         """Return the costs at which the robot's sides touch an obstacle, and a corner where it turns; see CostGrid."""
         if self._near is None:
-            half_width = half_width_of(self._footprint, self._inscribed_radius)
             margin = (0.5 - self.parameters.obstacle_overlap) * self._grid.resolution  # an obstacle fills its cell
             told = []
-            for distance in (half_width, self._circumscribed_radius):
+            for distance in (half_width_of(self._footprint, self._inscribed_radius), self._circumscribed_radius):
                 costs = [layer.cost_at(distance + margin) for layer in self.layers if layer.enabled]
                 told.append(max((cost for cost in costs if cost is not None), default=INSCRIBED))
             self._near = told[0], told[1]

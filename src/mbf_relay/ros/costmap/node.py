@@ -54,7 +54,6 @@ class CostmapNode:
         self._resting = False
         self._next_publication = 0.0
         self._last: Optional[float] = None
-        self._pose_trouble: Optional[str] = None
         self._pose_warnings = ThrottledWarnings()
         parameters = self.costmap.parameters
         self._publisher = CostmapPublisher(
@@ -94,7 +93,7 @@ class CostmapNode:
         """Return what was missing for a first picture since the start, empty where there was one."""
         missing = [layer.missing_input() for layer in self.costmap.layers]
         if self.costmap.updates == 0:
-            missing.append(self._pose_trouble or f"{self._name} was not updated yet")
+            missing.append(self.costmap.stale_reason(rospy.get_time()))
         return "; ".join(reason for reason in missing if reason)
 
     @property
@@ -143,7 +142,7 @@ class CostmapNode:
             return WARN, f"up to date without {', '.join(self.costmap.failed)}, of unknown type", values
         if stale is None:
             return OK, "up to date", values
-        reasons = [self._pose_trouble] + [sensor.trouble for sensor in self._sensors.values()]
+        reasons = [sensor.trouble for sensor in self._sensors.values()]
         return ERROR, "; ".join([stale] + [reason for reason in reasons if reason]), values
 
     def _take_footprint(self, message: Polygon) -> None:
@@ -194,11 +193,10 @@ class CostmapNode:
         try:
             pose = self._transforms.lookup(
                 costmap.frame, costmap.robot_frame, max_age=costmap.parameters.transform_tolerance)
-            self._pose_trouble = None
             self._pose_warnings.worked()
             return pose
         except TransformError as error:
-            self._pose_trouble = str(error)
+            costmap.note_failure(str(error))
             self._pose_warnings.say(f"{self._name} waits for the robot's pose: {error}")
             return None
 
