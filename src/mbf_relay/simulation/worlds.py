@@ -36,12 +36,19 @@ def load_world(text: str, world_name: str = "") -> World:
     Args:
         text: "arena", "empty", or the path of a map's YAML file, an SDF or Gazebo world, a URDF, or a worlds file
             (JSON).
-        world_name: Which one, in a file of several.
+        world_name: Which one, in a file of several; of others their own name, where it is given.
 
     Raises:
         ValueError: There is no such world, or the file is malformed; the text names it.
         OSError: The file cannot be opened.
     """
+    world = _load(text, world_name)
+    if world_name not in ("", text, world.name):  # whoever asks for one is not to drive through another
+        raise ValueError(f"world '{text}' has no world '{world_name}'; it is one alone, named '{world.name}'")
+    return world
+
+
+def _load(text: str, world_name: str) -> World:
     if text in BUILT_IN:
         return BUILT_IN[text]()
     ending = os.path.splitext(text)[1].lower()

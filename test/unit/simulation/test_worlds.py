@@ -82,6 +82,16 @@ def test_unknown_worlds_are_refused(text, said):
         load_world(text)
 
 
+def test_who_names_a_world_and_forgets_the_file_is_not_tested_in_the_arena(tmp_path):
+    """The name was passed over: a test of a hard world drove through the arena instead, and passed."""
+    with pytest.raises(ValueError, match="world 'arena' has no world 'maze_7'; it is one alone, named 'arena'"):
+        load_world("arena", "maze_7")
+    hall = write(tmp_path / "hall.world", sdf(model("crate", BOX)))
+    with pytest.raises(ValueError, match="has no world 'maze_7'"):
+        load_world(hall, "maze_7")
+    assert load_world(hall, load_world(hall).name).bodies and load_world("arena", "arena").bodies
+
+
 def test_sdf_solids_and_nested_poses(tmp_path):
     text = sdf(
         model("a", BOX, pose="1 2 0 0 0 1.5707963267948966", link_pose="1 0 0 0 0 0", collision_pose="0 1 0.5 0 0 0")
