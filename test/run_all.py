@@ -116,13 +116,15 @@ def main() -> int:
     if options.times:
         print(job_times.table(results))
         return 0
-    jobs = [job for job in find_jobs(results) if not options.names or any(name in job.name for name in options.names)]
+    found = find_jobs(results)
+    unknown = [name for name in options.names if not any(name in job.name for job in found)]
+    jobs = [job for job in found if not options.names or any(name in job.name for name in options.names)]
+    if unknown:
+        print(f"no test has {' or '.join(unknown)} in its name; --list names them", file=sys.stderr)
+        return 2
     if options.list:
         print("\n".join(job.name for job in jobs))
         return 0
-    if not jobs:
-        print(f"no test has {' or '.join(options.names)} in its name; --list names them", file=sys.stderr)
-        return 2
     try:
         with only_one(results):
             return run(jobs, results, options)
