@@ -43,20 +43,23 @@ def read_messages(bag: rosbag.Bag, topics: Optional[List[str]] = None) -> Iterat
         raise ValueError(f"bag {bag.filename} is broken: {type(error).__name__}: {error}") from error
 
 
-def find_scan_topic(bag: rosbag.Bag, choice: str = "remap 'scan' to the one to use") -> str:
+def find_scan_topic(
+    bag: rosbag.Bag, wanted: Optional[str] = None, choice: str = "remap 'scan' to the one to use"
+) -> str:
     """Return the bag's topic of laser scans; `scan` as remapped where there are several.
 
     Args:
         bag: The bag.
-        choice: How a user says which, where there are several.
+        wanted: The one a user names, with or without its first slash, as bags have them.
+        choice: How a user names one.
 
     Raises:
-        ValueError: It has none, or several of other names.
+        ValueError: It has none, not the one that is wanted, or several of other names.
     """
     topics = bag.get_type_and_topic_info().topics
     scans: List[str] = sorted(name for name, info in topics.items() if info.msg_type == "sensor_msgs/LaserScan")
-    named = [name for name in scans if rospy.resolve_name(name) == rospy.resolve_name("scan")]
-    if named or len(scans) == 1:
+    named = [name for name in scans if rospy.resolve_name(name) == rospy.resolve_name(wanted or "scan")]
+    if named or (len(scans) == 1 and wanted is None):
         return (named or scans)[0]
     raise ValueError(
         f"bag {bag.filename} has {', '.join(scans) or 'no topic'} with laser scans; {choice}"

@@ -20,10 +20,15 @@ from mbf_relay.ros.common.lidar_geometry import mounting_of, seen_from_above
 
 
 class BagReader:
-    """Collects the rows of a log from a bag's transforms and scans."""
+    """Collects the rows of a log from a bag's transforms and scans.
+
+    Attributes:
+        left_out: Why, for each scan that is in no row.
+    """
 
     def __init__(self, scan_topic: str, base: str, odom: str, reference: Optional[Tuple[str, str]]) -> None:
         self._scan_topic, self._base, self._odom, self._reference = scan_topic, base, odom, reference
+        self.left_out: List[str] = []
         self._buffer = tf2_ros.BufferCore(rospy.Duration(10 ** 9))
 
     def read(self, bag: rosbag.Bag) -> RecordedLog:
@@ -40,11 +45,14 @@ class BagReader:
                     mount = mounting_of(self._buffer.lookup_transform_core(self._base, frame, rospy.Time(0)).transform)
                 scan = seen_from_above(scan_from_message(message), mount[1])
                 truth = self._pose(*self._reference, message.header.stamp) if self._reference else None
-            except (tf2_ros.TransformException, InvalidMessage):
+            except (tf2_ros.TransformException, InvalidMessage) as error:
+                self.left_out.append(" ".join(str(error).split()))
                 continue
             first = first or scan
             if len(scan.ranges) == len(first.ranges):
                 rows.append((scan.stamp, odom, scan.ranges, truth))
+            else:
+                self.left_out.append(f"it has {len(scan.ranges)} beams, and the first has {len(first.ranges)}")
         if first is None or mount is None or not rows:
             raise ValueError(
                 f"none of {len(messages)} scans on {self._scan_topic} can be related to '{self._odom}' by "
@@ -73,7 +81,7 @@ class BagReader:
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
-    """Run the command; return its exit status."""
+    """Run the command; return its exit status: 0, or 1 where there is no log to be made."""
     parser = argparse.ArgumentParser(prog="bag_to_log.py", description=__doc__)
     parser.add_argument("bag", metavar="BAG")
     parser.add_argument("log", metavar="LOG.npz")
@@ -86,12 +94,17 @@ def main(arguments: Optional[List[str]] = None) -> int:
     options = parser.parse_args(arguments)
     try:
         with open_bag(options.bag) as bag:
-            topic = options.scan or find_scan_topic(bag, "choose one by --scan")
+            topic = find_scan_topic(bag, options.scan, "choose one by --scan")
             reference = tuple(options.ref) if options.ref else None
-            log = BagReader(topic, options.base_frame, options.odom_frame, reference).read(bag)
+            reader = BagReader(topic, options.base_frame, options.odom_frame, reference)
+            log = reader.read(bag)
         save_log(options.log, log)
     except (OSError, ValueError) as error:
         print(f"bag_to_log.py: {' '.join(str(error).split())}", file=sys.stderr)
         return 1
+    if reader.left_out:
+        count = len(reader.left_out)
+        print(f"bag_to_log.py: {count} of {count + len(log)} scans are left out, the first because {reader.left_out[0]}",
+              file=sys.stderr)
     print(f"{len(log)} scans of {log.ranges.shape[1]} beams written to {options.log}")
     return 0
