@@ -103,8 +103,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
         print(f"bag_to_log.py: {' '.join(str(error).split())}", file=sys.stderr)
         return 1
     if reader.left_out:
-        count = len(reader.left_out)
-        print(f"bag_to_log.py: {count} of {count + len(log)} scans are left out, the first because {reader.left_out[0]}",
-              file=sys.stderr)
+        count, why = len(reader.left_out), reader.left_out[0]
+        print(f"bag_to_log.py: {count} of {count + len(log)} scans left out, the first because {why}", file=sys.stderr)
     print(f"{len(log)} scans of {log.ranges.shape[1]} beams written to {options.log}")
     return 0
