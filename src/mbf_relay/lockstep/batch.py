@@ -12,7 +12,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence
 from mbf_relay.lockstep import batch_report
 from mbf_relay.lockstep.command import Progress, without_remappings
 from mbf_relay.lockstep.episodes import EpisodeJob, drive_all
-from mbf_relay.lockstep.options import add_setup_options, add_worker_options, seeds
+from mbf_relay.lockstep.options import add_setup_options, add_worker_options, seeds, share
 from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.results_file import WORLDS, ResultsFile
 from mbf_relay.lockstep.settings import config_folder, flatten
@@ -24,7 +24,11 @@ from mbf_relay.simulation.robot_file import robot_text
 
 
 def main(arguments: Optional[Sequence[str]] = None, clock: Callable[[], float] = time.perf_counter) -> int:
-    """Run the command; return its exit status: 0, 1 for what a user can mend, 130 when interrupted."""
+    """Run the command; return its exit status.
+
+    It is 0 where everything was driven, however that went, 1 for what a user can mend and where less than --require
+    succeeded, 130 when interrupted.
+    """
     options = _parse(without_remappings(sys.argv[1:] if arguments is None else arguments))
     try:
         all_tasks = [task.scaled(options.scale) for task in load_tasks(options.worlds)]
@@ -44,6 +48,8 @@ def main(arguments: Optional[Sequence[str]] = None, clock: Callable[[], float] =
         finally:
             results.close()
         batch_report.leave(folder, results.results, all_tasks, 1 if status else options.jobs, options.trajectories)
+        if status == 0:
+            _check_share(results.results, jobs, options.require)
     except (OSError, ValueError) as error:
         print(f"batch.py: {error}", file=sys.stderr)
         return 1
@@ -95,6 +101,14 @@ def _drive(
     return 0
 
 
+def _check_share(results: Sequence[EpisodeResult], jobs: Sequence[EpisodeJob], required: float) -> None:
+    """Raise ValueError where less than the required share of what was asked for succeeded."""
+    asked = {(job.task.name, job.seed) for job in jobs}
+    succeeded = sum(result.success for result in results if (result.world, result.seed) in asked)
+    if succeeded < required * len(asked) - 1e-9:
+        raise ValueError(f"{succeeded} of {len(asked)} drives succeeded, and --require asks for {required:g} of them")
+
+
 def _so_far(results: Sequence[EpisodeResult]) -> str:
     return f"{sum(result.success for result in results)} of {len(results)} succeeded"
 
@@ -124,6 +138,10 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     add_worker_options(parser)
     parser.add_argument(
         "--retry-failed", action="store_true", help="drive again what crashed, hung or could not be driven"
+    )
+    parser.add_argument(
+        "--require", type=share, default=0.0, metavar="SHARE",
+        help="exit with 1 where less than this share of the drives succeeded, 0 to 1 (default 0: 0 however they went)",
     )
     parser.add_argument("--trajectories", action="store_true", help="also leave an .npz file of each drive")
     parser.add_argument(

@@ -80,6 +80,17 @@ def seeds(text: str) -> List[int]:
     return list(range(low, high + 1))
 
 
+def share(text: str) -> float:
+    """Return a share, 0 to 1."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1.0:
+        raise argparse.ArgumentTypeError(f"'{text}' is no share; it must be 0 to 1")
+    return value
+
+
 def _above_zero(text: str) -> float:
     try:
         value = float(text)

@@ -247,6 +247,19 @@ def test_own_parameters_lie_over_the_packages_and_plugins_of_ones_own_have_their
     assert "has 'DWAPlannerROS' at its first level; it must be named after a node" in capsys.readouterr().err
 
 
+def test_a_ci_that_requires_drives_to_succeed_is_red_where_they_fail(tmp_path, capsys):
+    """The status was 0 where every drive failed, and there was no way to ask for another."""
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE, small_worlds.BLOCKED_START)
+    common = [worlds, "--jobs", "1", "--out", str(tmp_path / "out")]
+    assert batch.main(common) == 0
+    assert batch.main([*common, "--require", "0.5"]) == 0
+    assert batch.main([*common, "--require", "0.6"]) == 1
+    assert "1 of 2 drives succeeded, and --require asks for 0.6 of them" in capsys.readouterr().err
+    assert batch.main([*common, "--only", "free", "--require", "1"]) == 0, "the others were not asked for"
+    with pytest.raises(SystemExit):
+        batch.main([*common, "--require", "95"])
+
+
 def test_a_goal_beyond_all_walls_is_on_the_known_map(tmp_path):
     worlds = small_worlds.write(tmp_path / "worlds.json", {**small_worlds.FREE, "goal": [3.5, 0.0, 0.0]})
     out = ["--out", str(tmp_path / "out"), "--jobs", "1"]
