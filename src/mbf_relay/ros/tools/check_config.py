@@ -8,13 +8,12 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, TextIO
 
 from mbf_relay.navigation import examination as exam
 from mbf_relay.navigation.examination import Examination, Finding
-from mbf_relay.parameters import did_you_mean, nearest_of
 from mbf_relay.ros.common.logs import plain
 from mbf_relay.ros.tools.parameter_source import (
     Launch,
     LaunchedNode,
     ParameterSource,
-    arguments_of,
+    check_argument,
     read_launch,
     read_yaml,
 )
@@ -89,11 +88,8 @@ def _read(options: argparse.Namespace) -> Launch:
         others = [name for name in names if name not in launch_files]
         if others:
             raise ValueError(f"'{others[0]}' is no launch file and would not be read; name launch files, or YAML files")
-        declared = sorted({argument for name in launch_files for argument in arguments_of(name)})
         for argument in dict(_pair(text) for text in given):
-            if argument not in declared:
-                hint = did_you_mean(nearest_of(argument, declared))
-                raise ValueError(f"'{argument}' is no argument of {', '.join(launch_files)}{hint}")
+            check_argument(argument, launch_files)
         all_of_them = Launch([], [])
         for name in launch_files:
             launch = read_launch(name, dict(_pair(text) for text in given))

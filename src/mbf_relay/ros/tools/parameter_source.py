@@ -8,12 +8,13 @@ import os
 import re
 import shlex
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Sequence, Tuple
 from xml.etree.ElementTree import Element
 
 import yaml
 
 from mbf_relay import files
+from mbf_relay.parameters import did_you_mean, nearest_of
 
 if TYPE_CHECKING:
     from mbf_relay.ros.tools.substitution import Substitution
@@ -195,6 +196,13 @@ def arguments_of(path: str) -> List[str]:
     return [element.get("name") or "" for element in root.iter("arg") if id(element) not in passed_on]
 
 
+def check_argument(name: str, paths: Sequence[str]) -> None:
+    """Raise ValueError where none of the launch files declares an argument, which roslaunch then does not take."""
+    declared = sorted({argument for path in paths for argument in arguments_of(path)})
+    if name not in declared:
+        raise ValueError(f"'{name}' is no argument of {', '.join(paths)}{did_you_mean(nearest_of(name, declared))}")
+
+
 def _joined(*names: str) -> str:
     """Return a full name, without its first slash: names within each other, of which an absolute one stands alone."""
     full = ""
@@ -337,13 +345,15 @@ class _LaunchReader:
         if not os.path.isfile(path):
             self._launch.not_read.append(f"{path}: there is no such file; {self._path} includes it")
             return
-        passed = Substitution(path)
-        if element.get("pass_all_args", "").lower() == "true":
+        passed, passes_all = Substitution(path), element.get("pass_all_args", "").lower() == "true"
+        if passes_all:
             passed.give_all(self._substitution)
         for child in element:
             if child.tag == "arg" and self._applies(child):
-                passed.give(self._text(child, "name"), child.get("value") or child.get("default") or "",
-                            self._substitution)
+                name = self._text(child, "name")
+                if not passes_all:
+                    check_argument(name, [path])
+                passed.give(name, child.get("value") or child.get("default") or "", self._substitution)
         within = _joined(namespace, self._text(element, "ns"))
         _LaunchReader(path, passed, within, self._depth + 1, self._parameters, self._launch)
 

@@ -255,6 +255,19 @@ def test_a_file_that_may_hold_the_servers_parameters_has_to_be_there_and_sound(t
     assert "mine.yaml" in capsys.readouterr().err
 
 
+def test_an_included_file_is_given_only_arguments_that_it_has_as_by_roslaunch(tmp_path, capsys):
+    """A misspelt one was passed over and the check green, and roslaunch started nothing."""
+    (tmp_path / "inner.launch").write_text(LAUNCH_OF_A_SPEED)
+    text = f"""<launch><include file="{tmp_path}/inner.launch">
+      <arg name="sped" value="70"/><arg name="spied" value="1" if="0"/></include></launch>"""
+    assert check(tmp_path, text, name="nav.launch")[0] == 2
+    assert "'sped' is no argument of" in (said := capsys.readouterr().err) and "did you mean 'speed'?" in said
+    status, told = check(tmp_path, text.replace("sped", "speed"), name="nav.launch")
+    assert status == 1 and "max_vel_x: is 70" in told
+    status, _ = check(tmp_path, text.replace('inner.launch"', 'inner.launch" pass_all_args="true"'), name="nav.launch")
+    assert status == 0
+
+
 def test_a_server_that_is_forked_beside_other_nodes_is_examined(tmp_path):
     """With `composed:=true`, as a robot's own computer runs it, no server was found."""
     text = """<launch><group ns="robot">
