@@ -9,7 +9,7 @@ import os
 import re
 import stat
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Callable, Dict, Set
+from typing import TYPE_CHECKING, Any, BinaryIO, Callable, Dict, Set, Union
 
 import yaml
 
@@ -128,14 +128,19 @@ def read_text(path: str, largest: int = LARGEST_TEXT) -> str:
 
 def read_xml(path: str) -> Element:
     """Return the root of an XML file; errors as for `open_regular`, and ValueError where it is no XML."""
+    with open_regular(path) as file:
+        return parse_xml(file.read(), path)
+
+
+def parse_xml(text: Union[str, bytes], where: str) -> Element:
+    """Return the root of an XML text; ValueError, which names where it comes from, where it is none."""
     from defusedxml import DefusedXmlException, ElementTree  # no node reads any but the simulator
 
-    with open_regular(path) as file:
-        try:
-            root: Element = ElementTree.parse(file).getroot()
-            return root
-        except (ElementTree.ParseError, DefusedXmlException, LookupError, ValueError) as error:
-            raise ValueError(f"{path} is no XML: {error}") from error
+    try:
+        root: Element = ElementTree.fromstring(text)
+        return root
+    except (ElementTree.ParseError, DefusedXmlException, LookupError, ValueError) as error:
+        raise ValueError(f"{where} is no XML: {error}") from error
 
 
 def parse_yaml(text: str) -> Any:

@@ -6,11 +6,49 @@ import math
 from typing import Dict, Tuple
 from xml.etree.ElementTree import Element, SubElement, tostring
 
+import numpy as np
+
+from mbf_relay.files import parse_xml
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.robot import BASE_FRAME, FOOTPRINT_FRAME, IMU_FRAME, SCAN_FRAME, RobotModel
 from mbf_relay.simulation.shapes import Box, Cylinder, Shape, Sphere
+from mbf_relay.simulation.urdf import link_frames
+
+AGREES = 0.02
+"""Metres, and sine of an angle, by which a description may have the lidar elsewhere: what a file's digits leave out."""
 
 COLOURS: Dict[str, str] = {"dark": "0.25 0.25 0.27 1.0", "black": "0.08 0.08 0.08 1.0"}
+
+
+def lidar_elsewhere(description: str, base_frame: str, scan_frame: str, robot: RobotModel) -> str:
+    """Return that a description has the lidar elsewhere than the robot that is simulated; empty where it has not.
+
+    Whoever takes the scans goes by the description, and sees everything beside its place.
+
+    Args:
+        description: A URDF. Of one that is malformed, or has no such frames, nothing is said here.
+        base_frame: The robot's on the ground, as the simulator names it, with the prefix of tf where it has one.
+        scan_frame: The lidar's.
+        robot: What is simulated.
+    """
+    try:
+        frames = link_frames(parse_xml(description, "robot_description"))
+        base, scan = (frames[name.rpartition("/")[2]] for name in (base_frame, scan_frame))
+    except (ValueError, KeyError):
+        return ""
+    measured = Frame.of(0.0, 0.0, robot.base_height).compose(robot.scan_in_base)
+    told = base.inverse().compose(scan)
+    turned = np.abs(told.rotation - measured.rotation).max()
+    if max(turned, np.abs(told.position - measured.position).max()) <= AGREES:
+        return ""
+    return (
+        f"robot_description has {scan_frame} at {_place(told)}, and the lidar of {robot.name}, which is simulated, "
+        f"measures from {_place(measured)} (x, y, z, yaw in {base_frame}): all that is seen will seem to be elsewhere; "
+        "give as robot a .yaml that has it there, see config/robot")
+
+
+def _place(frame: Frame) -> str:
+    return f"({', '.join(f'{value:.3f}' for value in (*frame.position, frame.flat().theta))})"
 
 
 def urdf_of(robot: RobotModel) -> str:

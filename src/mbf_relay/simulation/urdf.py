@@ -33,7 +33,7 @@ def read_urdf(path: str) -> World:
     bodies: List[Body] = []
     warnings: List[str] = []
     try:
-        frames = _link_frames(robot)
+        frames = link_frames(robot)
         for link in robot.findall("link"):
             name = link.get("name", "link")
             for collision in link.findall("collision"):
@@ -51,8 +51,8 @@ def read_urdf(path: str) -> World:
     return World(robot.get("name") or os.path.basename(path), tuple(bodies), warnings=tuple(warnings))
 
 
-def _link_frames(robot: Element) -> Dict[str, Frame]:
-    """Return where each link is in the frame of the root link."""
+def link_frames(robot: Element) -> Dict[str, Frame]:
+    """Return where each link is in the frame of the root link; ValueError where a joint or a number is malformed."""
     joints = {}
     for joint in robot.findall("joint"):
         parent, child = joint.find("parent"), joint.find("child")

@@ -13,7 +13,7 @@ import trial  # noqa: E402
 from mbf_relay.files import config_folder  # noqa: E402
 from mbf_relay.geometry import Pose2D, Twist2D, angle_between  # noqa: E402
 from mbf_relay.simulation import Simulation  # noqa: E402
-from mbf_relay.simulation.description import urdf_of  # noqa: E402
+from mbf_relay.simulation.description import lidar_elsewhere, urdf_of  # noqa: E402
 from mbf_relay.simulation.four_wheels import MecanumOdometer, mecanum_matrix  # noqa: E402
 from mbf_relay.simulation.frames import Frame  # noqa: E402
 from mbf_relay.simulation.parameters import SimulationParameters  # noqa: E402
@@ -175,3 +175,23 @@ def test_a_robot_nobody_knows_is_refused_with_those_there_are(tmp_path):
     (tmp_path / "odd.yaml").write_text("body: [{box: [0.4, 0.3, 0.2], mass: 1.0}]\nmax_sped: 3.0\n")
     with pytest.raises(ValueError, match="max_sped"):
         SimulationParameters.from_mapping({"robot": str(tmp_path / "odd.yaml")})
+
+
+def test_a_description_that_has_the_lidar_elsewhere_than_it_measures_from_is_named():
+    """A robot with a URDF of its own drove into walls: it took what it saw for behind it, and nothing told."""
+    burger = load_robot("burger")
+    told = urdf_of(burger)
+    turned = told.replace('xyz="-0.032 0 0.172" rpy="0 0 0"', 'xyz="0.1 0 0.172" rpy="0 0 3.14159"')
+    assert turned != told
+    said = lidar_elsewhere(turned, "base_footprint", "base_scan", burger)
+    assert "base_scan at (0.100, 0.000, 0.182, 3.142)" in said and "from (-0.032, 0.000, 0.182, 0.000)" in said
+    over_head = told.replace('xyz="-0.032 0 0.172" rpy="0 0 0"', 'xyz="-0.032 0 0.172" rpy="3.14159 0 0"')
+    assert lidar_elsewhere(over_head, "robot/base_footprint", "robot/base_scan", burger), "upside down"
+    for elsewhere in ("", "<robot", "<robot/>", told.replace('"0 0 0.01"', '"0 0 zero"')):
+        assert lidar_elsewhere(elsewhere, "base_footprint", "base_scan", burger) == ""
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in (config_folder() / "robot").glob("*.yaml")))
+def test_the_packages_own_descriptions_have_the_lidar_where_it_is(name):
+    robot = load_robot(name)
+    assert lidar_elsewhere(urdf_of(robot), "base_footprint", "base_scan", robot) == ""

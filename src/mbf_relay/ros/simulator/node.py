@@ -25,6 +25,7 @@ from mbf_relay.ros.simulator.neighbours import ClockFollower, Neighbours
 from mbf_relay.ros.simulator.obstacles import WORLD, Obstacles
 from mbf_relay.ros.simulator.pacing import FactorMeter, RealTimePacer
 from mbf_relay.ros.simulator.topics import SimulatorTopics
+from mbf_relay.simulation.description import lidar_elsewhere
 from mbf_relay.simulation.faults import Faults
 from mbf_relay.simulation.node_parameters import SimulatorParameters
 from mbf_relay.simulation.parameters import steps_between
@@ -278,6 +279,10 @@ def main() -> None:
     for warning in world.warnings:
         rospy.logwarn("world '%s': %s", world.name, warning)
     simulator = Simulator(settings, world)
+    description = rospy.get_param(rospy.search_param("robot_description") or "robot_description", "")
+    warning = lidar_elsewhere(str(description), settings.base_frame, settings.scan_frame, simulator.simulation.robot)
+    if warning:
+        rospy.logwarn("%s", warning)
     rospy.loginfo(
         "simulating world '%s' with seed %d at %s", world.name, settings.seed,
         f"{settings.real_time_factor:g} x real time" if settings.real_time_factor else "full speed",
