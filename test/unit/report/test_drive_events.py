@@ -125,6 +125,21 @@ def test_a_file_that_shows_no_drive_is_named_with_the_reason(tmp_path, kind, wor
     assert "odd.bag" in str(ended.value)
 
 
+def test_of_a_bag_whose_recorder_was_killed_is_told_what_mends_it(tmp_path):
+    """Of a drive that a CI ended by force, all that was said was that the bag is unindexed."""
+    write_bag(str(tmp_path / "drive.bag"))
+    killed = tmp_path / "killed.bag"
+    with rosbag.Bag(str(tmp_path / "drive.bag")) as bag:
+        index = bag._index_data_pos
+    data = bytearray((tmp_path / "drive.bag").read_bytes()[:index])
+    at = data.index(b"index_pos=") + len(b"index_pos=")
+    data[at:at + 8] = bytes(8)  # as a recorder has it until it closes its bag
+    killed.write_bytes(data)
+    with pytest.raises(SystemExit) as ended:
+        drive_report.main([str(killed)])
+    assert f"`rosbag reindex {killed}` mends it" in str(ended.value)
+
+
 def test_identity_is_what_it_says():
     assert conversions.transform_from_message(conversions.transform_to_message(IDENTITY)) == IDENTITY
 

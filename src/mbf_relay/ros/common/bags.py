@@ -22,6 +22,10 @@ def open_bag(path: str) -> rosbag.Bag:
     files.open_regular(path, sys.maxsize).close()
     try:
         return rosbag.Bag(path)
+    except rosbag.ROSBagUnindexedException as error:
+        raise ValueError(
+            f"bag {path} was not closed, as its recorder was killed or still runs; `rosbag reindex {path}` mends it"
+        ) from error
     except (
         rosbag.ROSBagException,
         struct.error,

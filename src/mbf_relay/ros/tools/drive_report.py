@@ -28,8 +28,10 @@ def main(arguments: Optional[Sequence[str]] = None) -> None:
     options = parser.parse_args(arguments)
     try:
         drive, topics = read_bag(options.bag)
-    except (OSError, ValueError) as error:
-        sys.exit(f"{options.bag} cannot be read: {error}")
+    except OSError as error:
+        sys.exit(f"bag {options.bag} cannot be read: {error.strerror}")
+    except ValueError as error:
+        sys.exit(str(error))
     if not len(drive.path):
         sys.exit(
             f"{options.bag} shows no drive: it needs /tf with map -> odom and odom -> base_footprint, or ground_truth; "
