@@ -13,7 +13,7 @@ from mbf_relay.costmap import LAYERS
 from mbf_relay.costmap.factory import build_costmap, layer_groups
 from mbf_relay.costmap.layer import Layer
 from mbf_relay.costmap.parameters import CostmapParameters
-from mbf_relay.localization.node_parameters import AmclParameters
+from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters
 from mbf_relay.lockstep.fitting import fitted
 from mbf_relay.lockstep.settings import Settings, change, flatten, load_own, load_settings, merged
 from mbf_relay.lockstep.tasks import MAP_RESOLUTION, EpisodeTask
@@ -25,6 +25,7 @@ from mbf_relay.navigation.registry import entries_of
 from mbf_relay.navigation.worker import InlineWorker
 from mbf_relay.parameters import ParameterSet
 from mbf_relay.plugins import find_class
+from mbf_relay.simulation.node_parameters import SimulatorParameters
 from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.robot import RobotModel
 from mbf_relay.simulation.robot_file import load_robot
@@ -126,8 +127,9 @@ def _notes_on(settings: Settings, packages: Settings) -> List[str]:
         name = f"{SERVER}.{finding.name.replace('/', '.')}"
         if finding not in before and not (finding.kind == IGNORED and name in theirs):
             notes.append(f"{name}: {finding.text}")
-    for node, kind in (("simulator", SimulationParameters), ("amcl", AmclParameters)):
-        unknown = [name for name in kind.unknown_names(settings[node]) if name not in packages[node]]
+    for node, kind in (("simulator", SimulatorParameters), ("amcl", AmclParameters)):
+        known = {*packages[node], *INITIAL, *NODE_ONLY}
+        unknown = [name for name in kind.unknown_names(settings[node]) if name not in known]
         notes += [f"{node}.{name}: is not known here{kind.hint(name)}" for name in unknown]
     return notes
 

@@ -200,7 +200,7 @@ def test_parameters_of_ones_own_that_mean_nothing_are_told_before_a_night_is_dri
     own.write_text(
         "move_base_flex:\n  DWAPlannerROS: {sim_tim: 2.0, sim_time: 1.5}\n"
         "  local_costmap: {inflation_layer: {inflation_radus: 0.9}}\n  nonsense: 3\n  straight: {weave: 0.1}\n"
-        "amcl: {min_particle: 3}\nsimulator: {scan_nois: 0.3}\n"
+        "amcl: {min_particle: 3, initial_pose_x: 1.0}\nsimulator: {scan_nois: 0.3, truth_rate: 30.0}\n"
     )
     arguments = [small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE), "--jobs", "1"]
     assert batch.main([*arguments, "--config", str(own), "--out", str(tmp_path / "own")]) == 0
