@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable, Dict, Generic, Hashable, List, Mapping, Optional, Tuple, Type, TypeVar
+import threading
+from collections import deque
+from typing import Any, Callable, Deque, Dict, Generic, Hashable, List, Mapping, Optional, Tuple, Type, TypeVar
 
 from mbf_relay.navigation.worker import Job, Worker
 from mbf_relay.plugins import Plugin, PluginError, create, failure_text, find_class
@@ -15,6 +17,8 @@ FIRST_INSTANCE: Hashable = 0
 
 class PluginInstance(Generic[P]):
     """One plugin and the calls into it, which never overlap.
+
+    Calls are made by one thread, the one that steps navigation; new parameters come from any.
 
     Args:
         plugin: The plugin.
@@ -29,7 +33,8 @@ class PluginInstance(Generic[P]):
         self._kind = kind
         self._worker = worker
         self._job: Optional[Job] = None
-        self._wanted: Any = None
+        self._inside = threading.Lock()  # held by who is in the plugin
+        self._wanted: Deque[Any] = deque(maxlen=1)  # the newest parameters, until it has taken them
 
     @property
     def name(self) -> str:
@@ -53,16 +58,29 @@ class PluginInstance(Generic[P]):
         return failure_text(error, type(self.plugin).__module__)
 
     def reconfigure(self, parameters: Any) -> None:
-        """Give the plugin new parameters before its next call, or at once when it is idle."""
-        self._wanted = parameters
-        if not self.busy:
-            self.call(lambda plugin: None)
+        """Give the plugin new parameters before its next call, or at once when it is idle; from any thread.
+
+        That is no call: whoever looked whether the plugin is busy a moment ago may call it all the same.
+        """
+        self._wanted.append(parameters)
+        self._worker.start(self._take_up_if_idle, self._kind)
+
+    def _take_up_if_idle(self) -> None:
+        if self._inside.acquire(blocking=False):
+            try:
+                self._take_up()
+            finally:
+                self._inside.release()
+
+    def _take_up(self) -> None:
+        """Have the plugin take what is wanted of it; only while it is held."""
+        if self._wanted:
+            self.plugin.reconfigure(self._wanted.pop())
 
     def _run(self, task: Callable[[P], Any]) -> Any:
-        wanted, self._wanted = self._wanted, None
-        if wanted is not None:
-            self.plugin.reconfigure(wanted)
-        return task(self.plugin)
+        with self._inside:
+            self._take_up()
+            return task(self.plugin)
 
 
 class Registry(Generic[P]):

@@ -105,3 +105,33 @@ def test_a_busy_plugin_is_reconfigured_before_its_next_call():
     after = instance.call(lambda plugin: plugin.parameters)
     held.step()
     assert after.result() == wanted
+
+
+def test_a_robot_that_is_about_to_ask_its_controller_drives_on_while_somebody_tunes_that():
+    held = scripted.HeldWorker()
+    made = Registry(
+        "planners", {"planners": [{"name": "N", "type": "navfn/NavfnROS"}]}, Planner, PLANNERS, held, "global"
+    )
+    instance = made.instance("N", 0)
+    wanted = instance.plugin.parameters.replace(allow_unknown=False)
+    assert not instance.busy
+    made.reconfigure("N", wanted)  # by another thread, after that look
+    assert not instance.busy, "nobody has called it"
+    call = instance.call(lambda plugin: plugin.parameters)
+    held.step()
+    assert call.result() == wanted
+
+
+def test_parameters_that_come_in_the_midst_of_a_call_wait_for_its_end():
+    made = registry([{"name": "N", "type": "navfn/NavfnROS"}])
+    instance = made.instance("N", 0)
+    before = instance.plugin.parameters
+    first, second = before.replace(allow_unknown=False), before.replace(default_tolerance=0.7)
+
+    def meanwhile(plugin):
+        made.reconfigure("N", first)
+        made.reconfigure("N", second)
+        return plugin.parameters
+
+    assert instance.call(meanwhile).result() == before
+    assert instance.call(lambda plugin: plugin.parameters).result() == second
