@@ -201,9 +201,8 @@ class MoveBase:
             self._replan_pacer.postpone(now, period if math.isfinite(period) else 0.0)
             return
         self._stop(now, at.drive)
-        rejected = at.plan.task.ending is Ending.REJECTED
-        if rejected or not self._recover(result.outcome, result.message, result.cause):
-            self._end(Ending.REJECTED if rejected else Ending.ABORTED, result.outcome, result.message)
+        if not self._recover(result.outcome, result.message, result.cause):
+            self._end(Ending.ABORTED, result.outcome, result.message)
 
     # driving
 
@@ -230,8 +229,8 @@ class MoveBase:
         elif ending is Ending.CANCELED:
             message = f"The path of this goal was taken off the controller: {result.message}"
             self._end(Ending.CANCELED, NavigateOutcome.CANCELED, message)
-        elif ending is Ending.REJECTED or not self._recover(result.outcome, result.message, result.cause):
-            self._end(ending or Ending.ABORTED, result.outcome, result.message)
+        elif not self._recover(result.outcome, result.message, result.cause):
+            self._end(Ending.ABORTED, result.outcome, result.message)
 
     def _pass_on_feedback(self, drive: Task[FollowResult]) -> List[FollowFeedback]:
         passed_on = []

@@ -98,7 +98,7 @@ class Navigator:
         """Drive along a path; the same controller in the same slot goes over to it without a stop."""
         task: Task[FollowResult] = Task()
         try:
-            name = self.controllers.choose(goal.controller)
+            instance = self.controllers.instance(self.controllers.choose(goal.controller), goal.slot)
             if len(goal.path) == 0:
                 raise ValueError("Controller started with an empty plan!")
         except PluginError as error:
@@ -108,10 +108,9 @@ class Navigator:
             task.end(Ending.ABORTED, FollowResult(ControlOutcome.INVALID_PATH, str(error)))
             return task
         running = self._drives.get(goal.slot)
-        if running is not None and not running.task.done and running.instance.name != name:
+        if running is not None and not running.task.done and running.instance is not instance:
             running.replaced()
         if running is None or running.task.done:
-            instance = self.controllers.instance(name, goal.slot)
             running = ControllerExecution(
                 instance, self.robot, self.costmaps[instance.costmap], lambda: self.parameters,
                 zone_limit=self._zone_limit,
@@ -232,7 +231,7 @@ class Navigator:
         self, goal: PlanGoal, retry: bool = True, instance: Any = OWN_INSTANCE, announced: bool = True,
         pathless: Optional[Stopwatch] = None,
     ) -> PlannerExecution:
-        """Return an execution of `goal`; its task is done already where no planner has that name.
+        """Return an execution of `goal`; its task is done already where there is no such planner.
 
         Args:
             goal: What to plan.
@@ -242,12 +241,11 @@ class Navigator:
             pathless: Runs for as long as there is no path: that counts as patience.
         """
         task: Task[PlanResult] = Task()
+        planner = None
         try:
-            name = self.planners.choose(goal.planner)
+            planner = self.planners.instance(self.planners.choose(goal.planner), instance)
         except PluginError as error:
             task.end(Ending.REJECTED, PlanResult(PlanOutcome.INVALID_PLUGIN, str(error)))
-            name = ""
-        planner = self.planners.instance(name, instance) if name else None
         costmap = self.costmaps[planner.costmap] if planner is not None else None
         if announced:
             self._announced.append(("planner", goal.target))
@@ -264,7 +262,7 @@ class Navigator:
         )
 
     def new_recovery(self, goal: RecoverGoal, controller: str = "", instance: Any = OWN_INSTANCE) -> RecoveryExecution:
-        """Return an execution of `goal`; its task is done already where no behaviour has that name."""
+        """Return an execution of `goal`; its task is done already where there is no such behaviour."""
         task: Task[RecoverResult] = Task()
         behavior = None
         try:

@@ -153,13 +153,9 @@ class Action:
     def abort_all(self, outcome: str, message: str) -> None:
         """End every goal that is left, for when stepping itself failed or the node goes down."""
         with self._lock:
-            waiting = [request for request in self._inbox if self._requests.get(request.goal_id) is request]
             self._inbox.clear()
-        for request in waiting:
-            request.handle.set_accepted()
-        running, self._running = self._running, []
-        for request in running + waiting:
-            self._end(request, Ending.ABORTED, self._failure(self._outcomes[outcome], message))
+        self.abort_running(outcome, message)
+        self._running = []
 
     def abort_running(self, outcome: str, message: str) -> None:
         """End every goal in pursuit, from any thread, while the stepping thread hangs; what waits to begin may go on.
