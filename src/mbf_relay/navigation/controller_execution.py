@@ -83,7 +83,7 @@ class ControllerExecution:
         self._job: Optional[Job] = None
         self._job_task = self.task
         self._view: Optional[ControlView] = None
-        self._command = STOP
+        self._command = robot.commanded or STOP  # another controller's, where this one takes over in motion
         self._pacer = Pacer()
         self._since_start, self._since_valid, self._since_call = Stopwatch(), Stopwatch(), Stopwatch()
         self._since_pose = Stopwatch()
