@@ -3,6 +3,10 @@
 rospy hands each message for each of its listeners to a thread of that listener's own, lest one that hangs hold up the
 others: sixty times a second `/clock` alone wakes ten threads. A small message that the system takes at once, since its
 buffer for that listener has room, needs no thread; whatever might have to wait is left to rospy's.
+
+What a newcomer is told alone (rospy.SubscribeListener) rospy writes into the buffer that others publish by, without the
+lock that these take. A velocity that went out at that moment arrived as other numbers, or the wheels lost their
+connection. Here each message has the buffer to itself.
 """
 
 from __future__ import annotations
@@ -16,11 +20,22 @@ from rospy.impl.tcpros_pubsub import QueuedConnection
 
 SMALL = 4096
 """Bytes that the system takes in one piece where it takes any."""
+_publish_as_rospy = rospy.topics._PublisherImpl.publish
 
 
 def send_with_less() -> None:
-    """Have this process send small messages with less work; before its first publisher."""
+    """Have this process send small messages with less work, and each by itself; before its first publisher."""
     rospy.topics.QueuedConnection = DirectConnection
+    rospy.topics._PublisherImpl.publish = publish_alone
+
+
+def publish_alone(topic: Any, message: Any, connection_override: Any = None) -> Any:
+    """Publish as _PublisherImpl.publish does, while nobody else does so on the topic."""
+    lock = topic.publock
+    if lock is None:  # closed, of which rospy tells
+        return _publish_as_rospy(topic, message, connection_override)
+    with lock:
+        return _publish_as_rospy(topic, message, connection_override)
 
 
 class DirectConnection(QueuedConnection):

@@ -1,13 +1,16 @@
 """Small messages that go out without a thread: whole, in order, and never held up by a listener that hangs."""
 
 import socket
+import struct
 import threading
+from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip("rospy")
 
 import rospy.topics  # noqa: E402
+from geometry_msgs.msg import Twist, Vector3  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 from rospy.exceptions import TransportTerminated  # noqa: E402
 from rospy.impl.tcpros_base import TCPROSTransport, TCPROSTransportProtocol  # noqa: E402
@@ -92,7 +95,45 @@ def test_who_publishes_hears_that_a_listener_is_gone(listener):
     assert connection._connection.done
 
 
-def test_all_that_a_node_publishes_goes_this_way(monkeypatch):
+@pytest.fixture
+def sends_with_less(monkeypatch):
+    """Have rospy publish as in a node."""
     monkeypatch.setattr(rospy.topics, "QueuedConnection", None)
+    monkeypatch.setattr(rospy.topics._PublisherImpl, "publish", rospy.topics._PublisherImpl.publish)
     sending.send_with_less()
+
+
+def test_all_that_a_node_publishes_goes_this_way(sends_with_less):
     assert rospy.topics.QueuedConnection is sending.DirectConnection
+
+
+def test_a_velocity_that_goes_out_while_other_wheels_are_told_to_stand_reaches_them_as_it_is(sends_with_less):
+    class Standing(Twist):
+        """A zero that is being written when somebody else publishes."""
+
+        def serialize(self, buff):
+            buff.write(struct.pack("<3d", 0.0, 0.0, 0.0))
+            other = threading.Thread(target=publish_unless_held)
+            other.start()
+            other.join(20.0)
+            buff.write(struct.pack("<3d", 0.0, 0.0, 0.0))
+
+    def publish_unless_held():
+        if topic.publock.acquire(blocking=False):  # as Publisher.publish does, which waits
+            topic.publish(Twist(linear=Vector3(x=0.5)))
+            topic.publock.release()
+
+    sent = []
+    topic = rospy.topics._PublisherImpl("/cmd_vel", Twist)
+    topic.connections = [SimpleNamespace(write_data=sent.append)]
+    topic.publish(Standing(), connection_override=SimpleNamespace(write_data=sent.append))
+    topic.publish(Twist(linear=Vector3(x=0.5)))
+    assert [len(data) for data in sent] == [52, 52]
+    assert [Twist().deserialize(data[4:]).linear.x for data in sent] == [0.0, 0.5]
+
+
+def test_who_publishes_on_a_topic_that_was_closed_is_told_so(sends_with_less):
+    topic = rospy.topics._PublisherImpl("/cmd_vel", Twist)
+    topic.close()
+    with pytest.raises(rospy.ROSException, match="closed"):
+        topic.publish(Twist())
