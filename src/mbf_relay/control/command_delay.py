@@ -38,6 +38,8 @@ class CommandDelay:
     """Compares how a robot moves with what it was told before, cycle by cycle.
 
     What it found holds until the robot's motion says otherwise: one that stands, or drives on as before, says nothing.
+    Wheels are told by more than one thread, and recoveries ask from their own: who reads goes through a copy, which is
+    made in one piece.
 
     Attributes:
         seconds: From a command to the motion that odometry shows of it; 0.0 where that is little or not known.
@@ -76,12 +78,12 @@ class CommandDelay:
 
     def _told_at(self, times: np.ndarray) -> np.ndarray:
         """Return what the robot had been told just before each of the times (s), shape (..., 3)."""
-        rows = np.array([(-math.inf, *STOP), *((since, *velocity) for since, velocity in self._told)])
+        rows = np.array([(-math.inf, *STOP), *((since, *velocity) for since, velocity in list(self._told))])
         return np.asarray(rows[np.maximum(0, np.searchsorted(rows[:, 0], times) - 1), 1:])
 
     def _judge(self, begin: float) -> None:
         """Take what the cycles from `begin` (s) on say."""
-        rows = np.array([(time, *velocity) for time, velocity in self._seen if time >= begin]).reshape(-1, 4)
+        rows = np.array([(time, *velocity) for time, velocity in list(self._seen) if time >= begin]).reshape(-1, 4)
         if len(rows) < ENOUGH:
             return
         times, seen = rows[:, 0], rows[:, 1:]
@@ -100,8 +102,9 @@ class CommandDelay:
 
     def caught_up(self, pose: Pose2D, age: float) -> Pose2D:
         """Return where a robot is in the last cycle that was at `pose` `age` (s) before, as its velocities tell."""
-        since = self._seen[-1][0] - age if self._seen else math.inf
-        for time, velocity in self._seen:
+        seen = list(self._seen)
+        since = seen[-1][0] - age if seen else math.inf
+        for time, velocity in seen:
             if time > since:
                 pose, since = pose.compose(velocity.held(time - since)), time
         return pose
@@ -117,10 +120,11 @@ class CommandDelay:
         Returns:
             Shape (P, 3); the last one is where it will be, `pose` itself where nothing comes late.
         """
-        if self.seconds <= ahead or not self._seen:
+        seen = list(self._seen)
+        if self.seconds <= ahead or not seen:
             return np.array([pose])
-        end = self._seen[-1][0]
-        return way_held(pose, held_between(self._told, end - (self.seconds - ahead), end), step, turn_step)
+        end = seen[-1][0]
+        return way_held(pose, held_between(list(self._told), end - (self.seconds - ahead), end), step, turn_step)
 
 
 def held_between(

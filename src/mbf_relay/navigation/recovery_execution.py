@@ -149,8 +149,10 @@ class RecoveryExecution:
         if self._moved and self._blind(now):
             self._send(STOP)
             return
-        if self._robot.knows_its_motion:
+        try:
             self._robot.note_motion(now, self._robot.velocity())
+        except StaleDataError:
+            pass  # a behaviour that moves nothing needs none
         self._since_call.start(now)
         self._context.time = now
         self._context.step_period = 1.0 / self._parameters().controller_frequency

@@ -170,3 +170,34 @@ def test_a_clock_set_back_and_a_drive_interrupted_let_nothing_of_before_count():
         robot.watched.tell(told_at, STOP)
         robot.watched.note(now, STOP)
         assert robot.watched.way(Pose2D(1.0, 2.0, 3.0), 0.01, 0.05) == pytest.approx(np.array([[1.0, 2.0, 3.0]]))
+
+
+def test_a_recovery_goes_on_that_asks_where_the_robot_will_be_while_the_wheels_are_told_to_stand():
+    class Overtaken(Twist2D):
+        """A velocity; while somebody looks at it, another thread tells and notes the next."""
+
+        def look(self):
+            now = watched._seen[-1][0] + PERIOD
+            watched.tell(now, STOP)
+            watched.note(now, STOP)
+
+        def __iter__(self):
+            self.look()
+            return super().__iter__()
+
+        def held(self, duration):
+            self.look()
+            return super().held(duration)
+
+    watched, here = CommandDelay(), Pose2D(0.0, 0.0, 0.0)
+
+    def ask(question):
+        for entries in (watched._told, watched._seen):
+            entries.clear()
+            entries.extend((turn * PERIOD, Overtaken(0.2, 0.0, 0.0)) for turn in range(10))
+        watched.seconds = 0.5
+        return question()
+
+    assert ask(lambda: watched.caught_up(here, 0.3)).x == pytest.approx(0.06)
+    assert ask(lambda: watched.way(here, 0.05, 0.1))[-1, 0] == pytest.approx(0.1)
+    assert ask(lambda: watched._told_at(np.array([0.55]))).tolist() == [[0.2, 0.0, 0.0]]

@@ -9,7 +9,7 @@ from scripted import FORWARD
 from mbf_relay.geometry import STOP, Twist2D
 from mbf_relay.navigation.goals import RecoverGoal
 from mbf_relay.navigation.task import Ending
-from mbf_relay.outcomes import RecoveryError, RecoveryOutcome, TransformError
+from mbf_relay.outcomes import RecoveryError, RecoveryOutcome, StaleDataError, TransformError
 
 
 def steps(count, velocity=FORWARD):
@@ -149,3 +149,17 @@ def test_a_behaviour_sees_time_period_and_surroundings(bench):
     assert bench.finish(bench.navigator.recovery(RecoverGoal("R1"))).outcome is RecoveryOutcome.SUCCESS
     assert [round(now - seen[0][0], 6) for now, *_ in seen] == [0.0, 0.1, 0.2]
     assert seen[1][3] == scripted.FORWARD
+
+
+def test_odometry_that_fails_between_two_looks_is_no_error_of_navigation_s(bench):
+    reads = []
+
+    def read_once():
+        reads.append(bench.now)
+        if len(reads) > 1:
+            raise StaleDataError("odometry is 1.00 s old")
+        return STOP
+
+    bench.script.recovery = lambda context: iter(())
+    bench.robot.velocity = read_once
+    assert bench.finish(bench.navigator.recovery(RecoverGoal("R1"))).outcome is RecoveryOutcome.SUCCESS
