@@ -7,6 +7,9 @@ from typing import Optional
 
 ROUNDING = 1e-6
 """Seconds by which a time may miss a multiple of a period for want of digits."""
+SET_BACK = 1.0
+"""Seconds by which something is ahead of now that is of before the clock was set back; less are a thread's that looked
+at the clock, and then waited."""
 
 
 class Stopwatch:

@@ -22,6 +22,7 @@ from mbf_relay.maps import OccupancyMap
 from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.parameters import ParameterSet
 from mbf_relay.plugins import PluginFailure, failures_of
+from mbf_relay.timing import SET_BACK
 
 HISTORY = 64
 """How many changes back a snapshot knows what changed since."""
@@ -396,5 +397,5 @@ class Costmap:
         assert self._last_update is not None
         age, frequency = now - self._last_update, self.parameters.update_frequency
         limit, why = (max(1.0, 5.0 / frequency), "") if frequency else (never_updated, ": its update_frequency is 0")
-        told = f"{self.name} was last updated {age:.2f} s ago; at most {limit:.2f} s is allowed{self._failure or why}"
-        return told if age > limit else None
+        told = "before time was set back" if age < -SET_BACK else f"{age:.2f} s ago; at most {limit:.2f} s is allowed"
+        return None if -SET_BACK <= age <= limit else f"{self.name} was last updated {told}{self._failure or why}"

@@ -15,6 +15,7 @@ from mbf_relay.costmap.usual_age import UsualAge
 from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.scan_monitor import LARGEST_GAP
 from mbf_relay.senders import HOW_TO_GO_ON, Senders
+from mbf_relay.timing import SET_BACK
 
 LEVEL = 0.02
 """Rise over distance up to which beams count as level; such a lidar's plane stays at its own height."""
@@ -173,14 +174,16 @@ class ObservationSource:
             if is_lidar and parameters.expected_update_rate == 0.0:
                 longest = sensor.usual_age.limit(limit)
             age = now - sensor.last_update
-            if age <= longest:
+            if -SET_BACK <= age <= longest:
                 continue
-            which, told = whose, f"{age:.2f} s; at most {longest:.2f} s is allowed"
+            which, told = whose, f"for {age:.2f} s; at most {longest:.2f} s is allowed"
+            if age < 0.0:
+                told = "since time was set back"
             if len(sensors) > 1:
                 which, told = f"{whose}, the one of {len(sensors)} in frame '{frame}',", f"{told}; {HOW_TO_GO_ON}"
             if self.unused is None:
-                return f"{which} sent nothing for {told}"
-            return f"{which} sent nothing that could be used for {told}; {self.unused}"
+                return f"{which} sent nothing {told}"
+            return f"{which} sent nothing that could be used {told}; {self.unused}"
         return None
 
 
