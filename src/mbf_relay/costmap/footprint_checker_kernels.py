@@ -19,6 +19,7 @@ _AS_QUICK = 32  # cells of a row are told apart in about the time that one's dis
 MOST_LOOKED_AT = 40_000_000
 """Distances of cells from sides of the footprint that are looked at for a batch of trajectories: half a second."""
 _HAIR = 1e-6  # cells: what is as deep but for rounding
+_ROUNDING = 1e-6  # share of the outline's radius by which its points, of float32, may lie farther out
 
 
 @kernel("boolean(float32[:,::1], float64, float64, float64)")
@@ -100,7 +101,7 @@ def contacts(
     height, width = costs.shape
     across = (x - origin_x) / resolution
     up = (y - origin_y) / resolution
-    reach = circumscribed * scale / resolution
+    reach = (1.0 + _ROUNDING) * circumscribed * scale / resolution
     inside = across - reach >= 0.0 and up - reach >= 0.0 and across + reach < width and up + reach < height
     outline = outlines[_heading(theta, outlines.shape[0])]
     return _contacts_between(
@@ -280,7 +281,7 @@ def first_contacts(
     looked_at, number = 0, poses.shape[0]
     for n in range(number):
         may_look_at = MOST_LOOKED_AT * (n + 1) // number
-        factor, reach = scales[n] / resolution, circumscribed * scales[n] / resolution
+        factor, reach = scales[n] / resolution, (1.0 + _ROUNDING) * circumscribed * scales[n] / resolution
         deepest, total = allowed[0], allowed[1]
         free[n] = counts[n]
         highest[n] = 0.0
