@@ -110,8 +110,10 @@ class Stepper:
             self._wake.set()
 
     def _loop(self) -> None:
-        while not self._stopping:
+        while True:
             self._wake.clear()
+            if self._stopping:  # after that, or a stop in between would wake nobody
+                return
             now = rospy.get_time()
             self._last = now
             self._began = time.monotonic()

@@ -1,6 +1,7 @@
 """A robot under a simulated clock: is time going on?"""
 
 import itertools
+import threading
 from types import SimpleNamespace
 
 import pytest
@@ -96,3 +97,21 @@ def test_a_robot_whose_machine_is_set_back_an_hour_between_two_looks_at_the_cloc
     stepping.start()
     wait_until(lambda: 1400.0 in steps, "a step after the clock was set back")
     stepping.stop()
+
+
+def test_a_node_that_ends_between_two_steps_takes_no_more_of_them(monkeypatch):
+    class Overtaken(threading.Event):
+        """One that is set by a stop just before it is cleared."""
+
+        def clear(self):
+            ending.stop()
+            super().clear()
+
+    monkeypatch.setattr(stepper.rospy, "get_time", lambda: 1.0)
+    monkeypatch.setattr(stepper.rospy.rostime, "is_wallclock", lambda: True)
+    steps = []
+    ending = Stepper(lambda now: steps.append(now) or float("inf"))
+    ending._wake = Overtaken()
+    ending.start()
+    ending._thread.join(5.0)
+    assert not ending._thread.is_alive() and not steps
