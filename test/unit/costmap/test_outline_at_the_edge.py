@@ -18,9 +18,10 @@ def test_a_robot_whose_hull_is_past_the_edge_by_a_rounding_error_is_not_judged_b
     checker = FootprintChecker(CostGrid(
         Grid(resolution, 0.0, 0.0, width, width), np.zeros((width, width), np.uint8), "map", outline, 0.1, radius))
     past = 0
-    for heading in range(len(checker._outlines)):
+    headings = len(checker._outlines)
+    for heading in range(headings):
         for gap in 10.0 ** np.arange(-12.0, -7.0, 0.1):
-            pose = Pose2D(width * resolution - checker._radius - gap, 2.0, 2.0 * math.pi * heading / len(checker._outlines))
+            pose = Pose2D(width * resolution - checker._radius - gap, 2.0, 2.0 * math.pi * heading / headings)
             reached = pose.x / resolution + 1.0 / resolution * checker._outlines[heading, :, 0].astype(float).max()
             drive = np.array([[pose, pose]])
             free = checker.first_contacts(drive, np.array([2]), np.ones(1)).steps[0]

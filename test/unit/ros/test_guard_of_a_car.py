@@ -28,7 +28,7 @@ def test_what_is_judged_is_a_rate_and_what_passes_half_as_fast_is_the_same_angle
     node = VelocityGuardNode.__new__(VelocityGuardNode)
     node.__dict__.update(
         _steering=steering, _scans=deque(), _motion=lambda now: None, _clock=ClockWatch(),
-        _command=Twist(Vector3(*TOLD[:2], 0.0), Vector3(0.0, 0.0, TOLD.theta)),
+        _commanded=deque([Twist(Vector3(*TOLD[:2], 0.0), Vector3(0.0, 0.0, TOLD.theta))]),
         _guard=SimpleNamespace(
             take_command=lambda now, asked, moving: judged.append(asked),
             verdict=lambda now: Verdict(half, PASSING, "slower")),

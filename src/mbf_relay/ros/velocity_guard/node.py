@@ -60,7 +60,7 @@ class VelocityGuardNode:
         self._moving: Dict[str, float] = {}  # likewise of those that /tf places
         self._clock = ClockWatch()
         self._woken = threading.Event()
-        self._command: Optional[Twist] = None
+        self._commanded: Deque[Twist] = deque(maxlen=1)  # the newest, until it is judged
         self._scans: Deque[LaserScan] = deque(maxlen=MOST_SCANS)
         self._sending = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
         self._closed = False
@@ -92,7 +92,7 @@ class VelocityGuardNode:
             self._velocity.publish(twist_to_message(STOP))
 
     def _take_command(self, message: Twist) -> None:
-        self._command = message
+        self._commanded.append(message)
         self._woken.set()
 
     def _take_scan(self, message: LaserScan) -> None:
@@ -107,7 +107,7 @@ class VelocityGuardNode:
         while self._scans:
             scan = self._scans.popleft()
             scans[scan.header.frame_id] = scan
-        command, self._command = self._command, None
+        command = self._commanded.pop() if self._commanded else None
         for scan in scans.values():
             self._see(scan, now)
         if scans:
