@@ -158,8 +158,7 @@ def _places(costmap: CostGrid, start: Pose2D, distance: float) -> Iterator[np.nd
     grid = costmap.grid
     if _is_passable(costmap, *grid.cell_at(start.x, start.y)):
         yield np.array([[start.x, start.y]])
-    low = grid.cells_at(np.array([[start.x - distance, start.y - distance]]))[0]
-    high = grid.cells_at(np.array([[start.x + distance, start.y + distance]]))[0]
+    low, high = (grid.cell_at(start.x + off, start.y + off) for off in (-distance, distance))  # may be beyond int64
     columns = np.arange(max(0, low[0]), min(grid.width - 1, high[0]) + 1)
     rows = np.arange(max(0, low[1]), min(grid.height - 1, high[1]) + 1)
     cells = np.array(np.meshgrid(columns, rows)).reshape(2, -1).T

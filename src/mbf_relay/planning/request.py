@@ -107,7 +107,8 @@ def nearest_reachable(
     """
     grid = costmap.grid
     goal_x, goal_y = (goal.x - grid.origin_x) / grid.resolution, (goal.y - grid.origin_y) / grid.resolution
-    radius = tolerance / grid.resolution
+    farthest = math.hypot(abs(goal_x) + grid.width, abs(goal_y) + grid.height)
+    radius = min(tolerance / grid.resolution, farthest)  # cells
     window = Window(math.floor(goal_x - radius), math.floor(goal_y - radius),
                     math.ceil(goal_x + radius) + 1, math.ceil(goal_y + radius) + 1).within(grid)
     if window.is_empty or not (weights[costmap.costs[window.slices]] > 0.0).any():

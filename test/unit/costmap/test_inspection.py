@@ -131,6 +131,16 @@ def test_turning_may_be_what_makes_it_fit():
     assert found.verdict.state is PoseState.FREE and abs(abs(found.pose.theta) - math.pi / 2.0) > 1.2
 
 
+@pytest.mark.parametrize("anywhere", [1e17, 3.4e38])
+def test_a_robot_that_may_stand_anywhere_is_found_a_place(anywhere):
+    grid = Grid(0.05, -1.0, -1.0, 40, 40)
+    costs = np.zeros(grid.shape, dtype=np.uint8)
+    costs[:, 20:] = LETHAL
+    costmap = CostGrid(grid, costs, "map", BURGER, 0.04, 0.15)
+    found = find_valid_pose(costmap, Pose2D(0.5, 0.0, 0.0), BURGER, anywhere, 0.0)
+    assert found.verdict.state is PoseState.FREE and -0.2 < found.pose.x < 0.0
+
+
 def test_unknown_space_is_a_better_answer_than_outside():
     grid = Grid(0.05, 0.0, 0.0, 20, 20)
     costs = np.zeros(grid.shape, dtype=np.uint8)
