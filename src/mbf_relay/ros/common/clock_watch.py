@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 CLOCK_STANDS = 0.5
 """Wall seconds without simulated time after which the wheels must not go on by what was sent before."""
 TICKS_LATE = 3.0
-"""Times as long as the last tick took to come, as far as that is more: simulations far below real time tick slowly."""
+"""Times as long as the last two ticks took to come, the quicker of them, as far as that is more: simulations far below
+real time tick slowly, and one tick after a pause is none that does."""
 
 
 class ClockWatch:
@@ -19,13 +21,15 @@ class ClockWatch:
 
     def __init__(self) -> None:
         self._time = 0.0  # what ROS shows before there is any
-        self._ran_at, self._tick_period = time.monotonic(), 0.0
+        self._ran_at, self._tick_period, self._took = time.monotonic(), 0.0, math.inf
 
     def note(self, now: float) -> None:
         """Take note of the time (s) that ROS shows."""
         if now != self._time:
             wall = time.monotonic()
-            self._tick_period = wall - self._ran_at if self._time else 0.0
+            if self._time:
+                before, self._took = self._took, wall - self._ran_at
+                self._tick_period = min(before, self._took)
             self._time, self._ran_at = now, wall
 
     @property

@@ -82,6 +82,16 @@ def test_a_robot_in_a_simulation_far_below_real_time_is_not_stopped_between_two_
     assert watched.stands_after(3.1)
 
 
+@pytest.mark.parametrize("period", [1.0 / 60.0, 1.0])
+def test_a_robot_whose_simulation_stops_again_right_after_a_long_pause_stands(watched, period):
+    """As where somebody goes through it step by step: it was taken for one that ticks as rarely as it was paused."""
+    for count in range(5):
+        watched.tick(1.0 + count / 60.0, after=period)
+    watched.tick(2.0, after=100.0)
+    assert not watched.stands_after(0.4)
+    assert watched.stands_after(3.0)
+
+
 def test_a_robot_whose_machine_is_set_back_an_hour_between_two_looks_at_the_clock_is_not_left_driving(monkeypatch):
     clock = itertools.chain([5000.0], itertools.repeat(1400.0))
     monkeypatch.setattr(stepper, "STILL_CLOCK", 0.01)
