@@ -14,7 +14,15 @@ from tf2_msgs.msg import TFMessage
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
-from mbf_relay.ros.common.checks import TF2_END, InvalidMessage, check_frames, check_stamp, check_transform, shown
+from mbf_relay.ros.common.checks import (
+    AHEAD,
+    TF2_END,
+    InvalidMessage,
+    check_frames,
+    check_stamp,
+    check_transform,
+    shown,
+)
 from mbf_relay.ros.common.connected_nodes import connected_nodes
 from mbf_relay.ros.common.conversions import header, transform_from_message, transform_to_message
 from mbf_relay.ros.common.frame_tree import ContestedFrame, FrameTree
@@ -299,11 +307,11 @@ class Transforms:
             ) from error
         age = (rospy.get_rostime() - message.header.stamp).to_sec()
         moves = message.header.stamp.to_sec() > 0.0 and frames[0] != frames[1]
-        if max_age is not None and moves and age > max_age:
-            raise TransformError(
-                f"the transform from '{source_frame}' to '{target_frame}' is {age:.2f} s old; at most {max_age:.2f} s "
-                "allowed"
-            )
+        if max_age is not None and moves and not -AHEAD <= age <= max_age:
+            told = f"{age:.2f} s old; at most {max_age:.2f} s allowed"
+            if age < 0.0:
+                told = f"of before time was set back by {-age:.2f} s"
+            raise TransformError(f"the transform from '{source_frame}' to '{target_frame}' is {told}")
         return message
 
     def frames_above(self, base: str, frame: str) -> Dict[str, bool]:

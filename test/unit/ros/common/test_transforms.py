@@ -91,6 +91,15 @@ def test_a_stamp_is_judged_by_when_it_came_not_by_when_somebody_asks(robot):
     assert robot.x() == 1.0, "it was dated five seconds ahead"
 
 
+def test_nobody_drives_by_a_pose_of_before_time_was_set_back_where_none_has_come_since(robot):
+    robot.now = 1000.0
+    robot.send(1.0, stamp=1002.0)  # as amcl's, which is dated ahead
+    assert robot.transforms.lookup("odom", "base", max_age=0.5).x == 1.0
+    robot.now = 5.0
+    with pytest.raises(TransformError, match="'base' to 'odom' is of before time was set back by 997.00 s"):
+        robot.transforms.lookup("odom", "base", max_age=0.5)
+
+
 def test_where_time_is_set_back_nothing_is_left_of_before(robot):
     robot.send(1.0)
     robot.x()
