@@ -183,15 +183,11 @@ class Registry(Generic[P]):
         Raises:
             PluginError: It cannot be made; everything is as it was then.
         """
-        before = self._entries.get(name)
-        self._entries[name] = (type_name, self._costmap)
+        before, self._entries = self._entries, {**self._entries, name: (type_name, self._costmap)}
         try:
             self.instance(name, FIRST_INSTANCE)
         except PluginError:
-            if before is None:
-                del self._entries[name]
-            else:
-                self._entries[name] = before
+            self._entries = before
             raise
         self.failed.pop(name, None)
 
