@@ -75,8 +75,8 @@ class NavigationParts(Protocol):
     def new_recovery(self, goal: RecoverGoal, controller: str = "") -> RecoveryExecution:
         """Return an execution of `goal` that takes nobody's slot."""
 
-    def exe_path(self, goal: FollowGoal, watch_oscillation: bool = True) -> Task[FollowResult]:
-        """Drive along a path."""
+    def exe_path(self, goal: FollowGoal, owner: Optional[Task[Any]] = None) -> Task[FollowResult]:
+        """Drive along a path, for a goal."""
 
     def update_drive(self, now: float) -> None:
         """Advance the drive of slot 0 alone."""
@@ -208,7 +208,7 @@ class MoveBase:
 
     def _follow(self, path: Path, same_goal: bool) -> None:
         goal = FollowGoal(path, self.goal.controller, slot=0, same_goal=same_goal)
-        self._at = Driving(self._navigator.exe_path(goal, watch_oscillation=False), path)
+        self._at = Driving(self._navigator.exe_path(goal, owner=self.task), path)
 
     def _update_drive(self, now: float, at: Driving) -> None:
         for feedback in self._pass_on_feedback(at.drive):

@@ -94,9 +94,14 @@ class Navigator:
         self._plans[goal.slot] = execution
         return execution.task
 
-    def exe_path(self, goal: FollowGoal, watch_oscillation: bool = True) -> Task[FollowResult]:
-        """Drive along a path; the same controller in the same slot goes over to it without a stop."""
-        task: Task[FollowResult] = Task()
+    def exe_path(self, goal: FollowGoal, owner: Optional[Task[Any]] = None) -> Task[FollowResult]:
+        """Drive along a path; the same controller in the same slot goes over to it without a stop.
+
+        Args:
+            goal: That.
+            owner: The goal it is driven for, if any, which judges oscillation over several drives.
+        """
+        task: Task[FollowResult] = Task(owner)
         try:
             instance = self.controllers.instance(self.controllers.choose(goal.controller), goal.slot)
             if len(goal.path) == 0:
@@ -116,7 +121,7 @@ class Navigator:
                 zone_limit=self._zone_limit,
             )
             self._drives[goal.slot] = running
-        running.watch_oscillation = watch_oscillation
+        running.watch_oscillation = owner is None
         running.follow(goal, task)
         self._announced.append(("controller", FramedPose(goal.path.goal, goal.path.frame)))
         return task

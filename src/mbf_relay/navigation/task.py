@@ -22,9 +22,13 @@ class Task(Generic[R]):
 
     `cancel` may be called by any thread at any time; everything else belongs to the thread that steps navigation. A
     cancel therefore takes effect at the next look, and the last look comes right before a velocity goes out.
+
+    Args:
+        owner: The goal it is a part of, if any: with that it is called off.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, owner: Optional[Task[Any]] = None) -> None:
+        self._owner = owner
         self._cancel_requested = False
         self._result: Optional[R] = None
         self._ending: Optional[Ending] = None
@@ -37,7 +41,7 @@ class Task(Generic[R]):
     @property
     def cancel_requested(self) -> bool:
         """Return whether the goal was called off."""
-        return self._cancel_requested
+        return self._cancel_requested or (self._owner is not None and self._owner.cancel_requested)
 
     @property
     def done(self) -> bool:

@@ -272,3 +272,13 @@ def test_a_robot_sent_one_metre_ahead_of_itself_drives_one_metre(make_bench):
     task = bench.navigator.move_base(NavigateGoal(FramedPose(Pose2D(1.0, 0.0, 0.0), "base")))
     assert bench.finish(task, 20.0).outcome is NavigateOutcome.SUCCESS
     assert bench.robot.pose.x == pytest.approx(4.0, abs=0.05)
+
+
+def test_no_velocity_goes_out_after_a_cancel_though_one_was_thought_of_before_it(held_bench):
+    bench = held_bench
+    task = bench.navigator.move_base(GOAL)
+    bench.run(lambda: bench.robot.sent)
+    sent = list(bench.robot.sent)
+    task.cancel()
+    bench.step()
+    assert task.ending is Ending.CANCELED and bench.robot.sent == [*sent, STOP]
