@@ -67,7 +67,7 @@ class GoalSink(Protocol):
 
 
 class TrackedGoal:
-    """One goal at the server, with the methods of actionlib's ServerGoalHandle.
+    """One goal at the server, with those methods of actionlib's ServerGoalHandle that are used.
 
     Attributes:
         status: Its GoalStatus.
@@ -101,10 +101,6 @@ class TrackedGoal:
     def get_goal_id(self) -> GoalID:
         """Return its id."""
         return self.status.goal_id
-
-    def get_goal_status(self) -> GoalStatus:
-        """Return its status."""
-        return self.status
 
     def set_accepted(self, text: str = "") -> None:
         """Go over to ACTIVE, or to PREEMPTING where a cancel came before."""

@@ -111,6 +111,11 @@ class CostmapServices:
         response.pose = pose_stamped(found.pose, costmap.frame, rospy.get_rostime())
         return response
 
+    def rouse(self, side: str) -> None:
+        """Have a costmap that rests updated; raise ValueError where that is not done in time."""
+        if self._wake():
+            self._await_updates(side)
+
     def _update(self, _request: EmptyRequest) -> EmptyResponse:
         self._wake()
         self._await_updates(*self._nodes)
@@ -141,7 +146,8 @@ class CostmapServices:
             raise ValueError(f"costmap is {number}; it must be LOCAL_COSTMAP (1) or GLOBAL_COSTMAP (2)")
         side = SIDES[number]
         costmap = self._nodes[side].costmap
-        if self._wake() or costmap.planning_trouble(rospy.get_time()) is not None:
+        self.rouse(side)
+        if costmap.planning_trouble(rospy.get_time()) is not None:
             self._await_updates(side)
         trouble = costmap.planning_trouble(rospy.get_time())
         if trouble is not None:

@@ -105,7 +105,7 @@ class MoveBaseFlex:
             self._services = CostmapServices(
                 self._costmap_nodes, self._transforms, self.navigator.parameters.robot_frame, self._ask_costmaps
             )
-        self._plan_services = PlanServices(self.navigator, self._planner)
+        self._plan_services = PlanServices(self.navigator, self._planner, self._rouse)
         self._pause_services = PauseServices(self.robot, self._stepper.wake)
         self._stepper.start()
         self._watchdog.start()
@@ -206,6 +206,10 @@ class MoveBaseFlex:
         rested = self._rest.wake()
         self._stepper.wake()  # so that it looks again when they may rest
         return rested
+
+    def _rouse(self, side: str) -> None:
+        if self._costmap_nodes:
+            self._services.rouse(side)
 
     def _report(self) -> Report:
         asked, commands = self.navigator.parameters.controller_frequency, self.robot.commands

@@ -13,7 +13,6 @@ from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
 from mbf_relay.navigation.goals import PlanGoal, PlanResult
 from mbf_relay.navigation.navigator import Navigator
 from mbf_relay.outcomes import PlanningError, PlanOutcome
-from mbf_relay.ros.common.checks import InvalidMessage
 from mbf_relay.ros.common.conversions import path_to_message
 from mbf_relay.ros.common.get_plan import turned
 from mbf_relay.ros.server.messages import framed_pose
@@ -34,10 +33,15 @@ class PlanServices:
     Args:
         navigator: Gives planners, costmaps and the robot.
         default: Gives the planner of `~make_plan`; empty for the first.
+        rouse: Has the costmap of a side, "global" or "local", updated where it rests; raises ValueError where it
+            cannot.
     """
 
-    def __init__(self, navigator: Navigator, default: Callable[[], str] = lambda: "") -> None:
-        self._navigator, self._default = navigator, default
+    def __init__(
+        self, navigator: Navigator, default: Callable[[], str] = lambda: "",
+        rouse: Callable[[str], None] = lambda side: None,
+    ) -> None:
+        self._navigator, self._default, self._rouse = navigator, default, rouse
         self._one_at_a_time = threading.Lock()  # a planner is never called twice at once
         self._services = [rospy.Service("~make_plan", GetPlan, lambda request: self._answer(request, self._default()))]
         for name in navigator.planners.names:
@@ -54,7 +58,7 @@ class PlanServices:
         response.plan.header.stamp = stamp = rospy.get_rostime()
         try:
             result = self._plan(_goal(request, planner))
-        except (InvalidMessage, PlanningError) as error:
+        except (ValueError, PlanningError) as error:
             rospy.logwarn("make_plan found no path: %s", error)
             return response
         if result.path is None:
@@ -67,6 +71,8 @@ class PlanServices:
         """Return what comes of one try."""
         with self._one_at_a_time:
             execution = self._navigator.new_plan(goal, retry=False, instance=INSTANCE, announced=False)
+            if not execution.task.done:
+                self._rouse(execution.instance.costmap)
             while not execution.task.done:
                 execution.update(rospy.get_time())
                 if not execution.task.done:
