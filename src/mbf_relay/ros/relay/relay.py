@@ -227,7 +227,7 @@ class Relay:
             self._advance()
             if active is None:
                 pass
-            elif active.sent is None and now - active.taken_at > parameters.server_timeout:
+            elif active.sent is None and now - active.waits_since > parameters.server_timeout:
                 self._end(answers.server_absent(parameters))
             elif active.cancelled_at is not None and now - active.cancelled_at > parameters.cancel_timeout:
                 self._end(answers.preempted(reason="the server did not answer the cancel"))
@@ -289,7 +289,7 @@ class Relay:
                 else:
                     # The C++ server credits a new goal with the arrival of the one it replaced. Sent once more, the
                     # goal replaces none, and what the server claims then is this goal's own.
-                    active.was_doubted, active.sent = True, None
+                    active.was_doubted, active.sent, active.waits_since = True, None, self._clock()
             self._advance()
 
     def _leave(self, sent: _SentGoal) -> None:
@@ -319,14 +319,14 @@ class _ActiveGoal:
 
     Attributes:
         client_goal: Where its answer goes.
-        taken_at: When it came (s).
+        waits_since: When it came, or was to be sent once more (s).
         sent: The server's goal that was sent for it, None before.
         cancelled_at: When the client cancelled it (s), None before.
         was_doubted: Whether the server has claimed an arrival once already that was not believed.
     """
 
     def __init__(self, client_goal: ClientGoal, now: float) -> None:
-        self.client_goal, self.taken_at = client_goal, now
+        self.client_goal, self.waits_since = client_goal, now
         self.sent: Optional[_SentGoal] = None
         self.cancelled_at: Optional[float] = None
         self.was_doubted = False
