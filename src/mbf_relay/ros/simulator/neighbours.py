@@ -20,7 +20,7 @@ PERIOD = 0.1
 
 
 class ClockFollower:
-    """Paces a simulation by another node's /clock; stands in for `pacing.Pacer`.
+    """Paces a simulation by another node's /clock; stands in for `pacing.RealTimePacer`.
 
     Args:
         now: The simulation's time (s).
