@@ -163,6 +163,7 @@ class Relay:
         self._at_server: List[_SentGoal] = []  # oldest first
         self._zero_due_at = math.inf
         self._newest_stamp = 0.0
+        self._over: Optional[Answer] = None  # to every goal, once this node ends
 
     def take_goal(self, client_goal: ClientGoal, now: float) -> None:
         """Pursue a goal in place of the present one.
@@ -176,10 +177,10 @@ class Relay:
             if stamp < self._newest_stamp <= now:  # a newest stamp in the future is of before the clock was set back
                 client_goal.set_canceled(None, answers.REPLACED)
                 return
-            nonsense = answers.not_finite(pose.pose)
-            if nonsense is not None:
+            refusal = self._over or answers.not_finite(pose.pose)
+            if refusal is not None:
                 client_goal.set_accepted(answers.ACCEPTED)
-                self._give(client_goal, nonsense)
+                self._give(client_goal, refusal)
                 return
             self._newest_stamp = stamp
             self._end(answers.preempted(answers.REPLACED))
@@ -237,9 +238,10 @@ class Relay:
             self._advance()
 
     def shut_down(self) -> None:
-        """Cancel at the server and abort, because this node ends."""
+        """Cancel at the server and abort, because this node ends; so it does with goals that still come."""
         with self._lock:
-            self._end(answers.aborted(answers.NODE_KILLED))
+            self._over = answers.aborted(answers.NODE_KILLED)
+            self._end(self._over)
             self._advance()
 
     @property

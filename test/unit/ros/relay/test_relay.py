@@ -343,6 +343,13 @@ def test_shutting_down_cancels_and_says_so(setup):
     setup.relay.shut_down()
 
 
+def test_a_robot_is_sent_nowhere_by_a_relay_that_ends(setup):
+    """Nobody would be left to answer for a goal that came while the last words were being sent."""
+    setup.relay.shut_down()
+    goal = setup.goal()
+    assert (goal.state, goal.text) == (ABORTED, answers.NODE_KILLED) and not setup.server.sent
+
+
 def test_every_goal_is_told_of_once(setup):
     fronts = [setup.goal() for _ in range(20)]
     setup.server.sent[-1].end(SUCCEEDED, MoveBaseResult.SUCCESS)
