@@ -70,7 +70,7 @@ class TransformMonitor:
                 return None
             self._told = told
         way, turn = told.distance_to(self._told), abs(angle_between(told.theta, self._told.theta))
-        if max(way, turn) <= CAME:
+        if not (way > CAME or turn > CAME):  # NaN, of a driver that tells no pose, contradicts none
             self._since = stamp
         if stamp - self._since <= REPEATED_FOR:
             return None
