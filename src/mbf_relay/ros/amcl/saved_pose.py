@@ -14,6 +14,7 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.kept_pose import SAVED_ODOM, KeptPose, kept_pose_from
 from mbf_relay.localization.node_parameters import INITIAL, initial_pose_as_parameters, initial_pose_from
 from mbf_relay.ros.common import parameters
+from mbf_relay.ros.common.impatient_proxy import NO_ANSWER
 
 
 class SavedPose:
@@ -57,10 +58,10 @@ class SavedPose:
 
     @staticmethod
     def save(kept: KeptPose, covariance: np.ndarray) -> None:
-        """Write a pose and its covariance, shape (3, 3), at once; quietly not, where the server is gone at shutdown."""
+        """Write a pose and its covariance, shape (3, 3), at once; quietly not, where the master cannot."""
         try:
             for name, value in initial_pose_as_parameters(kept.pose, covariance).items():
                 rospy.set_param(f"~{name}", value)
             rospy.set_param(f"~{SAVED_ODOM}", kept.as_parameters())
-        except (OSError, rospy.ROSException):
-            rospy.logdebug("the pose could not be saved: the parameter server is gone")
+        except (*NO_ANSWER, rospy.ROSException) as error:
+            rospy.logdebug("the pose could not be saved: %s", error)

@@ -1,0 +1,32 @@
+"""The pose that a restarted amcl begins at goes on being saved, whatever the master once answered."""
+
+import xmlrpc.client
+
+import numpy as np
+import pytest
+from ros_testing import wait_until
+
+rospy = pytest.importorskip("rospy", reason="needs ROS")
+
+from mbf_relay.geometry import IDENTITY, Pose2D  # noqa: E402
+from mbf_relay.localization.kept_pose import KeptPose  # noqa: E402
+from mbf_relay.ros.amcl.saved_pose import SavedPose  # noqa: E402
+
+
+@pytest.mark.parametrize("answer", [
+    xmlrpc.client.Fault(1, "dictionary changed size during iteration"),
+    xmlrpc.client.ProtocolError("http://localhost:11311", 503, "busy", {}), ConnectionRefusedError()])
+def test_a_robot_is_found_again_where_it_was_last_though_the_master_once_could_not_say(monkeypatch, answer):
+    answers, kept = [answer], {}
+
+    def set_param(name, value):
+        if answers:
+            raise answers.pop()
+        kept[name] = value
+
+    monkeypatch.setattr(rospy, "set_param", set_param)
+    saved = SavedPose()
+    for x in (1.0, 2.0):
+        saved.save_soon(KeptPose(Pose2D(x, 0.0, 0.0), IDENTITY, 5.0), np.eye(3))
+        wait_until(lambda: not answers, "a first try to save")
+    wait_until(lambda: kept.get("~initial_pose_x") == 2.0 and "~saved_odom" in kept, "the newest pose to be saved", 5.0)
