@@ -17,6 +17,7 @@ from dynamic_reconfigure.srv import Reconfigure
 from mbf_relay.navigation.move_base_files import SERVER_NAMES
 from mbf_relay.navigation.move_base_parameters import MoveBaseParameters
 from mbf_relay.ros.common import reconfigure
+from mbf_relay.ros.common.impatient_proxy import NO_ANSWER
 
 WITHOUT_COUNTERPART = ("conservative_reset_dist", "clearing_rotation_allowed", "make_plan_clear_costmap")
 """move_base's parameters that the server has nothing like; its recovery behaviours are configured on the server."""
@@ -206,14 +207,14 @@ class MoveBaseSettings:
         for name in (*shown, MIRRORED):
             try:
                 rospy.delete_param(f"~{name}")
-            except (KeyError, OSError, rospy.ROSException):
+            except (KeyError, rospy.ROSException, *NO_ANSWER):
                 pass  # it was never put there, or the master has ended first
 
     def _forward(self) -> None:
         """Send wishes as they come; where the server is not there, keep them."""
         service = rospy.ServiceProxy(f"{self._server}/set_parameters", Reconfigure)
         while not rospy.is_shutdown():
-            self._wake.wait(RETRY_AFTER if self._to_send else None)
+            self._wake.wait(RETRY_AFTER if self._to_send or self._plugins_wanted else None)
             self._wake.clear()
             with self._lock:
                 changes, self._to_send = self._to_send, {}
@@ -225,7 +226,7 @@ class MoveBaseSettings:
                     continue
                 service(encode_config(changes))
                 rospy.loginfo("forwarded to %s: %s", self._server, changes)
-            except (rospy.ServiceException, rospy.ROSException, OSError):
+            except (rospy.ServiceException, rospy.ROSException, *NO_ANSWER):
                 with self._lock:
                     self._to_send = {**changes, **self._to_send}
                     self._plugins_wanted |= learn

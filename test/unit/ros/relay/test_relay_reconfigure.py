@@ -1,10 +1,15 @@
 """move_base's parameters and the server's."""
 
+import threading
+import xmlrpc.client
+
 import pytest
+from ros_testing import wait_until
 
 pytest.importorskip("dynamic_reconfigure.encoding")
 
 from mbf_relay.navigation.move_base_parameters import MoveBaseParameters  # noqa: E402
+from mbf_relay.ros.relay import reconfigure as relay_reconfigure  # noqa: E402
 from mbf_relay.ros.relay.reconfigure import MoveBaseSettings, name_at_server, server_changes, wishes  # noqa: E402
 
 PLUGINS = [{"name": "NavfnROS", "type": "navfn/NavfnROS"}, {"name": "other", "type": "global_planner/GlobalPlanner"}]
@@ -63,3 +68,30 @@ def test_a_master_that_hangs_keeps_no_goal_and_so_no_cancel_waiting(monkeypatch)
     settings.server_came()
     assert settings.plugin_names() == ("", "") and not settings.knows_server
     assert MoveBaseSettings("move_base_flex", MoveBaseParameters()).knows_server
+
+
+@pytest.mark.parametrize("answer", [ConnectionRefusedError(), xmlrpc.client.Fault(1, "changed during iteration")])
+def test_goals_are_sent_though_the_master_could_not_say_at_first_what_plugins_the_server_has(monkeypatch, answer):
+    answers, ends = [answer], []
+
+    def get_param(name, _default):
+        if answers:
+            raise answers.pop()
+        return PLUGINS if name.endswith("planners") else []
+
+    for name, stand_in in {
+        "get_param": get_param, "resolve_name": lambda name: "/" + name, "is_shutdown": lambda: bool(ends),
+        "ServiceProxy": lambda *_: None, "logwarn": lambda *_: None,
+    }.items():
+        monkeypatch.setattr(f"rospy.{name}", stand_in)
+    monkeypatch.setattr(relay_reconfigure, "RETRY_AFTER", 0.01)
+    settings = MoveBaseSettings(
+        "move_base_flex", MoveBaseParameters(base_global_planner="global_planner/GlobalPlanner"))
+    settings.server_came()
+    worker = threading.Thread(target=settings._forward, daemon=True)
+    worker.start()
+    wait_until(lambda: settings.knows_server, "the server's plugins", 5.0)
+    assert settings.plugin_names() == ("other", "")
+    ends.append(True)
+    settings._wake.set()
+    worker.join(5.0)
