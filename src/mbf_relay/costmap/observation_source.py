@@ -88,6 +88,8 @@ class Sensor:
         measured = min(rays.stamp, now) if rays.stamp > 0.0 else now
         if self.last_update > -math.inf:
             self.usual_age.renewed(now - self.last_update, measured - self.last_update)
+        if measured < self.last_update - SET_BACK:
+            self.kept.clear()
         self.last_update = measured
         self.kept.appendleft(rays)
         if keep_time == 0.0:

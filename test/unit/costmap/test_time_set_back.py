@@ -5,6 +5,7 @@ import pytest
 from test_costmap import NEW_FORM
 
 from mbf_relay.costmap import factory
+from mbf_relay.costmap.cost_grid import LETHAL
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.geometry import IDENTITY
 
@@ -40,3 +41,19 @@ def test_nobody_drives_by_a_lidar_that_has_sent_nothing_since_time_was_set_back(
     costmap.observe("scan", Observation((0.0, 0.0), NOTHING, None, 5.2))
     costmap.update(5.2, IDENTITY)
     assert costmap.stale_reason(5.3) is None
+
+
+def test_no_ghost_of_before_time_was_set_back_stands_where_a_sensor_looks_through():
+    lasting = {**NEW_FORM["obstacles"]["scan"], "observation_persistence": 10.0}
+    obstacles = {**NEW_FORM["obstacles"], "scan": lasting}
+    costmap = factory.build_costmap("local_costmap", {**NEW_FORM, "obstacles": obstacles})
+
+    def seen(x, now):
+        costmap.observe("scan", Observation((0.0, 0.0), np.array([[x, 0.0]]), None, now))
+        costmap.update(now, IDENTITY)
+        snapshot = costmap.snapshot()
+        column, row = snapshot.grid.cell_at(0.5, 0.0)
+        return snapshot.costs[row, column] == LETHAL
+
+    assert seen(0.5, 1000.0) and seen(1.2, 1001.0), "what a sensor saw lasts"
+    assert not seen(1.2, 5.0)
