@@ -12,6 +12,7 @@ import numpy as np
 
 from mbf_relay.costmap import footprint as footprints
 from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, INSCRIBED, NO_INFORMATION, CostGrid, Window, half_width_of
+from mbf_relay.costmap.freshness import LEAST_ALLOWED, Freshness
 from mbf_relay.costmap.layer import Layer, LayerContext, ZoneLimit, changed_window, missing_inputs, shifted, tracks_of
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.outline import check_padded
@@ -22,7 +23,6 @@ from mbf_relay.maps import OccupancyMap
 from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.parameters import ParameterSet
 from mbf_relay.plugins import PluginFailure, failures_of
-from mbf_relay.timing import SET_BACK
 
 HISTORY = 64
 """How many changes back a snapshot knows what changed since."""
@@ -47,18 +47,19 @@ class Costmap:
         self, name: str, parameters: CostmapParameters, layers: Sequence[Layer], notes: Sequence[str] = (),
         failed: Optional[Mapping[str, str]] = None,
     ) -> None:
-        self.name, self.parameters = name, parameters
+        self.name = name
         self.notes, self.failed = tuple(notes), dict(failed or {})
+        self.parameters = parameters
         self.layers: List[Layer] = list(layers)
         # the only lock: held for an update, for a copy of the snapshot, and while input is handed to the layers
         self._lock = threading.RLock()
         self._grid = parameters.grid()
         self._costs = np.zeros((0, 0), dtype=np.uint8)
         self._default = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
-        self._last_update: Optional[float] = None
-        self._updates, self._sized_by_map, self._missing = 0, False, ""
+        self._freshness = Freshness(name)
+        self._sized_by_map, self._missing = False, ""
         self._due_grid: Optional[Grid] = None  # the next update takes it, see there
-        self._redo_due, self._failure = False, ""  # the next update redoes every cell; why there is none
+        self._redo_due = False  # the next update redoes every cell
         self._copy: Optional[np.ndarray] = None  # of the costs, made when somebody asks
         self._shown: Optional[CostGrid] = None  # the snapshot made last, as long as nothing changed
         self._history: Deque[Tuple[int, Window]] = deque(maxlen=HISTORY)
@@ -91,7 +92,7 @@ class Costmap:
     @property
     def updates(self) -> int:
         """How often it was updated."""
-        return self._updates
+        return self._freshness.updates
 
     @property
     def outline(self) -> np.ndarray:
@@ -274,13 +275,13 @@ class Costmap:
             except PluginFailure as failure:
                 self.note_failure(str(failure))
                 raise
-            self._last_update, self._shown, self._redo_due, self._failure = now, None, False, ""
+            self._shown, self._redo_due = None, False
             self._missing = missing_inputs(active)
-            self._updates += 1
+            self._freshness.note(now)
 
     def note_failure(self, reason: str) -> None:
         """Note why it cannot be updated at present; told, until it is, where the snapshot is missing or too old."""
-        self._failure = f": {reason}"
+        self._freshness.failure = reason
 
     def _redo(self, window: Window, layers: Sequence[Layer]) -> None:
         before = self._costs[window.slices].copy()
@@ -327,19 +328,21 @@ class Costmap:
     def snapshot(self) -> CostGrid:
         """Return the present snapshot; it does not change when the costmap does."""
         with self._lock:
-            self._copy = self._costs.copy() if self._copy is None else self._copy
+            if self._copy is None:
+                self._copy = self._costs.copy()
             self._shown = self._shown or CostGrid(
                 self._grid, self._copy, self.frame, self._footprint, self._inscribed_radius, self._circumscribed_radius,
-                self._history[-1][0], self._last_update or 0.0, tuple(self._history), self.parameters.obstacle_overlap,
-                tracks_of(self.layers), *self._near_costs())
+                self._history[-1][0], self._freshness.updated or 0.0, tuple(self._history),
+                self.parameters.obstacle_overlap, tracks_of(self.layers), *self._near_costs())
             return self._shown
 
     def _near_costs(self) -> Tuple[int, int]:
         """Return the costs at which the robot's sides touch an obstacle, and a corner where it turns; see CostGrid."""
         if self._near is None:
+            half_width = half_width_of(self._footprint, self._inscribed_radius)
             margin = (0.5 - self.parameters.obstacle_overlap) * self._grid.resolution  # an obstacle fills its cell
             told = []
-            for distance in (half_width_of(self._footprint, self._inscribed_radius), self._circumscribed_radius):
+            for distance in (half_width, self._circumscribed_radius):
                 costs = [layer.cost_at(distance + margin) for layer in self.layers if layer.enabled]
                 told.append(max((cost for cost in costs if cost is not None), default=INSCRIBED))
             self._near = told[0], told[1]
@@ -374,28 +377,18 @@ class Costmap:
     def stale_reason(self, now: float) -> Optional[str]:
         """Return why the snapshot must not be driven on, or None."""
         with self._lock:
-            if self._last_update is None:
-                return f"{self.name} was not updated yet{self._failure}"
-            not_updated = self._age_reason(now, 1.0 if self.sources else math.inf)  # nor do sensors get through then
+            resting = LEAST_ALLOWED if self.sources else math.inf  # nor do sensors get through then
+            trouble = self._freshness.trouble(now, self.parameters.update_frequency, resting)
             reasons = (layer.stale_reason(now) for layer in self.layers if layer.enabled)
-            return not_updated or next((f"{self.name}: {reason}" for reason in reasons if reason is not None), None)
+            return trouble or next((f"{self.name}: {reason}" for reason in reasons if reason is not None), None)
 
     def planning_trouble(self, now: float) -> Optional[PlanningError]:
         """Return why the snapshot must not be planned on, or None: sensors may be silent, but it must have a map."""
         with self._lock:
-            if self._last_update is None:
-                missing = missing_inputs(self.layers)
-                why = f": {missing}" if missing else self._failure
-                return PlanningError(PlanOutcome.NOT_INITIALIZED, f"{self.name} was not updated yet{why}")
+            if self._freshness.updated is None:
+                missing = self._freshness.never(missing_inputs(self.layers))
+                return PlanningError(PlanOutcome.NOT_INITIALIZED, missing)
             if self._missing:  # at that update: a map that has come since is not in the snapshot
                 return PlanningError(PlanOutcome.MAP_ERROR, f"{self.name}: {self._missing}")
-            reason = self._age_reason(now, math.inf)
-            return PlanningError(PlanOutcome.MAP_ERROR, reason) if reason is not None else None
-
-    def _age_reason(self, now: float, never_updated: float) -> Optional[str]:
-        """Return why the snapshot is too old, or None; one that is never updated may be `never_updated` (s) old."""
-        assert self._last_update is not None
-        age, frequency = now - self._last_update, self.parameters.update_frequency
-        limit, why = (max(1.0, 5.0 / frequency), "") if frequency else (never_updated, ": its update_frequency is 0")
-        told = "before time was set back" if age < -SET_BACK else f"{age:.2f} s ago; at most {limit:.2f} s is allowed"
-        return None if -SET_BACK <= age <= limit else f"{self.name} was last updated {told}{self._failure or why}"
+            trouble = self._freshness.trouble(now, self.parameters.update_frequency, math.inf)
+            return PlanningError(PlanOutcome.MAP_ERROR, trouble) if trouble is not None else None
