@@ -60,8 +60,8 @@ class MoveBaseFlexTest(MoveBaseFlexCase):
             start = GetPathGoal(target_pose=pose_at(1.0), start_pose=pose, use_start_pose=True)
             self.assert_outcome("get_path", start, "INVALID_START", words=words)
             path = path_of(0.0, 0.1, 0.2)
-            path.path.poses[1] = pose
-            self.assert_outcome("exe_path", path, "INVALID_PATH", words="pose 1 of the path")
+            path.path.poses[2] = pose
+            self.assert_outcome("exe_path", path, "INVALID_PATH", words="pose 2 of the path")
         self.assert_outcome("get_path", GetPathGoal(target_pose=pose_at(1e300)), "INVALID_GOAL", words="1e+300")
         self.assert_outcome("exe_path", path_of(1e300, 1e308), "INVALID_PATH", words="1e+300")
         for frame in ("atlantis", ""):
