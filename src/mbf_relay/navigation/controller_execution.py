@@ -19,7 +19,7 @@ from mbf_relay.navigation.goals import FollowFeedback, FollowGoal, FollowResult,
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.progress import IgnoredCommands, OscillationDetector
 from mbf_relay.navigation.registry import PluginInstance
-from mbf_relay.navigation.robot import OVERRUN_PERIODS, Robot
+from mbf_relay.navigation.robot import OVERRUN_PERIODS, TOO_OLD, Robot
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.worker import Job
 from mbf_relay.outcomes import ControlError, ControlOutcome, StaleDataError, TransformError
@@ -275,6 +275,9 @@ class ControllerExecution:
                 name, told = self.instance.name, tuple(velocity)
                 message = f"controller '{name}' returned velocity {told}, which no robot drives"
                 self._fail(now, ControlOutcome.NO_VALID_CMD, message)
+            elif self._since_call.elapsed(now) > TOO_OLD:
+                told = f"thought for {self._since_call.elapsed(now):.1f} s, and what it saw is too old to drive by"
+                self._no_command(now, ControlOutcome.NO_VALID_CMD, f"controller '{self.instance.name}' {told}")
             else:
                 self._drive(now, velocity)
 

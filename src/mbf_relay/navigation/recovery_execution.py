@@ -10,7 +10,7 @@ from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.goals import RecoverGoal, RecoverResult
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.registry import PluginInstance
-from mbf_relay.navigation.robot import OVERRUN_PERIODS, Robot
+from mbf_relay.navigation.robot import OVERRUN_PERIODS, TOO_OLD, Robot
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.worker import Job
 from mbf_relay.outcomes import RecoveryError, RecoveryOutcome, StaleDataError, TransformError
@@ -209,7 +209,7 @@ class RecoveryExecution:
     def _drive(self, now: float, velocity: Twist2D) -> None:
         if self.task.cancel_requested:
             return
-        if velocity != STOP and self._blind(now):
+        if velocity != STOP and (self._since_call.elapsed(now) > TOO_OLD or self._blind(now)):
             velocity = STOP
         self._moved = self._moved or velocity != STOP
         self._send(velocity)

@@ -14,6 +14,8 @@ from mbf_relay.outcomes import StaleDataError
 
 OVERRUN_PERIODS = 3.0
 """Control periods a velocity stays in force without a new one; a plugin that thinks longer lets the robot stand."""
+TOO_OLD = 1.0
+"""Seconds after which what a plugin saw of the robot's surroundings is too old for a velocity thought of by it."""
 
 
 class Robot(abc.ABC):

@@ -181,6 +181,18 @@ def test_a_controller_that_hangs_lets_the_robot_stand_and_ends_with_patience(hel
     bench.run(lambda: bench.robot.sent[-1] == FORWARD, 1.0)
 
 
+def test_a_robot_does_not_set_off_by_what_its_controller_saw_before_it_hung(make_bench):
+    """Somebody may have stepped in front of it meanwhile; it drove a cycle's way before it looked again."""
+    bench = make_bench(scripted.HeldWorker(), controller_patience=5.0)
+    bench.worker.delays = [1, 1, 15]
+    task = bench.navigator.exe_path(FollowGoal(PATH))
+    bench.run(lambda: bench.robot.sent[-1:] == [STOP], 2.0)
+    sent = len(bench.robot.sent)
+    bench.run(lambda: any("thought for" in told.message for told in task.take_feedback()), 3.0)
+    assert set(bench.robot.sent[sent:]) <= {STOP}
+    bench.run(lambda: bench.robot.sent[-1] == FORWARD, 1.0)
+
+
 @pytest.mark.parametrize("blind, text", [
     (lambda bench: setattr(bench.robot, "stale", "odometry is 3 s old"), "odometry is 3 s old"),
     (lambda bench: setattr(bench.costmaps["local"], "stale", "source 'scan' is 3 s old"), "source 'scan' is 3 s old"),

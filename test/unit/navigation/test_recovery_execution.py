@@ -93,6 +93,24 @@ def test_a_robot_does_not_roll_on_while_a_step_hangs(held_bench):
     bench.worker.release()  # it cleans up
 
 
+def test_a_robot_does_not_set_off_by_what_a_behaviour_saw_before_it_hung(held_bench):
+    bench = held_bench
+    bench.script.recovery = steps(1000)
+    bench.worker.delays = [1, None]
+    task = bench.navigator.recovery(RecoverGoal("R1"))
+    bench.run(lambda: FORWARD in bench.robot.sent)
+    for _ in range(13):
+        bench.step()
+    sent = len(bench.robot.sent)
+    bench.worker.release()
+    bench.step(0.0)
+    assert bench.robot.sent[sent - 1:] in ([STOP], [STOP, STOP])
+    bench.run(lambda: bench.robot.sent[-1] == FORWARD, 0.5)
+    task.cancel()
+    bench.finish(task)
+    bench.worker.release()  # it cleans up
+
+
 def test_patience_ends_a_behaviour_that_never_does(bench):
     bench.script.recovery = steps(10 ** 6)
     started = bench.now
