@@ -75,7 +75,7 @@ def test_a_robot_whose_time_matters_drives_beside_one_that_waits_and_beside_no_o
 @pytest.mark.parametrize("more", [["--list"], []])
 def test_a_misspelt_job_among_several_is_not_left_out_in_silence(tmp_path, monkeypatch, capsys, more):
     """The rest ran and passed, and a CI was green without the tests it was there for."""
-    monkeypatch.setattr(sys, "argv", ["run_all.py", "--results", str(tmp_path), "lint/ruff", "unit/planing", *more])
+    monkeypatch.setattr(sys, "argv", ["run_all.py", "--results", str(tmp_path), "unit/control", "unit/planing", *more])
     monkeypatch.setattr(run_all, "run", lambda *_arguments: 0)
     assert run_all.main() == 2
     assert "no test has unit/planing in its name" in capsys.readouterr().err
