@@ -1,6 +1,7 @@
 """MPPI: imagined drives against plain references, its critics, its motion models, and Nav2's names."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -50,6 +51,17 @@ def plain_roll_out(pose, velocity, samples, low, high, accelerations, radius, st
             at = at + np.array([cos * now[0] - sin * now[1], sin * now[0] + cos * now[1], now[2]]) * step / 200
         poses.append(at)
     return np.array(poses)
+
+
+@pytest.mark.parametrize("lowest", [0.0, -0.2])
+def test_an_omnidirectional_robot_may_stand_and_drive_slowly_whether_it_drives_backwards_or_not(lowest):
+    controller = make(
+        motion_model="Omni", vx_max=0.5, vx_min=lowest, vy_max=0.5, acc_lim_y=2.0, max_vel_trans=0.7)
+    critic = next(one for one in controller.critics if one.name == "ConstraintCritic")
+    velocities = np.zeros((4, 5, 3))
+    velocities[1, :, 0], velocities[2, :, 1], velocities[3, :, 0] = 0.2, -0.4, -0.9
+    charges = critic.score(SimpleNamespace(parameters=controller.parameters, velocities=velocities))
+    assert charges[:3].tolist() == [0.0, 0.0, 0.0] and charges[3] > 0.0
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.3])
