@@ -199,7 +199,7 @@ def sample_map(
         origin_x, origin_y, resolution: The costmap's grid (m).
         layer, layer_x, layer_y, layer_resolution: The map's costs and grid.
         shift_x, shift_y, turn: The transform (m, rad) from the costmap's frame to the map's.
-        use_maximum: Raise only, as `merge_maximum`'s order of costs; otherwise overwrite.
+        use_maximum: Raise only, by `_raise_row`'s order of costs; otherwise overwrite.
     """
     height, width = layer.shape
     cos, sin = math.cos(turn), math.sin(turn)
@@ -211,5 +211,5 @@ def sample_map(
             row = math.floor((shift_y + sin * world_x + cos * world_y - layer_y) / layer_resolution)
             if 0 <= column < width and 0 <= row < height:
                 cost = layer[int(row), int(column)]
-                if not use_maximum or cost > costs[y, x]:
+                if not use_maximum or np.uint8(cost + np.uint8(1)) > np.uint8(costs[y, x] + np.uint8(1)):
                     costs[y, x] = cost
