@@ -53,8 +53,7 @@ class Costmap:
         self.layers: List[Layer] = list(layers)
         # the only lock: held for an update, for a copy of the snapshot, and while input is handed to the layers
         self._lock = threading.RLock()
-        self._grid = parameters.grid()
-        self._costs = np.zeros((0, 0), dtype=np.uint8)
+        self._grid, self._costs = parameters.grid(), np.zeros((0, 0), dtype=np.uint8)
         self._default = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
         self._freshness = Freshness(name)
         self._sized_by_map, self._missing = False, ""
@@ -145,7 +144,7 @@ class Costmap:
         Args:
             source: One of `sources`.
             observation: In the costmap's frame.
-            now: Time (s) at which it is handed over; the observation's stamp where None.
+            now: Time (s) at which it is handed over, which is its stamp where that is 0; the stamp where None.
 
         Raises:
             ValueError: There is no such source.
@@ -154,6 +153,7 @@ class Costmap:
         if not takers:
             raise ValueError(
                 f"{self.name} has no observation source '{source}'; it has: {', '.join(self.sources) or 'none'}")
+        observation = observation.dated(now)
         with self._lock:
             self._shown = None
             for layer in sorted(takers, key=lambda taker: taker.tracks is None):

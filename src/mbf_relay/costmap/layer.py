@@ -140,7 +140,7 @@ class Layer(Plugin, abc.ABC):
         return None
 
     def observe(self, source: str, observation: Observation, now: float) -> Optional[Observation]:
-        """Take what one of `sources` saw, at `now` (s); its age counts from its stamp, from `now` where that is 0.
+        """Take what one of `sources` saw, at `now` (s); its age counts from its stamp.
 
         Layers that look for what moves are told first.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Optional, Tuple
 
 import numpy as np
@@ -36,6 +36,10 @@ class Observation:
     stamp: float
     frame: str = ""
     rides: bool = True
+
+    def dated(self, now: Optional[float]) -> Observation:
+        """Return it as measured `now` (s), where that is told and it has no stamp, as from a sensor without a clock."""
+        return self if self.stamp != 0.0 or now is None else replace(self, stamp=now)
 
 
 def observation_from_scan(

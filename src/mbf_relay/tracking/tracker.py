@@ -123,6 +123,8 @@ class Tracker:
         """
         elapsed = None if self._stamp is None else stamp - self._stamp
         if elapsed is not None and elapsed == 0.0:
+            if len(hits) != len(self.moving):  # another scan of that moment, in whose rays nothing is known to move
+                self.moving = np.zeros(len(hits), dtype=bool)
             return
         if elapsed is not None and not 0.0 < elapsed <= self.parameters.track_patience:
             self.reset()

@@ -177,3 +177,12 @@ def test_who_stops_is_a_wall_again():
 @pytest.mark.parametrize("parameters", [{"mark_movers": True}, {"mark_movers": False, "enabled": False}])
 def test_who_walks_by_is_an_obstacle_where_nobody_asked_for_less(parameters):
     assert is_marked(watch(costmap_of(**parameters), crossing, 4.0), 1.0, 0.0, 0.12)
+
+
+def test_a_lidar_whose_scans_have_one_stamp_and_not_as_many_readings_is_taken():
+    costmap = costmap_of(mark_movers=False)
+    for beams in (BEAMS, BEAMS - 7, BEAMS):
+        seen = scan([(1.0, 0.0, 0.1)], 10.0)
+        costmap.observe("scan", dataclasses.replace(seen, points=seen.points[:beams], hits=seen.hits[:beams]), 10.0)
+        costmap.update(10.0, Pose2D(0.0, 0.0, 0.0))
+        assert is_marked(costmap.snapshot(), 0.9, 0.0, 0.02)
