@@ -18,6 +18,9 @@ from mbf_relay.costmap.layer import Layer  # noqa: E402
 from mbf_relay.costmap.parameters import CostmapParameters  # noqa: E402
 from mbf_relay.geometry import Pose2D  # noqa: E402
 from mbf_relay.outcomes import PlanningError, PlanOutcome  # noqa: E402
+from mbf_relay.planning import PLANNERS  # noqa: E402
+from mbf_relay.planning.planner import Planner  # noqa: E402
+from mbf_relay.plugins import create  # noqa: E402
 
 
 @pytest.fixture(params=sorted(CASES))
@@ -152,3 +155,13 @@ def test_a_robot_told_to_come_near_a_goal_is_not_sent_round_to_the_other_side_of
     costmap = inflated(costs, 0.02, 0.2)
     path = plan(planner, costmap, Pose2D(0.6, 0.4, 0.0), Pose2D(1.07, 0.4, 0.0), tolerance=0.4)
     assert path.goal.x < 1.0 and path.length < 1.0
+
+
+def test_a_robot_shut_in_by_costs_alone_hears_that_there_is_no_path():
+    """No obstacle is as near as anything: the planner raised OverflowError while it looked for the narrowest place."""
+    costs = np.zeros((60, 60), dtype=np.uint8)
+    costs[:, 30] = 150
+    shy = create("planner", "global_planner/GlobalPlanner", {"lethal_cost": 100}, Planner, PLANNERS)
+    with pytest.raises(PlanningError) as refused:
+        plan(shy, inflated(costs, 0.02, 0.2), Pose2D(0.3, 0.6, 0.0), Pose2D(0.9, 0.6, 0.0))
+    assert refused.value.outcome is PlanOutcome.NO_PATH_FOUND

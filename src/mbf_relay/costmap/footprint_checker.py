@@ -74,7 +74,7 @@ class FootprintChecker:
     def _distances_to(self, farthest: float = math.inf) -> np.ndarray:
         """Return `distances_to_obstacles`, known at least as far (cells) as that; most is asked of what is near."""
         if farthest > self._known_to:
-            self._distances, self._known_to = distances_to_obstacles(self._costs, farthest), farthest
+            self._distances, self._known_to = distances_to_obstacles(self._costs, farthest, self._highest), farthest
         return self._distances
 
     def touches(self, poses: np.ndarray) -> np.ndarray:
@@ -198,12 +198,15 @@ class FootprintChecker:
         return np.where(inside, found * grid.resolution, 0.0)
 
 
-def distances_to_obstacles(costs: np.ndarray, farthest: float = math.inf) -> np.ndarray:
-    """Return the distance in cells from each cell to the nearest lethal or unknown one: uint8 in, float32 out.
+def distances_to_obstacles(
+    costs: np.ndarray, farthest: float = math.inf, highest: int = NO_INFORMATION
+) -> np.ndarray:
+    """Return the distance in cells from each cell to the nearest from lethal to `highest`: uint8 in, float32 out.
 
     Of more than `farthest` any distance beyond may be told.
     """
-    distances = distances_to_zeros(costs < LETHAL, farthest)
+    free = costs < LETHAL if highest == NO_INFORMATION else costs != LETHAL
+    distances = distances_to_zeros(free, farthest)
     return np.minimum(distances, FAR, out=distances)
 
 

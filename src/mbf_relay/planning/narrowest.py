@@ -66,8 +66,10 @@ def narrowest_place(
     if joint < 0:
         return None
     row, column = divmod(int(joint), grid.width)
+    if room[row, column] >= FITS:
+        return None
     width = gap_at(blocked, column, row, float(distances[row, column])) * grid.resolution
-    if room[row, column] >= FITS or width >= costmap.width:
+    if width >= costmap.width:
         return None
     return NarrowPlace(*grid.center_of(column, row), width, costmap.width)
 

@@ -226,6 +226,18 @@ def test_unknown_cells_and_inscribed_ones_make_nothing_narrow():
     assert len(narrow(costmap, path)) > 0
 
 
+def test_a_doorway_that_nobody_has_seen_and_is_too_narrow_is_no_way():
+    lethal, unknown = np.zeros((40, 100), dtype=bool), np.zeros((40, 100), dtype=bool)
+    lethal[:, 45:55], lethal[18:23, 45:55], unknown[18:23, 45:55] = True, False, True
+    costmap = snapshot(lethal, unknown & ~lethal)
+    start, goal = at(costmap, 10, 20), at(costmap, 90, 20)
+    path = made().first(costmap, start, goal)
+    cells = narrow(costmap, path)
+    checker = passage.checker_on(costmap)
+    assert len(cells) > 0 and not passage.is_too_narrow(checker, cells)
+    assert len(made().plan(costmap, start, goal)) == len(path)
+
+
 @pytest.mark.parametrize("corners", [((0, 0), (59, 0)), ((59, 0), (59, 29)), ((59, 29), (0, 29)), ((0, 29), (0, 0))])
 def test_the_maps_edge_is_no_obstacle_and_one_on_it_is(corners):
     free = snapshot(np.zeros((30, 60), dtype=bool))
