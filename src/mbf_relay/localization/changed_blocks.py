@@ -66,6 +66,11 @@ class ChangedBlocks:
         self._unlike = np.zeros(self._counts.shape[1], dtype=np.float32)
         self._seen = np.zeros(self._counts.shape[1], dtype=np.float32)
 
+    def go_on_from(self, before: ChangedBlocks) -> None:
+        """Take over what was counted on the same map, where blocks are as large."""
+        if before._side == self._side:
+            self._unlike, self._seen = before._unlike, before._seen
+
     def look(self, pose: np.ndarray, endpoints: np.ndarray, laser: np.ndarray, news: float) -> None:
         """Count a scan.
 

@@ -109,6 +109,10 @@ class Evidence:
         self.unmapped = USUAL_UNMAPPED
         self._grazed = self._hit = 0.0
 
+    def go_on_from(self, before: Evidence) -> None:
+        """Take over what was learnt on the drive."""
+        self.unmapped, self._grazed, self._hit = before.unmapped, before._grazed, before._hit
+
     @property
     def grazing(self) -> float:
         """See the class; none is known of before the first scan."""

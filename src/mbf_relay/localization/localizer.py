@@ -123,15 +123,19 @@ class Localizer:
         """
         self.field = DistanceField(occupancy, self.parameters.laser_likelihood_max_dist)
         self._averages.reset()
+        before = self._tracker
         self._make_models()
+        self._tracker.go_on_from(before, same_map=False)
         self.request_update()
 
     def reconfigure(self, parameters: LocalizerParameters) -> None:
-        """Take new parameters at once; the particles stay where they are."""
+        """Take new parameters at once; the particles stay where they are, and so do their rivals."""
         if parameters.laser_likelihood_max_dist != self.parameters.laser_likelihood_max_dist:
             self.field = DistanceField(self.field.occupancy, parameters.laser_likelihood_max_dist)
+        before, is_robust = self._tracker, self.parameters.robust  # rivals go along in the robust form alone
         self.parameters = parameters
         self._make_models()
+        self._tracker.go_on_from(before, same_map=is_robust and parameters.robust)
 
     @property
     def weights(self) -> np.ndarray:

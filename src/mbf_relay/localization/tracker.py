@@ -139,6 +139,18 @@ class HypothesisTracker:
         self._way = self._since_nearby = self._since_anywhere = 0.0
         self.blocks.forget()
 
+    def go_on_from(self, before: HypothesisTracker, same_map: bool) -> None:
+        """Take over what another one knew of the robot; what it believed and knew of the map where that is the same."""
+        self._anywhere, self.lever_arm = before._anywhere, before.lever_arm
+        if not same_map:
+            self.lever_arm.forget_pose()
+            return
+        self.hypotheses, self._doubt, self._ways = before.hypotheses, before._doubt, before._ways
+        self._way, self._since_nearby, self._since_anywhere = (
+            before._way, before._since_nearby, before._since_anywhere)
+        self._evidence.go_on_from(before._evidence)
+        self.blocks.go_on_from(before.blocks)
+
     def predict(self, step: Pose2D, noise: np.ndarray, shown: float = 0.0) -> None:
         """Move rivals by a step of odometry.
 
