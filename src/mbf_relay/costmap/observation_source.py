@@ -38,7 +38,9 @@ class SourceParameters(ParameterSet):
         unit="s", minimum=0.0)
     min_obstacle_height: float = parameter(0.0, "points below are left out", unit="m")
     max_obstacle_height: float = parameter(2.0, "points above are left out", unit="m")
-    inf_is_valid: bool = parameter(True, "beams without a return free the cells they pass, up to range_max")
+    inf_is_valid: bool = parameter(
+        True, "beams without a return free the cells they pass, up to range_max; costmap_2d's default is false, with "
+        "which what once stood in the open stays for ever")
     largest_gap: float = parameter(
         LARGEST_GAP,
         "widest angle ahead in which a LaserScan may measure nothing (NaN, or below range_min) and still count; "

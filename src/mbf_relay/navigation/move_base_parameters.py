@@ -44,7 +44,8 @@ class MoveBaseParameters(ParameterSet):
         0.0, "time of oscillation before recovery, 0 for ever", unit="s", minimum=0.0, maximum=60.0
     )
     oscillation_distance: float = parameter(0.5, "motion that ends oscillation", unit="m", minimum=0.0, maximum=10.0)
-    make_plan_clear_costmap: bool = parameter(True, "clear the global costmap around the robot in make_plan")
+    make_plan_clear_costmap: bool = parameter(
+        True, "read, and without effect: make_plan plans in the costmap as it is")
     make_plan_add_unreachable_goal: bool = parameter(
         True, "end make_plan's plan with the goal though it is unreachable"
     )
