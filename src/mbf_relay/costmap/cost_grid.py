@@ -56,8 +56,9 @@ class Window(NamedTuple):
         return self if self.is_empty else Window(self.x0 - cells, self.y0 - cells, self.x1 + cells, self.y1 + cells)
 
     def within(self, grid: Grid) -> Window:
-        """Return the part that lies in a grid."""
-        return Window(max(self.x0, 0), max(self.y0, 0), min(self.x1, grid.width), min(self.y1, grid.height))
+        """Return the part that lies in a grid; of one beside it nothing, and no end below 0, which would wrap."""
+        return Window(max(self.x0, 0), max(self.y0, 0), max(min(self.x1, grid.width), 0),
+                      max(min(self.y1, grid.height), 0))
 
     def shifted(self, columns: int, rows: int) -> Window:
         """Return the window moved by whole cells."""

@@ -178,6 +178,20 @@ def test_clearing_forgets_the_square_or_all_but_it():
         assert left == [list(snapshot.grid.cell_at(1.2 if inside else 0.5, 0.0))]
 
 
+@pytest.mark.parametrize("x, y", [(-2.5, 0.0), (2.5, 0.0), (0.0, -2.5), (0.0, 2.5)])
+def test_a_robot_beside_the_map_has_all_that_is_far_from_it_forgotten(x, y):
+    """Left of or below the map nearly nothing was."""
+    costmap = factory.build_costmap(
+        "global_costmap", {**NEW_FORM, "rolling_window": False, "origin_x": -1.5, "origin_y": -1.5})
+    costmap.observe("scan", Observation((0.0, 0.0), np.array([[0.5, 0.5], [-0.5, -0.5]]), None, 0.0))
+    costmap.update(0.0, IDENTITY)
+    assert (costmap.snapshot().costs == LETHAL).sum() == 2
+    costmap.observe("scan", Observation((x, y), np.zeros((0, 2)), None, 0.1))
+    costmap.clear(around=Pose2D(x, y, 0.0), side=1.0, inside=False)
+    costmap.update(0.1, Pose2D(x, y, 0.0))
+    assert not (costmap.snapshot().costs == LETHAL).any()
+
+
 def test_stale_sources_are_named_with_their_age():
     costmap = factory.build_costmap("local_costmap", NEW_FORM)
     costmap.update(0.0, IDENTITY)

@@ -391,6 +391,9 @@ def test_windows_join_grow_shift_and_are_cut():
     assert window.union(EMPTY) == window == EMPTY.union(window)
     assert window.union(Window(0, 6, 3, 9)) == Window(0, 3, 5, 9)
     assert window.grown(4).within(Grid(1.0, 0.0, 0.0, 6, 8)) == Window(0, 0, 6, 8)
+    for aside in Window(-9, 1, -4, 5), Window(1, -9, 5, -4), Window(20, 1, 25, 5), Window(1, 20, 5, 25):
+        outside = aside.within(Grid(1.0, 0.0, 0.0, 6, 8))
+        assert outside.is_empty and np.ones((8, 6))[outside.slices].size == 0
     assert EMPTY.grown(3).is_empty and window.shifted(1, -1) == Window(3, 2, 6, 6)
 
 
