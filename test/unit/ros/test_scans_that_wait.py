@@ -1,5 +1,7 @@
 """Scans whose transform comes late, or never."""
 
+import threading
+
 import pytest
 from scan_source import StillFrames, scan_source
 from sensor_msgs.msg import LaserScan
@@ -66,3 +68,27 @@ def test_a_lidar_whose_transform_comes_late_is_used_however_fast_it_is(monkeypat
     assert lidar.costmap.stale_reason(lidar.frames.now) is None
     assert lidar.sensor.age(lidar.frames.now) <= late + 1.0 / rate + 0.01
     assert most <= rate * (PATIENCE + PERIOD) + 1
+
+
+def test_of_two_lidars_on_a_topic_neither_drops_what_the_other_sent_at_that_moment(monkeypatch):
+    """Each has a thread: the one that had looked at the clock, and went on after the other, found time set back."""
+    lidar = Lidar(monkeypatch, 10.0, 0.0)
+
+    def scan(frame):
+        message = LaserScan(angle_increment=0.1, range_min=0.1, range_max=3.5, ranges=[1.0] * 62)
+        message.header.frame_id, message.header.stamp = frame, inputs.rospy.Time(10)
+        return message
+
+    other = threading.Thread(target=lidar.sensor._keep, args=(scan("rear"),))
+
+    def looks_and_waits():
+        monkeypatch.setattr(inputs.rospy, "get_time", lambda: 10.1)
+        other.start()
+        other.join(0.5)
+        return 10.0
+
+    times = iter([lambda: 10.0, looks_and_waits])
+    monkeypatch.setattr(inputs.rospy, "get_time", lambda: next(times)())
+    lidar.sensor._keep(scan("front"))
+    other.join()
+    assert sorted(entry.message.header.frame_id for entry in lidar.sensor._waiting) == ["front", "rear"]

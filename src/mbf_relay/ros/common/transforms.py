@@ -113,7 +113,7 @@ class CheckedListener:
         self._buffer, self._cache_time, self._changed = buffer, cache_time, changed
         self.tree = FrameTree(self._is_there)
         self._trouble: Dict[str, ThrottledWarnings] = {}  # by child frame; a busy machine's hiccup is worth no warning
-        self._lock = threading.Lock()  # one reads at a time, in the order of coming
+        self._lock = threading.Lock()  # one takes or reads at a time, in the order of coming
         self._pending: Deque[Tuple[Any, float]] = deque()
         self._heard_at = rospy.get_time()
         buffer.attend = self.attend
@@ -144,17 +144,16 @@ class CheckedListener:
 
     def take(self, message: Any) -> None:
         """Take a message of /tf."""
-        now = self._look_at_clock()
-        self._pending.append((message, now))
-        if len(self._pending) > MOST_PENDING:
-            self.attend()
+        with self._lock:
+            self._pending.append((message, self._look_at_clock()))
+            if len(self._pending) > MOST_PENDING:
+                self._read_pending()
         self._changed()
 
     def take_static(self, message: Any) -> None:
         """Take a message of /tf_static, whose stamps say nothing."""
-        now = self._look_at_clock()
         with self._lock:
-            self._read(message, now, None)
+            self._read(message, self._look_at_clock(), None)
         self._changed()
 
     def attend(self) -> None:
@@ -162,18 +161,21 @@ class CheckedListener:
         if not self._pending:
             return
         with self._lock:
-            while self._pending:
-                self._read(*self._pending.popleft(), self._cache_time)
+            self._read_pending()
+
+    def _read_pending(self) -> None:
+        while self._pending:
+            self._read(*self._pending.popleft(), self._cache_time)
 
     def _look_at_clock(self) -> float:
-        """Return ROS time (s); where it was set back, what came before belongs to a world that is over."""
+        """Return ROS time (s); where it was set back, what came before belongs to a world that is over.
+
+        With the lock held: of two threads that look outside of it, the one that goes on last would find time set back.
+        """
         now: float = rospy.get_time()
         if now < self._heard_at:
-            with self._lock:
-                if now < self._heard_at:
-                    self._heard_at = now
-                    self._pending.clear()
-                    self._buffer.known.forget()
+            self._pending.clear()
+            self._buffer.known.forget()
         self._heard_at = now
         return now
 

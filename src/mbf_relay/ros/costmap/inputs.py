@@ -100,13 +100,13 @@ class SensorInput:
         self._subscriber.unregister()
 
     def _keep(self, message: Any) -> None:
-        now = rospy.get_time()
         try:
-            checks.check_stamp(message.header.stamp.to_sec(), now, self._max_age)
+            checks.check_stamp(message.header.stamp.to_sec(), rospy.get_time(), self._max_age)
         except InvalidMessage as error:
             self._complain(f"refused: {error}")
             return
         with self._lock:
+            now = rospy.get_time()  # in here, or of two lidars' threads the later one found time set back
             if self._waiting and now < self._waiting[-1].arrived:
                 self._waiting.clear()  # time was set back: what waits belongs to a world that is over
             frame = message.header.frame_id

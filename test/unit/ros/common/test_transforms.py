@@ -1,6 +1,7 @@
 """Where the robot is, asked of transforms that wait to be read."""
 
 import io
+import threading
 from types import SimpleNamespace
 
 import pytest
@@ -284,3 +285,21 @@ def test_who_sends_a_transform_twice_does_not_fill_the_terminal(robot, capfd):
     robot.send(2.0)
     assert robot.x() == 2.0
     assert "TF_" not in capfd.readouterr().err
+
+
+def test_a_robot_of_two_broadcasters_that_speak_at_once_knows_where_it_was(robot, monkeypatch):
+    """Each has a thread: the one that had looked at the clock, and went on after the other, found time set back."""
+    robot.send(1.0, stamp=9.0)
+    assert robot.x(stamp=9.0) == 1.0
+    other = threading.Thread(target=lambda: robot.send(0.0, child="laser", stamp=10.1, sender="/lidar"))
+
+    def looks_and_waits():
+        monkeypatch.setattr(rospy, "get_time", lambda: 10.1)
+        other.start()
+        other.join(0.5)
+        return 10.0
+
+    monkeypatch.setattr(rospy, "get_time", looks_and_waits)
+    robot.send(2.0, stamp=10.0)
+    other.join()
+    assert robot.x(stamp=9.0) == 1.0 and robot.x() == 2.0
