@@ -45,7 +45,10 @@ class Diagnostics:
         share = self._cpu.percent()
         statuses: List[DiagnosticStatus] = []
         for name, reporter in list(self._reporters.items()):
-            level, message, values = reporter()
+            try:
+                level, message, values = reporter()
+            except Exception as error:  # one part's mistake must silence neither the others nor itself
+                level, message, values = ERROR, f"cannot be told: {type(error).__name__}: {error}", {}
             pairs = [KeyValue(key, str(value)) for key, value in {**values, "cpu [%]": f"{share:.1f}"}.items()]
             statuses.append(
                 DiagnosticStatus(level, f"{rospy.get_name().lstrip('/')}: {name}", message, self._hardware_id, pairs)

@@ -1,10 +1,14 @@
-"""The rates that diagnostics tell."""
+"""What diagnostics tell: rates, and that something cannot be told."""
+
+from types import SimpleNamespace
 
 import pytest
 
-pytest.importorskip("rospy")
+rospy = pytest.importorskip("rospy")
 
-from mbf_relay.ros.common.diagnostics import RateMeter
+from ros_testing import wait_until  # noqa: E402
+
+from mbf_relay.ros.common.diagnostics import ERROR, OK, Diagnostics, RateMeter  # noqa: E402
 
 
 def ticked(*stamps, **options):
@@ -39,3 +43,22 @@ def test_a_pause_starts_anew_where_it_ends_what_is_measured():
 )
 def test_lagging_is_said_of_what_is_clearly_late_for_some_time(period, count, late):
     assert ticked(*(period * number for number in range(count))).lags(10.0) is late
+
+
+def test_a_robot_one_part_of_which_cannot_be_asked_still_tells_of_the_others(monkeypatch):
+    told = []
+    publisher = SimpleNamespace(publish=lambda array: told.append({status.name: status for status in array.status}))
+    monkeypatch.setattr(rospy, "Publisher", lambda *_args, **_options: publisher)
+    monkeypatch.setattr(rospy, "get_rostime", lambda: rospy.Time(1))
+    monkeypatch.setattr(rospy, "is_shutdown", lambda: False)
+    monkeypatch.setattr(rospy, "get_name", lambda: "/node")
+    diagnostics = Diagnostics(period=0.001)
+    diagnostics.add("map", lambda: 1 / 0)
+    diagnostics.add("scans", lambda: (OK, "scans are used", {}))
+    try:
+        wait_until(lambda: len(told) > 2 and len(told[-1]) == 2, "more than one report")
+    finally:
+        diagnostics._stop.set()
+        diagnostics._thread.join()
+    assert told[-1]["node: scans"].level == OK
+    assert told[-1]["node: map"].level == ERROR and "ZeroDivisionError" in told[-1]["node: map"].message
