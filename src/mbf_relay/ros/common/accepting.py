@@ -15,8 +15,9 @@ import socket
 import struct
 import threading
 import time
+import weakref
 from socketserver import ThreadingMixIn
-from typing import Any, Deque, Dict, Mapping, Optional, Tuple
+from typing import Any, Deque, Dict, Mapping, MutableMapping, Optional, Tuple
 
 import rospy
 from rosgraph.network import ROSHandshakeException, decode_ros_handshake_header, write_ros_handshake_header
@@ -48,7 +49,10 @@ _take_as_rospy, _serve_as_rospy = TCPServer.run, ServiceImpl.handle
 _unheard, _calling = threading.Semaphore(MOST_AT_A_TIME), threading.Semaphore(MOST_AT_A_TIME)
 _served: Deque[Any] = collections.deque()  # connections to services, oldest first
 _serving = threading.Lock()  # guards it
-_handling = threading.Lock()  # rospy's handlers are made for one connection at a time; before any lock of theirs
+_naming = threading.Lock()  # guards the locks
+# rospy's handlers are made for one connection at a time; before any lock of theirs. One for each topic and service: what
+# a node does when somebody listens, as to ask the master, may take long. None stays: strangers name what they like
+_handling: MutableMapping[str, threading.Lock] = weakref.WeakValueDictionary()
 
 
 def hear_out_each_by_itself() -> None:
@@ -147,7 +151,9 @@ def _hear_out(server: Any, connection: socket.socket, address: Tuple[str, int]) 
         if header is None:
             connection.close()
             return
-        with _handling:
+        with _naming:
+            handling = _handling.setdefault(header.get("topic") or header.get("service", ""), threading.Lock())
+        with handling:
             trouble = _hand_over(server, connection, address, header)
         if trouble:
             write_ros_handshake_header(connection, {"error": trouble})

@@ -326,9 +326,28 @@ class WatchedLock:
         self._lock.release()
 
 
+def test_a_topic_that_waits_for_a_master_that_hangs_keeps_nobody_from_the_wheels_velocities(node, monkeypatch):
+    answered = threading.Event()
+
+    def take(_connection, _address, header):
+        if header["topic"] == "/costmap":
+            answered.wait()
+        return node._take(_connection, _address, header)
+
+    node.server.topic_connection_handler = take
+    try:
+        node.connect(words(topic="/costmap", callerid="/rviz"))
+        node.connect(words(topic="/cmd_vel", callerid="/wheels"))
+        wait_until(lambda: node.heard == ["/wheels"], "the wheels")
+    finally:
+        answered.set()
+    wait_until(lambda: node.heard == ["/wheels", "/rviz"], "both")
+    wait_until(lambda: not accepting._handling, "no lock left")
+
+
 def test_two_at_a_time_are_handled_one_after_the_other(node, monkeypatch):
     inside, most, handling = [], [], WatchedLock()
-    monkeypatch.setattr(accepting, "_handling", handling)
+    monkeypatch.setattr(accepting, "_handling", {"/a": handling})
 
     def take(_connection, _address, header):
         inside.append(header)
