@@ -15,7 +15,7 @@ from geometry_msgs.msg import PoseStamped, Twist
 from std_srvs.srv import Empty, EmptyResponse, Trigger, TriggerResponse
 from visualization_msgs.msg import MarkerArray
 
-from mbf_relay.geometry import Pose2D
+from mbf_relay.geometry import STOP, Pose2D
 from mbf_relay.ros.common import diagnostics, parameters, reconfigure
 from mbf_relay.ros.common.checks import InvalidMessage, check_frame_is
 from mbf_relay.ros.common.conversions import pose_from_message, twist_from_message
@@ -150,7 +150,8 @@ class Simulator:
         try:
             self._commands.put(twist_from_message(message))
         except InvalidMessage as error:
-            rospy.logwarn_throttle(1.0, f"cmd_vel refused: {error}")
+            self._commands.put(STOP)  # who computes nonsense has no way to go on with
+            rospy.logwarn_throttle(1.0, f"cmd_vel refused, and the robot stops: {error}")
 
     def _take_pose(self, message: PoseStamped) -> None:
         try:
