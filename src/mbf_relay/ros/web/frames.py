@@ -96,10 +96,10 @@ class Frames:
                 with self._lock:
                     if self._tree.add(transform.header.frame_id, transform.child_frame_id, sender, now, is_static):
                         self._known.forget(transform.child_frame_id)
-                if is_static:
-                    self._known.set_transform_static(transform, sender)
-                else:
-                    self._known.set_transform(transform, sender)
+                    if is_static:  # within the lock: who forgets meanwhile would lose it, and it comes once
+                        self._known.set_transform_static(transform, sender)
+                    else:
+                        self._known.set_transform(transform, sender)
             except (tf2_py.TransformException, InvalidMessage):
                 continue
         self._changed()

@@ -85,8 +85,11 @@ class Recording:
         return f"the recording has ended: rosbag failed with status {status}" if status else ""
 
     def _lack(self) -> str:
-        """Return what is said of a disk with too little room, nothing of one that has enough."""
-        free = shutil.disk_usage(self._folder).free
+        """Return what is said of a disk with too little room or that is gone, nothing of one that has enough."""
+        try:
+            free = shutil.disk_usage(self._folder).free
+        except OSError as error:
+            return f"{self._folder} is gone: {error.strerror}"
         if free >= LEAST_SPACE:
             return ""
         return f"{self._folder} has {free / 1e6:.0f} MB left, and rosbag leaves {LEAST_SPACE / 1e6:.0f} MB free"

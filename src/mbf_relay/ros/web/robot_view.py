@@ -77,7 +77,7 @@ class RobotView:
         for key, message in self.listening.inbox.take(now):
             try:
                 getattr(self, f"_take_{key}")(message, now)
-            except (ValueError, rospy.ROSException, rospy.ROSSerializationException) as error:
+            except Exception as error:  # it came from outside: nothing of it may keep what came with it from the page
                 rospy.logwarn_throttle(
                     10.0, f"{key} of {self.listening.namespace} is not shown: {readers.short(str(error), 200)}"
                 )

@@ -1,5 +1,6 @@
 """Frames as the browser's view keeps them."""
 
+import threading
 from types import SimpleNamespace
 
 import pytest
@@ -10,6 +11,7 @@ import rospy  # noqa: E402
 from geometry_msgs.msg import TransformStamped  # noqa: E402
 from tf2_msgs.msg import TFMessage  # noqa: E402
 
+from mbf_relay.ros.common import tf_core  # noqa: E402
 from mbf_relay.ros.web import frames as web_frames  # noqa: E402
 
 
@@ -80,3 +82,39 @@ def test_a_lidar_is_shown_where_it_sits_after_a_stranger_put_it_elsewhere(frames
         wrong.header.stamp, wrong.header.frame_id, wrong.transform.rotation.w = rospy.Time(1), "map", 1.0
         take(frames, wrong, is_static, sender="/stranger")
         assert frames.lookup("map", "scan").x == 2.1
+
+
+def test_a_lidar_s_place_told_once_is_known_though_another_frame_was_hung_elsewhere_meanwhile(frames, monkeypatch):
+    def told(parent, child, x):
+        message = TransformStamped()
+        message.header.frame_id, message.child_frame_id = parent, child
+        message.transform.translation.x, message.transform.rotation.w = x, 1.0
+        return message
+
+    for frame in ("camera", "imu"):
+        take(frames, told("map", frame, 1.0), is_static=True)
+    setting, forgetting = threading.Event(), threading.Event()
+    set_static = frames._known.set_transform_static
+
+    def sets_late(transform, sender):
+        setting.set()
+        forgetting.wait(0.5)
+        set_static(transform, sender)
+
+    monkeypatch.setattr(frames._known, "set_transform_static", sets_late)
+    lidar = threading.Thread(target=take, args=(frames, told("base", "laser", 0.5), True))
+    lidar.start()
+    setting.wait()
+
+    class CoreWhileALidarSpeaks(tf_core.tf2_py.BufferCore):
+        def set_transform_static(self, transform, sender):
+            super().set_transform_static(transform, sender)
+            forgetting.set()
+            lidar.join(0.5)
+
+    monkeypatch.setattr(tf_core.tf2_py, "BufferCore", CoreWhileALidarSpeaks)
+    moving = told("map", "camera", 2.0)
+    moving.header.stamp = rospy.Time(10)
+    take(frames, moving)  # now by /tf, for which what /tf_static told of it must be forgotten
+    lidar.join()
+    assert frames.lookup("base", "laser").x == 0.5

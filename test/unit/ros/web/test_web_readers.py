@@ -1,6 +1,8 @@
 """Messages on their way to a browser: judged once, and what means nothing is left out or refused."""
 
+import io
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from mbf_relay.ros.common.checks import InvalidMessage
 from mbf_relay.ros.common.unread import unread
-from mbf_relay.ros.web import readers
+from mbf_relay.ros.web import readers, robot_view
 from mbf_relay.ros.web.inbox import WAITING, Inbox
 from mbf_relay.ros.web.sources import SOURCES, robots_of, topics_of
 
@@ -174,3 +176,19 @@ def test_robots_are_found_by_their_namespaces():
         "/b/scan_raw",
     ]
     assert robots_of(topics) == ["/", "/burger1/", "/fleet/burger2/"]
+
+
+def test_a_message_that_cannot_be_read_takes_no_other_from_the_page(monkeypatch):
+    told = []
+    monkeypatch.setattr(robot_view.rospy, "logwarn_throttle", lambda _period, text: told.append(text))
+    inbox = Inbox({})
+    view = robot_view.RobotView(SimpleNamespace(
+        inbox=inbox, namespace="/", base_frame="base", lookup=lambda *_args, **_options: None), "map")
+    buffer = io.BytesIO()
+    shown = grid()
+    shown.data = [0] * 12
+    shown.serialize(buffer)
+    inbox.put("scan", unread(LaserScan)().deserialize(b"torn"), every=False)
+    inbox.put("map", unread(OccupancyGrid)().deserialize(buffer.getvalue()), every=False)
+    view.update(1.0)
+    assert view.has_map and len(told) == 1 and told[0].startswith("scan of / is not shown")

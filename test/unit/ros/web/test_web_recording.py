@@ -45,6 +45,19 @@ def test_a_person_whose_disk_gets_full_is_told_that_no_more_is_recorded(recordin
     assert not recording.is_on
 
 
+def test_a_person_whose_disk_was_pulled_out_is_told_so_and_goes_on_seeing_the_robot(recording, monkeypatch):
+    recording.start("/")
+
+    def pulled_out(path):
+        raise FileNotFoundError(2, "No such file or directory", path)
+
+    monkeypatch.setattr(shutil, "disk_usage", pulled_out)
+    assert "is gone" in recording.look()
+    assert recording.look() == ""
+    recording._process.wait()
+    assert not recording.is_on
+
+
 def test_a_person_whose_recording_died_is_told_so_once(recording):
     recording._command = lambda _namespace: ["false"]
     recording.start("/")
