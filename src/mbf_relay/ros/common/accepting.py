@@ -50,7 +50,7 @@ _unheard, _calling = threading.Semaphore(MOST_AT_A_TIME), threading.Semaphore(MO
 _served: Deque[Any] = collections.deque()  # connections to services, oldest first
 _serving = threading.Lock()  # guards it
 _naming = threading.Lock()  # guards the locks
-# rospy's handlers are made for one connection at a time; before any lock of theirs. One for each topic and service: what
+# rospy's handlers are made for one connection at a time; before any lock of theirs. One for each topic or service: what
 # a node does when somebody listens, as to ask the master, may take long. None stays: strangers name what they like
 _handling: MutableMapping[str, threading.Lock] = weakref.WeakValueDictionary()
 
