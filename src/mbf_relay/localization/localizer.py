@@ -113,6 +113,12 @@ class Localizer:
         """Let the next scan update the filter even where the robot has not moved."""
         self._forced = True
 
+    def change_odometry(self) -> None:
+        """Take odometry of another frame from the next scan on, which shows no motion; the particles stay where they are.
+        """
+        self.map_from_odom = self._odom_pose = None
+        self._stood = {}
+
     def set_map(self, occupancy: OccupancyMap) -> None:
         """Take another map; the particles stay where they are, and the next scan updates them.
 

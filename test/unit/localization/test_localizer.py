@@ -306,6 +306,18 @@ def test_a_robot_that_stands_is_not_taken_to_move_where_its_lidar_flickers(nothi
         assert made.process(odom, flickering, IDENTITY) is None
 
 
+@pytest.mark.parametrize("robust", [False, True])
+def test_a_robot_whose_odometry_comes_in_another_frame_from_now_on_stays_where_it_is(robust):
+    made = localizer(robust=robust)
+    truth, _, _ = drive(made, room())
+    made.change_odometry()
+    assert made.map_from_odom is None
+    odom = Pose2D(-40.0, 7.0, 2.0)
+    estimate = made.process(odom, scan_at(room(), truth), IDENTITY)
+    assert estimate.pose.distance_to(truth) < (0.03 if robust else 0.12)
+    assert made.map_from_odom.compose(odom).distance_to(estimate.pose) < 1e-9
+
+
 @pytest.mark.parametrize("value", [0, 100, -1])
 def test_maps_of_one_kind_of_cell_do_no_harm(value):
     occupancy = OccupancyMap(np.full((40, 40), value, dtype=np.int8), 0.05, ORIGIN)

@@ -33,7 +33,7 @@ class MapToOdom:
         self._map_from_odom: Optional[Pose2D] = None
         self._parent, self._child = "map", "odom"
         self._tolerance, self._enabled = 0.1, True
-        self._sent = rospy.Time(0)
+        self._sent = self._kept_until = rospy.Time(0)
         self._stamps: Deque[rospy.Time] = deque(maxlen=REMEMBERED)
         self._updated = self._taken_at = rospy.Time(0)
         self._stop = threading.Event()
@@ -45,15 +45,24 @@ class MapToOdom:
         self._stop.set()
 
     def configure(self, parent: str, child: str, tolerance: float, enabled: bool) -> None:
-        """Take the names of map and odometry frame, how far to date ahead (s), and whether to send at all."""
+        """Take the names of map and odometry frame, how far to date ahead (s), and whether to send at all.
+
+        Of another odometry frame nothing is known before the next scan.
+        """
         with self._lock:
+            if child != self._child:
+                self._map_from_odom = None
             self._parent, self._child, self._tolerance, self._enabled = parent, child, tolerance, enabled
 
     def update(self, map_from_odom: Pose2D, stamp: rospy.Time) -> None:
-        """Send the transform as of a scan's stamp."""
+        """Send the transform as of a scan's stamp, and as of now where the last one was kept alive beyond that."""
         with self._lock:
-            self._map_from_odom, self._updated, self._taken_at = map_from_odom, stamp, rospy.get_rostime()
-            self._send(stamp + rospy.Duration(self._tolerance))
+            ahead, now = rospy.Duration(self._tolerance), rospy.get_rostime()
+            self._map_from_odom, self._updated, self._taken_at = map_from_odom, stamp, now
+            self._send(stamp + ahead)
+            kept_until, self._kept_until = self._kept_until, rospy.Time(0)
+            if kept_until > self._sent:
+                self._send(now + ahead)
 
     def age(self) -> float:
         """Return the time (s) since the scan the transform is from, 0 before the first."""
@@ -82,3 +91,4 @@ class MapToOdom:
                 self._taken_at, self._sent = now, rospy.Time(0)  # time was set back
             if now - self._taken_at > rospy.Duration(PAUSE) and now + ahead * 0.5 > self._sent:
                 self._send(now + ahead)
+                self._kept_until = self._sent

@@ -126,9 +126,12 @@ class AmclNode:
 
     def _reconfigure(self, wanted: AmclParameters) -> None:
         with self._lock:
+            before, self._parameters = self._parameters, wanted
             if self._localizer is not None:
                 self._localizer.reconfigure(wanted)
-            self._parameters = wanted
+                if (wanted.odom_frame_id, wanted.base_frame_id) != (before.odom_frame_id, before.base_frame_id):
+                    self._localizer.change_odometry()
+                    self._odom_pose = None
             self._configure_broadcast()
 
     def _configure_broadcast(self) -> None:

@@ -75,6 +75,32 @@ def test_it_goes_on_when_time_is_set_back(sender):
     assert outbox.stamps == [100.5, 2.0]
 
 
+def test_a_correction_that_took_long_to_find_is_not_hidden_behind_what_was_kept_alive_meanwhile(sender):
+    sender, outbox, update = sender
+    update(10.0, 10.25)
+    sender.look(rospy.Time.from_sec(11.0))
+    assert outbox.sent[-1] == ("map", "odom", POSE, 11.5)
+    clock = rospy.Time.from_sec(11.125)
+    found = POSE._replace(x=1.25)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rospy, "get_rostime", lambda: clock)
+        sender.update(found, rospy.Time.from_sec(10.25))
+    newest = max(outbox.sent, key=lambda one: one[3])
+    assert newest == ("map", "odom", found, 11.625)
+    update(11.25, 11.375)
+    assert outbox.stamps[-1] == 11.75 and len(outbox.sent) == 5
+
+
+def test_of_another_odometry_frame_nothing_is_said_before_a_scan_tells(sender):
+    sender, outbox, update = sender
+    update(10.0, 10.25)
+    sender.configure("map", "odom_combined", 0.5, True)
+    sender.look(rospy.Time.from_sec(11.0))
+    assert len(outbox.sent) == 1
+    update(11.0, 11.25)
+    assert outbox.sent[-1] == ("map", "odom_combined", POSE, 11.5)
+
+
 def test_nothing_is_sent_where_it_is_switched_off(sender):
     sender, outbox, update = sender
     sender.configure("map", "odom", 0.5, False)
