@@ -114,8 +114,7 @@ class Localizer:
         self._forced = True
 
     def change_odometry(self) -> None:
-        """Take odometry of another frame from the next scan on, which shows no motion; the particles stay where they are.
-        """
+        """Take odometry of another frame from the next scan on, which shows no motion; the particles stay."""
         self.map_from_odom = self._odom_pose = None
         self._stood = {}
 
