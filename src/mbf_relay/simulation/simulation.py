@@ -61,6 +61,7 @@ class Simulation:
             OSError: There is no display for the window.
         """
         self.world, self.parameters, self.faults = world, parameters, NO_FAULTS
+        self._start_time = parameters.start_time
         self.physics = Physics(parameters.physics_rate, parameters.solver_iterations, gui)
         self.robot = robot = robot or load_robot(parameters.robot)
         self.scene = Scene(self.physics, world, robot)
@@ -88,7 +89,7 @@ class Simulation:
     @property
     def now(self) -> float:
         """Simulated time (s), above zero from the start."""
-        return self.parameters.start_time + self._steps / self.parameters.physics_rate
+        return self._start_time + self._steps / self.parameters.physics_rate
 
     @property
     def true_pose(self) -> Pose2D:
@@ -133,6 +134,11 @@ class Simulation:
         self._odometer.restart()
         self._odom_angles = self._drivetrain.wheel_angles()
         self._first_step = self._steps
+
+    def set_time(self, now: float) -> None:
+        """Have the clock show another time (s), as where it is to keep to another's; all else goes on as it was."""
+        self._start_time = now - self._steps / self.parameters.physics_rate
+        self._faulty_odometry = FaultyOdometry()  # what was under way is of the old time
 
     def step(self) -> Observations:
         """Advance by one physics step and return what the sensors that were due then read."""

@@ -109,6 +109,20 @@ def test_time_starts_above_zero_and_rates_are_kept():
     assert np.allclose(np.diff(stamps), 1.0 / 30.0)
 
 
+def test_a_robot_drives_on_where_the_clock_is_set_elsewhere():
+    with trial.simulate() as simulation:
+        simulation.faults = Faults(odom_delay=0.5)
+        trial.run(simulation, 1.0, Twist2D(0.2, 0.0, 0.0))
+        before = simulation.true_pose
+        simulation.set_time(300.0)
+        seen = trial.run(simulation, 1.0, Twist2D(0.2, 0.0, 0.0))
+        assert simulation.now == pytest.approx(301.0)
+        assert simulation.true_pose.distance_to(before) == pytest.approx(0.2, abs=0.02)
+    stamps = [o.odometry.stamp for o in seen if o.odometry is not None]
+    assert 300.0 <= min(stamps) < max(stamps) <= 300.5 + 1e-6
+    assert [round(o.scan.stamp - 300.0, 1) for o in seen if o.scan is not None] == [0.2, 0.4, 0.6, 0.8, 1.0]
+
+
 @pytest.mark.parametrize("changes, text", [
     (dict(odom_rate=50.0), "odom_rate is 50.0 Hz; it must divide physics_rate"),
     (dict(scan_rate=7.0), "scan_rate is 7.0 Hz"),

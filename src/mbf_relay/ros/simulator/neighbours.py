@@ -5,6 +5,7 @@ Each simulator has physics of its own; the others' robots stand in it as obstacl
 
 from __future__ import annotations
 
+import math
 import threading
 from typing import Any, Callable, Dict, List, Tuple
 
@@ -17,33 +18,46 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 PERIOD = 0.1
 """Seconds between two looks at a neighbour; it drives 22 mm meanwhile."""
+PATIENCE = 0.1
+"""Wall seconds to wait for the clock before whoever waits may do something else."""
 
 
 class ClockFollower:
     """Paces a simulation by another node's /clock; stands in for `pacing.RealTimePacer`.
 
+    The simulation takes that time over with the first message, and where it is set back.
+
     Args:
-        now: The simulation's time (s).
+        now: Returns the simulation's time (s).
+        set_time: Has the simulation show another time (s); called by whoever calls `pace`.
     """
 
-    def __init__(self, now: Callable[[], float]) -> None:
-        self._now = now
-        self._condition = threading.Condition()  # guards the time below
-        self._clock = 0.0
+    def __init__(self, now: Callable[[], float], set_time: Callable[[float], None]) -> None:
+        self._now, self._set_time = now, set_time
+        self._condition = threading.Condition()  # guards the two below; nothing else is locked while it is held
+        self._clock = math.inf
+        self._is_another = False  # time, and not the same going on
         rospy.Subscriber("/clock", Clock, self._take, queue_size=1, tcp_nodelay=True)
 
     def restart(self) -> None:
         """Begin anew after a pause: what was missed is made up for, as the clock went on."""
 
-    def pace(self, _simulated: float) -> None:
-        """Wait until the clock is past the simulation, or ROS goes down."""
+    def pace(self, _simulated: float) -> bool:
+        """Wait a little for the clock; return whether it is past the simulation."""
         with self._condition:
-            while self._clock < self._now() and not rospy.is_shutdown():
-                self._condition.wait(0.2)
+            self._condition.wait_for(lambda: self._is_another or self._is_past(), PATIENCE)
+            another, self._is_another, clock = self._is_another, False, self._clock
+        if another:
+            self._set_time(clock)
+        return self._is_past()
+
+    def _is_past(self) -> bool:
+        return self._now() <= self._clock < math.inf
 
     def _take(self, message: Clock) -> None:
         with self._condition:
-            self._clock = message.clock.to_sec()
+            before, self._clock = self._clock, message.clock.to_sec()
+            self._is_another |= self._clock < before
             self._condition.notify_all()
 
 

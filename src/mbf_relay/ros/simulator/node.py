@@ -60,7 +60,7 @@ class Simulator:
         self._failure: Optional[Exception] = None
         self._steps = 0
         self._pacer = (
-            ClockFollower(lambda: self.simulation.now)
+            ClockFollower(lambda: self.simulation.now, self._set_time)
             if settings.follow_clock
             else RealTimePacer(settings.real_time_factor)
         )
@@ -118,7 +118,13 @@ class Simulator:
                 continue
             self._wait_for_answer()
             self._advance()
-            self._pacer.pace(period)
+            while not self._pacer.pace(period) and not rospy.is_shutdown():
+                self._do_requests()
+
+    def _set_time(self, now: float) -> None:
+        """Go on at another time (s)."""
+        self._obstacles.shift(now - self.simulation.now)
+        self.simulation.set_time(now)
 
     def _wait_for_answer(self) -> None:
         """Wait for the velocity command that answers the last scan, if the next one is made in this period."""

@@ -53,6 +53,10 @@ class Obstacles:
         if over:
             self.publish()
 
+    def shift(self, seconds: float) -> None:
+        """Take note that the clock is set on by so much, or back."""
+        self._ends = {key: end + seconds for key, end in self._ends.items()}
+
     def forget(self) -> None:
         """Take note that a reset took all obstacles away."""
         self._ends.clear()

@@ -34,16 +34,17 @@ class RealTimePacer:
         """Begin anew after a pause, with nothing to make up for."""
         self._due = self._clock()
 
-    def pace(self, simulated: float) -> None:
-        """Wait until the wall clock has come as far as `simulated` seconds ask for."""
+    def pace(self, simulated: float) -> bool:
+        """Wait until the wall clock has come as far as `simulated` seconds ask for; return True, as it has."""
         if self.factor <= 0.0:
-            return
+            return True
         self._due += simulated / self.factor
         ahead = self._due - self._clock()
         if ahead > 0.0:
             self._wait(ahead)
         elif ahead < -CATCH_UP:
             self._due = self._clock() - CATCH_UP
+        return True
 
 
 class FactorMeter:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Dict
 
 import rospy
@@ -84,16 +85,21 @@ class SimulatorTopics:
 
     def _tell_contacts(self, seen: Observations, now: float) -> None:
         """Publish contacts: at once where a body is touched anew, at times while the touch lasts."""
-        fresh = {c.name: c for c in seen.contacts if now - self._touched.get(c.name, -CONTACT_PERIOD) >= CONTACT_PERIOD}
+        fresh = {c.name: c for c in seen.contacts if is_over(self._touched.get(c.name, -math.inf), now)}
         self._touched.update({contact.name: now for contact in seen.contacts})
         for contact in fresh.values():
             self.contacts += 1
             rospy.logwarn(
                 "the robot touches '%s' at (%.2f, %.2f)", contact.name, contact.position[0], contact.position[1]
             )
-        if fresh or now - self._told >= CONTACT_PERIOD:
+        if fresh or is_over(self._told, now):
             self._told = now
             self._contacts.publish(messages.contacts_to_message(seen.contacts, now, self._settings.world_frame))
+
+
+def is_over(since: float, now: float) -> bool:
+    """Return whether CONTACT_PERIOD has gone by, or the clock was set back, from one time (s) to another."""
+    return not 0.0 <= now - since < CONTACT_PERIOD
 
 
 def _is_heard(publisher: rospy.Publisher) -> bool:

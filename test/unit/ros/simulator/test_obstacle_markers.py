@@ -1,14 +1,17 @@
 """What is made of markers that put obstacles into the simulated world."""
 
+from types import SimpleNamespace
+
 import pytest
 
 pytest.importorskip("visualization_msgs")
 pytest.importorskip("pybullet")
 
 from std_msgs.msg import Header  # noqa: E402
-from visualization_msgs.msg import Marker  # noqa: E402
+from visualization_msgs.msg import Marker, MarkerArray  # noqa: E402
 
 from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
+from mbf_relay.ros.simulator import obstacles  # noqa: E402
 from mbf_relay.ros.simulator.obstacles import obstacle_from_marker  # noqa: E402
 
 
@@ -17,3 +20,29 @@ def test_an_obstacle_in_another_frame_is_refused_without_filling_the_log(frame):
     with pytest.raises(InvalidMessage, match="frame '.*'; it must be 'world'") as refusal:
         obstacle_from_marker(Marker(header=Header(frame_id=frame)), "world")
     assert len(str(refusal.value)) < 300
+
+
+def test_an_obstacle_stands_for_as_long_as_it_was_put_there_though_the_clock_is_set_back(monkeypatch):
+    monkeypatch.setattr(obstacles.rospy, "Publisher", lambda *_, **__: SimpleNamespace(publish=lambda _message: None))
+    simulation = SimpleNamespace(now=500.0, true_pose=None, scene=Scene())
+    placed = obstacles.Obstacles(simulation, "map")
+    marker = Marker(ns="a", id=1, type=Marker.CUBE, lifetime=obstacles.rospy.Duration(10))
+    marker.scale.x = marker.scale.y = marker.scale.z = 0.2
+    placed.take(MarkerArray([marker]))
+    simulation.now = 505.0
+    placed.shift(1.0 - simulation.now)
+    for now, there in ((1.0, 1), (5.75, 1), (6.25, 0)):
+        simulation.now = now
+        placed.expire()
+        assert len(simulation.scene.obstacles) == there
+
+
+class Scene:
+    """Where obstacles stand."""
+
+    def __init__(self):
+        self.obstacles = {}
+        self.set_obstacle, self.remove_obstacle = self.obstacles.__setitem__, self.obstacles.pop
+
+    def obstructs(self, *_):
+        return False

@@ -1,11 +1,14 @@
 """What the simulator publishes: to all who listen, and with no work for what nobody does."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
 from mbf_relay.ros.simulator import messages, topics  # noqa: E402
+from mbf_relay.simulation.contacts import Contact  # noqa: E402
 from mbf_relay.simulation.imu import ImuReading  # noqa: E402
 from mbf_relay.simulation.node_parameters import SimulatorParameters  # noqa: E402
 from mbf_relay.simulation.observations import JointReading, Observations  # noqa: E402
@@ -55,6 +58,17 @@ def test_who_comes_later_hears_all_that_is_read_from_then_on(made, monkeypatch):
     monkeypatch.setattr(Publisher, "listeners", 1)
     of_simulator.publish(None, SEEN, steps=2)
     assert Publisher.sent == ["joint_states", "imu"]
+
+
+def test_a_collision_is_told_of_once_and_again_after_the_clock_was_set_back(made, monkeypatch):
+    monkeypatch.setattr(topics.rospy, "logwarn", lambda *_: None)
+    of_simulator = topics.SimulatorTopics(SimulatorParameters())
+    touch = Observations(contacts=(Contact("wall", (1.0, 2.0, 0.1), 1.0, (1.0, 0.0, 0.0)),))
+    told = []
+    for now in (500.0, 500.05, 500.1, 1.0):
+        of_simulator.publish(SimpleNamespace(now=now), touch, steps=1)
+        told.append((of_simulator.contacts, Publisher.sent.count("contacts")))
+    assert told == [(1, 1), (1, 1), (1, 2), (2, 3)]
 
 
 def test_a_covariance_of_x_y_and_heading_stands_where_a_message_has_them():
