@@ -276,8 +276,8 @@ class ControllerExecution:
                 message = f"controller '{name}' returned velocity {told}, which no robot drives"
                 self._fail(now, ControlOutcome.NO_VALID_CMD, message)
             elif self._since_call.elapsed(now) > TOO_OLD:
-                told = f"thought for {self._since_call.elapsed(now):.1f} s, and what it saw is too old to drive by"
-                self._no_command(now, ControlOutcome.NO_VALID_CMD, f"controller '{self.instance.name}' {told}")
+                late = f"thought for {self._since_call.elapsed(now):.1f} s, and what it saw is too old to drive by"
+                self._no_command(now, ControlOutcome.NO_VALID_CMD, f"controller '{self.instance.name}' {late}")
             else:
                 self._drive(now, velocity)
 
