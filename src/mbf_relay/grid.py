@@ -45,6 +45,11 @@ class Grid:
             math.floor((y - self.origin_y) / self.resolution),
         )
 
+    def nearest_cell(self, x: float, y: float) -> Tuple[int, int]:
+        """Return the (column, row) of the grid whose square holds the point, or is nearest to one that lies outside."""
+        column, row = self.cell_at(x, y)
+        return min(max(column, 0), self.width - 1), min(max(row, 0), self.height - 1)
+
     def center_of(self, column: int, row: int) -> Tuple[float, float]:
         """Return the world position (m) of a cell's centre."""
         return (

@@ -165,3 +165,14 @@ def test_a_robot_shut_in_by_costs_alone_hears_that_there_is_no_path():
     with pytest.raises(PlanningError) as refused:
         plan(shy, inflated(costs, 0.02, 0.2), Pose2D(0.3, 0.6, 0.0), Pose2D(0.9, 0.6, 0.0))
     assert refused.value.outcome is PlanOutcome.NO_PATH_FOUND
+
+
+@pytest.mark.parametrize("x, y", [(-0.03, 0.3), (1.23, 0.3), (0.3, -0.03), (0.3, 1.23)])
+def test_a_robot_a_little_beside_the_map_hears_that_there_is_no_path(planner, x, y):
+    """Past the map's upper ends IndexError was raised, past the lower ones the place was looked for at the others."""
+    costs = np.zeros((60, 60), dtype=np.uint8)
+    costs[20:40, 20:40] = LETHAL
+    costs[23:37, 23:37] = 0
+    with pytest.raises(PlanningError) as refused:
+        plan(planner, inflated(costs, 0.02, 0.1), Pose2D(x, y, 0.0), Pose2D(0.6, 0.6, 0.0))
+    assert refused.value.outcome is PlanOutcome.NO_PATH_FOUND

@@ -46,7 +46,8 @@ def narrowest_place(
 
     Args:
         costmap: The snapshot.
-        start, goal: On the grid; as far round them as the robot is wide counts as room, since there it stands.
+        start, goal: On the grid, or a little beside it; as far round them as the robot is wide counts as room, since
+            there it stands.
         through_unknown: Whether unknown cells may be entered.
         cancelled: Ends it, without a place.
     """
@@ -57,7 +58,7 @@ def narrowest_place(
     enough = costmap.half_width / grid.resolution + 0.5  # from the centre of a cell to that of an obstacle's
     distances = distances_to_zeros(~blocked)
     room = (np.minimum(distances / enough, 1.0) * FITS).astype(np.uint8)
-    ends = [grid.cell_at(pose.x, pose.y) for pose in (start, goal)]
+    ends = [grid.nearest_cell(pose.x, pose.y) for pose in (start, goal)]
     for column, row in ends:
         _widen(room, column, row, math.ceil(enough))
     order = np.argsort(FITS - room.ravel(), kind="stable")[: np.count_nonzero(room)]

@@ -68,7 +68,7 @@ def departure(costmap: CostGrid, weights: np.ndarray, start: Pose2D) -> np.ndarr
     """
     grid = costmap.grid
     own = grid.cell_at(start.x, start.y)
-    column, row = min(max(own[0], 0), grid.width - 1), min(max(own[1], 0), grid.height - 1)
+    column, row = grid.nearest_cell(start.x, start.y)
     if (column, row) != own:
         if math.dist(grid.center_of(column, row), start[:2]) > costmap.width:
             raise outside_error(costmap, "start", start)
