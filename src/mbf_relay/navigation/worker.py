@@ -34,6 +34,10 @@ class Job:
             raise self._error
         return self._value
 
+    def fail(self, error: Exception) -> None:
+        """Be done with an error, as where no thread can run the task."""
+        self._error, self._done = error, True
+
     def run(self) -> None:
         """Run the task here and keep what comes of it."""
         try:
@@ -85,14 +89,21 @@ class ThreadWorker(Worker):
         self._idle = 0
 
     def start(self, task: Callable[[], Any], kind: str = "") -> Job:
-        """Hand `task` to an idle thread, or to a new one."""
+        """Hand `task` to an idle thread, or to a new one; where the system has none left, it is done with an error."""
         job = Job(task)
         with self._condition:
             self._waiting.append(job)
             if self._idle >= len(self._waiting):
                 self._condition.notify()
                 return job
-        threading.Thread(target=self._loop, name="plugin", daemon=True).start()
+        try:
+            threading.Thread(target=self._loop, name="plugin", daemon=True).start()
+        except RuntimeError as error:
+            with self._condition:
+                if job in self._waiting:  # else a thread has come by
+                    self._waiting.remove(job)
+                    job.fail(error)
+            self._on_done()
         return job
 
     def _loop(self) -> None:

@@ -55,3 +55,21 @@ def test_threads_are_used_again():
         worker.start(lambda: threads.add(threading.current_thread()))
         assert done.acquire(timeout=WAIT)
     assert len(threads) <= 3
+
+
+def test_a_goal_that_no_thread_is_left_for_ends_and_the_next_is_driven(monkeypatch):
+    done, ran = threading.Semaphore(0), []
+    worker = ThreadWorker(done.release)
+
+    def fails(_thread):
+        raise RuntimeError("can't start new thread")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(threading.Thread, "start", fails)
+        job = worker.start(lambda: ran.append("first"))
+    assert job.done and done.acquire(timeout=WAIT)
+    with pytest.raises(RuntimeError, match="can't start new thread"):
+        job.result()
+    worker.start(lambda: ran.append("second"))
+    assert done.acquire(timeout=WAIT)
+    assert ran == ["second"]
