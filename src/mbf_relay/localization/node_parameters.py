@@ -11,7 +11,7 @@ import numpy as np
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.kept_pose import SAVED_ODOM
 from mbf_relay.localization.parameters import LocalizerParameters
-from mbf_relay.parameters import parameter
+from mbf_relay.parameters import convert, parameter
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,18 @@ INITIAL: Dict[str, float] = {
     "initial_pose_x": 0.0, "initial_pose_y": 0.0, "initial_pose_a": 0.0,
     "initial_cov_xx": 0.25, "initial_cov_yy": 0.25, "initial_cov_aa": (math.pi / 12.0) ** 2,
 }
+
+
+def seed_from(values: Mapping[str, Any], otherwise: int) -> Tuple[int, str]:
+    """Return the seed of all chance, and a note where what is given is none and `otherwise` stands in for it."""
+    given = values.get("seed", otherwise)
+    try:
+        seed = int(convert("seed", given, int))
+    except ValueError as error:
+        return otherwise, f"{error}: {otherwise} is used"
+    if seed < 0:
+        return otherwise, f"parameter seed is {seed}; it must be at least 0: {otherwise} is used"
+    return seed, ""
 
 
 def initial_pose_from(values: Mapping[str, Any]) -> Tuple[Pose2D, np.ndarray, Tuple[str, ...]]:

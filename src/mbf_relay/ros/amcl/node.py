@@ -21,7 +21,7 @@ from mbf_relay.localization.cloud_scan import CloudParameters
 from mbf_relay.localization.estimate import Estimate
 from mbf_relay.localization.kept_pose import KeptPose
 from mbf_relay.localization.localizer import Localizer, check_initial_pose
-from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters
+from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters, seed_from
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.outcomes import TransformError
 from mbf_relay.parameters import convert
@@ -55,9 +55,8 @@ class AmclNode:
     def __init__(self) -> None:
         values = parameters.read_namespace("~")
         self._parameters = parameters.fill(AmclParameters, values, "~", (*INITIAL, *NODE_ONLY, "cloud"))
-        seed = convert("seed", values.get("seed", time.time_ns() % 2 ** 31), int)
-        if seed < 0:
-            raise ValueError(f"parameter seed is {seed}; it must be at least 0")
+        seed, note = seed_from(values, time.time_ns() % 2 ** 31)
+        parameters.warn_of([note] if note else [], "~")
         rospy.loginfo("localizing with seed %d", seed)
         self._rng = np.random.default_rng(seed)
         self._lock = threading.RLock()
