@@ -166,33 +166,6 @@ def test_a_controller_that_misbehaves_ends_its_goal_and_no_more(bench, answer, o
     assert bench.finish(bench.navigator.exe_path(FollowGoal(PATH))).outcome is ControlOutcome.SUCCESS
 
 
-def test_a_controller_that_hangs_lets_the_robot_stand_and_ends_with_patience(held_bench):
-    bench = held_bench
-    bench.worker.delays = [1, 1, None]
-    task = bench.navigator.exe_path(FollowGoal(PATH))
-    bench.run(lambda: bench.robot.sent[-1:] == [FORWARD])
-    bench.run(lambda: bench.robot.sent[-1] == STOP, 1.0)
-    assert not task.done
-    assert bench.finish(task, 2.0).outcome is ControlOutcome.PAT_EXCEEDED
-    second = bench.navigator.exe_path(FollowGoal(PATH))
-    bench.step()
-    assert bench.robot.sent[-1] == STOP and not second.done
-    bench.worker.release()
-    bench.run(lambda: bench.robot.sent[-1] == FORWARD, 1.0)
-
-
-def test_a_robot_does_not_set_off_by_what_its_controller_saw_before_it_hung(make_bench):
-    """Somebody may have stepped in front of it meanwhile; it drove a cycle's way before it looked again."""
-    bench = make_bench(scripted.HeldWorker(), controller_patience=5.0)
-    bench.worker.delays = [1, 1, 15]
-    task = bench.navigator.exe_path(FollowGoal(PATH))
-    bench.run(lambda: bench.robot.sent[-1:] == [STOP], 2.0)
-    sent = len(bench.robot.sent)
-    bench.run(lambda: any("thought for" in told.message for told in task.take_feedback()), 3.0)
-    assert set(bench.robot.sent[sent:]) <= {STOP}
-    bench.run(lambda: bench.robot.sent[-1] == FORWARD, 1.0)
-
-
 @pytest.mark.parametrize("blind, text", [
     (lambda bench: setattr(bench.robot, "stale", "odometry is 3 s old"), "odometry is 3 s old"),
     (lambda bench: setattr(bench.costmaps["local"], "stale", "source 'scan' is 3 s old"), "source 'scan' is 3 s old"),
@@ -355,40 +328,6 @@ def test_the_clock_may_jump_back(bench):
     bench.step(0.0)
     bench.step()
     assert bench.robot.sent == [FORWARD] * 3 and not task.done
-
-
-def test_a_path_that_came_while_the_controller_thought_is_taken_up_the_moment_it_returns(held_bench):
-    bench = held_bench
-    bench.worker.delays = [2, 1]
-    bench.navigator.exe_path(FollowGoal(PATH))
-    bench.step(0.0)
-    newer = scripted.straight_path()
-    bench.navigator.exe_path(FollowGoal(newer))
-    bench.step(0.02)  # the controller is still at the old path
-    bench.step(0.02)  # it returns
-    bench.step(0.02)  # what it thought of the new path is there: no cycle was waited for
-    assert [path for path, _ in bench.script.paths] == [PATH, newer] and bench.robot.sent == [FORWARD]
-
-
-def drive_with_cycles_of(bench, seconds, count):
-    """Drive for so many cycles of a controller that takes so long, and return the speeds that were commanded."""
-    bench.navigator.exe_path(FollowGoal(PATH))
-    bench.navigator.update(bench.now)
-    before = len(bench.robot.sent)
-    while len(bench.robot.sent) < before + count:
-        bench.step(seconds)
-    return bench.robot.sent
-
-
-def test_a_robot_whose_computer_falls_behind_drives_slower_and_says_so_once(held_bench):
-    with pytest.warns(RuntimeWarning, match=r"thinks for \d+% of its period of 0\.10 s; the robot drives slow") as said:
-        sent = drive_with_cycles_of(held_bench, 0.1, 40)  # as long as the period
-    assert len(said) == 1
-    assert sent[0] == FORWARD and sent[-1].x == pytest.approx(0.7 * FORWARD.x, rel=0.01)
-
-
-def test_a_robot_whose_computer_keeps_up_is_not_slowed(held_bench):
-    assert set(drive_with_cycles_of(held_bench, 0.05, 40)) == {FORWARD}
 
 
 def test_a_zone_s_limit_reaches_the_controller_of_every_drive_and_is_lifted_behind_it(bench):

@@ -1,0 +1,58 @@
+"""What becomes of what is believed and known where parameters, map or frames change while the robot drives."""
+
+import numpy as np
+import pytest
+from synthetic_room import room, scan_at
+from test_localizer import START, drive, localizer
+
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.localization.localizer import Localizer
+from mbf_relay.localization.parameters import LocalizerParameters
+
+
+@pytest.mark.parametrize("robust", [False, True])
+def test_a_robot_whose_odometry_comes_in_another_frame_from_now_on_stays_where_it_is(robust):
+    made = localizer(robust=robust)
+    truth, _, _ = drive(made, room())
+    made.change_odometry()
+    assert made.map_from_odom is None
+    odom = Pose2D(-40.0, 7.0, 2.0)
+    estimate = made.process(odom, scan_at(room(), truth), IDENTITY)
+    assert estimate.pose.distance_to(truth) < (0.03 if robust else 0.12)
+    assert made.map_from_odom.compose(odom).distance_to(estimate.pose) < 1e-9
+
+
+@pytest.mark.parametrize("change", ["parameter", "map"])
+def test_a_robot_that_may_be_anywhere_still_may_when_something_changes_before_it_looks(change):
+    """It was looked for by its particles alone, and found in one of the places that look alike."""
+    found = []
+    for changes in (False, True):
+        made = Localizer(LocalizerParameters(max_particles=2000), room(), np.random.default_rng(1))
+        made.globalize()
+        if changes and change == "parameter":
+            made.reconfigure(made.parameters.replace(update_min_a=0.3))
+        elif changes:
+            made.set_map(room())
+        made.process(IDENTITY, scan_at(room(), START, np.random.default_rng(9)), IDENTITY)
+        found.append(made.hypotheses())
+    assert found[0] == found[1] and len(found[0]) > 1
+
+
+def test_a_robot_goes_on_doubting_where_it_is_when_a_parameter_changes():
+    made = Localizer(LocalizerParameters(max_particles=2000), room(), np.random.default_rng(1))
+    made.globalize()
+    drive(made, room(), updates=3)
+    before, sure, blocks = made.hypotheses(), made.reliability(), made.changed_blocks().data
+    assert 0.5 < sure < 1.0 and (blocks >= 0).any()
+    made.reconfigure(made.parameters.replace(update_min_a=0.3, laser_likelihood_max_dist=1.0))
+    assert made.hypotheses() == before and made.reliability() == sure
+    assert (made.changed_blocks().data == blocks).all()
+
+
+def test_an_arm_that_was_learnt_is_known_on_the_next_map_and_with_other_parameters():
+    made = localizer()
+    drive(made, room())
+    arm, surely = made._tracker.lever_arm.arm, made._tracker.lever_arm.covariance
+    made.reconfigure(made.parameters.replace(update_min_a=0.3))
+    made.set_map(room())
+    assert (made._tracker.lever_arm.arm == arm).all() and (made._tracker.lever_arm.covariance == surely).all()
