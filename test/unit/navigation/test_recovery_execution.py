@@ -62,12 +62,17 @@ def test_a_cancel_takes_effect_between_two_steps_and_cleans_up(bench):
     assert bench.robot.sent == [FORWARD, FORWARD, STOP]
 
 
-def test_a_step_that_hangs_can_be_cancelled_and_cleans_up_when_it_returns(held_bench):
-    bench = held_bench
+def in_its_second_step(bench):
+    """Return the task of a behaviour that drives, and whose next step hangs."""
     bench.script.recovery = steps(1000)
     bench.worker.delays = [1, None]
     task = bench.navigator.recovery(RecoverGoal("R1"))
     bench.run(lambda: FORWARD in bench.robot.sent)
+    return task
+
+
+def test_a_step_that_hangs_can_be_cancelled_and_cleans_up_when_it_returns(held_bench):
+    bench, task = held_bench, in_its_second_step(held_bench)
     bench.step()
     task.cancel()
     bench.step(0.01)
@@ -77,11 +82,7 @@ def test_a_step_that_hangs_can_be_cancelled_and_cleans_up_when_it_returns(held_b
 
 
 def test_a_robot_does_not_roll_on_while_a_step_hangs(held_bench):
-    bench = held_bench
-    bench.script.recovery = steps(1000)
-    bench.worker.delays = [1, None]
-    task = bench.navigator.recovery(RecoverGoal("R1"))
-    bench.run(lambda: FORWARD in bench.robot.sent)
+    bench, task = held_bench, in_its_second_step(held_bench)
     for _ in range(5):
         bench.step()
     assert bench.robot.sent[-1] == STOP and bench.robot.sent.count(STOP) == 1
@@ -94,11 +95,7 @@ def test_a_robot_does_not_roll_on_while_a_step_hangs(held_bench):
 
 
 def test_a_robot_does_not_set_off_by_what_a_behaviour_saw_before_it_hung(held_bench):
-    bench = held_bench
-    bench.script.recovery = steps(1000)
-    bench.worker.delays = [1, None]
-    task = bench.navigator.recovery(RecoverGoal("R1"))
-    bench.run(lambda: FORWARD in bench.robot.sent)
+    bench, task = held_bench, in_its_second_step(held_bench)
     for _ in range(13):
         bench.step()
     sent = len(bench.robot.sent)
