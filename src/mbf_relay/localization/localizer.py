@@ -78,6 +78,7 @@ class Localizer:
         self._converged = False
         self.field = DistanceField(occupancy, parameters.laser_likelihood_max_dist)
         self._averages = AverageLikelihood()
+        self._tracker = HypothesisTracker(self.field, parameters)
         self._make_models()
         self._start(np.zeros((1, 3)))
         if self.field.has_free_cells:
@@ -128,19 +129,18 @@ class Localizer:
         """
         self.field = DistanceField(occupancy, self.parameters.laser_likelihood_max_dist)
         self._averages.reset()
-        before = self._tracker
         self._make_models()
-        self._tracker.go_on_from(before, same_map=False)
+        self._tracker.change(self.field, self.parameters, same_map=False)
         self.request_update()
 
     def reconfigure(self, parameters: LocalizerParameters) -> None:
         """Take new parameters at once; the particles stay where they are, and so do their rivals."""
         if parameters.laser_likelihood_max_dist != self.parameters.laser_likelihood_max_dist:
             self.field = DistanceField(self.field.occupancy, parameters.laser_likelihood_max_dist)
-        before, is_robust = self._tracker, self.parameters.robust  # rivals go along in the robust form alone
-        self.parameters = parameters
+        is_robust, self.parameters = self.parameters.robust, parameters
         self._make_models()
-        self._tracker.go_on_from(before, same_map=is_robust and parameters.robust)
+        # rivals go along in the robust form alone
+        self._tracker.change(self.field, parameters, same_map=is_robust and parameters.robust)
 
     @property
     def weights(self) -> np.ndarray:
@@ -374,7 +374,6 @@ class Localizer:
     def _make_models(self) -> None:
         self._laser_model = make_laser_model(self.field, self.parameters)
         self._motion_model = make_motion_model(self.parameters)
-        self._tracker = HypothesisTracker(self.field, self.parameters)
 
 
 def check_initial_pose(pose: Pose2D, covariance: np.ndarray, occupancy: OccupancyMap) -> None:

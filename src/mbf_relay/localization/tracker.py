@@ -116,6 +116,12 @@ class HypothesisTracker:
 
     def __init__(self, field: DistanceField, parameters: LocalizerParameters) -> None:
         """Track on a map; with amcl's recovery on, look all over it soon after scans stop fitting."""
+        self.hypotheses = Hypotheses()
+        self.lever_arm = LeverArm()
+        self._set_up(field, parameters)
+        self.start()
+
+    def _set_up(self, field: DistanceField, parameters: LocalizerParameters) -> None:
         sigma_hit = parameters.laser_sigma_hit
         self._field = field
         self._likelihood = ScanLikelihood(field, sigma_hit)
@@ -124,10 +130,17 @@ class HypothesisTracker:
         self._search: Optional[ScanSearch] = None
         self._recovers = parameters.recovery_alpha_fast > 0.0
         self._semi_static = parameters.semi_static
-        self.hypotheses = Hypotheses()
-        self.lever_arm = LeverArm()
         self.blocks = ChangedBlocks(field, parameters.changed_block_size, sigma_hit)
-        self.start()
+
+    def change(self, field: DistanceField, parameters: LocalizerParameters, same_map: bool) -> None:
+        """Go on with other parameters, or on another map, of which nothing is believed or known yet."""
+        evidence, blocks = self._evidence, self.blocks
+        self._set_up(field, parameters)
+        if same_map:
+            self._evidence.go_on_from(evidence)
+            self.blocks.go_on_from(blocks)
+        else:
+            self.start(self._anywhere)
 
     def start(self, anywhere: bool = False) -> None:
         """Begin anew, around the particles handed in next, or anywhere on the map."""
@@ -138,18 +151,6 @@ class HypothesisTracker:
         self._ways: Dict[str, float] = {}  # since the last scan of each lidar that told something
         self._way = self._since_nearby = self._since_anywhere = 0.0
         self.blocks.forget()
-
-    def go_on_from(self, before: HypothesisTracker, same_map: bool) -> None:
-        """Take over what another one knew of the robot; what it believed and knew of the map where that is the same."""
-        self._anywhere, self.lever_arm = before._anywhere, before.lever_arm
-        if not same_map:
-            self.lever_arm.forget_pose()
-            return
-        self.hypotheses, self._doubt, self._ways = before.hypotheses, before._doubt, before._ways
-        self._way, self._since_nearby, self._since_anywhere = (
-            before._way, before._since_nearby, before._since_anywhere)
-        self._evidence.go_on_from(before._evidence)
-        self.blocks.go_on_from(before.blocks)
 
     def predict(self, step: Pose2D, noise: np.ndarray, shown: float = 0.0) -> None:
         """Move rivals by a step of odometry.
