@@ -53,7 +53,8 @@ class Costmap:
         self.layers: List[Layer] = list(layers)
         # the only lock: held for an update, for a copy of the snapshot, and while input is handed to the layers
         self._lock = threading.RLock()
-        self._grid, self._costs = parameters.grid(), np.zeros((0, 0), dtype=np.uint8)
+        self._grid = parameters.grid()
+        self._costs = np.zeros((0, 0), dtype=np.uint8)
         self._default = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
         self._freshness = Freshness(name)
         self._sized_by_map, self._missing = False, ""
@@ -206,7 +207,8 @@ class Costmap:
                 if abs(occupancy.origin.theta) > 1e-6:
                     raise ValueError(
                         f"{self.name}: the map is turned by {occupancy.origin.theta:.6g} rad; a costmap lies along "
-                        "the axes, so the third number of the map's origin must be 0")
+                        "the axes, so the third number of the map's origin must be 0"
+                    )
                 self._sized_by_map, self._due_grid = True, grid if grid != self._grid else None
             for taker in takers:
                 taker.set_map(occupancy)

@@ -87,7 +87,7 @@ class Sensor:
 
     def add(self, rays: RayBundle, now: float, keep_time: float) -> None:
         """Keep an observation, newest first, and drop those older than `keep_time` (s); 0 keeps the newest alone."""
-        measured = min(rays.stamp, now) if rays.stamp > 0.0 else now
+        measured = min(rays.stamp, now)
         if self.last_update > -math.inf:
             self.usual_age.renewed(now - self.last_update, measured - self.last_update)
         if measured < self.last_update - SET_BACK:
