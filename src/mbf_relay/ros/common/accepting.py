@@ -15,9 +15,8 @@ import socket
 import struct
 import threading
 import time
-import weakref
 from socketserver import ThreadingMixIn
-from typing import Any, Deque, Dict, Mapping, MutableMapping, Optional, Tuple
+from typing import Any, Deque, Dict, Mapping, Optional, Tuple
 
 import rospy
 from rosgraph.network import ROSHandshakeException, decode_ros_handshake_header, write_ros_handshake_header
@@ -25,6 +24,8 @@ from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServ
 from rospy.impl.registration import get_topic_manager
 from rospy.impl.tcpros_base import TCPROSServer, TCPServer
 from rospy.impl.tcpros_service import ServiceImpl
+
+from mbf_relay.ros.common.named_locks import NamedLocks
 
 PATIENCE = 5.0
 """Wall seconds for the first words, which nodes send as soon as they are connected."""
@@ -49,10 +50,9 @@ _take_as_rospy, _serve_as_rospy = TCPServer.run, ServiceImpl.handle
 _unheard, _calling = threading.Semaphore(MOST_AT_A_TIME), threading.Semaphore(MOST_AT_A_TIME)
 _served: Deque[Any] = collections.deque()  # connections to services, oldest first
 _serving = threading.Lock()  # guards it
-_naming = threading.Lock()  # guards the locks
 # rospy's handlers are made for one connection at a time; before any lock of theirs. One for each topic or service: what
-# a node does when somebody listens, as to ask the master, may take long. None stays: strangers name what they like
-_handling: MutableMapping[str, threading.Lock] = weakref.WeakValueDictionary()
+# a node does when somebody listens, as to ask the master, may take long. Strangers name what they like
+_handling = NamedLocks()
 
 
 def hear_out_each_by_itself() -> None:
@@ -151,9 +151,7 @@ def _hear_out(server: Any, connection: socket.socket, address: Tuple[str, int]) 
         if header is None:
             connection.close()
             return
-        with _naming:
-            handling = _handling.setdefault(header.get("topic") or header.get("service", ""), threading.Lock())
-        with handling:
+        with _handling.of(header.get("topic") or header.get("service", "")):
             trouble = _hand_over(server, connection, address, header)
         if trouble:
             write_ros_handshake_header(connection, {"error": trouble})

@@ -7,16 +7,14 @@ it: an action's first goal, which a client sends as soon as it sees a connection
 
 from __future__ import annotations
 
-import threading
-import weakref
-from typing import Any, MutableMapping, Tuple
+from typing import Any
 
 from rospy.impl.masterslave import ROSHandler
 
+from mbf_relay.ros.common.named_locks import NamedLocks
+
 _connect_as_rospy = ROSHandler._connect_topic
-_lock = threading.Lock()  # guards the locks
-# none stays when its threads are through: publishers come and go for as long as a node lives
-_locks: MutableMapping[Tuple[str, str], threading.Lock] = weakref.WeakValueDictionary()
+_locks = NamedLocks()
 
 
 def connect_once() -> None:
@@ -26,7 +24,5 @@ def connect_once() -> None:
 
 def connect_topic(handler: Any, topic: str, publisher: str) -> Any:
     """Connect as ROSHandler._connect_topic does, which leaves alone what is connected, after whoever is at it now."""
-    with _lock:
-        connecting = _locks.setdefault((topic, publisher), threading.Lock())
-    with connecting:
+    with _locks.of((topic, publisher)):
         return _connect_as_rospy(handler, topic, publisher)

@@ -347,7 +347,7 @@ def test_a_topic_that_waits_for_a_master_that_hangs_keeps_nobody_from_the_wheels
 
 def test_two_at_a_time_are_handled_one_after_the_other(node, monkeypatch):
     inside, most, handling = [], [], WatchedLock()
-    monkeypatch.setattr(accepting, "_handling", {"/a": handling})
+    monkeypatch.setattr(accepting._handling, "of", {"/a": handling}.get)
 
     def take(_connection, _address, header):
         inside.append(header)
