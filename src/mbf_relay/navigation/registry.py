@@ -1,4 +1,4 @@
-"""The plugins a user's lists name, made once each, and one more for every concurrency slot that asks for its own."""
+"""The plugins a user's lists name, made once each, and once more for every concurrency slot that asks for its own."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ FIRST_INSTANCE: Hashable = 0
 class PluginInstance(Generic[P]):
     """One plugin and the calls into it, which never overlap.
 
-    Calls are made by one thread, the one that steps navigation; new parameters come from any.
+    Calls are made by the thread that steps navigation, and by a service's where the plugin can be made once only; new
+    parameters come from any.
 
     Args:
         plugin: The plugin.
@@ -47,9 +48,7 @@ class PluginInstance(Generic[P]):
         return self._job is not None and not self._job.done
 
     def call(self, task: Callable[[P], Any]) -> Job:
-        """Run `task` with the plugin on the worker; only while not busy."""
-        if self.busy:
-            raise RuntimeError(f"plugin '{self.name}' is still in an earlier call")
+        """Run `task` with the plugin on the worker, after the call that is in it; whoever minds asks first."""
         self._job = self._worker.start(lambda: self._run(task), self._kind)
         return self._job
 
@@ -168,14 +167,28 @@ class Registry(Generic[P]):
 
     def instance(self, name: str, slot: Hashable) -> PluginInstance[P]:
         """Return the plugin `name` of a slot; each slot has one of its own, so that slots do not wait for each other.
+
+        One that can be made once only, as where it offers a service, is shared by all, as in Move Base Flex.
+
+        Raises:
+            PluginError: Not even one can be made.
         """
         if (name, slot) not in self._instances:
-            type_name, costmap = self._entries[name]
-            plugin = create(name, type_name, self.values(name), self._base, self._known)
-            if name in self._parameters:
-                plugin.reconfigure(self._parameters[name])
-            self._instances[name, slot] = PluginInstance(plugin, self._worker, costmap, self.kind)
+            try:
+                self._instances[name, slot] = self._make(name)
+            except PluginError:
+                first = self._instances.get((name, FIRST_INSTANCE))
+                if first is None:
+                    raise
+                self._instances[name, slot] = first
         return self._instances[name, slot]
+
+    def _make(self, name: str) -> PluginInstance[P]:
+        type_name, costmap = self._entries[name]
+        plugin = create(name, type_name, self.values(name), self._base, self._known)
+        if name in self._parameters:
+            plugin.reconfigure(self._parameters[name])
+        return PluginInstance(plugin, self._worker, costmap, self.kind)
 
     def add(self, name: str, type_name: str) -> None:
         """Make one more plugin, with the parameters under its name, or try again to make one that failed.
@@ -194,9 +207,9 @@ class Registry(Generic[P]):
     def reconfigure(self, name: str, parameters: Any) -> None:
         """Give a plugin new parameters, in every slot."""
         self._parameters[name] = parameters
-        for (instance_name, _slot), instance in list(self._instances.items()):
-            if instance_name == name:
-                instance.reconfigure(parameters)
+        instances = {id(instance): instance for (of, _slot), instance in list(self._instances.items()) if of == name}
+        for instance in instances.values():
+            instance.reconfigure(parameters)
 
 
 def entries_of(kind: str, entries: Any, costmap: str) -> Dict[str, Tuple[str, str]]:

@@ -1,15 +1,18 @@
 """Plugin lists: what is wrong with them is named, and each slot gets a plugin of its own."""
 
+import threading
+
 import pytest
 import scripted
 
 from mbf_relay.navigation.registry import Registry
-from mbf_relay.navigation.worker import InlineWorker
+from mbf_relay.navigation.worker import InlineWorker, ThreadWorker
 from mbf_relay.planning import PLANNERS
 from mbf_relay.planning.planner import Planner
 from mbf_relay.plugins import PluginError
 
 TYPE = "scripted.ScriptedPlanner"
+WAIT = 10.0
 
 
 def registry(entries, **config):
@@ -84,6 +87,45 @@ def test_slots_have_plugins_of_their_own_and_share_parameters():
     assert first.plugin.parameters == second.plugin.parameters == made.instance("N", 2).plugin.parameters == wanted
 
 
+class OnlyPlanner(scripted.ScriptedPlanner):
+    """A planner that can be made once only, as one that offers a service of its own."""
+
+    made = 0
+
+    def __init__(self, *arguments, **options):
+        type(self).made += 1
+        if self.made > 1:
+            raise RuntimeError("service is registered already")
+        super().__init__(*arguments, **options)
+
+
+def test_a_robot_plans_with_a_planner_that_can_be_made_once_only():
+    OnlyPlanner.made = 0
+    made = registry([{"name": "P", "type": f"{__name__}.OnlyPlanner"}])
+    slots = [made.instance("P", slot) for slot in (0, "move_base", "make_plan")]
+    assert OnlyPlanner.made == 3 and all(instance is slots[0] for instance in slots)
+
+
+def test_callers_of_one_plugin_are_served_one_after_the_other():
+    done, inside, go_on, order = threading.Semaphore(0), threading.Event(), threading.Event(), []
+    made = Registry(
+        "planners", {"planners": [{"name": "N", "type": TYPE}]}, Planner, PLANNERS, ThreadWorker(done.release), "global"
+    )
+
+    def long_call(plugin):
+        inside.set()
+        go_on.wait(WAIT)
+        order.append("first")
+
+    made.instance("N", 0).call(long_call)
+    assert inside.wait(WAIT)
+    made.instance("N", 0).call(lambda plugin: order.append("second"))
+    assert made.instance("N", 0).busy and not order
+    go_on.set()
+    assert done.acquire(timeout=WAIT) and done.acquire(timeout=WAIT)
+    assert order == ["first", "second"]
+
+
 def test_a_busy_plugin_is_reconfigured_before_its_next_call():
     before = registry([{"name": "N", "type": "navfn/NavfnROS"}]).plugin("N").parameters
     wanted = before.replace(allow_unknown=False)
@@ -98,8 +140,6 @@ def test_a_busy_plugin_is_reconfigured_before_its_next_call():
     )
     instance = made.instance("N", 0)
     call = instance.call(meanwhile)
-    with pytest.raises(RuntimeError, match="earlier call"):
-        instance.call(lambda plugin: None)
     held.step()
     assert call.result() == before
     after = instance.call(lambda plugin: plugin.parameters)
