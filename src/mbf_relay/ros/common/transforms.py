@@ -111,7 +111,7 @@ class CheckedListener:
 
     def __init__(self, buffer: AttentiveBuffer, cache_time: float, changed: Callable[[], None]) -> None:
         self._buffer, self._cache_time, self._changed = buffer, cache_time, changed
-        self.tree = FrameTree(self._is_there)
+        self._tree = FrameTree(self._is_there)
         self._trouble: Dict[str, ThrottledWarnings] = {}  # by child frame; a busy machine's hiccup is worth no warning
         self._lock = threading.Lock()  # one takes or reads at a time, in the order of coming
         self._pending: Deque[Tuple[Any, float]] = deque()
@@ -155,6 +155,12 @@ class CheckedListener:
         with self._lock:
             self._read(message, self._look_at_clock(), None)
         self._changed()
+
+    def frames_above(self, base: str, frame: str) -> Dict[str, bool]:
+        """Return what FrameTree.above does, of all that has come."""
+        with self._lock:
+            self._read_pending()
+            return self._tree.above(base, frame)
 
     def attend(self) -> None:
         """Read what has come."""
@@ -202,7 +208,7 @@ class CheckedListener:
                 check_stamp(message.header.stamp.to_sec(), now, max_age)
             elif message.header.stamp.to_sec() >= TF2_END:
                 message.header.stamp = rospy.Time()
-            if self.tree.add(parent, child, sender, now, is_fixed=max_age is None):
+            if self._tree.add(parent, child, sender, now, is_fixed=max_age is None):
                 self._buffer.known.forget(child)
         except ContestedFrame as error:
             known = self._buffer.known.fixed(child)
@@ -318,8 +324,7 @@ class Transforms:
 
     def frames_above(self, base: str, frame: str) -> Dict[str, bool]:
         """Return what FrameTree.above does, of what was heard since listening began."""
-        self.buffer.attend()
-        return {} if self._listener is None else self._listener.tree.above(base, frame)
+        return {} if self._listener is None else self._listener.frames_above(base, frame)
 
     def rides_on(self, base: str, frame: str) -> bool:
         """Return whether a sensor in `frame` moves with the robot that has `base`.

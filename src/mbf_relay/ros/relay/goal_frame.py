@@ -6,6 +6,7 @@ opened for such goals alone, by one thread, which looks only at the newest and e
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 import time
@@ -57,12 +58,15 @@ class GoalFrame:
                 self._thread.start()
 
     def _work(self) -> None:
-        transforms = self._open_transforms()
         try:
-            while self._look(transforms):
-                time.sleep(LOOK_PERIOD)
-        finally:
-            transforms.close()
+            with contextlib.closing(self._open_transforms()) as transforms:
+                while self._look(transforms):
+                    time.sleep(LOOK_PERIOD)
+        except Exception as error:  # no thread or file is left, as a rule
+            with self._lock:
+                self._thread, pose = None, self._newest
+                if pose is not None:
+                    self._show_as_it_came(pose, f"{type(error).__name__}: {error}")
 
     def _look(self, transforms: Transforms) -> bool:
         """Show the newest goal if that is possible by now; return whether one is left."""
@@ -74,12 +78,17 @@ class GoalFrame:
                 except (TransformError, InvalidMessage) as error:
                     if time.monotonic() - self._taken_at < TF_TIMEOUT and not rospy.is_shutdown():
                         return True
-                    rospy.logwarn("goal shown in its own frame: %s", error)
-                    shown = pose
-                self._newest = None
-                self._publish(shown)
+                    self._show_as_it_came(pose, str(error))
+                else:
+                    self._newest = None
+                    self._publish(shown)
             self._thread = None
             return False
+
+    def _show_as_it_came(self, pose: PoseStamped, why: str) -> None:
+        rospy.logwarn("goal shown in its own frame: %s", why)
+        self._newest = None
+        self._publish(pose)
 
 
 def transformed(pose: PoseStamped, frame: str, transforms: Transforms) -> PoseStamped:

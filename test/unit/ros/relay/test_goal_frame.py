@@ -65,6 +65,20 @@ def test_hundreds_of_goals_in_a_frame_nobody_knows_take_one_thread():
     wait_until(lambda: threading.active_count() <= before, "the thread to end")
 
 
+def test_a_goal_is_shown_as_it_came_where_tf_cannot_be_listened_to_and_so_is_the_next():
+    goals = []
+
+    def failing():
+        raise OSError("too many open files")
+
+    frame = GoalFrame("map", goals.append, failing)
+    goal = PoseStamped()
+    goal.header.frame_id = "atlantis"
+    for shown_by_then in (1, 2):
+        frame.show(goal)
+        wait_until(lambda least=shown_by_then: len(goals) >= least, "the goal")
+
+
 def test_a_quaternion_too_long_to_square_is_shown_at_length_one():
     _, goals = shown(0.0, 0.0, 1e200, 1e200)
     assert goals[0].pose.orientation.w == pytest.approx(0.5 ** 0.5)
