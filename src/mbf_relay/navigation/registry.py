@@ -168,17 +168,18 @@ class Registry(Generic[P]):
     def instance(self, name: str, slot: Hashable) -> PluginInstance[P]:
         """Return the plugin `name` of a slot; each slot has one of its own, so that slots do not wait for each other.
 
-        One that can be made once only, as where it offers a service, is shared by all, as in Move Base Flex.
+        One that can be made once only, as where it offers a service, is shared by all, as in Move Base Flex; but for
+        controllers, whose path would be that of whoever came last.
 
         Raises:
-            PluginError: Not even one can be made.
+            PluginError: It cannot be made.
         """
         if (name, slot) not in self._instances:
             try:
                 self._instances[name, slot] = self._make(name)
             except PluginError:
                 first = self._instances.get((name, FIRST_INSTANCE))
-                if first is None:
+                if first is None or self.kind == "controllers":
                     raise
                 self._instances[name, slot] = first
         return self._instances[name, slot]

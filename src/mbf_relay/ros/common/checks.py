@@ -139,7 +139,8 @@ def check_readings(ranges: np.ndarray) -> None:
 
     What stands in all beams alike is no reading but a driver's word for "nothing".
     """
-    told = ranges[(ranges > 0.0) & (ranges < np.inf)]
+    told = ranges[np.isfinite(ranges)]  # first: numpy 1.17 warns of every comparison with what is no number
+    told = told[told > 0.0]
     if len(told) and told.min() > NEAREST_READING and told.min() < told.max():
         raise InvalidMessage(
             f"scan whose nearest reading is {told.min():g} m; one within {NEAREST_READING:g} m is needed: are its "

@@ -75,14 +75,14 @@ def test_it_goes_on_when_time_is_set_back(sender):
     assert outbox.stamps == [100.5, 2.0]
 
 
-def test_a_correction_that_took_long_to_find_is_not_hidden_behind_what_was_kept_alive_meanwhile(sender):
+def test_a_correction_that_took_long_to_find_is_not_hidden_behind_what_was_kept_alive_meanwhile(sender, monkeypatch):
     sender, outbox, update = sender
     update(10.0, 10.25)
     sender.look(rospy.Time.from_sec(11.0))
     assert outbox.sent[-1] == ("map", "odom", POSE, 11.5)
     clock = rospy.Time.from_sec(11.125)
     found = POSE._replace(x=1.25)
-    with pytest.MonkeyPatch.context() as patch:
+    with monkeypatch.context() as patch:
         patch.setattr(rospy, "get_rostime", lambda: clock)
         sender.update(found, rospy.Time.from_sec(10.25))
     newest = max(outbox.sent, key=lambda one: one[3])

@@ -3,6 +3,7 @@
 
 import copy
 import tracemalloc
+import unittest.mock
 
 import pytest
 
@@ -230,13 +231,13 @@ class TrackerMachine(RuleBasedStateMachine):
         self.server.on_status = self.look_at_status
         self.heard = 0
         self.complaints = []
-        self.patch = pytest.MonkeyPatch()
-        self.patch.setattr(
+        self.patch = unittest.mock.patch.object(
             stock.rospy, "logerr", lambda text, *words: self.complaints.append(text % words if words else text)
         )
+        self.patch.start()
 
     def teardown(self):
-        self.patch.undo()
+        self.patch.stop()
 
     def look_at_status(self):
         for status in self.server.tracker.listed():
