@@ -46,7 +46,7 @@ def held():
     gc.collect()
     kinds = [type(each) for each in gc.get_objects()]
     rooms = ("mbf_relay.ros.", "mbf_relay.navigation.task", "actionlib_msgs.", "move_base_msgs.", "mbf_msgs.")
-    return collections.Counter(kind.__qualname__ for kind in kinds if kind.__module__.startswith(rooms))
+    return collections.Counter(kind.__qualname__ for kind in kinds if str(kind.__module__).startswith(rooms))
 
 
 def send_many(graph, goals, begin):

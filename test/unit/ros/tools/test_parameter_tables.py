@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
+pytest.importorskip("gymnasium", reason="one of the modules that declare parameters needs it")
 
 from mbf_relay.ros.tools import parameter_tables
 
