@@ -15,7 +15,6 @@ from __future__ import annotations
 import functools
 import math
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
@@ -25,10 +24,10 @@ from gymnasium import spaces
 
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.lockstep.driver import path_of_processes
+from mbf_relay.lockstep.environment_parameters import EnvironmentParameters
 from mbf_relay.lockstep.settings import config_folder
 from mbf_relay.lockstep.setup import ODOMETRY, TRUTH, make_setup
 from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks, task_of
-from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.scan import LaserScan
 from mbf_relay.simulation import Simulation
 from mbf_relay.simulation.drive import Odometry
@@ -43,20 +42,6 @@ ID = "mbf_relay/Navigation-v0"
 FARTHEST = 1000.0
 """Metres up to which a goal's place is told."""
 Observed = Dict[str, np.ndarray]
-
-
-@dataclass(frozen=True)
-class EnvironmentParameters(ParameterSet):
-    """Parameters of `NavigationEnvironment`: how often it is asked, what it is shown and what it earns."""
-
-    control_rate: float = parameter(5.0, "actions per second of simulated time", unit="Hz", above=0.0)
-    beams: int = parameter(36, "sectors of the scan; each tells its nearest reading", minimum=1, maximum=16384)
-    goal_radius: float = parameter(0.3, "distance at which a goal counts as reached, where its world states none",
-                                   unit="m", above=0.0)
-    reward_progress: float = parameter(1.0, "for each metre nearer to the goal, in a straight line")
-    reward_goal: float = parameter(5.0, "for each goal reached")
-    reward_contact: float = parameter(-5.0, "for touching something, which ends the episode")
-    reward_time: float = parameter(-0.02, "for each second")
 
 
 class NavigationEnvironment(gymnasium.Env):

@@ -90,10 +90,18 @@ def tables() -> str:
 
 
 def parameter_sets() -> List[Type[ParameterSet]]:
-    """Return every parameter set that the package declares, by module and name."""
+    """Return every parameter set that the package declares, by module and name.
+
+    None stands in a module that cannot be imported for want of another package.
+    """
     for module in pkgutil.walk_packages(mbf_relay.__path__, "mbf_relay."):
-        if not module.name.endswith("__main__"):
+        if module.name.endswith("__main__"):
+            continue
+        try:
             importlib.import_module(module.name)
+        except ModuleNotFoundError as missing:
+            if (missing.name or "").partition(".")[0] == mbf_relay.__name__:
+                raise
     found: Dict[str, Type[ParameterSet]] = {}
     pending = list(ParameterSet.__subclasses__())
     while pending:

@@ -1,0 +1,21 @@
+"""What a policy is shown and earns; apart from the environment, which needs gymnasium."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mbf_relay.parameters import ParameterSet, parameter
+
+
+@dataclass(frozen=True)
+class EnvironmentParameters(ParameterSet):
+    """Parameters of `NavigationEnvironment`: how often it is asked, what it is shown and what it earns."""
+
+    control_rate: float = parameter(5.0, "actions per second of simulated time", unit="Hz", above=0.0)
+    beams: int = parameter(36, "sectors of the scan; each tells its nearest reading", minimum=1, maximum=16384)
+    goal_radius: float = parameter(0.3, "distance at which a goal counts as reached, where its world states none",
+                                   unit="m", above=0.0)
+    reward_progress: float = parameter(1.0, "for each metre nearer to the goal, in a straight line")
+    reward_goal: float = parameter(5.0, "for each goal reached")
+    reward_contact: float = parameter(-5.0, "for touching something, which ends the episode")
+    reward_time: float = parameter(-0.02, "for each second")
