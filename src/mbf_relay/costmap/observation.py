@@ -81,8 +81,8 @@ def scan_points(scan: LaserScan, inf_is_valid: bool = True) -> Tuple[np.ndarray,
     at range_max, where `inf_is_valid`, and are left out otherwise.
     """
     ranges = scan.ranges
-    misses = ranges >= scan.range_max - MISS_MARGIN  # False for NaN
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore"):  # False for NaN, of which numpy 1.17 warns
+        misses = ranges >= scan.range_max - MISS_MARGIN
         hits = (ranges >= scan.range_min) & ~misses
     kept = hits | misses if inf_is_valid else hits
     lengths = np.where(misses, scan.range_max, ranges)[kept]

@@ -75,7 +75,7 @@ def _corners_told(value: Any) -> np.ndarray:
         raise ValueError(f"footprint is {_shown(value)}; it has {len(corners)} points and must have at least 3")
     if len(corners) > MOST_CORNERS:
         raise ValueError(f"footprint has {len(corners)} corners; at most {MOST_CORNERS} are taken")
-    if not (np.abs(corners) <= LARGEST_ROBOT).all():
+    if not all(abs(number) <= LARGEST_ROBOT for number in corners.flat):
         raise ValueError(f"footprint is {_shown(value)}; every number must be finite and within {LARGEST_ROBOT:g} m")
     return corners
 
