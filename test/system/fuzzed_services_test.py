@@ -112,7 +112,13 @@ class TestFuzzedServices(unittest.TestCase):
         chance = settings(
             max_examples=how_many(8, math.ceil(ASKED / (WIDE * len(askable)))), deadline=None, database=None,
             derandomize=not LONG, suppress_health_check=list(HealthCheck))
-        chance(given(requests)(lambda request: self.ask(name, kind, request) and None))()
+
+        @chance
+        @given(requests)
+        def ask(request):
+            self.ask(name, kind, request)
+
+        ask()
 
     def test_1_services(self):
         for name, kind in services():
