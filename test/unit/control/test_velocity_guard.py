@@ -73,15 +73,27 @@ def test_without_a_fresh_scan_nothing_moves_not_even_away():
         assert verdict.velocity == STOP and verdict.cause == guards.NO_SCAN, now
 
 
-def test_a_frozen_lidar_is_no_lidar_while_the_robot_drives():
+@pytest.mark.parametrize("velocity", [
+    AHEAD, Twist2D(-0.2, 0.0, 0.0), Twist2D(0.0, 0.2, 0.0), Twist2D(0.0, 0.0, 0.5), Twist2D(0.0, 0.0, -0.5)])
+def test_a_frozen_lidar_is_no_lidar_while_the_robot_drives(velocity):
     guard = guard_that_saw(scan_with(2.0, 0, 90))
     for tick in range(1, 13):
         guard.take_scan(scan_with(2.0, 0, 90, stamp=0.1 * tick), LASER)
-        verdict = judged(guard, AHEAD, 0.1 * tick)
+        verdict = judged(guard, velocity, 0.1 * tick)
     assert verdict.velocity == STOP and verdict.cause == guards.NO_SCAN
     judged(guard, STOP, 1.2)
     guard.take_scan(scan_with(2.0, 0, 90, stamp=1.3), LASER)
-    assert judged(guard, AHEAD, 1.3).velocity == AHEAD, "a robot that stands sees the same twice"
+    assert judged(guard, velocity, 1.3).velocity == velocity, "a robot that stands sees the same twice"
+
+
+@pytest.mark.parametrize("distance, late", [(math.inf, 0.0), (2.0, 1.0)])
+def test_a_lidar_is_not_taken_for_frozen_in_the_open_nor_before_late_wheels_have_moved(distance, late):
+    """It would read the same again, and the robot would never have set out."""
+    guard = guard_that_saw(scan_with(distance, 0, 90))
+    guard.delay.seconds = late
+    for tick in range(13):
+        guard.take_scan(scan_with(distance, 0, 90, stamp=0.1 * tick), LASER)
+        assert judged(guard, AHEAD, 0.1 * tick).velocity == AHEAD, tick
 
 
 def test_a_lidar_that_reads_nothing_but_errors_lets_nothing_near_pass():
@@ -135,6 +147,16 @@ def test_a_robot_backs_slowly_where_its_lidar_does_not_look():
     assert judged(guard, Twist2D(0.0, 0.0, 1.0)).velocity.theta == 1.0
 
 
+@pytest.mark.parametrize("beside, cause", [(0.14, guards.OBSTACLE), (0.16, guards.UNSEEN)])
+def test_a_robot_backs_as_slowly_where_what_its_front_swings_to_would_let_it_go_faster(beside, cause):
+    ranges = np.full(181, 3.0)
+    ranges[90 + round(math.degrees(math.atan2(beside, 0.55)))] = math.hypot(0.55, beside)
+    guard = VelocityGuard(parameters(footprint=[[-0.2, -0.1], [-0.2, 0.1], [0.6, 0.1], [0.6, -0.1]]))
+    guard.take_scan(scan_of(ranges, angle_min=-math.pi / 2, increment=math.pi / 180), Pose2D(0.0, 0.0, 0.0))
+    verdict = judged(guard, Twist2D(-0.22, 0.0, 0.6))
+    assert -0.1 - 1e-9 <= verdict.velocity.x < -0.05 and verdict.cause == cause
+
+
 @pytest.mark.parametrize("beams", [1, 5])
 def test_a_robot_whose_lidar_looks_through_a_keyhole_goes_slowly(beams):
     guard = guard_that_saw(scan_of(np.full(beams, 3.0), angle_min=-0.01 * beams, increment=0.02))
@@ -162,6 +184,15 @@ def test_a_robot_does_not_drive_by_a_footprint_that_is_not_round_its_lidar():
     assert judged(guard, AHEAD).text == (
         "stopped: the lidar in base_scan sits 2.00 m from map, and the footprint reaches 0.15 m from there: one of the "
         "two is not the robot's")
+
+
+@pytest.mark.parametrize("shorter", [0.03, 3.5])
+def test_of_two_lidars_the_one_that_sees_farther_tells_how_fast_a_robot_may_go(shorter):
+    guard = VelocityGuard(parameters())
+    for frame, range_max in (("near", shorter), ("far", 20.0), ("near", shorter), ("far", 20.0)):
+        guard.take_scan(
+            dataclasses.replace(scan_of(np.full(BEAMS, np.inf)), frame=frame, range_max=range_max), LASER)
+    assert judged(guard, Twist2D(4.0, 0.0, 0.0)).velocity.x == 4.0
 
 
 @pytest.mark.parametrize("speed", [1.0, 1e200, 1.7e308])
@@ -219,6 +250,7 @@ def test_what_the_robot_drove_since_the_scan_counts():
     guard = guard_that_saw(scan_with(0.27, -50, 50))
     shares = []
     for tick in range(6):
+        judged(guard, AHEAD, 0.1 * tick)  # and what passed twice at one time
         shares.append(judged(guard, AHEAD, 0.1 * tick).velocity.x / AHEAD.x)
     assert shares[0] == 1.0 and shares[-1] < 1.0
 
@@ -226,6 +258,15 @@ def test_what_the_robot_drove_since_the_scan_counts():
 def test_a_velocity_beyond_all_measure_is_a_stop():
     verdict = judged(guard_that_saw(scan_of(np.full(BEAMS, np.inf))), Twist2D(1e12, 0.0, 1e9))
     assert verdict.velocity == STOP and "way to a stop is longer than" in verdict.text
+
+
+def test_a_slim_robot_is_no_faster_than_poses_that_lie_half_its_width_apart_cover_its_way():
+    """Between them a pole would have been overlooked."""
+    slim = [[-0.5, -0.05], [-0.5, 0.05], [0.5, 0.05], [0.5, -0.05]]
+    guard = VelocityGuard(parameters(footprint=slim))
+    guard.take_scan(dataclasses.replace(scan_of(np.full(BEAMS, np.inf)), range_max=200.0), LASER)
+    speed = judged(guard, Twist2D(10.0, 0.0, 0.0)).velocity.x
+    assert 0.2 * speed + 0.5 * speed * speed == pytest.approx(guards.MOST_STEPS * 0.05, rel=0.03)
 
 
 def test_a_fast_robot_of_a_metre_drives_at_full_speed_where_nothing_is_in_its_way():
