@@ -2,12 +2,13 @@
 
 import pytest
 import scripted
-from scripted import FORWARD, GOAL, NO_WAY, arrive, straight_path
+from scripted import FORWARD, GOAL, NO_WAY, STUCK, arrive, straight_path
 
 from mbf_relay.geometry import STOP, Pose2D
 from mbf_relay.navigation.controller_execution import PAUSED
 from mbf_relay.navigation.goals import FollowGoal, NavigateOutcome
 from mbf_relay.navigation.task import Ending
+from mbf_relay.outcomes import ControlOutcome
 
 
 def wait(bench, seconds):
@@ -63,6 +64,37 @@ def test_a_paused_drive_is_cancelled_as_any_other(bench):
     task.cancel()
     bench.step()
     assert task.ending is Ending.CANCELED and bench.robot.sent[-1] == STOP
+
+
+@pytest.mark.parametrize("trouble, outcome", [
+    ("no way on", ControlOutcome.PAT_EXCEEDED), ("no pose", ControlOutcome.TF_ERROR),
+    ("no motion", ControlOutcome.ROBOT_STUCK), ("no progress", ControlOutcome.OSCILLATION)])
+def test_the_time_of_a_pause_is_held_against_nobody(make_bench, trouble, outcome):
+    """A drive in some trouble before its pause, or after it, was given up with its first cycle."""
+    bench = make_bench(oscillation_timeout=3.0, cmd_vel_ignored_tolerance=2.0)
+    task = bench.navigator.exe_path(FollowGoal(straight_path()))
+    wait(bench, 0.5)
+    if trouble == "no way on":
+        bench.script.velocity = STUCK
+    elif trouble == "no pose":
+        bench.robot.lost = "no transform"
+    elif trouble == "no motion":
+        bench.robot.reported = STOP
+    else:
+        bench.script.velocity = STOP
+    for paused, seconds in ((False, 0.5), (True, 60.0), (False, 0.5)):
+        bench.robot.paused = paused
+        wait(bench, seconds)
+        assert not task.done
+    assert bench.finish(task).outcome is outcome
+
+
+def test_a_pause_is_told_of_at_the_controller_s_rate(bench):
+    task = bench.navigator.exe_path(FollowGoal(straight_path()))
+    bench.robot.paused = True
+    for _ in range(100):
+        bench.step(0.01)
+    assert 10 <= len(task.take_feedback()) <= 11
 
 
 def test_a_goal_that_comes_in_a_pause_waits_for_its_end(bench):
