@@ -192,7 +192,13 @@ def test_data_that_comes_back_lets_the_robot_go_on(bench):
 
 
 def test_a_lost_pose_is_waited_for_then_named(bench):
+    bench.script.velocity = Twist2D(0.01, 0.0, 0.0)
     task = bench.navigator.exe_path(FollowGoal(PATH))
+    for tick in range(31):  # lost now and then, it is no reason to give up
+        bench.robot.lost = "" if tick % 5 else "the odometry is late"
+        bench.step()
+        assert not task.done
+    bench.robot.lost = None
     bench.step()
     bench.robot.lost = "the transform from 'base' to 'odom' is 2.1 s old"
     bench.step()
@@ -270,6 +276,11 @@ def test_the_server_judges_arrival_where_asked_to(make_bench):
     bench.robot.pose = Pose2D(0.0, 0.0, 0.0)
     result = bench.finish(bench.navigator.exe_path(FollowGoal(PATH, tolerance=GoalTolerance(0.5, 0.2))))
     assert result.distance == pytest.approx(0.49, abs=0.02)
+    for side in (-1.0, 1.0):
+        bench.robot.pose = Pose2D(1.0, 0.0, side)
+        bench.script.velocity = Twist2D(0.0, 0.0, -0.5 * side)
+        result = bench.finish(bench.navigator.exe_path(FollowGoal(PATH, tolerance=GoalTolerance(0.1, 0.2))))
+        assert result.angle == pytest.approx(0.175, abs=0.03), "turned away from the goal's heading, to either side"
 
 
 def test_a_robot_that_ignores_its_commands_is_stuck(bench):
@@ -277,6 +288,31 @@ def test_a_robot_that_ignores_its_commands_is_stuck(bench):
     started = bench.now
     result = bench.finish(bench.navigator.exe_path(FollowGoal(PATH)))
     assert result.outcome is ControlOutcome.ROBOT_STUCK and bench.now - started == pytest.approx(5.1, abs=0.3)
+
+
+def test_a_controller_is_told_how_late_the_wheels_are_and_where_the_robot_is_until_they_hear(bench, monkeypatch):
+    states, sent = [], bench.robot.sent
+
+    def command(velocity):
+        bench.robot.delay.tell(bench.now, velocity)
+        sent.append(velocity)
+
+    def velocity(state):
+        states.append(state)
+        return Twist2D(0.2 if len(states) % 16 < 8 else 0.05, 0.0, 0.0)
+
+    def move(seconds):  # by what was told half a second ago
+        bench.robot.reported = sent[-6] if len(sent) > 5 else STOP
+        bench.robot.pose = bench.robot.pose.compose(bench.robot.reported.held(seconds))
+
+    monkeypatch.setattr(bench.robot, "command", command)
+    monkeypatch.setattr(bench.robot, "move", move)
+    bench.script.velocity = velocity
+    bench.navigator.exe_path(FollowGoal(PATH))
+    bench.run(lambda: len(states) > 50)
+    told = states[-1]
+    assert told.delay == pytest.approx(0.5, abs=0.11)
+    assert told.pose_now == bench.robot.pose and told.pose.x > told.pose_now.x + 0.02
 
 
 @pytest.mark.parametrize("outcome", [ControlOutcome.ROBOT_STUCK, ControlOutcome.BLOCKED_GOAL])
