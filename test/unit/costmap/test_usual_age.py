@@ -29,6 +29,17 @@ def test_a_robot_waits_for_one_scan_more_than_usual(ages, limit):
     assert used_to(*ages).limit(1.0) == pytest.approx(limit)
 
 
+@pytest.mark.parametrize("periods, limit", [
+    ([0.2] * 4 + [0.8] + [0.2] * 4, 0.5), ([0.4, 0.2] * 2, 0.6),
+    ([0.2] * 9 + [-50.0], 1.0),  # its own clock began anew
+])
+def test_scans_that_get_lost_now_and_then_do_not_keep_a_robot_driving_on_old_ones(periods, limit):
+    usual = UsualAge()
+    for period in periods:
+        usual.renewed(0.3, period)
+    assert usual.limit(1.0) == pytest.approx(limit)
+
+
 def test_a_lidar_of_forty_hertz_is_missed_no_sooner_than_need_be():
     assert used_to(*[0.025] * 9, period=0.025).limit(1.0) == pytest.approx(0.4)
 
