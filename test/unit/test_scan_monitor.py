@@ -49,14 +49,31 @@ def test_a_robot_that_is_blind_in_a_sector_ahead_does_not_drive(beams):
     assert "ahead" in trouble(changed(beams, 0.0))
 
 
-@pytest.mark.parametrize("beams", [(0, 20), (100, 260), (70, 120), (-120, -70)])
-def test_a_small_gap_and_a_masked_rear_are_driven_with(beams):
+@pytest.mark.parametrize("beams", [(0, 20), (30, 40), (100, 260), (70, 120), (-120, -70)])
+def test_a_small_gap_and_a_masked_rear_are_driven_with_and_hide_no_larger_one(beams):
     assert trouble(changed(beams, math.nan)) is None
+    assert "ahead" in trouble(changed((-40, -15), 0.0, changed(beams, math.nan).ranges))
 
 
-def test_ahead_is_where_the_robot_goes_not_where_the_lidar_looks():
-    assert "ahead" in trouble(changed((160, 200), 0.0), forward=math.pi)
-    assert trouble(changed((-20, 20), 0.0), forward=math.pi) is None
+@pytest.mark.parametrize("forward", [math.pi, 0.5 * math.pi, -0.5 * math.pi])
+@pytest.mark.parametrize("upside_down", [False, True])
+def test_ahead_is_where_the_robot_goes_not_where_the_lidar_looks(forward, upside_down):
+    for looks, blind in ((forward, True), (forward + math.pi, False)):
+        middle = round(math.degrees(looks)) * (-1 if upside_down else 1)
+        seen = changed((middle - 20, middle + 20), 0.0)
+        if upside_down:
+            seen = dataclasses.replace(seen, angle_increment=-seen.angle_increment)
+        assert "ahead" in trouble(seen, forward) if blind else trouble(seen, forward) is None
+
+
+def test_a_lidar_with_a_beam_here_and_there_is_none():
+    few = np.where(np.arange(360) % 30 == 0, ROOM, 0.0)
+    assert "97 %" in trouble(scan(few), monitor=ScanMonitor(1.0))
+
+
+def test_what_masks_both_ends_of_a_lidar_that_looks_only_ahead_is_no_gap_in_one():
+    ends = np.where(np.abs(np.arange(100) - 49.5) < 35.0, 2.0, 0.0)
+    assert trouble(scan(ends, angle_min=math.radians(-50.0), width=math.radians(100.0))) is None
 
 
 def test_a_lidar_that_looks_only_ahead_need_not_see_its_rear():
@@ -85,7 +102,9 @@ def test_a_depth_camera_looks_wide_enough():
 
 
 def test_an_open_place_is_seen_to_be_open():
-    assert trouble(scan(np.full(360, math.inf))) is None
+    monitor = ScanMonitor()
+    for x in (0.0, 1.0):  # and to be so farther on
+        assert trouble(scan(np.full(360, math.inf)), monitor=monitor, pose=Pose2D(x, 0.0, 0.0)) is None
 
 
 def test_a_lidar_that_loses_all_walls_at_once_is_not_believed():
@@ -105,13 +124,16 @@ def test_a_robot_that_drives_out_into_the_open_drives_on():
         assert trouble(scan(ranges), monitor=monitor) is None
 
 
-def test_the_same_readings_again_are_old_ones_once_the_robot_has_moved():
+@pytest.mark.parametrize("way", [
+    Pose2D(0.04, 0.0, 0.0), Pose2D(0.0, -0.04, 0.0), Pose2D(0.0, 0.0, 0.04), Pose2D(0.0, 0.0, -0.04)])
+def test_the_same_readings_again_are_old_ones_once_the_robot_has_moved(way):
+    walls = np.where(np.arange(360) < 40, math.inf, ROOM)  # but for a door
     monitor = ScanMonitor()
-    for x in (0.0, 0.01, 0.02):
-        assert trouble(scan(ROOM), monitor=monitor, pose=Pose2D(x, 0.0, 0.0)) is None
-    assert "same readings" in trouble(scan(ROOM), monitor=monitor, pose=Pose2D(0.04, 0.0, 0.0))
-    assert "same readings" in trouble(scan(ROOM), monitor=monitor, pose=Pose2D(0.04, 0.0, 0.0)), "until it sees again"
-    assert trouble(scan(ROOM + 0.015), monitor=monitor, pose=Pose2D(0.04, 0.0, 0.0)) is None
+    for share in (0.0, 0.25, 0.5):
+        assert trouble(scan(walls), monitor=monitor, pose=Pose2D(*(share * part for part in way))) is None
+    assert "same readings" in trouble(scan(walls), monitor=monitor, pose=way)
+    assert "same readings" in trouble(scan(walls), monitor=monitor, pose=way), "until it sees again"
+    assert trouble(scan(walls + 0.015), monitor=monitor, pose=way) is None
 
 
 def test_a_standing_robot_may_see_the_same_for_ever():
