@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Optional
+from typing import Optional, Tuple
 
 import numpy as np
 
@@ -38,17 +38,16 @@ class ScanMonitor:
 
     def __init__(self, largest_gap: float = LARGEST_GAP) -> None:
         self._largest_gap = largest_gap
-        self._first: Optional[LaserScan] = None  # of those with the same readings
-        self._first_pose: Optional[Pose2D] = None
+        self._first: Optional[Tuple[LaserScan, Pose2D]] = None  # of those with the same readings, and from where
         self._share_of_returns = 0.0  # in the last scan that was believed
 
-    def trouble(self, scan: LaserScan, forward: float, sensor_pose: Optional[Pose2D]) -> Optional[str]:
+    def trouble(self, scan: LaserScan, forward: float, sensor_pose: Pose2D) -> Optional[str]:
         """Return why a scan must not be driven on, or None.
 
         Args:
             scan: The scan, seen from above.
             forward: Direction (rad) of the robot's front among the scan's angles.
-            sensor_pose: The sensor in a frame that stands, which tells whether it has moved; None where unknown.
+            sensor_pose: The sensor in a frame that stands, which tells whether it has moved.
         """
         with np.errstate(invalid="ignore"):
             usable = scan.ranges >= scan.range_min
@@ -61,15 +60,14 @@ class ScanMonitor:
             self._share_of_returns = share
         return found
 
-    def _frozen(self, scan: LaserScan, returns: np.ndarray, pose: Optional[Pose2D]) -> Optional[str]:
-        first = self._first
-        if first is None or self._first_pose is None or first.ranges.tobytes() != scan.ranges.tobytes():
-            self._first, self._first_pose = scan, pose
+    def _frozen(self, scan: LaserScan, returns: np.ndarray, pose: Pose2D) -> Optional[str]:
+        if self._first is None or self._first[0].ranges.tobytes() != scan.ranges.tobytes():
+            self._first = scan, pose
             return None
-        if pose is None or not returns.any():
+        if not returns.any():
             return None
-        moved = pose.distance_to(self._first_pose)
-        turned = abs(angle_between(pose.theta, self._first_pose.theta))
+        moved = pose.distance_to(self._first[1])
+        turned = abs(angle_between(pose.theta, self._first[1].theta))
         if max(moved, turned) <= MOVED:
             return None
         return f"the lidar repeats the same readings although it moved {moved:.2f} m and {turned:.2f} rad"
