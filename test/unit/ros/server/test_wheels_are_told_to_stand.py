@@ -14,6 +14,8 @@ from mbf_relay.control.steering import Steering  # noqa: E402
 from mbf_relay.geometry import STOP, Twist2D  # noqa: E402
 from mbf_relay.ros.server.robot import RosRobot, _Wheels  # noqa: E402
 
+FORWARD = Twist2D(0.2, 0.0, 0.0)
+
 
 def heard_when(commanded):
     heard = []
@@ -33,21 +35,62 @@ def test_it_is_said_where_no_wheels_are_left_to_tell(listeners, said):
 
 
 def test_wheels_that_connect_during_a_drive_are_left_to_it():
-    assert heard_when(Twist2D(0.2, 0.0, 0.0)) == []
+    assert heard_when(FORWARD) == []
+
+
+@pytest.fixture
+def robot(monkeypatch):
+    """A robot, and what its wheels are told."""
+    monkeypatch.setattr(rospy, "get_time", lambda: 1.0)
+    made, told = RosRobot.__new__(RosRobot), []
+    made.__dict__.update(
+        steering=None, commands=SimpleNamespace(tick=lambda now: None), _closing=threading.Lock(), _closed=False,
+        _blocked=False, _held=False, delay=CommandDelay(), told=told,
+        _publisher=SimpleNamespace(publish=lambda message: told.append((message.linear.x, message.angular.z))))
+    return made
 
 
 @pytest.mark.parametrize("steering, angle", [(None, 0.5), (Steering(0.4, 0.6), math.atan(0.4 * 0.5 / 0.4))])
-def test_a_car_is_told_the_angle_that_its_driver_takes_for_a_rate(monkeypatch, steering, angle):
-    sent = []
-    monkeypatch.setattr(rospy, "get_time", lambda: 1.0)
-    robot = RosRobot.__new__(RosRobot)
-    robot.__dict__.update(
-        steering=steering, commands=SimpleNamespace(tick=lambda now: None), _closing=threading.Lock(), _closed=False,
-        _blocked=False, _held=False, _publisher=SimpleNamespace(publish=sent.append), delay=CommandDelay())
+def test_a_car_is_told_the_angle_that_its_driver_takes_for_a_rate(robot, steering, angle):
+    robot.steering = steering
     robot.command(Twist2D(0.4, 0.0, 0.5))
     robot.hold(True)
     robot.hold(False)
     robot.close()
-    assert [(told.linear.x, told.angular.z) for told in sent] == [
-        (0.4, pytest.approx(angle)), (0.0, 0.0), (0.4, pytest.approx(angle)), (0.0, 0.0)]
+    assert robot.told == [(0.4, pytest.approx(angle)), (0.0, 0.0), (0.4, pytest.approx(angle)), (0.0, 0.0)]
     assert robot.commanded == Twist2D(0.4, 0.0, 0.5)  # what controllers go on from
+
+
+def test_a_robot_hears_nothing_between_the_zero_of_a_hung_step_and_the_next_one_nor_after_the_last(robot):
+    robot.command(FORWARD)
+    robot.block()
+    robot.command(FORWARD)
+    robot.hold(True)
+    robot.hold(False)
+    assert robot.told == [(0.2, 0.0), (0.0, 0.0)] and robot.commanded == STOP
+    robot.release()
+    robot.command(FORWARD)
+    robot.close()
+    for late in (lambda: robot.command(FORWARD), robot.block, lambda: robot.hold(True), robot.close):
+        late()
+    assert robot.told == [(0.2, 0.0), (0.0, 0.0)] * 2
+
+
+def test_a_robot_in_whose_simulation_time_stands_is_told_once_and_drives_on_by_the_newest_velocity(robot):
+    robot.hold(True)
+    robot.hold(False)
+    assert robot.told == [], "nothing goes out of a robot that stands"
+    robot.command(FORWARD)
+    for _ in range(3):
+        robot.hold(True)
+    robot.command(Twist2D(0.1, 0.0, 0.0))
+    robot.hold(False)
+    robot.command(STOP)
+    robot.hold(True)
+    assert robot.told == [(0.2, 0.0), (0.0, 0.0), (0.0, 0.0), (0.1, 0.0), (0.0, 0.0)]
+
+
+def test_a_velocity_that_is_no_number_stops_the_wheels_and_counts_as_the_stop_it_became(robot):
+    robot.command(FORWARD)
+    robot.command(Twist2D(0.2, 0.0, math.nan))
+    assert robot.told == [(0.2, 0.0), (0.0, 0.0)] and robot.commanded == STOP
