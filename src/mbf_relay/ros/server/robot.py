@@ -142,7 +142,7 @@ class RosRobot(Robot):
     def hold(self, is_held: bool) -> None:
         """Let the wheels stand, whatever velocity is in force, or give it back to them; from any thread."""
         with self._closing:
-            if is_held == self._held or self._closed or self._blocked:
+            if is_held == self._held or self._closed:
                 return
             self._held = is_held
             if self.commanded is not None and self.commanded != STOP:
