@@ -78,9 +78,11 @@ class RayBundle:
 
 
 class Sensor:
-    """The observations of one sensor that still count, and when the newest was measured."""
+    """The observations of one sensor that still count, when the newest was measured, and why none is to be relied on.
+    """
 
     def __init__(self) -> None:
+        self.trouble: Optional[str] = None
         self.kept: Deque[RayBundle] = deque()
         self.last_update = -math.inf
         self.usual_age = UsualAge()
@@ -116,12 +118,12 @@ class ObservationSource:
         """Keep what one of its sensors saw."""
         frame = observation.frame
         rays = prepare(observation, self.parameters, max_height)
-        self.trouble = self._overlooks(observation, max_height) if len(rays.marks) == 0 else None
-        if self.trouble is not None:
-            return
         self._senders.hear(frame, now, is_guest=not observation.rides)
-        self._sensors.setdefault(frame, Sensor()).add(rays, now, self.parameters.observation_persistence)
-        self.unused = None
+        sensor = self._sensors.setdefault(frame, Sensor())
+        sensor.trouble = self._overlooks(observation, max_height) if len(rays.marks) == 0 else None
+        if sensor.trouble is None:
+            sensor.add(rays, now, self.parameters.observation_persistence)
+        self.trouble = self.unused = None
 
     def _overlooks(self, observation: Observation, max_height: float) -> Optional[str]:
         """Return why nothing a level lidar hits can become an obstacle, None where it can.
@@ -164,11 +166,12 @@ class ObservationSource:
         parameters = self.parameters
         is_lidar = parameters.data_type == "LaserScan"
         whose = f"{'lidar' if is_lidar else 'sensor'} source '{name}' on topic '{parameters.topic}'"
-        if self.trouble is not None:
-            return f"{whose} cannot be relied on: {self.trouble}"
+        sensors = self.sensors
+        for trouble in (self.trouble, *(sensor.trouble for sensor in sensors.values())):
+            if trouble is not None:
+                return f"{whose} cannot be relied on: {trouble}"
         if limit == 0.0:
             return None
-        sensors = self.sensors
         if not sensors and self.unused is None:
             return f"no data has come from {whose}"
         if not sensors:

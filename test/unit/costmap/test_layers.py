@@ -54,49 +54,6 @@ def test_a_lidar_sees_all_round_where_its_beams_go_all_round(beams, sees):
     assert costmap.sees_all_round is sees
 
 
-def scan_at(height, pitch=0.0, ranges=1.0):
-    """Return what a lidar at a height sees of a round room, pitched forward by radians."""
-    bearings = np.radians(np.arange(0.0, 360.0, 5.0))
-    points = np.column_stack((ranges * np.cos(bearings), ranges * np.sin(bearings), np.zeros(len(bearings))))
-    points[:, 2] = height - math.tan(pitch) * points[:, 0]
-    return Observation((0.0, 0.0, height), points, None, 1.0)
-
-
-@pytest.mark.parametrize("height, why", [
-    (0.36, "level at 0.36 m, and what lies between 0.25 and 0.3 m"), (0.1, "level at 0.10 m"), (0.28, None),
-])
-def test_a_robot_whose_lidar_looks_over_or_under_what_counts_does_not_drive_blind(height, why):
-    costmap = with_obstacles({"min_obstacle_height": 0.25, "max_obstacle_height": 0.3})
-    costmap.observe("scan", scan_at(height), 1.0)
-    costmap.update(1.0, IDENTITY)
-    reason = costmap.stale_reason(1.0)
-    assert reason is None if why is None else why in reason
-
-
-@pytest.mark.parametrize("height", [0.25, 0.3])
-@pytest.mark.parametrize("turn", [0.3, 0.7, 1.9])
-def test_a_lidar_right_at_the_end_of_the_heights_that_count_is_no_reason_to_stand(height, turn):
-    """Its height as a transform of a robot that has turned gives it, rounded to a bit less or more."""
-    costmap = with_obstacles({"min_obstacle_height": 0.25, "max_obstacle_height": 0.3})
-    for rounded in (height * (math.cos(turn) ** 2 + math.sin(turn) ** 2), *np.nextafter(height, (0.0, 1.0))):
-        costmap.observe("scan", scan_at(float(rounded)), 1.0)
-        costmap.update(1.0, IDENTITY)
-        assert costmap.stale_reason(1.0) is None and cost_at(costmap, 1.0, 0.0) == LETHAL
-
-
-@pytest.mark.parametrize("source, seen", [
-    ({"marking": False}, scan_at(0.5)),
-    ({}, scan_at(0.5, pitch=0.3)),  # on a ramp, of a robot whose transforms know it
-    ({"obstacle_range": 0.5}, scan_at(0.28)),
-    ({}, Observation((0.0, 0.0, 0.5), np.zeros((0, 3)), None, 1.0)),
-])
-def test_a_lidar_that_marks_nothing_for_another_reason_is_believed(source, seen):
-    costmap = with_obstacles({"min_obstacle_height": 0.25, "max_obstacle_height": 0.3, **source})
-    costmap.observe("scan", seen, 1.0)
-    costmap.update(1.0, IDENTITY)
-    assert costmap.stale_reason(1.0) is None
-
-
 # --- the static layer
 
 def test_a_trinary_map_knows_free_lethal_and_unknown():
