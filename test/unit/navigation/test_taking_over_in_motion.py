@@ -1,11 +1,12 @@
-"""A drive that another controller takes over while the robot moves."""
+"""What moves the robot when another controller, or another goal, takes over."""
 
 import pytest
 import scripted
-from scripted import FORWARD
+from scripted import FORWARD, GOAL, NO_WAY
 
 from mbf_relay.geometry import STOP
 from mbf_relay.navigation.goals import FollowGoal
+from mbf_relay.navigation.task import Ending
 
 PATH = scripted.straight_path()
 
@@ -24,3 +25,19 @@ def test_a_robot_that_another_controller_takes_over_in_motion_does_not_drive_on_
     for _ in range(6):
         bench.step()
     assert bench.robot.sent[-1] == STOP
+
+
+def test_what_a_recovery_drives_ends_where_another_goal_takes_over(make_bench):
+    """The robot drove on as the behaviour had said last, until the new goal had a path."""
+    worker = scripted.HeldWorker()
+    bench = make_bench(worker, planner_max_retries=0)
+    bench.script.plan, bench.script.recovery = NO_WAY, lambda context: iter([FORWARD] * 100)
+    task = bench.navigator.move_base(GOAL)
+    bench.run(lambda: bench.robot.sent[-1:] == [FORWARD])
+    worker.delays = [None, None]
+    bench.navigator.move_base(GOAL)
+    bench.step(0.01)
+    assert task.ending is Ending.CANCELED and bench.robot.sent[-1] == STOP
+    worker.release()
+    bench.step()
+    assert bench.script.cleaned_up == 1
