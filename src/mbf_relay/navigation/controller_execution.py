@@ -356,7 +356,7 @@ class ControllerExecution:
         else:
             slower = Twist2D(*(0.5 * part for part in self._command))
             self._send(STOP if parameters.force_stop_on_retry or slower.speed() < 1e-2 else slower)
-            self._report(outcome, message)
+            self._report(outcome, message, refused=True)
 
     def _patience_exceeded(self, now: float) -> bool:
         patience = self._parameters().controller_patience
@@ -373,10 +373,10 @@ class ControllerExecution:
         self._command = velocity
         self._robot.command(velocity)
 
-    def _report(self, outcome: ControlOutcome, message: str) -> None:
+    def _report(self, outcome: ControlOutcome, message: str, refused: bool = False) -> None:
         pose, distance, angle = self._where()
         self.task.add_feedback(FollowFeedback(
-            outcome, message, pose, self._command, distance, angle, self._robot.delay.seconds))
+            outcome, message, pose, self._command, distance, angle, self._robot.delay.seconds, refused))
 
     def _end(
         self, ending: Ending, outcome: ControlOutcome, message: str, stop: bool = True,

@@ -86,6 +86,7 @@ class FollowFeedback:
         velocity: What was commanded last.
         distance, angle: What is left (m, rad) to the path's last pose.
         late: Seconds by which the robot does late what it is told, 0.0 where that is little or not known.
+        refused: Whether the controller found no velocity; False also where it could not be asked.
     """
 
     outcome: ControlOutcome
@@ -95,6 +96,7 @@ class FollowFeedback:
     distance: float = math.inf
     angle: float = math.inf
     late: float = 0.0
+    refused: bool = False
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,12 @@ from mbf_relay.navigation.goals import FollowFeedback, FramedPose
 from mbf_relay.navigation.path_hysteresis import PathHysteresis, leads_another_way, path_is_blocked
 from mbf_relay.navigation.refused_places import Point, RefusedPlaces, Toll, refusing_place
 from mbf_relay.navigation.robot import Robot
-from mbf_relay.outcomes import ControlOutcome, StaleDataError, TransformError
+from mbf_relay.outcomes import StaleDataError, TransformError
 from mbf_relay.planning.path import Path
 
 STOOD_FOR = 2.0
-"""Seconds of cycles without a velocity after which the place ahead counts as refused, once more each time."""
+"""Seconds of cycles in which a controller found no velocity after which the place ahead counts as refused, once more
+each time."""
 
 
 class _Ahead(NamedTuple):
@@ -71,7 +72,7 @@ class Ways:
 
     def watch(self, now: float, feedback: FollowFeedback, path: Path, frequency: float) -> None:
         """Take what the controller, asked so often (Hz), says at `now` (s) of a path."""
-        if feedback.outcome is ControlOutcome.SUCCESS:
+        if not feedback.refused:
             return
         self._failures += 1
         if self._failures >= STOOD_FOR * frequency:

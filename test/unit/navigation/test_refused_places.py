@@ -203,14 +203,32 @@ def test_a_robot_that_stands_before_a_gap_goes_another_way_before_anybody_calls_
     assert bench.now - began < 4.0 * STOOD_FOR and "R1" not in script.calls
 
 
+@pytest.mark.parametrize("trouble, is_refused", [("obstacle", True), ("silent lidar", False), ("lost pose", False)])
+def test_a_way_is_not_gone_round_because_the_robot_saw_nothing_on_it_for_a_while(make_bench, trouble, is_refused):
+    bench = make_bench(planner_frequency=5.0, controller_patience=15.0, tf_timeout=15.0)
+    bench.navigator.move_base(GOAL)
+    bench.step()
+    if trouble == "obstacle":
+        bench.script.velocity = STUCK
+    elif trouble == "silent lidar":
+        bench.costmaps["local"].stale = "no scan for 0.50 s"
+    else:
+        bench.robot.lost = "no transform"
+    for _ in range(int(20.0 * STOOD_FOR)):
+        bench.step()
+    bench.script.velocity, bench.costmaps["local"].stale, bench.robot.lost = FORWARD, None, None
+    bench.step(1.0)
+    assert any((seen.costs == INSCRIBED).any() for seen in bench.script.planned_on) is is_refused
+
+
 def test_cycles_without_a_velocity_refuse_the_place_ahead_once_they_sum_up_and_not_before(bench):
     ways, pose = Ways(bench.robot, bench.costmaps["global"]), FramedPose(Pose2D(0.0, 0.0, 0.0), "map")
     frequency, path = 10.0, bowed_path(0.0)
     for cycle in range(int(STOOD_FOR * frequency) - 1):
-        ways.watch(0.1 * cycle, FollowFeedback(ControlOutcome.NO_VALID_CMD, "", pose), path, frequency)
+        ways.watch(0.1 * cycle, FollowFeedback(ControlOutcome.NO_VALID_CMD, "", pose, refused=True), path, frequency)
         ways.watch(0.1 * cycle, FollowFeedback(ControlOutcome.SUCCESS, "", pose), path, frequency)
     assert ways.tolls(2.0) == ()
-    ways.watch(2.0, FollowFeedback(ControlOutcome.NO_VALID_CMD, "", pose), path, frequency)
+    ways.watch(2.0, FollowFeedback(ControlOutcome.NO_VALID_CMD, "", pose, refused=True), path, frequency)
     (toll,) = ways.tolls(2.0)
     assert toll.place == pytest.approx((0.1, 0.0)) and toll.detour == pytest.approx(TOLL * 0.2)
 
@@ -220,5 +238,5 @@ def test_a_robot_whose_frames_are_lost_remembers_nothing_and_goes_on(bench):
     bench.robot.lost = "no transform"
     pose = FramedPose(Pose2D(0.0, 0.0, 0.0), "map")
     for cycle in range(100):
-        ways.watch(0.1 * cycle, FollowFeedback(ControlOutcome.NO_VALID_CMD, "", pose), bowed_path(0.4), 10.0)
+        ways.watch(0.1 * cycle, FollowFeedback(ControlOutcome.NO_VALID_CMD, "", pose, refused=True), bowed_path(0.4), 10.0)
     assert ways.tolls(10.0) == () and not ways.is_blocked(bowed_path(0.4), pose)
