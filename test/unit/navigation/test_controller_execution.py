@@ -109,7 +109,8 @@ def test_failed_cycles_end_with_patience(bench):
     assert set(bench.robot.sent) == {STOP}
 
 
-def test_patience_counts_from_the_last_velocity(bench):
+def test_patience_and_tries_count_from_the_last_velocity(make_bench):
+    bench = make_bench(controller_max_retries=8)
     answers = iter([STUCK, STUCK, STUCK, STUCK, STUCK, STUCK, STUCK, FORWARD] * 5 + [FORWARD] * 100)
 
     def sometimes(state):

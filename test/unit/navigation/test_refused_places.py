@@ -221,16 +221,25 @@ def test_a_way_is_not_gone_round_because_the_robot_saw_nothing_on_it_for_a_while
     assert any((seen.costs == INSCRIBED).any() for seen in bench.script.planned_on) is is_refused
 
 
-def test_cycles_without_a_velocity_refuse_the_place_ahead_once_they_sum_up_and_not_before(bench):
-    ways, pose = Ways(bench.robot, bench.costmaps["global"]), FramedPose(Pose2D(0.0, 0.0, 0.0), "map")
-    frequency, path = 10.0, bowed_path(0.0)
-    for cycle in range(int(STOOD_FOR * frequency) - 1):
-        ways.watch(0.1 * cycle, FollowFeedback(ControlOutcome.NO_VALID_CMD, "", pose, refused=True), path, frequency)
-        ways.watch(0.1 * cycle, FollowFeedback(ControlOutcome.SUCCESS, "", pose), path, frequency)
+@pytest.mark.parametrize("wall, refused_at", [(None, (2.1, 1.0)), (2.5, (2.5, 1.0))])
+def test_cycles_without_a_velocity_refuse_the_place_ahead_once_they_sum_up_and_not_before(bench, wall, refused_at):
+    costmap = bench.costmaps["global"]
+    if wall is not None:
+        costmap.costs[:, costmap.grid.cell_at(wall + 0.01, 0.0)[0]] = LETHAL
+    ways, pose = Ways(bench.robot, costmap), FramedPose(Pose2D(2.0, 1.0, 0.0), "map")
+    frequency, path = 10.0, Path(bowed_path(0.0).poses + (2.0, 1.0, 0.0), "map")
+
+    def fail(times):
+        for _ in range(times):
+            ways.watch(2.0, FollowFeedback(ControlOutcome.NO_VALID_CMD, "", pose, refused=True), path, frequency)
+            ways.watch(2.0, FollowFeedback(ControlOutcome.SUCCESS, "", pose), path, frequency)
+
+    fail(int(STOOD_FOR * frequency) - 1)
     assert ways.tolls(2.0) == ()
-    ways.watch(2.0, FollowFeedback(ControlOutcome.NO_VALID_CMD, "", pose, refused=True), path, frequency)
-    (toll,) = ways.tolls(2.0)
-    assert toll.place == pytest.approx((0.1, 0.0)) and toll.detour == pytest.approx(TOLL * 0.2)
+    for times, detour in ((1, TOLL * 0.2), (int(STOOD_FOR * frequency) - 1, TOLL * 0.2), (1, 2.0 * TOLL * 0.2)):
+        fail(times)
+        (toll,) = ways.tolls(2.0)
+        assert toll.place == pytest.approx(refused_at, abs=0.051) and toll.detour == pytest.approx(detour)
 
 
 def test_a_robot_whose_frames_are_lost_remembers_nothing_and_goes_on(bench):
