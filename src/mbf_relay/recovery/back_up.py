@@ -14,7 +14,6 @@ from mbf_relay.outcomes import RecoveryError, RecoveryOutcome
 from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.recovery.maneuver import CheckedPose, look, measured
 from mbf_relay.recovery.recovery import Recovery, RecoveryContext
-from mbf_relay.timing import Stopwatch
 
 LEAST = 2.0  # checked steps that count as having backed up at all
 
@@ -44,7 +43,7 @@ class BackUp(Recovery):
                 FAILURE.
         """
         p = self.parameters
-        start, tried, speed = look(context, self.name).pose, Stopwatch(context.now), 0.0
+        start, tried, speed = look(context, self.name).pose, 0.0, 0.0
         while True:
             place = look(context, self.name)
             moved = -place.pose.relative_to(start).x
@@ -60,7 +59,7 @@ class BackUp(Recovery):
                     RecoveryOutcome.IMPASSABLE,
                     f"'{self.name}' cannot drive back: an obstacle is {free:.2f} m behind the robot",
                 )
-            if tried.elapsed(context.now) > p.timeout:
+            if tried > p.timeout:
                 raise RecoveryError(
                     RecoveryOutcome.PAT_EXCEEDED,
                     f"'{self.name}' moved {moved:.2f} m of {p.distance:.2f} m within {p.timeout:.1f} s; see whether "
@@ -72,6 +71,7 @@ class BackUp(Recovery):
             wanted = min(p.speed, speed_to_stop_within(free, p.acceleration, context.period))
             speed = min(base + change, max(base - change, wanted))
             yield Twist2D(-speed, 0.0, 0.0)
+            tried += context.period  # not by the clock, which goes on in a pause
 
     @staticmethod
     def _free_distance(place: CheckedPose, distance: float) -> float:
