@@ -110,21 +110,29 @@ def test_a_goal_that_comes_in_a_pause_waits_for_its_end(bench):
 def test_a_paused_recovery_stands_and_goes_on_where_it_was(make_bench):
     bench = make_bench(planner_max_retries=0, recovery_patience=2.0)
     bench.script.plan = NO_WAY
-    bench.script.recovery = lambda context: iter([FORWARD] * 8)
+    done = []
+
+    def eight_steps(context):
+        for _ in range(8):
+            yield FORWARD
+        done.append(context.now)
+
+    bench.script.recovery = eight_steps
     task = bench.navigator.move_base(GOAL)
     wait(bench, 0.4)
     assert bench.robot.sent[-1] == FORWARD
     bench.robot.paused = True
     bench.step()
     assert bench.robot.sent[-1] == STOP
-    before = bench.script.calls.get("R2", 0)
+    before, sent = bench.script.calls.get("R2", 0), len(bench.robot.sent)
     wait(bench, 30.0)
-    assert bench.robot.sent[-1] == STOP and bench.script.calls.get("R2", 0) == before and not task.done
+    assert bench.script.calls.get("R2", 0) == before and not task.done and not done
+    assert len(bench.robot.sent) == sent, "nothing is sent that a stick would fight with"
     assert bench.navigator.due > bench.now, "nobody spins while it waits"
     bench.robot.paused = False
     bench.script.plan = scripted.line
     wait(bench, 2.0)
-    assert bench.robot.sent[-1] == FORWARD and not task.done
+    assert bench.robot.sent[-1] == FORWARD and not task.done and len(done) == 1
 
 
 def test_a_robot_moved_by_hand_in_a_pause_drives_on_from_where_it_is(make_bench):

@@ -8,6 +8,7 @@ from scripted import FORWARD
 
 from mbf_relay.geometry import STOP, Twist2D
 from mbf_relay.navigation.goals import RecoverGoal
+from mbf_relay.navigation.recovery_execution import RecoverySurroundings
 from mbf_relay.navigation.task import Ending
 from mbf_relay.outcomes import RecoveryError, RecoveryOutcome, StaleDataError, TransformError
 
@@ -22,6 +23,27 @@ def test_a_behaviour_drives_step_by_step_and_ends_with_a_zero(bench):
     assert result.outcome is RecoveryOutcome.SUCCESS and result.used_plugin == "R2"
     assert bench.robot.sent == [FORWARD] * 5 + [STOP]
     assert bench.robot.pose.x == pytest.approx(0.1)
+
+
+def test_a_behaviour_is_asked_at_the_controller_s_rate_however_often_navigation_is_stepped(bench):
+    bench.script.recovery = steps(100)
+    bench.navigator.recovery(RecoverGoal("R2"))
+    for _ in range(100):
+        bench.step(0.01)
+    assert len(bench.robot.sent) == pytest.approx(10, abs=1)
+
+
+def test_a_behaviour_is_told_where_a_robot_of_late_wheels_will_be_and_how_it_will_move(bench):
+    robot, context = bench.robot, RecoverySurroundings(bench.robot, bench.costmaps, None)
+    robot.commanded, robot.reported = FORWARD, Twist2D(0.1, 0.0, 0.0)
+    assert context.velocity == robot.reported and context.pose_in("odom") == robot.pose
+    robot.delay.tell(0.0, FORWARD)
+    robot.delay.note(1.0, robot.reported)
+    robot.delay.seconds = 0.5
+    assert context.velocity == FORWARD and context.pose_in("odom").x == pytest.approx(0.1)
+    assert context.pose_in("base") == robot.pose, "of a frame no costmap is in"
+    robot.commanded = None
+    assert context.velocity == robot.reported
 
 
 def test_the_first_behaviour_is_taken_where_none_is_named(bench):
