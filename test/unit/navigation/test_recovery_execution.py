@@ -26,11 +26,51 @@ def test_a_behaviour_drives_step_by_step_and_ends_with_a_zero(bench):
 
 
 def test_a_behaviour_is_asked_at_the_controller_s_rate_however_often_navigation_is_stepped(bench):
-    bench.script.recovery = steps(100)
+    periods = []
+
+    def drive(context):
+        while True:
+            periods.append(context.period)
+            yield FORWARD
+
+    bench.script.recovery = drive
     bench.navigator.recovery(RecoverGoal("R2"))
     for _ in range(100):
         bench.step(0.01)
-    assert len(bench.robot.sent) == pytest.approx(10, abs=1)
+    assert len(bench.robot.sent) == pytest.approx(10, abs=1) and set(periods) == {0.1}
+
+
+def test_a_behaviour_that_is_waited_for_for_ever_takes_its_time(make_bench):
+    bench = make_bench(recovery_patience=0.0)
+    bench.script.recovery = steps(500)
+    assert bench.finish(bench.navigator.recovery(RecoverGoal("R2"))).outcome is RecoveryOutcome.SUCCESS
+
+
+@pytest.mark.parametrize("blind", [
+    lambda bench, why: setattr(bench.costmaps["local"], "stale", why),
+    lambda bench, why: setattr(bench.robot, "stale", why)], ids=["no scan", "no odometry"])
+def test_a_robot_does_not_set_out_blind_by_a_behaviour_that_does_not_look(bench, blind):
+    bench.script.recovery = steps(100)
+    blind(bench, "3.0 s old")
+    bench.navigator.recovery(RecoverGoal("R2"))
+    for _ in range(5):
+        bench.step()
+    assert set(bench.robot.sent) == {STOP}
+    blind(bench, None)
+    bench.step()
+    assert bench.robot.sent[-1] == FORWARD
+
+
+def test_a_cancel_during_the_very_step_wins(bench):
+    def drive(context):
+        yield FORWARD
+        task.cancel()
+        yield FORWARD
+
+    bench.script.recovery = drive
+    task = bench.navigator.recovery(RecoverGoal("R2"))
+    bench.finish(task)
+    assert task.ending is Ending.CANCELED and bench.robot.sent == [FORWARD, STOP]
 
 
 def test_a_behaviour_is_told_where_a_robot_of_late_wheels_will_be_and_how_it_will_move(bench):
