@@ -246,6 +246,7 @@ def test_a_robot_whose_frames_are_lost_remembers_nothing_and_goes_on(bench):
     ways = Ways(bench.robot, bench.costmaps["global"])
     bench.robot.lost = "no transform"
     pose = FramedPose(Pose2D(0.0, 0.0, 0.0), "map")
+    refused = FollowFeedback(ControlOutcome.NO_VALID_CMD, "", pose, refused=True)
     for cycle in range(100):
-        ways.watch(0.1 * cycle, FollowFeedback(ControlOutcome.NO_VALID_CMD, "", pose, refused=True), bowed_path(0.4), 10.0)
+        ways.watch(0.1 * cycle, refused, bowed_path(0.4), 10.0)
     assert ways.tolls(10.0) == () and not ways.is_blocked(bowed_path(0.4), pose)
