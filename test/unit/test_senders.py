@@ -16,7 +16,7 @@ from mbf_relay.senders import AT_ONCE, Senders
 def test_who_comes_back_after_another_is_one_of_several_and_who_does_not_was_replaced(heard, present):
     senders = Senders()
     for now, name in enumerate(heard):
-        senders.hear(name, 0.1 * now)
+        senders.hear(name, 1000.0 + 0.1 * now)
     assert senders.present == list(present)
 
 
@@ -57,7 +57,7 @@ def test_a_guest_is_heard_and_is_missed_only_where_there_is_nobody_else(heard, p
     """Capital letters are guests."""
     senders = Senders()
     for now, name in enumerate(heard):
-        senders.hear(name, 0.1 * now, is_guest=name.isupper())
+        senders.hear(name, 1000.0 + 0.1 * now, is_guest=name.isupper())
     assert senders.present == list(present) and senders.heard == list(counted)
 
 

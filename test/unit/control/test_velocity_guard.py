@@ -61,6 +61,8 @@ def test_a_sender_that_fell_silent_stops_the_robot():
     verdict = guard.verdict(0.51)
     assert verdict.velocity == STOP and verdict.cause == guards.SILENT
     assert judged(guard, AHEAD, 0.55).velocity == AHEAD
+    guard.forget_command()
+    assert guard.verdict(0.56).cause == guards.SILENT, "whoever sent is known to be gone"
 
 
 def test_without_a_fresh_scan_nothing_moves_not_even_away():
