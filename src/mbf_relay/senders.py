@@ -27,9 +27,9 @@ class Senders:
         self._guest: Optional[str] = None
         self._now = 0.0
 
-    def hear(self, name: str, now: float, is_guest: bool = False) -> bool:
-        """Take note that one of them has sent something at `now` (s); return whether it took turns with another one."""
-        returns = not is_guest and name != self._newest and abs(now - self._heard_at.get(name, math.inf)) <= AT_ONCE
+    def hear(self, name: str, now: float, is_guest: bool = False) -> None:
+        """Take note that one of them has sent something at `now` (s)."""
+        returns = name != self._newest and abs(now - self._heard_at.get(name, math.inf)) <= AT_ONCE
         self._now = self._heard_at[name] = now
         if is_guest:
             self._guest = name
@@ -37,7 +37,6 @@ class Senders:
         else:
             self._newest = name
             self._takes_turns[name] = returns or self._takes_turns.get(name, False)
-        return returns
 
     @property
     def present(self) -> List[str]:
