@@ -73,6 +73,13 @@ def test_a_guest_that_is_gone_is_heard_no_longer_and_replaces_nobody():
     assert senders.present == ["own"], "who fell silent is missed"
 
 
+def test_a_guest_of_before_time_was_set_back_is_heard_no_longer():
+    senders = Senders()
+    for name, now in (("own", 100.0), ("guest", 100.1), ("own", 1.0)):
+        senders.hear(name, now, is_guest=name == "guest")
+    assert senders.heard == ["own"]
+
+
 def test_who_turns_out_to_be_a_guest_is_missed_no_longer():
     senders = Senders()
     for now, name in enumerate("abab"):
