@@ -1,6 +1,7 @@
 """Where the robot is, asked of transforms that wait to be read."""
 
 import io
+import math
 import threading
 from types import SimpleNamespace
 
@@ -184,6 +185,14 @@ def test_of_two_nodes_that_broadcast_one_transform_one_is_believed_and_both_are_
         assert robot.x() == 1.0
     assert len(told) == 10
     assert all(part in told[0] for part in ("/ekf says that 'base' hangs on 'odom'", "/wheels says where it is"))
+
+
+@pytest.mark.parametrize("x, ahead", [(math.nan, 0.0), (1e8, 0.0), (2.0, 10.0), (2.0, 2.0 ** 31)])
+def test_a_robot_is_where_it_was_while_what_comes_means_nothing_or_is_of_another_time(robot, x, ahead):
+    robot.send(1.5)
+    robot.now += 0.1
+    robot.send(x, stamp=robot.now + ahead)
+    assert robot.x() == 1.5
 
 
 @pytest.mark.parametrize("is_heard", [False, True], ids=["it ended", "it is silent"])
