@@ -79,14 +79,14 @@ class Graph:
         server = setup.settings[SERVER] if setup.map == KNOWN else without_map(setup.settings[SERVER], task)
         amcl = AmclParameters.from_mapping(setup.settings["amcl"])
         needs_map = setup.map == KNOWN or setup.localization == AMCL
-        self.map_frame = amcl.global_frame_id
+        self.map_frame, self._odom_frame = amcl.global_frame_id, amcl.odom_frame_id
         self.simulation = Simulation(task.world, _simulation_parameters(setup), seed, robot=setup.robot)
         self.laser_in_base = self.simulation.robot.scan_in_base.flat()
         self._scan_height = self.simulation.robot.scan_height
         known = task.occupancy(setup.map_resolution, self._scan_height) if needs_map else None
         try:
             self._on_command = on_command
-            self.robot = LockstepRobot(self._command, self.map_frame, amcl.odom_frame_id, FOOTPRINT_FRAME)
+            self.robot = LockstepRobot(self._command, self.map_frame, self._odom_frame, FOOTPRINT_FRAME)
             self._localizer: Optional[Localizer] = None
             self._locate(task, setup, amcl, known, seed)
             self._build_costmaps(known if setup.map == KNOWN else None, server)
@@ -235,7 +235,7 @@ class Graph:
         with self._stages.stage("costmaps"):
             for costmap in reversed(tuple(self.costmaps.values())):  # the local one first, see _share_scans
                 try:
-                    odom_in_costmap = self.robot.transform(costmap.frame, "odom")
+                    odom_in_costmap = self.robot.transform(costmap.frame, self._odom_frame)
                 except TransformError:
                     continue
                 laser = odom_in_costmap.compose(odom_pose).compose(self.laser_in_base)

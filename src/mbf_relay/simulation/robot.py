@@ -15,13 +15,7 @@ from mbf_relay.simulation.shapes import Body, Box, Cylinder, Shape
 
 DIFFERENTIAL, OMNIDIRECTIONAL, CAR = DRIVES = ("differential", "omnidirectional", "car")
 
-SCAN_FRAME, IMU_FRAME, BASE_FRAME, FOOTPRINT_FRAME, ODOM_FRAME = (
-    "base_scan",
-    "imu_link",
-    "base_link",
-    "base_footprint",
-    "odom",
-)
+SCAN_FRAME, IMU_FRAME, BASE_FRAME, FOOTPRINT_FRAME = "base_scan", "imu_link", "base_link", "base_footprint"
 AXLE = Frame.of(0.0, 0.0, roll=-math.pi / 2.0)
 """Turns a wheel's axis from z to y."""
 

@@ -84,6 +84,17 @@ def test_a_robot_whose_files_name_frames_as_tf_did_drives_alike(tmp_path):
     assert driven[0].trajectory == driven[1].trajectory
 
 
+def test_a_robot_whose_odometry_has_a_frame_of_another_name_sees_its_scans(tmp_path):
+    """No scan came to its costmaps, and it was said that the lidar sends none."""
+    server = dict(BLIND.settings[SERVER])
+    server["local_costmap"] = {**server["local_costmap"], "global_frame": "odom_combined"}
+    amcl = {**BLIND.settings["amcl"], "odom_frame_id": "odom_combined"}
+    other = dataclasses.replace(BLIND, settings={**BLIND.settings, SERVER: server, "amcl": amcl})
+    driven = [Episode(task(tmp_path, small_worlds.BENT), setup, seed=1).run() for setup in (BLIND, other)]
+    assert driven[1].success, driven[1].message
+    assert driven[0].trajectory == driven[1].trajectory
+
+
 def test_a_costmap_in_a_frame_that_nobody_broadcasts_is_named(tmp_path):
     server = dict(BLIND.settings[SERVER])
     server["local_costmap"] = {**server["local_costmap"], "global_frame": "odom_combined"}
