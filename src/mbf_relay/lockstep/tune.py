@@ -37,7 +37,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Run the command; return its exit status: 0, 1 for what a user can mend, 130 when interrupted."""
     options = _parse(without_remappings(sys.argv[1:] if arguments is None else arguments))
     try:
-        tasks = load_tasks(options.worlds)
+        tasks = [task.scaled(options.scale) for task in load_tasks(options.worlds)]
         seen, unseen = split(tasks)
         if options.metric == "score" and not any(task.reference_path_length for task in tasks):
             raise ValueError("the worlds state no reference_path_length, so that no drive has a score; choose another "
@@ -60,12 +60,13 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
             search(study, space, plan, seen, drive, tell)
             if not math.isfinite(study.best_value):
                 raise ValueError("no trial could drive every world, so that none is the best; batch.py tells why")
-            best = dict(study.best_params)
+            best, better = dict(study.best_params), measure_of(options.metric).better
             write_best(options.out, setup_of(best))
             tune_picture.draw(
                 options.out / "study.png",
-                [(trial.params, measure_of(options.metric).better * trial.value) for trial in study.get_trials()
+                [(trial.params, better * trial.value) for trial in study.get_trials()
                  if trial.value is not None and math.isfinite(trial.value)],
+                better,
             )
             print("\n".join(f"{name}: {value:g}" for name, value in best.items()))
             print(verdict(unseen, best, drive, options.metric, is_unseen=len(seen) < len(tasks)))

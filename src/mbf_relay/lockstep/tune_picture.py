@@ -29,12 +29,24 @@ def importances(tried: Sequence[Tried]) -> Dict[str, float]:
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def draw(path: Path, tried: Sequence[Tried]) -> None:
+def best_so_far(values: Sequence[float], better: int) -> np.ndarray:
+    """Return the best of each value and all before it, shape (N,).
+
+    Args:
+        values: In the order of the search.
+        better: 1 where more is better, -1 where less is.
+    """
+    best: np.ndarray = better * np.maximum.accumulate(better * np.array(values, dtype=float))
+    return best
+
+
+def draw(path: Path, tried: Sequence[Tried], better: int) -> None:
     """Write the picture.
 
     Args:
         path: PNG.
         tried: In the order of the search.
+        better: 1 where more is better, -1 where less is.
     """
     import matplotlib
 
@@ -44,7 +56,7 @@ def draw(path: Path, tried: Sequence[Tried]) -> None:
     figure, (history, bars) = pyplot.subplots(1, 2, figsize=(10.0, 3.6), constrained_layout=True)
     values = [value for _, value in tried]
     history.plot(range(1, len(values) + 1), values, "o", label="trial")
-    history.step(range(1, len(values) + 1), np.maximum.accumulate(values), where="post", label="best so far")
+    history.step(range(1, len(values) + 1), best_so_far(values, better), where="post", label="best so far")
     history.set(xlabel="trial that was not given up", ylabel="value")
     history.legend()
     found = importances(tried)

@@ -140,6 +140,24 @@ def test_what_matters_is_told_from_what_does_not():
     assert tune_picture.importances([({"a": 1.0}, 0.0), ({"a": 2.0}, 0.0), ({"a": 3.0}, 0.0)]) == {"a": 0.0}
 
 
+def test_the_picture_of_a_search_for_less_shows_the_least_so_far_as_the_best():
+    """Its line climbed to the worst trial."""
+    assert tune_picture.best_so_far([0.5, 0.7, 0.2, 0.4], -1).tolist() == [0.5, 0.5, 0.2, 0.2]
+    assert tune_picture.best_so_far([0.5, 0.7, 0.2, 0.4], 1).tolist() == [0.5, 0.7, 0.7, 0.7]
+
+
+def test_worlds_made_larger_for_a_large_robot_are_those_it_is_tuned_in(tmp_path):
+    """The option was taken and did nothing: a robot of 1.3 m was tuned in worlds for one of 0.15 m."""
+    arguments = [worlds(tmp_path, 1), *SLOW, "--param", "mine.pace=0.1:0.2", "--trials", "1", "--scale", "2"]
+    assert tune.main([*arguments, "--metric", "error", "--out", str(tmp_path / "out")]) == 0
+    assert batch.main([worlds(tmp_path, 1), *SLOW, "--scale", "2", "--out", str(tmp_path / "batch")]) == 0
+    import optuna
+
+    study = optuna.load_study(study_name="mbf_relay", storage=f"sqlite:///{tmp_path / 'out' / 'study.db'}")
+    driven = json.loads((tmp_path / "batch" / "settings.json").read_text())
+    assert study.user_attrs["about"]["worlds_digest"] == driven["worlds_digest"]
+
+
 def test_what_is_bad_is_tuned_to_be_less_and_the_verdict_is_of_what_was_tuned(tmp_path, capsys):
     """The most violent of six robots would have been called the best of those that were to drive calmly."""
     common = [worlds(tmp_path, 3), *SLOW, "--set", "mine.pace=0.2", "--param", "mine.pace=0.03:0.2", "--trials", "6"]
