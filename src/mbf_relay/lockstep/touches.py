@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import math
-from typing import Dict, Iterable, List, Tuple
+from typing import Iterable, List, Tuple
 
 import numpy as np
 
 from mbf_relay.geometry import Pose2D, angle_between
 from mbf_relay.simulation.contacts import Contact
+from mbf_relay.touching import Touched
 
-APART = 1.0
-"""Seconds without contact after which the same thing is touched anew: a hull that bounces along a wall touches it once.
-"""
 STANDING = 0.01
 """Closing speed (m/s) below which a robot has not moved towards what touches it: what a robot trembles by at rest."""
 
@@ -36,7 +33,7 @@ class Touches:
         self.times: List[float] = []
         self.at_fault = 0
         self.first = ""
-        self._last: Dict[str, float] = {}
+        self._touched = Touched()
 
     def note(self, now: float, contacts: Iterable[Contact], before: Sample, pose: Pose2D) -> None:
         """Note what is touched at one moment.
@@ -48,8 +45,7 @@ class Touches:
             pose: Where it is, in the world's frame as `before`.
         """
         for contact in contacts:
-            last, self._last[contact.name] = self._last.get(contact.name, -math.inf), now
-            if now - last <= APART:
+            if not self._touched.is_anew(contact.name, now):
                 continue
             fault = closing_speed(contact, before, (now, pose)) >= STANDING
             self.times.append(now)

@@ -10,6 +10,7 @@ import numpy as np
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.report.drive import ContactRecord, Drive, GoalRecord
+from mbf_relay.touching import Touched
 
 
 class DriveLog:
@@ -27,6 +28,7 @@ class DriveLog:
         self._measured: List[Tuple[float, float, float]] = []
         self._plans: List[Tuple[float, np.ndarray]] = []
         self._contacts: List[ContactRecord] = []
+        self._touched = Touched()
         self._seen: List[np.ndarray] = []
         self._goals: Dict[str, GoalRecord] = {}
 
@@ -60,12 +62,9 @@ class DriveLog:
         self._append(self._plans, (stamp, np.asarray(poses, dtype=float)))
 
     def add_contact(self, stamp: float, x: float, y: float, body: str) -> None:
-        """Note a touch; one that goes on within a second of the last with the same body is the same touch."""
-        last = self._contacts[-1] if self._contacts else None
-        if last is None or last.body != body or stamp - last.stamp > 1.0:
+        """Note a contact; one that goes on is the same touch."""
+        if self._touched.is_anew(body, stamp):
             self._contacts.append(ContactRecord(stamp, x, y, body))
-        else:
-            last.stamp = stamp
 
     def start_goal(self, stamp: float, identity: str, pose: Pose2D) -> None:
         """Note that a goal, given in the map frame, was accepted; a second time changes nothing."""

@@ -55,6 +55,16 @@ def test_a_contact_or_a_missed_goal_is_no_success():
     assert aborted["success"] is False and aborted["goals_reached"] == 0
 
 
+def test_a_robot_wedged_between_two_things_has_touched_two():
+    """Each was a new contact whenever the other had been told last: sixty in three seconds."""
+    log = straight_drive()
+    for step in range(30):
+        for body in ("wall", "pillar_1"):
+            log.add_contact(5.0 + 0.1 * step, 1.0, 0.1, body)
+    contacts = log.drive().contacts
+    assert [(contact.body, contact.stamp) for contact in contacts] == [("wall", 5.0), ("pillar_1", 5.0)]
+
+
 def test_goals_that_never_came_count_as_missed():
     drive = straight_drive().drive()
     drive.goals_asked = 8

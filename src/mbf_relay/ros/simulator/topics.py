@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from typing import Dict
-
 import rospy
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry as OdometryMessage
@@ -20,9 +17,10 @@ from mbf_relay.simulation.node_parameters import SimulatorParameters
 from mbf_relay.simulation.observations import Observations
 from mbf_relay.simulation.parameters import steps_between
 from mbf_relay.simulation.simulation import Simulation
+from mbf_relay.touching import Touched
 
 CONTACT_PERIOD = 0.1
-"""Simulated seconds between two messages about a contact that lasts, and without one after which it is over."""
+"""Simulated seconds between two messages about a contact that lasts."""
 
 
 class SimulatorTopics:
@@ -36,7 +34,7 @@ class SimulatorTopics:
         self._settings = settings
         self._truth_steps = steps_between("truth_rate", settings.truth_rate, settings.physics_rate)
         self.contacts = 0
-        self._touched: Dict[str, float] = {}
+        self._touched = Touched()
         self._told = 0.0
         fast = dict(queue_size=10, tcp_nodelay=True)
         if not settings.follow_clock:
@@ -85,21 +83,15 @@ class SimulatorTopics:
 
     def _tell_contacts(self, seen: Observations, now: float) -> None:
         """Publish contacts: at once where a body is touched anew, at times while the touch lasts."""
-        fresh = {c.name: c for c in seen.contacts if is_over(self._touched.get(c.name, -math.inf), now)}
-        self._touched.update({contact.name: now for contact in seen.contacts})
-        for contact in fresh.values():
+        fresh = [contact for contact in seen.contacts if self._touched.is_anew(contact.name, now)]
+        for contact in fresh:
             self.contacts += 1
             rospy.logwarn(
                 "the robot touches '%s' at (%.2f, %.2f)", contact.name, contact.position[0], contact.position[1]
             )
-        if fresh or is_over(self._told, now):
+        if fresh or not 0.0 <= now - self._told < CONTACT_PERIOD:  # the clock may be set back
             self._told = now
             self._contacts.publish(messages.contacts_to_message(seen.contacts, now, self._settings.world_frame))
-
-
-def is_over(since: float, now: float) -> bool:
-    """Return whether CONTACT_PERIOD has gone by, or the clock was set back, from one time (s) to another."""
-    return not 0.0 <= now - since < CONTACT_PERIOD
 
 
 def _is_heard(publisher: rospy.Publisher) -> bool:
