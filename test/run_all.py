@@ -89,7 +89,7 @@ class Job(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What came of a job."""
+    """What came of a job; `trouble` says why it could not be started."""
 
     job: Job
     passed: int
@@ -98,6 +98,7 @@ class Outcome(NamedTuple):
     seconds: float
     log: str
     cpu_seconds: float = 0.0
+    trouble: str = ""
 
 
 def main() -> int:
@@ -282,7 +283,11 @@ class Runner:
 
     def _work(self) -> None:
         for job in iter(self._next, None):
-            outcome = self._run_job(job)
+            log = os.path.join(self._results, job.name, "output.log")
+            try:
+                outcome = self._run_job(job, log)
+            except OSError as error:  # there is no such program, or no room for its log
+                outcome = Outcome(job, 0, 1, 0, 0.0, log, trouble=str(error))
             with self._lock:
                 self._begun.remove(job)
                 self._lock.notify_all()
@@ -292,10 +297,9 @@ class Runner:
                 words = "FAILED" if outcome.failed else "passed"
                 print(f"{words}  {job.name}: {counts(outcome)} in {outcome.seconds:.1f} s", flush=True)
 
-    def _run_job(self, job: Job) -> Optional[Outcome]:
-        folder = os.path.join(self._results, job.name)
+    def _run_job(self, job: Job, log: str) -> Optional[Outcome]:
+        folder = os.path.dirname(log)
         os.makedirs(folder, exist_ok=True)
-        log = os.path.join(folder, "output.log")
         start = time.monotonic()
         with open(log, "wb") as stream:
             with self._lock:
@@ -373,9 +377,10 @@ def report(outcomes: List[Outcome], seconds: float) -> int:
     """Print the failures' logs and the last line; return the exit status."""
     failures = [outcome for outcome in outcomes if outcome.failed]
     for outcome in failures:
-        print(f"\n=== {outcome.job.name} failed (all of it: {os.path.dirname(outcome.log)}) ===")
+        folder = os.path.dirname(outcome.log)
+        print(f"\n=== {outcome.job.name} failed (all of it: {folder}) === {outcome.trouble}")
         # What a rostest's own process prints does not go to rostest's output but beside the nodes' logs.
-        for log in [outcome.log] + glob.glob(os.path.join(os.path.dirname(outcome.log), "log", "*-*", "*-stdout.log")):
+        for log in glob.glob(outcome.log) + glob.glob(os.path.join(folder, "log", "*-*", "*-stdout.log")):
             with open(log, encoding="utf-8", errors="replace") as stream:
                 print("\n".join(stream.read().splitlines()[-40:]))
     passed, failed = sum(o.passed for o in outcomes), sum(o.failed for o in outcomes)

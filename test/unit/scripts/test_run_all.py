@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import job_times
 import psutil
@@ -38,6 +39,16 @@ def failed(tmp_path, jobs, workers):
     runner.run(jobs, workers=workers, drives=1)
     assert sorted(outcome.job.name for outcome in runner.outcomes) == sorted(job.name for job in jobs)
     return [outcome.job.name for outcome in runner.outcomes if outcome.failed]
+
+
+def test_a_job_whose_program_is_not_there_has_failed_and_the_others_run(tmp_path, capsys):
+    """The thread that was to start it ended; without rostest nothing ran at all, and the status was 0."""
+    lacking = [Job(f"node/{number}.test", ["rostest that nobody installed"], Kind.ROSTEST) for number in range(5)]
+    jobs = [*lacking, job("unit", "pass")]
+    assert failed(tmp_path, jobs, workers=1) == [each.name for each in lacking]
+    assert run_all.run(jobs, str(tmp_path / "results"), SimpleNamespace(long=False, jobs=1)) == 1
+    told = capsys.readouterr().out
+    assert "1 passed, 5 failed" in told and "rostest that nobody installed" in told
 
 
 def test_robots_that_drive_in_real_time_never_share_the_machine(tmp_path):
