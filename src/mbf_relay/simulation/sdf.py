@@ -200,13 +200,25 @@ class SdfReader:
                 solids.append((self._placed(collision, frames), shape))
         mass = 0.0
         if loose and solids:
-            mass = float(link.findtext("inertial/mass") or 1.0)
+            mass = self._mass(link, name)
             if len(solids) > 1:
                 self._warn(f"model '{name}' has several collisions in one link; it stands still")
                 mass = 0.0
         for index, (place, shape) in enumerate(solids):
             own = name if len(solids) == 1 else f"{path}/{collisions[index].get('name', index)}"
             self._bodies.append(Body(own, shape, place, mass))
+
+    def _mass(self, link: Element, name: str) -> float:
+        """Return the mass (kg) of a link that can be pushed; 1, as in Gazebo, where nothing is said of it."""
+        if link.find("inertial/mass") is None:
+            return 1.0
+        try:
+            mass = _number(link, "inertial/mass")
+            if mass < 0.0:
+                raise ValueError(f"'{mass:g}' must not be below 0")
+        except ValueError as error:
+            raise ValueError(f"world file {self._path}, model '{name}': <mass> {error}") from error
+        return mass
 
     def _geometry(self, geometry: Optional[Element], frame: Frame, folder: str, name: str) -> Optional[Shape]:
         """Return a collision's shape, None for the ground and for what is not understood."""

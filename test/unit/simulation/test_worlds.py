@@ -45,6 +45,10 @@ def model(
 BOX = "<box><size>1 2 3</size></box>"
 
 
+def loose(name, mass):
+    return model(name, BOX, rest="").replace("<collision", f"<inertial><mass>{mass}</mass></inertial><collision", 1)
+
+
 def test_the_arena_has_its_figures():
     world = load_world("arena")
     assert world.start == Pose2D(-2.0, -0.5, 0.0)
@@ -112,12 +116,7 @@ def test_sdf_solids_and_nested_poses(tmp_path):
 
 
 def test_sdf_loose_models_have_their_mass(tmp_path):
-    rest = (
-        "<link name='l'><inertial><mass>2.5</mass></inertial><collision name='c'><geometry>"
-        + BOX
-        + "</geometry></collision></link>"
-    )
-    world = load_world(write(tmp_path / "w.sdf", sdf(f"<model name='crate'>{rest}</model>")))
+    world = load_world(write(tmp_path / "w.sdf", sdf(loose("crate", "2.5"))))
     assert [(body.name, body.mass) for body in world.bodies] == [("crate", 2.5)]
 
 
@@ -185,6 +184,9 @@ def test_sdf_names_what_it_does_not_understand_once(tmp_path):
     (sdf(model("a", "<box><size>1 2</size></box>")), "model 'a': '1 2' must be 3 finite numbers"),
     (sdf(model("a", "<box><size>1 0 1</size></box>")), "model 'a': box size"),
     (sdf(model("a", "<cylinder><radius>nan</radius><length>1</length></cylinder>")), "'nan' must be 1 finite number"),
+    (sdf(loose("a", "-1")), "model 'a': <mass> '-1' must not be below 0"),
+    (sdf(loose("a", "nan")), "model 'a': <mass> 'nan' must be 1 finite number"),
+    (sdf(loose("a", "heavy")), "model 'a': <mass> 'heavy' must be 1 finite number"),
     (sdf(model("a", "<mesh><uri>file://gone.stl</uri></mesh>")), "model 'a': 'file://gone.stl' was not found"),
     (sdf(model("a", "<mesh><uri>model://gone/x.dae</uri></mesh>")), "set GAZEBO_MODEL_PATH"),
     (sdf(model("a", "<mesh><uri>http://x/y.stl</uri></mesh>")), "only model://, package:// and file://"),
