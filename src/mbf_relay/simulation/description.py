@@ -110,6 +110,10 @@ def _solid(link: Element, shape: Shape, place: Frame, material: str) -> None:
         shape, place: What, and where in the link.
         material: One of COLOURS.
     """
+    if not isinstance(shape, (Box, Cylinder, Sphere)):  # a prism: shown as the box it fits in, which needs no file
+        lowest, highest = (f(shape.triangles().reshape(-1, 3), axis=0) for f in (np.min, np.max))
+        middle, sides = (lowest + highest) / 2.0, (highest - lowest).tolist()
+        shape, place = Box((sides[0], sides[1], sides[2])), Frame(place.transform_points(middle), place.rotation)
     for kind in ("visual", "collision"):
         element = SubElement(link, kind)
         SubElement(element, "origin", xyz=_words(place.position), rpy=f"0 0 {place.flat().theta:.9g}")
@@ -118,9 +122,8 @@ def _solid(link: Element, shape: Shape, place: Frame, material: str) -> None:
             SubElement(geometry, "cylinder", radius=f"{shape.radius:.9g}", length=f"{shape.height:.9g}")
         elif isinstance(shape, Sphere):
             SubElement(geometry, "sphere", radius=f"{shape.radius:.9g}")
-        else:  # a prism is shown as the box it fits in, which needs no mesh file
-            size = shape.size if isinstance(shape, Box) else (shape.faces.reshape(-1, 3).max(axis=0) * 2.0)
-            SubElement(geometry, "box", size=_words(size))
+        else:
+            SubElement(geometry, "box", size=_words(shape.size))
         if kind == "visual":
             SubElement(element, "material", name=material)
 

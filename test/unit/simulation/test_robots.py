@@ -141,6 +141,16 @@ def test_its_description_has_the_frames_the_simulation_has(name):
     assert {name for name, joint in joints.items() if joint.get("type") == "continuous"} == set(robot.joints)
 
 
+def test_a_prism_that_does_not_lie_about_its_middle_is_shown_where_it_is_and_as_large():
+    """RViz showed it twice as long and as wide, and half of it where there is nothing."""
+    corners = [[0.0, 0.0], [0.4, 0.0], [0.4, 0.2], [0.0, 0.2]]
+    wedge = {"polygon": corners, "height": 0.1, "at": [0.1, 0.0, 0.1], "yaw": math.pi / 2.0, "mass": 1.0}
+    told = ElementTree.fromstring(urdf_of(robot_of("wedge", {**BOX, "body": [wedge]})))
+    shown = next(link for link in told.findall("link") if link.get("name") == "base_link").find("visual")
+    assert numbers(shown.find("geometry/box").get("size")) == pytest.approx((0.4, 0.2, 0.1))
+    assert numbers(shown.find("origin").get("xyz")) == pytest.approx((0.0, 0.2, 0.1))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_the_solid_robot_fits_into_its_footprint(name):
     robot = load_robot(name)
