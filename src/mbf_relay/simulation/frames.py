@@ -86,6 +86,17 @@ def rotation_from_quaternion(quaternion: Quaternion) -> np.ndarray:
     ])
 
 
+def quaternion_product(
+    one: Tuple[float, float, float, float], other: Tuple[float, float, float, float]
+) -> Tuple[float, float, float, float]:
+    """Return the rotation `one` after `other`, both and itself unit quaternions (x, y, z, w)."""
+    (x, y, z, w), (i, j, k, r) = one, other
+    return (
+        w * i + x * r + y * k - z * j, w * j - x * k + y * r + z * i, w * k + x * j - y * i + z * r,
+        w * r - x * i - y * j - z * k,
+    )
+
+
 @lru_cache(maxsize=256)
 def _quaternion_of(rotation: bytes) -> Tuple[float, float, float, float]:
     """Return quaternion_from_rotation of a matrix's bytes; movers that do not turn ask it at every step."""

@@ -8,6 +8,7 @@ from typing import Optional, Tuple
 import numpy as np
 
 from mbf_relay.simulation.base import Motion
+from mbf_relay.simulation.frames import Frame, quaternion_product
 from mbf_relay.simulation.parameters import SimulationParameters
 
 GRAVITY = 9.81
@@ -34,12 +35,22 @@ class ImuReading:
 
 
 class Imu:
-    """Differentiates the body's velocity from one reading to the next."""
+    """Differentiates the velocity of the place where it is from one reading to the next."""
 
-    def __init__(self, parameters: SimulationParameters, rng: np.random.Generator) -> None:
+    def __init__(self, parameters: SimulationParameters, in_base: Frame, rng: np.random.Generator) -> None:
+        """Mount it.
+
+        Args:
+            parameters: Its own are its rate and its noise.
+            in_base: Where it is in base_link.
+            rng: For its noise.
+        """
         self._gyro, self._accelerometer, self._rng = parameters.gyro_noise, parameters.accelerometer_noise, rng
-        self._last: Optional[Motion] = None
+        self._last: Optional[np.ndarray] = None
         self._rate = parameters.imu_rate
+        self._mount, self._turned = in_base.quaternion(), in_base.rotation.T
+        x, y, z = in_base.position.tolist()
+        self._lever = self._turned @ np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # turn rate x place
 
     def reset(self) -> None:
         """Forget the last velocity, so that being set down elsewhere is no blow."""
@@ -48,21 +59,19 @@ class Imu:
     def read(self, motion: Motion, stamp: float) -> ImuReading:
         """Return a reading of the base's motion at `stamp` (s).
 
-        What the body feels is its speed's change in its own axes, what the axes' turning adds, and what holds it up.
+        What it feels is its speed's change in its own axes, what the axes' turning adds, and what holds it up.
         """
-        last = self._last or motion
-        self._last = motion
-        (vx, vy, vz), (wx, wy, wz), up = motion.velocity, motion.turn_rate, motion.up
-        change = [(now - before) * self._rate for now, before in zip(motion.velocity, last.velocity)]
-        felt = (
-            change[0] + wy * vz - wz * vy + GRAVITY * up[0], change[1] + wz * vx - wx * vz + GRAVITY * up[1],
-            change[2] + wx * vy - wy * vx + GRAVITY * up[2],
-        )
+        velocity = self._turned @ motion.velocity + self._lever @ motion.turn_rate
+        turn_rate = self._turned @ motion.turn_rate
+        last, self._last = velocity if self._last is None else self._last, velocity
+        (vx, vy, vz), (wx, wy, wz) = velocity.tolist(), turn_rate.tolist()
+        felt = (velocity - last) * self._rate + GRAVITY * (self._turned @ motion.up)
+        felt += (wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx)
         noise = self._rng.standard_normal(6)
         return ImuReading(
             stamp,
-            motion.orientation,
-            motion.turn_rate + self._gyro * noise[:3],
+            quaternion_product(motion.orientation, self._mount),
+            turn_rate + self._gyro * noise[:3],
             felt + self._accelerometer * noise[3:],
             self._gyro,
             self._accelerometer,

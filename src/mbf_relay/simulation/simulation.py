@@ -76,7 +76,7 @@ class Simulation:
         self._odometer: Union[Odometer, MecanumOdometer] = odometer(
             robot.wheels, parameters.odom_noise, parameters.odom_bias, odom
         )
-        self._imu = Imu(parameters, imu)
+        self._imu = Imu(parameters, robot.imu_in_base, imu)
         self._scan_steps, self._odom_steps, self._imu_steps, self._joint_steps = (
             parameters.steps_between(name) for name in ("scan_rate", "odom_rate", "imu_rate", "joint_state_rate")
         )

@@ -10,7 +10,18 @@ pytest.importorskip("pybullet", reason="pybullet is not there for this interpret
 import trial  # noqa: E402
 
 from mbf_relay.geometry import Pose2D, Twist2D, angle_between  # noqa: E402
+from mbf_relay.simulation import Simulation  # noqa: E402
 from mbf_relay.simulation.faults import Faults  # noqa: E402
+from mbf_relay.simulation.frames import Frame  # noqa: E402
+from mbf_relay.simulation.parameters import SimulationParameters  # noqa: E402
+from mbf_relay.simulation.robot_file import robot_of  # noqa: E402
+from mbf_relay.simulation.world import World  # noqa: E402
+
+BODY = {
+    "body": [{"box": [0.3, 0.2, 0.1], "at": [0.0, 0.0, 0.05], "mass": 3.0}],
+    "wheels": {"radius": 0.05, "separation": 0.2},
+    "casters": [{"at": [0.12, 0.0], "radius": 0.02}, {"at": [-0.12, 0.0], "radius": 0.02}],
+}
 
 
 @pytest.mark.parametrize("command", [Twist2D(0.2, 0.0, 0.0), Twist2D(-0.1, 0.0, 0.0)])
@@ -146,3 +157,19 @@ def test_imu_feels_gravity_turning_and_braking():
         trial.run(simulation, 1.0, Twist2D(0.0, 0.0, 1.5))
         turning = [o.imu for o in trial.run(simulation, 0.5, Twist2D(0.0, 0.0, 1.5)) if o.imu is not None][-1]
         assert turning.turn_rate[2] == pytest.approx(1.5, rel=0.03)
+
+
+def test_an_imu_that_is_mounted_aside_and_turned_measures_there_and_in_its_own_axes():
+    """Its frame on /tf was turned and off the axle, and what it read was of base_link."""
+    mounted = {**BODY, "imu": {"at": [0.1, 0.0, 0.1], "yaw": math.pi / 2.0}}
+    parameters = SimulationParameters(
+        robot="burger", gyro_noise=0.0, accelerometer_noise=0.0, wheel_torque=5.0, scan_rate=0.0)
+    world = World("test", (), Pose2D(0.0, 0.0, 0.3))
+    with Simulation(world, parameters, 1, robot=robot_of("mounted", mounted)) as simulation:
+        speeding = [o.imu for o in trial.run(simulation, 0.15, Twist2D(0.22, 0.0, 0.0)) if o.imu is not None][-1]
+        assert speeding.acceleration[1] == pytest.approx(-1.0, abs=0.3), "ahead is to its right"
+        trial.run(simulation, 1.0, Twist2D(0.0, 0.0, 2.0))
+        turning = [o.imu for o in trial.run(simulation, 0.5, Twist2D(0.0, 0.0, 2.0)) if o.imu is not None]
+        assert np.mean([reading.acceleration[1] for reading in turning]) == pytest.approx(2.0 ** 2 * 0.1, rel=0.1)
+        heading = Frame.from_quaternion((0.0, 0.0, 0.0), turning[-1].orientation).flat().theta
+        assert abs(angle_between(heading, simulation.true_pose.theta + math.pi / 2.0)) < 0.05
