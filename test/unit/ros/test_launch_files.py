@@ -42,3 +42,14 @@ def test_a_world_in_a_namespace_makes_the_time_of_all_nodes(name, tmp_path):
     outer.write_text(f'<launch><include file="{path}" ns="robot"/></launch>')
     config = load_config_default([str(outer)], 11311, assign_machines=False)
     assert config.params["/use_sim_time"].value is True
+
+
+@pytest.mark.parametrize("name", ("simulator", "two_burgers"))
+def test_a_robot_s_file_may_lie_in_a_folder_with_a_blank_in_its_name(name, tmp_path):
+    """roslaunch ended: the description's command took the half of the path after the blank for an option."""
+    path, = (str(path) for path in LAUNCH if path.name == f"{name}.launch")
+    robot = tmp_path / "my robots" / "mine.yaml"
+    robot.parent.mkdir()
+    robot.write_text((LAUNCH[0].parents[1] / "config" / "robot" / "burger.yaml").read_text())
+    config = load_config_default([(path, [f"robot:={robot}"])], 11311, assign_machines=False)
+    assert '<robot name="mine">' in config.params["/robot_description"].value
