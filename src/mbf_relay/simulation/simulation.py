@@ -177,8 +177,8 @@ class Simulation:
         self.close()
 
     def _set_down(self, pose: Pose2D) -> None:
-        self._drivetrain.halt()
         self.base.place(pose)
+        self._drivetrain.halt()  # where it stands now: some wheels' angles are told by the body's way
         self._pose = self.base.pose()
         self._imu.reset()
 

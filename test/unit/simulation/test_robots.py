@@ -141,6 +141,22 @@ def test_its_description_has_the_frames_the_simulation_has(name):
     assert {name for name, joint in joints.items() if joint.get("type") == "continuous"} == set(robot.joints)
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_odometry_does_not_notice_that_the_robot_is_set_down_elsewhere(name):
+    """That of four wheels went along, at 88 m/s: localization had nothing to find."""
+    with simulate(name, odom_noise=0.0) as simulation:
+        trial.run(simulation, 0.5, Twist2D(0.2, 0.0, 0.0))
+        before = simulation.odometry_pose
+        simulation.set_pose(Pose2D(3.0, 2.0, 1.0))
+        seen = [o.odometry for o in trial.run(simulation, 0.5) if o.odometry is not None]
+        assert simulation.odometry_pose.distance_to(before) < 0.01
+        assert max(odometry.velocity.speed() for odometry in seen) < 0.5
+        assert simulation.true_pose.distance_to(Pose2D(3.0, 2.0, 1.0)) < 0.01
+        simulation.reset()
+        trial.run(simulation, 0.5)
+        assert simulation.odometry_pose.distance_to(Pose2D(0.0, 0.0, 0.0)) < 0.01
+
+
 def test_a_prism_that_does_not_lie_about_its_middle_is_shown_where_it_is_and_as_large():
     """RViz showed it twice as long and as wide, and half of it where there is nothing."""
     corners = [[0.0, 0.0], [0.4, 0.0], [0.4, 0.2], [0.0, 0.2]]
