@@ -195,7 +195,5 @@ def try_all(options: argparse.Namespace, pairs: Sequence[Tuple[str, str]], stres
     rows = summarize_trials(done)
     if options.out:
         os.makedirs(options.out, exist_ok=True)
-        with open(os.path.join(options.out, "trials.json"), "w", encoding="utf-8") as file:
-            json.dump(as_json(rows), file, indent=2)
-            file.write("\n")
+        write_whole(os.path.join(options.out, "trials.json"), json.dumps(as_json(rows), indent=2) + "\n")
     return table(rows).split("\n")

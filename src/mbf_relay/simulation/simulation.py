@@ -132,6 +132,7 @@ class Simulation:
         self.scene.reset()
         self._set_down(self.world.start)
         self._odometer.restart()
+        self._faulty_odometry = FaultyOdometry()  # what was under way is of the drive before
         self._odom_angles = self._drivetrain.wheel_angles()
         self._first_step = self._steps
 

@@ -60,6 +60,15 @@ def test_set_down_elsewhere():
         assert simulation.true_pose.distance_to(Pose2D(0.0, 2.0, 1.0)) < 1e-3
 
 
+def test_after_a_reset_no_odometry_comes_of_the_drive_before():
+    with trial.simulate() as simulation:
+        simulation.faults = Faults(odom_delay=0.5)
+        trial.run(simulation, 2.0, Twist2D(0.2, 0.0, 0.0))
+        simulation.reset()
+        told = [o.odometry.pose.x for o in trial.run(simulation, 1.0) if o.odometry is not None]
+        assert told and max(map(abs, told)) < 0.01
+
+
 def test_a_start_inside_of_something_is_refused():
     with pytest.raises(ValueError, match=r"start of world 'test'.*'block'"):
         trial.simulate([trial.box("block", 0.0, 0.0, (1.0, 1.0, 1.0))])
