@@ -13,6 +13,8 @@ CELL = 0.15
 """Side (m) of a cell of generated walls, as in BARN's worlds: a burger is a cell and a half wide."""
 FINER = 3
 """Cells of the measured grid in one of the walls' each way."""
+FINEST = 1e-4
+"""Metres to which the room beside the widest way is measured."""
 STEPS = [(a, b, math.hypot(a, b)) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
 ROBOT_RADIUS = 0.15
 """Metres from the robot's turning point to its farthest corner: it turns in place wherever the way leads."""
@@ -56,18 +58,31 @@ def difficulty_of(
     clearances = room[cells[:, 0], cells[:, 1]]
     straight = math.dist(start[:2], goal[:2])
     return Difficulty(
-        length * side, max(1.0, length * side / straight), 2.0 * _widest(room, way[0][0], way[0][-1]),
+        length * side, max(1.0, length * side / straight), 2.0 * _widest(walls, start, goal),
         float(clearances.mean()),
     )
 
 
-def _widest(room: np.ndarray, start: np.ndarray, goal: np.ndarray) -> float:
-    """Return the largest room (m) that some way between two cells keeps to all along; halved until a cell is small."""
-    low, high = 0.0, float(min(room[tuple(start)], room[tuple(goal)]))
-    while high - low > 0.1 * CELL / FINER:
+def _widest(walls: np.ndarray, start: Tuple[float, ...], goal: Tuple[float, ...]) -> float:
+    """Return the largest room (m) that some way between two places keeps to all along.
+
+    Looked at are corners, middles of sides and middles of cells: the middle of a passage is there, however many cells
+    wide it is, and what is nearest in the walls, too.
+
+    Args:
+        walls, start, goal: See `difficulty_of`.
+    """
+    rows, columns = walls.shape
+    free = np.ones((2 * rows + 1, 2 * columns + 1), np.uint8)
+    for row, column in np.ndindex(3, 3):
+        free[row:row + 2 * rows:2, column:column + 2 * columns:2][walls] = 0
+    room = 0.5 * CELL * cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    ends = [tuple(round(2.0 * value / CELL) for value in place[1::-1]) for place in (start, goal)]
+    low, high = 0.0, float(min(room[end] for end in ends))
+    while high - low > FINEST:
         middle = 0.5 * (low + high)
         _, regions = cv2.connectedComponents((room >= middle).astype(np.uint8), connectivity=8)
-        joined = regions[tuple(start)] == regions[tuple(goal)] != 0
+        joined = regions[ends[0]] == regions[ends[1]] != 0
         low, high = (middle, high) if joined else (low, middle)
     return low
 

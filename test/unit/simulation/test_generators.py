@@ -7,7 +7,7 @@ import pytest
 from tally import LONG
 
 from mbf_relay.simulation import make_worlds
-from mbf_relay.simulation.difficulty import difficulty_of
+from mbf_relay.simulation.difficulty import CELL, difficulty_of
 from mbf_relay.simulation.generators import KINDS, generate
 from mbf_relay.simulation.worlds_file import load_worlds_file
 
@@ -58,7 +58,7 @@ def test_a_door_is_measured_and_a_wall_has_no_way():
     assert difficulty_of(walls, (1.5, 0.7), (1.5, 2.3)) is None
     walls[10, 9:12] = False
     measured = difficulty_of(walls, (1.575, 0.7), (1.575, 2.3))
-    assert measured.narrowest_passage == pytest.approx(0.45, abs=0.06)
+    assert measured.narrowest_passage == pytest.approx(0.45, abs=1e-3)
     assert measured.path_length_ratio == pytest.approx(1.0, abs=0.05)
 
 
@@ -86,3 +86,16 @@ def test_a_blocked_or_missing_world_is_named(tmp_path, capsys):
     assert "blocked.world: no way for the robot leads" in capsys.readouterr().err
     assert make_worlds.main([str(tmp_path / "none.world"), "--out", str(tmp_path / "a.json")]) == 1
     assert f"make_worlds.py: {tmp_path / 'none.world'}: No such file or directory" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("cells", range(3, 9))
+def test_a_passage_is_as_wide_as_it_is_whether_its_cells_are_odd_or_even(cells):
+    """Of an even number of cells 6 cm were missing: its middle lies between two of the cells that were looked at."""
+    walls = np.ones((30, 20), bool)
+    walls[:10, 1:-1] = walls[-10:, 1:-1] = False
+    walls[10:-10, 2:2 + cells] = False
+    for turned in (walls, walls.T):
+        start, goal = (1.6, 0.8), (1.6, 3.7)
+        if turned is not walls:
+            start, goal = start[::-1], goal[::-1]
+        assert difficulty_of(turned, start, goal).narrowest_passage == pytest.approx(cells * CELL, abs=1e-3)
