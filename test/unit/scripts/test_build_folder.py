@@ -42,6 +42,24 @@ def where(**environment):
             FALLBACK.rmdir()
 
 
+@pytest.mark.parametrize("name, is_to_be_built", [
+    ("src/mbf_relay/kernel_build/support.c", True), ("src/mbf_relay/kernels.py", True), ("scripts/amcl", True),
+    ("action/srv/CheckPoint.srv", True), ("config/amcl.yaml", False), ("launch/demo.launch", False)])
+def test_what_was_edited_is_built_anew_where_the_build_holds_something_of_it(tmp_path, name, is_to_be_built):
+    """The C source that kernels are wrapped in was not: tests of an edit of it passed with what had been built before.
+    """
+    workspace, edited = tmp_path / "workspace", tmp_path / "checkout" / name
+    edited.parent.mkdir(parents=True)
+    edited.touch()
+    workspace.mkdir()
+    (workspace / "built").touch()
+    environment = {"workspace": str(workspace), "checkout": str(tmp_path / "checkout")}
+    os.utime(edited, (1e9, 1e9))
+    assert ask("is_built", "", **environment).returncode == 0
+    os.utime(edited, (4e9, 4e9))
+    assert ask("is_built", "", **environment).returncode == int(is_to_be_built)
+
+
 def test_a_new_folder_is_open_to_its_owner_alone(tmp_path):
     folder = tmp_path / "cache" / "mbf_relay"
     assert is_own(folder)
