@@ -23,6 +23,8 @@ BARN_START, BARN_GOAL = (-2.25, 3.0, math.pi / 2), (-2.25, 13.0, math.pi / 2)
 """Where the BARN challenge starts its robot in each of its worlds, and where it sends it (x, y, yaw)."""
 BARN_TIME = 100.0
 """Seconds the challenge allows."""
+UPRIGHT, ABOVE_GROUND = 0.9999, 0.01
+"""Upward part of an axis from which it is upright, and how high (m) above the ground something may stand on it."""
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
@@ -54,7 +56,8 @@ def barn_entry(
         start, goal: x, y, yaw in metres and radians.
 
     Raises:
-        ValueError: It holds another shape, or has no way through; the text names it.
+        ValueError: It holds another shape, or one that is tilted or hangs in the air, or has no way through; the text
+            names it.
         OSError: It cannot be opened.
     """
     world = read_sdf(str(path))
@@ -63,14 +66,17 @@ def barn_entry(
         "cylinders": [], "boxes": [],
     }
     for body in world.bodies:
-        pose, top = body.frame.flat(), 2.0 * float(body.frame.position[2])
+        pose, middle = body.frame.flat(), float(body.frame.position[2])
         if isinstance(body.shape, Cylinder):
-            entry["cylinders"].append([pose.x, pose.y, body.shape.radius, max(top, body.shape.height)])
+            height = body.shape.height
+            entry["cylinders"].append([pose.x, pose.y, body.shape.radius, middle + height / 2.0])
         elif isinstance(body.shape, Box):
             length, width, height = body.shape.size
-            entry["boxes"].append([pose.x, pose.y, pose.theta, length, width, max(top, height)])
+            entry["boxes"].append([pose.x, pose.y, pose.theta, length, width, middle + height / 2.0])
         else:
             raise ValueError(f"{path}: '{body.name}' is a {type(body.shape).__name__.lower()}, no cylinder and no box")
+        if abs(body.frame.rotation[2, 2]) < UPRIGHT or not 0.0 < middle + height / 2.0 <= height + ABOVE_GROUND:
+            raise ValueError(f"{path}: '{body.name}' does not stand upright on the ground, as all in worlds files does")
     measured = _measured(world, start, goal)
     if measured is None:
         raise ValueError(f"{path}: no way for the robot leads from {tuple(start[:2])} to {tuple(goal[:2])}")

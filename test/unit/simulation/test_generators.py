@@ -88,6 +88,22 @@ def test_a_blocked_or_missing_world_is_named(tmp_path, capsys):
     assert f"make_worlds.py: {tmp_path / 'none.world'}: No such file or directory" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("x, y, z, tilt, is_refused", [
+    (0.0, 0.0, 0.5, 0.0, False), (0.0, 0.0, 0.0, 0.0, False), (0.0, 0.0, 1.5, 0.0, True), (0.0, 0.0, 0.5, 1.57, True),
+    (0.0, 0.0, -2.0, 0.0, True)], ids=["on the ground", "half in it", "in the air", "lying", "under the ground"])
+def test_what_a_worlds_file_cannot_say_of_a_world_is_refused(tmp_path, capsys, x, y, z, tilt, is_refused):
+    """A bar that the robot drives under became a wall to the ground, and one that lies a pillar."""
+    state = STATE.format(i=0, x=x, y=y).replace("0.5 0 0 0", f"{z} {tilt} 0 0")
+    path = tmp_path / "world.world"
+    path.write_text(BARN.format(models=MODEL.format(i=0), states=state))
+    assert make_worlds.main([str(path), "--out", str(tmp_path / "made.json")]) == int(is_refused)
+    if is_refused:
+        assert "'unit_cylinder_0' does not stand upright on the ground" in capsys.readouterr().err
+    else:
+        entry, = json.loads((tmp_path / "made.json").read_text())["worlds"]
+        assert entry["cylinders"] == [[x, y, 0.075, pytest.approx(z + 0.5)]]
+
+
 @pytest.mark.parametrize("cells", range(3, 9))
 def test_a_passage_is_as_wide_as_it_is_whether_its_cells_are_odd_or_even(cells):
     """Of an even number of cells 6 cm were missing: its middle lies between two of the cells that were looked at."""
