@@ -13,7 +13,7 @@ class EnvironmentParameters(ParameterSet):
 
     control_rate: float = parameter(5.0, "actions per second of simulated time", unit="Hz", above=0.0)
     beams: int = parameter(36, "sectors of the scan; each tells its nearest reading", minimum=1, maximum=16384)
-    goal_radius: float = parameter(0.3, "distance at which a goal counts as reached, where its world states none",
+    goal_radius: float = parameter(0.3, "distance at which a goal of the circle counts as reached; a world has its own",
                                    unit="m", above=0.0)
     reward_progress: float = parameter(1.0, "for each metre nearer to the goal, in a straight line")
     reward_goal: float = parameter(5.0, "for each goal reached")

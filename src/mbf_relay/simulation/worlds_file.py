@@ -38,9 +38,9 @@ def load_worlds_file(path: Path) -> List[World]:
 
     The file holds `worlds`, a list of {name, cylinders: [[x, y, radius, height], ...], boxes: [[x, y, yaw, length,
     width, height], ...], start: [x, y, yaw], goal: [x, y, yaw], goal_radius, reference_path_length, time_limit,
-    movers, map}; all but name and start may be left out. `movers` is a list of {name, radius and height or box:
-    [length, width, height], waypoints: [[time, x, y], ...] or [[time, x, y, yaw], ...], loop}; `map` the YAML file of
-    a map, beside the worlds file. Metres, radians, seconds.
+    movers, map}; all but name and start may be left out, the radius is 1 m then. `movers` is a list of {name, radius
+    and height or box: [length, width, height], waypoints: [[time, x, y], ...] or [[time, x, y, yaw], ...], loop}; `map`
+    the YAML file of a map, beside the worlds file. Metres, radians, seconds.
 
     Raises:
         ValueError: The file is missing or malformed; the text names file, world and entry.
