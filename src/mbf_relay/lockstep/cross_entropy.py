@@ -13,6 +13,8 @@ from typing import Any, Callable, List, Optional, Sequence, Tuple
 
 import numpy as np
 
+from mbf_relay.commands import positive
+
 Tell = Callable[[str], None]
 SECTORS, NEAR = 12, 0.3
 """Sectors of the scan, and the distance (m) that reads 1 to the policy."""
@@ -70,8 +72,9 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Run the command; return its exit status: 0, or 1 for what a user can mend."""
     parser = argparse.ArgumentParser(prog="train_policy.py", description="Teach a linear policy to drive.")
     parser.add_argument("--worlds", default="barn", help="a kind of make_worlds.py, or a worlds file (default barn)")
-    for name, value in (("generations", 15), ("policies", 20), ("episodes", 3), ("seed", 1)):
-        parser.add_argument(f"--{name}", type=int, default=value, metavar="N", help=f"default {value}")
+    for name, value, kind in (("generations", 15, positive), ("policies", 20, positive), ("episodes", 3, positive),
+                              ("seed", 1, int)):
+        parser.add_argument(f"--{name}", type=kind, default=value, metavar="N", help=f"default {value}")
     options = parser.parse_args(arguments)
     try:
         from mbf_relay.lockstep.environment import NavigationEnvironment

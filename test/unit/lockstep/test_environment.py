@@ -201,3 +201,7 @@ def test_the_example_tells_what_was_learnt(tmp_path, capsys):
     assert [line.split()[0] for line in lines] == ["generation", "before,", "after,"]
     assert cross_entropy.main(["--worlds", str(tmp_path / "none.json")]) == 1
     assert "none.json cannot be read" in capsys.readouterr().err
+    for name in ("generations", "policies", "episodes"):  # of none, a traceback told
+        with pytest.raises(SystemExit):
+            cross_entropy.main(["--worlds", worlds, f"--{name}", "0"])
+        assert f"--{name}: 0 is below 1" in capsys.readouterr().err
