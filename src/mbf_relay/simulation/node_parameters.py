@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Optional
+from typing import List, Optional
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.parameters import parameter
@@ -62,8 +62,20 @@ class SimulatorParameters(SimulationParameters):
             steps_between(name, getattr(self, name), self.physics_rate)
 
     def placed(self, world: World) -> World:
-        """Return the world with the robot's start where these parameters put it."""
+        """Return the world with the robot's start where these parameters put it, and a warning if all is elsewhere."""
         asked = (self.x_pos, self.y_pos, self.yaw)
-        return replace(
-            world, start=Pose2D(*(own if value is None else value for own, value in zip(world.start, asked)))
-        )
+        start = Pose2D(*(own if value is None else value for own, value in zip(world.start, asked)))
+        return replace(world, start=start, warnings=(*world.warnings, *_beside(world, start)))
+
+
+def _beside(world: World, start: Pose2D) -> List[str]:
+    """Return that a robot starts outside of all that stands in a world, a line at most."""
+    places = world.fixed_triangles()[0].reshape(-1, 3)[:, :2]
+    if start == world.start or not len(places):
+        return []
+    (left, below), (right, above) = places.min(axis=0), places.max(axis=0)
+    if left <= start.x <= right and below <= start.y <= above:
+        return []
+    return [
+        f"the robot starts at ({start.x:.2f}, {start.y:.2f}), beside all that stands there, which is between "
+        f"({left:.2f}, {below:.2f}) and ({right:.2f}, {above:.2f}): look at x_pos and y_pos"]

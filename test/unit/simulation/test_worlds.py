@@ -10,6 +10,7 @@ import pytest
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.simulation.frames import Frame
+from mbf_relay.simulation.node_parameters import SimulatorParameters
 from mbf_relay.simulation.shapes import Body, Box, Cylinder, Sphere
 from mbf_relay.simulation.world import World
 from mbf_relay.simulation.worlds import load_world
@@ -368,3 +369,12 @@ def test_malformed_worlds_files_are_refused(tmp_path, text, said):
 def test_the_sample_worlds_are_read():
     world = load_world(str(BARN), "barn_001")
     assert len(world.bodies) > 100 and world.goal is not None and world.reference_path_length > 1.0
+
+
+@pytest.mark.parametrize("world, place, warned", [
+    ("arena", dict(x_pos=50.0), True), ("arena", dict(y_pos=-4.0), True), ("arena", dict(x_pos=2.0, y_pos=0.5), False),
+    ("arena", {}, False), ("empty", dict(x_pos=50.0), False)])
+def test_whoever_sets_the_robot_down_beside_the_world_is_told_so(world, place, warned):
+    """It saw nothing there, was lost, and nothing told why."""
+    warnings = SimulatorParameters(**place).placed(load_world(world)).warnings
+    assert [("look at x_pos and y_pos" in text, "starts at (" in text) for text in warnings] == [(True, True)] * warned
