@@ -216,7 +216,7 @@ def test_a_guard_drives_on_whatever_odometry_is_and_learns_from_what_is_sound_ho
         if odometry != "none":
             guard._odometry._take(as_received(message, RawOdometry))
         if odometry == "broken":
-            guard._odometry._newest.bytes = b"broken"
+            guard._odometry._newest[0].bytes = b"broken"
         guard._take_scan(scan_of("front", 3.0 - 0.001 * step, now))
         guard._take_command(Twist(linear=Vector3(x=speed)))
         guard._step(now)

@@ -40,7 +40,7 @@ class OdometryInput:
 
     def __init__(self, topic: str) -> None:
         self.topic = rospy.resolve_name(topic)
-        self._newest: Any = None
+        self._newest: Any = None  # with the time (s) at which it came
         self._teller, self._heard_at = "", -math.inf
         self._subscriber: Any = None  # messages may come before it is there
         self._subscriber = rospy.Subscriber(
@@ -54,6 +54,8 @@ class OdometryInput:
     def read(self, now: float, max_age: float) -> Tuple[Odometry, float, Twist2D]:
         """Return the newest message, its time (s) and its velocity (body frame).
 
+        That of a driver that tells no time is of when it came, as to move_base, which looks at no stamp.
+
         Args:
             now: Seconds.
             max_age: Seconds.
@@ -64,8 +66,9 @@ class OdometryInput:
         if self._newest is None:
             raise StaleDataError(f"no odometry on {self.topic} yet")
         try:
-            odometry = self._newest.read()
-            stamp = odometry.header.stamp.to_sec()
+            message, came_at = self._newest
+            odometry = message.read()
+            stamp = came_at if odometry.header.stamp.is_zero() else odometry.header.stamp.to_sec()
             if now - stamp > max_age:
                 raise StaleDataError(
                     f"odometry on {self.topic} is {now - stamp:.2f} s old; at most {max_age:.2f} s allowed")
@@ -84,4 +87,4 @@ class OdometryInput:
                 WARN_PERIOD, f"odometry on {self.topic} comes from {self._teller} and from {teller}: the first alone "
                 "is heard; have the other publish elsewhere, or end it")
             return
-        self._teller, self._heard_at, self._newest = teller, now, message
+        self._teller, self._heard_at, self._newest = teller, now, (message, rospy.get_time())

@@ -11,6 +11,7 @@ import rospy  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from ros_testing import as_received  # noqa: E402
 
+from mbf_relay.outcomes import StaleDataError  # noqa: E402
 from mbf_relay.ros.common import odometry  # noqa: E402
 
 NOW = 10.0
@@ -20,19 +21,21 @@ class Graph:
     """Nodes that publish odometry, some of them connected, and what the log says of it."""
 
     def __init__(self, monkeypatch):
-        self.connected, self.warnings, self.wall = ["/driver", "/stranger"], [], 100.0
+        self.connected, self.warnings = ["/driver", "/stranger"], []
+        self.wall, self.now = 100.0, NOW
         self._subscriber = SimpleNamespace(get_num_connections=lambda: len(self.connected))
         monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
         monkeypatch.setattr(rospy, "Subscriber", lambda *_, **__: self._subscriber)
         monkeypatch.setattr(rospy, "logwarn_throttle", lambda period, text: self.warnings.append(text))
         monkeypatch.setattr(odometry, "connected_nodes", lambda subscriber: dict.fromkeys(self.connected, ""))
         monkeypatch.setattr(time, "monotonic", lambda: self.wall)
+        monkeypatch.setattr(rospy, "get_time", lambda: self.now)
         self.heard = odometry.OdometryInput("odom")
 
-    def sends(self, sender, speed):
+    def sends(self, sender, speed, stamp=NOW):
         """Have a node send its velocity; return the one that is taken for the robot's."""
         message = Odometry()
-        message.header.stamp = rospy.Time.from_sec(NOW)
+        message.header.stamp = rospy.Time.from_sec(stamp)
         message.twist.twist.linear.x = speed
         self.heard._take(as_received(message, odometry.RawOdometry, sender))
         return self.heard.read(NOW, 1.0)[2].x
@@ -70,3 +73,12 @@ def test_a_driver_that_does_not_name_itself_is_heard(graph):
     """TCPROS lets who publishes leave its name out; every message of such a one was an error in the log, and the robot
     stood."""
     assert [graph.sends(None, speed) for speed in (0.2, 0.1)] == [0.2, 0.1] and graph.warnings == []
+
+
+def test_a_robot_whose_driver_tells_no_time_drives_by_what_has_just_come_and_stands_once_nothing_comes(graph):
+    """It never set out: odometry was 1795751132.86 s old."""
+    assert graph.sends("/driver", 0.2, stamp=0.0) == 0.2
+    graph.now += 0.5
+    assert graph.heard.read(graph.now, 1.0)[1] == NOW
+    with pytest.raises(StaleDataError, match=r"is 1\.50 s old"):
+        graph.heard.read(NOW + 1.5, 1.0)
