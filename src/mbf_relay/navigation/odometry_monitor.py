@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Optional
+from collections import deque
+from typing import Deque, Optional, Tuple
 
-from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D, angle_between
+import numpy as np
+
+from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D, angle_between
 
 REPEATED_FOR = 0.5
 """Seconds for which odometry may repeat a pose to the last bit and tell of motion: what moves changes its last bits."""
@@ -14,6 +17,16 @@ CAME = 0.03
 """Metres or radians from which odometry has come somewhere else."""
 SETTLES = 0.1
 """Seconds by which odometry may lag behind tf: after a standstill began, both tell of the motion before it."""
+APART = 0.1
+"""Seconds at least between two poses of which a velocity is made: what encoders count in steps is too rough before."""
+INTERRUPTED = 1.0
+"""Seconds between two readings from which nothing is told of what was between them."""
+WATCHED, ENOUGH = 20, 8
+"""Velocities made of poses that are looked at together, and how many are needed."""
+TELLS = np.array([0.05, 0.1])
+"""Metres and radians per second from which a velocity can contradict another."""
+CONTRADICTS, AGREES = 0.5, 0.2
+"""Shares of the greater velocity by which another is off that is not believed, or that is believed again."""
 
 
 class OdometryMonitor:
@@ -76,3 +89,78 @@ class TransformMonitor:
             return None
         return (f"the pose by tf repeats itself for {stamp - self._since:.2f} s although odometry has come {way:.2f} m "
                 f"and {turn:.2f} rad")
+
+
+class TwistMonitor:
+    """Holds the velocities that odometry tells against where its poses go.
+
+    Drivers leave them at zeros, or tell them in odometry's frame, with another sign or in degrees, and other robots are
+    driven by them: one of zeros never gains speed and is taken to be stuck.
+
+    Attributes:
+        doubt: Why they are not believed, empty while they are.
+    """
+
+    def __init__(self) -> None:
+        self.doubt = ""
+        self._last: Optional[Tuple[float, Pose2D, Twist2D]] = None
+        self._moved = STOP  # from the reading before the last one to that
+        self._seen: Deque[Tuple[Twist2D, Twist2D]] = deque(maxlen=WATCHED)  # how it moved, and what was told of it
+        self._has_heading = False
+
+    def believed(self, stamp: float, pose: Pose2D, told: Twist2D) -> Twist2D:
+        """Return the velocity to go by, body frame.
+
+        Args:
+            stamp: Time of a reading (s); those of one time are one.
+            pose: In odometry's frame; one that never changes, or has no heading, says nothing.
+            told: The velocity that came with it.
+        """
+        self._has_heading = self._has_heading or pose.theta != 0.0
+        if not pose.is_finite():
+            return told
+        if self._last is None or not 0.0 <= stamp - self._last[0] <= INTERRUPTED:
+            self._last, self._moved = (stamp, pose, told), told
+            self._seen.clear()
+            return told
+        before, begin, told_before = self._last
+        if stamp - before >= APART:
+            self._moved = velocity_between(begin, pose, stamp - before)
+            told_between = Twist2D(*(0.5 * (a + b) for a, b in zip(told_before, told)))
+            self._last = stamp, pose, told
+            if self._has_heading and pose != begin:
+                self._seen.append((self._moved, told_between))
+                self._judge()
+        return self._moved if self.doubt else told
+
+    def _judge(self) -> None:
+        if len(self._seen) < ENOUGH:
+            return
+        moved, told = np.array(self._seen).swapaxes(0, 1)
+        off = moved - told
+        # what jitters adds nothing to the mean, one jump nothing to the median
+        errors = np.minimum(_sizes(np.mean(off, axis=0)), np.median(_sizes(off), axis=0))
+        sizes = np.median(np.maximum(_sizes(moved), _sizes(told)), axis=0)
+        told_of = sizes > TELLS
+        if not told_of.any():
+            return
+        limit = AGREES if self.doubt else CONTRADICTS
+        if not (errors > limit * sizes)[told_of].any():
+            self.doubt = ""
+        elif not self.doubt:
+            (vx, vy, turn), (px, py, pose_turn) = np.mean(told, axis=0), np.mean(moved, axis=0)
+            self.doubt = (
+                f"odometry tells a velocity of ({vx:.2f}, {vy:.2f}) m/s and {turn:.2f} rad/s where its poses go by "
+                f"({px:.2f}, {py:.2f}) m/s and {pose_turn:.2f} rad/s")
+
+
+def velocity_between(begin: Pose2D, end: Pose2D, duration: float) -> Twist2D:
+    """Return the mean velocity, body frame, that leads from one pose to another within `duration` (s)."""
+    turn = angle_between(begin.theta, end.theta)
+    way = end.relative_to(begin._replace(theta=begin.theta + 0.5 * turn))
+    return Twist2D(way.x / duration, way.y / duration, turn / duration)
+
+
+def _sizes(velocities: np.ndarray) -> np.ndarray:
+    """Return metres and radians per second of velocities, shape (..., 3): (..., 2)."""
+    return np.stack((np.hypot(velocities[..., 0], velocities[..., 1]), np.abs(velocities[..., 2])), axis=-1)

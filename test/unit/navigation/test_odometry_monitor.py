@@ -2,10 +2,11 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
-from mbf_relay.navigation.odometry_monitor import OdometryMonitor, TransformMonitor
+from mbf_relay.navigation.odometry_monitor import OdometryMonitor, TransformMonitor, TwistMonitor
 
 HERE, FORWARD = Pose2D(1.0, 2.0, 0.3), Twist2D(0.2, 0.0, 0.0)
 
@@ -54,3 +55,59 @@ def test_a_robot_is_driven_on_odometry_that_does_not_contradict_itself(readings)
 def test_a_robot_whose_odometry_tells_velocities_alone_and_no_number_for_a_pose_sets_out(told):
     monitor = TransformMonitor()
     assert not any(monitor.trouble(0.1 * count, HERE, 0.1 * count, told) for count in range(20))
+
+
+START, CURVE = Pose2D(1.0, 2.0, 2.8), Twist2D(0.4, 0.0, 0.3)
+
+
+def driven(told, seconds=3.0, velocity=CURVE, rate=20.0, seen=lambda pose, count: pose):
+    """Return what is believed of odometry in a curve, and the monitor.
+
+    Args:
+        told: Gives the velocity in the message, of the pose.
+        seconds, velocity, rate: Of the drive and of its odometry (Hz).
+        seen: Gives the pose in the message, of the true one and the reading's number.
+    """
+    monitor = TwistMonitor()
+    poses = [START.compose(velocity.held(count / rate)) for count in range(int(seconds * rate))]
+    return [monitor.believed(count / rate, seen(pose, count), told(pose)) for count, pose in enumerate(poses)], monitor
+
+
+def in_odoms_frame(pose):
+    return Twist2D(0.4 * math.cos(pose.theta), 0.4 * math.sin(pose.theta), 0.3)
+
+
+@pytest.mark.parametrize("told", [
+    lambda pose: STOP, in_odoms_frame, lambda pose: Twist2D(-0.4, 0.0, -0.3), lambda pose: Twist2D(0.4, 0.0, 17.2)],
+    ids=["zeros", "odometry's frame", "other sign", "degrees"])
+@pytest.mark.parametrize("rate", [5.0, 20.0, 200.0])
+def test_a_robot_whose_driver_tells_no_velocity_of_the_body_is_driven_by_the_way_it_goes(told, rate):
+    """By zeros it was said to stand against commands every 5 s; in odometry's frame it crawled where it headed back."""
+    believed, monitor = driven(told, rate=rate)
+    assert believed[0] == told(START) and monitor.doubt
+    np.testing.assert_allclose(believed[-1], CURVE, atol=2e-3)
+
+
+def test_what_a_driver_tells_that_was_mended_is_believed_again():
+    monitor = driven(lambda pose: STOP)[1]
+    for count in range(60, 120):
+        monitor.believed(count / 20.0, START.compose(CURVE.held(count / 20.0)), CURVE)
+    assert monitor.doubt == "" and monitor.believed(6.0, START, CURVE) == CURVE
+
+
+def jittering(pose, count):
+    return Pose2D(*(np.array(pose) + np.random.default_rng(count).normal(0.0, (0.02, 0.02, 0.01))))
+
+
+@pytest.mark.parametrize("seen", [
+    lambda pose, count: pose, jittering, lambda pose, count: pose if count < 30 else pose._replace(x=pose.x + 0.6),
+    lambda pose, count: IDENTITY, lambda pose, count: START, lambda pose, count: Pose2D(math.nan, math.nan, math.nan),
+    lambda pose, count: pose._replace(theta=0.0),
+], ids=["right", "jitter", "a jump", "no poses", "one pose", "poses of NaN", "no headings"])
+def test_a_robot_is_driven_by_the_velocity_that_its_odometry_tells(seen):
+    believed, monitor = driven(lambda pose: CURVE, seen=seen)
+    assert monitor.doubt == "" and set(believed) == {CURVE}
+
+
+def test_a_robot_that_stands_and_whose_poses_jitter_stands():
+    assert set(driven(lambda pose: STOP, velocity=STOP, seen=jittering, seconds=20.0)[0]) == {STOP}

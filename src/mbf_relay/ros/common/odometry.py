@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 from typing import Any, Tuple
 
@@ -10,7 +11,8 @@ import genpy
 import rospy
 from nav_msgs.msg import Odometry
 
-from mbf_relay.geometry import Twist2D
+from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.navigation.odometry_monitor import TwistMonitor
 from mbf_relay.outcomes import StaleDataError
 from mbf_relay.ros.common.checks import InvalidMessage, check_stamp
 from mbf_relay.ros.common.connected_nodes import connected_nodes
@@ -23,6 +25,8 @@ FALLEN_SILENT = 2.0
 """Wall seconds after which another node is heard in the place of one that is there and says nothing."""
 WARN_PERIOD = 10.0
 """Seconds between two warnings of a second node."""
+DOUBT_PERIOD = 60.0
+"""Seconds between two warnings of velocities that are none: they are what the driver tells all the time."""
 
 
 class OdometryInput:
@@ -42,6 +46,7 @@ class OdometryInput:
         self.topic = rospy.resolve_name(topic)
         self._newest: Any = None  # with the time (s) at which it came
         self._teller, self._heard_at = "", -math.inf
+        self._twists, self._judging = TwistMonitor(), threading.Lock()  # drives and recoveries ask from their threads
         self._subscriber: Any = None  # messages may come before it is there
         self._subscriber = rospy.Subscriber(
             topic, RawOdometry, self._take, queue_size=1, buff_size=1 << 18, tcp_nodelay=True)
@@ -73,11 +78,18 @@ class OdometryInput:
                 raise StaleDataError(
                     f"odometry on {self.topic} is {now - stamp:.2f} s old; at most {max_age:.2f} s allowed")
             check_stamp(stamp, now)
-            return odometry, stamp, twist_from_message(odometry.twist.twist)
+            velocity = twist_from_message(odometry.twist.twist)
         except genpy.DeserializationError as error:
             raise StaleDataError(f"odometry on {self.topic} cannot be read: {error}") from error
         except InvalidMessage as error:
             raise StaleDataError(f"odometry on {self.topic}: {error}") from error
+        with self._judging:
+            velocity, doubt = self._twists.believed(stamp, planar_pose(odometry), velocity), self._twists.doubt
+        if doubt:
+            rospy.logwarn_throttle(
+                DOUBT_PERIOD, f"{doubt}, which the robot is driven by instead; have the driver that publishes on "
+                f"{self.topic} fill in twist, in the frame of child_frame_id")
+        return odometry, stamp, velocity
 
     def _take(self, message: Any) -> None:
         teller, now = message._connection_header.get("callerid", ""), time.monotonic()
@@ -88,3 +100,9 @@ class OdometryInput:
                 "is heard; have the other publish elsewhere, or end it")
             return
         self._teller, self._heard_at, self._newest = teller, now, (message, rospy.get_time())
+
+
+def planar_pose(odometry: Odometry) -> Pose2D:
+    """Return odometry's pose as it is: a driver that fills in velocities alone is none to refuse."""
+    position, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
+    return Pose2D(position.x, position.y, 2.0 * math.atan2(turn.z, turn.w))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from collections import defaultdict
 from typing import Any, Callable, Dict, Optional, Tuple
@@ -16,7 +15,7 @@ from mbf_relay.navigation.robot import Robot
 from mbf_relay.outcomes import StaleDataError
 from mbf_relay.ros.common.conversions import transform_from_message, twist_to_message
 from mbf_relay.ros.common.diagnostics import RateMeter
-from mbf_relay.ros.common.odometry import OdometryInput
+from mbf_relay.ros.common.odometry import OdometryInput, planar_pose
 from mbf_relay.ros.common.transforms import Transforms
 
 COMMANDS_PAUSE = 1.0
@@ -102,9 +101,7 @@ class RosRobot(Robot):
                 "robot's topic by a remapping of odom, or by ~odom_topic", topic)
             return self.commanded or STOP
         odometry, stamp, velocity = self._odometry.read(rospy.get_time(), self._odom_timeout)
-        position, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
-        # as it is: a driver that fills in velocities alone is none to refuse
-        pose = Pose2D(position.x, position.y, 2.0 * math.atan2(turn.z, turn.w))
+        pose = planar_pose(odometry)
         trouble = self._monitor.trouble(stamp, pose, velocity)
         if trouble is not None:
             raise StaleDataError(f"{trouble} ({topic})")

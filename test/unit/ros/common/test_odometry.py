@@ -82,3 +82,17 @@ def test_a_robot_whose_driver_tells_no_time_drives_by_what_has_just_come_and_sta
     assert graph.heard.read(graph.now, 1.0)[1] == NOW
     with pytest.raises(StaleDataError, match=r"is 1\.50 s old"):
         graph.heard.read(NOW + 1.5, 1.0)
+
+
+def test_a_robot_whose_driver_leaves_the_velocity_at_zeros_goes_by_its_poses_and_the_log_says_so(graph):
+    """It was taken to stand: it crawled, and every 5 s its goal was recovered from being stuck."""
+    for count in range(40):
+        graph.now = NOW + 0.05 * count
+        message = Odometry()
+        message.header.stamp = rospy.Time.from_sec(graph.now)
+        message.pose.pose.position.x = 0.02 * count
+        message.pose.pose.orientation.z, message.pose.pose.orientation.w = 0.01, 1.0
+        graph.heard._take(as_received(message, odometry.RawOdometry, "/driver"))
+        velocity = graph.heard.read(graph.now, 1.0)[2]
+    assert velocity.x == pytest.approx(0.4, abs=1e-3)
+    assert any("0.00" in text and "/odom fill in twist" in text for text in graph.warnings)
