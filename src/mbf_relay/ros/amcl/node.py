@@ -54,6 +54,7 @@ class AmclNode:
 
     def __init__(self) -> None:
         values = parameters.read_namespace("~")
+        parameters.warn_of_own_file_beside(AmclParameters.names())
         self._parameters = parameters.fill(AmclParameters, values, "~", (*INITIAL, *NODE_ONLY, "cloud"))
         seed, note = seed_from(values, time.time_ns() % 2 ** 31)
         parameters.warn_of([note] if note else [], "~")

@@ -11,6 +11,9 @@ from mbf_relay.ros.common.reconfigure import RESTORE_DEFAULTS
 
 T = TypeVar("T", bound=ParameterSet)
 
+OWN_FILE = 3
+"""Names of a node's parameters that stand beside it from which they are taken for a file of its own, loaded there."""
+
 
 def load(parameter_set: Type[T], namespace: str = "~", known_elsewhere: Iterable[str] = ()) -> T:
     """Read a parameter set from a namespace of the parameter server.
@@ -23,6 +26,8 @@ def load(parameter_set: Type[T], namespace: str = "~", known_elsewhere: Iterable
     Raises:
         ValueError: A value is of the wrong type or out of range; the text names parameter, value and what is allowed.
     """
+    if namespace == "~":
+        warn_of_own_file_beside(parameter_set.names())
     return fill(parameter_set, read_namespace(namespace), namespace, known_elsewhere)
 
 
@@ -61,6 +66,23 @@ def warn_of_unknown(
                           parameter_set.hint(name))
     for old, new in parameter_set.deprecated_names(values).items():
         rospy.logwarn("parameter %s has an old name; use '%s'", rospy.resolve_name(join(where, old)), new)
+
+
+def warn_of_own_file_beside(names: Iterable[str]) -> None:
+    """Warn where a node's own file was loaded in the namespace it stands in, as overrides, where it reads nothing.
+
+    Args:
+        names: Of all its parameters and groups.
+    """
+    above = rospy.get_namespace()
+    standing = {name[len(above):].partition("/")[0] for name in rospy.get_param_names() if name.startswith(above)}
+    beside = sorted(standing.intersection(names))
+    if len(beside) >= OWN_FILE:
+        node = rospy.get_name().rpartition("/")[2]
+        rospy.logwarn(
+            "parameters %s, ... stand beside %s, which reads nothing there: in a file of overrides a node's parameters "
+            "stand below a line with its name, '%s:'",
+            ", ".join(above + name for name in beside[:OWN_FILE]), rospy.get_name(), node)
 
 
 def groups_in(values: Mapping[str, Any]) -> List[str]:

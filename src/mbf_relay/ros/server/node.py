@@ -11,7 +11,7 @@ from typing import Any, Callable, Dict, List, Mapping
 import rospy
 
 from mbf_relay.geometry import STOP
-from mbf_relay.navigation.examination import READ_BY_THE_NODE, stray_groups
+from mbf_relay.navigation.examination import READ_BY_THE_NODE, SIDES, stray_groups
 from mbf_relay.navigation.navigator import Navigator
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.registry import Registry
@@ -61,6 +61,7 @@ class MoveBaseFlex:
         self._is_move_base, self._planner = is_move_base, planner
         # move_base's own names are another half's; of groups see _warn_of_stray_groups.
         told_of = config if is_move_base else (*READ_BY_THE_NODE, *ros_parameters.groups_in(config))
+        ros_parameters.warn_of_own_file_beside((*NavigatorParameters.names(), *READ_BY_THE_NODE, *SIDES))
         parameters = ros_parameters.fill(NavigatorParameters, config, "~", told_of)
         self.robot = RosRobot(
             transforms, parameters.robot_frame, parameters.pose_timeout, parameters.odom_timeout

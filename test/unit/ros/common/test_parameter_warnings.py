@@ -7,6 +7,8 @@ pytest.importorskip("mbf_msgs", reason="needs the built package")
 
 from mbf_relay.control.dwa_parameters import DwaParameters  # noqa: E402
 from mbf_relay.localization.node_parameters import AmclParameters  # noqa: E402
+from mbf_relay.navigation.examination import READ_BY_THE_NODE, SIDES  # noqa: E402
+from mbf_relay.navigation.parameters import NavigatorParameters  # noqa: E402
 from mbf_relay.navigation.registry import Registry  # noqa: E402
 from mbf_relay.planning.planner import Planner  # noqa: E402
 from mbf_relay.ros.common import parameters
@@ -63,3 +65,19 @@ def test_a_group_where_a_node_s_number_belongs_is_told_of(said):
     parameters.warn_of_unknown(AmclParameters, values, "~", ["cloud"])
     assert len(said) == 1
     assert "laser_max_rnge" in said[0] and "'laser_max_range'" in said[0]
+
+
+@pytest.mark.parametrize("standing, node, told", [
+    (["/amcl/seed", "/planners", "/global_costmap/footprint", "/local_costmap/width"], "/move_base_flex", True),
+    (["/robot1/planners", "/robot1/controllers", "/robot1/robot_frame"], "/robot1/move_base_flex", True),
+    (["/robot1/planners", "/robot1/controllers", "/robot1/robot_frame"], "/move_base_flex", False),
+    ([f"/move_base_flex/{name}" for name in ("planners", "controllers", "robot_frame")], "/move_base_flex", False),
+    (["/robot_frame", "/map_frame", "/robot_description", "/use_sim_time"], "/move_base_flex", False),
+])
+def test_a_node_s_own_file_given_as_overrides_is_told_of(said, monkeypatch, standing, node, told):
+    """The robot drove by the footprint and the speeds of another, and nothing told that the file was not read."""
+    monkeypatch.setattr(rospy, "get_param_names", lambda: standing)
+    monkeypatch.setattr(rospy, "get_name", lambda: node)
+    monkeypatch.setattr(rospy, "get_namespace", lambda: node.rpartition("/")[0] + "/")
+    parameters.warn_of_own_file_beside((*NavigatorParameters.names(), *READ_BY_THE_NODE, *SIDES))
+    assert [("'move_base_flex:'" in text, f"beside {node}" in text) for text in said] == [(True, True)] * told
