@@ -21,6 +21,7 @@ from mbf_relay.ros.common.checks import InvalidMessage, check_frame_is
 from mbf_relay.ros.common.conversions import pose_from_message, twist_from_message
 from mbf_relay.ros.common.node import spare_what_stays
 from mbf_relay.ros.simulator.command_synchronizer import CommandSynchronizer
+from mbf_relay.ros.simulator.footprints import drivers, too_small_footprints
 from mbf_relay.ros.simulator.neighbours import ClockFollower, Neighbours
 from mbf_relay.ros.simulator.obstacles import WORLD, Obstacles
 from mbf_relay.ros.simulator.pacing import FactorMeter, RealTimePacer
@@ -66,6 +67,7 @@ class Simulator:
         )
         self._meter = FactorMeter(self.simulation.now)
         self._slow_reports = 0
+        self._drivers_known = False
         self._topics = SimulatorTopics(settings)
         self._obstacles = Obstacles(self.simulation, settings.world_frame)
         self._listen()
@@ -260,6 +262,9 @@ class Simulator:
             self._requests.get(timeout=0.2)()
 
     def _report(self) -> diagnostics.Report:
+        if self._commands.heard and not self._drivers_known:  # who drives it has read its parameters by now
+            self._drivers_known = True
+            self._look_at_footprints()
         factor, asked = self._meter.look(self.simulation.now), self._settings.real_time_factor
         values = {
             "real time factor": "unknown" if factor is None else f"{factor:.2f}",
@@ -277,6 +282,14 @@ class Simulator:
         if slow:
             return diagnostics.WARN, f"runs at {factor:.2f} of real time, asked for {asked:g}", values
         return diagnostics.OK, "paused" if self._paused else "running", values
+
+
+    def _look_at_footprints(self) -> None:
+        """Warn of navigation that takes the robot for a smaller one."""
+        nodes = drivers(rospy.get_param_names(), rospy.get_namespace())  # get_param("/") tells what rospy has cached
+        values = {node: parameters.read_namespace(node) for node in sorted(nodes)}
+        for line in too_small_footprints(values, self.simulation.robot):
+            rospy.logwarn("%s", line)
 
 
 def main() -> None:
