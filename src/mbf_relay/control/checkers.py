@@ -18,6 +18,9 @@ CREEPING = 0.05  # of the top speed: slower than this is standing, whatever the 
 PASSED = 0.35  # rad short of abeam: where the goal counts as beside the robot
 MOVED_DISTANCE, MOVED_ANGLE = 0.1, 0.05  # robot's widths and rad that count as having moved
 NEAR_GOAL = 4.5  # robot's widths, or a second's drive, from which on it is looked at whether the goal is free
+CAR = (
+    "; a car, which cannot turn on the spot, needs a controller that knows so, as mppi with motion_model: Ackermann"
+)
 
 
 class GoalChecker:
@@ -128,11 +131,12 @@ class StuckChecker:
             self._asked_distance > 2.0 * least or self._asked_angle > 2.0 * MOVED_ANGLE
         ):
             self._reference = None
+            on_the_spot = self._asked_distance < least
             raise ControlError(
                 ControlOutcome.ROBOT_STUCK,
                 f"the robot has not moved for {now - since:.1f} s, though {self._asked_distance:.2f} m and "
                 f"{self._asked_angle:.2f} rad were commanded; see whether its wheels are free, its motors on, and what "
-                "its velocity_guard says on ~state, where it has one",
+                f"its velocity_guard says on ~state, where it has one{CAR if on_the_spot else ''}",
             )
 
     def _restart(self, state: ControlState) -> None:
