@@ -76,9 +76,14 @@ class LocalPath:
         return result
 
     def first_blocked(self, checker: FootprintChecker) -> Optional[float]:
-        """Return the arc length ahead at which the robot's centre could not be, None where the stretch is free."""
+        """Return the arc length ahead at which the robot's centre could not be, None where the stretch is free.
+
+        Of what lies beyond the costmap nothing is known here.
+        """
         ahead = np.flatnonzero((self.arcs >= self.robot_arc) & (self.arcs <= self.goal_arc))
         for index in ahead:
+            if not checker.costmap.grid.contains_point(*self.points[index]):
+                return None
             if checker.clearance_at(*self.points[index]) < checker.costmap.inscribed_radius:
                 return float(self.arcs[index])
         return None

@@ -1,5 +1,6 @@
 """Cutting out the path round the robot, and refusing what is no path."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -10,6 +11,7 @@ from plain_footprint import random_costmap
 from mbf_relay.control import path_kernels
 from mbf_relay.control.local_path import PathTracker
 from mbf_relay.control.state import ControlState
+from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.outcomes import ControlError, ControlOutcome
 from mbf_relay.planning.path import Path
@@ -143,3 +145,15 @@ def test_what_projection_passes_over_would_not_have_been_nearest(seed):
     result = np.empty((60, 2))
     path_kernels.project(points, corners, arcs, result)
     assert np.array_equal(result, nearest_reference(points, corners, arcs))
+
+
+@pytest.mark.parametrize("obstacles, blocked", [([], None), ([(50, 30)], 1.0), ([(50, 40)], None)])
+def test_a_robot_whose_path_leads_out_of_its_costmap_is_not_told_of_an_obstacle_at_the_edge(obstacles, blocked):
+    """Whatever kept it from driving, the log said that an obstacle stood on the path 2 m ahead, which nobody found."""
+    costs = np.zeros(COSTMAP.grid.shape, dtype=np.uint8)
+    for column, row in obstacles:
+        costs[row, column] = 254
+    costmap = dataclasses.replace(COSTMAP, costs=costs)
+    path = tracker_on(line((0, 0), (3, 0))).cut(state(0.0, 0.0), 0.3, 3.0, 0.1)
+    found = path.first_blocked(FootprintChecker(costmap))
+    assert found == (None if blocked is None else pytest.approx(blocked, abs=0.05))
