@@ -93,7 +93,8 @@ class ScanMonitor:
             off = abs(math.remainder(middle - forward, 2.0 * math.pi))
             if off - count * step / 2.0 < AHEAD:
                 return (f"the lidar measures nothing in {math.degrees(count * step):.0f} degrees ahead; "
-                        f"at most {math.degrees(self._largest_gap):.0f} are allowed")
+                        f"at most {math.degrees(self._largest_gap):.0f} are allowed, and all where its source has "
+                        "largest_gap: 0.0, for drivers that say so of what is too far away")
         return None
 
 

@@ -49,6 +49,12 @@ def test_a_robot_that_is_blind_in_a_sector_ahead_does_not_drive(beams):
     assert "ahead" in trouble(changed(beams, 0.0))
 
 
+def test_the_owner_of_a_depth_camera_is_told_how_to_drive_by_what_is_too_far_away_for_it():
+    """Its driver sends NaN there. Goals never came, and nothing told of the parameter that is for it."""
+    far = changed((0, 60), math.nan)
+    assert "largest_gap: 0.0" in trouble(far) and trouble(far, monitor=ScanMonitor(0.0)) is None
+
+
 @pytest.mark.parametrize("beams", [(0, 20), (30, 40), (100, 260), (70, 120), (-120, -70)])
 def test_a_small_gap_and_a_masked_rear_are_driven_with_and_hide_no_larger_one(beams):
     assert trouble(changed(beams, math.nan)) is None
