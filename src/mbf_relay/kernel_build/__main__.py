@@ -14,6 +14,7 @@ import subprocess
 import sys
 import sysconfig
 from concurrent.futures import ProcessPoolExecutor
+from importlib.metadata import version
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Dict, List
@@ -21,6 +22,7 @@ from typing import Dict, List
 from mbf_relay import kernels
 from mbf_relay.kernel_build.kernel_objects import KernelEntry, compile_module, environment, features_of
 from mbf_relay.kernel_build.wrappers import module_source
+from mbf_relay.whole_files import write_whole
 
 MOST_PROCESSES = 4
 """Each takes 200 MiB."""
@@ -108,7 +110,7 @@ def _compile(sources: Dict[str, str], objects: Path) -> Dict[str, List[List[Kern
         with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
             paths = [str(places[name]) for name in missing]
             for path, entries in zip(paths, pool.map(compile_module, missing, paths, [features] * len(missing))):
-                Path(path).with_suffix(".json").write_text(json.dumps(entries), encoding="utf-8")
+                write_whole(Path(path).with_suffix(".json"), json.dumps(entries))
         for name, place in places.items():
             texts = json.loads(place.with_suffix(".json").read_text("utf-8"))
             found[name].append([KernelEntry(*entry) for entry in texts])
@@ -118,7 +120,8 @@ def _compile(sources: Dict[str, str], objects: Path) -> Dict[str, List[List[Kern
 def _object(objects: Path, sources: Dict[str, str], name: str, features: str) -> Path:
     """Return where a module's object file is: another one for each state of its source and of what compiles it."""
     made_by = kernels.digest(str(HERE / "kernel_objects.py"))
-    key = hashlib.sha256((sources[name] + made_by + sys.version + features).encode()).hexdigest()[:16]
+    state = sources[name] + made_by + sys.version + version("numba") + features
+    key = hashlib.sha256(state.encode()).hexdigest()[:16]
     return objects / f"{name}-{key}.o"
 
 

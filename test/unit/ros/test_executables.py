@@ -141,7 +141,8 @@ def test_what_the_navigation_on_a_robot_does_not_use_takes_no_memory(tmp_path):
         "xml.dom.minidom",
     }
     numpy = subprocess.run(  # Ubuntu 20.04's needs some of it itself
-        [sys.executable, "-c", "import numpy, sys; print(*sys.modules)"], stdout=subprocess.PIPE, check=True, timeout=60.0)
+        [sys.executable, "-c", "import numpy, sys; print(*sys.modules)"], stdout=subprocess.PIPE, check=True,
+        timeout=60.0)
     assert unused & found - set(numpy.stdout.decode().split()) == set()
 
 
