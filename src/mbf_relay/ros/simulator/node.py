@@ -283,7 +283,6 @@ class Simulator:
             return diagnostics.WARN, f"runs at {factor:.2f} of real time, asked for {asked:g}", values
         return diagnostics.OK, "paused" if self._paused else "running", values
 
-
     def _look_at_footprints(self) -> None:
         """Warn of navigation that takes the robot for a smaller one."""
         nodes = drivers(rospy.get_param_names(), rospy.get_namespace())  # get_param("/") tells what rospy has cached
