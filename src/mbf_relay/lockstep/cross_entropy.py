@@ -87,7 +87,10 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         weights, _ = train(training, options.generations, options.policies, options.episodes, options.seed, print)
         for name, (mean, share) in (("before", before), ("after", drive(held_out, weights, test))):
             print(f"{name}, {len(test)} episodes not trained on: return {mean:+.2f}, {100.0 * share:.0f} % at the goal")
-    except (ImportError, ValueError) as error:
+    except ImportError as error:
+        print(f"train_policy.py: learning needs gymnasium (pip install gymnasium): {error}", file=sys.stderr)
+        return 1
+    except ValueError as error:
         print(f"train_policy.py: {error}", file=sys.stderr)
         return 1
     return 0

@@ -205,3 +205,10 @@ def test_the_example_tells_what_was_learnt(tmp_path, capsys):
         with pytest.raises(SystemExit):
             cross_entropy.main(["--worlds", worlds, f"--{name}", "0"])
         assert f"--{name}: 0 is below 1" in capsys.readouterr().err
+
+
+def test_who_has_no_gymnasium_is_told_what_to_install(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "gymnasium", None)
+    monkeypatch.delitem(sys.modules, "mbf_relay.lockstep.environment")
+    assert cross_entropy.main([]) == 1
+    assert "pip install gymnasium" in capsys.readouterr().err
