@@ -54,6 +54,10 @@ class Lidar:
         if beams.start < beams.stop:
             self._skewed[beams] = self._distances(base, self._directions[beams])
 
+    def restart(self, base: Frame) -> None:
+        """Take all beams anew, with base_link at `base` in the world, where the robot has been set down elsewhere."""
+        self._skewed = self._distances(base, self._directions)
+
     def scan(self, base: Frame, now: float, faults: Faults) -> Optional[LaserScan]:
         """Return the scan complete at `now` (s) with base_link at `base` in the world; None from a silent lidar."""
         if faults.lidar_silent:

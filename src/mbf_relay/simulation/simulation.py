@@ -182,6 +182,8 @@ class Simulation:
         self._drivetrain.halt()  # where it stands now: some wheels' angles are told by the body's way
         self._pose = self.base.pose()
         self._imu.reset()
+        if self.parameters.scan_skew:
+            self.lidar.restart(self.base.frame())
 
     def _require_room(self, pose: Pose2D, what: str) -> None:
         if not pose.is_finite():

@@ -126,3 +126,12 @@ def test_a_skewed_scan_is_stamped_in_its_middle_and_bent_by_the_motion():
     # The beam that looks square to the wall was taken when its share of the turn, at 1 rad/s, was over.
     expected = (-heading - 0.2 * nearest / 360.0) % (2.0 * math.pi)
     assert abs(angle_between(nearest * math.pi / 180.0, expected)) < math.radians(2.0)
+
+
+def test_a_scan_begun_before_the_robot_is_set_down_elsewhere_shows_where_it_is_now():
+    wall = trial.box("wall", 2.0, 0.0, (1.0, 40.0, 1.0))
+    with trial.simulate([wall], scan_skew=True) as simulation:
+        trial.run(simulation, 0.5)  # half a turn is under way
+        simulation.set_pose(Pose2D(0.0, 0.0, math.pi))
+        scan = next(o.scan for o in trial.run(simulation, 0.2) if o.scan is not None)
+    assert math.isinf(scan.ranges[0]) and scan.ranges[180] == pytest.approx(1.468, abs=1e-3)  # it sits off the middle
