@@ -125,6 +125,7 @@ class RecoveryExecution:
             return
         if self._robot.paused:
             self._since_start.start(now)
+            self._since_call.start(-math.inf)  # what is thought of before the pause is too old after it
             if self._pacer.is_due(now):
                 self._pacer.passed(now, 1.0 / self._parameters().controller_frequency)
             if self._moved and self._robot.commanded != STOP:

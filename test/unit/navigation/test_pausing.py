@@ -6,7 +6,7 @@ from scripted import FORWARD, GOAL, NO_WAY, STUCK, arrive, straight_path
 
 from mbf_relay.geometry import STOP, Pose2D
 from mbf_relay.navigation.controller_execution import PAUSED
-from mbf_relay.navigation.goals import FollowGoal, NavigateOutcome
+from mbf_relay.navigation.goals import FollowGoal, NavigateOutcome, RecoverGoal
 from mbf_relay.navigation.task import Ending
 from mbf_relay.outcomes import ControlOutcome
 
@@ -54,6 +54,19 @@ def test_a_velocity_thought_of_before_the_pause_is_not_sent_in_it_nor_after(held
     for _ in range(5):
         bench.step()
     assert FORWARD not in bench.robot.sent and bench.robot.sent[-1] == bench.script.velocity
+
+
+def test_a_recovery_s_velocity_thought_of_before_a_short_pause_is_not_sent_after_it(held_bench):
+    bench = held_bench
+    bench.script.recovery = lambda context: iter([FORWARD, scripted.Twist2D(0.1, 0.0, 0.0)])
+    bench.navigator.recovery(RecoverGoal("R2"))
+    bench.navigator.update(bench.now)
+    bench.robot.paused = True
+    bench.step()
+    bench.robot.paused = False
+    for _ in range(5):
+        bench.step()
+    assert FORWARD not in bench.robot.sent and scripted.Twist2D(0.1, 0.0, 0.0) in bench.robot.sent
 
 
 def test_a_paused_drive_is_cancelled_as_any_other(bench):
