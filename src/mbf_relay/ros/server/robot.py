@@ -23,7 +23,7 @@ COMMANDS_PAUSE = 1.0
 
 
 class _Wheels(rospy.SubscribeListener):
-    """Tells whoever connects to `cmd_vel` to stand, unless the robot is being driven.
+    """Tells whoever connects to `cmd_vel` to stand, unless the wheels were told otherwise last.
 
     What a server that died sent last may still stand at the wheels; the one that takes its place knows of no goal.
     """
@@ -33,7 +33,7 @@ class _Wheels(rospy.SubscribeListener):
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Callable[[Twist], None]) -> None:
         """Send zero to who has come, where nothing else was sent last."""
-        if self._robot.commanded in (None, STOP):
+        if self._robot.told == STOP:
             peer_publish(twist_to_message(STOP))
 
 
@@ -48,6 +48,7 @@ class RosRobot(Robot):
 
     Attributes:
         commands: The velocities sent, as events.
+        told: What the wheels were told last; other than `commanded` while they are held, and after the end.
     """
 
     def __init__(
@@ -62,6 +63,7 @@ class RosRobot(Robot):
         self._tf_monitors: Dict[str, TransformMonitor] = defaultdict(TransformMonitor)
         self._monitor = OdometryMonitor()
         self.commands = RateMeter(pause=COMMANDS_PAUSE)
+        self.told = STOP
         self._publisher = rospy.Publisher("cmd_vel", Twist, _Wheels(self), queue_size=1, tcp_nodelay=True)
         self._closing = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
         self._closed = self._blocked = self._held = False
@@ -165,5 +167,6 @@ class RosRobot(Robot):
                 self._publish(STOP)
 
     def _publish(self, velocity: Twist2D) -> None:
+        self.told = velocity
         self.delay.tell(rospy.get_time(), velocity)
         self._publisher.publish(twist_to_message(self.steering.steered(velocity) if self.steering else velocity))

@@ -17,37 +17,37 @@ from mbf_relay.ros.server.robot import RosRobot, _Wheels  # noqa: E402
 FORWARD = Twist2D(0.2, 0.0, 0.0)
 
 
-def heard_when(commanded):
-    heard = []
-    _Wheels(SimpleNamespace(commanded=commanded)).peer_subscribe("cmd_vel", None, heard.append)
-    return [(message.linear.x, message.angular.z) for message in heard]
-
-
-@pytest.mark.parametrize("commanded", [None, STOP])
-def test_wheels_that_connect_to_a_server_without_a_drive_are_stopped(commanded):
-    assert heard_when(commanded) == [(0.0, 0.0)]
-
-
 @pytest.mark.parametrize("listeners, said", [(0, "nobody listens to /cmd_vel_raw"), (1, "")])
 def test_it_is_said_where_no_wheels_are_left_to_tell(listeners, said):
     publisher = SimpleNamespace(get_num_connections=lambda: listeners, resolved_name="/cmd_vel_raw")
     assert RosRobot.unheard.fget(SimpleNamespace(_publisher=publisher)) == said
 
 
-def test_wheels_that_connect_during_a_drive_are_left_to_it():
-    assert heard_when(FORWARD) == []
-
-
 @pytest.fixture
 def robot(monkeypatch):
     """A robot, and what its wheels are told."""
     monkeypatch.setattr(rospy, "get_time", lambda: 1.0)
-    made, told = RosRobot.__new__(RosRobot), []
+    made, sent = RosRobot.__new__(RosRobot), []
     made.__dict__.update(
         steering=None, commands=SimpleNamespace(tick=lambda now: None), _closing=threading.Lock(), _closed=False,
-        _blocked=False, _held=False, delay=CommandDelay(), told=told,
-        _publisher=SimpleNamespace(publish=lambda message: told.append((message.linear.x, message.angular.z))))
+        _blocked=False, _held=False, delay=CommandDelay(), told=STOP, sent=sent,
+        _publisher=SimpleNamespace(publish=lambda message: sent.append((message.linear.x, message.angular.z))))
     return made
+
+
+@pytest.mark.parametrize("halt", [
+    None, lambda robot: robot.command(STOP), lambda robot: robot.hold(True), RosRobot.block, RosRobot.close],
+    ids=["no drive yet", "a drive that is over", "time that stands", "a hung step", "the server's end"])
+def test_wheels_that_connect_while_nobody_drives_them_are_stopped_and_else_left_to_the_drive(robot, halt):
+    """What a server that died sent last drove them on."""
+    heard, wheels = [], _Wheels(robot)
+    if halt is not None:
+        robot.command(FORWARD)
+        wheels.peer_subscribe("cmd_vel", None, heard.append)
+        assert heard == []
+        halt(robot)
+    wheels.peer_subscribe("cmd_vel", None, heard.append)
+    assert [(message.linear.x, message.angular.z) for message in heard] == [(0.0, 0.0)]
 
 
 @pytest.mark.parametrize("steering, angle", [(None, 0.5), (Steering(0.4, 0.6), math.atan(0.4 * 0.5 / 0.4))])
@@ -57,7 +57,7 @@ def test_a_car_is_told_the_angle_that_its_driver_takes_for_a_rate(robot, steerin
     robot.hold(True)
     robot.hold(False)
     robot.close()
-    assert robot.told == [(0.4, pytest.approx(angle)), (0.0, 0.0), (0.4, pytest.approx(angle)), (0.0, 0.0)]
+    assert robot.sent == [(0.4, pytest.approx(angle)), (0.0, 0.0), (0.4, pytest.approx(angle)), (0.0, 0.0)]
     assert robot.commanded == Twist2D(0.4, 0.0, 0.5)  # what controllers go on from
 
 
@@ -67,19 +67,19 @@ def test_a_robot_hears_nothing_between_the_zero_of_a_hung_step_and_the_next_one_
     robot.command(FORWARD)
     robot.hold(True)
     robot.hold(False)
-    assert robot.told == [(0.2, 0.0), (0.0, 0.0)] and robot.commanded == STOP
+    assert robot.sent == [(0.2, 0.0), (0.0, 0.0)] and robot.commanded == STOP
     robot.release()
     robot.command(FORWARD)
     robot.close()
     for late in (lambda: robot.command(FORWARD), robot.block, lambda: robot.hold(True), robot.close):
         late()
-    assert robot.told == [(0.2, 0.0), (0.0, 0.0)] * 2
+    assert robot.sent == [(0.2, 0.0), (0.0, 0.0)] * 2
 
 
 def test_a_robot_in_whose_simulation_time_stands_is_told_once_and_drives_on_by_the_newest_velocity(robot):
     robot.hold(True)
     robot.hold(False)
-    assert robot.told == [], "nothing goes out of a robot that stands"
+    assert robot.sent == [], "nothing goes out of a robot that stands"
     robot.command(FORWARD)
     for _ in range(3):
         robot.hold(True)
@@ -87,10 +87,10 @@ def test_a_robot_in_whose_simulation_time_stands_is_told_once_and_drives_on_by_t
     robot.hold(False)
     robot.command(STOP)
     robot.hold(True)
-    assert robot.told == [(0.2, 0.0), (0.0, 0.0), (0.0, 0.0), (0.1, 0.0), (0.0, 0.0)]
+    assert robot.sent == [(0.2, 0.0), (0.0, 0.0), (0.0, 0.0), (0.1, 0.0), (0.0, 0.0)]
 
 
 def test_a_velocity_that_is_no_number_stops_the_wheels_and_counts_as_the_stop_it_became(robot):
     robot.command(FORWARD)
     robot.command(Twist2D(0.2, 0.0, math.nan))
-    assert robot.told == [(0.2, 0.0), (0.0, 0.0)] and robot.commanded == STOP
+    assert robot.sent == [(0.2, 0.0), (0.0, 0.0)] and robot.commanded == STOP
