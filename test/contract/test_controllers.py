@@ -229,6 +229,19 @@ def test_the_tolerance_of_the_action_holds(name):
     assert not controller.is_goal_reached(state(robot.pose, Twist2D(0.2, 0.0, 0.0)), GoalTolerance(0.3, 1.0))
 
 
+def test_a_robot_that_has_only_to_turn_at_a_goal_somebody_stands_on_does_so(name):
+    """Its goal was given up, though it stood as near as the action had asked for."""
+    controller, robot = make(name), PaperRobot(Pose2D(0.65, 0.0, 0.0))
+    controller.set_path(path_through((0, 0), (1, 0), end_heading=1.5), True)
+    for now in np.arange(0.0, 10.0, 0.1):
+        seen = costmap_round(robot.pose, discs((1.0, 0.0, 0.1)))
+        there = ControlState(now, robot.pose, robot.velocity, seen, IDENTITY, 0.1)
+        if controller.is_goal_reached(there, GoalTolerance(0.5, 0.2)):
+            return
+        robot.move(controller.compute_velocity(there), 0.1)
+    raise AssertionError(f"it stands at {tuple(robot.pose)}")
+
+
 def test_a_new_path_to_the_same_goal_keeps_what_was_reached(name):
     path = path_through((0, 0), (1, 0), end_heading=3.0)
     controller = make(name, latch_xy_goal_tolerance=True)

@@ -47,13 +47,15 @@ class GoalChecker:
         """Return the tolerance that holds: the action's where there is one."""
         return self.tolerance or GoalTolerance(parameters.xy_goal_tolerance, parameters.yaw_goal_tolerance)
 
-    def is_turning(self, state: ControlState, goal: Pose2D, parameters: FollowerParameters) -> bool:
+    def is_turning(
+        self, state: ControlState, goal: Pose2D, parameters: FollowerParameters, is_occupied: bool
+    ) -> bool:
         """Return whether the robot has come near enough to stop and turn to the goal's heading.
 
-        Within tolerance it drives on as long as that brings it nearer; once it turns it turns, until it has drifted
-        well out of tolerance, or with latch_xy_goal_tolerance, once it was there and not only expected to be, until the
-        goal changes. One that has turned and does not stand within tolerance drives again: nothing else would bring it
-        there.
+        Within tolerance it drives on as long as that brings it nearer, but not to a goal that `is_occupied`; once it
+        turns it turns, until it has drifted well out of tolerance, or with latch_xy_goal_tolerance, once it was there
+        and not only expected to be, until the goal changes. One that has turned and does not stand within tolerance
+        drives again: nothing else would bring it there.
         """
         tolerance, pose = self.tolerance_of(parameters), state.pose
         distance, latched = pose.distance_to(goal), self._latched(state, goal, parameters)
@@ -64,7 +66,7 @@ class GoalChecker:
         elif distance <= tolerance.distance:
             ahead = goal.relative_to(pose)
             passed = ahead.x <= PASSED * distance
-            self._turns = passed or distance <= CLOSE_ENOUGH * tolerance.distance
+            self._turns = passed or is_occupied or distance <= CLOSE_ENOUGH * tolerance.distance
         return self._turns
 
     def is_reached(self, state: ControlState, goal: Pose2D, parameters: FollowerParameters) -> bool:
@@ -156,12 +158,13 @@ class BlockedGoalChecker:
         self._blocked_since = None
 
     def check(
-        self, state: ControlState, path: LocalPath, checker: FootprintChecker, parameters: FollowerParameters
-    ) -> None:
-        """Note one cycle.
+        self, state: ControlState, path: LocalPath, checker: FootprintChecker, parameters: FollowerParameters,
+        tolerance: float,
+    ) -> bool:
+        """Note one cycle; return whether something stands on the goal, of which the robot sees that from nearby.
 
         The goal is blocked when the robot's centre could not be there in any heading, and it has been so for
-        blocked_timeout, as seen from nearby.
+        blocked_timeout, as seen from nearby, and the robot is not within `tolerance` (m).
 
         Raises:
             ControlError: BLOCKED_GOAL.
@@ -173,9 +176,9 @@ class BlockedGoalChecker:
             and state.costmap.grid.contains_point(goal.x, goal.y)
             and self._is_blocked(checker, goal, state.costmap)
         )
-        if not touches or state.pose.distance_to(goal) <= parameters.xy_goal_tolerance:
+        if not touches or state.pose.distance_to(goal) <= tolerance:
             self._blocked_since = None
-            return
+            return touches
         if self._blocked_since is None or state.now < self._blocked_since:
             self._blocked_since = state.now
         if state.now - self._blocked_since >= parameters.blocked_timeout:
@@ -184,6 +187,7 @@ class BlockedGoalChecker:
                 f"an obstacle stands on the goal ({goal.x:.2f}, {goal.y:.2f}) in {state.costmap.frame}; "
                 f"the robot is {path.remaining:.2f} m before it",
             )
+        return True
 
     @staticmethod
     def _is_blocked(checker: FootprintChecker, goal: Pose2D, costmap: object) -> bool:

@@ -205,8 +205,9 @@ class PathFollower(Controller, abc.ABC):
         cycle = self._cycle = self.look_around(state)
         self._back_out.trail.note(state.pose, cycle.checker)
         self._stuck_checker.check(state, self.command, parameters.stuck_timeout)
-        self._blocked_goal_checker.check(state, cycle.path, cycle.checker, parameters)
-        if self._goal_checker.is_turning(state, cycle.path.goal, parameters):
+        tolerance = self._goal_checker.tolerance_of(parameters).distance
+        is_occupied = self._blocked_goal_checker.check(state, cycle.path, cycle.checker, parameters, tolerance)
+        if self._goal_checker.is_turning(state, cycle.path.goal, parameters, is_occupied):
             self._turn_left = None
             return self._turn_at_goal(cycle)
         farthest = max(parameters.missed_path_distance, MISSED * state.costmap.width)
