@@ -10,6 +10,7 @@ import numpy as np
 from mbf_relay.control import trajectory_kernels
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.local_path import LocalPath
+from mbf_relay.control.state import SpeedLimit
 from mbf_relay.control.trail import Trail, WayBack
 from mbf_relay.control.trajectories import speed_to_stop_within
 from mbf_relay.costmap.footprint_checker import FootprintChecker
@@ -116,16 +117,19 @@ class BackOut:
             self._way, self.end = way, Pose2D(*map(float, way.poses[-1]))
 
     def command(
-        self, pose: Pose2D, velocity: Twist2D, checker: FootprintChecker, parameters: FollowerParameters, period: float
+        self, pose: Pose2D, velocity: Twist2D, checker: FootprintChecker, parameters: FollowerParameters, period: float,
+        limit: SpeedLimit,
     ) -> Optional[Twist2D]:
         """Return the next velocity on the way, None where the robot has come far enough or comes no farther."""
         if self._from is None:
             return None
         width = checker.costmap.width
         slowest = SLOWEST * parameters.max_vel_trans
+        fastest, top_turn = limit.of(parameters.max_vel_trans, parameters.max_vel_theta)
+        fastest = min(SPEED * parameters.max_vel_trans, fastest)
         if self._way is not None:
-            top = min(SPEED * parameters.max_vel_trans, -parameters.min_vel_x)
-            command = self._way.command(pose, velocity, checker, parameters, period, (slowest, top))
+            top = min(fastest, -parameters.min_vel_x)
+            command = self._way.command(pose, velocity, checker, parameters, period, (slowest, top), top_turn)
             if command is None:
                 self._from, self._failing_since = None, None
             return command
@@ -139,7 +143,7 @@ class BackOut:
             self._from, self._failing_since = None, None
             return None
         highest = parameters.max_vel_x if self._sign > 0.0 else -parameters.min_vel_x
-        top = min(SPEED * parameters.max_vel_trans, highest)
+        top = min(fastest, highest)
         delay = period + parameters.stop_time_buffer
         to_stop = speed_to_stop_within(free, parameters.acc_lim_x, delay)
         wanted = self._sign * min(top, max(slowest, to_stop))
@@ -149,7 +153,7 @@ class BackOut:
         # one that still rolls the other way would turn to the wrong side
         wanted_turn = max(0.0, self._sign * speed) * self._curvature
         turn = min(velocity.theta + most, max(velocity.theta - most, wanted_turn))
-        return Twist2D(speed, 0.0, min(parameters.max_vel_theta, max(-parameters.max_vel_theta, turn)))
+        return Twist2D(speed, 0.0, min(top_turn, max(-top_turn, turn)))
 
 
 class _Arcs(NamedTuple):

@@ -73,8 +73,8 @@ class Evasion:
         width = state.costmap.width
         self._manoeuvres = _manoeuvres(width, parameters.min_vel_x < 0.0, turning_radius == 0.0)
         self._turning_radius = turning_radius
-        self._speed = max(LEAST_SPEED, min(limit.share * parameters.max_vel_trans, limit.translation))
-        self._turn = min(limit.share * parameters.max_vel_theta, limit.rotation)
+        speed, self._turn = limit.of(parameters.max_vel_trans, parameters.max_vel_theta)
+        self._speed = max(LEAST_SPEED, speed)
         lengths = np.abs(self._manoeuvres[:, 1]) + TURN_WORTH * width * np.abs(self._manoeuvres[:, 0])
         self._efforts = EFFORT * lengths / self._speed
         self._cost_to_go = SpaceTimeCosts(foresight, self._checker, state.pose, path, self._speed)

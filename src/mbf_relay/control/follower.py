@@ -240,25 +240,24 @@ class PathFollower(Controller, abc.ABC):
             else:
                 back_out.drove(cycle.path, state.costmap.width)
                 return where_it_sees(parameters, state, cycle.checker, command, cycle.window, cycle.velocity)
-        backward = back_out.command(state.pose, cycle.velocity, cycle.checker, parameters, state.period)
+        limit = self.speed_limit_at(state.pose)
+        backward = back_out.command(state.pose, cycle.velocity, cycle.checker, parameters, state.period, limit)
         return self.drive(cycle) if backward is None else backward
 
     def look_around(self, state: ControlState) -> ControlCycle:
         """Return what this cycle works on: path, obstacles, and the velocities in reach and in order here."""
         parameters = self.parameters
-        limit = self.speed_limit_at(state.pose)
         width = state.costmap.width
         lookahead = max(self.lookahead, width)
         reach = max(parameters.max_vel_trans * self.horizon, lookahead) + BEYOND * width
         path = self._tracker.cut(state, BEHIND * width, reach, lookahead + EXTENSION * width)
         checker = FootprintChecker(state.costmap)
         velocity = self._velocity_now(state, parameters)
-        speed = min(limit.share * parameters.max_vel_trans, limit.translation)
+        speed, turn = self.speed_limit_at(state.pose).of(parameters.max_vel_trans, parameters.max_vel_theta)
         delay = state.period + parameters.stop_time_buffer
         left = max(path.remaining, state.pose.distance_to(path.goal))
         speed = min(speed, speed_to_stop_within(left, 0.5 * parameters.acc_lim_x, state.period))
         speed = min(speed, self._speed_in_sight(path, checker, state.pose, parameters.acc_lim_x, delay))
-        turn = min(limit.share * parameters.max_vel_theta, limit.rotation)
         window = window_of(parameters, velocity, state.period, speed, turn)
         horizon_scale = self._horizon_scale(path, checker, lookahead)
         return ControlCycle(state, path, checker, velocity, window, speed, turn, lookahead, horizon_scale)

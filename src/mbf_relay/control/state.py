@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Optional
+from typing import Optional, Tuple
 
 from mbf_relay.costmap.cost_grid import CostGrid
 from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D
@@ -67,3 +67,7 @@ class SpeedLimit:
     rotation: float = math.inf
     distance: float = math.inf
     share: float = 1.0
+
+    def of(self, translation: float, rotation: float) -> Tuple[float, float]:
+        """Return what is left of a controller's own top speeds (m/s, rad/s)."""
+        return min(self.share * translation, self.translation), min(self.share * rotation, self.rotation)

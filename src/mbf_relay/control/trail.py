@@ -104,7 +104,7 @@ class WayBack:
 
     def command(
         self, pose: Pose2D, velocity: Twist2D, checker: FootprintChecker, parameters: FollowerParameters,
-        period: float, speeds: tuple[float, float],
+        period: float, speeds: tuple[float, float], top_turn: float,
     ) -> Optional[Twist2D]:
         """Return the next velocity on the way, None at its end or where it is not free any more.
 
@@ -114,6 +114,7 @@ class WayBack:
             parameters: Limits.
             period: Seconds until the next command.
             speeds: The slowest and the fastest (m/s) of the drive.
+            top_turn: Top rotational speed (rad/s).
         """
         last = len(self.poses) - 1
         while self._at < last and self._is_past(self._at, pose):
@@ -130,16 +131,16 @@ class WayBack:
             change = parameters.acc_lim_x * period
             command = Twist2D(
                 velocity.x - math.copysign(min(change, abs(velocity.x)), velocity.x), 0.0,
-                turn_rate(left, velocity.theta, parameters, period, parameters.max_vel_theta))
+                turn_rate(left, velocity.theta, parameters, period, top_turn))
         else:
-            command = self._steered(sign, end, pose, velocity, parameters, period, speeds)
+            command = self._steered(sign, end, pose, velocity, parameters, period, speeds, top_turn)
         held = period * np.arange(1, 5)[:, None] / 4.0 * np.array(command)
         poses = np.array([pose.compose(Twist2D(*part).held(1.0)) for part in held.tolist()])
         return command if self._free(checker, poses, self._allowed[np.full(4, at)]) == 4 else None
 
     def _steered(
         self, sign: float, end: int, pose: Pose2D, velocity: Twist2D, parameters: FollowerParameters, period: float,
-        speeds: tuple[float, float],
+        speeds: tuple[float, float], top_turn: float,
     ) -> Twist2D:
         """Return the command on a stretch that leads one way.
 
@@ -158,7 +159,7 @@ class WayBack:
         turn = 0.0
         if speed * sign > 0.0:  # one that still rolls the other way would turn to the wrong side
             turn = speed * (curvature - error.y / reach ** 2) - abs(speed) * 2.0 * math.sin(error.theta) / reach
-        turn = min(p.max_vel_theta, max(-p.max_vel_theta, turn))
+        turn = min(top_turn, max(-top_turn, turn))
         most = p.acc_lim_theta * period
         return Twist2D(speed, 0.0, min(velocity.theta + most, max(velocity.theta - most, turn)))
 

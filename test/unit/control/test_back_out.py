@@ -9,11 +9,11 @@ import pytest
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "contract"))
 from controllers import make  # noqa: E402
-from kinematics import boxes, costmap_round, path_through  # noqa: E402
+from kinematics import boxes, costmap_round, drive, path_through  # noqa: E402
 
 from mbf_relay.control.back_out import PATIENCE, TRIES, BackOut  # noqa: E402
 from mbf_relay.control.local_path import PathTracker  # noqa: E402
-from mbf_relay.control.state import ControlState  # noqa: E402
+from mbf_relay.control.state import ControlState, SpeedLimit  # noqa: E402
 from mbf_relay.costmap.footprint_checker import FootprintChecker  # noqa: E402
 from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D, angle_between  # noqa: E402
 
@@ -35,7 +35,7 @@ def test_one_that_still_rolls_forward_brakes_and_turns_into_nothing_beside_it(si
     velocity, turned = Twist2D(1.0, 0.0, 0.0), []
     while velocity.x > -0.01:
         rolled = velocity.x
-        velocity = back_out.command(HERE, velocity, checker, parameters, PERIOD)
+        velocity = back_out.command(HERE, velocity, checker, parameters, PERIOD, SpeedLimit())
         if velocity.x > 0.0:
             assert velocity.x == pytest.approx(rolled - PERIOD * parameters.acc_lim_x)
             turned.append(velocity.theta)
@@ -49,7 +49,7 @@ def driven(back_out, state, path, checker, parameters):
         back_out.failed(now, state.pose, path, checker, parameters)
     poses, velocity = [state.pose], state.velocity
     while len(poses) < 200 and back_out.is_active:
-        velocity = back_out.command(poses[-1], velocity, checker, parameters, PERIOD)
+        velocity = back_out.command(poses[-1], velocity, checker, parameters, PERIOD, SpeedLimit())
         if velocity is not None:
             poses.append(poses[-1].compose(Pose2D(velocity.x * PERIOD, 0.0, velocity.theta * PERIOD)))
     return poses
@@ -96,13 +96,27 @@ def wedged():
     return state, FootprintChecker(state.costmap), cut
 
 
+@pytest.mark.parametrize("has_driven_in", [False, True], ids=["by an arc", "the way it came"])
+def test_a_zone_s_speed_limit_holds_for_backing_out_as_well(has_driven_in):
+    """It rolled backwards and turned as fast as anywhere."""
+    controller, limit = make("regulated_pure_pursuit", min_vel_x=-0.22), SpeedLimit(0.03, 0.1)
+    slot = boxes((0.1, -2.0, 0.2, 2.0), (-0.5, 0.14, 0.2, 0.24), (-0.5, -0.24, 0.2, -0.14))
+    if has_driven_in:
+        drive(controller, path_through((-0.3, 0.0), (0.0, 0.0)), Pose2D(-0.3, 0.0, 0.0), slot)
+    controller.limit_speed(limit, "zone")
+    ended = drive(controller, path_through((0.0, 0.0), (-1.0, 0.3)), HERE, slot, seconds=6.0)
+    assert ended.commands and min(command.x for command in ended.commands) < 0.0, "it backs out"
+    assert max(command.speed() for command in ended.commands) <= limit.translation + 1e-9
+    assert max(abs(command.theta) for command in ended.commands) <= limit.rotation + 1e-9
+
+
 def tried(back_out, state, path, checker, parameters):
     """Return how far (m) the next try leads from where the robot stands, None where there is none."""
     for now in (0.0, 1.01 * PATIENCE):
         back_out.failed(now, state.pose, path, checker, parameters)
     if not back_out.is_active:
         return None
-    while back_out.command(back_out.end, Twist2D(0.0, 0.0, 0.0), checker, parameters, PERIOD) is not None:
+    while back_out.command(back_out.end, Twist2D(0.0, 0.0, 0.0), checker, parameters, PERIOD, SpeedLimit()) is not None:
         pass
     return back_out.end.distance_to(state.pose)
 
@@ -146,7 +160,7 @@ def test_one_that_is_fast_can_brake_before_what_stands_behind_the_arc(top):
         back_out.failed(now, HERE, path, checker, parameters)
     pose, velocity = HERE, Twist2D(0.0, 0.0, 0.0)
     while back_out.is_active:
-        told = back_out.command(pose, velocity, checker, parameters, PERIOD)
+        told = back_out.command(pose, velocity, checker, parameters, PERIOD, SpeedLimit())
         velocity = told if told is not None else velocity
         pose = pose.compose(Pose2D(velocity.x * PERIOD, 0.0, velocity.theta * PERIOD))
     stop = math.copysign(velocity.x ** 2 / (2.0 * parameters.acc_lim_x), velocity.x)

@@ -92,7 +92,7 @@ def retraced(way, pose, checker, parameters):
     """Return the poses of a robot that does as it is told, until it is told nothing."""
     poses, velocity = [pose], STOP
     while len(poses) < 1000:
-        told = way.command(poses[-1], velocity, checker, parameters, PERIOD, (0.033, 0.1))
+        told = way.command(poses[-1], velocity, checker, parameters, PERIOD, (0.033, 0.1), parameters.max_vel_theta)
         if told is None:
             return poses
         velocity = told
