@@ -35,15 +35,15 @@ class Subscriber:
 
 @pytest.fixture
 def world(monkeypatch):
-    """A watch whose clock is `world.now` and whose living nodes are `world.alive`."""
-    world = SimpleNamespace(now=100.0, alive=set(), asked=[])
+    """A watch whose clock is `world.now`, that of ROS `world.ros_now`, and whose nodes are `world.alive` or `mute`."""
+    world = SimpleNamespace(now=100.0, ros_now=7.0, alive=set(), mute=set(), asked=[])
 
     def ask(node, address="", timeout=0.0):
         world.asked.append(address)
-        return THERE if address in world.alive else GONE
+        return THERE if address in world.alive else MUTE if address in world.mute else GONE
 
     monkeypatch.setattr(server_watch.rospy, "Subscriber", Subscriber)
-    monkeypatch.setattr(server_watch.rospy, "get_rostime", lambda: SimpleNamespace(to_sec=lambda: world.now))
+    monkeypatch.setattr(server_watch.rospy, "get_rostime", lambda: SimpleNamespace(to_sec=lambda: world.ros_now))
     monkeypatch.setattr(server_watch, "time", SimpleNamespace(monotonic=lambda: world.now))
     monkeypatch.setattr(server_watch, "ask_node", ask)
     world.watch = ServerWatch("move_base_flex/move_base", lambda node: True, 5.0, lambda message: None)
@@ -86,6 +86,52 @@ def test_a_server_that_died_is_lost_though_its_connection_seems_to_stand(world):
     world.now += 1.0
     assert "does not exist any more" in world.watch.why_lost(world.now)
     assert not world.watch.is_up
+
+
+@pytest.mark.parametrize("answers", [True, False], ids=["answers", "mute"])
+@pytest.mark.parametrize("clock_runs", [True, False], ids=["time passes", "time stands"])
+def test_a_server_that_falls_silent_is_lost_after_its_patience_unless_it_waits_for_the_clock(world, answers, clock_runs):
+    (world.alive if answers else world.mute).add("http://here:1")
+    world.links.append(Link("http://here:1"))
+    world.watch._subscriber.hear()
+    losses = []
+    for _ in range(100):
+        world.now += 0.1
+        world.ros_now += 0.1 * clock_runs
+        losses.append(world.watch.why_lost(world.now))
+    assert len(world.asked) <= 40, "a node that hangs is not asked at each look"
+    if answers and not clock_runs:
+        assert set(losses) == {None} and world.watch.is_up
+    else:
+        first = next(index for index, loss in enumerate(losses) if loss)
+        assert "hangs: its node /move_base_flex has been silent for 5." in losses[first] and 50 <= first + 1 <= 54
+        assert not any(losses[first + 1:]), "it is told once"
+
+
+def test_a_server_that_closes_its_connection_is_lost_at_once_and_one_that_blinks_is_not(world):
+    world.alive.add("http://here:1")
+    for gone_for, is_lost in (0.2, False), (0.4, True):
+        world.links[:] = [Link("http://here:1")]
+        world.watch._subscriber.hear()
+        assert world.watch.why_lost(world.now) is None and world.watch.is_connected
+        world.links.clear()
+        world.now += gone_for
+        loss = world.watch.why_lost(world.now)
+        assert not world.watch.is_connected and bool(loss) is is_lost
+    assert "closed the connection" in loss
+
+
+def test_a_server_in_whose_simulation_time_stands_is_found_without_a_word_of_it(world, monkeypatch):
+    world.links.append(Link("http://here:1"))
+    assert world.watch.why_lost(world.now) is None and not world.watch.is_up, "it does not answer yet"
+    world.alive.add("http://here:1")
+    assert world.watch.why_lost(world.now) is None and not world.watch.is_up, "it was asked just now"
+    world.now += 0.3
+    monkeypatch.setattr(world.watch, "_takes_goals", lambda node: False)
+    assert world.watch.why_lost(world.now) is None and not world.watch.is_up, "a bag's player"
+    monkeypatch.setattr(world.watch, "_takes_goals", lambda node: True)
+    assert world.watch.why_lost(world.now) is None and world.watch.is_up
+    assert world.asked == ["http://here:1"] * 2
 
 
 @pytest.mark.parametrize("others, listening, alive, refused", [

@@ -9,7 +9,6 @@ import rospy
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
-from mbf_relay.control.command_delay import CommandDelay
 from mbf_relay.control.steering import Steering  # noqa: E402
 from mbf_relay.geometry import STOP, Twist2D  # noqa: E402
 from mbf_relay.ros.server.robot import RosRobot, _Wheels  # noqa: E402
@@ -27,10 +26,11 @@ def test_it_is_said_where_no_wheels_are_left_to_tell(listeners, said):
 def robot(monkeypatch):
     """A robot, and what its wheels are told."""
     monkeypatch.setattr(rospy, "get_time", lambda: 1.0)
-    made, sent = RosRobot.__new__(RosRobot), []
+    made, sent, noted = RosRobot.__new__(RosRobot), [], []
     made.__dict__.update(
         steering=None, commands=SimpleNamespace(tick=lambda now: None), _closing=threading.Lock(), _closed=False,
-        _blocked=False, _held=False, delay=CommandDelay(), told=STOP, sent=sent,
+        _blocked=False, _held=False, told=STOP, sent=sent, noted=noted,
+        delay=SimpleNamespace(tell=lambda now, velocity: noted.append((now, velocity))),
         _publisher=SimpleNamespace(publish=lambda message: sent.append((message.linear.x, message.angular.z))))
     return made
 
@@ -59,6 +59,7 @@ def test_a_car_is_told_the_angle_that_its_driver_takes_for_a_rate(robot, steerin
     robot.close()
     assert robot.sent == [(0.4, pytest.approx(angle)), (0.0, 0.0), (0.4, pytest.approx(angle)), (0.0, 0.0)]
     assert robot.commanded == Twist2D(0.4, 0.0, 0.5)  # what controllers go on from
+    assert robot.noted == [(1.0, each) for each in (robot.commanded, STOP, robot.commanded, STOP)]  # to learn from
 
 
 def test_a_robot_hears_nothing_between_the_zero_of_a_hung_step_and_the_next_one_nor_after_the_last(robot):
