@@ -35,13 +35,17 @@ def blind_points(scan: LaserScan, laser_in_base: Pose2D, width: float, outline: 
 
 
 def _in_long_runs(flags: np.ndarray, width: float, increment: float) -> np.ndarray:
-    """Return which flags stand in a run, the ends joined, that is at least `width` (rad) wide; none where that is 0."""
+    """Return which flags stand in a run that is at least `width` (rad) wide, none where that is 0.
+
+    The ends are joined where a scan goes all round.
+    """
     least = math.ceil(width / increment) if increment > 0.0 else len(flags)
     if width <= 0.0 or not flags.any():
         return np.zeros_like(flags)
     if flags.all():
         return flags
-    start = int(np.argmin(flags))  # a beam that is no member of a run: no run goes over the ends from here
+    goes_round = (len(flags) + 1) * increment >= 2.0 * math.pi
+    start = int(np.argmin(flags)) if goes_round else 0  # a beam of no run: no run goes over the ends from here
     turned = np.roll(flags, -start)
     changes = np.flatnonzero(np.diff(np.concatenate(([False], turned, [False])).astype(int)))
     kept = np.zeros_like(flags)
