@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -41,6 +42,12 @@ class LaserScan:
     def angles(self) -> np.ndarray:
         """Directions of the beams, shape (B,) in radians."""
         return self.angle_min + self.angle_increment * np.arange(len(self.ranges))
+
+    @property
+    def goes_round(self) -> bool:
+        """Whether it sees all round, so that its last beam and its first are neighbours."""
+        step = abs(self.angle_increment)
+        return len(self.ranges) * step > 2.0 * math.pi - 1.5 * step
 
     @cached_property
     def hit(self) -> np.ndarray:

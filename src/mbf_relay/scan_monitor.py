@@ -86,7 +86,7 @@ class ScanMonitor:
         if measured == len(usable):
             return None
         allowed = math.floor(self._largest_gap / step) if step > 0.0 else len(usable)
-        for first, count in gaps(usable, closed=width > 2.0 * math.pi - 1.5 * step):
+        for first, count in gaps(usable, scan.goes_round):
             if count <= allowed or _explained(scan, usable, first, count):
                 continue
             middle = scan.angle_min + scan.angle_increment * (first + (count - 1) / 2.0)

@@ -8,6 +8,7 @@ import numpy as np
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.scan import LaserScan
+from mbf_relay.scan_monitor import gaps
 
 
 def blind_points(scan: LaserScan, laser_in_base: Pose2D, width: float, outline: np.ndarray) -> np.ndarray:
@@ -24,7 +25,7 @@ def blind_points(scan: LaserScan, laser_in_base: Pose2D, width: float, outline: 
     """
     with np.errstate(invalid="ignore"):
         failed = ~(scan.ranges >= scan.range_min)  # NaN as well
-    blind = _in_long_runs(failed, width, abs(scan.angle_increment)) | np.isneginf(scan.ranges)
+    blind = _in_long_runs(failed, width, scan) | np.isneginf(scan.ranges)
     if not blind.any():
         return np.empty((0, 2))
     angles = scan.angles[blind] + laser_in_base.theta
@@ -34,24 +35,15 @@ def blind_points(scan: LaserScan, laser_in_base: Pose2D, width: float, outline: 
     return points
 
 
-def _in_long_runs(flags: np.ndarray, width: float, increment: float) -> np.ndarray:
-    """Return which flags stand in a run that is at least `width` (rad) wide, none where that is 0.
-
-    The ends are joined where a scan goes all round.
-    """
-    least = math.ceil(width / increment) if increment > 0.0 else len(flags)
-    if width <= 0.0 or not flags.any():
-        return np.zeros_like(flags)
-    if flags.all():
-        return flags
-    goes_round = (len(flags) + 1) * increment >= 2.0 * math.pi
-    start = int(np.argmin(flags)) if goes_round else 0  # a beam of no run: no run goes over the ends from here
-    turned = np.roll(flags, -start)
-    changes = np.flatnonzero(np.diff(np.concatenate(([False], turned, [False])).astype(int)))
-    kept = np.zeros_like(flags)
-    for first, end in zip(changes[::2], changes[1::2]):
-        kept[first:end] = end - first >= least
-    return np.roll(kept, start)
+def _in_long_runs(flags: np.ndarray, width: float, scan: LaserScan) -> np.ndarray:
+    """Return which beams' flags stand in a run that is at least `width` (rad) wide; none where that is 0."""
+    increment, size, kept = abs(scan.angle_increment), len(flags), np.zeros_like(flags)
+    if width <= 0.0:
+        return kept
+    least = min(size, math.ceil(width / increment)) if increment > 0.0 else size
+    for first, count in gaps(~flags, scan.goes_round):
+        kept[np.arange(first, first + count) % size] = count >= least
+    return kept
 
 
 def _ways_out(origin: np.ndarray, beams: np.ndarray, outline: np.ndarray) -> np.ndarray:
