@@ -174,6 +174,8 @@ class PlannerExecution:
 
     def _wait_for(self, now: float, outcome: PlanOutcome, message: str) -> None:
         self.tried_in_vain = True
+        if not self._waiting.running:
+            self._waiting.start(now)
         patience = self._parameters().planning_tf_timeout
         if outcome is PlanOutcome.NOT_INITIALIZED:  # the server has only just come; move_base takes no goal until then
             patience = max(patience, STARTING_PATIENCE)
@@ -222,6 +224,7 @@ class PlannerExecution:
             # their next update
             self._wait_for(now, error.outcome, error.message)
             return
+        self._waiting.reset()  # nothing is missing, and what will be is waited for anew
         retries = parameters.planner_max_retries
         self._retries, self.tried_in_vain = self._retries + 1, True
         self._last_failure, self._cause = error.message, error.outcome

@@ -119,6 +119,7 @@ class Script:
         self.recovery: Callable[[Any], Iterator[Twist2D]] = lambda context: iter(())
         self.calls: Dict[str, int] = {}
         self.planned_on: List[CostGrid] = []
+        self.called_off: List[bool] = []
         self.paths: List[Any] = []
         self.cleaned_up = 0
 
@@ -143,6 +144,7 @@ def new_script() -> Script:
 class ScriptedPlanner(Planner):
     def plan(self, costmap, start, goal, tolerance, cancelled):
         SCRIPT.planned_on.append(costmap)
+        SCRIPT.called_off.append(cancelled.is_cancelled())
         return SCRIPT.run("plan", start, goal)
 
 

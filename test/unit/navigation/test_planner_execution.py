@@ -141,7 +141,10 @@ def test_a_path_written_as_lists_of_whole_numbers_is_one(bench):
 def test_a_planner_that_hangs_is_given_up_and_waited_for(held_bench):
     bench = held_bench
     bench.worker.delays = [None]
-    result = bench.finish(bench.navigator.get_path(PlanGoal(TARGET)))
+    task = bench.navigator.get_path(PlanGoal(TARGET))
+    bench.step()
+    assert bench.navigator.due == pytest.approx(bench.now + 1.0), "its patience's end, for whoever sleeps till then"
+    result = bench.finish(task)
     assert result.outcome is PlanOutcome.PAT_EXCEEDED and "has not returned" in result.message
     second = bench.navigator.get_path(PlanGoal(TARGET))
     bench.step()
@@ -172,6 +175,25 @@ def test_a_frame_that_comes_late_is_used(bench):
     bench.step(1.0)
     bench.robot.frames.add("kitchen")
     assert bench.finish(task).outcome is PlanOutcome.SUCCESS
+
+
+@pytest.mark.parametrize("has_lost", [
+    lambda bench, why: setattr(bench.robot, "lost", why),
+    lambda bench, why: setattr(bench.costmaps["global"], "trouble", why and PlanningError(PlanOutcome.MAP_ERROR, why))],
+    ids=["tf", "costmap"])
+def test_a_robot_that_waits_for_a_way_to_open_survives_a_moment_without_a_pose_or_a_costmap(make_bench, has_lost):
+    """It was waited for as long since the goal came: after three seconds before a door, not at all."""
+    bench = make_bench(planner_patience=0.0)
+    bench.script.plan = NO_WAY
+    task = bench.navigator.get_path(PlanGoal(TARGET))
+    for seconds, why in (10.0, None), (2.0, "it is late"), (10.0, None), (2.0, "it is late again"):
+        has_lost(bench, why)
+        for _ in range(int(seconds / 0.1)):
+            bench.step()
+        assert not task.done, task.result.message
+    started = bench.now
+    result = bench.finish(task)
+    assert "it is late again" in result.message and bench.now - started == pytest.approx(1.0, abs=0.3)
 
 
 def test_without_a_map_the_goal_says_so(bench):
@@ -217,6 +239,8 @@ def test_a_cancelled_plan_tells_the_planner_and_ends(held_bench):
     task.cancel()
     bench.step(0.0)
     assert task.ending is Ending.CANCELED and task.result.outcome is PlanOutcome.CANCELED
+    bench.worker.release()
+    assert bench.script.called_off == [True]
 
 
 def test_a_goal_cancelled_before_its_first_step_never_reaches_the_planner(bench):
