@@ -157,15 +157,31 @@ def test_cancels_by_stamp_hit_what_is_as_old_now_and_later():
     old, new = server.goal("old", stamp=90.0), server.goal("new", stamp=110.0)
     server.tracker.take_cancel(GoalID(stamp=Time.from_sec(95.0)))
     assert (server.state("old"), server.state("new")) == (RECALLING, PENDING)
-    server.goal("late", stamp=94.0)
-    assert server.state("late") == RECALLED and old is not new
+    late = server.goal("late", stamp=94.0)
+    assert late is None and server.state("late") == RECALLED and old is not new
+    assert "its timestamp is before" in server.results[-1].text
+    server.now = 20.0  # a simulation was begun anew
+    assert server.goal("anew", stamp=19.0) is not None
+
+
+def test_a_cancel_ends_the_goal_it_names_and_nobody_else_s_and_one_that_names_none_ends_all():
+    server = Server()
+    goals = {name: server.goal(name) for name in "abc"}
+    for goal in goals.values():
+        goal.set_accepted()
+    server.tracker.take_cancel(GoalID(id="b"))
+    assert server.cancelled == [goals["b"]]
+    server.tracker.take_cancel(GoalID())
+    assert server.cancelled == [goals[name] for name in "bac"]
+    assert {status.goal_id.id for status in server.tracker.listed()} == set("abc")
 
 
 def test_a_robot_takes_the_goal_of_a_client_that_has_no_clock_yet():
     server = Server()
     server.now = 0.0
     server.goal("first", stamp=0.0)
-    assert len(server.taken) == 1 and not server.results
+    server.tracker.take_cancel(GoalID(id="another's"))
+    assert len(server.taken) == 1 and not server.results and not server.cancelled
 
 
 def test_a_goal_whose_name_is_megabytes_does_not_fill_the_memory_of_the_robot(caplog):
@@ -279,7 +295,7 @@ class TrackerMachine(RuleBasedStateMachine):
         goal = data.draw(st.sampled_from(self.server.taken))
         count = len(self.server.feedback)
         goal.publish_feedback(None)
-        assert len(self.server.feedback) == count or not goal.has_ended
+        assert len(self.server.feedback) == count + int(not goal.has_ended)
 
     @rule()
     def the_status_arrives(self):
