@@ -15,34 +15,43 @@ from mbf_relay.scan import LaserScan
 TRACK, RIM = 0.16, 1.0  # of the burger: metres, and m/s^2
 
 
-def wheels_stop(velocity, pose=Pose2D(0.0, 0.0, 0.0), held=0.0, step=1e-3):
+def wheels_stop(velocity, pose=Pose2D(0.0, 0.0, 0.0), held=0.0, step=1e-3, rim=RIM):
     """Return the poses of a robot that holds a velocity for a while and whose wheels then stop, in small steps."""
     wheels = np.array([velocity.x - velocity.theta * TRACK / 2.0, velocity.x + velocity.theta * TRACK / 2.0])
     poses = [pose]
-    for index in range(int(round(held / step)) + int(np.abs(wheels).max() / RIM / step) + 2):
+    for index in range(int(round(held / step)) + int(np.abs(wheels).max() / rim / step) + 2):
         ahead, turn = wheels.mean() * step, (wheels[1] - wheels[0]) / TRACK * step
         half = poses[-1].compose(Pose2D(0.0, 0.0, turn / 2.0))
         poses.append(half.compose(Pose2D(ahead, 0.0, turn / 2.0)))
         if index >= int(round(held / step)):
-            wheels = np.sign(wheels) * np.maximum(0.0, np.abs(wheels) - RIM * step)
+            wheels = np.sign(wheels) * np.maximum(0.0, np.abs(wheels) - rim * step)
     return poses
 
 
 VELOCITIES = [
     Twist2D(0.8, 0.0, 1.5), Twist2D(0.8, 0.0, 0.0), Twist2D(0.22, 0.0, -2.75), Twist2D(0.0, 0.0, 2.0),
-    Twist2D(-0.2, 0.0, 1.0), Twist2D(0.1, 0.0, 2.5),
+    Twist2D(-0.2, 0.0, 1.0), Twist2D(0.1, 0.0, 2.5), Twist2D(-0.8, 0.0, -1.5), Twist2D(0.0, 0.0, -2.0),
 ]
 
 
+@pytest.mark.parametrize("rim", [RIM, 0.7])
 @pytest.mark.parametrize("velocity", VELOCITIES)
-def test_the_way_to_a_stand_is_that_of_two_wheels_that_brake(velocity):
+def test_the_way_to_a_stand_is_that_of_two_wheels_that_brake(velocity, rim):
     start = Pose2D(1.0, -2.0, 0.5)
-    poses = way_to_a_stand(start, velocity, TRACK, RIM, 0.01, 0.05)
-    stepped = np.array(wheels_stop(velocity, start))
+    poses = way_to_a_stand(start, velocity, TRACK, rim, 0.01, 0.05)
+    stepped = np.array(wheels_stop(velocity, start, rim=rim))
     assert poses[-1] == pytest.approx(stepped[-1], abs=2e-3)
     for pose in poses:
         assert np.abs(stepped - pose).max(axis=1).min() < 5e-3, "on the way"
-    assert seconds_to_brake(velocity, RIM, 3.2, TRACK) == pytest.approx(1e-3 * len(stepped), abs=4e-3)
+    steps = np.abs(np.diff(np.vstack((start, poses)), axis=0))
+    assert np.hypot(steps[:, 0], steps[:, 1]).max() <= 0.016 and steps[:, 2].max() <= 0.08
+    assert seconds_to_brake(velocity, rim, 3.2, TRACK) == pytest.approx(1e-3 * len(stepped), abs=4e-3)
+
+
+@pytest.mark.parametrize("velocity, seconds", [
+    (Twist2D(0.8, 0.0, 0.6), 2.0), (Twist2D(-0.3, 0.4, 0.0), 1.25), (Twist2D(0.1, 0.0, -4.5), 3.0)])
+def test_what_brakes_speed_and_turn_each_by_itself_stands_when_both_do(velocity, seconds):
+    assert seconds_to_brake(velocity, 0.4, 1.5, 0.0) == pytest.approx(seconds)
 
 
 def test_a_standing_robot_has_no_way_to_a_stand():
