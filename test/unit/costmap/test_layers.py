@@ -92,7 +92,9 @@ def test_a_turned_map_is_refused_with_its_angle():
 
 def test_map_updates_change_their_window_alone():
     costmap = with_map(subscribe_to_updates=True)
-    costmap.set_map(OccupancyMap(np.zeros((40, 40), np.int8), 0.1, Pose2D(0.0, 0.0, 0.0)))
+    data = np.zeros((40, 40), np.int8)
+    data[0, 0] = -1
+    costmap.set_map(OccupancyMap(data, 0.1, Pose2D(0.0, 0.0, 0.0)))
     costmap.update(0.0, IDENTITY)
     before = costmap.snapshot()
     costmap.update_map(10, 20, np.full((2, 3), 100, np.int8))
@@ -100,8 +102,13 @@ def test_map_updates_change_their_window_alone():
     after = costmap.snapshot()
     assert after.changed_since(before.revision) == Window(10, 20, 13, 22)
     assert (after.costs[20:22, 10:13] == LETHAL).all() and (after.costs == LETHAL).sum() == 6
-    with pytest.raises(ValueError, match="does not fit"):
-        costmap.update_map(39, 0, np.zeros((2, 3), np.int8))
+    for x, y in (38, 0), (-1, 0), (0, 39), (0, -1):
+        with pytest.raises(ValueError, match="does not fit"):
+            costmap.update_map(x, y, np.zeros((2, 3), np.int8))
+    layer = costmap.layers[0]
+    layer.reconfigure(layer.parameters.replace(track_unknown_space=False))
+    costmap.update(0.2, IDENTITY)
+    assert np.argwhere(costmap.snapshot().costs != after.costs).tolist() == [[0, 0]], "what was unknown is free now"
 
 
 def test_a_new_map_replaces_the_old_one():
@@ -122,13 +129,13 @@ def test_a_window_in_another_frame_shows_the_map_where_it_lies():
     data = np.zeros((100, 100), np.int8)
     data[60, 70] = 100  # its centre at (2.05, 1.05) on the map
     costmap.set_map(OccupancyMap(data, 0.1, Pose2D(-5.0, -5.0, 0.0)))
-    map_from_costmap = Pose2D(1.0, 1.0, math.pi / 2.0)
-    costmap.set_map_from_costmap(map_from_costmap)
-    costmap.update(0.0, IDENTITY)
-    found = np.argwhere(costmap.snapshot().costs == LETHAL)
-    x, y = costmap.snapshot().grid.center_of(int(found[0][1]), int(found[0][0]))
-    seen = map_from_costmap.compose(Pose2D(x, y, 0.0))
-    assert (seen.x, seen.y) == pytest.approx((2.05, 1.05), abs=0.08)
+    for map_from_costmap in Pose2D(1.0, 1.0, math.pi / 2.0), Pose2D(1.3, 1.0, 0.0):  # the robot is found elsewhere
+        costmap.set_map_from_costmap(map_from_costmap)
+        costmap.update(0.0, IDENTITY)
+        found = np.argwhere(costmap.snapshot().costs == LETHAL)
+        x, y = costmap.snapshot().grid.center_of(int(found[0][1]), int(found[0][0]))
+        seen = map_from_costmap.compose(Pose2D(x, y, 0.0))
+        assert (seen.x, seen.y) == pytest.approx((2.05, 1.05), abs=0.08)
 
 
 # --- the obstacle layer

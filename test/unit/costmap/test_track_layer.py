@@ -105,6 +105,17 @@ def test_who_walks_by_is_no_wall_where_two_lidars_share_a_topic(late):
     assert not is_marked(snapshot, 1.0, 0.0, 0.12) and is_marked(snapshot, -1.0, 0.5, 0.1)
 
 
+def test_nobody_walks_on_whom_only_a_lidar_saw_that_was_replaced():
+    costmap = costmap_of()
+    for step in range(31):
+        now = 10.0 + 0.2 * step
+        world = crossing(now - 10.0) if now < 13.0 else []
+        costmap.observe("scan", dataclasses.replace(scan(world, now), frame="old" if now < 13.0 else "new"), now)
+        costmap.update(now, Pose2D(0.0, 0.0, 0.0))
+        if now > 12.0:
+            assert len(costmap.snapshot().tracks) == int(now < 13.0)
+
+
 def looked_through(monkeypatch):
     """Return a list that gets the stamp of each scan that a tracker looks through from now on."""
     stamps, update = [], Tracker.update
