@@ -8,6 +8,7 @@ import pytest
 
 from mbf_relay.costmap import factory
 from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, LETHAL, NO_INFORMATION, Window
+from mbf_relay.costmap.footprint import free_within
 from mbf_relay.costmap.layer import Layer, changed_window, shifted
 from mbf_relay.costmap.observation import Observation, observation_from_points, observation_from_scan, scan_points
 from mbf_relay.costmap.static_layer import StaticLayerParameters, cost_table
@@ -222,6 +223,24 @@ def test_a_scan_leaves_the_same_cells_however_often_they_are_updated_on_it(persi
                     costmap.clear(around=robot, side=1.0, inside=step % 2 == 0)
                 costmap.update(step + 0.1 * update, robot)
             assert (once.snapshot().costs == anew.snapshot().costs).all(), f"update {update} on scan {step}"
+
+
+def test_what_is_not_seen_any_more_is_gone_where_the_robot_has_stood_and_there_alone():
+    """A robot that drove over what was a false reading stood on an obstacle by its costmap."""
+    costmap, rng = with_obstacles(footprint_clearing_enabled=True), np.random.default_rng(3)
+    costmap.set_footprint(np.array([[0.55, 0.25], [-0.35, 0.25], [-0.35, -0.25], [0.55, -0.25]]))
+    for stamp, count in (0.0, 3000), (1.0, 0):
+        costmap.observe("scan", Observation((0.0, 0.0), rng.uniform(-2.0, 2.0, (count, 2)), None, stamp))
+        costmap.update(stamp, Pose2D(-1.0, 0.0, 0.0))
+    marked = costmap.snapshot().costs == LETHAL
+    for step in range(20):
+        pose = Pose2D(*rng.uniform((-1.9, -1.9, -3.0), (1.9, 1.9, 3.0)))
+        costmap.update(1.1 + 0.1 * step, pose)
+        snapshot = costmap.snapshot()
+        untouched = np.full(snapshot.grid.shape, LETHAL, np.uint8)
+        free_within(snapshot.grid, untouched, snapshot.footprint, pose)
+        marked &= untouched == LETHAL
+        assert ((snapshot.costs == LETHAL) == marked).all(), f"step {step}"
 
 
 def test_a_source_that_only_clears_marks_nothing_and_the_other_way_round():
