@@ -126,7 +126,9 @@ def test_a_cancel_nobody_answers_is_repeated_and_then_given_up(setup):
     setup.cancel(goal)
     setup.wait(1.5)
     assert setup.server.sent[0].cancels == 2
-    setup.wait(20.0)
+    setup.wait(18.0)
+    assert goal.state == PREEMPTING, "the robot may brake as yet"
+    setup.wait(1.0)
     assert goal.state == PREEMPTED
     assert "did not answer" in setup.observer.ended[-1][1].reason
 
@@ -218,6 +220,12 @@ def test_the_robot_is_told_to_stand_when_its_last_goal_ends_and_once_more_in_cas
     for _ in range(5):
         setup.wait(0.1)
     assert setup.observer.stops == 2
+    setup.goal()
+    setup.server.sent[1].end(*ending)
+    if ending[0] != LOST:
+        setup.goal()
+        setup.wait(0.1)
+        assert setup.observer.stops == 3, "it drives for the next goal by then"
 
 
 def test_a_replaced_goal_s_end_does_not_stop_the_robot(setup):

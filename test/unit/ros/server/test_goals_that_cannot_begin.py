@@ -1,5 +1,6 @@
 """A goal that cannot begin ends, with what kept it from that, and ends nobody else's."""
 
+import math
 import sys
 from pathlib import Path
 
@@ -18,7 +19,7 @@ import scripted  # noqa: E402
 from scripted_bench import Bench  # noqa: E402
 
 from mbf_relay.ros.common.goal_tracker import GoalTracker  # noqa: E402
-from mbf_relay.ros.server.actions import make_actions  # noqa: E402
+from mbf_relay.ros.server.actions import AT_ONCE, make_actions  # noqa: E402
 
 
 class Lonely:
@@ -45,9 +46,9 @@ class Answers(GoalTracker):
     """An action server of paper, and what its clients are told."""
 
     def __init__(self, name, _type, on_goal, on_cancel, recalled, overtaken_cb):
-        self.told = {}
+        self.told, self.clock = {}, 1000.0
         super().__init__(
-            self, on_goal, on_cancel, lambda: None, lambda: 1000.0, lambda: Time(1000), recalled, overtaken_cb)
+            self, on_goal, on_cancel, lambda: None, lambda: self.clock, lambda: Time(1000), recalled, overtaken_cb)
 
     def publish_result(self, status, result):
         assert status.goal_id.id not in self.told, "a goal ended twice"
@@ -114,6 +115,81 @@ def test_a_robot_drives_where_there_is_no_second_planner_for_the_goal(served):
     assert LonelyPlanner.made > 1 and bench.robot.sent[-1] == scripted.FORWARD
     status, result = actions["get_path"].server.told["plan"]
     assert (status, result.outcome) == (GoalStatus.SUCCEEDED, GetPathResult.SUCCESS)
+
+
+def test_a_goal_that_is_none_ends_alone_and_says_why(served, monkeypatch):
+    bench, actions = served
+    action = actions["move_base"]
+    send(action, "drive", MoveBaseGoal(target_pose=goal_at(5.0)))
+    step(bench, actions)
+    send(action, "nowhere", MoveBaseGoal(target_pose=goal_at(math.nan)))
+    monkeypatch.setattr(action, "_read", lambda goal: 1 // 0)
+    send(action, "unread", MoveBaseGoal(target_pose=goal_at(1.0)))
+    step(bench, actions)
+    for name, said in ("nowhere", "nan"), ("unread", "could not be read: ZeroDivisionError"):
+        status, result = action.server.told[name]
+        assert status == GoalStatus.ABORTED and said in result.message and result.outcome != MoveBaseResult.SUCCESS
+    step(bench, actions)
+    assert "drive" not in action.server.told and bench.robot.sent[-1] == scripted.FORWARD
+
+
+def test_a_goal_called_off_before_it_began_stops_what_it_would_have_replaced_and_nobody_else(served):
+    bench, actions = served
+    plan = actions["get_path"]
+    bench.script.plan = scripted.NO_WAY
+    for slot in 1, 2:
+        send(plan, f"slot {slot}", GetPathGoal(target_pose=goal_at(1.0), concurrency_slot=slot))
+    step(bench, actions)
+    send(plan, "late", GetPathGoal(target_pose=goal_at(2.0), concurrency_slot=2))
+    plan.server.take_cancel(GoalID(id="late"))
+    step(bench, actions)
+    assert plan.server.told.keys() == {"late", "slot 2"}
+    for status, result in plan.server.told.values():
+        assert status in (GoalStatus.PREEMPTED, GoalStatus.RECALLED) and result.outcome == GetPathResult.CANCELED
+        assert result.message
+
+
+def test_goals_that_wait_for_their_turn_survive_a_step_that_hung_and_those_called_off_do_not(served):
+    """They were given up with what hung, and never begun."""
+    bench, actions = served
+    action = actions["move_base"]
+    send(action, "hangs", MoveBaseGoal(target_pose=goal_at(5.0)))
+    step(bench, actions)
+    for name in "called off", "waits":
+        send(action, name, MoveBaseGoal(target_pose=goal_at(1.0)))
+    action.server.take_cancel(GoalID(id="called off"))
+    action.abort_running("INTERNAL_ERROR", "navigation hangs")
+    bench.navigator.drop_all()
+    assert {name: status for name, (status, _) in action.server.told.items()} == dict.fromkeys(
+        ("hangs", "called off"), GoalStatus.ABORTED)
+    step(bench, actions)
+    step(bench, actions)
+    assert action.server.told.keys() == {"hangs", "called off"} and bench.robot.sent[-1] == scripted.FORWARD
+
+
+def test_of_many_goals_at_once_some_are_begun_in_each_step_and_none_is_forgotten(served):
+    bench, actions = served
+    for slot in range(2 * AT_ONCE + 1):
+        send(actions["get_path"], f"{slot}", GetPathGoal(target_pose=goal_at(1.0), concurrency_slot=slot))
+    begun, told = [], actions["get_path"].server.told
+    while len(begun) < 3:
+        more = actions["get_path"].take_up()
+        bench.step()
+        actions["get_path"].report()
+        begun.append((len(told), more))
+    assert begun == [(AT_ONCE, True), (2 * AT_ONCE, True), (2 * AT_ONCE + 1, False)]
+
+
+def test_a_client_that_is_gone_is_named_as_why_its_goal_ended(served):
+    bench, actions = served
+    action = actions["move_base"]
+    send(action, "mine", MoveBaseGoal(target_pose=goal_at(5.0)))
+    step(bench, actions)
+    action.server.clock += 1.0
+    action.server.look(connected=lambda node: False, client_timeout=0.1)
+    step(bench, actions)
+    status, result = action.server.told["mine"]
+    assert status == GoalStatus.PREEMPTED and "its client client is not connected any more" in result.message
 
 
 def test_a_goal_in_whose_beginning_navigation_fails_ends_with_all_others_and_the_next_one_works(served, monkeypatch):
