@@ -43,7 +43,7 @@ def test_what_hides_before_a_lidar_outside_the_outline_is_beyond_the_robot_or_at
     (6.3, range(20, 23), 3), (6.3, range(20, 22), 0), (6.3, [0, 1, 62], 3), (6.3, [0, 62], 0), (6.3, [0, 1, 2, 62], 4),
     (6.2, [0, 1, 61], 3), (6.3, [*range(5), *range(30, 32)], 5), (6.3, [61, 62, 0, 30, 31, 32], 6), (6.3, [], 0),
     (4.2, [0, 1, 40, 41], 0), (4.2, [0, 1, 2, 40, 41], 3), (4.2, [39, 40, 41], 3)])
-def test_neighbouring_beams_count_from_an_angle_on_also_where_a_scan_that_goes_round_begins(field, blind, counted, sign):
+def test_neighbouring_beams_count_from_an_angle_on_also_where_a_scan_that_goes_round_ends(field, blind, counted, sign):
     """A robot whose two ends of a scan see its own sides did not turn: they were taken for neighbours."""
     ranges = np.full(round(10.0 * field), FAR)
     ranges[list(blind)] = NOTHING

@@ -82,6 +82,9 @@ def test_each_change_near_the_last_takes_longer():
     elsewhere = Pose2D(1.0, 0.0, 0.0)
     assert not keeper.wants(now + 1.0, elsewhere, 0.2)
     assert keeper.wants(now + 2.0, elsewhere, 0.2)
+    assert not keeper.wants(now + 3.0, Pose2D(3.0, 0.0, 0.0), 0.2)
+    assert not keeper.wants(1.0, Pose2D(3.0, 0.0, 0.0), 0.2), "time was set back"
+    assert keeper.wants(1.6, Pose2D(3.0, 0.0, 0.0), 0.2)
 
 
 def test_a_robot_off_its_path_takes_any():

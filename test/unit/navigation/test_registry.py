@@ -136,8 +136,8 @@ def test_a_busy_plugin_is_reconfigured_before_its_next_call():
 
     held = scripted.HeldWorker()
     made = Registry(
-        "planners", {"planners": [{"name": "N", "type": "navfn/NavfnROS"}]}, Planner, PLANNERS, held, "global"
-    )
+        "planners", {"planners": [{"name": name, "type": "navfn/NavfnROS"} for name in "NM"]}, Planner, PLANNERS, held,
+        "global")
     instance = made.instance("N", 0)
     call = instance.call(meanwhile)
     held.step()
@@ -145,6 +145,20 @@ def test_a_busy_plugin_is_reconfigured_before_its_next_call():
     after = instance.call(lambda plugin: plugin.parameters)
     held.step()
     assert after.result() == wanted
+    assert made.plugin("M").parameters == before, "new parameters were another's"
+
+
+def test_a_planner_is_added_while_the_robot_drives_and_one_that_cannot_be_made_changes_nothing():
+    made = registry([{"name": "N", "type": "navfn/NavfnROS"}, {"name": "broken", "type": "no/Such"}])
+    for name in "broken", "another":
+        with pytest.raises(PluginError, match="no/Such"):
+            made.add(name, "no/Such")
+        with pytest.raises(PluginError, match=name):
+            made.choose(name)
+    for name in "broken", "another":
+        made.add(name, "navfn/NavfnROS")
+        assert made.choose(name) == name and made.plugin(name).parameters == made.plugin("N").parameters
+    assert made.names == ["N", "broken", "another"]
 
 
 def test_a_robot_that_is_about_to_ask_its_controller_drives_on_while_somebody_tunes_that():

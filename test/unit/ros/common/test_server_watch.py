@@ -90,7 +90,7 @@ def test_a_server_that_died_is_lost_though_its_connection_seems_to_stand(world):
 
 @pytest.mark.parametrize("answers", [True, False], ids=["answers", "mute"])
 @pytest.mark.parametrize("clock_runs", [True, False], ids=["time passes", "time stands"])
-def test_a_server_that_falls_silent_is_lost_after_its_patience_unless_it_waits_for_the_clock(world, answers, clock_runs):
+def test_a_server_that_falls_silent_is_lost_after_a_while_unless_it_waits_for_the_clock(world, answers, clock_runs):
     (world.alive if answers else world.mute).add("http://here:1")
     world.links.append(Link("http://here:1"))
     world.watch._subscriber.hear()
