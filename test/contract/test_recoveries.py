@@ -191,6 +191,18 @@ def test_rotate_stops_for_what_comes_in_its_way():
     assert refused.value.outcome is RecoveryOutcome.IMPASSABLE and world.touched == 0
 
 
+@pytest.mark.parametrize("name, moving, change", [
+    (ROTATE, Twist2D(0.0, 0.0, 1.0), 0.16), (ROTATE, Twist2D(0.0, 0.0, -1.0), 0.16),
+    ("back_up", Twist2D(-0.3, 0.0, 0.0), 0.05)])
+def test_a_robot_that_moves_already_goes_on_from_that_and_is_not_jerked_to_a_stand(name, moving, change):
+    world = PaperWorld()
+    world.robot.velocity = moving
+    for before, command in zip(iter(lambda: world.velocity, None), make(name).run(world)):
+        assert abs(command.theta - before.theta) + abs(command.x - before.x) <= 3.0 * change + 1e-9
+        world.step(command)
+    assert len(world.commands) > 3 and world.velocity.speed() < 0.1
+
+
 def test_back_up_goes_as_far_as_asked_or_as_there_is_room():
     assert PaperWorld().run(make("back_up", distance=0.2)).robot.pose.x == pytest.approx(-0.2, abs=0.015)
     world = PaperWorld(boxes((-0.3, -1, -0.2, 1))).run(make("back_up", distance=0.3))
