@@ -229,6 +229,12 @@ def test_the_tolerance_of_the_action_holds(name):
     assert not controller.is_goal_reached(state(robot.pose, Twist2D(0.2, 0.0, 0.0)), GoalTolerance(0.3, 1.0))
 
 
+def test_a_goal_somebody_stands_on_is_reached_as_far_off_as_its_tolerance_allows(name):
+    """It was given up from a metre off, as soon as it was seen."""
+    ended = drive(make(name, xy_goal_tolerance=0.4), STRAIGHT, START, discs((1.55, 0.0, 0.1)), seconds=30.0)
+    assert ended.reached and ended.contacts == 0, ended.error
+
+
 def test_a_robot_that_has_only_to_turn_at_a_goal_somebody_stands_on_does_so(name):
     """Its goal was given up, though it stood as near as the action had asked for."""
     controller, robot = make(name), PaperRobot(Pose2D(0.65, 0.0, 0.0))

@@ -163,8 +163,8 @@ class BlockedGoalChecker:
     ) -> bool:
         """Note one cycle; return whether something stands on the goal, of which the robot sees that from nearby.
 
-        The goal is blocked when the robot's centre could not be there in any heading, and it has been so for
-        blocked_timeout, as seen from nearby, and the robot is not within `tolerance` (m).
+        The goal is blocked when the robot's centre could be there in no heading, nor on the path `tolerance` (m) before
+        it, and it has been so for blocked_timeout, as seen from nearby, and the robot is not within tolerance.
 
         Raises:
             ControlError: BLOCKED_GOAL.
@@ -174,9 +174,10 @@ class BlockedGoalChecker:
         touches = (
             near
             and state.costmap.grid.contains_point(goal.x, goal.y)
-            and self._is_blocked(checker, goal, state.costmap)
+            and self._is_blocked(checker, goal.x, goal.y)
         )
-        if not touches or state.pose.distance_to(goal) <= tolerance:
+        is_near_enough = state.pose.distance_to(goal) <= tolerance
+        if not touches or is_near_enough or not self._is_blocked(checker, *path.point_at(path.goal_arc - tolerance)):
             self._blocked_since = None
             return touches
         if self._blocked_since is None or state.now < self._blocked_since:
@@ -190,5 +191,5 @@ class BlockedGoalChecker:
         return True
 
     @staticmethod
-    def _is_blocked(checker: FootprintChecker, goal: Pose2D, costmap: object) -> bool:
-        return checker.clearance_at(goal.x, goal.y) < checker.costmap.inscribed_radius
+    def _is_blocked(checker: FootprintChecker, x: float, y: float) -> bool:
+        return checker.clearance_at(x, y) < checker.costmap.inscribed_radius
