@@ -20,6 +20,7 @@ from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult, MoveBas
 from mbf_relay.ros.common import goal_lease  # noqa: E402
 from mbf_relay.ros.common.goal_tracker import (  # noqa: E402
     ACTIVE,
+    LIST_AT_MOST,
     LIST_FOR,
     LONGEST_ID,
     PENDING,
@@ -103,12 +104,17 @@ def test_a_goal_whose_cancel_came_first_is_told_of_before_it_ends():
 
 def test_goals_of_a_busy_server_stay_in_the_status_until_slow_clients_have_their_results():
     server = Server()
-    for number in range(500):
+    for number in range(LIST_AT_MOST + 100):
         goal = server.goal(f"goal {number}")
         goal.set_accepted()
         goal.set_succeeded()
-    server.tracker.look()
-    assert server.state("goal 0") is not None
+        if number == 500:
+            server.tracker.look()
+            assert server.state("goal 0") is not None
+    assert [status.goal_id.id for status in server.tracker.listed()] == [
+        f"goal {number}" for number in range(100, LIST_AT_MOST + 100)]
+    server.now += LIST_FOR + 0.1
+    assert server.tracker.listed() == []
 
 
 def test_a_robot_whose_client_renews_nothing_any_more_is_called_back_within_a_second():
@@ -121,6 +127,24 @@ def test_a_robot_whose_client_renews_nothing_any_more_is_called_back_within_a_se
     server.wait(0.8)
     assert server.state(name) == PREEMPTING and server.cancelled == [goal]
     assert "/move_base" in goal.lapse and "0.6 s" in goal.lapse
+
+
+def test_a_client_that_is_gone_is_noticed_behind_goals_that_ended_or_that_nobody_renews():
+    server = Server()
+    server.goal("ended").set_rejected()
+    server.tracker.take_cancel(GoalID(id="never came"))
+    server.goal("of a shell").set_accepted()
+    leased = server.goal("goal" + goal_lease.MARK)
+    leased.set_accepted()
+    server.wait(1.0)
+    assert server.cancelled == [leased]
+
+
+def test_a_goal_whose_cancel_came_long_before_it_is_another_by_the_same_name():
+    server = Server()
+    server.tracker.take_cancel(GoalID(id="a"))
+    server.wait(REMEMBER_FOR + 1.0)
+    assert server.goal("a") is not None
 
 
 def test_a_server_that_was_stopped_itself_does_not_hold_it_against_its_clients():
