@@ -196,12 +196,6 @@ class Navigator:
         """Return whether no goal runs."""
         return not self._running()
 
-    def cancel_all(self, now: float) -> None:
-        """Call everything off and see it end; the robot is left standing."""
-        for part in self._running():
-            part.task.cancel()
-        self.update(now)
-
     def drop_all(self) -> None:
         """Forget every goal without ending it, for a caller that ends them itself after an internal error."""
         self._plans, self._drives, self._recovery_runs, self._move_base = {}, {}, {}, None
