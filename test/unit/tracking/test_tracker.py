@@ -111,8 +111,31 @@ def test_a_track_that_jumps_and_a_clock_set_back_leave_nothing_wrong():
     for step in range(6):
         tracker.update(0.0, 0.0, *scan(0.0, 0.0, [(-1.0, 1.5, 0.12)], rng), 14.0 + 0.2 * step)
     assert all(track.speed < 0.4 for track in tracker.tracks)
-    tracker.update(0.0, 0.0, *scan(0.0, 0.0, [(1.0, 0.0, 0.12)], rng), 3.0)
-    assert tracker.tracks == ()
+
+
+@pytest.mark.parametrize("stamp", [3.0, 1000.0], ids=["back", "forward"])
+def test_who_was_seen_before_the_clock_was_set_is_seen_anew(stamp):
+    tracker, counts = follow(lambda t: [(1.0, -0.5 + 0.25 * t, 0.12)])
+    rng, seen = np.random.default_rng(3), []
+    for step in range(20):
+        tracker.update(0.0, 0.0, *scan(0.0, 0.0, [(1.0, 0.5 - 0.05 * step, 0.12)], rng), stamp + 0.2 * step)
+        seen.append(len(tracker.tracks))
+    assert counts[-1] == 1 and seen[0] == 0 and seen[-5:] == [1] * 5
+
+
+def test_who_has_left_is_forgotten():
+    tracker, counts = follow(lambda t: [(1.0, -0.5 + 0.25 * t, 0.12)] if t < 4.0 else [], seconds=6.0)
+    assert counts[19:23] == [1] * 4 and counts[26:] == [0] * 4, "remembered for track_patience"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_who_walks_behind_a_pillar_comes_out_the_same(seed):
+    tracker, rng, numbers = Tracker(TrackerParameters()), np.random.default_rng(seed), []
+    for step in range(45):
+        world = [(0.6, 0.0, 0.17), (1.3, -1.1 + 0.05 * step, 0.1)]
+        tracker.update(0.0, 0.0, *scan(0.0, 0.0, world, rng), 1.0 + 0.2 * step)
+        numbers.append([track.number for track in tracker.tracks])
+    assert len(numbers[12]) == 1 and all(each == numbers[12] for each in numbers[12:40]), numbers
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 5])
