@@ -1,6 +1,7 @@
 """The nodes' parameters, fitted to another robot than the one they were written for.
 
-Lengths scale with the robot, speeds and accelerations are its own, ranges its lidar's; what a parameter weighs stays.
+Lengths scale with the robot, cells with its width, speeds and accelerations are its own, ranges its lidar's; what a
+parameter weighs stays.
 """
 
 from __future__ import annotations
@@ -32,12 +33,14 @@ def fitted(settings: Settings, robot: RobotModel) -> Settings:
     server = made[SERVER]
     limits = SimulationParameters.from_mapping({**settings["simulator"], **robot.settings, "robot": "burger"})
     before = parse_footprint(server["local_costmap"]["footprint"])
-    scale = float(np.ptp(robot.footprint, axis=0).max() / np.ptp(before, axis=0).max())
+    extent, extent_before = np.ptp(robot.footprint, axis=0), np.ptp(before, axis=0)
+    scale = float(extent.max() / extent_before.max())
+    wider = float(extent[1] / extent_before[1])
     made["amcl"]["laser_max_range"] = limits.scan_range_max
     if robot.drive == OMNIDIRECTIONAL:
         made["amcl"]["odom_model_type"] = "omni"
     for name in ("global_costmap", "local_costmap"):
-        _fit_costmap(server[name], robot, limits, scale)
+        _fit_costmap(server[name], robot, limits, scale, wider)
     for entry in server["controllers"]:
         server[entry["name"]] = _fitted_controller(server.get(entry["name"], {}), robot, limits, scale)
     for entry in server["recovery_behaviors"]:
@@ -51,13 +54,17 @@ def fitted(settings: Settings, robot: RobotModel) -> Settings:
     return made
 
 
-def _fit_costmap(group: Dict[str, Any], robot: RobotModel, limits: SimulationParameters, scale: float) -> None:
+def _fit_costmap(
+    group: Dict[str, Any], robot: RobotModel, limits: SimulationParameters, scale: float, wider: float
+) -> None:
     """Fit a costmap's parameters in place.
 
     Args:
         group: They.
         robot, limits: What drives, and how fast and how far it sees.
         scale: How much larger it is than the robot they were for.
+        wider: How much wider: a long robot fits through gaps no wider than a short one does, and cells coarse by its
+            length would leave it no room in them.
     """
     group["footprint"] = robot.footprint.tolist()
     group["inflation_radius"] *= scale
@@ -65,7 +72,7 @@ def _fit_costmap(group: Dict[str, Any], robot: RobotModel, limits: SimulationPar
     group["raytrace_range"] = limits.scan_range_max
     group["obstacle_range"] = limits.scan_range_max * 0.85
     if group.get("rolling_window"):
-        group["resolution"] *= min(4.0, max(1.0, round(scale)))  # up to four times as coarse
+        group["resolution"] *= min(4.0, max(1.0, round(wider)))  # up to four times as coarse
         braking = limits.max_speed ** 2 / (2.0 * limits.wheel_acceleration)
         side = max(scale * group["width"], 2.0 * (2.0 * limits.max_speed + braking))
         side = group["resolution"] * math.ceil(side / group["resolution"])

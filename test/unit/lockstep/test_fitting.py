@@ -1,0 +1,65 @@
+"""Parameters fitted to another robot: a long one gets through a corridor that it fits in lengthwise only."""
+
+from pathlib import Path
+
+import pytest
+
+from mbf_relay.lockstep import result as outcomes
+from mbf_relay.lockstep.episode import Episode
+from mbf_relay.lockstep.fitting import fitted
+from mbf_relay.lockstep.settings import config_folder, load_settings
+from mbf_relay.lockstep.setup import KNOWN, TRUTH, make_setup
+from mbf_relay.lockstep.tasks import task_of
+from mbf_relay.simulation.robot_file import load_robot
+from mbf_relay.simulation.worlds_file import world_of
+
+LONG = """
+drive: differential
+base_height: 0.08
+body: [{{box: [{length}, 0.38, 0.2], at: [0.0, 0.0, 0.1], mass: 15.0}}]
+wheels: {{radius: 0.08, width: 0.03, separation: 0.3, mass: 0.5}}
+casters: [{{at: [{caster}, 0.0], radius: 0.04}}, {{at: [-{caster}, 0.0], radius: 0.04}}]
+lidar: {{at: [0.1, 0.0, 0.25]}}
+footprint: [[-{nose}, -0.2], [-{nose}, 0.2], [{nose}, 0.2], [{nose}, -0.2]]
+max_speed: 0.5
+max_turn_rate: 1.5
+wheel_acceleration: 1.0
+wheel_torque: 20.0
+scan_rate: 10
+scan_beams: 360
+scan_range_max: 8.0
+scan_resolution: 0.0
+"""
+"""A robot 0.4 m wide that turns about its middle."""
+
+
+def long_robot(folder, length):
+    file = folder / f"long_{length}.yaml"
+    file.write_text(LONG.format(length=length - 0.02, nose=length / 2.0, caster=length / 2.0 - 0.07))
+    return str(file)
+
+
+def corridor(width, start_y):
+    """Return two rooms that a corridor 4 m long joins; the robot starts beside its axis."""
+    low, high = 2.05 - width / 2.0, 4.0 - (2.05 + width / 2.0)
+    return task_of(world_of(Path("corridor.json"), 0, {
+        "name": "corridor", "start": [1.2, start_y, 0.0], "goal": [7.9, 1.0, 1.57], "goal_radius": 0.3,
+        "time_limit": 60.0, "boxes": [
+            [4.5, low / 2.0, 0.0, 4.0, low, 1.0], [4.5, 4.0 - high / 2.0, 0.0, 4.0, high, 1.0],
+            [4.5, -0.1, 0.0, 9.4, 0.2, 1.0], [4.5, 4.1, 0.0, 9.4, 0.2, 1.0],
+            [-0.1, 2.0, 0.0, 0.2, 4.0, 1.0], [9.1, 2.0, 0.0, 0.2, 4.0, 1.0]]}))
+
+
+@pytest.mark.parametrize("width, start_y", [(0.65, 1.5), (0.7, 2.9)])
+def test_a_long_robot_gets_into_a_corridor_it_fits_in_lengthwise_only(tmp_path, width, start_y):
+    """By cells a quarter of its width it found no velocity at the mouth, though in it 12 cm are free to both sides."""
+    setup = make_setup(config_folder(), TRUTH, KNOWN, robot=long_robot(tmp_path, 0.9))
+    driven = Episode(corridor(width, start_y), setup, 1).run()
+    assert (driven.outcome, driven.contacts) == (outcomes.SUCCEEDED, 0), driven.message
+
+
+@pytest.mark.parametrize("length", [0.4, 0.7, 0.9, 1.3])
+def test_cells_are_as_fine_for_a_long_robot_as_for_a_short_one_of_its_width(tmp_path, length):
+    settings = load_settings(config_folder())
+    server = fitted(settings, load_robot(long_robot(tmp_path, length)))["move_base_flex"]
+    assert server["local_costmap"]["resolution"] == 2.0 * settings["move_base_flex"]["local_costmap"]["resolution"]
