@@ -21,8 +21,8 @@ APART = 0.1
 """Seconds at least between two poses of which a velocity is made: what encoders count in steps is too rough before."""
 INTERRUPTED = 1.0
 """Seconds between two readings from which nothing is told of what was between them."""
-WATCHED, ENOUGH = 20, 8
-"""Velocities made of poses that are looked at together, and how many are needed."""
+WATCHED, ENOUGH, ANEW = 20, 8, 4
+"""Velocities made of poses that are looked at together, how many are needed, and after how many more they are again."""
 TELLS = np.array([0.05, 0.1])
 """Metres and radians per second from which a velocity can contradict another."""
 CONTRADICTS, AGREES = 0.5, 0.2
@@ -106,6 +106,7 @@ class TwistMonitor:
         self._last: Optional[Tuple[float, Pose2D, Twist2D]] = None
         self._moved = STOP  # from the reading before the last one to that
         self._seen: Deque[Tuple[Twist2D, Twist2D]] = deque(maxlen=WATCHED)  # how it moved, and what was told of it
+        self._unjudged = 0
         self._has_heading = False
 
     def believed(self, stamp: float, pose: Pose2D, told: Twist2D) -> Twist2D:
@@ -130,12 +131,13 @@ class TwistMonitor:
             self._last = stamp, pose, told
             if self._has_heading and pose != begin:
                 self._seen.append((self._moved, told_between))
-                self._judge()
+                self._unjudged += 1
+                if len(self._seen) >= ENOUGH and self._unjudged >= ANEW:
+                    self._unjudged = 0
+                    self._judge()
         return self._moved if self.doubt else told
 
     def _judge(self) -> None:
-        if len(self._seen) < ENOUGH:
-            return
         moved, told = np.array(self._seen).swapaxes(0, 1)
         off = moved - told
         # what jitters adds nothing to the mean, one jump nothing to the median
