@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import math
 from typing import Any, Callable, Dict, Optional, Tuple
 
 from mbf_relay.control.report import CycleReport
@@ -55,6 +56,12 @@ class Controller(Plugin, abc.ABC):
                 min(lowest.distance, limit.distance), min(lowest.share, limit.share),
             )
         return lowest
+
+    @property
+    def top_speeds(self) -> Tuple[float, float]:
+        """Its own top speeds (m/s, rad/s), of which a zone of so many percent leaves a share; infinite where unknown.
+        """
+        return math.inf, math.inf
 
     @property
     def goal_tolerance(self) -> Optional[GoalTolerance]:

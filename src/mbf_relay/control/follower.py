@@ -131,6 +131,11 @@ class PathFollower(Controller, abc.ABC):
         return 1.5
 
     @property
+    def top_speeds(self) -> Tuple[float, float]:
+        """max_vel_trans and max_vel_theta."""
+        return self.parameters.max_vel_trans, self.parameters.max_vel_theta
+
+    @property
     def goal_tolerance(self) -> GoalTolerance:
         """xy_goal_tolerance and yaw_goal_tolerance."""
         return GoalTolerance(self.parameters.xy_goal_tolerance, self.parameters.yaw_goal_tolerance)
@@ -184,8 +189,8 @@ class PathFollower(Controller, abc.ABC):
         if cycle is not None and self.parameters.foresight:
             foresight = Foresight(state.costmap, state.pose, state.now + state.delay, self.parameters)
             if not foresight.is_blind:
-                limit = self.speed_limit_at(state.pose)
-                evasion = Evasion(self.parameters, foresight, state, limit, self.turning_radius, cycle.path)
+                evasion = Evasion(self.parameters, foresight, state, self.speed_limit_at(state.pose),
+                                  self.turning_radius, cycle.path)
                 decided, command = command, evasion.command(cycle.velocity, command)
                 if command != decided:
                     trouble = None
@@ -225,8 +230,7 @@ class PathFollower(Controller, abc.ABC):
         return self._drive_or_back_out(cycle)
 
     def _drive_or_back_out(self, cycle: ControlCycle) -> Twist2D:
-        state, parameters = cycle.state, self.parameters
-        back_out = self._back_out
+        state, parameters, back_out = cycle.state, self.parameters, self._back_out
         if not back_out.is_active:
             try:
                 command = self.drive(cycle)
@@ -253,7 +257,7 @@ class PathFollower(Controller, abc.ABC):
         path = self._tracker.cut(state, BEHIND * width, reach, lookahead + EXTENSION * width)
         checker = FootprintChecker(state.costmap)
         velocity = self._velocity_now(state, parameters)
-        speed, turn = self.speed_limit_at(state.pose).of(parameters.max_vel_trans, parameters.max_vel_theta)
+        speed, turn = self.speed_limit_at(state.pose).of(*self.top_speeds)
         delay = state.period + parameters.stop_time_buffer
         left = max(path.remaining, state.pose.distance_to(path.goal))
         speed = min(speed, speed_to_stop_within(left, 0.5 * parameters.acc_lim_x, state.period))

@@ -71,3 +71,12 @@ class SpeedLimit:
     def of(self, translation: float, rotation: float) -> Tuple[float, float]:
         """Return what is left of a controller's own top speeds (m/s, rad/s)."""
         return min(self.share * translation, self.translation), min(self.share * rotation, self.rotation)
+
+    def slowed(self, velocity: Twist2D, translation: float, rotation: float) -> Twist2D:
+        """Return a velocity along the same arc that keeps to this limit of a controller's own top speeds (m/s, rad/s).
+        """
+        factor = 1.0
+        for value, top in zip((velocity.speed(), abs(velocity.theta)), self.of(translation, rotation)):
+            if value > top:
+                factor = min(factor, top / value)
+        return velocity if factor == 1.0 else Twist2D(*(factor * part for part in velocity))

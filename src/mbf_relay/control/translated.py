@@ -39,6 +39,11 @@ class TranslatedController(Controller, abc.ABC):
         self._driver.reconfigure(self.translate(parameters, self._resolution)[1])
 
     @property
+    def top_speeds(self) -> Tuple[float, float]:
+        """Those of the controller that drives."""
+        return self._driver.top_speeds
+
+    @property
     def goal_tolerance(self) -> Optional[GoalTolerance]:
         """That of the controller that drives."""
         return self._driver.goal_tolerance

@@ -272,4 +272,5 @@ class Navigator:
             failed = self.controllers.plugin(self.controllers.choose(controller))
         except PluginError:
             failed = None
-        return RecoveryExecution(goal, behavior, self.robot, self.costmaps, failed, lambda: self.parameters, task)
+        return RecoveryExecution(
+            goal, behavior, self.robot, self.costmaps, failed, lambda: self.parameters, task, self._zone_limit)

@@ -6,6 +6,8 @@ import math
 from typing import Any, Callable, Iterator, Mapping, Optional
 
 from mbf_relay.control.controller import Controller
+from mbf_relay.control.state import SpeedLimit
+from mbf_relay.costmap.layer import ZoneLimit
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.goals import RecoverGoal, RecoverResult
 from mbf_relay.navigation.parameters import NavigatorParameters
@@ -78,6 +80,7 @@ class RecoveryExecution:
         controller: The controller that failed, or None.
         parameters: Called for the values in force.
         task: Ends with the result.
+        zone_limit: Gives how fast the robot may go where it stands.
     """
 
     def __init__(
@@ -89,10 +92,12 @@ class RecoveryExecution:
         controller: Any,
         parameters: Callable[[], NavigatorParameters],
         task: Task[RecoverResult],
+        zone_limit: Callable[[], ZoneLimit] = ZoneLimit,
     ) -> None:
         self.goal, self.task = goal, task
         self._instance = instance
         self._robot, self._costmaps, self._parameters = robot, costmaps, parameters
+        self._zone_limit = zone_limit
         self._context = RecoverySurroundings(robot, costmaps, controller)
         self._steps: Optional[Iterator[Twist2D]] = None
         self._job: Optional[Job] = None
@@ -213,7 +218,13 @@ class RecoveryExecution:
         if velocity != STOP and (self._since_call.elapsed(now) > TOO_OLD or self._blind(now)):
             velocity = STOP
         self._moved = self._moved or velocity != STOP
-        self._send(velocity)
+        self._send(self._at_the_zone_s_pace(velocity))
+
+    def _at_the_zone_s_pace(self, velocity: Twist2D) -> Twist2D:
+        """Return a velocity along the same arc that keeps to the zone's limit, as the controller that failed does."""
+        zone, controller = self._zone_limit(), self._context.controller
+        top_speeds = (math.inf, math.inf) if controller is None else controller.top_speeds
+        return SpeedLimit(zone.speed, share=zone.share).slowed(velocity, *top_speeds)
 
     def _send(self, velocity: Twist2D) -> None:
         self._command = velocity

@@ -63,8 +63,8 @@ class Recovery(Plugin, abc.ABC):
     def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
         """Yield the velocity to command until the next step; return when done.
 
-        Whoever drives the generator commands a stop after its last step, and closes it (GeneratorExit) when cancelled:
-        undo what must not last in a `finally`.
+        Whoever drives the generator commands less of it, along the same arc, where a zone limits speed, commands a stop
+        after its last step, and closes it (GeneratorExit) when cancelled: undo what must not last in a `finally`.
 
         Raises:
             RecoveryError: IMPASSABLE, TF_ERROR or FAILURE, with a text that says why.

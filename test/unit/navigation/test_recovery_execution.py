@@ -6,6 +6,7 @@ import pytest
 import scripted
 from scripted import FORWARD
 
+from mbf_relay.costmap.layer import ZoneLimit
 from mbf_relay.geometry import STOP, Twist2D
 from mbf_relay.navigation.goals import RecoverGoal
 from mbf_relay.navigation.recovery_execution import RecoverySurroundings
@@ -59,6 +60,21 @@ def test_a_robot_does_not_set_out_blind_by_a_behaviour_that_does_not_look(bench,
     blind(bench, None)
     bench.step()
     assert bench.robot.sent[-1] == FORWARD
+
+
+@pytest.mark.parametrize("velocity, zone, driven", [
+    (Twist2D(-0.2, 0.0, 0.0), ZoneLimit(0.05), Twist2D(-0.05, 0.0, 0.0)),
+    (Twist2D(-0.2, 0.0, 0.4), ZoneLimit(0.05), Twist2D(-0.05, 0.0, 0.1)),
+    (Twist2D(-0.2, 0.0, 0.0), ZoneLimit(share=0.25), Twist2D(-0.1, 0.0, 0.0)),
+    (Twist2D(0.0, 0.0, 1.0), ZoneLimit(share=0.25), Twist2D(0.0, 0.0, 0.5)),
+    (Twist2D(-0.2, 0.0, 1.0), ZoneLimit(0.3, 0.75), Twist2D(-0.2, 0.0, 1.0))])
+def test_a_robot_that_recovers_in_a_zone_of_walking_pace_keeps_to_it(bench, monkeypatch, velocity, zone, driven):
+    """It backed up and turned as fast as anywhere: percents are of what its controller drives at most, as elsewhere."""
+    monkeypatch.setattr(scripted.ScriptedController, "top_speeds", (0.4, 2.0))
+    bench.script.recovery = steps(3, velocity)
+    bench.costmaps["global"].zone_limit = zone
+    assert bench.finish(bench.navigator.recovery(RecoverGoal("R2"))).outcome is RecoveryOutcome.SUCCESS
+    assert bench.robot.sent == [pytest.approx(tuple(driven))] * 3 + [STOP]
 
 
 def test_a_cancel_during_the_very_step_wins(bench):
