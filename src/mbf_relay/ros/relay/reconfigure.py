@@ -7,7 +7,8 @@ not: a relay that starts, or starts again, must not undo the server's configurat
 from __future__ import annotations
 
 import threading
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
+from types import MappingProxyType
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import rospy
 from dynamic_reconfigure.encoding import decode_config, encode_config
@@ -179,8 +180,19 @@ class MoveBaseSettings:
 
     def _mirror(self, message: Config) -> None:
         """Show the server's values, except where a wish is still on its way there."""
-        theirs = decode_config(message)
+        self._show(decode_config(message))
+
+    def _show(self, theirs: Mapping[str, Any], refused: Mapping[str, Any] = MappingProxyType({})) -> None:
+        """Show the server's values.
+
+        Args:
+            theirs: Those, by its names.
+            refused: What it did not take of what was wished for, which is nobody's wish any more.
+        """
         with self._lock:
+            for name, value in refused.items():
+                if name not in self._to_send and self._wanted.get(name) == value:
+                    del self._wanted[name]
             shown = {
                 name: theirs[server_name] for name, server_name in SERVER_NAMES.items()
                 if server_name in theirs and server_name not in self._to_send
@@ -193,7 +205,7 @@ class MoveBaseSettings:
             untouched = {name: value for name, value in shown.items() if SERVER_NAMES[name] not in self._wanted}
             self._started_with = self._started_with.replace(**untouched)
             changed, self.values = values != self.values, values
-        if changed:
+        if changed or refused:
             # first, so that whoever is killed has told what was nobody's wish
             rospy.set_param(f"~{MIRRORED}", untouched)
             self._dynamic.update_configuration(shown)
@@ -216,20 +228,41 @@ class MoveBaseSettings:
         while not rospy.is_shutdown():
             self._wake.wait(RETRY_AFTER if self._to_send or self._plugins_wanted else None)
             self._wake.clear()
+            self.send_wishes(service)
+
+    def send_wishes(self, service: Callable[[Config], Any]) -> None:
+        """Learn what plugins the server has where that is asked for, and send it what it has not been sent yet.
+
+        Args:
+            service: The server's set_parameters.
+        """
+        with self._lock:
+            changes, self._to_send = self._to_send, {}
+            learn, self._plugins_wanted = self._plugins_wanted, False
+        try:
+            if learn:
+                self._learn_plugins()
+            if changes:
+                self._send(service, changes)
+        except (rospy.ServiceException, rospy.ROSException, *NO_ANSWER):
             with self._lock:
-                changes, self._to_send = self._to_send, {}
-                learn, self._plugins_wanted = self._plugins_wanted, False
-            try:
-                if learn:
-                    self._learn_plugins()
-                if not changes:
-                    continue
-                service(encode_config(changes))
-                rospy.loginfo("forwarded to %s: %s", self._server, changes)
-            except (rospy.ServiceException, rospy.ROSException, *NO_ANSWER):
-                with self._lock:
-                    self._to_send = {**changes, **self._to_send}
-                    self._plugins_wanted |= learn
+                self._to_send = {**changes, **self._to_send}
+                self._plugins_wanted |= learn
+
+    def _send(self, service: Callable[[Config], Any], changes: Mapping[str, Any]) -> None:
+        """Send the server wishes; what it does not take is sent no more, or it kept from it those it would take."""
+        theirs = decode_config(service(encode_config(changes)).config)
+        refused = {name: value for name, value in changes.items() if theirs.get(name, value) != value}
+        if refused and len(changes) > 1:  # one that is refused keeps all that come with it from being taken
+            for name, value in changes.items():
+                self._send(service, {name: value})
+            return
+        for name, value in refused.items():
+            rospy.logwarn("%s does not take %s = %s and goes on with %s", self._server, name, value, theirs[name])
+        if refused:
+            self._show(theirs, refused)
+        else:
+            rospy.loginfo("forwarded to %s: %s", self._server, dict(changes))
 
 
 def tell_of_misplaced(values: Mapping[str, Any], server: str) -> None:

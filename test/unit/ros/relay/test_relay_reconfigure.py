@@ -8,7 +8,11 @@ from ros_testing import wait_until
 
 pytest.importorskip("dynamic_reconfigure.encoding")
 
+from dynamic_reconfigure.encoding import decode_config, encode_config  # noqa: E402
+from dynamic_reconfigure.srv import ReconfigureResponse  # noqa: E402
+
 from mbf_relay.navigation.move_base_parameters import MoveBaseParameters  # noqa: E402
+from mbf_relay.navigation.parameters import DYNAMIC, NavigatorParameters  # noqa: E402
 from mbf_relay.ros.relay import reconfigure as relay_reconfigure  # noqa: E402
 from mbf_relay.ros.relay.reconfigure import MoveBaseSettings, name_at_server, server_changes, wishes  # noqa: E402
 
@@ -95,3 +99,47 @@ def test_goals_are_sent_though_the_master_could_not_say_at_first_what_plugins_th
     ends.append(True)
     settings._wake.set()
     worker.join(5.0)
+
+
+class PaperServer:
+    """The server's set_parameters: takes what is within its ranges or, as ours, nothing of what comes together."""
+
+    def __init__(self):
+        self.values = NavigatorParameters()
+
+    def __call__(self, config):
+        try:
+            self.values = self.values.replace(**decode_config(config))
+        except ValueError:
+            pass
+        return ReconfigureResponse(encode_config({name: getattr(self.values, name) for name in DYNAMIC}))
+
+
+class PaperFront:
+    """The relay's own reconfigure server."""
+
+    def __init__(self):
+        self.shown = {}
+
+    def update_configuration(self, values):
+        self.shown.update(values)
+
+
+def test_a_rate_the_server_refuses_keeps_no_other_wish_from_it_at_its_next_start(monkeypatch):
+    """A robot whose server was started again recovered, though that was switched off: 0 Hz came with it each time."""
+    server, mirrored = PaperServer(), []
+    for name, stand_in in {"resolve_name": lambda name: "/" + name, "logwarn": lambda *_: None,
+                           "loginfo": lambda *_: None, "get_param": lambda _name, default: default,
+                           "set_param": lambda _name, value: mirrored.append(value)}.items():
+        monkeypatch.setattr(f"rospy.{name}", stand_in)
+    settings = MoveBaseSettings("move_base_flex", MoveBaseParameters(recovery_behavior_enabled=False))
+    settings._dynamic = PaperFront()
+    for wish in (settings.values, settings.values.replace(controller_frequency=0.0)):
+        settings._change(wish)
+        settings.send_wishes(server)
+    assert settings.values.controller_frequency == settings._dynamic.shown["controller_frequency"] == 20.0
+    assert "controller_frequency" in mirrored[-1], "nobody's wish, for the next relay"
+    settings.server_came()
+    server.values = NavigatorParameters()
+    settings.send_wishes(server)
+    assert not server.values.recovery_enabled and server.values.controller_frequency == 20.0
