@@ -7,6 +7,7 @@ up by name at the ROS edge and nowhere else.
 from __future__ import annotations
 
 from enum import Enum
+from typing import ClassVar, Type
 
 
 class PlanOutcome(Enum):
@@ -71,15 +72,28 @@ class RecoveryOutcome(Enum):
     IMPASSABLE = "IMPASSABLE"
 
 
+def as_told(text: object) -> str:
+    """Return a text as a message can hold it: what is no letter, as in the name of a file, becomes its number."""
+    return str(text).encode("utf-8", "backslashreplace").decode("utf-8")
+
+
 class NavigationError(Exception):
     """Navigation cannot go on; the subclass says which action failed, `outcome` how, the text why.
 
     Attributes:
+        outcomes: What `outcome` is one of.
         outcome: The member of the action's outcomes to report.
+
+    Raises:
+        TypeError: The outcome is none of the action's.
     """
 
+    outcomes: ClassVar[Type[Enum]] = Enum
+
     def __init__(self, outcome: Enum, message: str) -> None:
-        super().__init__(message)
+        if not isinstance(outcome, self.outcomes):
+            raise TypeError(f"{outcome!r} is no outcome of a {type(self).__name__}, which is a {self.outcomes.__name__}")
+        super().__init__(as_told(message))
         self.outcome = outcome
 
     @property
@@ -91,18 +105,21 @@ class NavigationError(Exception):
 class PlanningError(NavigationError):
     """No path."""
 
+    outcomes = PlanOutcome
     outcome: PlanOutcome
 
 
 class ControlError(NavigationError):
     """No velocity."""
 
+    outcomes = ControlOutcome
     outcome: ControlOutcome
 
 
 class RecoveryError(NavigationError):
     """A recovery behaviour gave up."""
 
+    outcomes = RecoveryOutcome
     outcome: RecoveryOutcome
 
 

@@ -9,6 +9,7 @@ import traceback
 import warnings
 from typing import Any, ClassVar, Mapping, Optional, Tuple, Type, TypeVar
 
+from mbf_relay.outcomes import as_told
 from mbf_relay.parameters import ParameterSet
 
 
@@ -61,7 +62,7 @@ def failure_text(error: BaseException, module: str) -> str:
         module: Full name of the module; where nothing of it was running, as of a call that it does not take, no place
             is told.
     """
-    text = f"{type(error).__name__}: {error}"
+    text = as_told(f"{type(error).__name__}: {error}")
     places = [
         f"{os.path.basename(frame.f_code.co_filename)}, line {line}"
         for frame, line in traceback.walk_tb(error.__traceback__) if frame.f_globals.get("__name__") == module

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from numbers import Real
 from typing import Any, Callable, Optional, Tuple
 
 import numpy as np
@@ -254,13 +255,20 @@ def usable(answer: Any, name: str) -> Path:
     """Return what a planner of some name answered, which is a plugin's and may be anything, as a path of float64.
 
     Raises:
-        TypeError: It is no path.
-        ValueError: It is one whose poses or cost are no finite numbers, or not as a path has them.
+        TypeError: It is no path, or one whose poses or cost are no numbers, or whose frame is no name.
+        ValueError: It is one whose poses or cost are not finite, or not as a path has them.
         PlanningError: It is an empty one.
     """
     if not isinstance(answer, Path):
         raise TypeError(f"it returned {type(answer).__name__}, not a path")
-    poses = np.asarray(answer.poses, dtype=np.float64)
+    if not isinstance(answer.frame, str):
+        raise TypeError(f"it returned a path whose frame is {answer.frame!r}, not a name")
+    if not isinstance(answer.cost, Real):
+        raise TypeError(f"it returned a path whose cost is {answer.cost!r}, not a number")
+    try:
+        poses = np.asarray(answer.poses, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"it returned a path whose poses are no numbers: {error}") from error
     if poses.size == 0:
         raise PlanningError(PlanOutcome.EMPTY_PATH, f"planner '{name}' returned an empty path")
     if poses.ndim != 2 or poses.shape[1] != 3:

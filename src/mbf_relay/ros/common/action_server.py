@@ -17,6 +17,7 @@ import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
 from mbf_relay.memory import give_back_free
+from mbf_relay.outcomes import as_told
 from mbf_relay.ros.common.connected_nodes import connected_nodes
 from mbf_relay.ros.common.goal_tracker import GoalTracker, TrackedGoal
 
@@ -98,6 +99,7 @@ class ActionServer:
         self._changed = False
         self._told_at = self._wait = 0.0
         self._publishes = False
+        self._trouble = ""  # of the last message that could not be written
 
     def start(self) -> None:
         """Open the topics and begin to tell the status."""
@@ -132,11 +134,18 @@ class ActionServer:
                 link.unregister()
 
     def publish_result(self, status: GoalStatus, result: Any) -> None:
-        """Send a goal's result."""
+        """Send a goal's result.
+
+        One that cannot be written would leave its client waiting for ever: the goal is aborted then, with an empty one.
+        """
         message = self._result_type(status=status, result=result)
         message.header.stamp = rospy.get_rostime()
+        trouble = self._publish(self._result, message)
+        if trouble:
+            status.status, status.text = GoalStatus.ABORTED, f"the result cannot be sent: {trouble}"
+            message.result = type(result)()
+            self._publish(self._result, message)
         self._late_comers.note(message)
-        self._publish(self._result, message)
 
     def publish_feedback(self, status: GoalStatus, feedback: Any) -> None:
         """Send feedback of a goal."""
@@ -169,12 +178,20 @@ class ActionServer:
         client = message._connection_header.get("callerid", "")
         self.goals.take_goal(message.goal_id, message.goal, client)
 
-    def _publish(self, publisher: Any, message: Any) -> None:
+    def _publish(self, publisher: Any, message: Any) -> str:
+        """Send a message; returns why it cannot be written, empty where it can."""
         try:
             if self._publishes and not rospy.is_shutdown():
                 publisher.publish(message)
-        except rospy.ROSException:
-            pass  # rospy closes topics from another thread when the node ends
+        except Exception as error:
+            closed = isinstance(error, rospy.ROSException) and not isinstance(error, rospy.ROSSerializationException)
+            if not closed:  # as rospy does with topics from another thread when the node ends
+                trouble = as_told(f"{type(error).__name__}: {error}")
+                if trouble != self._trouble:
+                    rospy.logerr("%s cannot be sent on %s: %s", type(message).__name__, publisher.name, trouble)
+                self._trouble = trouble
+                return trouble
+        return ""
 
     def look(self) -> None:
         """Look at leases, and tell the status where it is time; call every LOOK_PERIOD."""

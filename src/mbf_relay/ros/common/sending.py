@@ -7,6 +7,9 @@ buffer for that listener has room, needs no thread; whatever might have to wait 
 What a newcomer is told alone (rospy.SubscribeListener) rospy writes into the buffer that others publish by, without the
 lock that these take. A velocity that went out at that moment arrived as other numbers, or the wheels lost their
 connection. Here each message has the buffer to itself.
+
+Of a message that cannot be written, as with a text where a number belongs, rospy leaves the part before that in the
+buffer, and no listener understands what comes after it: to them the topic is lost. Here nothing is left of it.
 """
 
 from __future__ import annotations
@@ -30,12 +33,25 @@ def send_with_less() -> None:
 
 
 def publish_alone(topic: Any, message: Any, connection_override: Any = None) -> Any:
-    """Publish as _PublisherImpl.publish does, while nobody else does so on the topic."""
+    """Publish as _PublisherImpl.publish does, while nobody else does so on the topic; a message goes out whole or not.
+
+    Raises:
+        ROSException: The topic is closed.
+        ROSSerializationException, SerializationError, ValueError: The message has a field of another type than its own.
+    """
     lock = topic.publock
     if lock is None:  # closed, of which rospy tells
         return _publish_as_rospy(topic, message, connection_override)
     with lock:
-        return _publish_as_rospy(topic, message, connection_override)
+        latched = topic.latch
+        try:
+            return _publish_as_rospy(topic, message, connection_override)
+        except Exception:
+            topic.latch = latched
+            if topic.buff is not None and not topic.buff.closed:
+                topic.buff.seek(0)
+                topic.buff.truncate(0)
+            raise
 
 
 class DirectConnection(QueuedConnection):

@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("rospy")
 
+import genpy  # noqa: E402
 import rospy.topics  # noqa: E402
 from geometry_msgs.msg import Twist, Vector3  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
@@ -137,3 +138,19 @@ def test_who_publishes_on_a_topic_that_was_closed_is_told_so(sends_with_less):
     topic.close()
     with pytest.raises(rospy.ROSException, match="closed"):
         topic.publish(Twist())
+
+
+@pytest.mark.parametrize("field", ["0.5 m/s", None])
+def test_wheels_understand_what_comes_after_a_velocity_that_is_no_number(sends_with_less, field):
+    """What was written of it stayed before all that came later, and the wheels heard nothing any more."""
+    sent, velocity = [], Twist()
+    velocity.angular.z = field
+    topic = rospy.topics._PublisherImpl("/cmd_vel", Twist)
+    topic.enable_latch()
+    topic.connections = [SimpleNamespace(write_data=sent.append)]
+    topic.publish(Twist(linear=Vector3(x=0.25)))
+    with pytest.raises((genpy.SerializationError, rospy.ROSException)):
+        topic.publish(velocity)
+    assert topic.latch.linear.x == 0.25, "what a newcomer is told"
+    topic.publish(Twist(linear=Vector3(x=0.5)))
+    assert [Twist().deserialize(data[4:]).linear.x for data in sent] == [0.25, 0.5]
