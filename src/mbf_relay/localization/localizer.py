@@ -97,7 +97,7 @@ class Localizer:
             ValueError: The pose is not finite or not on the map, or the covariance is not finite. Nothing has changed.
         """
         check_initial_pose(pose, covariance, self.field.occupancy)
-        variances, axes = np.linalg.eigh(0.5 * (covariance + covariance.T))
+        variances, axes = np.linalg.eigh(0.5 * covariance + 0.5 * covariance.T)
         noise = self._rng.standard_normal((self.parameters.max_particles, 3)) * np.sqrt(np.maximum(variances, 0.0))
         self._start(noise @ axes.T + np.array(pose))
 

@@ -208,6 +208,14 @@ def test_bad_initial_poses_are_refused_and_harm_nothing(pose, covariance, compla
     assert np.array_equal(made.poses, before)
 
 
+@pytest.mark.parametrize("unsure", [1e6, 1e308])
+def test_a_robot_that_may_head_anywhere_starts_however_large_that_is_written(unsure):
+    """An initial_cov_aa of 1e308 left no particle with a heading that is a number, and the robot was nowhere."""
+    made = localizer()
+    made.set_initial_pose(START, np.diag([0.01, 0.01, unsure]))
+    assert np.histogram(made.poses[:, 2], 4, (-math.pi, math.pi))[0].min() > 0.2 * len(made.poses)
+
+
 @pytest.mark.parametrize("robust", [False, True])
 @pytest.mark.parametrize(
     "ranges",

@@ -31,7 +31,7 @@ from mbf_relay.ros.amcl.health import ScanWatch, deviation_report
 from mbf_relay.ros.amcl.initial_pose import check_frame, initial_pose_from_message, motion_since
 from mbf_relay.ros.amcl.map_to_odom import MapToOdom
 from mbf_relay.ros.amcl.particle_cloud import ParticleCloud
-from mbf_relay.ros.amcl.saved_pose import SavedPose
+from mbf_relay.ros.amcl.saved_pose import SavedPose, SavedStart
 from mbf_relay.ros.amcl.scan_queue import AnyScan, CloudScan, ScanQueue
 from mbf_relay.ros.amcl.usage import USAGE as USAGE  # run_node looks for it here
 from mbf_relay.ros.amcl.usage import check_arguments
@@ -84,14 +84,13 @@ class AmclNode:
     def open(self) -> None:
         """Get the map and offer everything the node has."""
         self._subscribers = [
-            rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._take_initial_pose, queue_size=2),
-        ]
+            rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._take_initial_pose, queue_size=2)]
         if self._parameters.use_map_topic:
             self._subscribers.append(
                 rospy.Subscriber("map", OccupancyGrid, self._take_map, queue_size=1, buff_size=1 << 24)
             )
         else:
-            self._use_map(request_map(self._parameters.global_frame_id))
+            self._use_map(request_map(self._parameters.global_frame_id), self._saved_start())
         self._services = [
             rospy.Service("global_localization", Empty, self._globalize),
             rospy.Service("request_nomotion_update", Empty, self._request_update),
@@ -143,30 +142,36 @@ class AmclNode:
     # --- map ------------------------------------------------------------------------------------------------------
 
     def _take_map(self, message: OccupancyGrid) -> None:
-        with self._lock:
-            if self._localizer is not None and self._parameters.first_map_only:
-                return
-        warn_of_frame(message, self._parameters.global_frame_id)
         try:
-            self._use_map(map_from_message(message))
+            if self._use_map(map_from_message(message), self._saved_start(), self._parameters.first_map_only):
+                warn_of_frame(message, self._parameters.global_frame_id)
         except ValueError as error:
             rospy.logwarn("map refused: %s", error)
 
-    def _use_map(self, occupancy: OccupancyMap) -> None:
-        """Give the filter a map, its first or another; ValueError where it is none to localize on."""
-        with self._lock:
-            if self._localizer is not None:
-                self._localizer.set_map(occupancy)
-            else:
-                self._start_on(occupancy)
-        height, width = occupancy.data.shape
-        rospy.loginfo("localizing on a map of %d x %d cells of %.3f m", width, height, occupancy.resolution)
+    def _saved_start(self) -> Optional[SavedStart]:
+        """Return where to start on the first map, None where there is one; asks the master, so never under the lock."""
+        return self._saved_pose.load() if self._localizer is None else None
 
-    def _start_on(self, occupancy: OccupancyMap) -> None:
+    def _use_map(self, occupancy: OccupancyMap, start: Optional[SavedStart], only_first: bool = False) -> bool:
+        """Give the filter its first map, or another unless `only_first`; returns whether it did, ValueError if unusable.
+        """
+        with self._lock:
+            if self._localizer is None:
+                assert start is not None  # as it never goes away again
+                self._start_on(occupancy, start)
+            elif only_first:
+                return False
+            else:
+                self._localizer.set_map(occupancy)
+        rospy.loginfo(
+            "localizing on a map of %d x %d cells of %.3f m", *occupancy.data.shape[::-1], occupancy.resolution)
+        return True
+
+    def _start_on(self, occupancy: OccupancyMap, start: SavedStart) -> None:
         """Make the filter, at the pose of the parameters or at one that came before the map."""
         self._localizer = Localizer(self._parameters, occupancy, self._rng)
         self._configure_broadcast()
-        pose, covariance, self._kept = self._saved_pose.load()
+        pose, covariance, self._kept = start
         try:
             self._localizer.set_initial_pose(pose, covariance)
             self._covariance = covariance
@@ -184,8 +189,9 @@ class AmclNode:
             occupancy, (pose, covariance) = map_from_message(request.map), self._read_pose(request.initial_pose)
             check_initial_pose(pose, covariance, occupancy)
             warn_of_frame(request.map, self._parameters.global_frame_id)
+            start = self._saved_start()
             with self._lock:
-                self._use_map(occupancy)
+                self._use_map(occupancy, start)
                 self._start_at(pose, covariance, self._parameters.force_update_after_set_map)
         except ValueError as error:
             rospy.logwarn("set_map refused: %s", error)
@@ -330,8 +336,7 @@ class AmclNode:
 
     def _publish(self, estimate: Estimate, particles: np.ndarray, stamp: rospy.Time) -> None:
         message = PoseWithCovarianceStamped(header=header(self._parameters.global_frame_id, stamp))
-        message.pose.pose = pose_to_message(estimate.pose)
-        covariance = np.zeros((6, 6))
+        message.pose.pose, covariance = pose_to_message(estimate.pose), np.zeros((6, 6))
         covariance[np.ix_((0, 1, 5), (0, 1, 5))] = estimate.covariance
         message.pose.covariance = covariance.ravel().tolist()
         self._pose_publisher.publish(message)

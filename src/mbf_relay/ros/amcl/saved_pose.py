@@ -16,6 +16,9 @@ from mbf_relay.localization.node_parameters import INITIAL, initial_pose_as_para
 from mbf_relay.ros.common import parameters
 from mbf_relay.ros.common.impatient_proxy import NO_ANSWER
 
+SavedStart = Tuple[Pose2D, np.ndarray, Optional[KeptPose]]
+"""The pose to start at and its covariance, shape (3, 3), and the last amcl's own where they are that."""
+
 
 class SavedPose:
     """Reads and writes `~initial_pose_*`, `~initial_cov_*` and `~saved_odom`.
@@ -30,7 +33,7 @@ class SavedPose:
         threading.Thread(target=self._work, name="saved_pose", daemon=True).start()
 
     @staticmethod
-    def load() -> Tuple[Pose2D, np.ndarray, Optional[KeptPose]]:
+    def load() -> SavedStart:
         """Return the pose to start at and its covariance, shape (3, 3), and the last amcl's own where they are that.
 
         A value that is no number is warned about.
