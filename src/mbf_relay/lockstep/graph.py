@@ -94,7 +94,8 @@ class Graph:
                 self._share_scans()
             self.navigator = Navigator(server, self.robot, self.costmaps, TimedWorker(stages))
             limits = self.navigator.parameters
-            self.robot.limit_ages(lambda: self.now, limits.pose_timeout, limits.odom_timeout)
+            oldest = limits.oldest_pose(self.costmaps.values())
+            self.robot.limit_ages(lambda: self.now, oldest, limits.odom_timeout)
             self._controller = self.navigator.controllers.plugin(self.navigator.controllers.choose(setup.controller))
             self.navigator.planners.choose(setup.planner)  # one that is not there is told now, not at the goal
         except BaseException:

@@ -331,8 +331,10 @@ class ControllerExecution:
         """Stand without a pose, for a while."""
         if not self._since_pose.running:
             self._since_pose.start(now)
-        if self._since_pose.elapsed(now) >= self._parameters().control_tf_timeout:
-            self._end(Ending.ABORTED, ControlOutcome.TF_ERROR, f"Could not get the robot pose: {error}")
+        patience = self._parameters().control_tf_timeout
+        if self._since_pose.elapsed(now) >= patience:
+            text = f"Could not get the robot pose for {patience:g} s (tf_timeout): {error}"
+            self._end(Ending.ABORTED, ControlOutcome.TF_ERROR, text)
         else:
             self._send(STOP)
             self._report(ControlOutcome.TF_ERROR, str(error))

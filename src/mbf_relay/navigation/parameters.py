@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Optional
+from typing import Any, Iterable, Optional
 
 from mbf_relay.parameters import ParameterSet, parameter
+
+USUAL_AGE = 1.0
+"""Seconds: the oldest pose that Move Base Flex drives on, by its tf_timeout."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,9 @@ class NavigatorParameters(ParameterSet):
     tf_timeout: Optional[float] = parameter(
         None, "How long to wait for a transform, standing; 3 for plans and 1 for control where not given", "s", 0.0
     )
-    pose_timeout: float = parameter(1.0, "Age beyond which a pose is not driven on", "s", above=0.0)
+    pose_timeout: Optional[float] = parameter(
+        None, "Age beyond which a pose is not driven on; where not given 1, or a costmap's transform_tolerance if longer",
+        "s", above=0.0)
     odom_timeout: float = parameter(1.0, "Age beyond which odometry is not driven on", "s", above=0.0)
     force_stop_at_goal: bool = parameter(False, "Kept for its name: driving always ends with a zero velocity")
     force_stop_on_retry: bool = parameter(True, "Stop while a failed cycle is tried again; else slow down")
@@ -63,6 +68,13 @@ class NavigatorParameters(ParameterSet):
         0.0,
     )
     clear_on_shutdown: bool = parameter(False, "Whether resting costmaps forget obstacles")
+
+    def oldest_pose(self, costmaps: Iterable[Any]) -> float:
+        """Return the age (s) beyond which a pose is not driven on: move_base drives on as old ones as its costmaps do.
+        """
+        if self.pose_timeout is not None:
+            return self.pose_timeout
+        return max((USUAL_AGE, *(costmap.parameters.transform_tolerance for costmap in costmaps)))
 
     @property
     def planning_tf_timeout(self) -> float:

@@ -281,7 +281,7 @@ class Transforms:
 
     def lookup(
         self, target_frame: str, source_frame: str, stamp: Optional[float] = None, timeout: float = 0.0,
-        max_age: Optional[float] = None,
+        max_age: Optional[float] = None, named: str = "",
     ) -> Pose2D:
         """Return the transform that takes poses in `source_frame` to `target_frame`.
 
@@ -290,17 +290,18 @@ class Transforms:
             stamp: Time (s) to look at; the newest where None.
             timeout: Time (s) to wait for it; call with 0 from callbacks.
             max_age: Age (s) beyond which the newest relation is refused; no limit where None.
+            named: The parameter that says so, for the text.
 
         Raises:
             TransformError: Naming the frames, and the age of the relation where it is too old.
         """
         return transform_from_message(
-            self.lookup_message(target_frame, source_frame, stamp, timeout, max_age).transform
+            self.lookup_message(target_frame, source_frame, stamp, timeout, max_age, named).transform
         )
 
     def lookup_message(
         self, target_frame: str, source_frame: str, stamp: Optional[float] = None, timeout: float = 0.0,
-        max_age: Optional[float] = None,
+        max_age: Optional[float] = None, named: str = "",
     ) -> TransformStamped:
         """Return the transform as a message, for whoever needs all three dimensions; arguments as for `lookup`."""
         time = _tf2_time(stamp)
@@ -316,7 +317,7 @@ class Transforms:
         age = (rospy.get_rostime() - message.header.stamp).to_sec()
         moves = message.header.stamp.to_sec() > 0.0 and frames[0] != frames[1]
         if max_age is not None and moves and not -AHEAD <= age <= max_age:
-            told = f"{age:.2f} s old; at most {max_age:.2f} s allowed"
+            told = f"{age:.2f} s old; at most {max_age:.2f} s allowed" + (f" ({named})" if named else "")
             if age < 0.0:
                 told = f"of before time was set back by {-age:.2f} s"
             raise TransformError(f"the transform from '{source_frame}' to '{target_frame}' is {told}")

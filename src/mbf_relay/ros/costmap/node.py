@@ -192,7 +192,8 @@ class CostmapNode:
         costmap = self.costmap
         try:
             pose = self._transforms.lookup(
-                costmap.frame, costmap.robot_frame, max_age=costmap.parameters.transform_tolerance)
+                costmap.frame, costmap.robot_frame, max_age=costmap.parameters.transform_tolerance,
+                named=f"{self._name}/transform_tolerance")
             self._pose_warnings.worked()
             return pose
         except TransformError as error:

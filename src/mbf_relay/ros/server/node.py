@@ -64,7 +64,8 @@ class MoveBaseFlex:
         ros_parameters.warn_of_own_file_beside((*NavigatorParameters.names(), *READ_BY_THE_NODE, *SIDES))
         parameters = ros_parameters.fill(NavigatorParameters, config, "~", told_of)
         self.robot = RosRobot(
-            transforms, parameters.robot_frame, parameters.pose_timeout, parameters.odom_timeout
+            transforms, parameters.robot_frame, lambda: parameters.oldest_pose(costmaps.values()),
+            parameters.odom_timeout,
         )
         self._stepper = Stepper(self._step)
         worker = ThreadWorker(self._stepper.wake)

@@ -20,6 +20,8 @@ from mbf_relay.ros.common.transforms import Transforms
 
 COMMANDS_PAUSE = 1.0
 """Seconds without a velocity after which a drive is over, and the next one's rate is measured anew."""
+AGE = "pose_timeout, or the costmaps' transform_tolerance"
+"""Whence the greatest age of a transform."""
 
 
 class _Wheels(rospy.SubscribeListener):
@@ -43,7 +45,7 @@ class RosRobot(Robot):
     Args:
         transforms: Where frames are looked up.
         base_frame: The robot's frame.
-        pose_timeout: Age (s) beyond which a transform is refused.
+        pose_timeout: Gives the age (s) beyond which a transform is refused.
         odom_timeout: Age (s) beyond which odometry is refused.
 
     Attributes:
@@ -52,7 +54,7 @@ class RosRobot(Robot):
     """
 
     def __init__(
-        self, transforms: Transforms, base_frame: str, pose_timeout: float, odom_timeout: float
+        self, transforms: Transforms, base_frame: str, pose_timeout: Callable[[], float], odom_timeout: float
     ) -> None:
         super().__init__()
         self._transforms, self._base_frame = transforms, base_frame
@@ -79,14 +81,14 @@ class RosRobot(Robot):
 
     def pose_in(self, frame: str) -> Pose2D:
         """Return the newest pose of the base in `frame`; raise TransformError where it is unknown or too old."""
-        found = self._transforms.lookup_message(frame, self._base_frame, max_age=self._pose_timeout)
+        found = self._transforms.lookup_message(frame, self._base_frame, max_age=self._pose_timeout(), named=AGE)
         pose = transform_from_message(found.transform)
         self._poses[frame] = found.header.stamp.to_sec(), pose
         return pose
 
     def transform(self, target_frame: str, source_frame: str) -> Pose2D:
         """Return the newest transform to `target_frame`; raise TransformError where it is unknown or too old."""
-        return self._transforms.lookup(target_frame, source_frame, max_age=self._pose_timeout)
+        return self._transforms.lookup(target_frame, source_frame, max_age=self._pose_timeout(), named=AGE)
 
     def velocity(self) -> Twist2D:
         """Return the newest velocity, body frame.

@@ -93,6 +93,13 @@ def test_a_stamp_is_judged_by_when_it_came_not_by_when_somebody_asks(robot):
     assert robot.x() == 1.0, "it was dated five seconds ahead"
 
 
+def test_who_is_refused_a_late_pose_is_told_of_what_age_it_is_and_what_allows_more(robot):
+    robot.send(1.0, stamp=robot.now)
+    robot.now += 1.4
+    with pytest.raises(TransformError, match=r"'base' to 'odom' is 1.40 s old; at most 1.00 s allowed \(~age\)"):
+        robot.transforms.lookup("odom", "base", max_age=1.0, named="~age")
+
+
 def test_nobody_drives_by_a_pose_of_before_time_was_set_back_where_none_has_come_since(robot):
     robot.now = 1000.0
     robot.send(1.0, stamp=1002.0)  # as amcl's, which is dated ahead

@@ -28,10 +28,10 @@ class Broadcast:
             monkeypatch.setattr(rospy, name, lambda *_arguments, **_more: object())
         monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
         monkeypatch.setattr(rospy, "get_time", lambda: self.now)
-        self.robot = RosRobot(self, "base", 1.0, 1.0)
+        self.robot = RosRobot(self, "base", lambda: 1.0, 1.0)
         self.robot.listen("odom")
 
-    def lookup_message(self, _frame, _base, max_age):
+    def lookup_message(self, _frame, _base, max_age, named):
         """Return what tf has."""
         told = self.now if self._goes_on else min(self.now, 11.0)
         message = TransformStamped()
