@@ -32,6 +32,15 @@ class DriveLog:
         self._seen: List[np.ndarray] = []
         self._goals: Dict[str, GoalRecord] = {}
 
+    def begun_anew(self, now: float) -> DriveLog:
+        """Return one that begins at `now` (s), for a clock that was set back: it keeps the map, and goals that run."""
+        log = DriveLog()
+        log.map = self.map
+        for identity, goal in self._goals.items():
+            if goal.ended is None:
+                log.start_goal(now, identity, goal.pose)
+        return log
+
     def add_truth(self, stamp: float, pose: Pose2D) -> None:
         """Note where the robot really is, in the map frame."""
         self._append(self._truth, (stamp, *pose))
@@ -115,7 +124,7 @@ class DriveLog:
     def _append(rows: List, row: Tuple) -> None:
         if not np.isfinite([value for value in row if isinstance(value, float)]).all():
             return  # one reading without sense must not take the whole report along
-        # A clock set back starts the drive anew: what came after its new time never happened.
+        # Of one topic that is dated back, such as a simulator's that was reset: what came after never happened.
         while rows and rows[-1][0] > row[0]:
             rows.pop()
         rows.append(row)

@@ -19,7 +19,7 @@ from tf2_msgs.msg import TFMessage
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.ros.common import conversions
 from mbf_relay.ros.tools import drive_report
-from mbf_relay.ros.tools.drive_events import read_bag
+from mbf_relay.ros.tools.drive_events import DriveEvents, read_bag
 
 
 def transform(parent, child, pose, stamp):
@@ -102,6 +102,40 @@ def test_a_client_s_first_goal_that_the_recorder_missed_is_told_by_the_server(tm
                 bag.write(f"/{action}/goal", goal, rospy.Time.from_sec(1.0 + number))
     drive, _ = read_bag(path)
     assert [goal.pose.x for goal in drive.goals] == [0.0, 1.0, 2.0]
+
+
+def test_a_report_of_a_drive_whose_clock_was_set_back_is_of_what_came_after(monkeypatch):
+    """The goals, plans, contacts and the seen of before stood in it, with times of before, and a drive of -35 s."""
+    monkeypatch.setattr(rospy, "logwarn", lambda *_: None)
+    events = DriveEvents()
+    static = TFMessage([transform("base_footprint", "base_scan", Pose2D(-0.03, 0.0, 0.0), 1.0)])
+    events.handle("tf_static", static, 39.0)
+
+    def drive(name, began, ends):
+        goal = MoveBaseActionGoal()
+        goal.goal_id.id = name
+        goal.goal.target_pose = conversions.pose_stamped(Pose2D(began, 0.0, 0.0), "map", 1.0)
+        events.handle("move_base/goal", goal, began)
+        for now in (began, began + 1.0):
+            frames = [transform("map", "odom", IDENTITY, now), transform("odom", "base_footprint", IDENTITY, now)]
+            events.handle("tf", TFMessage(frames), now)
+            events.handle("scan", LaserScan(header=conversions.header("base_scan", now), angle_increment=1.0,
+                                            range_min=0.1, range_max=3.5, ranges=[1.0]), now)
+            events.handle("cmd_vel", Twist(), now)
+            plan = [conversions.pose_stamped(IDENTITY, "map", now)]
+            events.handle("planner/plan", PathMessage(conversions.header("map", now), plan), now)
+        if ends:
+            result = MoveBaseActionResult()
+            result.status.goal_id.id, result.status.status = name, GoalStatus.SUCCEEDED
+            events.handle("move_base/result", result, began + 2.0)
+
+    drive("before", 40.0, ends=True)
+    drive("across", 50.0, ends=False)
+    drive("after", 5.0, ends=True)
+    told = events.drive()
+    assert [(goal.pose.x, goal.started) for goal in told.goals] == [(50.0, 5.0), (5.0, 5.0)]
+    assert [stamp for stamp, _ in told.plans] == [5.0, 6.0] and len(told.seen) == 2
+    assert told.span == (5.0, 7.0) and told.commands[:, 0].tolist() == told.estimate[:, 0].tolist() == [5.0, 6.0]
 
 
 def test_the_command_leaves_a_report_beside_the_bag(tmp_path, capsys):

@@ -223,6 +223,8 @@ def wait_for_server(graph: DemoGraph, timeout: float) -> None:
 def show(recorder: Any, terminal: Terminal, ended: int, now: float) -> int:
     """Show goals that ended beyond the first `ended`, and where the running one stands; return how many ended."""
     goals = recorder.goals()
+    if len(goals) < ended:  # it began anew, as the clock was set back
+        ended = 0
     for number, goal in enumerate(goals[ended:], ended + 1):
         if goal.ended is None:
             terminal.progress(number, recorder.distance_left, recorder.speed, now - goal.started, len(goal.recoveries))

@@ -36,7 +36,7 @@ class DriveEvents:
         self._log = DriveLog()
         self._goal_logs = {action: DriveLog() for action in GOAL_ACTIONS}
         self._buffer = tf2_ros.BufferCore(rospy.Duration(30.0))
-        self._last_scan = -np.inf
+        self._last_scan = self._now = -np.inf
         self.handlers: Dict[str, Callable[[Any, float], None]] = {
             "map": self._map,
             "tf": self._tf,
@@ -54,7 +54,16 @@ class DriveEvents:
 
     def handle(self, topic: str, message: Any, now: float) -> None:
         """Take one message that came at `now` (s); topics it does not know and messages that mean nothing are left out.
+
+        Where the clock was set back the drive begins anew, with the goals that run: to one time belong two places.
         """
+        if now < self._now:
+            rospy.logwarn("the clock was set back by %.2f s: the drive's report begins anew", self._now - now)
+            self._log = self._log.begun_anew(now)
+            self._goal_logs = {action: log.begun_anew(now) for action, log in self._goal_logs.items()}
+            self._buffer.clear()  # but for what never moves
+            self._last_scan = -np.inf
+        self._now = now
         handler = self.handlers.get(topic.lstrip("/"), self._plan if topic.endswith("/plan") else None)
         if handler is not None:
             with contextlib.suppress(InvalidMessage):
