@@ -6,7 +6,7 @@ import threading
 import time
 import uuid
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Callable, Dict, Hashable, Optional
+from typing import Any, Callable, Dict, Hashable, Iterable, Optional, Set
 
 import rospy
 from actionlib_msgs.msg import GoalID
@@ -17,6 +17,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.ros.common.conversions import header, pose_stamped, pose_to_message, twist_to_message
+from mbf_relay.ros.web.readers import SET_DOWN
 from mbf_relay.view.dead_man import DeadMan
 from mbf_relay.view.wishes import Refused
 
@@ -27,8 +28,6 @@ SERVICE_PATIENCE = 2.0
 ACTIONS = ("move_base", *(
     f"{node}/{action}" for node in ("move_base_flex", "move_base") for action in ("move_base", "exe_path", "recovery")))
 """Whatever may drive the robot: the relay's or move_base's goals, and those given to a Move Base Flex server itself."""
-OBSTACLES = "web_view"
-"""Namespace of the markers set down from a browser."""
 
 
 class Hands:
@@ -50,7 +49,7 @@ class Hands:
         self._publishers: Dict[str, rospy.Publisher] = {}
         self._services = ThreadPoolExecutor(2, thread_name_prefix="web service")
         self._busy: Dict[str, Any] = {}
-        self._obstacles = 0
+        self._set_down: Set[int] = set()  # obstacles, by their markers' numbers
         self._lock = threading.Lock()
         self._dead_man = DeadMan()
         self._driving: Optional[threading.Thread] = None
@@ -115,18 +114,19 @@ class Hands:
 
     def set_obstacle(self, x: float, y: float, size: float) -> None:
         """Set a box down in the simulated world, its middle at (x, y) in the map, `size` wide (m)."""
-        self._obstacles += 1
-        box = Marker(header=header(self._map_frame, rospy.Time()), ns=OBSTACLES, id=self._obstacles, type=Marker.CUBE)
+        number = uuid.uuid4().int % 2 ** 31  # another's, or of before nobody looked, stays where it is
+        self._set_down.add(number)
+        box = Marker(header=header(self._map_frame, rospy.Time()), ns=SET_DOWN, id=number, type=Marker.CUBE)
         box.pose = pose_to_message(Pose2D(x, y, 0.0))
         box.pose.position = Point(x, y, 0.25)
         box.scale = Vector3(size, size, 0.5)
         box.color.r, box.color.g, box.color.b, box.color.a = 0.85, 0.45, 0.1, 1.0
         self._publish("simulator/set_obstacles", MarkerArray([box]))
 
-    def remove_obstacles(self) -> None:
-        """Take away what was set down from browsers."""
-        markers = [Marker(ns=OBSTACLES, id=number + 1, action=Marker.DELETE) for number in range(self._obstacles)]
-        self._obstacles = 0
+    def remove_obstacles(self, standing: Iterable[int]) -> None:
+        """Take away what was set down from browsers: just now, or of which the simulator says that it stands."""
+        numbers, self._set_down = self._set_down.union(standing), set()
+        markers = [Marker(ns=SET_DOWN, id=number, action=Marker.DELETE) for number in sorted(numbers)]
         self._publish("simulator/set_obstacles", MarkerArray(markers))
 
     def clear_costmaps(self) -> None:

@@ -19,6 +19,8 @@ LARGEST_GRID = 1 << 26
 """Cells of a grid at most, 64 MiB: above it the page's memory, not the network, gives way."""
 OUTLINE = 24
 """Corners by which a round obstacle is drawn."""
+SET_DOWN = "web_view"
+"""Namespace of the markers of obstacles set down from a browser."""
 
 
 def grid_shape(message: Any) -> GridShape:
@@ -94,6 +96,11 @@ def cloud_points(message: PointCloud2) -> np.ndarray:
         low, high = points[:, 2].min(), points[:, 2].max()
         points[:, 2] = (points[:, 2] - low) / (high - low) if high > low else 0.0
     return points
+
+
+def set_down(message: MarkerArray) -> List[int]:
+    """Return the numbers of the obstacles that stand and were set down from a browser."""
+    return [marker.id for marker in message.markers if marker.action == Marker.ADD and marker.ns == SET_DOWN]
 
 
 def obstacle_outlines(message: MarkerArray, map_frame: str) -> List[List[List[float]]]:

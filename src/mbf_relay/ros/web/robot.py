@@ -158,7 +158,7 @@ class ViewedRobot:
         self.hands.set_obstacle(x, y, size)
 
     def _do_remove_obstacles(self, _who: Hashable) -> None:
-        self.hands.remove_obstacles()
+        self.hands.remove_obstacles(self.view.set_down)
 
     def _need_map(self) -> None:
         if not self.view.has_map:

@@ -51,6 +51,7 @@ class RobotView:
         story: Of its goals.
         ended: Goals that ended since somebody last looked: id and how.
         pose: The robot's in the map, None where unknown.
+        set_down: Numbers of the obstacles that stand and were set down from a browser.
     """
 
     def __init__(self, listening: Listening, map_frame: str) -> None:
@@ -58,6 +59,7 @@ class RobotView:
         self.story = GoalStory()
         self.ended: List[Tuple[str, str]] = []
         self.pose: Optional[Pose2D] = None
+        self.set_down: List[int] = []
         self._robot, self._obstacles = Newest("robot", 0.0), Newest("obstacles", 0.5)
         self._told, self._log = Newest("diagnostics", 1.0), Journal("log", 1.0, 50)
         self.state = Newest("state", 0.25)
@@ -191,7 +193,9 @@ class RobotView:
         self._show_points("footprint", polygon.header, readers.polygon_points(polygon))
 
     def _take_obstacles(self, message: Any, _now: float) -> None:
-        outlines = readers.obstacle_outlines(message.read(), self._map_frame)
+        markers = message.read()
+        self.set_down = readers.set_down(markers)
+        outlines = readers.obstacle_outlines(markers, self._map_frame)
         self._obstacles.show({"outlines": outlines[:SHOWN_OBSTACLES]})
 
     def _take_odometry(self, message: Any, now: float) -> None:

@@ -53,7 +53,7 @@ SOURCES: Dict[str, Source] = {
         "footprint",
         period=0.2,
     ),
-    "obstacles": Source(MarkerArray, ("simulator/obstacles",), "obstacles"),
+    "obstacles": Source(MarkerArray, ("simulator/obstacles",)),  # to be taken away, whether they are shown or not
     "scan": Source(LaserScan, ("scan",), "scan"),
     "particles": Source(PoseArray, ("particlecloud",), "particles"),
     "global_plan": Source(Path, (r"move_base_flex/[^/]+/plan", r"move_base/[^/]+/plan")),
