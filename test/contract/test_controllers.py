@@ -308,7 +308,7 @@ def test_of_a_zone_s_limit_and_a_recovery_s_the_lower_one_holds(name):
     slow = [c.x for p, c in zip(ended.poses, ended.commands) if p.x <= 0.3]
     assert ended.reached and max(slow) <= 0.05 + 1e-9
     assert max(c.x for c in ended.commands) == pytest.approx(0.11, abs=0.01), "the zone's, where the recovery's is over"
-    assert 0.5 * controller.top_speeds[0] == pytest.approx(0.11, abs=0.01), "of which a recovery in the zone has as much"
+    assert 0.5 * controller.top_speeds[0] == pytest.approx(0.11, abs=0.01), "of which recoveries have as much there"
     controller.limit_speed(SpeedLimit(), "zone")
     ended = drive(controller, path_through((0, 0), (1.5, 0)), START)
     assert max(c.x for c in ended.commands) == pytest.approx(0.22, abs=0.01)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import abc
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar, Optional, Type
+from typing import Any, ClassVar, Optional, Tuple, Type
 
 import numpy as np
 

@@ -56,6 +56,7 @@ class AmclNode:
         values = parameters.read_namespace("~")
         parameters.warn_of_own_file_beside(AmclParameters.names())
         self._parameters = parameters.fill(AmclParameters, values, "~", (*INITIAL, *NODE_ONLY, "cloud"))
+        parameters.warn_of_tf_prefix(self._parameters.base_frame_id)
         seed, note = seed_from(values, time.time_ns() % 2 ** 31)
         parameters.warn_of([note] if note else [], "~")
         rospy.loginfo("localizing with seed %d", seed)
@@ -87,8 +88,7 @@ class AmclNode:
             rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._take_initial_pose, queue_size=2)]
         if self._parameters.use_map_topic:
             self._subscribers.append(
-                rospy.Subscriber("map", OccupancyGrid, self._take_map, queue_size=1, buff_size=1 << 24)
-            )
+                rospy.Subscriber("map", OccupancyGrid, self._take_map, queue_size=1, buff_size=1 << 24))
         else:
             self._use_map(request_map(self._parameters.global_frame_id), self._saved_start())
         self._services = [

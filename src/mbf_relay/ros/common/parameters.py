@@ -85,6 +85,22 @@ def warn_of_own_file_beside(names: Iterable[str]) -> None:
             ", ".join(above + name for name in beside[:OWN_FILE]), rospy.get_name(), node)
 
 
+def warn_of_tf_prefix(base_frame: str) -> None:
+    """Warn where a tf_prefix stands over this node that the robot's frame does not begin with.
+
+    Nodes that use tf2, as move_base and amcl do since Noetic at the latest, pay no heed to it; a robot_state_publisher
+    does, and who counts on it would wait for frames for ever.
+    """
+    names, node = set(rospy.get_param_names()), rospy.get_name()
+    places = [f"{node[:end]}/tf_prefix" for end in range(len(node), -1, -1) if end == len(node) or node[end] == "/"]
+    found = next((place for place in places if place in names), "")
+    prefix = str(rospy.get_param(found, "")).strip("/") if found else ""
+    if prefix and not base_frame.startswith(f"{prefix}/"):
+        rospy.logwarn(
+            "%s is '%s', and frames are taken as they are named all the same: the robot's is '%s'; if it is "
+            "'%s/%s', name it so, and odometry's and its sensors' likewise", found, prefix, base_frame, prefix, base_frame)
+
+
 def groups_in(values: Mapping[str, Any]) -> List[str]:
     """Return the names of the groups in `values`, for `known_elsewhere` where somebody else tells of those unknown."""
     return [name for name, value in values.items() if isinstance(value, Mapping)]

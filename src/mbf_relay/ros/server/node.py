@@ -63,6 +63,7 @@ class MoveBaseFlex:
         told_of = config if is_move_base else (*READ_BY_THE_NODE, *ros_parameters.groups_in(config))
         ros_parameters.warn_of_own_file_beside((*NavigatorParameters.names(), *READ_BY_THE_NODE, *SIDES))
         parameters = ros_parameters.fill(NavigatorParameters, config, "~", told_of)
+        ros_parameters.warn_of_tf_prefix(parameters.robot_frame)
         self.robot = RosRobot(
             transforms, parameters.robot_frame, lambda: parameters.oldest_pose(costmaps.values()),
             parameters.odom_timeout,

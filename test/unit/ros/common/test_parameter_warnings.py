@@ -81,3 +81,17 @@ def test_a_node_s_own_file_given_as_overrides_is_told_of(said, monkeypatch, stan
     monkeypatch.setattr(rospy, "get_namespace", lambda: node.rpartition("/")[0] + "/")
     parameters.warn_of_own_file_beside((*NavigatorParameters.names(), *READ_BY_THE_NODE, *SIDES))
     assert [("'move_base_flex:'" in text, f"beside {node}" in text) for text in said] == [(True, True)] * told
+
+
+@pytest.mark.parametrize("place, frame, told", [
+    ("/robot1/tf_prefix", "base_link", "/robot1/tf_prefix"), ("/robot1/amcl/tf_prefix", "odom", "/robot1/amcl/tf_prefix"),
+    ("/tf_prefix", "robot10/base_link", "/tf_prefix"), ("/robot1/tf_prefix", "robot1/base_link", ""),
+    ("/robot2/tf_prefix", "base_link", ""), ("/robot1/move_base/tf_prefix", "base_link", "")])
+def test_who_counts_on_a_tf_prefix_is_told_that_frames_are_to_be_named_with_it(said, monkeypatch, place, frame, told):
+    """It waited in silence for the frames of a robot whose state publisher alone pays heed to it."""
+    monkeypatch.setattr(rospy, "get_name", lambda: "/robot1/amcl")
+    monkeypatch.setattr(rospy, "get_param_names", lambda: ["/use_sim_time", place])
+    monkeypatch.setattr(rospy, "get_param", {place: "/robot1"}.get)
+    parameters.warn_of_tf_prefix(frame)
+    assert [line.split()[0] for line in said] == [told] * bool(told)
+    assert not told or f"'robot1/{frame}'" in said[0]
