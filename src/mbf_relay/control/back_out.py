@@ -88,8 +88,9 @@ class BackOut:
         if abs(angle_between(pose.theta, heading)) < ASKEW:
             return
         self._best_left = min(self._best_left, path.remaining)
-        signs = np.repeat([-1.0, 1.0] if parameters.min_vel_x < 0.0 else [1.0], len(CURVATURES))
-        curvatures = np.resize(CURVATURES, len(signs)) / width
+        bends = CURVATURES if parameters.max_vel_theta > 0.0 else CURVATURES[:1]
+        signs = np.repeat([-1.0, 1.0] if parameters.min_vel_x < 0.0 else [1.0], len(bends))
+        curvatures = np.resize(bends, len(signs)) / width
         arcs = _arcs(pose, checker, REACH * width, signs, curvatures)
         stride = max(1, round(LEAST * width / arcs.step))
         which, steps = np.nonzero(np.arange(1, arcs.poses.shape[1] + 1) <= arcs.free[:, None])
@@ -121,7 +122,7 @@ class BackOut:
         limit: SpeedLimit,
     ) -> Optional[Twist2D]:
         """Return the next velocity on the way, None where the robot has come far enough or comes no farther."""
-        if self._from is None:
+        if self._from is None or self.end is None:
             return None
         width = checker.costmap.width
         slowest = SLOWEST * parameters.max_vel_trans
@@ -133,7 +134,7 @@ class BackOut:
             if command is None:
                 self._from, self._failing_since = None, None
             return command
-        left = self._length - pose.distance_to(self._from)
+        left = self.end.distance_to(self._from) - pose.distance_to(self._from)  # as the crow flies, both
         free = 0.0
         if left > 0.0:
             way = np.array([self._sign]), np.array([self._curvature])
@@ -143,7 +144,8 @@ class BackOut:
             self._from, self._failing_since = None, None
             return None
         highest = parameters.max_vel_x if self._sign > 0.0 else -parameters.min_vel_x
-        top = min(fastest, highest)
+        on_arc = top_turn / abs(self._curvature) if self._curvature else math.inf  # faster, it would go straighter
+        top = min(fastest, highest, on_arc)
         delay = period + parameters.stop_time_buffer
         to_stop = speed_to_stop_within(free, parameters.acc_lim_x, delay)
         wanted = self._sign * min(top, max(slowest, to_stop))

@@ -43,13 +43,13 @@ def test_one_that_still_rolls_forward_brakes_and_turns_into_nothing_beside_it(si
     assert velocity.theta != 0.0, "backwards it takes an arc"
 
 
-def driven(back_out, state, path, checker, parameters):
+def driven(back_out, state, path, checker, parameters, limit=SpeedLimit()):
     """Return the poses of a robot that does as it is told, until it is told nothing."""
     for now in (0.0, 1.01 * PATIENCE):
         back_out.failed(now, state.pose, path, checker, parameters)
     poses, velocity = [state.pose], state.velocity
     while len(poses) < 200 and back_out.is_active:
-        velocity = back_out.command(poses[-1], velocity, checker, parameters, PERIOD, SpeedLimit())
+        velocity = back_out.command(poses[-1], velocity, checker, parameters, PERIOD, limit)
         if velocity is not None:
             poses.append(poses[-1].compose(Pose2D(velocity.x * PERIOD, 0.0, velocity.theta * PERIOD)))
     return poses
@@ -67,6 +67,33 @@ def test_the_arc_that_is_driven_is_the_one_that_was_found_free(side):
     assert len(poses) > 5 and not checker.touches(np.array(poses)).any()
     assert poses[-1].distance_to(back_out.end) < 0.02
     assert back_out.end.theta != 0.0 and abs(angle_between(poses[-1].theta, back_out.end.theta)) < 0.1
+
+
+@pytest.mark.parametrize("bend", [1.15, -1.15])
+@pytest.mark.parametrize("limit", [SpeedLimit(), SpeedLimit(rotation=0.1)], ids=["as fast as it may", "in a slow zone"])
+def test_one_that_backs_out_along_a_bend_ends_where_it_was_found_free_to_turn(monkeypatch, bend, limit):
+    """It went on till it was as far off as the bend is long, and where it may turn but slowly it went nearly straight.
+    """
+    monkeypatch.setattr("mbf_relay.control.back_out.CURVATURES", np.array([bend]))
+    monkeypatch.setattr("mbf_relay.control.back_out.LEAST", 1.4)
+    parameters = make("dwa_local_planner/DWAPlannerROS").parameters
+    state = ControlState(0.0, HERE, Twist2D(0.0, 0.0, 0.0), costmap_round(HERE, boxes()), IDENTITY, PERIOD)
+    checker, tracker, back_out = FootprintChecker(state.costmap), PathTracker(), BackOut()
+    tracker.set_path(path_through((0.0, 0.0), (0.0, math.copysign(1.0, bend))))
+    poses = driven(back_out, state, tracker.cut(state, 0.6, 1.0, 0.4), checker, parameters, limit)
+    assert abs(back_out.end.theta) > 1.0, "it bends"
+    assert poses[-1].distance_to(back_out.end) < 0.02
+    assert abs(angle_between(poses[-1].theta, back_out.end.theta)) < 0.15
+
+
+def test_one_that_may_not_turn_backs_straight_out(monkeypatch):
+    monkeypatch.setattr("mbf_relay.control.back_out.LEAST", 1.4)
+    parameters = make("dwa_local_planner/DWAPlannerROS", max_vel_theta=0.0).parameters
+    state = ControlState(0.0, HERE, Twist2D(0.0, 0.0, 0.0), costmap_round(HERE, boxes()), IDENTITY, PERIOD)
+    checker, tracker, back_out = FootprintChecker(state.costmap), PathTracker(), BackOut()
+    tracker.set_path(path_through((0.0, 0.0), (0.0, 1.0)))
+    poses = driven(back_out, state, tracker.cut(state, 0.6, 1.0, 0.4), checker, parameters)
+    assert not back_out.is_active and poses[-1].distance_to(back_out.end) < 0.02
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
