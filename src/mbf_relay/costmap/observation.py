@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Optional, Tuple
 
@@ -28,6 +29,7 @@ class Observation:
         frame: The sensor's own frame, which tells it from others on the same topic.
         rides: Whether the sensor moves with the robot. One that stands in the world sees as well, and is not missed
             where others of its topic do.
+        heading: Which way (rad) the sensor faces in the costmap's frame; None where that is not known.
     """
 
     origin: Tuple[float, ...]
@@ -36,6 +38,7 @@ class Observation:
     stamp: float
     frame: str = ""
     rides: bool = True
+    heading: Optional[float] = None
 
     def dated(self, now: Optional[float]) -> Observation:
         """Return it as measured `now` (s), where that is told and it has no stamp, as from a sensor without a clock."""
@@ -68,10 +71,10 @@ def observation_from_level_points(
     """
     ends = sensor_pose.transform_points(points)
     if height is None:
-        return Observation((sensor_pose.x, sensor_pose.y), ends, hits, stamp)
+        return Observation((sensor_pose.x, sensor_pose.y), ends, hits, stamp, heading=sensor_pose.theta)
     raised = np.empty((len(ends), 3))
     raised[:, :2], raised[:, 2] = ends, height
-    return Observation((sensor_pose.x, sensor_pose.y, height), raised, hits, stamp)
+    return Observation((sensor_pose.x, sensor_pose.y, height), raised, hits, stamp, heading=sensor_pose.theta)
 
 
 def scan_points(scan: LaserScan, inf_is_valid: bool = True) -> Tuple[np.ndarray, np.ndarray]:
@@ -102,4 +105,5 @@ def observation_from_points(
         stamp: Time (s) of measurement.
     """
     ends = points @ rotation[:, :points.shape[1]].T + translation
-    return Observation((float(translation[0]), float(translation[1]), float(translation[2])), ends, hits, stamp)
+    x, y, z = map(float, translation)
+    return Observation((x, y, z), ends, hits, stamp, heading=math.atan2(rotation[1, 0], rotation[0, 0]))

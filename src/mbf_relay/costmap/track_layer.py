@@ -118,7 +118,8 @@ class TrackLayer(Layer):
             if lidar not in self._trackers:
                 self._trackers[lidar] = Tracker(self.parameters)
             tracker = self._trackers[lidar]
-            tracker.update(float(x), float(y), ends[finite], hits[finite], observation.stamp)
+            tracker.update(
+                float(x), float(y), ends[finite], hits[finite], observation.stamp, observation.heading)
             self._shown[lidar] = tracker, IDENTITY
         if self.parameters.mark_movers:
             return observation

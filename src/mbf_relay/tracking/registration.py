@@ -17,6 +17,8 @@ GATES = np.array((0.5, 0.25, 0.12, 0.12))
 """Metres beyond which a reading is of something else, for one step of Gauss and Newton after the other."""
 TURNED = 0.1
 """Radians that odometry turns wrongly on a metre, as a multiple of its error's share."""
+FEWEST = 3
+"""Rays of a scan that can be laid on another."""
 LEAST = 1e-4
 """Deviation (m, rad) of odometry that stands: it does not turn a scan round who walks past a robot that waits."""
 
@@ -26,27 +28,27 @@ class Walls(NamedTuple):
 
     Attributes:
         x, y: Where it was taken (m).
-        first: Bearing (rad) of its first ray.
+        heading: Which way the sensor faced (rad).
         directions, points, solid: See `tracker_kernels.pull`.
     """
 
     x: float
     y: float
-    first: float
+    heading: float
     directions: np.ndarray
     points: np.ndarray
     solid: np.ndarray
 
 
-def walls_of(rays: Rays, order: np.ndarray, moving: np.ndarray) -> Walls:
+def walls_of(rays: Rays, heading: float, order: np.ndarray, moving: np.ndarray) -> Walls:
     """Return a scan without what moves in it; `order`, which sorts its bearings, and `moving` of shape (N,)."""
     return Walls(
-        rays.x, rays.y, float(rays.bearings[0]) if len(order) else 0.0, rays.bearings[order],
+        rays.x, rays.y, heading, rays.bearings[order],
         np.ascontiguousarray(rays.ends[order]), (rays.hits & ~moving)[order])
 
 
 def misplaced(
-    before: Walls, x: float, y: float, ends: np.ndarray, hits: np.ndarray, share: float
+    before: Walls, x: float, y: float, heading: float, ends: np.ndarray, hits: np.ndarray, share: float
 ) -> Optional[Pose2D]:
     """Return what takes a scan from where odometry has it to where the one before says it was; None where nothing does.
 
@@ -56,13 +58,14 @@ def misplaced(
 
     Args:
         before: The scan before.
-        x, y, ends, hits: The scan, where odometry has it; see `Rays`.
+        x, y, ends, hits: The scan, where odometry has it; see `Rays`. It need not have as many rays as the other.
+        heading: Which way the sensor faced (rad), likewise.
         share: Of its motion between the two by which odometry may be wrong.
     """
-    if len(before.directions) != len(ends) or len(ends) < 3:
+    if len(before.directions) < FEWEST or len(ends) < FEWEST:
         return None
     moved = math.hypot(x - before.x, y - before.y)
-    turned = abs(normalize_angle(math.atan2(ends[0, 1] - y, ends[0, 0] - x) - before.first))
+    turned = abs(normalize_angle(heading - before.heading))
     if moved < LEAST and turned < LEAST:
         return None
     wrong = share * moved + LEAST, share * moved + LEAST, share * (turned + TURNED * moved) + LEAST

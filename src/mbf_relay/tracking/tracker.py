@@ -110,7 +110,9 @@ class Tracker:
         """Time (s) of the last scan, None before the first."""
         return self._stamp
 
-    def update(self, x: float, y: float, ends: np.ndarray, hits: np.ndarray, stamp: float) -> None:
+    def update(
+        self, x: float, y: float, ends: np.ndarray, hits: np.ndarray, stamp: float, heading: Optional[float] = None
+    ) -> None:
         """Take a scan.
 
         A scan that is older than the last one, or much younger, begins anew: a clock was set.
@@ -120,6 +122,8 @@ class Tracker:
             ends: Shape (N, 2), where its rays end (m), in the order of the beams; finite.
             hits: Shape (N,), bool: whether anything was there.
             stamp: Time (s).
+            heading: Which way the sensor faced (rad), in that frame; None for that of the first ray, which must be the
+                same beam's every time then.
         """
         elapsed = None if self._stamp is None else stamp - self._stamp
         if elapsed is not None and elapsed == 0.0:
@@ -130,7 +134,9 @@ class Tracker:
             self.reset()
             elapsed = None
         self._stamp, self._tracks = stamp, None
-        rays = self._laid(x, y, np.ascontiguousarray(ends[:, :2]), hits)
+        if heading is None:
+            heading = float(np.arctan2(ends[0, 1] - y, ends[0, 0] - x)) if len(ends) else 0.0
+        rays = self._laid(x, y, heading, np.ascontiguousarray(ends[:, :2]), hits)
         self._predict(elapsed or 0.0)
         clusters = self._clusters(rays)
         self._drop_old_scans(stamp)
@@ -145,13 +151,16 @@ class Tracker:
         self._forget(rays, stamp)
         order = np.argsort(rays.bearings, kind="stable")
         self._history.append((stamp, _depths_of(rays, order)))
-        self._walls = walls_of(rays, order, self.moving) if self.parameters.track_odometry_error > 0.0 else None
+        self._walls = None
+        if self.parameters.track_odometry_error > 0.0:
+            self._walls = walls_of(rays, heading + self._frame.theta, order, self.moving)
 
-    def _laid(self, x: float, y: float, ends: np.ndarray, hits: np.ndarray) -> Rays:
+    def _laid(self, x: float, y: float, heading: float, ends: np.ndarray, hits: np.ndarray) -> Rays:
         """Return a scan as it lies on the one before it, in the frame of the first."""
         x, y, ends = _taken_to(self._frame, x, y, ends)
         if self._walls is not None:
-            wrong = misplaced(self._walls, x, y, ends, hits, self.parameters.track_odometry_error)
+            wrong = misplaced(
+                self._walls, x, y, heading + self._frame.theta, ends, hits, self.parameters.track_odometry_error)
             if wrong is not None:
                 self._frame = wrong.compose(self._frame)
                 x, y, ends = _taken_to(wrong, x, y, ends)
@@ -238,6 +247,8 @@ class Tracker:
         """Return whether something stands before the place where a thing should be by now."""
         across, up = self._things[thing, X] - rays.x, self._things[thing, Y] - rays.y
         turns = np.abs(rays.bearings - np.arctan2(up, across))
+        if not len(turns):
+            return False
         ray = int(np.argmin(np.minimum(turns, 2.0 * np.pi - turns)))
         return bool(rays.hits[ray] and rays.ranges[ray] < np.hypot(across, up) - self._things[thing, RADIUS])
 

@@ -9,8 +9,9 @@ import pytest
 
 from mbf_relay.costmap.cost_grid import LETHAL
 from mbf_relay.costmap.factory import build_costmap
-from mbf_relay.costmap.observation import Observation
+from mbf_relay.costmap.observation import Observation, observation_from_points, observation_from_scan, scan_points
 from mbf_relay.geometry import Pose2D
+from mbf_relay.scan import LaserScan
 from mbf_relay.tracking.tracker import Tracker
 
 BEAMS, REACH = 360, 3.0
@@ -120,9 +121,9 @@ def looked_through(monkeypatch):
     """Return a list that gets the stamp of each scan that a tracker looks through from now on."""
     stamps, update = [], Tracker.update
 
-    def noted(tracker, x, y, ends, hits, stamp):
+    def noted(tracker, x, y, ends, hits, stamp, heading):
         stamps.append(stamp)
-        update(tracker, x, y, ends, hits, stamp)
+        update(tracker, x, y, ends, hits, stamp, heading)
 
     monkeypatch.setattr(Tracker, "update", noted)
     return stamps
@@ -197,3 +198,27 @@ def test_a_lidar_whose_scans_have_one_stamp_and_not_as_many_readings_is_taken():
         costmap.observe("scan", dataclasses.replace(seen, points=seen.points[:beams], hits=seen.hits[:beams]), 10.0)
         costmap.update(10.0, Pose2D(0.0, 0.0, 0.0))
         assert is_marked(costmap.snapshot(), 0.9, 0.0, 0.02)
+
+
+@pytest.mark.parametrize("is_level", [True, False], ids=["a level lidar", "one whose tilt is known"])
+def test_a_lidar_whose_beams_lapse_sees_nobody_where_all_stands_and_wheels_slip(is_level):
+    """Real lidars read 0 or nothing every so often; each time all that stands seemed to come as the robot turned."""
+    costmap, rng, angles = costmap_of(), np.random.default_rng(2), np.arange(BEAMS) * 2.0 * math.pi / BEAMS
+    posts = [(1.0, 0.3, 0.1), (-0.8, 0.9, 0.12), (0.2, -1.1, 0.08), (-1.2, -0.7, 0.15), (1.4, -1.3, 0.1)]
+    seen = 0
+    for step in range(50):
+        told, now = 1.2 * math.sin(0.2 * step), 10.0 + 0.2 * step
+        turned = Pose2D(0.0, 0.0, -0.7 * told)  # it turned by less than it was told
+        discs = np.column_stack((turned.transform_points(posts), np.array(posts)[:, 2]))
+        ranges = np.hypot(*scan(discs, now).points.T)
+        lidar = LaserScan(np.where(rng.random(BEAMS) < 0.02, 0.0, ranges), 0.0, angles[1], 0.1, REACH, now)
+        pose = Pose2D(0.0, 0.0, told)
+        observation = observation_from_scan(lidar, pose)
+        if not is_level:
+            cos, sin = math.cos(told), math.sin(told)
+            rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+            observation = observation_from_points(*scan_points(lidar), rotation, np.array([0.0, 0.0, 0.2]), now)
+        costmap.observe("scan", observation, now)
+        costmap.update(now, pose)
+        seen += len(costmap.snapshot().tracks)
+    assert seen == 0

@@ -128,6 +128,16 @@ def test_who_has_left_is_forgotten():
     assert counts[19:23] == [1] * 4 and counts[26:] == [0] * 4, "remembered for track_patience"
 
 
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_who_was_there_when_a_lidar_went_blind_is_forgotten(count):
+    """Of a lidar none of whose beams reads a number, the costmap ended with the first scan a second later."""
+    tracker, counts = follow(lambda t: [(1.0, -0.5 + 0.25 * t, 0.12)])
+    for step in range(1, 30):
+        tracker.update(0.0, 0.0, np.full((count, 2), 1.0), np.ones(count, dtype=bool), 13.8 + 0.2 * step)
+        counts.append(len(tracker.tracks))
+    assert counts[19:23] == [1] * 4 and counts[26:] == [0] * 23
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_who_walks_behind_a_pillar_comes_out_the_same(seed):
     tracker, rng, numbers = Tracker(TrackerParameters()), np.random.default_rng(seed), []
