@@ -37,8 +37,8 @@ class FrameTree:
         self._is_there = is_there
         self._relations: Dict[str, Relation] = {}  # by child
 
-    def add(self, parent: str, child: str, sender: str, now: float, is_fixed: bool = False) -> bool:
-        """Hang a frame on another; return whether tf2 must forget what it knew to follow.
+    def add(self, parent: str, child: str, sender: str, now: float, is_fixed: bool = False) -> List[str]:
+        """Hang a frame on another; return the frames of which tf2 must forget what it knew to follow.
 
         Args:
             parent, child: Their names, with or without a leading slash.
@@ -58,13 +58,14 @@ class FrameTree:
                 f"'{held.parent}'; who came first is believed as long as it is there, and only one of them may be left")
         if held is not None and held.parent == parent and held.is_fixed == is_fixed:
             held.sender, held.heard_at = sender, now
-            return False
+            return []
         bygone = self._break_loop(parent, child, now)
         self._relations[child] = Relation(parent, sender, is_fixed, now)
-        return bygone or (held is not None and held.is_fixed != is_fixed)  # tf2 never turns one kind into the other
+        turned = held is not None and held.is_fixed != is_fixed  # tf2 never turns one kind into the other
+        return [*bygone, child] if bygone or turned else []
 
-    def _break_loop(self, parent: str, child: str, now: float) -> bool:
-        """Forget what is said by nobody any more where a relation would close a loop with it; return whether it would.
+    def _break_loop(self, parent: str, child: str, now: float) -> List[str]:
+        """Forget what is said by nobody any more where a relation would close a loop with it; return of which frames.
         """
         above: List[str] = []
         frame = parent
@@ -72,13 +73,13 @@ class FrameTree:
             above.append(frame)
             frame = self._relations[frame].parent
         if frame != child:
-            return False
+            return []
         bygone = [name for name in above if not self._is_alive(self._relations[name], now)]
         if not bygone:
             raise InvalidMessage(f"'{parent}' hangs on '{child}' already; a frame cannot hang on itself")
         for name in bygone:
             del self._relations[name]
-        return True
+        return bygone
 
     def _is_alive(self, relation: Relation, now: float) -> bool:
         heard = relation.is_fixed or 0.0 <= now - relation.heard_at <= AT_ONCE

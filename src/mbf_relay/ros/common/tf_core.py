@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Dict, Optional, Tuple
+from typing import Dict, Iterable, Optional, Tuple
 
 import rospy
 import tf2_py
@@ -42,9 +42,10 @@ class TransformCore:
         self._fixed[transform.child_frame_id.lstrip("/")] = transform, sender
         self.core.set_transform_static(transform, sender)
 
-    def forget(self, child: str = "") -> None:
-        """Forget what /tf told, and what /tf_static told of one frame."""
-        self._fixed.pop(child.lstrip("/"), None)
+    def forget(self, children: Iterable[str] = ()) -> None:
+        """Forget what /tf told, and what /tf_static told of some frames."""
+        for child in children:
+            self._fixed.pop(child.lstrip("/"), None)
         self._told.clear()
         core = tf2_py.BufferCore(self._cache_time)
         for transform, sender in self._fixed.values():

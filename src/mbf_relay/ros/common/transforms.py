@@ -208,8 +208,9 @@ class CheckedListener:
                 check_stamp(message.header.stamp.to_sec(), now, max_age)
             elif message.header.stamp.to_sec() >= TF2_END:
                 message.header.stamp = rospy.Time()
-            if self._tree.add(parent, child, sender, now, is_fixed=max_age is None):
-                self._buffer.known.forget(child)
+            bygone = self._tree.add(parent, child, sender, now, is_fixed=max_age is None)
+            if bygone:
+                self._buffer.known.forget(bygone)
         except ContestedFrame as error:
             known = self._buffer.known.fixed(child)
             if known is None or max_age is not None or not _is_alike(known, message):

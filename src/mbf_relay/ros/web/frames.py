@@ -94,8 +94,10 @@ class Frames:
             try:
                 check_frames(transform.header.frame_id, transform.child_frame_id)
                 with self._lock:
-                    if self._tree.add(transform.header.frame_id, transform.child_frame_id, sender, now, is_static):
-                        self._known.forget(transform.child_frame_id)
+                    bygone = self._tree.add(
+                        transform.header.frame_id, transform.child_frame_id, sender, now, is_static)
+                    if bygone:
+                        self._known.forget(bygone)
                     if is_static:  # within the lock: who forgets meanwhile would lose it, and it comes once
                         self._known.set_transform_static(transform, sender)
                     else:

@@ -250,6 +250,20 @@ def test_a_robot_knows_its_place_once_a_stranger_who_hung_it_upside_down_is_sile
     assert robot.x() == 2.0
 
 
+def test_an_odometry_that_a_stranger_had_fixed_to_the_robot_moves_again_once_he_has_gone(robot):
+    """tf2 went on taking what amcl said of it for fixed: for true at any time, and never too old."""
+    robot.send(5.0, sender="/stranger", topic="/tf_static", parent="base", child="odom")
+    robot.leave("/stranger")
+    robot.send(1.0)
+    for x in (7.0, 9.0):
+        robot.send(x, sender="/amcl", parent="map", child="odom")
+        robot.now += 0.5
+    assert robot.transforms.lookup("map", "odom", stamp=robot.now - 1.0).x == 7.0
+    robot.now += 100.0
+    with pytest.raises(TransformError, match="old; at most"):
+        robot.transforms.lookup("map", "odom", max_age=1.0)
+
+
 def test_who_moves_a_lidar_that_it_placed_itself_is_believed_and_told_of(robot, told):
     for x in (0.3, 0.3, 0.1):
         robot.send(x, topic="/tf_static", child="lidar")
