@@ -34,7 +34,7 @@ def pick(readings, step, first, increment, laser, nearest, farthest, ranges, bea
         reading = readings[j]
         if math.isnan(reading):
             continue
-        nothing = reading > farthest
+        nothing = reading >= farthest
         if count > 0:
             silent[count - 1] = before and last and nothing
         before, last = last, nothing

@@ -164,6 +164,7 @@ class TriedBehaviors:
     def __init__(self, behaviors: Sequence[str]) -> None:
         self._behaviors = tuple(behaviors)
         self._places: List[TriedHere] = []
+        self._last: Optional[TriedHere] = None
         self._was_certain = True
 
     def next(
@@ -179,8 +180,10 @@ class TriedBehaviors:
         """
         if is_certain and not self._was_certain:
             self._places.clear()
+            self._last = None
         self._was_certain = is_certain
-        tried = self._place_of(pose, max(progress, NEAR)).tried
+        self._last = self._place_of(pose, max(progress, NEAR))
+        tried = self._last.tried
         for index, name in enumerate(self._behaviors):
             if index not in tried and suits(name):
                 tried.add(index)
@@ -188,8 +191,8 @@ class TriedBehaviors:
         return None
 
     def _place_of(self, pose: Optional[Pose2D], progress: float) -> TriedHere:
-        if pose is None and self._places:
-            return self._places[-1]
+        if pose is None and self._last is not None:
+            return self._last
         for place in self._places:
             if pose is not None and place.pose is not None and place.pose.distance_to(pose) < progress:
                 return place

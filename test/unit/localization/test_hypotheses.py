@@ -345,6 +345,15 @@ def test_a_lidar_that_fails_at_single_beams_sees_through_no_wall():
     assert not pick_beams(scan, IDENTITY, 1).silent.any()
 
 
+@pytest.mark.parametrize("word", [np.inf, 6.0, 100.0])
+def test_walls_that_should_be_there_are_missed_whatever_a_lidar_s_word_for_nothing(word):
+    """Where it is range_max itself, as with many drivers, no place was ever doubted for what it did not show."""
+    scan = scan_at(room(), TRUTH)
+    scan.ranges[10:20] = word
+    assert scan.range_max == 6.0 and pick_beams(scan, IDENTITY, 1).silent.tolist() == [
+        10 < beam < 19 for beam in range(len(scan.ranges))]
+
+
 def test_a_robot_that_has_seen_nothing_yet_is_neither_right_nor_wrong():
     """In the middle of a hall no beam comes back: the pose it was told is no worse for that, but wears off."""
     made = Localizer(LocalizerParameters(), room(), np.random.default_rng(1))

@@ -173,7 +173,7 @@ def test_beams_are_picked_as_plain_numpy_has_it(step):
     known = ~np.isnan(ranges[::step])
     picked, bearings = ranges[::step][known], (scan.angles[::step] + laser.theta)[known]
     hit = (picked > 0.12) & (picked < 3.5)
-    nothing = np.concatenate(([True], picked > 3.5, [True]))
+    nothing = np.concatenate(([True], picked >= 3.5, [True]))
     assert beams.ranges.tolist() == np.where(hit, picked, 3.5).tolist()
     assert beams.bearings == pytest.approx(bearings, abs=1e-12)
     ends = beams.ranges * np.array([np.cos(bearings), np.sin(bearings)])

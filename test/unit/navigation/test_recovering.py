@@ -119,6 +119,12 @@ def test_back_at_a_place_recoveries_go_on_where_they_were():
         0, 0, 1, 1, None, None, None]
 
 
+def test_where_the_robot_is_not_known_recoveries_go_on_as_at_the_last_failure():
+    """They went on as at the place that was come to last for the first time, and tried again what had been in vain."""
+    trials, (here, there) = TriedBehaviors(["a", "b", "c"]), (Pose2D(0.0, 0.0, 0.0), Pose2D(5.0, 0.0, 0.0))
+    assert [trials.next(pose, 0.3, bool) for pose in (here, there, here, None, None)] == [0, 0, 1, 2, None]
+
+
 def test_what_does_not_suit_is_kept_for_later():
     trials = TriedBehaviors(["a", "b", "c"])
     assert [trials.next(None, 0.0, "ac".__contains__), trials.next(None, 0.0, bool)] == [0, 1]
