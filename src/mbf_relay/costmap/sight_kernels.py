@@ -62,7 +62,7 @@ def sees_way(costs, origin_x, origin_y, resolution, x, y, corners, poses, apart)
         for k in range(corners.shape[0]):
             dx = poses[n, 0] + cos * corners[k, 0] - sin * corners[k, 1] - x
             dy = poses[n, 1] + sin * corners[k, 0] + cos * corners[k, 1] - y
-            short = 1.0 - apart / max(math.hypot(dx, dy), 1e-9)
+            short = max(0.0, 1.0 - apart / max(math.hypot(dx, dy), 1e-9))
             if not _is_seen(costs, origin_x, origin_y, resolution, x, y, short * dx, short * dy):
                 return False
     return True

@@ -326,10 +326,20 @@ def test_a_way_is_seen_where_each_of_its_corners_is():
         way = np.array([here.compose(Pose2D(ahead, 0.3 * ahead, ahead)) for ahead in np.arange(0.0, 0.5, 0.03)])
         corners = np.concatenate([Pose2D(*pose).transform_points(checker.costmap.footprint) for pose in way])
         away = corners - here[:2]
-        nearer = 1.0 - footprint_checker.APART * checker.costmap.grid.resolution / np.hypot(*away.T)[:, None]
+        apart = footprint_checker.APART * checker.costmap.grid.resolution
+        nearer = np.maximum(0.0, 1.0 - apart / np.hypot(*away.T)[:, None])
         assert checker.sees_way(here, way) == checker.in_sight(here, here[:2] + nearer * away).all()
         seen += checker.sees_way(here, way)
     assert 10 < seen < 50
+
+
+def test_what_is_right_behind_a_point_robot_hides_nothing_of_its_way_ahead():
+    """Of what it comes to within a cell or two, the place as far on the other side of it was looked at."""
+    costmap = random_costmap(np.random.default_rng(1), obstacles=0, footprint=np.zeros((0, 2)))
+    costmap.costs[:] = 0
+    costmap.costs[30, 29] = 254
+    way = np.array([[x, 0.02, 0.0] for x in np.arange(0.03, 0.5, 0.02)])
+    assert FootprintChecker(costmap).sees_way(Pose2D(0.01, 0.02, 0.0), way)
 
 
 def test_a_point_robot_has_an_outline_of_one_point():
