@@ -142,9 +142,9 @@ class Evasion:
         p = self._parameters
         poses, first = np.empty((len(manoeuvres), self._steps, 3)), np.empty((len(manoeuvres), 2))
         evasion_kernels.roll_out(
-            np.array(self._pose, dtype=float), np.array((velocity.x, velocity.theta)), manoeuvres, self._speed,
-            self._turn, self._turning_radius, max(1e-9, p.acc_lim_x), max(1e-9, p.acc_lim_theta), self._step,
-            poses, first,
+            np.array(self._pose, dtype=float), np.array((velocity.x, velocity.theta)), manoeuvres,
+            *(max(LEAST_SPEED, min(self._speed, top)) for top in (p.max_vel_x, -p.min_vel_x)), self._turn,
+            self._turning_radius, max(1e-9, p.acc_lim_x), max(1e-9, p.acc_lim_theta), self._step, poses, first,
         )
         return poses, first
 

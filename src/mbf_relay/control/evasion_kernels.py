@@ -11,11 +11,11 @@ TURNED = 0.1  # rad: a robot that is to turn on the spot first drives when no mo
 
 
 @kernel(
-    "void(float64[::1], float64[::1], float64[:,::1], float64, float64, float64, float64, float64, float64, "
+    "void(float64[::1], float64[::1], float64[:,::1], float64, float64, float64, float64, float64, float64, float64, "
     "float64[:,:,::1], float64[:,::1])"
 )
 def roll_out(
-    pose, velocity, manoeuvres, speed, turn, radius, acceleration, turn_acceleration, period, poses, first
+    pose, velocity, manoeuvres, ahead, back, turn, radius, acceleration, turn_acceleration, period, poses, first
 ):
     """Drive each manoeuvre: turn to a heading, on the spot or on the way, drive so far, and stand.
 
@@ -23,7 +23,7 @@ def roll_out(
         pose: x, y, heading.
         velocity: Forward (m/s) and rotational (rad/s).
         manoeuvres: Shape (N, 3): turn (rad), distance (m, below 0 backwards), and above 0 where it turns first.
-        speed, turn: Top speeds, m/s and rad/s.
+        ahead, back, turn: Top speeds forward and backwards (m/s, both above 0), and of turns (rad/s).
         radius: Least radius (m) of a curve.
         acceleration, turn_acceleration: Limits, m/s^2 and rad/s^2.
         period: Seconds from pose to pose.
@@ -42,7 +42,8 @@ def roll_out(
             w += min(turn_acceleration * period, max(-turn_acceleration * period, wanted - w))
             wanted = 0.0
             if manoeuvres[n, 2] <= 0.0 or abs(left) <= TURNED:
-                wanted = math.copysign(min(speed, math.sqrt(2.0 * acceleration * abs(way)), abs(way) / period), way)
+                top = ahead if way > 0.0 else back
+                wanted = math.copysign(min(top, math.sqrt(2.0 * acceleration * abs(way)), abs(way) / period), way)
             v += min(acceleration * period, max(-acceleration * period, wanted - v))
             middle = theta + 0.5 * w * period
             x += v * math.cos(middle) * period
