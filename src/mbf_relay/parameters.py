@@ -21,6 +21,8 @@ T = TypeVar("T", bound="ParameterSet")
 LARGEST = 1e9
 """Of any unit: 30 years, a million kilometres. What lies beyond it, infinity among it, overflows where it is squared or
 counted in cells; where no nearer end is declared, a number goes as far as this."""
+FAR_BEYOND = 10 ** 18
+"""What a whole number beyond it is taken for: out of every range as well, and one that a float can be."""
 SPEED_UNITS = ("m/s", "rad/s")
 """Units of what is refused beyond LARGEST and not taken to a nearer end: who writes that wants no limit at all."""
 SWITCHES = {True: ("true", "yes", "on", "1", "1.0"), False: ("false", "no", "off", "0", "0.0")}
@@ -323,6 +325,8 @@ def convert(name: str, value: Any, hint: Any) -> Any:
         return _convert_tuple(name, value, hint.__args__)
     if hint is bool and isinstance(value, bool):
         return value
+    if hint in (float, int) and isinstance(value, int) and abs(value) > FAR_BEYOND:
+        value = FAR_BEYOND if value > 0 else -FAR_BEYOND
     if hint is float and isinstance(value, (int, float)) and not isinstance(value, bool):
         if math.isnan(value):
             raise ValueError(f"parameter {name} is not a number (NaN)")

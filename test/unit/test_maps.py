@@ -136,6 +136,7 @@ def test_saving_keeps_to_the_thresholds(tmp_path):
     [
         (("resolution: 0.1\n", ""), "lacks resolution"),
         (("resolution: 0.1", "resolution: -1"), "resolution is -1"),
+        (("resolution: 0.1", "resolution: 1" + 400 * "0"), "resolution is 1e"),
         (("resolution: 0.1", "resolution: thick"), "resolution is 'thick'"),
         (("trinary", "ternary"), "mode is 'ternary'"),
         (("[0.0, 0.0, 0.0]", "[0.0, 0.0]"), "origin has 2 entries"),
