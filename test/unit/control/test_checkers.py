@@ -53,6 +53,7 @@ def test_one_that_turns_at_the_goal_drives_again_where_it_has_drifted_off(side):
     assert turns(checker, at(0.0, 0.0, side)) and turns(checker, at(0.14, 0.0, side)) and checker.turns
     assert not turns(checker, at(0.16, 0.0, side)) and not checker.turns
     assert turns(checker, at(0.0, 0.0, side)) and turns(checker, at(0.14, 0.0, 0.11 * side))
+    assert turns(checker, at(0.09, 0.0, 0.09 * side))
     assert not turns(checker, at(0.11, 0.0, 0.09 * side)), "it has turned, and nothing else brings it there"
 
 
