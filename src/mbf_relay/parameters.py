@@ -146,7 +146,8 @@ class ParameterSet:
         Raises:
             ValueError: A value is of the wrong type, or contradicts others.
         """
-        return _read(cls, cls.known(values))
+        return _read(cls, cls.known(values), {new: old for old, new in cls.deprecated_names(values).items()
+                                              if new not in values})
 
     @classmethod
     def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
@@ -241,17 +242,24 @@ def _hints(cls: type) -> Dict[str, Any]:
 _known_hints: Dict[type, Dict[str, Any]] = {}
 
 
-def _read(cls: Type[T], known: Dict[str, Any]) -> Tuple[T, List[str]]:
-    """Return what ParameterSet.read does, from values by present names."""
+def _read(cls: Type[T], known: Dict[str, Any], written: Mapping[str, str]) -> Tuple[T, List[str]]:
+    """Return what ParameterSet.read does.
+
+    Args:
+        cls: What is to be made.
+        known: Values by present names.
+        written: Names that are older where they stand, by present ones: what is told names what can be found there.
+    """
     hints = _hints(cls)
     fields = {field.name: field for field in dataclasses.fields(cls)}
     notes: List[str] = []
     for name, given in known.items():
-        value, note = _spelt(name, given, hints[name])
+        said = written.get(name, name)
+        value, note = _spelt(said, given, hints[name])
         notes += [note] if note else []
-        value = known[name] = convert(name, value, hints[name])
+        value = known[name] = convert(said, value, hints[name])
         try:
-            _check_range(name, value, fields[name].metadata)
+            _check_range(said, value, fields[name].metadata)
         except ValueError as error:
             nearest = _nearest_allowed(value, fields[name])
             if nearest is None:
@@ -263,7 +271,8 @@ def _read(cls: Type[T], known: Dict[str, Any]) -> Tuple[T, List[str]]:
         lower, higher = (known.get(name, defaults[name]) for name in (low, high))
         if lower > higher >= 0.0:  # below that, giving way would widen the range
             if low in known:
-                notes.append(f"parameter {low} is {lower}; it must be at most {high}: {higher} is used")
+                notes.append(f"parameter {written.get(low, low)} is {lower}; it must be at most "
+                             f"{written.get(high, high)}: {higher} is used")
             known[low] = higher
     made = cls(**known)
     return made, notes + made.read_as()
