@@ -70,7 +70,10 @@ def server_config(namespace: Mapping[str, Any], values: Any) -> Dict[str, Any]:
     for name, server_name in SERVER_NAMES.items():
         config[server_name] = getattr(values, name)
     for kind, parameter in (("planners", "base_global_planner"), ("controllers", "base_local_planner")):
-        type_name = adapted(getattr(values, parameter), namespace)
+        given = getattr(values, parameter)
+        type_name = adapted(given, namespace)
+        if type_name != given:
+            config.pop(plugin_name(given))  # all that an adapter reads has been read
         config[kind] = [{"name": plugin_name(type_name), "type": type_name}]
     costmap = _group(namespace, "global_costmap")
     config["global_frame"] = str(costmap.get("global_frame", "map"))
