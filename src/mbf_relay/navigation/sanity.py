@@ -87,6 +87,7 @@ def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any]) -> Iterator
         if group.get("rolling_window") is True and 0.0 < _number(group.get(name)) < 2.0 * reach:
             yield name, f"is {group[name]}; the robot, which reaches {reach:.2f} m, must fit into the costmap round it"
     yield from _of_inflation(group, inscribed)
+    yield from _of_sources(group)
 
 
 def _of_what_is_driven_by(group: Mapping[str, Any]) -> Iterator[Doubt]:
@@ -102,6 +103,21 @@ def _of_what_is_driven_by(group: Mapping[str, Any]) -> Iterator[Doubt]:
     if _is_zero(group.get("update_frequency")):
         yield "update_frequency", (
             f"is {group['update_frequency']}; nothing is driven by a costmap that is never updated")
+
+
+def _of_sources(group: Mapping[str, Any]) -> Iterator[Doubt]:
+    """Doubt that a sensor is meant of which only the name is told: it is a point cloud on a topic of that name."""
+    for name, kind, values in _layers(group):
+        if kind not in SEE or values.get("enabled") is False:
+            continue
+        for source in str(values.get("observation_sources", "")).split():
+            if source in values:
+                continue
+            at = f"{name}/{source}" if "plugins" in group else source
+            text = f"is not given, so that source '{source}' is a PointCloud on topic '{source}'"
+            if source in group:
+                text += "; the costmap's own group of that name is not read for layers it lists"
+            yield at, text
 
 
 def _layers(group: Mapping[str, Any]) -> List[Tuple[str, str, Any]]:
