@@ -9,7 +9,7 @@ import os
 import re
 import stat
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Callable, Dict, Set, Union
+from typing import TYPE_CHECKING, Any, BinaryIO, Callable, Dict, List, Set, Tuple, Union
 
 import yaml
 
@@ -141,6 +141,47 @@ def parse_xml(text: Union[str, bytes], where: str) -> Element:
         return root
     except (ElementTree.ParseError, DefusedXmlException, LookupError, ValueError) as error:
         raise ValueError(f"{where} is no XML: {error}") from error
+
+
+class _XmlLines:
+    """Target of an XML parser that notes the line in which each element begins, and that in which its text does."""
+
+    def __init__(self) -> None:
+        self.lines: List[List[int]] = []
+        self.expat: Any = None
+
+    def start(self, _tag: str, _attributes: Dict[str, str]) -> None:
+        """Take an element's first tag."""
+        self.lines.append([self.expat.CurrentLineNumber, 0])
+
+    def data(self, _text: str) -> None:
+        """Take a piece of text, of which only an element's first is noted."""
+        if self.lines and not self.lines[-1][1]:
+            self.lines[-1][1] = self.expat.CurrentLineNumber
+
+    def end(self, _tag: str) -> None:
+        """Take an element's last tag."""
+
+    def close(self) -> None:
+        """End."""
+
+
+def xml_lines(text: bytes, root: Element) -> Dict[Element, Tuple[int, int]]:
+    """Return the lines in which each element of an XML text begins, and its own text.
+
+    Args:
+        text: The document.
+        root: What `parse_xml` made of it.
+    """
+    from defusedxml import ElementTree
+
+    target = _XmlLines()
+    parser = ElementTree.XMLParser(target=target)
+    target.expat = parser.parser
+    parser.parser.buffer_text = False  # text would come when it has ended
+    parser.feed(text)
+    parser.close()
+    return {element: (first, inner) for element, (first, inner) in zip(root.iter(), target.lines)}
 
 
 def parse_yaml(text: str) -> Any:

@@ -98,6 +98,30 @@ def examine_server(namespace: Mapping[str, Any]) -> Examination:
     return found
 
 
+def examine_set(
+    kind: Type[ParameterSet], namespace: Mapping[str, Any], known_elsewhere: Iterable[str] = ()
+) -> Examination:
+    """Tell what becomes of the parameters of a node all of which are of one kind.
+
+    Args:
+        kind: That.
+        namespace: What stands under the node.
+        known_elsewhere: Further names that it reads.
+    """
+    found = Examination(config=dict(namespace))
+    known = {name for name in namespace if name not in kind.unknown_names(namespace)}
+    for name in namespace:
+        if name not in known and name not in known_elsewhere:
+            _note_unknown(found, name, kind)
+    for old, new in kind.deprecated_names(namespace).items():
+        found.add(CLAMPED, old, f"has an old name; '{new}' is the present one")
+    if _read(found, "", kind, namespace, None) is not None:
+        for name in namespace:
+            if name in known or name in known_elsewhere:
+                found.add(USED, name, f"{namespace[name]}")
+    return found
+
+
 def _examine(found: Examination) -> None:
     """Look at everything below the node's own parameters."""
     _read(found, "", NavigatorParameters, found.config, None)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import Any, Dict, List, Mapping, Optional, Sequence, TextIO
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, TextIO
 
+from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters
 from mbf_relay.navigation import examination as exam
 from mbf_relay.navigation.examination import Examination, Finding
 from mbf_relay.ros.common.logs import plain
 from mbf_relay.ros.tools.parameter_source import (
+    TYPES,
     Launch,
     LaunchedNode,
     ParameterSource,
@@ -18,6 +20,15 @@ from mbf_relay.ros.tools.parameter_source import (
     read_yaml,
 )
 
+
+def _examine_amcl(values: Mapping[str, Any]) -> Examination:
+    return exam.examine_set(AmclParameters, values, (*INITIAL, *NODE_ONLY))
+
+
+EXAMINERS: Dict[str, Callable[[Mapping[str, Any]], Examination]] = {
+    "move_base": exam.examine_move_base, "move_base_flex": exam.examine_server, "amcl": _examine_amcl,
+}
+"""What looks at the parameters of a type of node."""
 TROUBLE = (exam.REFUSED, exam.DOUBTFUL)
 """What makes the exit status 1; with --strict, everything but what is used."""
 
@@ -33,8 +44,7 @@ def main(arguments: Optional[Sequence[str]] = None, out: TextIO = sys.stdout) ->
     for text in not_read:
         print(plain(f"not read: {text}"), file=out)
     if not nodes:
-        print("check_config.py: no node of type move_base, move_base_flex or mbf_costmap_nav is launched there",
-              file=sys.stderr)
+        print(f"check_config.py: no node of type {', '.join(TYPES)} is launched there", file=sys.stderr)
         return 2
     worst = 1 if not_read and options.strict else 0
     for node in nodes:
@@ -47,9 +57,7 @@ def main(arguments: Optional[Sequence[str]] = None, out: TextIO = sys.stdout) ->
 
 def examine(node: LaunchedNode) -> Examination:
     """Return the examination of a node's parameters, with what its files themselves give cause for."""
-    values = node.source.values
-    is_move_base = node.type == "move_base"
-    found = exam.examine_move_base(values) if is_move_base else exam.examine_server(values)
+    found = EXAMINERS[node.type](node.source.values)
     found.findings[:0] = [Finding(exam.DOUBTFUL, name, text) for name, text in node.source.trouble]
     return found
 
@@ -110,8 +118,10 @@ def _read(options: argparse.Namespace) -> Launch:
 def _type_of(values: Mapping[str, Any], wanted: str) -> str:
     if wanted:
         return wanted
-    lists: Dict[str, Any] = {name: values[name] for name in ("planners", "controllers") if name in values}
-    return "move_base_flex" if lists else "move_base"
+    if any(name in values for name in ("planners", "controllers")):
+        return "move_base_flex"
+    unknown = AmclParameters.unknown_names(values)
+    return "amcl" if len(unknown) < 0.5 * len(values) else "move_base"
 
 
 def _pair(text: str) -> List[str]:
@@ -135,8 +145,8 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
         "--arg", action="append", default=[], metavar="NAME:=VALUE", help="an argument of the launch file, too"
     )
     parser.add_argument(
-        "--node", default="", choices=("", "move_base", "move_base_flex"),
-        help="what reads the YAML files; told by the plugin lists in them where not given",
+        "--node", default="", choices=("", *EXAMINERS),
+        help="what reads the YAML files; told by the names in them where not given",
     )
     parser.add_argument(
         "--strict", action="store_true", help="exit status 1 also for what is changed, ignored or not read"

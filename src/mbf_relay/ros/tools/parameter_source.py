@@ -19,8 +19,10 @@ from mbf_relay.parameters import did_you_mean, nearest_of
 if TYPE_CHECKING:
     from mbf_relay.ros.tools.substitution import Substitution
 
-TYPES = {"move_base": "move_base", "mbf_costmap_nav": "move_base_flex", "move_base_flex": "move_base_flex"}
-"""Executables of the servers, each with the one here that takes its place."""
+TYPES = {
+    "move_base": "move_base", "mbf_costmap_nav": "move_base_flex", "move_base_flex": "move_base_flex", "amcl": "amcl",
+}
+"""Executables whose parameters are looked at, each with the one here that takes its place."""
 COMPOSE = "compose"
 """The executable that several nodes are forked from, as its arguments say: `-- NODE [ARGUMENT...] -- NODE ...`."""
 NAMED = "__name:="
@@ -92,13 +94,18 @@ class LaunchedNode(NamedTuple):
     type: str
     source: ParameterSource
 
+    @property
+    def is_server(self) -> bool:
+        """Whether it plans and drives: without all it needs there is nothing to tell, while others are left out."""
+        return self.type != "amcl"
+
 
 class Launch(NamedTuple):
     """What there is in a launch file and its includes.
 
     Attributes:
-        nodes: The servers.
-        not_read: Includes that are not here, a sentence each.
+        nodes: Those of TYPES.
+        not_read: What is not here and no server needs, a sentence each.
     """
 
     nodes: List[LaunchedNode]
@@ -233,8 +240,10 @@ class _LaunchReader:
         self._path, self._substitution, self._depth, self._parameters = path, substitution, depth, parameters
         self._launch = launch
         with files.open_regular(path) as file:
-            self._as_written, self._read_up_to = file.read().decode("utf-8", "replace").replace("\r\n", "\n"), 0
-        self._walk(files.read_xml(path), namespace)
+            text = file.read()
+        root = files.parse_xml(text, path)
+        self._lines = files.xml_lines(text, root)
+        self._walk(root, namespace)
 
     def launch(self) -> Launch:
         """Return what was found, each server with all that was set for it, before and after it and within.
@@ -243,10 +252,13 @@ class _LaunchReader:
             ValueError: A file that may hold some of it is not here; the text names it.
         """
         nodes = [node._replace(source=self._parameters.below(node.name)) for node in self._launch.nodes]
+        not_read = list(self._launch.not_read)
         for node in nodes:
             for _, text in node.source.missing:
-                raise ValueError(text)
-        return self._launch._replace(nodes=nodes)
+                if node.is_server:
+                    raise ValueError(text)
+                not_read.append(text)
+        return Launch([node for node in nodes if not node.source.missing], not_read)
 
     def _walk(self, parent: Element, namespace: str) -> None:
         for element in parent:
@@ -267,10 +279,16 @@ class _LaunchReader:
 
     def _take_node(self, element: Element, namespace: str) -> None:
         name = _joined(namespace, self._text(element, "ns"), self._text(element, "name"))
+        node = LaunchedNode(name, TYPES[self._text(element, "type")], self._parameters)
         for child in element:
             if isinstance(child.tag, str) and self._applies(child):
-                self._take_values(child, _joined(name, self._text(child, "ns")))
-        self._launch.nodes.append(LaunchedNode(name, TYPES[self._text(element, "type")], self._parameters))
+                try:
+                    self._take_values(child, _joined(name, self._text(child, "ns")))
+                except (ValueError, OSError) as error:
+                    if node.is_server:
+                        raise
+                    self._parameters.missing.append((name, str(error)))
+        self._launch.nodes.append(node)
 
     def _take_members(self, element: Element, namespace: str) -> None:
         """Take the servers among the nodes that are forked from one, each by its command line behind a "--"."""
@@ -300,11 +318,10 @@ class _LaunchReader:
             namespace: It stands in.
             named: Whether `namespace` holds a <param>'s name already.
         """
-        source = self._parameters
+        source, (line, line_of_text) = self._parameters, self._lines[element]
         if element.tag == "param" and element.get("value") is not None:
             name = namespace if named else f"{namespace}/{self._text(element, 'name')}"
-            text = self._text(element, "value")
-            source.put(name, text if element.get("type") in ("str", "string") else _typed(text), self._path)
+            source.put(name, self._value(element, line), f"{self._path}:{line}")
         elif element.tag == "rosparam" and element.get("command", "load") == "load":
             target = f"{namespace}/{self._text(element, 'param')}".strip("/")
             is_substituted = element.get("subst_value", "").lower() == "true"
@@ -312,19 +329,19 @@ class _LaunchReader:
             if element.get("file"):
                 read_yaml(self._text(element, "file"), target, source, substitute)
             elif element.text and element.get("param"):
-                source.put(target, _typed(substitute(element.text)), self._path)
+                source.put(target, _typed(substitute(element.text)), f"{self._path}:{line}")
             elif element.text:
-                add_yaml("\n" * self._lines_before(element.text) + substitute(element.text), self._path, target, source)
+                add_yaml("\n" * (line_of_text - 1) + substitute(element.text), self._path, target, source)
 
-    def _lines_before(self, text: str) -> int:
-        """Return how many lines of the file stand before a YAML text in it, so that its lines are the file's."""
-        begin = next((line for line in text.split("\n") if line.strip()), "")
-        for part in (text, text[: text.index(begin)] + begin):  # its first line where XML's comments or &lt; are in it
-            found = self._as_written.find(part, self._read_up_to)
-            if found >= 0:
-                self._read_up_to = found + len(part)
-                return self._as_written.count("\n", 0, found)
-        return 0
+    def _value(self, element: Element, line: int) -> Any:
+        """Return what roslaunch makes of a <param>, which stands in that line."""
+        from roslaunch.loader import convert_value
+
+        text = self._text(element, "value")
+        try:
+            return convert_value(text.strip(), element.get("type") or "auto")
+        except ValueError as error:
+            raise ValueError(f"{self._path}:{line}: roslaunch refuses {text!r}: {error}") from error
 
     def _take_argument(self, element: Element) -> None:
         name, value, default = self._text(element, "name"), element.get("value"), element.get("default")

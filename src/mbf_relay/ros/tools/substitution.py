@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import re
 from functools import lru_cache
 from pathlib import Path
-from typing import Dict, Mapping, Optional
+from typing import Dict, FrozenSet, Mapping, Optional
 
 from roslaunch.substitution_args import ArgException, SubstitutionException, resolve_args
 from rospkg import ResourceNotFound, RosPack
+
+from mbf_relay import files
 
 FIND = re.compile(r"\$\(find\s+([\w.-]+)\s*\)")
 
@@ -70,10 +74,9 @@ class Substitution:
     def _package(self, find: re.Match[str]) -> str:
         """Return the folder of a package of the same repository; of any other, $(find …) as it stands."""
         name = find.group(1)
-        if name in _packages("").list():
+        if name in _known_to_ros():
             return find.group(0)
-        here = _packages(str(_repository(Path(self._path).resolve())))
-        return str(here.get_path(name)) if name in here.list() else find.group(0)
+        return _packages_below(str(_repository(Path(self._path).resolve()))).get(name, find.group(0))
 
 
 def _repository(path: Path) -> Path:
@@ -88,6 +91,25 @@ def _repository(path: Path) -> Path:
 
 
 @lru_cache(maxsize=None)
-def _packages(folder: str) -> RosPack:
-    """Return the packages below a folder; those ROS knows where it is empty."""
-    return RosPack([folder]) if folder else RosPack()
+def _known_to_ros() -> FrozenSet[str]:
+    """Return the names of the packages that ROS finds."""
+    return frozenset(RosPack().list())
+
+
+@lru_cache(maxsize=None)
+def _packages_below(folder: str) -> Dict[str, str]:
+    """Return the folders of the packages below one by their names; what is no package that can be read is passed over.
+    """
+    found: Dict[str, str] = {}
+    for path, folders, names in os.walk(folder):
+        if "CATKIN_IGNORE" in names:
+            folders.clear()
+        elif "package.xml" in names:
+            folders.clear()
+            with contextlib.suppress(ValueError, OSError):
+                found.setdefault((files.read_xml(f"{path}/package.xml").findtext("name") or "").strip(), path)
+        elif "manifest.xml" in names:  # a package from before catkin has its folder's name
+            folders.clear()
+            found.setdefault(os.path.basename(path), path)
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+    return found

@@ -155,7 +155,7 @@ def test_a_launch_file_is_read_with_its_arguments_includes_and_namespaces(tmp_pa
     status, told = check(tmp_path, launch, name="outer.launch")
     assert status == 0 and "local_costmap/robot" in told and "common.yaml:3]" in told
     status, told = check(tmp_path, launch, "--arg", "speed:=70", name="outer.launch")
-    assert status == 1 and "max_vel_x" in told and "inner.launch]" in told
+    assert status == 1 and "max_vel_x" in told and "inner.launch:4]" in told
 
 
 LAUNCH_OF_A_SPEED = """<launch><arg name="speed" default="0.3"/>
@@ -303,7 +303,8 @@ def checkout(tmp_path):
         (tmp_path / name / "package.xml").write_text(
             f"<package format='2'><name>{name}</name><version>1.0.0</version><description>-</description>"
             "<maintainer email='a@b.c'>-</maintainer><license>BSD</license></package>")
-    (tmp_path / "laptop_robot" / "config" / "common.yaml").write_text("robot: 1\nobservation_sources: scan\n")
+    (tmp_path / "laptop_robot" / "config" / "common.yaml").write_text(
+        "robot: 1\nobservation_sources: scan\nscan: {topic: scan}\n")
     return tmp_path / "laptop_robot_launch"
 
 

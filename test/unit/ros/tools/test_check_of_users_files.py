@@ -1,0 +1,174 @@
+"""What a human is told of a robot's own repository: every word true, and each with the line it is about."""
+
+import io
+
+import pytest
+
+pytest.importorskip("roslaunch", reason="there is no roslaunch for this interpreter")
+
+from roslaunch.config import load_config_default  # noqa: E402
+
+from mbf_relay.ros.tools.check_config import main  # noqa: E402
+from mbf_relay.ros.tools.parameter_source import ParameterSource, read_launch  # noqa: E402
+
+COSTMAPS = """
+local_costmap: {robot_radius: 0.2, rolling_window: true, observation_sources: scan, scan: {topic: scan}}
+global_costmap: {robot_radius: 0.2}
+"""
+NODE = """<launch>
+  <node pkg="move_base" type="move_base" name="move_base">
+    <param name="base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>
+    <rosparam ns="local_costmap">{robot_radius: 0.2, observation_sources: scan, scan: {topic: scan}}</rosparam>
+    <param name="global_costmap/robot_radius" value="0.2"/>
+    %s
+  </node>
+</launch>"""
+
+
+def check(tmp_path, text, *options, name="params.yaml"):
+    """Return exit status and what was told."""
+    path = tmp_path / name
+    path.write_text(text)
+    out = io.StringIO()
+    return main([str(path), *options], out), out.getvalue()
+
+
+def line_about(told, name):
+    return next(line for line in told.splitlines() if name in line)
+
+
+def test_a_parameter_of_a_launch_file_is_told_with_its_line(tmp_path):
+    """The file alone was named, and there are hundreds of lines in some."""
+    one = '<param\n      name="controler_frequency" value="5"/>'
+    _, told = check(tmp_path, NODE % one + "<!-- é -->", name="nav.launch")
+    assert line_about(told, "controler_frequency").endswith("nav.launch:6]")
+    _, told = check(tmp_path, NODE % '\n<rosparam param="controler_frequency">5</rosparam>', name="nav.launch")
+    assert line_about(told, "controler_frequency").endswith("nav.launch:7]")
+
+
+def test_a_value_under_an_old_name_is_told_by_that_name_and_with_its_line(tmp_path):
+    """It was told by the present name, which stands nowhere in the file, and with the line of the group."""
+    planner = "base_local_planner: dwa_local_planner/DWAPlannerROS\nDWAPlannerROS:\n  sim_time: 1.5\n"
+    _, told = check(tmp_path, COSTMAPS + planner + "  min_rot_vel: -0.3\n")
+    assert "parameter min_rot_vel is -0.3; it must be at least 0.0 rad/s: 0.0 is used" in told
+    assert line_about(told, "min_rot_vel is -0.3;").endswith("params.yaml:7]")
+    status, told = check(tmp_path, COSTMAPS + planner + "  max_rot_vel: fast\n")
+    assert status == 1 and "max_rot_vel is 'fast'" in told and "params.yaml:7]" in told
+    _, told = check(tmp_path, COSTMAPS + planner + "  min_trans_vel: 0.4\n  max_trans_vel: 0.3\n")
+    assert "parameter min_trans_vel is 0.4; it must be at most max_trans_vel: 0.3 is used" in told, told
+
+
+def test_an_adapter_s_group_that_names_the_planner_is_read_and_not_called_ignored(tmp_path):
+    _, told = check(tmp_path, COSTMAPS + """
+base_local_planner: nav_core_adapter::LocalPlannerAdapter
+LocalPlannerAdapter: {planner_name: 'dwb_local_planner::DWBLocalPlanner'}
+""")
+    assert "dwb_local_planner/DWBLocalPlanner" in told
+    assert "LocalPlannerAdapter" not in told, told
+
+
+def test_a_neighbour_that_is_no_package_hides_none_of_the_others(tmp_path):
+    """One package.xml that was cut off, anywhere in the repository, ended the command in a traceback."""
+    (tmp_path / ".git").mkdir()
+    for name, text in (("a_broken_one", "<package><name>a_br"), ("b_nameless", "<package/>"),
+                       ("robot", "<package><name> robot </name></package>")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "package.xml").write_text(text)
+    (tmp_path / "old_robot").mkdir()
+    (tmp_path / "old_robot" / "manifest.xml").write_text("<package/>")
+    for name in ("robot", "old_robot"):
+        (tmp_path / name / "speeds.yaml").write_text("controler_frequency: 5\n")
+        one = f'<rosparam file="$(find {name})/speeds.yaml"/>'
+        status, told = check(tmp_path, NODE % one, name="nav.launch")
+        assert status == 0 and line_about(told, "controler_frequency").endswith(f"{name}/speeds.yaml:1]")
+
+
+@pytest.mark.parametrize("group", ["", "  scan: {topic: front_scan, data_type: LaserScan}\n"])
+def test_a_sensor_of_which_only_the_name_is_told_is_doubted(tmp_path, group):
+    """It is a point cloud on a topic of that name, which nobody publishes: the robot saw nothing, and nobody was told.
+    """
+    text = """
+local_costmap: {robot_radius: 0.2, observation_sources: scan laser, scan: {topic: scan}}
+global_costmap:
+  robot_radius: 0.2
+  plugins: [{name: obstacles, type: "costmap_2d::ObstacleLayer"}]
+  obstacles: {observation_sources: scan}
+"""
+    status, told = check(tmp_path, text + group)
+    assert status == 1
+    assert "local_costmap/laser: is not given, so that source 'laser' is a PointCloud on topic 'laser'" in told
+    in_global = line_about(told, "global_costmap/obstacles/scan")
+    assert "source 'scan' is a PointCloud on topic 'scan'" in in_global
+    assert ("the costmap's own group of that name is not read" in in_global) == bool(group)
+    assert "local_costmap/scan" not in told
+
+
+AMCL = """<launch>
+  <node pkg="amcl" type="amcl" name="amcl">
+    <rosparam>
+      laser_max_beans: 30
+      initial_pose_x: 1.0
+      update_min_d: -1
+    </rosparam>
+    %s
+  </node>
+</launch>"""
+
+
+def test_of_amcl_s_parameters_is_told_as_of_move_base_s(tmp_path):
+    """A launch file with amcl alone was refused, and beside move_base nothing was told of it."""
+    status, told = check(tmp_path, AMCL % '<param name="odom_model_type" value="differential"/>', name="amcl.launch")
+    assert status == 1 and told.startswith("amcl (amcl)")
+    assert "laser_max_beans: is not known here; did you mean 'laser_max_beams'?" in told and "amcl.launch:4]" in told
+    assert "refused: parameter odom_model_type is 'differential'" in told and "amcl.launch:8]" in told
+    status, told = check(tmp_path, AMCL % "", name="amcl.launch")
+    assert status == 0 and line_about(told, "update_min_d is").endswith("amcl.launch:6]")
+    assert "used: initial_pose_x: 1.0" in told
+
+
+def test_amcl_s_file_below_its_own_name_once_more_is_told_to_be_ignored(tmp_path):
+    """It happens where a file that begins with `amcl:` is loaded inside of the node."""
+    _, told = check(tmp_path, AMCL % "<rosparam>amcl: {min_particles: 500}</rosparam>", name="amcl.launch")
+    assert "ignored: amcl: is not known here" in told and "amcl.launch:8]" in told
+
+
+def test_amcl_s_yaml_file_alone_is_taken_for_amcl_s(tmp_path):
+    status, told = check(tmp_path, "min_particles: 500\nodom_model_type: diff\nlaser_max_beans: 30\n")
+    assert status == 0 and told.startswith("the files (amcl)") and "laser_max_beans" in told
+
+
+def test_of_a_server_is_told_where_amcl_s_file_is_not_here(tmp_path):
+    amcl = '<node pkg="amcl" type="amcl" name="amcl"><rosparam file="$(find at_work)/amcl.yaml"/></node>'
+    text = NODE.replace("<launch>", f"<launch>{amcl}") % '<param name="controler_frequency" value="5"/>'
+    status, told = check(tmp_path, text, name="nav.launch")
+    assert status == 0 and "controler_frequency" in told
+    assert "not read: $(find at_work)/amcl.yaml: there is no package at_work" in told and "(amcl)" not in told
+
+
+WRITTEN = [
+    "", "1", "1.0", "1e-3", "010", "1_000", "true", "True", "yes", "null", "~", "[1, 2]", "{a: 1}", " 5 ", "0x10",
+]
+
+
+def test_a_value_is_what_roslaunch_makes_of_it(tmp_path):
+    """An empty one was none, a list a list, and `yes` true, where the robot got texts."""
+    path = tmp_path / "nav.launch"
+    typed = [("bool", "1"), ("int", " 5 "), ("double", "1"), *((kind, value) for kind in ("str", "yaml")
+                                                              for value in WRITTEN)]
+    lines = [f'<param name="auto{i}" value="{value}"/>' for i, value in enumerate(WRITTEN)]
+    lines += [f'<param name="typed{i}" value="{value}" type="{kind}"/>' for i, (kind, value) in enumerate(typed)]
+    path.write_text(NODE % "\n".join(lines))
+    loaded = load_config_default([(str(path), [])], 11311, verbose=False).params
+    source = ParameterSource()
+    for full, parameter in loaded.items():
+        if full.startswith("/move_base/"):
+            source.put(full[len("/move_base/"):], parameter.value, "")
+    (node,) = read_launch(str(path), {}).nodes
+    for name, wanted in source.values.items():
+        made = node.source.values[name]
+        assert (made, type(made)) == (wanted, type(wanted)), name
+
+
+def test_a_value_that_roslaunch_refuses_is_refused_with_its_line(tmp_path, capsys):
+    assert check(tmp_path, NODE % '<param name="a" value="yes" type="bool"/>', name="nav.launch")[0] == 2
+    assert "nav.launch:6: roslaunch refuses 'yes'" in capsys.readouterr().err
