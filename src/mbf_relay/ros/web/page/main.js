@@ -207,6 +207,7 @@ press("follow", () => follow(!following));
 press("handle", () => {
   const open = $("panel").classList.toggle("open");
   $("handle").setAttribute("aria-expanded", open);
+  stick.release();  // it is out of sight on a small screen
 });
 press("theme", () => {
   localStorage.setItem("theme", document.documentElement.dataset.theme === "dark" ? "light" : "dark");

@@ -1,0 +1,106 @@
+"""The page alone, without a robot: what is in reach on any screen, what is told twice, where a map is shown."""
+
+import functools
+import http.server
+import json
+import os
+import threading
+
+import pytest
+
+pytest.importorskip("rospy", reason="needs ROS")
+
+from web_page import WebPage, missing  # noqa: E402
+
+import mbf_relay.ros.web  # noqa: E402
+
+pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
+
+SCREENS = [  # of phones, upright and on their side, of tablets and of laptops
+    (320, 568), (360, 640), (390, 844), (640, 360), (667, 375), (844, 390), (932, 430), (768, 1024), (1024, 768),
+    (1280, 760),
+]
+STATE = {
+    "layer": "state", "fit": None, "error": None, "has_map": True, "move_base": True, "robots": ["/"], "browsers": 1,
+    "master": True, "simulator": True, "driver": None, "tour": None, "recording": False,
+    "goal": {
+        "state": "idle", "outcome": "", "goal": None, "planning": False, "driving": False, "recovering": "",
+        "left": None, "time_left": None,
+    },
+}
+COVERED = """(() => { const covered = [];
+  for (const control of document.querySelectorAll(".map button, #stick, #cancel, #handle")) {
+    const box = control.getBoundingClientRect();
+    if (!box.width) continue;
+    for (const [x, y] of [[0.5, 0.5], [0.1, 0.5], [0.9, 0.5], [0.5, 0.1], [0.5, 0.9]]) {
+      const found = document.elementFromPoint(box.left + box.width * x, box.top + box.height * y);
+      if (!found || !control.contains(found)) {
+        covered.push(`${control.id || control.dataset.tool} is under ${found && (found.id || found.tagName)}`);
+      }
+    }
+  } return covered; })()"""
+
+
+class Quiet(http.server.SimpleHTTPRequestHandler):
+    """Serves files without a word."""
+
+    def log_message(self, *_):
+        """Say nothing."""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A browser with the page's address; nothing answers its WebSocket."""
+    folder = os.path.join(os.path.dirname(os.path.abspath(mbf_relay.ros.web.__file__)), "page")
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=folder))
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    page = WebPage()
+    page.url = f"http://127.0.0.1:{server.server_port}/"
+    yield page
+    page.close()
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+@pytest.fixture
+def page(browser):
+    """The page as it is with a robot, of which these tests tell it themselves."""
+    browser.open(browser.url)
+    browser.wait("window.page && true", "the page")
+    browser.driver.execute_script("page.connection.open = () => {}; clearTimeout(page.connection.retry);")
+    welcome(browser)
+    show(browser, STATE)
+    return browser
+
+
+def welcome(page):
+    """Tell the page that it is connected, and may drive."""
+    page.driver.execute_script(
+        "page.connection.on.say({say: 'welcome', number: 1, drive: true, robot: '/'});"
+        "page.connection.on.state('good', 'live');")
+
+
+def show(page, *headers):
+    """Have parts without a payload come to the page."""
+    parts = json.dumps([{"header": header} for header in headers])
+    page.driver.execute_async_script(f"page.connection.on.batch({parts}).then(arguments[0]);")
+
+
+def resize(page, width, height):
+    """Give the page another screen."""
+    page.driver.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride", dict(width=width, height=height, deviceScaleFactor=1, mobile=False))
+    page.wait(f"innerWidth === {width} && innerHeight === {height}", "the size of the screen")
+
+
+@pytest.mark.parametrize("width, height", SCREENS)
+def test_no_control_lies_under_another_so_that_who_zooms_does_not_drive(page, width, height):
+    resize(page, width, height)
+    for tool in ("look", "waypoint", "pose"):
+        page.driver.execute_script(f"document.querySelector('button[data-tool={tool}]').click()")
+        assert page.js(COVERED) == [], tool
+    if page.js("document.getElementById('handle').getBoundingClientRect().width > 0"):
+        page.click("handle")
+        assert page.js(COVERED) == [], "with all controls shown"
