@@ -95,6 +95,11 @@ def resize(page, width, height):
     page.wait(f"innerWidth === {width} && innerHeight === {height}", "the size of the screen")
 
 
+def waypoints(page):
+    """Return what the list of waypoints says."""
+    return page.js("[...document.querySelectorAll('#waypoints span')].map((item) => item.textContent)")
+
+
 @pytest.mark.parametrize("width, height", SCREENS)
 def test_no_control_lies_under_another_so_that_who_zooms_does_not_drive(page, width, height):
     resize(page, width, height)
@@ -104,3 +109,36 @@ def test_no_control_lies_under_another_so_that_who_zooms_does_not_drive(page, wi
     if page.js("document.getElementById('handle').getBoundingClientRect().width > 0"):
         page.click("handle")
         assert page.js(COVERED) == [], "with all controls shown"
+
+
+def test_a_waypoint_s_button_can_be_pressed_and_tabbed_to_while_the_robot_tells_how_it_is(page):
+    resize(page, 1280, 760)
+    page.driver.execute_script("document.querySelector('button[data-tool=waypoint]').click()")
+    for column in (200, 300):
+        page._mouse("mousePressed", column, 300)
+        page._mouse("mouseReleased", column, 300)
+    first, second = waypoints(page)
+    page.driver.execute_script("document.querySelector('#waypoints button').focus()")
+    show(page, STATE)
+    assert page.js("document.activeElement.getAttribute('aria-label')") == "Remove waypoint 1"
+    page.driver.execute_script("document.activeElement.click()")
+    assert waypoints(page) == [second] != [first]
+
+
+def test_text_of_the_diagnostics_can_be_selected_while_others_change(page):
+    entries = [{"level": 2, "name": "amcl", "text": "no scan"}, {"level": 0, "name": "server", "text": "0.1 s"}]
+    show(page, {"layer": "diagnostics", "entries": entries})
+    page.driver.execute_script("getSelection().selectAllChildren(document.querySelector('#diagnostics small'))")
+    entries[1]["text"] = "0.2 s"
+    show(page, {"layer": "diagnostics", "entries": entries})
+    assert page.js("getSelection().toString()") == "no scan"
+    assert "0.2 s" in page.text("diagnostics")
+
+
+def test_a_warning_is_told_once_though_the_connection_was_lost_meanwhile(page):
+    told = [{"time": f"10:00:0{second}", "node": "/amcl", "level": "warn", "text": "late"} for second in range(3)]
+    show(page, {"layer": "log", "entries": told[:2]})
+    welcome(page)
+    show(page, {"layer": "log", "entries": told})
+    assert page.js("[...document.querySelectorAll('#log b')].map((item) => item.textContent)") == [
+        "10:00:02 /amcl", "10:00:01 /amcl", "10:00:00 /amcl"]

@@ -27,6 +27,19 @@ function put(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
+// Makes anew only the items that tell something else: a button that is just being pressed stays, and so does selected text.
+function fill(list, entries, make) {
+  entries.forEach((entry, index) => {
+    const told = JSON.stringify(entry), old = list.children[index];
+    if (old && old.told === told) return;
+    const item = make(entry, index);
+    item.told = told;
+    if (old) old.replaceWith(item);
+    else list.append(item);
+  });
+  while (list.children.length > entries.length) list.lastChild.remove();
+}
+
 function time(seconds) {
   if (seconds === null) return "–";
   return seconds < 90 ? `${Math.round(seconds)} s` : `${Math.round(seconds / 60)} min`;
@@ -104,35 +117,39 @@ export class Panel {
     health.dataset.state = ["good", "busy", "bad", "bad"][worst] || "bad";
     const bad = entries.filter((entry) => entry.level > 0).length;
     put(health, entries.length ? (bad ? `${bad} of ${entries.length} ${bad === 1 ? "complains" : "complain"}` : "all well") : "–");
-    $("diagnostics").replaceChildren(...entries.map((entry) => {
+    fill($("diagnostics"), entries, (entry) => {
       const item = element("li", null, { "data-level": entry.level });
       item.append(element("b", entry.name), " ", element("span", LEVELS[entry.level] || "?", { class: "hidden-text" }), " ", element("small", entry.text));
       return item;
-    }));
+    });
   }
 
+  // A connection that has come back is told the last ones again.
   log(entries) {
-    this.entries = [...entries.reverse(), ...this.entries].slice(0, KEPT);
+    const known = new Set(this.entries.map((entry) => JSON.stringify(entry)));
+    const fresh = entries.filter((entry) => !known.has(JSON.stringify(entry)));
+    this.entries = [...fresh.reverse(), ...this.entries].slice(0, KEPT);
     put($("log-count"), String(this.entries.length));
-    $("log").replaceChildren(...this.entries.map((entry) => {
+    fill($("log"), this.entries, (entry) => {
       const item = element("li", null, { "data-level": entry.level });
       item.append(element("b", `${entry.time} ${entry.node}`), " ", element("small", entry.text));
       return item;
-    }));
+    });
   }
 
   waypoints(list, tour, remove) {
-    $("waypoints").replaceChildren(...list.map(([x, y, heading], index) => {
+    const told = list.map((pose, index) => ({ pose, touring: Boolean(tour), next: Boolean(tour) && tour.index === index }));
+    fill($("waypoints"), told, ({ pose: [x, y, heading], touring, next }, index) => {
       const item = element("li", null), words = `${x.toFixed(2)}, ${y.toFixed(2)}, ${Math.round(heading * 180 / Math.PI)}°`;
-      if (tour && tour.index === index) item.classList.add("next");
+      if (next) item.classList.add("next");
       item.append(element("span", words));
-      if (!tour) {
+      if (!touring) {
         const button = element("button", "×", { class: "quiet", "aria-label": `Remove waypoint ${index + 1}` });
         button.addEventListener("click", () => remove(index));
         item.append(button);
       }
       return item;
-    }));
+    });
     $("no-waypoints").hidden = list.length > 0;
     put($("waypoint-count"), list.length ? String(list.length) : "");
     $("tour").disabled = !list.length || Boolean(tour);
