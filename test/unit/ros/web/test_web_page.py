@@ -142,3 +142,21 @@ def test_a_warning_is_told_once_though_the_connection_was_lost_meanwhile(page):
     show(page, {"layer": "log", "entries": told})
     assert page.js("[...document.querySelectorAll('#log b')].map((item) => item.textContent)") == [
         "10:00:02 /amcl", "10:00:01 /amcl", "10:00:00 /amcl"]
+
+
+@pytest.mark.parametrize(
+    "origin, resolution", [([-5.0, 3.0, 0.0], 0.05), ([2.0, -7.0, 2.0], 0.05), ([0.0, 0.0, -0.7], 50.0)])
+def test_the_whole_map_is_shown_however_it_is_turned_and_as_large_as_it_is(page, origin, resolution):
+    resize(page, 390, 844)
+    header = {
+        "width": 64, "height": 32, "tile": 64, "tiles": [0], "frame": "map", "resolution": resolution, "origin": origin,
+    }
+    page.driver.execute_script(f"page.scene.grids.map.take({json.dumps(header)}, new Uint8Array(64 * 32))")
+    page.click("fit")
+    outside = page.js(
+        "(() => { const { origin: [x, y, turn], width, height, resolution } = page.scene.grids.map.shape;"
+        "return [[0, 0], [width, 0], [width, height], [0, height]].map(([c, r]) => page.camera.toScreen("
+        "x + resolution * (c * Math.cos(turn) - r * Math.sin(turn)),"
+        "y + resolution * (c * Math.sin(turn) + r * Math.cos(turn))))"
+        ".filter(([c, r]) => c < 0 || r < 0 || c > page.camera.width || r > page.camera.height); })()")
+    assert outside == []

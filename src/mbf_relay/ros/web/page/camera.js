@@ -1,5 +1,7 @@
 // Where the map lies on the screen: metres to pixels, y up.
 
+const LEAST = 0.02, MOST = 2000;  // pixels per metre: fifty kilometres on a phone, a millimetre two dots wide
+
 export class Camera {
   constructor() {
     this.x = 0;
@@ -23,7 +25,7 @@ export class Camera {
 
   zoom(factor, column = this.width / 2, row = this.height / 2) {
     const [x, y] = this.toMap(column, row);
-    this.scale = Math.min(2000, Math.max(1, this.scale * factor));
+    this.scale = Math.min(MOST, Math.max(LEAST, this.scale * factor));
     const [newX, newY] = this.toMap(column, row);
     this.x += x - newX;
     this.y += y - newY;
@@ -32,6 +34,6 @@ export class Camera {
   fit([left, bottom, right, top], margin = 0.86) {
     this.x = (left + right) / 2;
     this.y = (bottom + top) / 2;
-    this.scale = Math.min(400, Math.max(1, margin * Math.min(this.width / (right - left || 1), this.height / (top - bottom || 1))));
+    this.scale = Math.min(400, Math.max(LEAST, margin * Math.min(this.width / (right - left || 1), this.height / (top - bottom || 1))));
   }
 }

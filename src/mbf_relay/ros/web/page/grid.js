@@ -70,7 +70,7 @@ export class Grid {
     context.restore();
   }
 
-  // Corners of what is known, for fitting the view: [left, bottom, right, top] in the grid's frame.
+  // The box round what is known, for fitting the view: [left, bottom, right, top] in the grid's frame.
   bounds() {
     const { width, height, resolution, origin } = this.shape;
     let left = width, right = 0, bottom = height, top = 0;
@@ -85,6 +85,10 @@ export class Grid {
       }
     }
     if (left > right) [left, right, bottom, top] = [0, width, 0, height];
-    return [origin[0] + left * resolution, origin[1] + bottom * resolution, origin[0] + (right + 1) * resolution, origin[1] + (top + 1) * resolution];
+    const [x0, y0, turn] = origin, cosine = resolution * Math.cos(turn), sine = resolution * Math.sin(turn);
+    const corners = [[left, bottom], [right + 1, bottom], [right + 1, top + 1], [left, top + 1]];
+    const x = corners.map(([column, row]) => x0 + column * cosine - row * sine);
+    const y = corners.map(([column, row]) => y0 + column * sine + row * cosine);
+    return [Math.min(...x), Math.min(...y), Math.max(...x), Math.max(...y)];
   }
 }

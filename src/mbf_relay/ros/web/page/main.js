@@ -163,7 +163,7 @@ function fit() {
 }
 
 function scaleBar() {
-  const length = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200].find((size) => size * camera.scale >= 70) || 500;
+  const length = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000].find((size) => size * camera.scale >= 70) || 5000;
   $("scale-bar").style.width = `${Math.round(length * camera.scale)}px`;
   $("scale-text").textContent = length < 1 ? `${Math.round(length * 100)} cm` : `${length} m`;
 }

@@ -63,7 +63,7 @@ export class Painter {
 
   lines(colour) {
     const { context, camera } = this;
-    const step = [0.1, 0.5, 1, 5, 10, 50, 100, 500].find((size) => size * camera.scale > 34) || 1000;
+    const step = [0.1, 0.5, 1, 5, 10, 50, 100, 500, 1000].find((size) => size * camera.scale > 34) || 5000;
     const [left, top] = camera.toMap(0, 0), [right, bottom] = camera.toMap(camera.width, camera.height);
     context.beginPath();
     for (let x = Math.ceil(left / step) * step; x < right; x += step) { context.moveTo(x, bottom); context.lineTo(x, top); }
