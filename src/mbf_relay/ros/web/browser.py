@@ -97,6 +97,11 @@ class Browser(tornado.websocket.WebSocketHandler):
         """Send words."""
         self._write(json.dumps({"say": what, **more}), binary=False)
 
+    def welcome(self, is_guess: bool) -> None:
+        """Tell which robot is shown, and whether that was guessed since none is found yet."""
+        assert self.robot is not None
+        self.say("welcome", number=self.number, drive=self.rights.drive, robot=self.robot.namespace, guess=is_guess)
+
     def send_due(self, layers: Mapping[str, ViewLayer], now: float) -> None:
         """Send what is due at `now` (s), if the browser is ready for it."""
         content = self.feed.next_batch(layers, now)
@@ -120,12 +125,7 @@ class Browser(tornado.websocket.WebSocketHandler):
         if self._hello_timer is not None:
             tornado.ioloop.IOLoop.current().remove_timeout(self._hello_timer)
             self._hello_timer = None
-        self._hub.join(self, self._hub.choose(wish.values["robot"]))
-        self._welcome()
-
-    def _welcome(self) -> None:
-        assert self.robot is not None
-        self.say("welcome", number=self.number, drive=self.rights.drive, robot=self.robot.namespace)
+        self._hub.join(self, wish.values["robot"])
 
     def _take_ack(self, wish: Wish) -> None:
         self.feed.acknowledge(int(wish.values["number"]))
@@ -139,8 +139,7 @@ class Browser(tornado.websocket.WebSocketHandler):
             self._hub.reconcile()
 
     def _take_robot(self, wish: Wish) -> None:
-        self._hub.join(self, self._hub.choose(wish.values["name"]))
-        self._welcome()
+        self._hub.join(self, wish.values["name"])
 
     def _take_ping(self, wish: Wish) -> None:
         self.say("pong", time=wish.values["time"])

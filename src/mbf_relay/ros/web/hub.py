@@ -47,6 +47,7 @@ class Hub:
         self.robots: Dict[str, ViewedRobot] = {}
         self.browsers: List[Onlooker] = []
         self._known_robots: List[str] = []
+        self._guesses: Dict[Onlooker, bool] = {}  # of who looks at a robot: whether nobody has seen or asked for it
         self._published: Dict[str, str] = {}
         self._master_seen = time.monotonic()
         self._looking = False
@@ -58,9 +59,21 @@ class Hub:
 
     # --- browsers come and go ---
 
-    def join(self, browser: Onlooker, namespace: str) -> None:
-        """Let a browser look at a robot, instead of the one it looked at."""
+    def join(self, browser: Onlooker, name: str) -> None:
+        """Let a browser look at the robot it asks for, instead of the one it looked at, and tell it which that is.
+
+        Who names none gets this node's own namespace or the first robot; where none is found yet that is a guess, and
+        it gets another as soon as there is one. Who comes with a name keeps it, also while that robot is away.
+        """
+        known, own = self._known_robots, rospy.get_namespace()
+        namespace = f"/{name.strip('/')}/".replace("//", "/")
+        is_new = browser.robot is None and rosgraph.names.is_legal_name(namespace)
+        is_guess = False
+        if not (name and (is_new or namespace in known)):
+            namespace = own if own in known or not known else known[0]
+            is_guess = namespace not in known
         self.leave_robot(browser)
+        self._guesses[browser] = is_guess
         robot = self.robots.get(namespace)
         if robot is None:
             robot = ViewedRobot(namespace, self.settings, self._recording, self.changed, self._teller(namespace))
@@ -70,6 +83,7 @@ class Hub:
         robot.lookers.add(browser)
         browser.robot = robot
         browser.feed.forget()
+        browser.welcome(is_guess)
         self.reconcile()
         self._pump_soon(0.0)
 
@@ -77,6 +91,7 @@ class Hub:
         """Take a browser away from its robot: its hand off the stick, its layers off the list."""
         robot = browser.robot
         browser.robot = None
+        self._guesses.pop(browser, None)
         if robot is not None:
             robot.hands.let_go(browser)
             robot.lookers.discard(browser)
@@ -86,15 +101,6 @@ class Hub:
         """Look soon at what must be listened to; call it when what is shown has changed."""
         self._next_look = 0.0
         self._pump_soon(PUMP_PERIOD)
-
-    def choose(self, name: str) -> str:
-        """Return the namespace a browser means by a robot's name; its own namespace's or the first one's where empty.
-        """
-        wanted = f"/{name.strip('/')}/".replace("//", "/")
-        if name and wanted in self._known_robots + list(self.robots):
-            return wanted
-        own = rospy.get_namespace()
-        return own if own in self._known_robots or not self._known_robots else self._known_robots[0]
 
     def carry_out(self, browser: Onlooker, wish: Wish) -> None:
         """Do what a browser asks that needs its robot; raise Refused where that cannot be."""
@@ -197,6 +203,11 @@ class Hub:
         self._master_seen = time.monotonic()
         self._published = published
         self._known_robots = robots_of(published)
+        for browser in [browser for browser, is_guess in self._guesses.items() if is_guess and self._known_robots]:
+            if browser.robot is not None and browser.robot.namespace in self._known_robots:
+                self._guesses[browser] = False
+            else:
+                self.join(browser, "")
         for robot in self.robots.values():
             robot.view.look_for_others()
         self._pump_soon(0.0)

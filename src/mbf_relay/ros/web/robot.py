@@ -35,6 +35,9 @@ class Onlooker(Hashable, Protocol):
     def say(self, what: str, **more: Any) -> None:
         """Send words."""
 
+    def welcome(self, is_guess: bool) -> None:
+        """Tell it which robot it looks at, and whether that is a guess."""
+
     def send_due(self, layers: Mapping[str, ViewLayer], now: float) -> None:
         """Send what is due at `now` (s), if it is ready for it."""
 

@@ -39,7 +39,7 @@ export class Connection {
       const message = JSON.parse(data);
       if (message.say === "welcome") {
         this.wait = FIRST_WAIT;
-        this.robot = message.robot;
+        this.robot = message.guess ? "" : message.robot;
         this.show(this.layers);
         this.on.state("good", "live");
       } else if (message.say === "goodbye") this.reason = message.why;
