@@ -89,7 +89,10 @@ def is_own_page(origin: Optional[str], host: Optional[str], names: Iterable[str]
     """
     if not is_own_host(host, names):
         return False
-    return origin is None or urlsplit(origin).netloc.lower() == (host or "").lower()
+    try:
+        return origin is None or urlsplit(origin).netloc.lower() == (host or "").lower()
+    except ValueError:
+        return False
 
 
 def is_own_host(host: Optional[str], names: Iterable[str]) -> bool:

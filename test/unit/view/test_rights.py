@@ -80,6 +80,7 @@ def test_only_their_owner_reads_the_tokens_even_where_a_file_lay_open(tmp_path):
     ("", "localhost:8642", False),
     ("http://localhost:8642", None, False),
     ("http://localhost:8642", "[", False),
+    ("http://[::1", "localhost:8642", False),
 ])
 def test_another_sites_page_can_neither_read_nor_drive(origin, host, own):
     assert is_own_page(origin, host, NAMES) is own
