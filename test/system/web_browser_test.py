@@ -23,6 +23,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from programs import program  # noqa: E402
 from ros_testing import Listener, connected_publisher, wait_until  # noqa: E402
 from running_stack import Witness, start_test_node  # noqa: E402
+from web_client import WebClient  # noqa: E402
 from web_page import WebPage, missing  # noqa: E402
 
 from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
@@ -188,6 +189,18 @@ class WebBrowserTest(unittest.TestCase):
                 "const done = arguments[0]; axe.run(document).then((r) => done(r.violations.map((v) =>"
                 "({id: v.id, impact: v.impact, nodes: v.nodes.map((n) => n.html + n.failureSummary).slice(0, 3)}))));")
             self.assertEqual([v for v in found if v["impact"] in ("serious", "critical")], [])
+
+    def test_9_a_page_that_was_left_is_no_onlooker_and_is_live_again_once_one_goes_back(self):
+        other = WebClient(self.server.port)
+        try:
+            other.layer("state", lambda state: state["browsers"] == 2, "with two browsers")
+            self.page.driver.get("about:blank")
+            other.layer("state", lambda state: state["browsers"] == 1, "with one browser")
+            self.page.driver.back()
+            other.layer("state", lambda state: state["browsers"] == 2, "with two browsers again")
+            self.page.wait("document.getElementById('connection').textContent === 'live'", "the connection")
+        finally:
+            other.close()
 
 
 def fetch_axe():

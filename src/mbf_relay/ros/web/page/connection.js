@@ -16,6 +16,7 @@ export class Connection {
     this.retry = 0;
     this.shown = Promise.resolve();
     setInterval(() => this.watch(), PING);
+    addEventListener("pagehide", () => this.leave());
     for (const event of ["online", "pageshow"]) addEventListener(event, () => this.hurry());
     document.addEventListener("visibilitychange", () => { if (!document.hidden) this.hurry(); });
   }
@@ -82,14 +83,24 @@ export class Connection {
     this.wait = Math.min(LONGEST_WAIT, this.wait * 1.6);
   }
 
+  drop() {
+    const old = this.socket;
+    this.socket = null;
+    old.onclose = old.onmessage = null;
+    old.close();
+  }
+
+  // A browser may keep a page that was left for a while, to show it again at once; its socket would stay open.
+  leave() {
+    clearTimeout(this.retry);
+    if (this.socket) this.drop();
+  }
+
   // A connection that died without a word, as when a laptop sleeps, is only known by its silence.
   watch() {
     if (!this.socket) return;
     if (performance.now() - this.heard > SILENCE) {
-      const old = this.socket;
-      this.socket = null;
-      old.onclose = old.onmessage = null;
-      old.close();
+      this.drop();
       this.lost();
     } else this.send({ do: "ping", time: Math.round(performance.now()) });
   }
