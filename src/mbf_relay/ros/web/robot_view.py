@@ -72,6 +72,7 @@ class RobotView:
         self._diagnostics: Dict[str, Dict[str, Any]] = {}
         self._fit: Optional[str] = None
         self._status_time = 0.0
+        self._ended_goal = ""
         self._others: List[str] = []
 
     def update(self, now: float) -> None:
@@ -224,19 +225,21 @@ class RobotView:
 
     def _take_result(self, message: Any, _now: float) -> None:
         status = message.read().status
-        self._goal_ended(status, status.text)
+        self._goal_ended(status, status.text, why="")
 
     def _take_outcome(self, message: Any, _now: float) -> None:
         outcome = message.read()
-        detail = outcome.result.message
-        self._goal_ended(
-            outcome.status, f"{outcome.status.text} ({detail})" if detail != outcome.status.text else detail
-        )
+        self._goal_ended(outcome.status, outcome.status.text, outcome.result.message)
 
-    def _goal_ended(self, status: GoalStatus, text: str) -> None:
-        state = GOAL_STATES.get(status.status, "failed")
-        self.story.ended(state, readers.short(text, 300))
-        self.ended.append((status.goal_id.id, state))
+    def _goal_ended(self, status: GoalStatus, text: str, why: str) -> None:
+        """Take note of a goal's end, which two topics tell, in either order; only one of them says `why`."""
+        state, goal = GOAL_STATES.get(status.status, "failed"), status.goal_id.id
+        is_known = goal == self._ended_goal and self.story.state == state
+        if not is_known:
+            self._ended_goal = goal
+            self.ended.append((goal, state))
+        if why or not is_known:
+            self.story.ended(state, readers.short(f"{text} ({why})" if why not in ("", text) else text, 300))
 
     def _take_feedback(self, _message: Any, now: float) -> None:
         self.story.drove(now)

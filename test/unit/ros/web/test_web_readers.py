@@ -6,7 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from actionlib_msgs.msg import GoalID, GoalStatus
 from geometry_msgs.msg import Point, Point32, Polygon, PolygonStamped, Pose, PoseArray, PoseStamped, Quaternion, Vector3
+from mbf_msgs.msg import MoveBaseActionResult as FlexActionResult
+from move_base_msgs.msg import MoveBaseActionResult
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
@@ -178,17 +181,41 @@ def test_robots_are_found_by_their_namespaces():
     assert robots_of(topics) == ["/", "/burger1/", "/fleet/burger2/"]
 
 
+def viewed(inbox):
+    """Return a robot's view of which no frame is known."""
+    return robot_view.RobotView(SimpleNamespace(
+        inbox=inbox, namespace="/", base_frame="base", lookup=lambda *_args, **_options: None), "map")
+
+
+def received(message):
+    """Return a message as it comes in."""
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    return unread(type(message))().deserialize(buffer.getvalue())
+
+
+@pytest.mark.parametrize("first, second", [("outcome", "result"), ("result", "outcome")])
+def test_a_person_reads_why_a_goal_failed_whichever_topic_tells_its_end_first(first, second):
+    status = GoalStatus(goal_id=GoalID(id="mine"), status=GoalStatus.ABORTED, text="Failed to find a valid plan.")
+    messages = {"outcome": FlexActionResult(status=status), "result": MoveBaseActionResult(status=status)}
+    messages["outcome"].result.message = "no free cells connect start and goal"
+    inbox = Inbox({})
+    view = viewed(inbox)
+    for key in (first, second):
+        inbox.put(key, received(messages[key]), every=True)
+        view.update(1.0)
+    assert view.story.outcome == "Failed to find a valid plan. (no free cells connect start and goal)"
+    assert view.ended == [("mine", "failed")], "one end"
+
+
 def test_a_message_that_cannot_be_read_takes_no_other_from_the_page(monkeypatch):
     told = []
     monkeypatch.setattr(robot_view.rospy, "logwarn_throttle", lambda _period, text: told.append(text))
     inbox = Inbox({})
-    view = robot_view.RobotView(SimpleNamespace(
-        inbox=inbox, namespace="/", base_frame="base", lookup=lambda *_args, **_options: None), "map")
-    buffer = io.BytesIO()
+    view = viewed(inbox)
     shown = grid()
     shown.data = [0] * 12
-    shown.serialize(buffer)
     inbox.put("scan", unread(LaserScan)().deserialize(b"torn"), every=False)
-    inbox.put("map", unread(OccupancyGrid)().deserialize(buffer.getvalue()), every=False)
+    inbox.put("map", received(shown), every=False)
     view.update(1.0)
     assert view.has_map and len(told) == 1 and told[0].startswith("scan of / is not shown")
