@@ -47,7 +47,8 @@ class Recording:
     def __init__(self, folder: str, minutes: float) -> None:
         self._folder, self._minutes = folder, minutes
         self._process: Optional[subprocess.Popen] = None
-        self._ended = False  # or asked to
+        self._asked = False  # to end
+        self._told = False  # how it ended
         self.path = ""
 
     @property
@@ -70,18 +71,25 @@ class Recording:
                 self._command(namespace), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL, preexec_fn=become_another_program(os.getpid()),
             )
-            self._ended = False
+            self._asked = self._told = False
         return self.path
 
     def look(self) -> str:
-        """End a bag that gets nothing any more; return why one ends that nobody ended, once, else nothing."""
-        if self._process is None or self._ended:
+        """End a bag that gets nothing any more; return why one ends that nobody ended or has nothing, once, else nothing.
+        """
+        if self._process is None or self._told:
             return ""
         status = self._process.poll()
-        if status is None and self._lack():
+        if status is None:
+            if self._asked or not self._lack():
+                return ""
             self.stop()
+            self._told = True
             return f"the recording ends: {self._lack()}"
-        self._ended = status is not None
+        self._told = True
+        if self._asked:
+            there = os.path.exists(self.path)
+            return "" if there else "nothing was recorded: it was ended before rosbag had begun, which takes a few seconds"
         return f"the recording has ended: rosbag failed with status {status}" if status else ""
 
     def _lack(self) -> str:
@@ -96,7 +104,7 @@ class Recording:
 
     def stop(self) -> None:
         """End the bag, if there is one; rosbag gives it its name on an interrupt."""
-        self._ended = True
+        self._asked = True
         if self._process is not None and self._process.poll() is None:
             self._process.send_signal(signal.SIGINT)
 

@@ -67,10 +67,18 @@ def test_a_person_whose_recording_died_is_told_so_once(recording):
 
 
 def test_a_recording_that_somebody_ended_is_no_failure(recording):
-    recording.start("/")
-    recording.stop()
+    with open(recording.start("/"), "wb"):
+        recording.stop()
     assert recording._process.wait() != 0  # sleep's, on an interrupt
     assert not recording.is_on and recording.look() == ""
+
+
+def test_a_person_who_ends_a_recording_before_it_has_begun_is_told_that_there_is_none(recording):
+    recording.start("/")
+    recording.stop()
+    recording._process.wait()
+    assert recording.look().startswith("nothing was recorded")
+    assert recording.look() == ""
 
 
 def test_a_person_who_ends_a_recording_has_a_whole_bag_though_the_node_blocks_signals_in_its_threads(recording):
