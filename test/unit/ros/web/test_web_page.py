@@ -144,6 +144,18 @@ def test_a_warning_is_told_once_though_the_connection_was_lost_meanwhile(page):
         "10:00:02 /amcl", "10:00:01 /amcl", "10:00:00 /amcl"]
 
 
+def test_who_waits_for_a_robot_that_is_not_there_is_told_so(page):
+    show(page, {**STATE, "has_map": False, "robots": []})
+    page.wait("!document.getElementById('banner').hidden", "a word about it", 30.0)
+    assert "neither a map nor a robot" in page.text("banner")
+
+
+def test_the_error_of_a_robot_that_stands_is_the_newest(page):
+    show(page, {"layer": "robot", "pose": [0.0, 0.0, 0.0], "speed": [0.0, 0.0], "frames": {}}, {**STATE, "error": 2.5})
+    show(page, {**STATE, "error": 0.01})
+    assert page.text("chart-error") == "1.0 cm"
+
+
 @pytest.mark.parametrize(
     "origin, resolution", [([-5.0, 3.0, 0.0], 0.05), ([2.0, -7.0, 2.0], 0.05), ([0.0, 0.0, -0.7], 50.0)])
 def test_the_whole_map_is_shown_however_it_is_turned_and_as_large_as_it_is(page, origin, resolution):

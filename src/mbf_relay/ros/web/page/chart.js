@@ -1,6 +1,6 @@
 // Speed, and the error against the truth where there is one, over the last minute.
 
-const SPAN = 60000;  // ms
+const SPAN = 60000, GAP = 2000;  // ms
 
 export class Chart {
   constructor(canvas) {
@@ -48,7 +48,11 @@ export class Chart {
     const top = [0.1, 0.2, 0.3, 0.5, 1, 2, 5, 10, 50, 100].find((value) => value >= Math.max(least, highest)) || highest;
     const now = performance.now();
     context.beginPath();
-    for (const row of rows) context.lineTo(width * (1 - (now - row[0]) / SPAN), height - 2 - (height - 6) * Math.abs(row[column]) / top);
+    let last = -Infinity;
+    for (const row of rows) {
+      context[row[0] - last > GAP ? "moveTo" : "lineTo"](width * (1 - (now - row[0]) / SPAN), height - 2 - (height - 6) * Math.abs(row[column]) / top);
+      last = row[0];
+    }
     context.strokeStyle = colour;
     context.lineWidth = 1.8;
     context.lineJoin = "round";

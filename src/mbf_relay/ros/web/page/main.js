@@ -18,7 +18,7 @@ const HINTS = {
 };
 const SKETCH = { goal: "goal", waypoint: "goal", pose: "particles", obstacle: "warn" };
 const KEYS = { g: "goal", w: "waypoint", p: "pose", o: "obstacle", Escape: "look" };
-const WAIT_FOR_MAP = 4000;  // ms
+const WAIT_FOR_MAP = 4000, LOOK_PERIOD = 250;  // ms
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
 function applyTheme() {
@@ -32,7 +32,7 @@ const scene = new Scene(palette());
 const sketch = { arrow: null, waypoints: [], colour: "goal", radius: 0, square: 0 };
 const chart = new Chart($("chart"));
 const panel = new Panel(() => { connection.show(panel.rates()); redraw(); });
-let fitted = false, following = false, state = null, dirty = true, drives = false, welcomed = 0;
+let fitted = false, following = false, state = null, dirty = true, drives = false, live = false, welcomed = 0;
 
 function redraw() {
   dirty = true;
@@ -87,6 +87,7 @@ function wish(message) {
 const connection = new Connection({
   state(name, words) {
     const pill = $("connection");
+    live = name === "good";
     pill.dataset.state = name;
     pill.textContent = words;
     document.body.classList.toggle("away", name !== "good");
@@ -132,18 +133,23 @@ function welcome({ drive, robot }) {
 
 function take(header) {
   if (header.layer === "robot") {
-    panel.figures(header, state ? state.error : null);
+    panel.figures(header);
   } else if (header.layer === "state") {
     state = header;
     panel.state(state);
     showWaypoints();
-    chart.add(scene.robot.speed[0], state.error);
-    chart.draw(scene.colours);
-    tellWhatIsMissing();
   } else if (header.layer === "diagnostics") panel.diagnostics(header.entries);
   else if (header.layer === "log") panel.log(header.entries);
   else if (header.layer === "map" && !fitted) fit();
 }
+
+// By the clock: who stands still, or is not there, sends nothing new.
+setInterval(() => {
+  if (!live || !state) return;
+  chart.add(scene.robot.speed[0], state.error);
+  chart.draw(scene.colours);
+  tellWhatIsMissing();
+}, LOOK_PERIOD);
 
 function tellWhatIsMissing() {
   if (performance.now() - welcomed < WAIT_FOR_MAP) return;

@@ -92,6 +92,7 @@ export class Panel {
     put($("record"), state.recording ? "Stop recording" : "Record");
     for (const node of document.querySelectorAll("[data-simulator]")) node.hidden = !state.simulator;
     $("error-key").hidden = state.error === null;
+    if (state.error !== null) put($("chart-error"), `${(100 * state.error).toFixed(1)} cm`);
     this.robots(state.robots);
   }
 
@@ -105,11 +106,10 @@ export class Panel {
     $("robot-field").hidden = names.length < 2;
   }
 
-  figures(robot, error) {
+  figures(robot) {
     const speed = robot.speed ? robot.speed[0] : 0;
     put($("speed"), `${speed.toFixed(2)} m/s`);
     put($("chart-speed"), `${speed.toFixed(2)} m/s`);
-    if (error !== null) put($("chart-error"), `${(100 * error).toFixed(1)} cm`);
   }
 
   diagnostics(entries) {
