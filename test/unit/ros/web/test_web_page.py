@@ -156,6 +156,13 @@ def test_the_error_of_a_robot_that_stands_is_the_newest(page):
     assert page.text("chart-error") == "1.0 cm"
 
 
+def test_a_pose_estimate_draws_no_path_through_walls(page):
+    for x in (0.0, 0.1, 0.2, 3.2, 3.3):
+        show(page, {"layer": "robot", "pose": [x, 0.0, 0.0], "speed": [0.2, 0.0], "frames": {}})
+    assert page.js("page.scene.trail.map(([x, , jumped]) => [x, Boolean(jumped)])") == [
+        [0, False], [0.1, False], [0.2, False], [3.2, True], [3.3, False]]
+
+
 @pytest.mark.parametrize(
     "origin, resolution", [([-5.0, 3.0, 0.0], 0.05), ([2.0, -7.0, 2.0], 0.05), ([0.0, 0.0, -0.7], 50.0)])
 def test_the_whole_map_is_shown_however_it_is_turned_and_as_large_as_it_is(page, origin, resolution):

@@ -80,7 +80,7 @@ export class Painter {
   polyline(list, colour, width) {
     if (list.length < 2) return;
     this.context.beginPath();
-    for (const [x, y] of list) this.context.lineTo(x, y);
+    for (const [x, y, jumped] of list) this.context[jumped === true ? "moveTo" : "lineTo"](x, y);
     this.stroke(colour, width);
   }
 

@@ -4,7 +4,7 @@ import { inflate, points } from "./batch.js";
 import { mapPaint, PAINTS } from "./colours.js";
 import { Grid } from "./grid.js";
 
-const TRAIL = 4000, TRAIL_STEP = 0.03;  // points, m
+const TRAIL = 4000, TRAIL_STEP = 0.03, JUMP = 0.3;  // points, m, m
 
 export class Scene {
   constructor(colours) {
@@ -43,9 +43,14 @@ export class Scene {
   takeRobot(robot) {
     this.robot = robot;
     if (!robot.pose) return;
-    const [x, y] = robot.pose, last = this.trail[this.trail.length - 1];
-    if (last && Math.hypot(x - last[0], y - last[1]) < TRAIL_STEP) return;
-    this.trail.push([x, y]);
+    const [x, y] = robot.pose, now = performance.now(), last = this.trail[this.trail.length - 1];
+    const way = last ? Math.hypot(x - last[0], y - last[1]) : 0;
+    if (last && way < TRAIL_STEP) return;
+    const speed = Math.max(Math.abs(robot.speed[0]), Math.abs(this.trailSpeed || 0));
+    const jumped = way > JUMP + 2 * speed * (now - this.trailTime) / 1000;  // believed elsewhere, not driven there
+    this.trail.push([x, y, jumped]);
+    this.trailTime = now;
+    this.trailSpeed = robot.speed[0];
     if (this.trail.length > TRAIL) this.trail.splice(0, TRAIL / 10);
   }
 }
