@@ -163,6 +163,26 @@ def test_a_pose_estimate_draws_no_path_through_walls(page):
         [0, False], [0.1, False], [0.2, False], [3.2, True], [3.3, False]]
 
 
+def test_another_map_comes_into_sight_and_one_that_grows_leaves_the_view_alone(page):
+    shape = {"layer": "map", "width": 64, "height": 64, "tile": 64, "frame": "map", "resolution": 0.05}
+    place = "(() => { const { x, y, scale } = page.camera; return [x, y, scale]; })()"
+
+    def come(**more):
+        header = json.dumps({**shape, **more})
+        page.driver.execute_async_script(
+            "const done = arguments[0], cells = new Blob([new Uint8Array(4096)]).stream();"
+            "new Response(cells.pipeThrough(new CompressionStream('deflate'))).arrayBuffer().then((payload) =>"
+            f"page.connection.on.batch([{{header: {header}, payload}}]).then(done));")
+        return page.js(place)
+
+    first = come(tiles=[0], origin=[0.0, 0.0, 0.0])
+    assert come(tiles=[0], origin=[-1.0, -1.0, 0.0]) == first
+    page.driver.execute_script("page.camera.pan(5000, 0)")
+    away = page.js(place)
+    assert come(tiles=[0], origin=[-1.0, -1.0, 0.0]) == away, "who looks elsewhere is left there"
+    assert come(tiles=[0], origin=[100.0, 50.0, 0.0])[:2] == [101.6, 51.6]
+
+
 @pytest.mark.parametrize(
     "origin, resolution", [([-5.0, 3.0, 0.0], 0.05), ([2.0, -7.0, 2.0], 0.05), ([0.0, 0.0, -0.7], 50.0)])
 def test_the_whole_map_is_shown_however_it_is_turned_and_as_large_as_it_is(page, origin, resolution):

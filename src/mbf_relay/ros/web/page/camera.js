@@ -31,6 +31,11 @@ export class Camera {
     this.y += y - newY;
   }
 
+  sees([left, bottom, right, top]) {
+    const [x0, y1] = this.toMap(0, 0), [x1, y0] = this.toMap(this.width, this.height);
+    return left < x1 && right > x0 && bottom < y1 && top > y0;
+  }
+
   fit([left, bottom, right, top], margin = 0.86) {
     this.x = (left + right) / 2;
     this.y = (bottom + top) / 2;

@@ -32,7 +32,7 @@ const scene = new Scene(palette());
 const sketch = { arrow: null, waypoints: [], colour: "goal", radius: 0, square: 0 };
 const chart = new Chart($("chart"));
 const panel = new Panel(() => { connection.show(panel.rates()); redraw(); });
-let fitted = false, following = false, state = null, dirty = true, drives = false, live = false, welcomed = 0;
+let fitted = false, following = false, state = null, dirty = true, drives = false, live = false, welcomed = 0, mapPlace = "";
 
 function redraw() {
   dirty = true;
@@ -140,7 +140,14 @@ function take(header) {
     showWaypoints();
   } else if (header.layer === "diagnostics") panel.diagnostics(header.entries);
   else if (header.layer === "log") panel.log(header.entries);
-  else if (header.layer === "map" && !fitted) fit();
+  else if (header.layer === "map") takeMap(header);
+}
+
+// One that grows under a person's eyes stays where it is; one that lies elsewhere would be out of sight.
+function takeMap({ tiles, ...shape }) {
+  const place = JSON.stringify(shape), isOther = place !== mapPlace;
+  mapPlace = place;
+  if (!fitted || (isOther && !following && !camera.sees(scene.grids.map.bounds()))) fit();
 }
 
 // By the clock: who stands still, or is not there, sends nothing new.
