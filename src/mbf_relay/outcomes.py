@@ -92,7 +92,7 @@ class NavigationError(Exception):
 
     def __init__(self, outcome: Enum, message: str) -> None:
         if not isinstance(outcome, self.outcomes):
-            raise TypeError(f"{outcome!r} is no outcome of a {type(self).__name__}, which is a {self.outcomes.__name__}")
+            raise TypeError(f"{outcome!r} is no outcome of a {type(self).__name__}; choose a {self.outcomes.__name__}")
         super().__init__(as_told(message))
         self.outcome = outcome
 

@@ -302,8 +302,7 @@ class ControllerExecution:
         self._retries = 0
         ignored = self._ignored.ignored_for(now, velocity, self._view.state.velocity)
         if 0.0 < parameters.cmd_vel_ignored_tolerance < ignored:
-            message = f"Robot has stood still for {ignored:.1f} s against velocity commands"
-            self._end(Ending.ABORTED, ControlOutcome.ROBOT_STUCK, message)
+            self._end(Ending.ABORTED, ControlOutcome.ROBOT_STUCK, self._ignored.told(now, velocity))
             return
         self._oscillation.progressed(now, self._view.pose.pose, parameters)
         stuck = self._oscillation.stuck_for(now, parameters) if self.watch_oscillation else None

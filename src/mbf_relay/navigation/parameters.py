@@ -47,7 +47,7 @@ class NavigatorParameters(ParameterSet):
         None, "How long to wait for a transform, standing; 3 for plans and 1 for control where not given", "s", 0.0
     )
     pose_timeout: Optional[float] = parameter(
-        None, "Age beyond which a pose is not driven on; where not given 1, or a costmap's transform_tolerance if longer",
+        None, "Age beyond which a pose is not driven on; 1, or a costmap's transform_tolerance if longer, by default",
         "s", above=0.0)
     odom_timeout: float = parameter(1.0, "Age beyond which odometry is not driven on", "s", above=0.0)
     force_stop_at_goal: bool = parameter(False, "Kept for its name: driving always ends with a zero velocity")
@@ -74,7 +74,7 @@ class NavigatorParameters(ParameterSet):
         """
         if self.pose_timeout is not None:
             return self.pose_timeout
-        return max((USUAL_AGE, *(costmap.parameters.transform_tolerance for costmap in costmaps)))
+        return max([USUAL_AGE, *(float(costmap.parameters.transform_tolerance) for costmap in costmaps)])
 
     @property
     def planning_tf_timeout(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Optional
 
+from mbf_relay.control.checkers import CAR
 from mbf_relay.geometry import Pose2D, Twist2D, angle_between
 from mbf_relay.navigation.goals import FollowFeedback
 from mbf_relay.navigation.parameters import NavigatorParameters
@@ -112,6 +113,13 @@ class IgnoredCommands:
         elif not self._since.running:
             self._since.start(now)
         return self._since.elapsed(now)
+
+    def told(self, now: float, command: Twist2D) -> str:
+        """Return for how long it has ignored commands, and the last one."""
+        on_the_spot = CAR if command.speed() < STOPPED else ""
+        return (
+            f"Robot has stood still for {self._since.elapsed(now):.1f} s against velocity commands, the last one of "
+            f"{command.speed():.2f} m/s and {command.theta:.2f} rad/s{on_the_spot}")
 
 
 def _is_zero(velocity: Twist2D) -> bool:

@@ -11,6 +11,7 @@ from mbf_relay.costmap.layer import ZoneLimit
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.goals import RecoverGoal, RecoverResult
 from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.navigation.progress import IgnoredCommands
 from mbf_relay.navigation.registry import PluginInstance
 from mbf_relay.navigation.robot import OVERRUN_PERIODS, TOO_OLD, Robot
 from mbf_relay.navigation.task import Ending, Task
@@ -103,7 +104,7 @@ class RecoveryExecution:
         self._job: Optional[Job] = None
         self._given_up = False
         self._moved = False
-        self._command = STOP
+        self._command, self._ignored = STOP, IgnoredCommands()
         self._pacer, self._since_start, self._since_call = Pacer(), Stopwatch(), Stopwatch()
 
     @property
@@ -130,6 +131,7 @@ class RecoveryExecution:
             return
         if self._robot.paused:
             self._since_start.start(now)
+            self._ignored = IgnoredCommands()
             self._since_call.start(-math.inf)  # what is thought of before the pause is too old after it
             if self._pacer.is_due(now):
                 self._pacer.passed(now, 1.0 / self._parameters().controller_frequency)
@@ -218,7 +220,18 @@ class RecoveryExecution:
         if velocity != STOP and (self._since_call.elapsed(now) > TOO_OLD or self._blind(now)):
             velocity = STOP
         self._moved = self._moved or velocity != STOP
-        self._send(self._at_the_zone_s_pace(velocity))
+        velocity = self._at_the_zone_s_pace(velocity)
+        self._send(velocity)
+        self._watch_wheels(now, velocity)
+
+    def _watch_wheels(self, now: float, velocity: Twist2D) -> None:
+        """Give up a behaviour that moves nothing, as a drive that does: it would turn its wheels against all patience.
+        """
+        tolerance = self._parameters().cmd_vel_ignored_tolerance
+        measured = self._robot.velocity() if self._robot.knows_its_motion else velocity
+        if 0.0 < tolerance < self._ignored.ignored_for(now, velocity, measured):
+            message = f"Recovery behaviour '{self.instance.name}': {self._ignored.told(now, velocity)}"
+            self._give_up(Ending.ABORTED, RecoveryOutcome.PAT_EXCEEDED, message)
 
     def _at_the_zone_s_pace(self, velocity: Twist2D) -> Twist2D:
         """Return a velocity along the same arc that keeps to the zone's limit, as the controller that failed does."""

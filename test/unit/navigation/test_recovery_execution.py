@@ -194,6 +194,26 @@ def test_patience_ends_a_behaviour_that_never_does(bench):
     assert 2.0 < bench.now - started < 2.3 and bench.script.cleaned_up == 1
 
 
+def test_a_behaviour_that_moves_nothing_is_given_up_as_a_drive_is(make_bench):
+    """A car, which cannot turn on the spot, was told to for 15 s each time, and its goal did not end for a minute."""
+    bench = make_bench(recovery_patience=60.0, cmd_vel_ignored_tolerance=5.0)
+    bench.script.recovery = steps(10 ** 6, Twist2D(0.0, 0.0, 0.4))
+    bench.robot.reported, started = STOP, bench.now
+    task = bench.navigator.recovery(RecoverGoal("R1"))
+    assert bench.finish(task).outcome is RecoveryOutcome.PAT_EXCEEDED and task.ending is Ending.ABORTED
+    assert bench.script.cleaned_up == 1 and 5.0 <= bench.now - started < 5.5
+    for told in ("'R1'", "stood still for", "0.00 m/s and 0.40 rad/s", "a car, which cannot turn on the spot"):
+        assert told in task.result.message
+
+
+@pytest.mark.parametrize("reported, tolerance", [(STOP, 0.0), (FORWARD, 5.0)])
+def test_a_behaviour_is_not_given_up_whose_robot_moves_or_whose_user_wants_that(make_bench, reported, tolerance):
+    bench = make_bench(recovery_patience=60.0, cmd_vel_ignored_tolerance=tolerance)
+    bench.script.recovery = steps(100)
+    bench.robot.reported = reported
+    assert bench.finish(bench.navigator.recovery(RecoverGoal("R1"))).outcome is RecoveryOutcome.SUCCESS
+
+
 def test_an_unknown_behaviour_is_rejected(bench):
     task = bench.navigator.recovery(RecoverGoal("dance"))
     assert task.ending is Ending.REJECTED and task.result.outcome is RecoveryOutcome.INVALID_PLUGIN

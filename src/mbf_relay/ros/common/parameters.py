@@ -97,8 +97,8 @@ def warn_of_tf_prefix(base_frame: str) -> None:
     prefix = str(rospy.get_param(found, "")).strip("/") if found else ""
     if prefix and not base_frame.startswith(f"{prefix}/"):
         rospy.logwarn(
-            "%s is '%s', and frames are taken as they are named all the same: the robot's is '%s'; if it is "
-            "'%s/%s', name it so, and odometry's and its sensors' likewise", found, prefix, base_frame, prefix, base_frame)
+            "%s is '%s', and frames are taken as they are named all the same: the robot's is '%s'; if it is '%s', name "
+            "it so, and odometry's and its sensors' likewise", found, prefix, base_frame, f"{prefix}/{base_frame}")
 
 
 def groups_in(values: Mapping[str, Any]) -> List[str]:

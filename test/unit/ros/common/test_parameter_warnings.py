@@ -84,7 +84,8 @@ def test_a_node_s_own_file_given_as_overrides_is_told_of(said, monkeypatch, stan
 
 
 @pytest.mark.parametrize("place, frame, told", [
-    ("/robot1/tf_prefix", "base_link", "/robot1/tf_prefix"), ("/robot1/amcl/tf_prefix", "odom", "/robot1/amcl/tf_prefix"),
+    ("/robot1/tf_prefix", "base_link", "/robot1/tf_prefix"),
+    ("/robot1/amcl/tf_prefix", "base", "/robot1/amcl/tf_prefix"),
     ("/tf_prefix", "robot10/base_link", "/tf_prefix"), ("/robot1/tf_prefix", "robot1/base_link", ""),
     ("/robot2/tf_prefix", "base_link", ""), ("/robot1/move_base/tf_prefix", "base_link", "")])
 def test_who_counts_on_a_tf_prefix_is_told_that_frames_are_to_be_named_with_it(said, monkeypatch, place, frame, told):
