@@ -115,7 +115,7 @@ class StuckChecker:
         Raises:
             ControlError: ROBOT_STUCK.
         """
-        now = state.now
+        now, here = state.now, state.pose_now or state.pose  # not where it is expected: that moves with each command
         moves = last_command.speed() > 1e-3 or abs(last_command.theta) > 1e-3
         if self._reference is None or self._last_time is None or not moves or not 0.0 <= now - self._last_time < 1.0:
             self._restart(state)
@@ -126,10 +126,10 @@ class StuckChecker:
         self._asked_angle += abs(last_command.theta) * elapsed
         since, pose = self._reference
         least = MOVED_DISTANCE * state.costmap.width
-        moved = pose.distance_to(state.pose) > least or abs(angle_between(pose.theta, state.pose.theta)) > MOVED_ANGLE
+        moved = pose.distance_to(here) > least or abs(angle_between(pose.theta, here.theta)) > MOVED_ANGLE
         if moved:
             self._restart(state)
-        elif timeout > 0.0 and now - since >= timeout and (
+        elif timeout > 0.0 and now - since >= timeout + state.delay and (
             self._asked_distance > 2.0 * least or self._asked_angle > 2.0 * MOVED_ANGLE
         ):
             self._reference = None
@@ -142,7 +142,7 @@ class StuckChecker:
             )
 
     def _restart(self, state: ControlState) -> None:
-        self._reference = (state.now, state.pose)
+        self._reference = (state.now, state.pose_now or state.pose)
         self._last_time = state.now
         self._asked_distance = self._asked_angle = 0.0
 

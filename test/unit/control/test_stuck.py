@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import pytest
 
 from mbf_relay.control.checkers import StuckChecker
-from mbf_relay.geometry import IDENTITY, Twist2D
+from mbf_relay.control.state import ControlState
+from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.outcomes import ControlError
 
 
@@ -14,9 +15,29 @@ def told_of(command):
     checker = StuckChecker()
     with pytest.raises(ControlError) as raised:
         for cycle in range(50):
-            state = SimpleNamespace(now=0.1 * cycle, pose=IDENTITY, costmap=SimpleNamespace(width=0.4))
-            checker.check(state, command, timeout=2.0)
+            checker.check(seen(0.1 * cycle), command, timeout=2.0)
     return raised.value.message
+
+
+def seen(now, pose=IDENTITY, expected=IDENTITY, delay=0.0):
+    return ControlState(now, expected, STOP, SimpleNamespace(width=0.4), delay=delay, pose_now=pose)
+
+
+def test_a_robot_that_stands_is_noticed_also_where_it_is_taken_for_one_whose_commands_come_late():
+    """A car stood at its goal for minutes: where it was expected to be turned to and fro with what it was told."""
+    checker = StuckChecker()
+    with pytest.raises(ControlError, match="has not moved for"):
+        for cycle in range(50):
+            expected = Pose2D(0.0, 0.0, 0.4 * (cycle % 3))
+            checker.check(seen(0.1 * cycle, expected=expected, delay=0.9), Twist2D(0.0, 0.0, 1.0), timeout=2.0)
+
+
+def test_a_robot_whose_commands_come_late_is_given_the_time_until_they_move_it():
+    """Of a timeout of 2 s the first 1.5 s pass before the first command takes effect."""
+    checker = StuckChecker()
+    for cycle in range(40):
+        there = Pose2D(0.1 * max(0.0, 0.1 * cycle - 2.4), 0.0, 0.0)
+        checker.check(seen(0.1 * cycle, there, delay=1.5), Twist2D(0.1, 0.0, 0.0), timeout=2.0)
 
 
 @pytest.mark.parametrize("command, is_turn", [
