@@ -17,7 +17,7 @@ from mbf_relay.control.state import ControlState, SpeedLimit  # noqa: E402
 from mbf_relay.costmap.footprint_checker import FootprintChecker  # noqa: E402
 from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D, angle_between  # noqa: E402
 
-HERE, PERIOD = Pose2D(0.0, 0.0, 0.0), 0.1
+HERE, PERIOD, ANYWHERE = Pose2D(0.0, 0.0, 0.0), 0.1, SpeedLimit()
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -43,7 +43,7 @@ def test_one_that_still_rolls_forward_brakes_and_turns_into_nothing_beside_it(si
     assert velocity.theta != 0.0, "backwards it takes an arc"
 
 
-def driven(back_out, state, path, checker, parameters, limit=SpeedLimit()):
+def driven(back_out, state, path, checker, parameters, limit=ANYWHERE):
     """Return the poses of a robot that does as it is told, until it is told nothing."""
     for now in (0.0, 1.01 * PATIENCE):
         back_out.failed(now, state.pose, path, checker, parameters)
@@ -70,7 +70,7 @@ def test_the_arc_that_is_driven_is_the_one_that_was_found_free(side):
 
 
 @pytest.mark.parametrize("bend", [1.15, -1.15])
-@pytest.mark.parametrize("limit", [SpeedLimit(), SpeedLimit(rotation=0.1)], ids=["as fast as it may", "in a slow zone"])
+@pytest.mark.parametrize("limit", [ANYWHERE, SpeedLimit(rotation=0.1)], ids=["as fast as it may", "in a slow zone"])
 def test_one_that_backs_out_along_a_bend_ends_where_it_was_found_free_to_turn(monkeypatch, bend, limit):
     """It went on till it was as far off as the bend is long, and where it may turn but slowly it went nearly straight.
     """

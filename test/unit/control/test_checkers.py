@@ -66,6 +66,12 @@ def test_where_the_position_is_latched_one_that_was_there_only_turns_till_the_go
     assert not checker.is_reached(at(3.0), IDENTITY, LATCHED)
 
 
+def test_one_that_has_come_past_the_goal_without_turning_at_it_has_not_reached_it():
+    checker = GoalChecker()
+    assert not turns(checker, at(-0.09), LATCHED) and not turns(checker, at(0.3), LATCHED)
+    assert not checker.is_reached(at(0.3), IDENTITY, LATCHED)
+
+
 def test_the_position_is_latched_where_the_robot_is_and_not_where_it_will_be():
     checker, there, short = GoalChecker(), Pose2D(0.05, 0.0, 0.0), Pose2D(-0.5, 0.0, 0.0)
     assert turns(checker, at(0.05, now=short), LATCHED) and not turns(checker, at(0.2, now=short), LATCHED)
@@ -202,7 +208,7 @@ class Goal:
 def test_a_goal_is_blocked_once_it_has_been_so_for_a_while():
     goal = Goal()
     assert goal.check(1.0) and goal.check(2.9)
-    with pytest.raises(ControlError, match=r"on the goal \(0.50, 0.00\) in odom; the robot is 0.50 m before it") as told:
+    with pytest.raises(ControlError, match=r"goal \(0.50, 0.00\) in odom; the robot is 0.50 m before it") as told:
         goal.check(3.0)
     assert told.value.outcome is ControlOutcome.BLOCKED_GOAL
 
@@ -229,7 +235,7 @@ def test_a_goal_is_not_blocked_where_the_path_is_free_as_near_as_its_tolerance_a
 
 
 @pytest.mark.parametrize("distance, expected", [(0.09, True), (0.89, True), (0.91, False)])
-def test_a_goal_is_looked_at_from_nearby_and_not_given_up_within_tolerance(distance, expected):
+def test_a_goal_is_looked_at_from_nearby_and_not_is_given_up_within_tolerance(distance, expected):
     goal = Goal(distance)
     assert goal.check(1.0) is expected
     if distance != 0.89:

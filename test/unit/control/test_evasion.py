@@ -92,7 +92,8 @@ def test_a_way_out_ends_where_it_should_within_what_the_wheels_can(velocity):
     manoeuvres = [(turn, way, first) for turn in (0.0, 0.8, -0.8, 2.5, -2.5) for way in (1.0, -0.6) for first in (0, 1)]
     poses, speeds, turns = ways_out(manoeuvres, velocity)
     turn, way, _ = np.array(manoeuvres).T
-    assert poses[:, -1, 2] == pytest.approx(turn, abs=0.02) and speeds.sum(axis=1) * 0.05 == pytest.approx(way, abs=0.02)
+    assert poses[:, -1, 2] == pytest.approx(turn, abs=0.02)
+    assert speeds.sum(axis=1) * 0.05 == pytest.approx(way, abs=0.02)
     assert np.abs(speeds[:, -1]).max() < 0.01 and np.abs(turns[:, -1]).max() < 0.02
     assert np.abs(np.diff(speeds, axis=1, prepend=velocity[0])).max() <= 0.05 * 1.0 + 1e-9
     assert np.abs(np.diff(turns, axis=1, prepend=velocity[1])).max() <= 0.05 * 3.0 + 1e-9
