@@ -179,3 +179,57 @@ def test_a_map_of_an_old_map_saver_is_not_turned(tmp_path, yaw):
     assert load_map(path).origin == Pose2D(-16.6, -6.65, 0.0)
     with pytest.raises(MapFileError, match="origin"):
         load_map(write(tmp_path, np.zeros((2, 2), dtype=np.uint8), origin=f"[{yaw}, -6.65, 0.0]"))
+
+
+def image_of(kind):
+    """Return an image of 5 x 3 pixels of a kind, dark above and bright below."""
+    grey = (np.arange(15).reshape(3, 5) * 18).astype(np.uint8)
+    image = Image.fromarray(grey)
+    if kind == "I;16":
+        return Image.fromarray(grey.astype(np.uint16) * 256 + 255 - grey)
+    if kind == "transparent palette":
+        image = image.convert("P")
+        image.info["transparency"] = 3
+        return image
+    alpha = Image.fromarray(np.where(np.arange(15).reshape(3, 5) % 4, 255, 0).astype(np.uint8))
+    if kind in ("LA", "RGBA"):
+        image = image.convert(kind)
+        image.putalpha(alpha)
+    return image.convert(kind)
+
+
+@pytest.mark.parametrize("kind", ["L", "1", "P", "transparent palette", "LA", "RGB", "RGBA", "I;16"])
+@pytest.mark.parametrize("mode", ["trinary", "scale", "raw"])
+def test_a_large_image_read_band_by_band_is_the_map_it_is_as_a_whole(tmp_path, monkeypatch, kind, mode):
+    path = write(tmp_path, np.zeros((2, 2), dtype=np.uint8), mode)
+    image_of(kind).save(str(tmp_path / "map.png"))
+    whole = load_map(path).data
+    assert whole.shape == (3, 5) and whole.dtype == np.int8
+    for band in (1, 5, 10, 14):
+        monkeypatch.setattr(maps, "BAND", band)
+        assert load_map(path).data.tolist() == whole.tolist()
+    if mode == "scale" and kind in ("L", "P", "RGB", "I;16"):
+        share = 1.0 - np.arange(15).reshape(3, 5)[::-1] * 18 / 255.0
+        graded = (1.0 + 98.0 * (share - 0.196) / (0.65 - 0.196)).clip(1, 99).astype(int)
+        assert whole.tolist() == np.where(share < 0.196, 0, np.where(share > 0.65, 100, graded)).tolist()
+
+
+@pytest.mark.parametrize("limit, value", [("LARGEST_SIDE", 4), ("MOST_CELLS", 14)])
+@pytest.mark.parametrize("name", ["map.png", "map.pgm"])
+@pytest.mark.parametrize("turned", [False, True])
+def test_an_image_of_more_pixels_than_a_map_may_have_is_refused_with_its_size(
+        tmp_path, monkeypatch, limit, value, name, turned):
+    pixels = np.zeros((5, 3) if turned else (3, 5), dtype=np.uint8)
+    path = write(tmp_path, pixels, name=name)
+    monkeypatch.setattr(maps, limit, value + 1)
+    assert load_map(path).data.shape == pixels.shape
+    monkeypatch.setattr(maps, limit, value)
+    with pytest.raises(MapImageError, match="has 3 x 5 pixels" if turned else "has 5 x 3 pixels"):
+        load_map(path)
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 1e12])
+def test_an_image_with_pixels_that_are_no_brightness_is_refused(tmp_path, wrong):
+    path = write(tmp_path, np.array([[0.0, 200.0], [wrong, 255.0]], dtype=np.float32), name="map.tiff")
+    with pytest.raises(MapImageError, match="pixels that are no numbers, or larger"):
+        load_map(path)
