@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from typing import Optional
 
 from mbf_relay.timing import SET_BACK
 
 LEAST_ALLOWED, PERIODS_ALLOWED = 1.0, 5.0
 """Seconds, and periods of its updates if they are longer, that a costmap may be old."""
+
+FIRST_TRIES = 1.0
+"""Hz, at least, with which a costmap is tried to be updated until it is for the first time, as when there is a pose."""
+
+
+def next_update(now: float, frequency: float, updates: int) -> float:
+    """Return when a costmap is updated next (s).
+
+    Args:
+        now: Time of the last try (s).
+        frequency: Of its updates (Hz); 0 for one that is updated once.
+        updates: How many there were.
+    """
+    if updates:
+        return now + 1.0 / frequency if frequency else math.inf
+    return now + 1.0 / max(frequency, FIRST_TRIES)
 
 
 class Freshness:

@@ -12,6 +12,7 @@ import numpy as np
 from mbf_relay.control.state import GoalTolerance
 from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.factory import build_costmap
+from mbf_relay.costmap.freshness import FIRST_TRIES
 from mbf_relay.costmap.observation import observation_from_level_points, scan_points
 from mbf_relay.geometry import Twist2D
 from mbf_relay.localization.localizer import Localizer
@@ -35,8 +36,16 @@ from mbf_relay.simulation.robot import FOOTPRINT_FRAME
 
 
 class _Updated(NamedTuple):
+    """A costmap, how often it is updated, and how often that is tried until it is for the first time."""
+
     costmap: Costmap
-    rate: Rate
+    usual: Rate
+    first: Rate
+
+    @property
+    def rate(self) -> Rate:
+        """That in force."""
+        return self.usual if self.costmap.updates else self.first
 
 
 class StepReport(NamedTuple):
@@ -129,10 +138,11 @@ class Graph:
             (costmap.name, name): ScanMonitor(source.largest_gap)
             for costmap in self.costmaps.values() for name, source in costmap.sources.items()
         }
-        self._updated = [
-            _Updated(costmap, Rate(costmap.parameters.update_frequency, self.time_step))
-            for costmap in self.costmaps.values()
-        ]
+        self._updated = []
+        for costmap in self.costmaps.values():
+            frequency = costmap.parameters.update_frequency
+            usual, first = (Rate(each, self.time_step) for each in (frequency, max(frequency, FIRST_TRIES)))
+            self._updated.append(_Updated(costmap, usual, first if frequency < FIRST_TRIES else usual))
 
     def _share_scans(self) -> None:
         """Have the global costmap's layers find nothing twice, for the local one's frame never moves in theirs."""
@@ -184,7 +194,7 @@ class Graph:
 
     def step(self, most: int = 1) -> StepReport:
         """Advance by at most so many steps of the simulation, to the first at which something is due, and do that."""
-        most = min(most, self._steps_to_navigation(), *(rate.steps_left(self.steps) for _, rate in self._updated))
+        most = min(most, self._steps_to_navigation(), *(each.rate.steps_left(self.steps) for each in self._updated))
         with self._stages.stage("simulation"):
             steps, observations = self.simulation.advance(most)
         self.steps += steps
@@ -197,9 +207,9 @@ class Graph:
             self._scans.append(observations.scan)
         while self._scans and self._scans[0].stamp <= self.robot.odometry_stamp:
             self._take_scan(self._scans.popleft())
-        for costmap, rate in self._updated:
-            if rate.is_due(self.steps):
-                self._update(costmap)
+        for each in self._updated:
+            if each.rate.is_due(self.steps):
+                self._update(each.costmap)
         return StepReport(observations.contacts, self._navigate())
 
     def _steps_to_navigation(self) -> int:

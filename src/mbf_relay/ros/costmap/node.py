@@ -8,6 +8,7 @@ import rospy
 from geometry_msgs.msg import Polygon
 
 from mbf_relay.costmap import factory
+from mbf_relay.costmap.freshness import next_update
 from mbf_relay.costmap.layer import tracks_of
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
@@ -162,10 +163,7 @@ class CostmapNode:
                 self._update(now)
         except Exception as error:  # the thread must outlive a mistake; staleness then stops the robot
             rospy.logerr_throttle(WARN_PERIOD, f"{self._name}: update failed: {type(error).__name__}: {error}")
-        frequency = self.costmap.parameters.update_frequency
-        if frequency == 0.0:  # once, as soon as that can be done, and again where a client asks
-            return float("inf") if self.costmap.updates else now + 1.0
-        return now + 1.0 / frequency
+        return next_update(now, self.costmap.parameters.update_frequency, self.costmap.updates)
 
     def _update(self, now: float) -> None:
         pose = self._robot_pose()
