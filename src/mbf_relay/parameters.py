@@ -146,17 +146,21 @@ class ParameterSet:
         Raises:
             ValueError: A value is of the wrong type, or contradicts others.
         """
-        return _read(cls, cls.known(values), {new: old for old, new in cls.deprecated_names(values).items()
-                                              if new not in values})
+        return _read(cls, cls.known(values), cls._written(values))
 
     @classmethod
     def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
         """Return the values that belong here, by present names; the present name wins over an alias."""
-        result: Dict[str, Any] = {}
+        return {name: values[written] for name, written in cls._written(values).items()}
+
+    @classmethod
+    def _written(cls, values: Mapping[str, Any]) -> Dict[str, str]:
+        """Return the names by which the values that belong here stand in `values`, by present names."""
+        result: Dict[str, str] = {}
         for field in dataclasses.fields(cls):
             for name in (field.name,) + tuple(field.metadata.get("aliases", ())):
                 if name in values:
-                    result[field.name] = values[name]
+                    result[field.name] = name
                     break
         return result
 
@@ -248,7 +252,7 @@ def _read(cls: Type[T], known: Dict[str, Any], written: Mapping[str, str]) -> Tu
     Args:
         cls: What is to be made.
         known: Values by present names.
-        written: Names that are older where they stand, by present ones: what is told names what can be found there.
+        written: The names by which they stand in the user's file, which are those that are told.
     """
     hints = _hints(cls)
     fields = {field.name: field for field in dataclasses.fields(cls)}

@@ -92,7 +92,8 @@ def find_class(type_name: str, base: Type[P], known: Mapping[str, str]) -> Type[
 
     Args:
         type_name: A key of `known` (the names upstream uses, e.g. "navfn/NavfnROS"), its last part alone, as files from
-            before ROS Hydro have it, or "package.module.Class".
+            before ROS Hydro have it, or in another package, as of a copy that somebody changed; or
+            "package.module.Class".
         base: The abstract class it must derive from.
         known: Upstream and short names to "package.module.Class"; a former name to the present one, with which it
             warns.
@@ -137,11 +138,15 @@ def find_class(type_name: str, base: Type[P], known: Mapping[str, str]) -> Type[
 
 
 def _full_name(type_name: str, known: Mapping[str, str]) -> str:
-    """Return the known name that `type_name` is, or is the last part of; itself where there is none or several."""
-    if type_name in known or "." in type_name or "/" in type_name:
+    """Return the known name that `type_name` is, or has the last part of; itself where there is none or several."""
+    if type_name in known or "." in type_name:
         return type_name
-    matches = [name for name in known if name.rpartition("/")[2] == type_name]
-    return matches[0] if len(matches) == 1 else type_name
+    matches = [name for name in known if _last_part(name) == _last_part(type_name)]
+    return matches[0] if len({known[name] for name in matches}) == 1 else type_name
+
+
+def _last_part(type_name: str) -> str:
+    return type_name.replace("::", "/").rpartition("/")[2]
 
 
 def create(name: str, type_name: str, values: Mapping[str, Any], base: Type[P], known: Mapping[str, str]) -> P:
@@ -166,6 +171,9 @@ def create(name: str, type_name: str, values: Mapping[str, Any], base: Type[P], 
             f"plugin '{name}' ({type_name}) cannot be made: its __init__ does not call "
             "super().__init__(name, parameters)"
         )
-    stand_in = [f"{type_name} is not available here; {found.stands_in}"] if found.stands_in else []
-    plugin.notes = (*stand_in, *notes)
+    stands_in = found.stands_in
+    meant = _full_name(type_name, known)
+    if not stands_in and meant != type_name and type_name != _last_part(meant):
+        stands_in = f"{meant} does its job"
+    plugin.notes = (*([f"{type_name} is not available here; {stands_in}"] if stands_in else []), *notes)
     return plugin

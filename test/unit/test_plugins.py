@@ -74,6 +74,19 @@ def test_what_could_not_be_taken_as_it_is_stands_in_the_notes():
     assert create("mine", "tools/Hammer", {"weight": 2.0}, Tool, KNOWN).notes == ()
 
 
+@pytest.mark.parametrize("type_name", ["their_tools/Hammer", "their_tools::Hammer"])
+def test_a_copy_of_a_plugin_in_another_package_is_stood_in_for_by_what_it_was_copied_from(type_name):
+    """A robot whose planner was a changed copy of navfn, of that class's name, planned nothing at all."""
+    plugin = create("mine", type_name, {"weight": 2.0}, Tool, KNOWN)
+    assert isinstance(plugin, Hammer) and plugin.parameters.weight == 2.0
+    assert plugin.notes == (f"{type_name} is not available here; tools/Hammer does its job",)
+
+
+def test_which_of_two_was_copied_is_not_guessed():
+    with pytest.raises(PluginError, match="unknown tool type 'their_tools/Hammer'"):
+        create("mine", "their_tools/Hammer", {}, Tool, {**KNOWN, "light_tools/Hammer": f"{__name__}.Mallet"})
+
+
 @pytest.mark.parametrize(
     "type_name, values, words",
     [

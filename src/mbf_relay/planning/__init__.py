@@ -9,7 +9,6 @@ PLANNERS = {
     **dict.fromkeys(
         (
             "SBPLLatticePlanner",
-            "asr_navfn/NavfnROS",
             "sbpl_lattice_planner/SBPLLatticePlanner",
             "voronoi_planner/VoronoiPlanner",
             "relaxed_astar/RAstarPlannerROS",
