@@ -95,6 +95,15 @@ def resize(page, width, height):
     page.wait(f"innerWidth === {width} && innerHeight === {height}", "the size of the screen")
 
 
+def show_map(page, **header):
+    """Have a map of free cells come to the page, or some of its tiles."""
+    cells = f"new Blob([new Uint8Array({header['tile'] ** 2 * len(header['tiles'])})]).stream()"
+    page.driver.execute_async_script(
+        f"const done = arguments[0], packed = {cells}.pipeThrough(new CompressionStream('deflate'));"
+        "new Response(packed).arrayBuffer().then((payload) =>"
+        f"page.connection.on.batch([{{header: {json.dumps(header)}, payload}}]).then(done));")
+
+
 def waypoints(page):
     """Return what the list of waypoints says."""
     return page.js("[...document.querySelectorAll('#waypoints span')].map((item) => item.textContent)")
@@ -168,11 +177,7 @@ def test_another_map_comes_into_sight_and_one_that_grows_leaves_the_view_alone(p
     place = "(() => { const { x, y, scale } = page.camera; return [x, y, scale]; })()"
 
     def come(**more):
-        header = json.dumps({**shape, **more})
-        page.driver.execute_async_script(
-            "const done = arguments[0], cells = new Blob([new Uint8Array(4096)]).stream();"
-            "new Response(cells.pipeThrough(new CompressionStream('deflate'))).arrayBuffer().then((payload) =>"
-            f"page.connection.on.batch([{{header: {header}, payload}}]).then(done));")
+        show_map(page, **shape, **more)
         return page.js(place)
 
     first = come(tiles=[0], origin=[0.0, 0.0, 0.0])
@@ -181,6 +186,13 @@ def test_another_map_comes_into_sight_and_one_that_grows_leaves_the_view_alone(p
     away = page.js(place)
     assert come(tiles=[0], origin=[-1.0, -1.0, 0.0]) == away, "who looks elsewhere is left there"
     assert come(tiles=[0], origin=[100.0, 50.0, 0.0])[:2] == [101.6, 51.6]
+
+
+def test_a_large_map_that_comes_in_portions_is_shown_whole(page):
+    shape = {"layer": "map", "width": 64, "height": 640, "tile": 64, "frame": "map", "resolution": 0.05}
+    for tiles in ([0, 1], [2, 3, 4, 5], [6, 7, 8, 9]):
+        show_map(page, **shape, origin=[0.0, 0.0, 0.0], tiles=tiles)
+    assert page.js("[page.camera.x, page.camera.y]") == [1.6, 16.0]
 
 
 @pytest.mark.parametrize(

@@ -13,11 +13,13 @@ export class Grid {
     if (!same) {
       this.cells = new Uint8Array(header.width * header.height).fill(255);
       this.chunks = new Map();
+      this.come = new Set();
     }
     this.shape = header;
     const across = Math.ceil(header.width / header.tile);
     let offset = 0;
     for (const index of header.tiles) {
+      this.come.add(index);
       const column = (index % across) * header.tile, row = Math.floor(index / across) * header.tile;
       const width = Math.min(header.tile, header.width - column), height = Math.min(header.tile, header.height - row);
       for (let line = 0; line < height; line++) {
@@ -26,6 +28,12 @@ export class Grid {
       }
       this.draw(column, row, width, height);
     }
+  }
+
+  // Whether every tile has come; of a large grid that takes seconds.
+  get isWhole() {
+    const { width, height, tile } = this.shape;
+    return this.come.size === Math.ceil(width / tile) * Math.ceil(height / tile);
   }
 
   recolour(paint) {

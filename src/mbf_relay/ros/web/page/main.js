@@ -45,7 +45,10 @@ function follow(on) {
 }
 
 const tools = new Tools($("canvas"), camera, sketch, () => scene.robot.pose, {
-  changed: redraw, moved: () => follow(false), placed,
+  changed: redraw, placed, moved() {
+    fitted = fitted || Boolean(scene.grids.map.shape);
+    follow(false);
+  },
 });
 
 function choose(tool) {
@@ -147,7 +150,7 @@ function take(header) {
 function takeMap({ tiles, ...shape }) {
   const place = JSON.stringify(shape), isOther = place !== mapPlace;
   mapPlace = place;
-  if (!fitted || (isOther && !following && !camera.sees(scene.grids.map.bounds()))) fit();
+  if (!following && (!fitted || (isOther && !camera.sees(scene.grids.map.bounds())))) fit();
 }
 
 // By the clock: who stands still, or is not there, sends nothing new.
@@ -170,7 +173,7 @@ function fit() {
   if (map.shape) {
     camera.fit(map.bounds());
     if (!fitted) performance.mark("map");
-    fitted = true;
+    fitted = map.isWhole;
   } else if (scene.robot.pose) [camera.x, camera.y] = scene.robot.pose;
   follow(false);
 }
