@@ -112,8 +112,8 @@ def _read(options: argparse.Namespace) -> Launch:
         read_yaml(path, namespace, source)
         for node in sorted(set(TYPES) & set(source.values)):
             raise ValueError(
-                f"'{path}' holds parameters by node, such as {node}'s, and not those of one: check the launch file that "
-                f"loads it; as for overrides, $(rospack find mbf_relay)/launch/demo.launch overrides:={path}")
+                f"'{path}' holds parameters by node, such as {node}'s, and not those of one: check the launch file "
+                f"that loads it; as for overrides, $(rospack find mbf_relay)/launch/demo.launch overrides:={path}")
     if not source.values:
         raise ValueError("the files hold no parameters")
     return Launch([LaunchedNode("the files", _type_of(source.values, options.node), source)], [])

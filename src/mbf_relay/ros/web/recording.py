@@ -75,8 +75,7 @@ class Recording:
         return self.path
 
     def look(self) -> str:
-        """End a bag that gets nothing any more; return why one ends that nobody ended or has nothing, once, else nothing.
-        """
+        """End a bag that gets nothing any more; return, once, why one ends by itself or holds nothing; else nothing."""
         if self._process is None or self._told:
             return ""
         status = self._process.poll()
@@ -88,8 +87,8 @@ class Recording:
             return f"the recording ends: {self._lack()}"
         self._told = True
         if self._asked:
-            there = os.path.exists(self.path)
-            return "" if there else "nothing was recorded: it was ended before rosbag had begun, which takes a few seconds"
+            return "" if os.path.exists(self.path) else (
+                "nothing was recorded: it was ended before rosbag had begun, which takes a few seconds")
         return f"the recording has ended: rosbag failed with status {status}" if status else ""
 
     def _lack(self) -> str:

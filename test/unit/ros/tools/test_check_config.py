@@ -285,7 +285,7 @@ def test_a_condition_that_is_neither_true_nor_false_is_refused_as_roslaunch_does
 
 
 def test_a_file_of_overrides_is_not_said_to_be_without_effect_but_what_it_is_to_be_checked_with(tmp_path, capsys):
-    text = "amcl: {max_particles: 500}\nmove_base_flex: {planners: [{name: straight, type: my_planners.StraightLine}]}\n"
+    text = "amcl: {max_particles: 500}\nmove_base_flex: {planners: [{name: straight, type: mine.StraightLine}]}\n"
     assert check(tmp_path, text) == (2, "")
     assert f"demo.launch overrides:={tmp_path / 'params.yaml'}" in capsys.readouterr().err
 
