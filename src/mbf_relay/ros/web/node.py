@@ -11,6 +11,7 @@ import socket
 import threading
 from typing import Any, List, Set, Tuple
 
+import rosgraph
 import rospkg
 import rospy
 import rospy.impl.simtime
@@ -128,7 +129,8 @@ class Server:
         """Return what a person may enter in a browser, the right to drive included."""
         host = self._settings.address
         if host in ("0.0.0.0", "::", ""):  # noqa: S104 # nosec B104: compared, not bound
-            host = socket.gethostname()
+            known_as = rosgraph.network.get_address_override() or ""
+            host = socket.gethostname() if is_loopback(known_as) else known_as or socket.gethostname()
         host = f"[{host}]" if ":" in host else host
         url = f"http://{host}:{self.port}/"
         tokens = [("drive", self.tokens.drive), ("look", self.tokens.view)]
@@ -136,8 +138,12 @@ class Server:
 
 
 def own_names(settings: WebViewParameters) -> Set[str]:
-    """Return the host names that mean this machine."""
-    names = {"localhost", socket.gethostname(), socket.getfqdn(), settings.address, *settings.host_names.split()}
+    """Return the host names that mean this machine: its own, in multicast DNS too, the one ROS has, and those set."""
+    host = socket.gethostname()
+    names = {
+        "localhost", host, f"{host.split('.')[0]}.local", socket.getfqdn(), rosgraph.network.get_address_override(),
+        settings.address, *settings.host_names.split(),
+    }
     return {name.lower() for name in names if name}
 
 

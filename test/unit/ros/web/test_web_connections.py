@@ -15,6 +15,8 @@ import tornado.web  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 
 from mbf_relay.ros.web import node  # noqa: E402
+from mbf_relay.view.parameters import WebViewParameters  # noqa: E402
+from mbf_relay.view.rights import is_own_host  # noqa: E402
 
 
 class Hello(tornado.web.RequestHandler):
@@ -66,3 +68,31 @@ def test_a_page_is_there_again_once_a_crowd_that_says_nothing_is_gone(port, monk
             return False
 
     wait_until(is_served, "the page, once there is room")
+
+
+def names_of(monkeypatch, host, ros_hostname):
+    monkeypatch.setattr(node.socket, "gethostname", lambda: host)
+    monkeypatch.setattr(node.socket, "getfqdn", lambda: host)
+    monkeypatch.setenv("ROS_HOSTNAME", ros_hostname)
+    return node.own_names(WebViewParameters())
+
+
+def test_a_phone_finds_the_robot_by_the_name_that_its_network_has_for_it(monkeypatch):
+    names = names_of(monkeypatch, "burger", "burger.lab.example")
+    for host in ("burger:8642", "Burger.local:8642", "burger.lab.example:8642", "192.168.0.7:8642"):
+        assert is_own_host(host, names), host
+    assert not is_own_host("evil.local:8642", names)
+
+
+@pytest.mark.parametrize("ros_hostname, shown", [("192.168.0.7", "192.168.0.7"), ("127.0.0.1", "burger")])
+def test_the_address_in_the_log_is_the_one_that_ros_has_for_this_machine(monkeypatch, ros_hostname, shown):
+    names_of(monkeypatch, "burger", ros_hostname)
+    server = node.Server(WebViewParameters(address="0.0.0.0", port=0, view_token="see", drive_token="steer"))  # noqa: S104
+    try:
+        assert server.addresses() == [
+            f"http://{shown}:{server.port}/#token={token}  (to {right})" for token, right in (
+                ("steer", "drive"), ("see", "look"))]
+    finally:
+        for listening in server._sockets:
+            listening.close()
+        server._loop.close()
