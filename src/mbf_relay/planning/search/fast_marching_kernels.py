@@ -33,10 +33,10 @@ _NEVER = 1 << 60
 def _arrival(across, along, cost):
     """Return the potential of a cell from the lower of its neighbours on either axis, inf where there is none."""
     apart = abs(across - along)
-    if not apart < cost:  # also where both are inf
-        return np.float32(min(across, along) + cost)
+    one = min(across, along) + cost
     root = np.float32(math.sqrt(max(np.float32(2.0) * cost * cost - apart * apart, np.float32(0.0))))
-    return np.float32(np.float32(0.5) * (across + along + root))
+    both = np.float32(0.5) * (across + along + root)
+    return np.float32(both if apart < cost else one)  # never both where they are inf
 
 
 @kernel("int64(int64[::1], int32[:,::1], float32[:,::1], int64, int64)")
@@ -107,12 +107,8 @@ def grow(
     max_column, max_row = state[_MAX_COLUMN], state[_MAX_ROW]
     capacity = np.int64(cells.shape[1])
     ring_cells, ring_keys = cells.ravel(), keys.ravel()
-    offsets = np.array([-1, 1, -width, width])
-    packed_offsets = np.array([-1, 1, -65536, 65536], np.int32)
     batch_cells, batch_keys = np.empty(_BATCH, np.int32), np.empty(_BATCH, np.float32)
-    costs_near, old, other = np.empty(4, np.float32), np.empty(4, np.float32), np.empty(4, np.float32)
-    through = np.empty(4, np.float32)
-    either = np.empty(8, np.float32)  # what the neighbours hold, then what they would hold through this cell
+    through, held, gains = np.empty(4, np.float32), np.empty(4, np.float32), np.empty(4, np.int32)
     full = _is_full(sizes, capacity)
     countdown = _CANCEL_CHECK
     verdict = -1
@@ -165,18 +161,18 @@ def grow(
             expanded += 1
             min_column, max_column = min(min_column, x), max(max_column, x)
             min_row, max_row = min(min_row, y), max(max_row, y)
-            inside = x > 0 and x + 1 < width and y > 0 and y + 1 < height
+            has_left, has_right, has_below, has_above = x > 0, x + 1 < width, y > 0, y + 1 < height
+            inside = has_left and has_right and has_below and has_above
             if inside:
                 left, right = field[np.uint64(i - 1)], field[np.uint64(i + 1)]
                 below, above = field[np.uint64(i - width)], field[np.uint64(i + width)]
                 left_below, right_below = field[np.uint64(i - width - 1)], field[np.uint64(i - width + 1)]
                 left_above, right_above = field[np.uint64(i + width - 1)], field[np.uint64(i + width + 1)]
-                costs_near[0] = weights[costs[np.uint64(i - 1)]]
-                costs_near[1] = weights[costs[np.uint64(i + 1)]]
-                costs_near[2] = weights[costs[np.uint64(i - width)]]
-                costs_near[3] = weights[costs[np.uint64(i + width)]]
+                cost_left = weights[costs[np.uint64(i - 1)]]
+                cost_right = weights[costs[np.uint64(i + 1)]]
+                cost_below = weights[costs[np.uint64(i - width)]]
+                cost_above = weights[costs[np.uint64(i + width)]]
             else:
-                has_left, has_right, has_below, has_above = x > 0, x + 1 < width, y > 0, y + 1 < height
                 left = field[i - 1] if has_left else zero
                 right = field[i + 1] if has_right else zero
                 below = field[i - width] if has_below else zero
@@ -185,43 +181,52 @@ def grow(
                 right_below = field[i - width + 1] if has_right and has_below else zero
                 left_above = field[i + width - 1] if has_left and has_above else zero
                 right_above = field[i + width + 1] if has_right and has_above else zero
-                costs_near[0] = weights[costs[i - 1]] if has_left else inf
-                costs_near[1] = weights[costs[i + 1]] if has_right else inf
-                costs_near[2] = weights[costs[i - width]] if has_below else inf
-                costs_near[3] = weights[costs[i + width]] if has_above else inf
-            either[0], either[1], either[2], either[3] = left, right, below, above
-            old[0] = left if left > zero else inf
-            old[1] = right if right > zero else inf
-            old[2] = below if below > zero else inf
-            old[3] = above if above > zero else inf
+                cost_left = weights[costs[i - 1]] if has_left else inf
+                cost_right = weights[costs[i + 1]] if has_right else inf
+                cost_below = weights[costs[i - width]] if has_below else inf
+                cost_above = weights[costs[i + width]] if has_above else inf
             left_below = left_below if left_below > zero else inf
             right_below = right_below if right_below > zero else inf
             left_above = left_above if left_above > zero else inf
             right_above = right_above if right_above > zero else inf
-            # the lower neighbour of each on the axis across the step
-            other[0] = min(left_below, left_above)
-            other[1] = min(right_below, right_above)
-            other[2] = min(left_below, right_below)
-            other[3] = min(left_above, right_above)
-            # which neighbours get better, and what they hold then, without a branch for each
-            for k in range(4):
-                cost = costs_near[k]
-                gap = abs(own - other[k])
-                one = min(own, other[k]) + cost
-                root = np.float32(math.sqrt(max(np.float32(2.0) * cost * cost - gap * gap, zero)))
-                both = np.float32(0.5) * (own + other[k] + root)
-                through[k] = both if gap < cost else one
-            for k in range(4):
-                chosen = np.uint64(k)
-                batch_cells[np.uint64(batch)] = packed + packed_offsets[chosen]
-                batch_keys[np.uint64(batch)] = through[chosen]
-                gain = np.int64(through[chosen] < old[chosen])
-                batch += gain
-                if inside:
-                    either[np.uint64(4 + k)] = through[chosen]
-                    field[np.uint64(i + offsets[chosen])] = either[np.uint64(k + 4 * gain)]
-                elif gain:
-                    field[i + offsets[k]] = through[k]
+            # What the neighbours would hold through this cell, by the lower of their own neighbours across the step; what
+            # they hold then; and whether they get better. Four of a kind are computed at once, since four results go
+            # into neighbouring places, with nothing read in between and no branch.
+            to_left = _arrival(own, min(left_below, left_above), cost_left)
+            to_right = _arrival(own, min(right_below, right_above), cost_right)
+            to_below = _arrival(own, min(left_below, right_below), cost_below)
+            to_above = _arrival(own, min(left_above, right_above), cost_above)
+            through[0], through[1], through[2], through[3] = to_left, to_right, to_below, to_above
+            gains_left = to_left < (left if left > zero else inf)
+            gains_right = to_right < (right if right > zero else inf)
+            gains_below = to_below < (below if below > zero else inf)
+            gains_above = to_above < (above if above > zero else inf)
+            held[0] = to_left if gains_left else left
+            held[1] = to_right if gains_right else right
+            held[2] = to_below if gains_below else below
+            held[3] = to_above if gains_above else above
+            gains[0], gains[1] = np.int32(gains_left), np.int32(gains_right)
+            gains[2], gains[3] = np.int32(gains_below), np.int32(gains_above)
+            if inside:
+                field[np.uint64(i - 1)], field[np.uint64(i + 1)] = held[0], held[1]
+                field[np.uint64(i - width)], field[np.uint64(i + width)] = held[2], held[3]
+            else:
+                if has_left:
+                    field[i - 1] = held[0]
+                if has_right:
+                    field[i + 1] = held[1]
+                if has_below:
+                    field[i - width] = held[2]
+                if has_above:
+                    field[i + width] = held[3]
+            batch_cells[np.uint64(batch)], batch_keys[np.uint64(batch)] = packed - 1, through[0]
+            batch += gains[0]
+            batch_cells[np.uint64(batch)], batch_keys[np.uint64(batch)] = packed + 1, through[1]
+            batch += gains[1]
+            batch_cells[np.uint64(batch)], batch_keys[np.uint64(batch)] = packed - 65536, through[2]
+            batch += gains[2]
+            batch_cells[np.uint64(batch)], batch_keys[np.uint64(batch)] = packed + 65536, through[3]
+            batch += gains[3]
         for n in range(batch):
             lowered = batch_keys[np.uint64(n)]
             near = batch_cells[np.uint64(n)]
