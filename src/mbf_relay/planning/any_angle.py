@@ -10,6 +10,7 @@ import numpy as np
 from mbf_relay.costmap.cost_grid import CostGrid
 from mbf_relay.geometry import Pose2D
 from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.planning import points_kernels
 from mbf_relay.planning.global_planner import follow_steps
 from mbf_relay.planning.grid_planner import GridPlanner, SearchQuery
 from mbf_relay.planning.navfn import descend_potential
@@ -102,13 +103,7 @@ def _pulled(costmap: CostGrid, weights: np.ndarray, points: np.ndarray) -> Tuple
 
 def spaced(points: np.ndarray, spacing: float) -> np.ndarray:
     """Return a path with points along its lines, no farther apart than `spacing` (m); its own points stay."""
-    steps = points[1:] - points[:-1]
-    parts = np.maximum(np.ceil(np.hypot(steps[:, 0], steps[:, 1]) / spacing - 1e-9).astype(int), 1)
-    ends = parts.cumsum()
-    line = np.arange(len(parts)).repeat(parts)  # which one each point lies on
-    shares = (np.arange(len(line)) - (ends - parts)[line]) / parts[line]
-    along = np.empty((len(line) + 1, 2))
-    np.multiply(shares[:, None], steps[line], out=along[:-1])
-    along[:-1] += points[line]
-    along[-1] = points[-1]
+    parts = np.empty(len(points) - 1, dtype=np.int64)
+    along = np.empty((points_kernels.split(points, spacing, parts) + 1, 2))
+    points_kernels.spread_along(points, parts, along)
     return along

@@ -11,7 +11,7 @@ import numpy as np
 from mbf_relay.costmap.cost_grid import NO_INFORMATION, CostGrid
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import PlanningError, PlanOutcome
-from mbf_relay.planning import request
+from mbf_relay.planning import points_kernels, request
 from mbf_relay.planning.narrowest import narrowest_place
 from mbf_relay.planning.orientation import OrientationMode, oriented
 from mbf_relay.planning.passage import lead_round
@@ -20,6 +20,8 @@ from mbf_relay.planning.planner import Cancellation, Planner
 from mbf_relay.planning.weights import shy_of_narrow_places
 
 Cell = Tuple[int, int]
+SAME = 1e-9
+"""Metres each way, within which two points are the same."""
 
 
 @dataclass(frozen=True)
@@ -150,10 +152,9 @@ class GridPlanner(Planner):
 
 def _without_repeats(points: np.ndarray) -> np.ndarray:
     """Return points without those that equal the one before: a heading needs two that differ."""
-    apart = np.abs(points[1:] - points[:-1]) > 1e-9
-    moved = apart[:, 0] | apart[:, 1]
-    if moved.all():
+    if points_kernels.are_apart(np.ascontiguousarray(points, dtype=float), SAME):
         return points
+    moved = (np.abs(points[1:] - points[:-1]) > SAME).any(axis=1)
     kept: np.ndarray = points[np.concatenate(([True], moved))]
     kept[-1] = points[-1]
     return kept

@@ -8,6 +8,7 @@ from enum import IntEnum
 import numpy as np
 
 from mbf_relay.geometry import Pose2D, angle_between, normalize_angles
+from mbf_relay.planning import points_kernels
 
 STRAIGHT_ON = 0.35
 """Turn (rad) that ends the last straight part of a path for FORWARD_THEN_INTERPOLATE, as in global_planner."""
@@ -45,28 +46,18 @@ def oriented(points: np.ndarray, start: Pose2D, goal: Pose2D, mode: int = 1, win
         window: Over how many points back and ahead the path's direction is taken.
     """
     count = len(points)
-    poses = np.empty((count, 3))
-    poses[:, :2] = points
-    headings: np.ndarray = np.zeros(0)
-    if mode in TURNED:
-        headings = normalize_angles(directions(points, window) + TURNED[OrientationMode(mode)])
-    if mode == OrientationMode.INTERPOLATE:
-        headings = _blend(start.theta, goal.theta, count)
+    points, steps, poses = np.ascontiguousarray(points, dtype=float), np.empty((2, count)), np.empty((count, 3))
+    points_kernels.steps_along(points, window, steps)
+    points_kernels.head(points, np.arctan2(steps[1], steps[0]), TURNED.get(OrientationMode(mode), 0.0), poses)
+    if mode == OrientationMode.NONE:
+        poses[:, 2] = 0.0
+    elif mode == OrientationMode.INTERPOLATE:
+        poses[:, 2] = _blend(start.theta, goal.theta, count)
     elif mode == OrientationMode.FORWARD_THEN_INTERPOLATE:
-        first = _last_straight(headings)
-        headings[first:] = _blend(headings[first], goal.theta, count - first)
-    poses[:, 2] = headings if len(headings) else 0.0
+        first = _last_straight(poses[:, 2])
+        poses[first:, 2] = _blend(poses[first, 2], goal.theta, count - first)
     poses[-1, 2] = math.atan2(math.sin(goal.theta), math.cos(goal.theta))
     return poses
-
-
-def directions(points: np.ndarray, window: int) -> np.ndarray:
-    """Return the path's direction (rad) at each point: from `window` points before it to as many after it."""
-    before, after = points[:1].repeat(window, axis=0), points[-1:].repeat(window, axis=0)  # as if it stood at the ends
-    padded = np.concatenate((before, points, after))
-    steps_x, steps_y = (padded[2 * window:] - padded[:-2 * window]).T.copy()
-    headings: np.ndarray = np.arctan2(steps_y, steps_x)
-    return headings
 
 
 def _blend(first: float, last: float, count: int) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import math
 from typing import Any, ClassVar, Optional, Tuple
 
 import numpy as np
@@ -29,12 +30,17 @@ FIRST_LIMIT, RISE, FINE_RISE, MANY_CELLS = 1.01, 1.2, 1.015, 30000
 """The potential is first grown within this times the straight way's cost, then within this times as much again: in
 finer steps where so many cells were looked at that another step costs little beside them."""
 
-FRONT_SLACK = np.float32(3.0)
+FRONT_SLACK = 3.0
 """Cells: the straight distance is convex, so value plus heuristic may fall a little along the front."""
 
 _HEURISTIC_SHARE = np.float32(0.99999)  # a hair less than the truth, so that rounding never makes it more
 _FIRST_BUCKET = 512
 _FIRST_STORE = 1 << 12
+
+
+def _single(value: float) -> float:
+    """Return the number of single precision nearest to a value."""
+    return float(np.float32(value))
 
 
 class IncrementalField(abc.ABC):
@@ -64,10 +70,11 @@ class IncrementalField(abc.ABC):
         self._table = np.zeros(256, dtype=np.float32)
         self._revision = 0
         self._slope = np.float32(0.0)
-        self._weights = np.zeros(256, dtype=np.float32)
+        self._weights = b""  # as bytes, which are compared in a tenth of the time
+        self._highest = np.float32(0.0)  # of the weights
         self._free = np.zeros(256, dtype=np.bool_)  # costs whose weight is above 0
         self._cheapest = 0  # the cost of the lowest weight
-        self._lowest_from = self._weights  # the lowest weight of each cost and those above it
+        self._lowest_from = self._table  # the lowest weight of each cost and those above it
         self._field = np.zeros((0, 0), dtype=np.float32)
         self._seen = np.zeros((0, 0), dtype=np.uint8)  # the costs the field was made from, where it looked
         self._sizes = np.zeros(queue_kernels.BUCKETS, dtype=np.int64)
@@ -122,7 +129,7 @@ class IncrementalField(abc.ABC):
         return self._field
 
     def _may_keep(self, costs: np.ndarray, weights: np.ndarray, goal: Cell) -> bool:
-        return goal == self._goal and costs.shape == self._field.shape and np.array_equal(weights, self._weights)
+        return goal == self._goal and costs.shape == self._field.shape and weights.tobytes() == self._weights
 
     def _begin(self, costs: np.ndarray, weights: np.ndarray, goal: Cell) -> None:
         """Start a field that holds the goal alone."""
@@ -140,7 +147,7 @@ class IncrementalField(abc.ABC):
             if self._goal is not None:
                 self._field[self._goal[1], self._goal[0]] = 0.0
         self._goal = goal
-        if not np.array_equal(weights, self._weights):
+        if weights.tobytes() != self._weights:
             self._take_weights(weights)
         self._sizes.fill(0)
         state = self._state
@@ -153,7 +160,8 @@ class IncrementalField(abc.ABC):
 
     def _take_weights(self, weights: np.ndarray) -> None:
         """Keep weights and what is looked up of them in every plan."""
-        self._weights = weights.copy()
+        self._weights = weights.tobytes()
+        self._highest = weights.max()
         self._table = self.table_of(weights)
         self._free = weights > 0.0
         counted = np.where(self._free, weights, np.float32(np.inf))
@@ -226,36 +234,41 @@ class IncrementalField(abc.ABC):
         self, costs: np.ndarray, start: Cell, cancelled: Cancellation, slope: np.float32, expected: np.float32
     ) -> int:
         # one expansion raises the key by no more than the ring is long
-        widest = np.float32(1.5) * (self._weights.max() + slope) / np.float32(queue_kernels.BUCKETS - 3)
+        widest = np.float32(1.5) * (self._highest + slope) / np.float32(queue_kernels.BUCKETS - 3)
         inverse_width = np.float32(1.0) / max(slope * self.bucket, widest)
-        return self._grow_within(np.float32(np.inf), costs, (start[0], start[1], slope, inverse_width), cancelled)
+        return self._grow_within(math.inf, costs, (start[0], start[1], slope, inverse_width), cancelled)
 
-    def _grow_within(self, limit: np.float32, costs: np.ndarray, aim: Aim, cancelled: Cancellation) -> int:
+    def _grow_within(self, limit: float, costs: np.ndarray, aim: Aim, cancelled: Cancellation) -> int:
         """Spread the queue and grow until there is a verdict that asks for no more memory."""
+        height, width = costs.shape
+        cells = (costs.reshape(-1), width, height, self._table, self._field.reshape(-1))
         verdict = queue_kernels.SPREAD_DUE
         while True:
-            if verdict == queue_kernels.SPREAD_DUE:
-                while not queue_kernels.spread(
-                    self._sizes, self._cells, self._keys, self._apart_cells, self._apart_keys, self._state, *aim,
-                    self.octile, limit):
-                    self._enlarge()
-            elif verdict == queue_kernels.BUCKET_FULL:
+            queue = (self._sizes, self._cells, self._keys, self._apart_cells, self._apart_keys, self._state)
+            if verdict == queue_kernels.SPREAD_DUE and not queue_kernels.spread(*queue, *aim, self.octile, limit):
+                self._enlarge()
+                continue
+            verdict = self._call_grow(cells, queue, aim, limit, cancelled)
+            if verdict == queue_kernels.BUCKET_FULL:
                 self._enlarge()
             elif verdict == queue_kernels.STORE_FULL:
                 self._reserve(len(self._apart_cells) + 1)
-            else:
+            elif verdict != queue_kernels.SPREAD_DUE:
                 return verdict
-            verdict = self._call_grow(limit, costs, aim, cancelled)
 
     @abc.abstractmethod
-    def _call_grow(self, limit: np.float32, costs: np.ndarray, aim: Aim, cancelled: Cancellation) -> int:
-        """Call the kernel."""
+    def _call_grow(
+        self, cells: Tuple[Any, ...], queue: Tuple[Any, ...], aim: Aim, limit: float, cancelled: Cancellation
+    ) -> int:
+        """Call the kernel.
 
-    def _field_and_queue(self, costs: np.ndarray) -> Tuple[Any, ...]:
-        """Return what every kernel that grows the field takes first."""
-        height, width = costs.shape
-        queue = (self._sizes, self._cells, self._keys)
-        return (costs.reshape(-1), width, height, self._table, self._field.reshape(-1), *queue)
+        Args:
+            cells: Costs, their width and height, the table they are looked up in and the field, as the kernels take it.
+            queue: Ring, store and state, likewise.
+            aim: Likewise.
+            limit: Value plus heuristic up to which cells are looked at.
+            cancelled: Stops the search when set.
+        """
 
     def _lowest_weight(self, costs: np.ndarray) -> np.float32:
         """Return a weight no cell connected with the goal goes below: the higher, the steeper the heuristic."""
@@ -284,8 +297,10 @@ class CostToGo(IncrementalField):
         """Return half of each weight, inf where the cell may not be entered."""
         return np.where(weights > 0.0, weights * np.float32(0.5), np.float32(np.inf)).astype(np.float32)
 
-    def _call_grow(self, limit: np.float32, costs: np.ndarray, aim: Aim, cancelled: Cancellation) -> int:
-        verdict: int = cost_to_go_kernels.grow(*self._field_and_queue(costs), self._state, *aim, cancelled.flag)
+    def _call_grow(
+        self, cells: Tuple[Any, ...], queue: Tuple[Any, ...], aim: Aim, limit: float, cancelled: Cancellation
+    ) -> int:
+        verdict: int = cost_to_go_kernels.grow(*cells, *queue[:3], self._state, *aim, cancelled.flag)
         return verdict
 
     def path(self, costs: np.ndarray, start: Cell) -> np.ndarray:
@@ -315,35 +330,35 @@ class FastMarchingPotential(IncrementalField):
         self, costs: np.ndarray, start: Cell, cancelled: Cancellation, slope: np.float32, expected: np.float32
     ) -> int:
         """Raise the limit on value plus heuristic step by step, until it lies above the start's value."""
-        widest = np.float32(1.5) * self._weights.max() / np.float32(queue_kernels.BUCKETS - 3)
+        widest = np.float32(1.5) * self._highest / np.float32(queue_kernels.BUCKETS - 3)
         inverse_width = np.float32(1.0) / max(self._slope * self.bucket, widest)
         aim = (start[0], start[1], slope, inverse_width)
-        slack = FRONT_SLACK * slope
+        # plain floats, rounded as the kernel's are: NumPy takes longer than a kernel to mix them with its own
+        slack = _single(FRONT_SLACK * float(slope))
         assert self._goal is not None
-        goal_x, goal_y = self._goal
-        straight = slope * np.float32(np.hypot(start[0] - goal_x, start[1] - goal_y))
-        limit = np.float32(FIRST_LIMIT * straight + 10.0 * slope) if slope > 0.0 else np.float32(np.inf)
-        limit = max(limit, expected + slack)
+        straight = _single(float(slope) * _single(math.hypot(start[0] - self._goal[0], start[1] - self._goal[1])))
+        limit = _single(FIRST_LIMIT * straight + 10.0 * float(slope)) if slope > 0.0 else math.inf
+        limit = max(limit, _single(float(expected) + slack))
         rise = 1.0
         while True:
-            reached = self._field[start[1], start[0]]
+            reached = float(self._field[start[1], start[0]])
             if reached > 0.0:
-                limit = max(limit, reached + slack)
+                limit = max(limit, _single(reached + slack))
             verdict = self._grow_within(limit, costs, aim, cancelled)
-            reached = self._field[start[1], start[0]]
-            if verdict == queue_kernels.CANCELLED or (reached > 0.0 and reached + slack <= limit):
+            reached = float(self._field[start[1], start[0]])
+            if verdict == queue_kernels.CANCELLED or (reached > 0.0 and _single(reached + slack) <= limit):
                 return verdict
             if reached == 0.0:
                 if self._state[queue_kernels.APART] == 0:
                     return queue_kernels.EXHAUSTED
                 is_large = self._state[queue_kernels.EXPANDED] > MANY_CELLS
-                limit = np.float32(limit * (FINE_RISE if is_large else RISE) * rise)
+                limit = _single(limit * (FINE_RISE if is_large else RISE) * rise)
                 rise = min(rise * 1.02, 2.0)  # walled off: the end must come in a few steps, however far the walls
 
-    def _call_grow(self, limit: np.float32, costs: np.ndarray, aim: Aim, cancelled: Cancellation) -> int:
-        verdict: int = fast_marching_kernels.grow(
-            *self._field_and_queue(costs), self._apart_cells, self._apart_keys, self._state, *aim, limit, cancelled.flag
-        )
+    def _call_grow(
+        self, cells: Tuple[Any, ...], queue: Tuple[Any, ...], aim: Aim, limit: float, cancelled: Cancellation
+    ) -> int:
+        verdict: int = fast_marching_kernels.grow(*cells, *queue, *aim, limit, cancelled.flag)
         return verdict
 
     def path(self, start: Tuple[float, float]) -> np.ndarray:

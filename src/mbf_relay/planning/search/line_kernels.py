@@ -25,8 +25,8 @@ def line_cost(costs, weights, x0, y0, x1, y1):
         weights: Shape (256,), inf where a cell may not be entered.
         x0, y0, x1, y1: The ends in cells, centres at halves, within the map.
     """
-    column, row = int(math.floor(x0)), int(math.floor(y0))
-    end_column, end_row = int(math.floor(x1)), int(math.floor(y1))
+    column, row = int(x0), int(y0)  # rounds down, and without a call, since no point within the map lies below 0
+    end_column, end_row = int(x1), int(y1)
     dx, dy = x1 - x0, y1 - y0
     length = math.hypot(dx, dy)
     if weights[costs[row, column]] == np.inf or weights[costs[end_row, end_column]] == np.inf:
