@@ -101,13 +101,13 @@ def plainly_pulled(costs, points, passes):
             continue
         for n in range(1, len(points) - 1):
             x, y = points[n]
-            best = line(points[n - 1], points[n]) + line(points[n], points[n + 1])
-            gain = 1e-4 * best
+            least = line(points[n - 1], points[n]) + line(points[n], points[n + 1])
+            least -= 1e-4 * least
             for to in ((x - reach, y), (x + reach, y), (x, y - reach), (x, y + reach)):
                 if 0.0 < to[0] < costs.shape[1] and 0.0 < to[1] < costs.shape[0]:
                     moved = line(points[n - 1], to) + line(to, points[n + 1])
-                    if moved < best - gain:
-                        best, points[n] = moved, to
+                    if moved < least:
+                        least, points[n] = moved, to
         if points == before:
             if reach <= 0.25 * 0.37:
                 break

@@ -64,9 +64,11 @@ def _next_down(field, x, y):
     slope_x, slope_y = 0.0, 0.0
     for dy in range(2):
         for dx in range(2):
+            share = (right if dx else 1.0 - right) * (up if dy else 1.0 - up)
+            if share == 0.0:
+                continue  # on a line between centres: what is beside it does not matter, be it on the left or the right
             if not _is_known(field, column + dx, row + dy):
                 return np.nan, np.nan
-            share = (right if dx else 1.0 - right) * (up if dy else 1.0 - up)
             one_x, one_y = _slope_at(field, column + dx, row + dy)
             slope_x += share * one_x
             slope_y += share * one_y
@@ -74,6 +76,19 @@ def _next_down(field, x, y):
     if steepness < 1e-9:
         return np.nan, np.nan
     return x - _STEP * slope_x / steepness, y - _STEP * slope_y / steepness
+
+
+@kernel("UniTuple(int64, 2)(float32[:,::1], float64, float64)")
+def _cell_at(field, x, y):
+    """Return the cell a point lies in; on a border, the lowest of those beside it, whichever side that is."""
+    column, row = int(math.floor(x)), int(math.floor(y))
+    best_x, best_y = column, row
+    if x == column or y == row:
+        for to_y in range(row - 1 if y == row else row, row + 1):
+            for to_x in range(column - 1 if x == column else column, column + 1):
+                if _is_known(field, to_x, to_y) and not 0 < field[best_y, best_x] <= field[to_y, to_x]:
+                    best_x, best_y = to_x, to_y
+    return best_x, best_y
 
 
 @kernel("int64(float32[:,::1], float64, float64, int64, int64, float64[:,::1])")
@@ -93,7 +108,7 @@ def descend(field, start_x, start_y, goal_x, goal_y, path):
         How many points there are, or -1 where `path` is too short; the last lies in the goal's cell or next to it.
     """
     x, y = start_x, start_y
-    column, row = int(math.floor(x)), int(math.floor(y))
+    column, row = int(math.floor(x)), int(math.floor(y))  # the start's own cell is known
     height_here = min(potential_at(field, x, y), np.float64(field[row, column]))
     count = 0
     while True:
@@ -101,12 +116,12 @@ def descend(field, start_x, start_y, goal_x, goal_y, path):
             return -1
         path[count, 0], path[count, 1] = x, y
         count += 1
-        column, row = int(math.floor(x)), int(math.floor(y))
+        column, row = _cell_at(field, x, y)
         if abs(column - goal_x) + abs(row - goal_y) <= 1:
             return count
         next_x, next_y = _next_down(field, x, y)
         if not math.isnan(next_x):
-            to_column, to_row = int(math.floor(next_x)), int(math.floor(next_y))
+            to_column, to_row = _cell_at(field, next_x, next_y)
             lower = potential_at(field, next_x, next_y)
             if lower < height_here and _is_known(field, column, to_row) and _is_known(field, to_column, row):
                 x, y, height_here = next_x, next_y, lower
@@ -114,8 +129,8 @@ def descend(field, start_x, start_y, goal_x, goal_y, path):
         # from cell to cell: to the lowest neighbour that can be entered without cutting a corner
         lowest = field[row, column]
         best_x, best_y = column, row
-        for dy in range(-1, 2):
-            for dx in range(-1, 2):
+        for dy in (0, -1, 1):  # straight before diagonal, so that it wins ties
+            for dx in (0, -1, 1):
                 if _is_known(field, column + dx, row + dy) and _is_known(field, column + dx, row) and \
                         _is_known(field, column, row + dy) and field[row + dy, column + dx] < lowest:
                     lowest = field[row + dy, column + dx]

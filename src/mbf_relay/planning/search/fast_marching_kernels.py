@@ -189,9 +189,9 @@ def grow(
             right_below = right_below if right_below > zero else inf
             left_above = left_above if left_above > zero else inf
             right_above = right_above if right_above > zero else inf
-            # What the neighbours would hold through this cell, by the lower of their own neighbours across the step; what
-            # they hold then; and whether they get better. Four of a kind are computed at once, since four results go
-            # into neighbouring places, with nothing read in between and no branch.
+            # What the neighbours would hold through this cell, by the lower of their own neighbours across the step;
+            # what they hold then; and whether they get better. Four of a kind are computed at once, since four results
+            # go into neighbouring places, with nothing read in between and no branch.
             to_left = _arrival(own, min(left_below, left_above), cost_left)
             to_right = _arrival(own, min(right_below, right_above), cost_right)
             to_below = _arrival(own, min(left_below, right_below), cost_below)

@@ -131,8 +131,8 @@ def pull_string(costs, weights, points, passes):
                 continue
             rests[n] = True
             x, y = points[n, 0], points[n, 1]
-            best = lines[n - 1] + lines[n]
-            gain = _GAIN * best
+            least = lines[n - 1] + lines[n]
+            least -= _GAIN * least
             best_x, best_y = x, y
             for k in range(4):
                 to_x = x + (reach * (k * 2 - 1) if k < 2 else 0.0)
@@ -140,10 +140,10 @@ def pull_string(costs, weights, points, passes):
                 if not (0.0 < to_x < costs.shape[1] and 0.0 < to_y < costs.shape[0]):
                     continue
                 before = line_cost(costs, weights, points[n - 1, 0], points[n - 1, 1], to_x, to_y)
-                if before < best - gain:
+                if before < least:
                     after = line_cost(costs, weights, to_x, to_y, points[n + 1, 0], points[n + 1, 1])
-                    if before + after < best - gain:
-                        best = before + after
+                    if before + after < least:
+                        least = before + after
                         best_x, best_y = to_x, to_y
             if best_x != x or best_y != y:
                 points[n, 0], points[n, 1] = best_x, best_y
