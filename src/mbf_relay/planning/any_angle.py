@@ -79,7 +79,7 @@ class AnyAnglePlanner(GridPlanner):
         down = descend_potential(self._potential, query, all_around=self.wants_potential)
         if down is None:
             return None
-        weights = FastMarchingPotential.table_of(query.weights)
+        weights = self._potential.table
         points, cost = _pulled(query.costmap, weights, down[0])
         if down[1] > (1.0 + TRUSTED) * cost:
             steps = follow_steps(self._steps, query)
@@ -91,14 +91,14 @@ class AnyAnglePlanner(GridPlanner):
 def _pulled(costmap: CostGrid, weights: np.ndarray, points: np.ndarray) -> Tuple[np.ndarray, float]:
     """Return a path's points (m), shape (N, 2), pulled taut, and what it counts then."""
     grid = costmap.grid
-    origin = np.array([grid.origin_x, grid.origin_y])
-    cells = np.ascontiguousarray((points - origin) / grid.resolution)
-    count = line_kernels.pull_string(costmap.costs, weights, cells, PASSES)
-    cells = np.ascontiguousarray(cells[:count])
-    cost = line_kernels.polyline_cost(costmap.costs, weights, cells)
-    pulled = cells * grid.resolution + origin
+    place = (grid.origin_x, grid.origin_y, grid.resolution)
+    cells = np.empty(points.shape)
+    points_kernels.to_cells(points, *place, cells)
+    cells = cells[:line_kernels.pull_string(costmap.costs, weights, cells, PASSES)]
+    pulled = np.empty(cells.shape)
+    points_kernels.to_metres(cells, *place, pulled)
     pulled[0], pulled[-1] = points[0], points[-1]
-    return pulled, float(cost)
+    return pulled, line_kernels.polyline_cost(costmap.costs, weights, cells)
 
 
 def spaced(points: np.ndarray, spacing: float) -> np.ndarray:

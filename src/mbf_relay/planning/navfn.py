@@ -8,6 +8,7 @@ from typing import Any, Optional, Tuple
 import numpy as np
 
 from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.planning import points_kernels
 from mbf_relay.planning.grid_planner import GridPlanner, SearchQuery
 from mbf_relay.planning.planner import PotentialDisplay
 from mbf_relay.planning.search.incremental_field import FastMarchingPotential
@@ -67,7 +68,7 @@ def descend_potential(
     start = (query.start.x - grid.origin_x) / grid.resolution, (query.start.y - grid.origin_y) / grid.resolution
     cells = potential.path(start)
     points = np.empty((len(cells) + 1, 2))
-    np.multiply(cells, grid.resolution, out=points[:-1])
-    points[:-1] += (grid.origin_x, grid.origin_y)
-    points[0], points[-1] = query.start[:2], query.goal[:2]
+    points_kernels.to_metres(cells, grid.origin_x, grid.origin_y, grid.resolution, points)
+    points[0, 0], points[0, 1] = query.start.x, query.start.y
+    points[-1, 0], points[-1, 1] = query.goal.x, query.goal.y
     return points, potential.cost_at(*start)

@@ -71,7 +71,7 @@ def touching_cells(checker: FootprintChecker, path: Path) -> np.ndarray:
     costmap = checker.costmap
     poses, arcs = driven(path.poses[:, :2], 0.5 * costmap.width)
     narrow = checker.touches(poses)
-    touching = np.flatnonzero(narrow)
+    touching = narrow.nonzero()[0]
     if len(touching) == 0:
         return np.zeros((0, 2), dtype=np.int64)
     reach = costmap.circumscribed_radius

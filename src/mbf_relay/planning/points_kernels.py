@@ -8,6 +8,26 @@ import math
 from mbf_relay.kernels import kernel
 
 
+@kernel("void(float64[:,::1], float64, float64, float64, float64[:,::1])")
+def to_cells(points, origin_x, origin_y, resolution, cells):
+    """Convert points in metres to cells of a grid, a cell's centre lying at halves.
+
+    Args:
+        points: Shape (N, 2).
+        origin_x, origin_y, resolution: Of the grid, in metres.
+        cells: Shape (N, 2), filled.
+    """
+    for n in range(points.shape[0]):
+        cells[n, 0], cells[n, 1] = (points[n, 0] - origin_x) / resolution, (points[n, 1] - origin_y) / resolution
+
+
+@kernel("void(float64[:,::1], float64, float64, float64, float64[:,::1])")
+def to_metres(cells, origin_x, origin_y, resolution, points):
+    """Convert points in cells of a grid to metres; as `to_cells`, the other way round."""
+    for n in range(cells.shape[0]):
+        points[n, 0], points[n, 1] = cells[n, 0] * resolution + origin_x, cells[n, 1] * resolution + origin_y
+
+
 @kernel("boolean(float64[:,::1], float64)")
 def are_apart(points, least):
     """Return whether each point, (N, 2), differs from the one before by more than `least` in x or in y."""

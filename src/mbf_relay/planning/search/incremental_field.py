@@ -52,6 +52,7 @@ class IncrementalField(abc.ABC):
     Attributes:
         expanded: Cells looked at in the last call, for benchmarks.
         invalidated: Cells that lost their value to changes in the last call, None where the field was begun anew.
+        table: What the kernels look the last call's costs up in, see `table_of`.
     """
 
     octile: ClassVar[bool]
@@ -67,14 +68,14 @@ class IncrementalField(abc.ABC):
         self.expanded = 0
         self.invalidated: Optional[int] = None
         self._goal: Optional[Cell] = None
-        self._table = np.zeros(256, dtype=np.float32)
+        self.table = np.zeros(256, dtype=np.float32)
         self._revision = 0
         self._slope = np.float32(0.0)
         self._weights = b""  # as bytes, which are compared in a tenth of the time
         self._highest = np.float32(0.0)  # of the weights
         self._free = np.zeros(256, dtype=np.bool_)  # costs whose weight is above 0
         self._cheapest = 0  # the cost of the lowest weight
-        self._lowest_from = self._table  # the lowest weight of each cost and those above it
+        self._lowest_from = self.table  # the lowest weight of each cost and those above it
         self._field = np.zeros((0, 0), dtype=np.float32)
         self._seen = np.zeros((0, 0), dtype=np.uint8)  # the costs the field was made from, where it looked
         self._sizes = np.zeros(queue_kernels.BUCKETS, dtype=np.int64)
@@ -162,7 +163,7 @@ class IncrementalField(abc.ABC):
         """Keep weights and what is looked up of them in every plan."""
         self._weights = weights.tobytes()
         self._highest = weights.max()
-        self._table = self.table_of(weights)
+        self.table = self.table_of(weights)
         self._free = weights > 0.0
         counted = np.where(self._free, weights, np.float32(np.inf))
         self._cheapest = int(np.argmin(counted))
@@ -196,7 +197,7 @@ class IncrementalField(abc.ABC):
         if waiting > STORE_PER_CELL * int(self._state[queue_kernels.EXPANDED]) + _FIRST_STORE:
             return False  # many updates have left the same cells waiting many times over
         unsupported = np.empty(self._seen[self._looked_at()].size + 9 * len(changed), dtype=np.int32)
-        forgotten = int(self.kernels.invalidate(costs, self._table, self._field, changed, unsupported))
+        forgotten = int(self.kernels.invalidate(costs, self.table, self._field, changed, unsupported))
         if forgotten < 0:
             return False
         self._reserve(waiting + 9 * (forgotten + len(changed)))
@@ -241,7 +242,7 @@ class IncrementalField(abc.ABC):
     def _grow_within(self, limit: float, costs: np.ndarray, aim: Aim, cancelled: Cancellation) -> int:
         """Spread the queue and grow until there is a verdict that asks for no more memory."""
         height, width = costs.shape
-        cells = (costs.reshape(-1), width, height, self._table, self._field.reshape(-1))
+        cells = (costs.reshape(-1), width, height, self.table, self._field.reshape(-1))
         verdict = queue_kernels.SPREAD_DUE
         while True:
             queue = (self._sizes, self._cells, self._keys, self._apart_cells, self._apart_keys, self._state)
@@ -308,7 +309,7 @@ class CostToGo(IncrementalField):
         size = 4 * max(costs.shape) + 16
         while True:
             path = np.empty((size, 2), dtype=np.int32)
-            count = cost_to_go_kernels.follow(costs, self._table, self._field, start[0], start[1], path)
+            count = cost_to_go_kernels.follow(costs, self.table, self._field, start[0], start[1], path)
             if count >= 0:
                 return path[:count]
             size *= 4
