@@ -153,7 +153,6 @@ class ControllerExecution:
             watch.start(now)
         self._since_pose.reset()
         self._oscillation.restart(now)
-        self._ignored = IgnoredCommands()
         if self._pacer.is_due(now):
             self._pacer.passed(now, 1.0 / self._parameters().controller_frequency)
             self._report(ControlOutcome.SUCCESS, PAUSED)
@@ -371,6 +370,8 @@ class ControllerExecution:
     # what goes out
 
     def _send(self, velocity: Twist2D) -> None:
+        if velocity == STOP:
+            self._ignored = IgnoredCommands()  # nothing is ignored that was not told
         self._command = velocity
         self._robot.command(velocity)
 

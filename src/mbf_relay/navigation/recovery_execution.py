@@ -131,7 +131,6 @@ class RecoveryExecution:
             return
         if self._robot.paused:
             self._since_start.start(now)
-            self._ignored = IgnoredCommands()
             self._since_call.start(-math.inf)  # what is thought of before the pause is too old after it
             if self._pacer.is_due(now):
                 self._pacer.passed(now, 1.0 / self._parameters().controller_frequency)
@@ -228,7 +227,10 @@ class RecoveryExecution:
         """Give up a behaviour that moves nothing, as a drive that does: it would turn its wheels against all patience.
         """
         tolerance = self._parameters().cmd_vel_ignored_tolerance
-        measured = self._robot.velocity() if self._robot.knows_its_motion else velocity
+        try:
+            measured = self._robot.velocity()
+        except StaleDataError:  # it is told to stand at its next step
+            return
         if 0.0 < tolerance < self._ignored.ignored_for(now, velocity, measured):
             message = f"Recovery behaviour '{self.instance.name}': {self._ignored.told(now, velocity)}"
             self._give_up(Ending.ABORTED, RecoveryOutcome.PAT_EXCEEDED, message)
@@ -240,6 +242,8 @@ class RecoveryExecution:
         return SpeedLimit(zone.speed, share=zone.share).slowed(velocity, *top_speeds)
 
     def _send(self, velocity: Twist2D) -> None:
+        if velocity == STOP:
+            self._ignored = IgnoredCommands()  # nothing is ignored that was not told
         self._command = velocity
         self._robot.command(velocity)
 

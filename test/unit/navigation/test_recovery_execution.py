@@ -8,7 +8,7 @@ from scripted import FORWARD
 
 from mbf_relay.costmap.layer import ZoneLimit
 from mbf_relay.geometry import STOP, Twist2D
-from mbf_relay.navigation.goals import RecoverGoal
+from mbf_relay.navigation.goals import FollowGoal, RecoverGoal
 from mbf_relay.navigation.recovery_execution import RecoverySurroundings
 from mbf_relay.navigation.task import Ending
 from mbf_relay.outcomes import RecoveryError, RecoveryOutcome, StaleDataError, TransformError
@@ -204,6 +204,28 @@ def test_a_behaviour_that_moves_nothing_is_given_up_as_a_drive_is(make_bench):
     assert bench.script.cleaned_up == 1 and 5.0 <= bench.now - started < 5.5
     for told in ("'R1'", "stood still for", "0.00 m/s and 0.40 rad/s", "a car, which cannot turn on the spot"):
         assert told in task.result.message
+
+
+@pytest.mark.parametrize("lose", [
+    lambda bench, why: setattr(bench.costmaps["local"], "stale", why),
+    lambda bench, why: setattr(bench.robot, "stale", why)], ids=["no scan", "no odometry"])
+@pytest.mark.parametrize("drives", [False, True], ids=["recovery", "drive"])
+def test_a_robot_that_had_to_stand_as_it_set_out_is_not_said_to_have_ignored_commands(make_bench, lose, drives):
+    """The time without a scan counted as if it had been told to move."""
+    bench = make_bench(recovery_patience=0.0, controller_patience=0.0, cmd_vel_ignored_tolerance=5.0)
+    bench.script.recovery, bench.robot.reported = steps(200), STOP
+    goal = FollowGoal(scripted.straight_path()) if drives else RecoverGoal("R1")
+    task = (bench.navigator.exe_path if drives else bench.navigator.recovery)(goal)
+    bench.run(lambda: bench.robot.sent[-1:] == [FORWARD])
+    lose(bench, "3.0 s old")
+    for _ in range(80):
+        bench.step()
+    lose(bench, None)
+    for _ in range(3):
+        bench.step()
+    assert not task.done and bench.robot.sent[-1] == FORWARD
+    task.cancel()
+    bench.finish(task)
 
 
 @pytest.mark.parametrize("reported, tolerance", [(STOP, 0.0), (FORWARD, 5.0)])

@@ -140,12 +140,12 @@ class ActionServer:
         """
         message = self._result_type(status=status, result=result)
         message.header.stamp = rospy.get_rostime()
+        self._late_comers.note(message)
         trouble = self._publish(self._result, message)
         if trouble:
             status.status, status.text = GoalStatus.ABORTED, f"the result cannot be sent: {trouble}"
             message.result = type(result)()
             self._publish(self._result, message)
-        self._late_comers.note(message)
 
     def publish_feedback(self, status: GoalStatus, feedback: Any) -> None:
         """Send feedback of a goal."""
