@@ -9,6 +9,7 @@ from mbf_relay.control.controller import Controller
 from mbf_relay.control.state import ControlState
 from mbf_relay.costmap.cost_grid import CostGrid
 from mbf_relay.costmap.layer import ZoneLimit
+from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.grid import Grid
 from mbf_relay.navigation.goals import FramedPose, NavigateGoal
@@ -88,7 +89,7 @@ class PaperCostmap:
     """An empty costmap as stale as the test says, its snapshots newer than any goal where it says nothing."""
 
     def __init__(self, frame: str) -> None:
-        self.frame, self.robot_frame = frame, "base"
+        self.frame, self.robot_frame, self.parameters = frame, "base", CostmapParameters()
         self.stale: Optional[str] = None
         self.trouble: Optional[PlanningError] = None
         self.stamp = math.inf
