@@ -74,20 +74,21 @@ class ScanSearch:
             margin: How far below the best score, as a share, a place may be.
         """
         endpoints = thin_out(hits, BEAMS)
-        nodes = self._nodes()
-        if len(endpoints) < FEWEST_BEAMS or len(nodes) == 0:
+        blocks = self._blocks()
+        if len(endpoints) < FEWEST_BEAMS or len(blocks) == 0:
             return Places(np.empty((0, 3)), np.empty(0))
         headings = np.arange(TURNS) * (2.0 * math.pi / TURNS)
         offsets = self._offsets(endpoints, headings)
-        bounds = np.empty(len(nodes))
-        bound_all(nodes, offsets, self._scores, self._levels, bounds)
-        order = np.argsort(-bounds, kind="stable")
+        bounds = np.empty(len(blocks) * TURNS, dtype=np.int32)
+        bound_all(self._top, blocks, offsets, self._scores, self._levels, bounds)
         full = 255.0 * len(endpoints)
-        found = np.empty((len(nodes), 4))
+        found = np.empty((min(len(bounds), MOST_VISITS + 1), 4))  # each took a visit at least
         count = descend(
             self._leaf,
-            np.ascontiguousarray(nodes[order]),
-            bounds[order],
+            self._top,
+            blocks,
+            bounds,
+            np.argsort(-bounds, kind="stable"),
             offsets,
             self._scores,
             self._levels,
@@ -106,15 +107,10 @@ class ScanSearch:
         kept = apart(poses, found[:, 0], most, distance=0.3, turn=0.15) if count else []
         return Places(poses[kept], found[kept, 0] / full)
 
-    def _nodes(self) -> np.ndarray:
-        """Return the blocks to begin with, at every heading, shape (N, 4)."""
+    def _blocks(self) -> np.ndarray:
+        """Return row and column of the blocks to begin with, shape (R, 2)."""
         begin, height, width = self._levels[self._top]
-        rows, columns = np.nonzero(self._free[begin:].reshape(height + 1, width + 1)[1:, 1:])
-        nodes = np.empty((len(rows), TURNS, 4), dtype=np.int64)
-        nodes[..., 0] = self._top
-        nodes[..., 1], nodes[..., 2] = rows[:, None], columns[:, None]
-        nodes[..., 3] = np.arange(TURNS)
-        return nodes.reshape(-1, 4)
+        return np.ascontiguousarray(np.argwhere(self._free[begin:].reshape(height + 1, width + 1)[1:, 1:]))
 
     def _offsets(self, endpoints: np.ndarray, headings: np.ndarray) -> np.ndarray:
         cos, sin = np.cos(headings)[:, None], np.sin(headings)[:, None]

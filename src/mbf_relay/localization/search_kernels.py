@@ -33,10 +33,10 @@ def bound_of(level, row, column, turn, offsets, scores, levels):
 
 
 @kernel(
-    "int64(int64, int64[:,::1], float64[::1], int32[:,:,::1], uint8[::1], int64[:,::1], uint8[::1], float64, int64,"
-    " float64[:,::1])"
+    "int64(int64, int64, int64[:,::1], int32[::1], int64[::1], int32[:,:,::1], uint8[::1], int64[:,::1], uint8[::1],"
+    " float64, int64, float64[:,::1])"
 )
-def descend(leaf, nodes, bounds, offsets, scores, levels, free, margin, most_visits, found):
+def descend(leaf, top, blocks, bounds, order, offsets, scores, levels, free, margin, most_visits, found):
     """Find the best place in every block that may hold one nearly as good as the best of all.
 
     Depth first from the most promising block on, each block's best child first (Hess et al. 2016, algorithm 3), but
@@ -44,26 +44,26 @@ def descend(leaf, nodes, bounds, offsets, scores, levels, free, margin, most_vis
 
     Args:
         leaf: Level at which places are told apart.
-        nodes: Blocks to begin with, most promising first, shape (N, 4): level, row, column, heading's index.
-        bounds: What they score at most, shape (N,).
+        top, blocks, bounds: As `bound_all` leaves them.
+        order: What sorts the bounds, most promising first, shape (R * turns,).
         offsets, scores, levels: As for `bound_of`.
         free: Laid out as `scores`: whether the robot can be in a block.
         margin: How far below the best a place may score.
         most_visits: Blocks to look at before the search ends with what it has.
-        found: Result, shape (N, 4): score, row, column (in leaf's blocks) and heading's index.
+        found: Result, room for a row of each bound: score, row, column (in leaf's blocks) and heading's index.
 
     Returns:
         How many were found.
     """
-    count, best, visits = 0, 0.0, 0
+    count, best, visits, turns = 0, 0.0, 0, offsets.shape[0]
     stack = np.empty((4 * 32, 3), dtype=np.int64)
     stack_bounds = np.empty(4 * 32)
-    for n in range(nodes.shape[0]):
-        if bounds[n] < best - margin or visits > most_visits:
+    for node in order:
+        if bounds[node] < best - margin or visits > most_visits:
             break
-        turn = nodes[n, 3]
-        stack[0, 0], stack[0, 1], stack[0, 2] = nodes[n, 0], nodes[n, 1], nodes[n, 2]
-        stack_bounds[0] = bounds[n]
+        block, turn = node // turns, node % turns
+        stack[0, 0], stack[0, 1], stack[0, 2] = top, blocks[block, 0], blocks[block, 1]
+        stack_bounds[0] = bounds[node]
         depth = 1
         own, own_row, own_column = -1.0, 0, 0
         while depth > 0:
@@ -100,8 +100,18 @@ def descend(leaf, nodes, bounds, offsets, scores, levels, free, margin, most_vis
     return count
 
 
-@kernel("void(int64[:,::1], int32[:,:,::1], uint8[::1], int64[:,::1], float64[::1])")
-def bound_all(nodes, offsets, scores, levels, bounds):
-    """Bound every block of `nodes`, shape (N, 4) as level, row, column, heading's index; result of shape (N,)."""
-    for n in range(nodes.shape[0]):
-        bounds[n] = bound_of(nodes[n, 0], nodes[n, 1], nodes[n, 2], nodes[n, 3], offsets, scores, levels)
+@kernel("void(int64, int64[:,::1], int32[:,:,::1], uint8[::1], int64[:,::1], int32[::1])")
+def bound_all(top, blocks, offsets, scores, levels, bounds):
+    """Find what a scan scores at most in blocks at every heading.
+
+    Args:
+        top: Level of the blocks.
+        blocks: Row and column of each, shape (R, 2).
+        offsets, scores, levels: As for `bound_of`.
+        bounds: Result, shape (R * turns,): of one block after the other at all headings; a large map has millions.
+    """
+    turns = offsets.shape[0]
+    for block in range(blocks.shape[0]):
+        for turn in range(turns):
+            bounds[block * turns + turn] = int(
+                bound_of(top, blocks[block, 0], blocks[block, 1], turn, offsets, scores, levels))

@@ -1,4 +1,5 @@
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -7,7 +8,7 @@ from synthetic_room import ORIGIN, room, scan_at
 from mbf_relay.geometry import IDENTITY, Pose2D, angle_between
 from mbf_relay.localization.beams import pick_beams
 from mbf_relay.localization.distance_field import DistanceField
-from mbf_relay.localization.scan_search import ScanSearch
+from mbf_relay.localization.scan_search import TURNS, ScanSearch
 from mbf_relay.localization.search_kernels import bound_all
 from mbf_relay.maps import OccupancyMap
 
@@ -56,12 +57,27 @@ def test_no_block_holds_a_better_place_than_its_bound_says():
     for level in (1, 2, 3, 4):
         for _ in range(20):
             row, column = rng.integers(0, 120 >> level), rng.integers(0, 160 >> level)
-            below = [[level - 1, 2 * row + y, 2 * column + x, 0] for y in (0, 1) for x in (0, 1)]
-            bounds = np.empty(5)
-            nodes = np.array([[level, row, column, 0]] + below, dtype=np.int64)
-            inside = [i for i in range(1, 5) if nodes[i, 1] < 120 >> (level - 1) and nodes[i, 2] < 160 >> (level - 1)]
-            bound_all(nodes, offsets, search._scores, search._levels, bounds)
-            assert all(bounds[i] <= bounds[0] for i in inside)
+            below = [(2 * row + y, 2 * column + x) for y in (0, 1) for x in (0, 1)]
+            inside = [(y, x) for y, x in below if y < 120 >> (level - 1) and x < 160 >> (level - 1)]
+            whole, parts = np.empty(1, np.int32), np.empty(len(inside), np.int32)
+            for at, blocks, bounds in ((level, [(row, column)], whole), (level - 1, inside, parts)):
+                bound_all(at, np.array(blocks, dtype=np.int64), offsets, search._scores, search._levels, bounds)
+            assert (parts <= whole[0]).all()
+
+
+def test_a_robot_on_a_large_map_is_looked_for_in_little_memory():
+    """A hall of 200 m took a gigabyte, and with it the small computer that localized there."""
+    free = np.zeros((480, 640), dtype=np.int8)
+    free[:, 600:] = 100
+    search = ScanSearch(DistanceField(OccupancyMap(free, 0.05, ORIGIN), 2.0))
+    ends = np.column_stack((np.full(60, 2.0), np.linspace(-2.0, 2.0, 60)))
+    tracemalloc.start()
+    try:
+        found = search.search(ends)
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert len(found.poses) > 0 and most < 60 * (480 // 16) * (600 // 16) * TURNS
 
 
 def test_every_heading_is_tried():
