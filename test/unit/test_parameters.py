@@ -20,6 +20,12 @@ class Example(ParameterSet):
     limit: Optional[float] = parameter(None, "none for no limit", unit="m", minimum=0.0)
     least: float = parameter(0.0, "lowest speed", unit="m/s")
 
+    name: str = parameter("robot", "what it is called")
+    frame: str = parameter("odom", "in which it drives", is_frame=True)
+    weights: Tuple[float, ...] = parameter((1.0,), "of what counts", minimum=0.0)
+    wait: float = parameter(1.0, "how long it waits", unit="s", above=0.0)
+    reach: float = parameter(float("inf"), "how far it sees", unit="m", minimum=0.0)
+
     ORDERED = (("least", "speed"),)
 
     def check(self):
@@ -48,6 +54,13 @@ def test_numbers_are_taken_as_the_declared_type():
         ({"samples": -10 ** 400}, ["samples", "-1000000000000000000", "at least 1"]),
         ({"least": 10 ** 400}, ["least", "1e+18", "within 1e+09 m/s of 0"]),
         ({"model": "car"}, ["model", "'car'", "'diff', 'omni'"]),
+        ({"samples": True}, ["samples", "True", "int"]),
+        ({"name": 3}, ["name", "3", "str"]),
+        ({"name": None}, ["name", "None", "str"]),
+        ({"weights": [1.0, 2.0, -0.5]}, ["weights", "-0.5", "at least 0.0"]),
+        ({"wait": float("inf")}, ["wait", "inf", "within 1e+09 s of 0"]),
+        ({"wait": -1e12}, ["wait", "above 0.0 s"]),
+        ({"reach": -1e12}, ["reach", "at least 0.0 m"]),
         ({"active": 1}, ["active", "1", "bool"]),
         ({"outline": "square"}, ["outline", "'square'", "list"]),
         ({"outline": [[0, 0, 0]]}, ["outline", "3 entries", "2"]),
@@ -72,6 +85,9 @@ def test_a_refusal_names_parameter_value_and_what_is_allowed(values, words):
     ({"speed": 0.3, "least": 0.4}, "least", 0.3, ["least", "0.4", "at most speed", "0.3 is used"]),
     ({"speed": "1e-2"}, "speed", 0.01, ["speed", "'1e-2'", "0.01 is used"]),
     ({"max_speed": 2.0}, "speed", 1.0, ["speed", "2.0", "1.0 is used"]),
+    ({"wait": 1e12}, "wait", 1e9, ["wait", "within 1e+09 s of 0", "1000000000.0 is used"]),
+    ({"wait": -1e12}, "wait", 1.0, ["wait", "above 0.0 s", "1.0 is used"]),
+    ({"samples": "3"}, "samples", 3, ["samples", "'3'", "the number 3 is used"]),
 ])
 def test_a_value_upstream_takes_is_taken_to_the_range_and_told_of(values, name, taken, words):
     example, notes = Example.read(values)
@@ -113,7 +129,9 @@ def test_values_in_order_are_read_without_a_word():
     assert Example.read({"speed": 0.3, "least": 0.1, "elsewhere": 3}) == (Example(speed=0.3, least=0.1), [])
 
 
-@pytest.mark.parametrize("values", [{"speed": "fast"}, {"model": "car"}, {"speed": float("nan")}, {"outline": 3}])
+@pytest.mark.parametrize("values", [
+    {"speed": "fast"}, {"model": "car"}, {"speed": float("nan")}, {"outline": 3}, {"least": 1e12}, {"least": -1e12},
+    {"samples": float("inf")}, {"samples": float("nan")}])
 def test_what_nobody_can_make_sense_of_is_refused_all_the_same(values):
     with pytest.raises(ValueError, match=next(iter(values))):
         Example.read(values)
@@ -151,3 +169,26 @@ def test_unknown_names_are_told_of_groups_as_well_but_of_those_that_are_read():
 def test_a_changed_copy_is_checked_too():
     with pytest.raises(ValueError, match="speed"):
         Example().replace(speed=-1.0)
+
+
+def test_what_has_no_end_by_default_may_have_none():
+    assert Example().reach == float("inf") and Example(reach=1e12).reach == 1e12
+
+
+def test_a_frame_is_named_as_tf2_does():
+    assert Example(frame="/odom").frame == "odom" and Example(name="/odom").name == "/odom"
+
+
+@pytest.mark.parametrize("changes, least, count", [
+    ({"speed": 0.1}, 0.1, 1), ({"speed": 0.2}, 0.2, 0), ({"speed": 0.3}, 0.2, 0),
+    ({"speed": 0.3, "least": 0.1}, 0.1, 0)])
+def test_who_asks_a_robot_to_drive_slower_is_not_refused_for_its_lowest_speed(changes, least, count):
+    changed, notes = Example(speed=0.5, least=0.2).reconfigured(changes)
+    assert changed == Example(speed=changes["speed"], least=least) and len(notes) == count
+    assert all("least is 0.2; it must be at most speed: 0.1 is used" in note for note in notes)
+
+
+@pytest.mark.parametrize("changes", [{"speed": 0.1, "least": 0.2}, {"least": 0.6}, {"speed": -0.1}, {"speed": 1.1}])
+def test_who_asks_for_speeds_that_contradict_each_other_is_refused(changes):
+    with pytest.raises(ValueError, match="least is|speed is"):
+        Example(speed=0.5, least=0.2).reconfigured(changes)
