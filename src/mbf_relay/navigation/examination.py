@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from dataclasses import dataclass, field
-from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Type
+from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Sequence, Type
 
 from mbf_relay.costmap.factory import SEARCHED_NAMES, build_costmap, unknown_names
 from mbf_relay.navigation.move_base_files import server_config
@@ -24,6 +24,9 @@ USED, STOOD_IN, CLAMPED, IGNORED, DOUBTFUL, REFUSED = KINDS = (
 
 PARAMETER = re.compile(r"\bparameter ([A-Za-z_]\w*)")
 """Where messages of parameters name the one they are about."""
+QUOTED = re.compile(r"'([^']+)'")
+"""Names of layers and sources in them."""
+NOTHING: Dict[str, Any] = {}
 
 SIDES = ("global_costmap", "local_costmap")
 READ_BY_THE_NODE = (
@@ -148,7 +151,8 @@ def _examine_costmap(found: Examination, side: str) -> None:
         found.add(REFUSED, _named_in(str(error), side), str(error))
         return
     for note in costmap.notes:
-        found.add(STOOD_IN if "not available here" in note else CLAMPED, side, note)
+        name = _named_in(note, side, group)
+        found.add(STOOD_IN if "not available here" in note else CLAMPED, name, f"{side}: {note}")
     for name, reason in costmap.failed.items():
         found.add(REFUSED, f"{side}/{name}", f"the layer is left out: {reason}")
     for layer in costmap.layers:
@@ -226,12 +230,31 @@ def _read(
     return made
 
 
-def _named_in(note: str, where: str) -> str:
-    """Return the name of the parameter that a note is about, below `where`."""
+def _named_in(note: str, where: str, group: Mapping[str, Any] = NOTHING) -> str:
+    """Return the name of the parameter that a note is about, below `where`.
+
+    Args:
+        note: What is said of it.
+        where: Name of the group that is examined.
+        group: What stands there: in the groups that the note names, a layer's and a source's, the parameter may be.
+    """
     named = PARAMETER.search(note)
     if named is None:
         return where
-    return f"{where}/{named.group(1)}" if where else named.group(1)
+    path = _path_to(named.group(1), group, QUOTED.findall(note)) or named.group(1)
+    return f"{where}/{path}" if where else path
+
+
+def _path_to(name: str, group: Mapping[str, Any], through: Sequence[str]) -> str:
+    """Return where a parameter stands in a group or in those below it of some names, its parts joined by slashes."""
+    if name in group:
+        return name
+    for part in through:
+        below = group.get(part)
+        path = _path_to(name, below, through) if isinstance(below, Mapping) else ""
+        if path:
+            return f"{part}/{path}"
+    return ""
 
 
 def _note_unknown(found: Examination, name: str, kind: Type[ParameterSet]) -> None:

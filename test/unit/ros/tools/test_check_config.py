@@ -55,6 +55,39 @@ def test_values_no_robot_could_mean_fail_with_value_and_line(tmp_path, change, s
     assert status == 1
 
 
+COSTMAPS = """
+base_local_planner: dwa_local_planner/DWAPlannerROS
+global_costmap:
+  robot_radius: 0.2
+  %s
+local_costmap:
+  robot_radius: 0.2
+  global_frame: odom
+  rolling_window: true
+  observation_sources: scan
+  scan:
+    topic: scan
+    %s
+  inflation_layer:
+    %s
+  %s
+"""
+
+
+@pytest.mark.parametrize("lines, said, line", [
+    (("width: -3.0", "", "", ""), "global_costmap: parameter width is -3.0; it must be above 0.0 m: 10.0 is used", 5),
+    (("", "", "", "width: -3.0"), "local_costmap: parameter width is -3.0; it must be above 0.0 m: 10.0 is used", 16),
+    (("", "", "", "inflation_radius: -1.0"), "layer 'inflation_layer': parameter inflation_radius is -1.0", 16),
+    (("inflation_radius: 1.0", "", "inflation_radius: -1.0", ""), "'inflation_layer': parameter inflation_radius is", 15),
+    (("", "max_obstacle_height: 1.0e+12", "", ""), "observation source 'scan': parameter max_obstacle_height is", 13),
+])
+def test_what_a_costmap_changes_is_told_with_the_costmap_and_its_line(tmp_path, lines, said, line):
+    """It was told without the costmap, and with the line its group begins in."""
+    told = check(tmp_path, COSTMAPS % lines)[1]
+    (about,) = [each for each in told.splitlines() if said in each]
+    assert about.startswith("  changed: ") and about.endswith(f"params.yaml:{line}]"), told
+
+
 def test_a_local_costmap_that_is_never_updated_is_doubted(tmp_path):
     status, told = check(tmp_path, GOOD.replace("rolling_window: true", "rolling_window: true, update_frequency: 0"))
     assert "local_costmap/update_frequency: is 0; nothing is driven by" in told and status == 1
