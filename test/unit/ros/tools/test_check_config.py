@@ -78,7 +78,7 @@ local_costmap:
     (("width: -3.0", "", "", ""), "global_costmap: parameter width is -3.0; it must be above 0.0 m: 10.0 is used", 5),
     (("", "", "", "width: -3.0"), "local_costmap: parameter width is -3.0; it must be above 0.0 m: 10.0 is used", 16),
     (("", "", "", "inflation_radius: -1.0"), "layer 'inflation_layer': parameter inflation_radius is -1.0", 16),
-    (("inflation_radius: 1.0", "", "inflation_radius: -1.0", ""), "'inflation_layer': parameter inflation_radius is", 15),
+    (("inflation_radius: 1.0", "", "inflation_radius: -1.0", ""), "'inflation_layer': parameter inflation_radius", 15),
     (("", "max_obstacle_height: 1.0e+12", "", ""), "observation source 'scan': parameter max_obstacle_height is", 13),
 ])
 def test_what_a_costmap_changes_is_told_with_the_costmap_and_its_line(tmp_path, lines, said, line):
