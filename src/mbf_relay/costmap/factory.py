@@ -12,7 +12,7 @@ from mbf_relay.costmap.layer import Layer
 from mbf_relay.costmap.observation_source import SourceParameters
 from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters
 from mbf_relay.costmap.parameters import CostmapParameters
-from mbf_relay.parameters import ParameterSet
+from mbf_relay.parameters import ParameterSet, did_you_mean, nearest_of
 
 STATIC_NAMES = ("map_topic", "unknown_cost_value", "lethal_cost_threshold", "track_unknown_space")
 OBSTACLE_NAMES = ("max_obstacle_height", "raytrace_range", "obstacle_range", "track_unknown_space")
@@ -196,8 +196,10 @@ def unknown_names(values: Mapping[str, Any]) -> Dict[str, str]:
         for name in SourceParameters.unknown_names(group):
             below[f"{prefix}/{name}"] = SourceParameters.hint(name)
     read.update(sources, (name for name, _, _ in groups))
+    here = [*CostmapParameters.names(), *sorted(read)]
     own = {
-        name: _reader_of(name) or CostmapParameters.hint(name) for name in CostmapParameters.unknown_names(values)
+        name: _reader_of(name) or did_you_mean(nearest_of(name, here))
+        for name in CostmapParameters.unknown_names(values)
         if name not in read and not _may_be_the_other_s(values[name])
     }
     return {**own, **below}

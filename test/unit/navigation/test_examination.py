@@ -1,0 +1,103 @@
+"""What is told of a parameter file before anything is driven by it."""
+
+import copy
+
+import pytest
+
+from mbf_relay.navigation.examination import (
+    CLAMPED,
+    DOUBTFUL,
+    IGNORED,
+    KINDS,
+    REFUSED,
+    USED,
+    examine_move_base,
+    examine_server,
+    stray_groups,
+)
+
+SERVER = {
+    "planners": [{"name": "navfn", "type": "navfn/NavfnROS"}],
+    "controllers": [{"name": "dwa", "type": "dwa_local_planner/DWAPlannerROS"}],
+    "recovery_behaviors": [{"name": "turn", "type": "rotate_recovery/RotateRecovery"}],
+    "local_costmap": {"robot_radius": 0.2, "rolling_window": True, "observation_sources": "scan", "scan": {}},
+    "global_costmap": {"robot_radius": 0.2},
+    "dwa": {"max_vel_x": 0.3}, "navfn": {}, "turn": {},
+}
+
+
+def told_of(changes, examine=examine_server):
+    """Return what is told besides what is used, of a server's file with changes, by the names it is about."""
+    values = copy.deepcopy(SERVER)
+    for name, value in changes.items():
+        group, _, last = name.rpartition("/")
+        (values[group] if group else values)[last] = value
+    return {finding.name: (finding.kind, finding.text) for finding in examine(values).findings if finding.kind != USED}
+
+
+def test_of_a_sound_file_is_told_what_is_used_alone():
+    found = examine_server(SERVER)
+    assert {finding.kind for finding in found.findings} == {USED} and found.config == SERVER
+    names = [finding.name for finding in found.of(USED)]
+    assert {"navfn", "dwa", "turn", "local_costmap/inflation_layer"} <= set(names)
+    assert found.of(*KINDS) == found.findings
+    assert told_of({"planner_lock_costmap": True, "restore_defaults": False, "dwa/restore_defaults": False}) == {}
+
+
+@pytest.mark.parametrize("name, kind, text", [
+    ("planner_frequenc", IGNORED, "is not known here; did you mean 'planner_frequency'?"),
+    ("dwa/max_vel_xx", IGNORED, "is not known here; did you mean 'max_vel_x'?"),
+    ("local_costmap/inflation_radus", IGNORED, "is not known here; did you mean 'inflation_radius'?"),
+    ("controller_frequency", CLAMPED, "parameter controller_frequency is 1000.0"),
+    ("local_costmap/obstacle_rang", IGNORED, "is not known here; did you mean 'obstacle_range'?"),
+    ("local_costmap/update_frequenc", IGNORED, "is not known here; did you mean 'update_frequency'?"),
+    ("local_costmap/scam", IGNORED, "is not known here; did you mean 'scan'?"),
+    ("dwa/max_vel_x", DOUBTFUL, "speeds are in m/s"),
+])
+def test_what_is_said_is_of_the_parameter_it_is_about(name, kind, text):
+    known = told_of({name: 1000})
+    assert known[name][0] == kind and text in known[name][1], known
+
+
+@pytest.mark.parametrize("changes, name, text", [
+    ({"dwa/max_vel_x": "fast"}, "dwa/max_vel_x", "'fast'"),
+    ({"controller_frequency": "often"}, "controller_frequency", "'often'"),
+    ({"planners": 3}, "planners", "it must be a list"),
+    ({"planners": [{"name": "navfn", "type": "no/Such"}]}, "navfn", "no/Such"),
+    ({"local_costmap": 3}, "local_costmap", "must be a group"),
+    ({"local_costmap/resolution": 1e6}, "local_costmap/resolution", "resolution is 1000000.0"),
+    ({"global_costmap/plugins": [{"name": "odd", "type": "no::Layer"}]}, "global_costmap/odd", "the layer is left out"),
+])
+def test_what_keeps_it_from_starting_is_refused_by_name(changes, name, text):
+    known = told_of(changes)
+    assert known[name][0] == REFUSED and text in known[name][1], known
+
+
+def test_an_old_name_is_told_with_the_present_one():
+    values = {**copy.deepcopy(SERVER), "dwa": {"max_trans_vel": 0.3}}
+    told = [(each.kind, each.text) for each in examine_server(values).findings if each.name == "dwa/max_trans_vel"]
+    assert told == [(CLAMPED, "has an old name; 'max_vel_trans' is the present one")]
+
+
+def test_of_what_is_refused_it_is_not_told_that_it_is_ignored_as_well():
+    values = {**copy.deepcopy(SERVER), "planners": [{"name": "navfn", "type": "no/Such"}], "navfn": {"a": 1}}
+    assert [finding.kind for finding in examine_server(values).findings if finding.name == "navfn"] == [REFUSED]
+
+
+def test_a_group_of_no_plugin_is_told_of_with_the_plugin_it_may_be_meant_for():
+    known = told_of({"dwaa": {"max_vel_x": 0.1}, "teb": {"max_vel_x": 0.1}})
+    assert known["dwaa"] == (IGNORED, "belongs to no plugin that is loaded; did you mean 'dwa'?")
+    assert known["teb"] == (IGNORED, "belongs to no plugin that is loaded")
+    assert stray_groups({"a/b": {}, "a": {}, "local_costmap": {}, "x": 3, "DWAPlannerROS": {}, "y": {}}, ["a/b"]) == {
+        "DWAPlannerROS": "", "y": ""}
+
+
+def test_move_base_s_own_names_are_told_of_alike_and_others_may_be_known_elsewhere():
+    values = {"local_costmap": SERVER["local_costmap"], "global_costmap": SERVER["global_costmap"]}
+    found = examine_move_base({**values, "base_local_planer": "x", "mine": 3, "planner_frequency": -1.0}, ["mine"])
+    told = {finding.name: finding.text for finding in found.findings if finding.kind in (IGNORED, CLAMPED)}
+    assert "did you mean 'base_local_planner'?" in told["base_local_planer"] and "mine" not in told
+    assert "planner_frequency is -1.0" in told["planner_frequency"] and "controllers" in found.config
+    refused = examine_move_base({**values, "planner_frequency": "often"})
+    assert [(each.kind, each.name) for each in refused.findings] == [(REFUSED, "planner_frequency")]
+    assert refused.config == {}
