@@ -209,6 +209,18 @@ def test_back_up_goes_as_far_as_asked_or_as_there_is_room():
     assert -0.1 < world.robot.pose.x < -0.02 and world.touched == 0
 
 
+@pytest.mark.parametrize("speed", [-0.15, 0.15])
+def test_a_car_that_is_to_step_back_and_steer_steps_back(speed):
+    """Its behaviour is another package's, which was refused: it had nothing left that brings a car out of a corner."""
+    name = "step_back_and_max_steer_recovery/StepBackAndMaxSteerRecovery"
+    behaviour = make(name, step_back_length=0.4, linear_vel_back=speed, turn_angle=1.5)
+    (note,) = behaviour.notes
+    assert name in note and "does not steer" in note
+    world = PaperWorld().run(behaviour)
+    assert world.robot.pose.x == pytest.approx(-0.4, abs=0.015)
+    assert min(command.x for command in world.commands) == pytest.approx(-0.15)
+
+
 def test_back_up_notices_wheels_that_do_not_turn():
     world = PaperWorld()
     world.wheels_free = False

@@ -5,6 +5,7 @@ CONTROLLERS = {
     "dwa_local_planner/DWAPlannerROS": "mbf_relay.control.dwa.DwaController",
     "dwb_local_planner/DWBLocalPlanner": "mbf_relay.control.stand_ins.DwbStandIn",
     "eband_local_planner/EBandPlannerROS": "mbf_relay.control.stand_ins.EBandStandIn",
+    "mpc_local_planner/MpcLocalPlannerROS": "mbf_relay.control.stand_ins.MpcStandIn",
     "mppi": "mbf_relay.control.mppi.controller.MppiController",
     "nav2_mppi_controller/MPPIController": "mbf_relay.control.mppi.controller.MppiController",
     "neo_local_planner/NeoLocalPlanner": "mbf_relay.control.stand_ins.NeoStandIn",

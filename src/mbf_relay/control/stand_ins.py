@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, Tuple, Type
+from typing import Any, ClassVar, Dict, List, Mapping, Tuple, Type
 
 from mbf_relay.control.dwa import DwaController
 from mbf_relay.control.dwa_parameters import DwaParameters
@@ -13,7 +13,7 @@ from mbf_relay.control.mppi.controller import MppiController
 from mbf_relay.control.mppi.parameters import ACKERMANN, MppiParameters
 from mbf_relay.control.steering import Steering
 from mbf_relay.control.translated import TranslatedController
-from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.parameters import ParameterSet, convert, parameter
 
 TURNS_A_SECOND = 5.0
 """Goal tolerances that the slowest turn may pass in a second: a cycle must not carry the robot past its goal."""
@@ -74,22 +74,28 @@ class TebParameters(_StandInParameters):
 class TebStandIn(TranslatedController):
     """Drives by the dynamic window approach where teb_local_planner is asked for, and a car by MPPI."""
 
-    Parameters = TebParameters
+    Parameters: ClassVar[Type[ParameterSet]] = TebParameters
     parameters: TebParameters
     stands_in = (
         "the dynamic window approach drives, and model predictive path integral control a car, with its velocities, "
         "accelerations and goal tolerances and the local costmap's footprint; its other parameters have no counterpart"
     )
 
-    def __init__(self, name: str, parameters: TebParameters) -> None:
+    def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
-        self.odom_topic = parameters.odom_topic
-        if parameters.cmd_angle_instead_rotvel:
-            self.steering = Steering(parameters.wheelbase, parameters.min_turning_radius)
+        p = self.of_teb(parameters)
+        self.odom_topic = p.odom_topic
+        if p.cmd_angle_instead_rotvel:
+            self.steering = Steering(p.wheelbase, p.min_turning_radius)
 
-    def translate(self, parameters: TebParameters, resolution: float) -> Tuple[Type[PathFollower], Any]:
+    def of_teb(self, parameters: Any) -> TebParameters:
+        """Return the parameters by teb_local_planner's names; for overriding."""
+        teb: TebParameters = parameters
+        return teb
+
+    def translate(self, parameters: Any, resolution: float) -> Tuple[Type[PathFollower], Any]:
         """Return the controller that can drive such a robot, and its parameters for it."""
-        p = parameters
+        p = self.of_teb(parameters)
         if p.min_turning_radius > 0.0:
             return MppiController, _of_a_car(p)
         sideways = p.max_vel_y if p.acc_lim_y > 0.0 else 0.0
@@ -207,6 +213,84 @@ class NeoStandIn(DwbStandIn):
     """Drives by the dynamic window approach where neo_local_planner is asked for."""
 
     Parameters = NeoParameters
+
+
+STEERED = ("simple_car", "kinematic_bicycle_vel_input")
+"""mpc_local_planner's robots whose drivers take the steering angle (rad) in the place of a rotational velocity."""
+
+
+@dataclass(frozen=True)
+class MpcParameters(_StandInParameters):
+    """What is read of mpc_local_planner/MpcLocalPlannerROS, by its names."""
+
+    robot: Dict[str, Any] = parameter(
+        {}, f"`type` (unicycle, {' or '.join(STEERED)}), and in a group of that name max_vel_x, max_vel_x_backwards, "
+        "max_vel_theta, acc_lim_x, acc_lim_theta; of a car wheelbase, or length_rear and length_front, and "
+        "max_steering_angle")
+    controller: Dict[str, Any] = parameter({}, "xy_goal_tolerance (0.2 m) and yaw_goal_tolerance (0.1 rad)")
+    odom_topic: str = parameter(
+        "", "topic of the robot's odometry, where the server's own odom_topic is not given; read at start")
+
+    def check(self) -> None:
+        """Raise ValueError for what cannot be driven."""
+        self.as_teb()
+
+    def read_as(self) -> List[str]:
+        """Return what became of limits that are out of range."""
+        return TebParameters.read(self._flat())[1]
+
+    def as_teb(self) -> TebParameters:
+        """Return what teb_local_planner is told of the same robot.
+
+        Raises:
+            ValueError: The robot is of a type that is not there, or cannot be steered.
+        """
+        return TebParameters.read(self._flat())[0]
+
+    def _flat(self) -> Dict[str, Any]:
+        """Return TebParameters' names and values; a limit of 0 on an acceleration is none in mpc_local_planner."""
+        robot, controller = _group("robot", self.robot), _group("controller", self.controller)
+        kind = robot.get("type", "unicycle")
+        if kind not in ("unicycle", *STEERED):
+            raise ValueError(f"parameter robot/type is {kind!r}; it must be unicycle, {' or '.join(STEERED)}")
+        model = _group(f"robot/{kind}", robot.get(kind, {}))
+        made = {"yaw_goal_tolerance": 0.1, "odom_topic": self.odom_topic}
+        made.update({name: model[name] for name in ("max_vel_x", "max_vel_x_backwards", "max_vel_theta")
+                     if name in model})
+        made.update({name: model[name] for name in ("acc_lim_x", "acc_lim_theta") if model.get(name, 0) != 0})
+        made.update({name: controller[name] for name in ("xy_goal_tolerance", "yaw_goal_tolerance")
+                     if name in controller})
+        return {**made, **(_steered(model, kind) if kind in STEERED else {})}
+
+
+def _group(name: str, values: Any) -> Mapping[str, Any]:
+    """Return a group; ValueError where it is none."""
+    if not isinstance(values, Mapping):
+        raise ValueError(f"parameter {name} is {values!r}; it must be a group of parameters")
+    return values
+
+
+def _steered(model: Mapping[str, Any], kind: str) -> Dict[str, Any]:
+    """Return what TebParameters has of a car that is told its steering angle."""
+    names = {"length_rear": 1.0, "length_front": 1.0} if kind == "kinematic_bicycle_vel_input" else {"wheelbase": 0.5}
+    wheelbase = sum(float(convert(name, model.get(name, usual), float)) for name, usual in names.items())
+    angle = float(convert("max_steering_angle", model.get("max_steering_angle", 1.5), float))
+    if not (0.0 < angle < 0.5 * math.pi and 0.0 < wheelbase < math.inf):
+        raise ValueError(f"a car of wheelbase {wheelbase:g} m that steers by {angle:g} rad at most cannot be steered")
+    return {
+        "wheelbase": wheelbase, "cmd_angle_instead_rotvel": True, "min_turning_radius": wheelbase / math.tan(angle),
+        "max_vel_theta": 100.0,  # the circle is what limits it
+    }
+
+
+class MpcStandIn(TebStandIn):
+    """Drives as where teb_local_planner is asked for, but by mpc_local_planner's parameters."""
+
+    Parameters = MpcParameters
+
+    def of_teb(self, parameters: MpcParameters) -> TebParameters:
+        """Return them by teb_local_planner's names."""
+        return parameters.as_teb()
 
 
 def _of_a_car(p: TebParameters) -> MppiParameters:

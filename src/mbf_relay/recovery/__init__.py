@@ -5,6 +5,13 @@ RECOVERIES = {
     "rotate_recovery/RotateRecovery": "mbf_relay.recovery.rotate.Rotate",
     "move_slow_and_clear/MoveSlowAndClear": "mbf_relay.recovery.move_slow.MoveSlowAndClear",
     "back_up": "mbf_relay.recovery.back_up.BackUp",
+    **dict.fromkeys(
+        (
+            "step_back_and_max_steer_recovery/StepBackAndMaxSteerRecovery",
+            "stepback_and_steerturn_recovery/StepBackAndSteerTurnRecovery",
+        ),
+        "mbf_relay.recovery.step_back.StepBack",
+    ),
     "wait": "mbf_relay.recovery.wait.Wait",
 }
 """Type names in parameter files and the classes that do that job here."""

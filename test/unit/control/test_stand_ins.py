@@ -1,5 +1,7 @@
 """Stand-ins drive another package's robot: its speeds, its tolerances, and a line that says who drives."""
 
+import math
+
 import numpy as np
 import pytest
 from kinematics import PaperRobot, drive, path_through
@@ -7,10 +9,11 @@ from kinematics import PaperRobot, drive, path_through
 from mbf_relay.control import CONTROLLERS
 from mbf_relay.control.controller import Controller
 from mbf_relay.geometry import Pose2D
-from mbf_relay.plugins import create
+from mbf_relay.plugins import PluginError, create
 
-TEB, EBAND, FOLLOWER = (
+TEB, MPC, EBAND, FOLLOWER = (
     "teb_local_planner/TebLocalPlannerROS",
+    "mpc_local_planner/MpcLocalPlannerROS",
     "eband_local_planner/EBandPlannerROS",
     "pose_follower/PoseFollower",
 )
@@ -33,6 +36,22 @@ CASES = [
         0.03,
     ),
     (TEB, dict(max_vel_x=0.3), 0.3, 0.3, 0.2),
+    (
+        MPC,
+        dict(
+            robot=dict(
+                type="unicycle",
+                unicycle=dict(max_vel_x=0.5, max_vel_theta=0.9, acc_lim_x=1.0, dec_lim_x=1.0, acc_lim_theta=0),
+                simple_car=dict(max_vel_x=5.0),
+            ),
+            controller=dict(xy_goal_tolerance=0.05, yaw_goal_tolerance=0.1, publish_ocp_results=True),
+            grid=dict(grid_size_ref=20),
+        ),
+        0.5,
+        0.9,
+        0.05,
+    ),
+    (MPC, {}, 0.4, 0.3, 0.2),
     (
         EBAND,
         dict(max_vel_lin=0.75, max_vel_th=1.0, min_vel_lin=0.1, xy_goal_tolerance=0.1, costmap_weight=10),
@@ -73,3 +92,31 @@ def test_a_car_is_driven_round_nothing_smaller_than_its_circle():
     commands = np.array(ended.commands)
     assert ended.reached, ended.error
     assert (np.abs(commands[:, 2]) * 0.6 <= np.abs(commands[:, 0]) + 0.02).all()
+
+
+def test_a_car_of_mpc_local_planner_takes_its_steering_angle():
+    car = dict(wheelbase=0.4, max_vel_x=0.5, max_vel_x_backwards=0.2, max_steering_angle=0.6, acc_lim_x=0.5)
+    values = dict(robot=dict(type="simple_car", simple_car=car), controller=dict(xy_goal_tolerance=0.2))
+    controller = create("planner", MPC, values, Controller, CONTROLLERS)
+    radius = 0.4 / math.tan(0.6)
+    assert controller.steering.wheelbase == 0.4 and controller.steering.least_radius == pytest.approx(radius)
+    path, robot = path_through((0, 0), (1.0, 0), (2.2, 0.8)), PaperRobot(Pose2D(0.0, 0.0, 0.0))
+    ended = drive(controller, path, robot.pose, seconds=30.0, robot=robot)
+    commands = np.array(ended.commands)
+    assert ended.reached, ended.error
+    assert (np.abs(commands[:, 2]) * radius <= np.abs(commands[:, 0]) + 0.02).all()
+    bicycle = dict(length_rear=0.1, length_front=0.3, max_steering_angle=0.6)
+    values = dict(robot=dict(type="kinematic_bicycle_vel_input", kinematic_bicycle_vel_input=bicycle))
+    assert create("planner", MPC, values, Controller, CONTROLLERS).steering.wheelbase == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("robot, said", [
+    (dict(type="tricycle"), "robot/type is 'tricycle'; it must be unicycle, simple_car or kinematic_bicycle_vel_input"),
+    (dict(type="simple_car", simple_car=dict(max_steering_angle=0.0)), "0 rad at most cannot be steered"),
+    (dict(type="simple_car", simple_car=dict(wheelbase="long")), "wheelbase is 'long'"),
+    (dict(type="simple_car", simple_car=5), "robot/simple_car is 5; it must be a group"),
+    ([], r"robot is \[\]; it must be a group"),
+])
+def test_what_mpc_local_planner_cannot_drive_is_refused(robot, said):
+    with pytest.raises(PluginError, match=said):
+        create("planner", MPC, dict(robot=robot), Controller, CONTROLLERS)

@@ -1,0 +1,45 @@
+"""What takes the place of recovery behaviours of cars, which step back and steer, in other packages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Iterator, List, Mapping
+
+from mbf_relay.geometry import Twist2D
+from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.recovery.back_up import BackUp, BackUpParameters
+from mbf_relay.recovery.recovery import Recovery, RecoveryContext
+
+
+@dataclass(frozen=True)
+class StepBackParameters(ParameterSet):
+    """What is read of step_back_and_max_steer_recovery and stepback_and_steerturn_recovery, by their names."""
+
+    step_back_length: float = parameter(1.0, "how far to drive back", "m", above=0.0)
+    linear_vel_back: float = parameter(-0.3, "velocity to drive back with, of either sign", "m/s")
+    step_back_timeout: float = parameter(10.0, "time after which it gives up", "s", above=0.0)
+
+    @classmethod
+    def unknown_names(cls, values: Mapping[str, Any]) -> List[str]:
+        """Return nothing; see `stands_in` of the behaviour."""
+        return []
+
+    def check(self) -> None:
+        """Raise ValueError for a robot that would stand."""
+        if self.linear_vel_back == 0.0:
+            raise ValueError("parameter linear_vel_back is 0.0; it must not be")
+
+
+class StepBack(Recovery):
+    """Drives back where a behaviour is asked for that does so first."""
+
+    Parameters = StepBackParameters
+    parameters: StepBackParameters
+    leaves_place = True
+    stands_in = "the robot drives straight back as it would, and does not steer there"
+
+    def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
+        """Yield the drive; errors as of BackUp."""
+        p = self.parameters
+        yield from BackUp(self.name, BackUpParameters(
+            distance=p.step_back_length, speed=abs(p.linear_vel_back), timeout=p.step_back_timeout)).run(context)
