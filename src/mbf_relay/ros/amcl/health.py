@@ -4,16 +4,17 @@
 from __future__ import annotations
 
 import time
-from typing import Mapping, Optional
+from typing import Callable, Mapping, Optional
 
 import numpy as np
 import rospy
 
 from mbf_relay.localization.distance_field import DOUBTFUL
 from mbf_relay.localization.node_parameters import AmclParameters
-from mbf_relay.ros.amcl.scan_queue import ScanQueue
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.amcl.scan_queue import AnyScan, ScanQueue
 from mbf_relay.ros.common import diagnostics
-from mbf_relay.ros.common.checks import shown
+from mbf_relay.ros.common.transforms import Transforms
 
 SILENCE = 15.0
 """Wall seconds without a scan that are worth a warning, and from one warning to the next."""
@@ -34,6 +35,17 @@ def deviation_report(
     if (deviations > levels).any():
         return diagnostics.WARN, "Too large", report
     return diagnostics.OK, "OK", report
+
+
+def missing_transform(transforms: Transforms, values: AmclParameters, message: AnyScan) -> str:
+    """Return which transform a scan waits for, the lidar's on the robot or odometry's at its time, and why."""
+    header = message.header
+    try:
+        transforms.lookup(values.base_frame_id, header.frame_id)
+        transforms.lookup(values.odom_frame_id, values.base_frame_id, header.stamp.to_sec())
+    except TransformError as error:
+        return str(error)
+    return "its transform has just come"
 
 
 class ScanWatch:
@@ -78,8 +90,13 @@ class ScanWatch:
             )
         return diagnostics.OK, "scans are used", values
 
-    def look(self, queue: ScanQueue, values: AmclParameters) -> None:
-        """Warn where it is time to; call it often."""
+    def look(self, queue: ScanQueue, why: Callable[[AnyScan], str]) -> None:
+        """Warn where it is time to; call it often.
+
+        Args:
+            queue: Of scans that wait.
+            why: Tells what one of them waits for.
+        """
         silence = time.monotonic() - self._last
         if silence < SILENCE:
             return
@@ -87,8 +104,4 @@ class ScanWatch:
         if waiting is None:
             rospy.logwarn_throttle(SILENCE, f"no scan on {topic} for {silence:.0f} s; no pose comes without")
         else:
-            rospy.logwarn_throttle(
-                SILENCE,
-                f"scans on {topic} wait for {silence:.0f} s: no transform from '{shown(waiting.header.frame_id)}' by "
-                f"'{values.base_frame_id}' to '{values.odom_frame_id}' at their time",
-            )
+            rospy.logwarn_throttle(SILENCE, f"scans on {topic} wait for {silence:.0f} s: {why(waiting)}")

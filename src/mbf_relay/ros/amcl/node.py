@@ -27,7 +27,7 @@ from mbf_relay.outcomes import TransformError
 from mbf_relay.parameters import convert
 from mbf_relay.ros.amcl.belief import BeliefPublisher, describe_places
 from mbf_relay.ros.amcl.cloud_input import CloudInput
-from mbf_relay.ros.amcl.health import ScanWatch, deviation_report
+from mbf_relay.ros.amcl.health import ScanWatch, deviation_report, missing_transform
 from mbf_relay.ros.amcl.initial_pose import check_frame, initial_pose_from_message, motion_since
 from mbf_relay.ros.amcl.map_to_odom import MapToOdom
 from mbf_relay.ros.amcl.particle_cloud import ParticleCloud
@@ -115,7 +115,8 @@ class AmclNode:
         while not rospy.is_shutdown():
             for message in self._queue.take(self.is_ready, timeout=0.1):
                 self.process(message)
-            self._scan_watch.look(self._queue, self._parameters)
+            self._scan_watch.look(
+                self._queue, lambda message: missing_transform(self.transforms, self._parameters, message))
 
     def _serve_reconfigure(self) -> Any:
         from mbf_relay.cfg import AMCLConfig

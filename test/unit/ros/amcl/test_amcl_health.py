@@ -4,14 +4,18 @@ import pytest
 
 pytest.importorskip("tf2_ros")
 
+import rospy  # noqa: E402
+import tf2_ros  # noqa: E402
+from geometry_msgs.msg import TransformStamped  # noqa: E402
 from sensor_msgs.msg import LaserScan  # noqa: E402
 from std_msgs.msg import Header  # noqa: E402
 
 from mbf_relay.localization.node_parameters import AmclParameters  # noqa: E402
 from mbf_relay.ros.amcl import health  # noqa: E402
-from mbf_relay.ros.amcl.health import ScanWatch  # noqa: E402
+from mbf_relay.ros.amcl.health import ScanWatch, missing_transform  # noqa: E402
 from mbf_relay.ros.amcl.scan_queue import ScanQueue  # noqa: E402
 from mbf_relay.ros.common import diagnostics  # noqa: E402
+from mbf_relay.ros.common.transforms import Transforms  # noqa: E402
 
 
 def watch(*stamps):
@@ -45,12 +49,44 @@ def test_values_are_told_whatever_the_level():
     assert values["scans [Hz]"] == "5.0" and values["age of the last scan [s]"] == "0.10"
 
 
-def test_a_scan_in_a_frame_of_two_million_characters_waits_without_filling_the_log(monkeypatch):
-    told, made = [], watch()
+def transforms_of(*known):
+    """Return transforms that know those from the first frame to the second at the third's time (s)."""
+    made = Transforms.__new__(Transforms)
+    made.buffer = tf2_ros.Buffer(debug=False)
+    for parent, child, stamp in known:
+        message = TransformStamped(header=Header(frame_id=parent, stamp=rospy.Time(stamp)), child_frame_id=child)
+        message.transform.rotation.w = 1.0
+        made.buffer.set_transform(message, "test")
+    return made
+
+
+def what_is_told(monkeypatch, frame, *known):
+    """Return the warnings about a scan of 10 s in a frame."""
+    told, made, transforms = [], watch(), transforms_of(*known)
     monkeypatch.setattr(health.time, "monotonic", lambda: made._last + 2.0 * health.SILENCE)
     monkeypatch.setattr(health.rospy, "resolve_name", lambda name: f"/{name}")
     monkeypatch.setattr(health.rospy, "logwarn_throttle", lambda _period, text: told.append(text))
+    monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
+    monkeypatch.setattr(rospy.rostime, "_rostime_current", rospy.Time(10.0))
     queue = ScanQueue()
-    queue.put(LaserScan(header=Header(frame_id="a" * 2000000)))
-    made.look(queue, AmclParameters())
-    assert len(told) == 1 and "no transform from 'aaa" in told[0] and len(told[0]) < 400
+    queue.put(LaserScan(header=Header(frame_id=frame, stamp=rospy.Time(10.0))))
+    made.look(queue, lambda message: missing_transform(transforms, AmclParameters(), message))
+    return told
+
+
+@pytest.mark.parametrize("known, words", [
+    ([("odom", "base_link", 10.0)], ["from 'laser' to 'base_link'", "does not exist"]),
+    ([("base_link", "laser", 10.0)], ["from 'base_link' to 'odom'", "does not exist"]),
+    ([("base_link", "laser", 10.0), ("odom", "base_link", 8.0)], ["from 'base_link' to 'odom'", "extrapolation"]),
+])
+def test_of_a_scan_that_waits_is_told_which_transform_is_missing(monkeypatch, known, words):
+    """Lidar's, robot's and odometry's frame were named, and not which of them tf does not know."""
+    (told,) = what_is_told(monkeypatch, "laser", *known)
+    assert told.startswith("scans on /scan wait for 30 s: no transform ")
+    for word in words:
+        assert word in told
+
+
+def test_a_scan_in_a_frame_of_two_million_characters_waits_without_filling_the_log(monkeypatch):
+    (told,) = what_is_told(monkeypatch, "a" * 2000000)
+    assert "no transform from 'aaa" in told and len(told) < 600
