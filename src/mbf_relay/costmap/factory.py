@@ -27,6 +27,9 @@ PARENT_NAMES = {
 }
 """What costmap_2d takes for a layer from the costmap's own level where the layer's group lacks it."""
 
+COSTMAPS = ("global_costmap", "local_costmap")
+"""Names of a server's costmaps."""
+
 OLD_FORM_NAMES = ("static_map", "map_type")
 SEARCHED_NAMES = (
     "footprint", "robot_radius", "footprint_topic", "published_footprint_topic", "obstacle_range", "raytrace_range",
@@ -198,11 +201,16 @@ def unknown_names(values: Mapping[str, Any]) -> Dict[str, str]:
     read.update(sources, (name for name, _, _ in groups))
     here = [*CostmapParameters.names(), *sorted(read)]
     own = {
-        name: _reader_of(name) or did_you_mean(nearest_of(name, here))
+        name: _loaded_twice(name) or _reader_of(name) or did_you_mean(nearest_of(name, here))
         for name in CostmapParameters.unknown_names(values)
-        if name not in read and not _may_be_the_other_s(values[name])
+        if name not in read and (name in COSTMAPS or not _may_be_the_other_s(values[name]))
     }
     return {**own, **below}
+
+
+def _loaded_twice(name: str) -> str:
+    """Return the end of a message about a costmap's group within a costmap, empty for others."""
+    return f"; a file that begins with '{name}:' is loaded without ns" if name in COSTMAPS else ""
 
 
 def _reader_of(name: str) -> str:

@@ -22,6 +22,9 @@ WIDEST_TOLERANCE = {"xy_goal_tolerance": (2.0, "m"), "yaw_goal_tolerance": (math
 SAME_SIZE = 0.1
 """Share by which the outlines of the two costmaps may differ, as by a padding of one of them."""
 
+OUTLINES = ("footprint", "robot_radius")
+"""Parameters that tell the robot's outline; the first that is given does."""
+
 NEVER_MOVES = {
     "max_vel_trans": "drive", "max_trans_vel": "drive", "max_vel_x": "drive forward", "max_vel_theta": "turn",
     "max_rot_vel": "turn", "max_rotational_vel": "turn", "max_vel_th": "turn",
@@ -56,7 +59,7 @@ def _of_two_outlines(config: Mapping[str, Any]) -> List[Doubt]:
         group = config.get(side)
         group = group if isinstance(group, Mapping) else {}
         try:
-            values = {name: group.get(name, config.get(name)) for name in ("footprint", "robot_radius")}
+            values = {name: group.get(name, config.get(name)) for name in OUTLINES}
             costmap = CostmapParameters.from_mapping({name: v for name, v in values.items() if v is not None})
             inscribed.append(radii(costmap.outline())[0])
         except ValueError:
@@ -64,9 +67,17 @@ def _of_two_outlines(config: Mapping[str, Any]) -> List[Doubt]:
     planned, driven = inscribed
     if abs(planned - driven) <= SAME_SIZE * max(inscribed):
         return []
-    return [("local_costmap/footprint", (
+    return [(_outline_of_what_drives(config), (
         f"reaches {driven:.2f} m from the robot's middle to its nearest edge, the global costmap's {planned:.2f} m: "
         "paths are planned for another robot than drives them; give both the same footprint or robot_radius"))]
+
+
+def _outline_of_what_drives(config: Mapping[str, Any]) -> str:
+    """Return the name of the parameter that the local costmap's outline is made of."""
+    local = config.get("local_costmap")
+    groups = {"local_costmap/": local if isinstance(local, Mapping) else {}, "": config}
+    given = [f"{prefix}{name}" for prefix, group in groups.items() for name in OUTLINES if name in group]
+    return (given or ["local_costmap/footprint"])[0]
 
 
 def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any]) -> Iterator[Doubt]:

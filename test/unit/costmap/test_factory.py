@@ -89,3 +89,11 @@ def test_groups_that_another_costmap_reads_are_no_news():
         "plugins": listed(inflation="costmap_2d::InflationLayer"), "static_layer": {"enabled": True},
         "obstacle_layer": SCAN, "scan": {"topic": "front/scan"}, "inflation_layer": {},
     }) == {}
+
+
+@pytest.mark.parametrize("name", ["local_costmap", "global_costmap"])
+def test_a_costmap_s_file_that_is_loaded_one_level_too_deep_is_told_of(name):
+    """A wheelchair's was, and all of it without effect: the costmap stood still in a corner, in silence."""
+    whole = {"update_frequency": 5.0, "rolling_window": True, "plugins": [], "obstacle_layer": SCAN}
+    told = unknown_names({"robot_radius": 0.2, "obstacle_layer": SCAN, name: whole})
+    assert list(told) == [name] and f"a file that begins with '{name}:' is loaded without ns" in told[name]

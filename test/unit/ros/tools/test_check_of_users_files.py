@@ -103,6 +103,16 @@ global_costmap:
     assert "local_costmap/scan" not in told
 
 
+def test_of_a_robot_that_is_smaller_for_its_controller_the_radius_is_told_with_its_line(tmp_path):
+    """The footprint was named, which is not there, with the line in which the costmap begins."""
+    costmap = "local_costmap:\n  width: 3\n  robot_radius: 0.01\n  observation_sources: scan\n  scan: {topic: scan}\n"
+    _, told = check(tmp_path, costmap + "global_costmap: {robot_radius: 0.2}\n")
+    assert line_about(told, "local_costmap/robot_radius: reaches 0.01 m").endswith("params.yaml:3]")
+    _, told = check(tmp_path, costmap.replace("  robot_radius: 0.01\n", "") + "\nrobot_radius: 0.01\n"
+                    "global_costmap: {robot_radius: 0.2}\n")
+    assert line_about(told, "robot_radius: reaches 0.01 m").endswith("params.yaml:6]")
+
+
 AMCL = """<launch>
   <node pkg="amcl" type="amcl" name="amcl">
     <rosparam>
