@@ -320,10 +320,10 @@ class _LaunchReader:
         """
         source, (line, line_of_text) = self._parameters, self._lines[element]
         if element.tag == "param" and element.get("value") is not None:
-            name = namespace if named else f"{namespace}/{self._text(element, 'name')}"
+            name = namespace if named else f"{namespace}/{self._text(element, 'name').lstrip('~')}"
             source.put(name, self._value(element, line), f"{self._path}:{line}")
         elif element.tag == "rosparam" and element.get("command", "load") == "load":
-            target = f"{namespace}/{self._text(element, 'param')}".strip("/")
+            target = f"{namespace}/{self._text(element, 'param').lstrip('~')}".strip("/")
             is_substituted = element.get("subst_value", "").lower() == "true"
             substitute = self._substitution.resolved if is_substituted else str
             if element.get("file"):

@@ -179,6 +179,15 @@ def test_a_value_is_what_roslaunch_makes_of_it(tmp_path):
         assert (made, type(made)) == (wanted, type(wanted)), name
 
 
+def test_a_name_that_begins_with_a_tilde_within_its_node_is_the_node_s(tmp_path):
+    """It was told to be unknown, with the advice to write what stands there."""
+    text = NODE % '<param name="~oscillation_timeout" value="5"/><rosparam param="~planner_patience">7</rosparam>'
+    _, told = check(tmp_path, text, name="nav.launch")
+    assert "~" not in told
+    (node,) = read_launch(str(tmp_path / "nav.launch"), {}).nodes
+    assert node.source.values["oscillation_timeout"] == 5 and node.source.values["planner_patience"] == 7
+
+
 def test_a_value_that_roslaunch_refuses_is_refused_with_its_line(tmp_path, capsys):
     assert check(tmp_path, NODE % '<param name="a" value="yes" type="bool"/>', name="nav.launch")[0] == 2
     assert "nav.launch:6: roslaunch refuses 'yes'" in capsys.readouterr().err
