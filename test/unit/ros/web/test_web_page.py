@@ -75,10 +75,10 @@ def page(browser):
     return browser
 
 
-def welcome(page):
+def welcome(page, robot="/"):
     """Tell the page that it is connected, and may drive."""
     page.driver.execute_script(
-        "page.connection.on.say({say: 'welcome', number: 1, drive: true, robot: '/'});"
+        f"page.connection.on.say({{say: 'welcome', number: 1, drive: true, robot: '{robot}', guess: false}});"
         "page.connection.on.state('good', 'live');")
 
 
@@ -157,6 +157,22 @@ def test_who_waits_for_a_robot_that_is_not_there_is_told_so(page):
     show(page, {**STATE, "has_map": False, "robots": []})
     page.wait("!document.getElementById('banner').hidden", "a word about it", 30.0)
     assert "neither a map nor a robot" in page.text("banner")
+
+
+def test_a_page_that_is_loaded_anew_asks_for_the_robot_it_showed(page):
+    welcome(page, "/burger2/")
+    page.driver.refresh()
+    page.wait("window.page && true", "the page")
+    assert page.js("page.connection.robot") == "/burger2/"
+
+
+def test_who_was_shown_a_robot_that_is_away_can_choose_another(page):
+    welcome(page, "/burger2/")
+    show(page, {**STATE, "robots": ["/burger1/"]})
+    assert page.js("[...document.getElementById('robot').options].map((option) => option.value)") == [
+        "/burger2/", "/burger1/"]
+    assert page.js("document.getElementById('robot').value") == "/burger2/"
+    assert page.js("document.getElementById('robot-field').hidden") is False
 
 
 def test_the_error_of_a_robot_that_stands_is_the_newest(page):

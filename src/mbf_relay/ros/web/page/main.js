@@ -117,7 +117,7 @@ const connection = new Connection({
 
 const stick = new Stick($("stick"), $("knob"), (message) => connection.send(message));
 
-function welcome({ drive, robot }) {
+function welcome({ drive, robot, guess }) {
   drives = drive;
   welcomed = performance.now();
   document.body.classList.toggle("look-only", !drive);
@@ -132,6 +132,7 @@ function welcome({ drive, robot }) {
   document.title = robot === "/" ? "Robot" : robot.replace(/^\/|\/$/g, "");
   if ($("token-dialog").open) $("token-dialog").close();
   if (connection.token) sessionStorage.setItem("token", connection.token);
+  if (!guess) sessionStorage.setItem("robot", robot);
 }
 
 function take(header) {
@@ -261,6 +262,7 @@ painter.resize();
 const given = new URLSearchParams(location.hash.slice(1)).get("token");
 connection.token = given || sessionStorage.getItem("token") || "";
 if (given) history.replaceState(null, "", location.pathname);
+connection.robot = sessionStorage.getItem("robot") || "";
 connection.layers = panel.rates();
 
 // For tests and figures: what the page knows and has drawn.

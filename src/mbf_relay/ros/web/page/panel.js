@@ -96,11 +96,12 @@ export class Panel {
     this.robots(state.robots);
   }
 
-  robots(names) {
-    const chooser = $("robot"), known = names.join(" ");
+  // The robot that is shown is on the list though it is away: else there were no way to another.
+  robots(found) {
+    const chooser = $("robot"), { chosen } = chooser.dataset, names = found.includes(chosen) ? found : [chosen, ...found];
+    const known = names.join(" ");
     if (chooser.dataset.known === known) return;
     chooser.dataset.known = known;
-    const chosen = chooser.dataset.chosen || chooser.value;
     chooser.replaceChildren(...names.map((name) => element("option", name === "/" ? "robot" : name.replace(/^\/|\/$/g, ""), { value: name })));
     chooser.value = chosen;
     $("robot-field").hidden = names.length < 2;
