@@ -11,7 +11,7 @@ import rospy
 import rostest
 from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import Twist
-from mbf_msgs.msg import MoveBaseAction, MoveBaseGoal
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from nav_msgs.msg import Odometry
 from ros_testing import Listener, wait_until
 from running_stack import start_test_node
@@ -32,9 +32,9 @@ class TwoBurgersTest(unittest.TestCase):
         cls.contacts = {name: Listener(f"{name}/contacts", MarkerArray) for name in GOALS}
         cls.obstacles = {name: Listener(f"{name}/simulator/obstacles", MarkerArray) for name in GOALS}
         cls.velocities = {name: Listener(f"{name}/cmd_vel", Twist) for name in GOALS}
-        cls.clients = {name: ActionClient(f"{name}/move_base_flex/move_base", MoveBaseAction) for name in GOALS}
+        cls.clients = {name: ActionClient(f"{name}/move_base", MoveBaseAction) for name in GOALS}
         for name, client in cls.clients.items():
-            assert client.wait_for_server(60.0), f"waited 60 s for the server of {name}, in vain"
+            assert client.wait_for_server(60.0), f"waited 60 s for move_base of {name}, in vain"
 
     def pose(self, name):
         return pose_from_message(self.truth[name].last.pose.pose)
