@@ -153,6 +153,35 @@ def test_a_warning_is_told_once_though_the_connection_was_lost_meanwhile(page):
         "10:00:02 /amcl", "10:00:01 /amcl", "10:00:00 /amcl"]
 
 
+def test_who_closes_the_question_for_a_token_is_asked_again_and_not_left_with_a_dead_page(page):
+    page.driver.execute_script(
+        "page.connection.on.state('bad', 'no access');"
+        "page.connection.on.say({say: 'goodbye', why: 'the token is wrong or missing'});")
+    for _ in range(3):
+        page.wait("document.getElementById('token-dialog').open", "the question for a token")
+        page.driver.execute_script("document.getElementById('token-dialog').close()")
+    page.wait("document.getElementById('token-dialog').open", "the question for a token")
+    page.driver.execute_script("page.connection.on.state('good', 'live')")
+    welcome(page)
+    assert not page.js("document.getElementById('token-dialog').open")
+
+
+def test_a_browser_that_keeps_nothing_for_pages_shows_the_robot_all_the_same(browser):
+    forbid = "".join(
+        f"Object.defineProperty(window, '{area}', {{get() {{ throw new DOMException('denied', 'SecurityError'); }}}});"
+        for area in ("localStorage", "sessionStorage"))
+    script = browser.driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": forbid})
+    try:
+        browser.open(browser.url)
+        browser.wait("window.page && true", "the page", 20.0)
+        welcome(browser)
+        browser.click("theme")
+        show(browser, STATE)
+        assert browser.text("outcome") == "No goal"
+    finally:
+        browser.driver.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
+
+
 def test_who_waits_for_a_robot_that_is_not_there_is_told_so(page):
     show(page, {**STATE, "has_map": False, "robots": []})
     page.wait("!document.getElementById('banner').hidden", "a word about it", 30.0)

@@ -4,6 +4,7 @@ import { Camera } from "./camera.js";
 import { Chart } from "./chart.js";
 import { palette } from "./colours.js";
 import { Connection } from "./connection.js";
+import { keep, kept } from "./kept.js";
 import { Painter } from "./painter.js";
 import { $, Panel } from "./panel.js";
 import { Scene } from "./scene.js";
@@ -22,7 +23,7 @@ const WAIT_FOR_MAP = 4000, LOOK_PERIOD = 250;  // ms
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
 function applyTheme() {
-  document.documentElement.dataset.theme = localStorage.getItem("theme") || (dark.matches ? "dark" : "light");
+  document.documentElement.dataset.theme = kept("theme") || (dark.matches ? "dark" : "light");
 }
 applyTheme();
 
@@ -131,8 +132,8 @@ function welcome({ drive, robot, guess }) {
   chooser.value = robot;
   document.title = robot === "/" ? "Robot" : robot.replace(/^\/|\/$/g, "");
   if ($("token-dialog").open) $("token-dialog").close();
-  if (connection.token) sessionStorage.setItem("token", connection.token);
-  if (!guess) sessionStorage.setItem("robot", robot);
+  if (connection.token) keep("token", connection.token, "sessionStorage");
+  if (!guess) keep("robot", robot, "sessionStorage");
 }
 
 function take(header) {
@@ -227,7 +228,7 @@ press("handle", () => {
   stick.release();  // it is out of sight on a small screen
 });
 press("theme", () => {
-  localStorage.setItem("theme", document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+  keep("theme", document.documentElement.dataset.theme === "dark" ? "light" : "dark");
   retheme();
 });
 function retheme() {
@@ -255,14 +256,17 @@ $("token-form").addEventListener("submit", (event) => {
   connection.open();
 });
 
+// A page without access has nothing to show but this question.
+$("token-dialog").addEventListener("close", () => { if (!live) askForToken($("token-wrong").textContent); });
+
 new ResizeObserver(() => { painter.resize(); redraw(); }).observe($("canvas"));
 painter.resize();
 
 // The token comes after the # of the address, which no server is told, and does not stay there.
 const given = new URLSearchParams(location.hash.slice(1)).get("token");
-connection.token = given || sessionStorage.getItem("token") || "";
+connection.token = given || kept("token", "sessionStorage") || "";
 if (given) history.replaceState(null, "", location.pathname);
-connection.robot = sessionStorage.getItem("robot") || "";
+connection.robot = kept("robot", "sessionStorage") || "";
 connection.layers = panel.rates();
 
 // For tests and figures: what the page knows and has drawn.

@@ -1,5 +1,7 @@
 // Everything told in words. Text that comes from topics goes in as text, never as markup.
 
+import { keep, kept } from "./kept.js";
+
 const OUTCOMES = { idle: "No goal", active: "On the way", reached: "Goal reached", cancelled: "Cancelled", failed: "Failed" };
 const LEVELS = ["well", "warning", "error", "stale"];
 const KEPT = 30;
@@ -51,12 +53,12 @@ export class Panel {
     this.entries = [];
     for (const [name, words, first] of LAYERS) {
       const label = element("label", null), box = element("input", null, { type: "checkbox", id: `layer-${name}` });
-      const kept = localStorage.getItem(`layer-${name}`);
-      box.checked = kept === null ? first : kept === "on";
+      const choice = kept(`layer-${name}`);
+      box.checked = choice === null ? first : choice === "on";
       if (box.checked) this.shown.add(name);
       box.addEventListener("change", () => {
         this.shown[box.checked ? "add" : "delete"](name);
-        localStorage.setItem(`layer-${name}`, box.checked ? "on" : "off");
+        keep(`layer-${name}`, box.checked ? "on" : "off");
         show();
       });
       label.append(box, words);
