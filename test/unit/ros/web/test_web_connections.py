@@ -87,7 +87,8 @@ def test_a_phone_finds_the_robot_by_the_name_that_its_network_has_for_it(monkeyp
 @pytest.mark.parametrize("ros_hostname, shown", [("192.168.0.7", "192.168.0.7"), ("127.0.0.1", "burger")])
 def test_the_address_in_the_log_is_the_one_that_ros_has_for_this_machine(monkeypatch, ros_hostname, shown):
     names_of(monkeypatch, "burger", ros_hostname)
-    server = node.Server(WebViewParameters(address="0.0.0.0", port=0, view_token="see", drive_token="steer"))  # noqa: S104
+    everywhere = "0.0.0.0"  # noqa: S104
+    server = node.Server(WebViewParameters(address=everywhere, port=0, view_token="see", drive_token="steer"))
     try:
         assert server.addresses() == [
             f"http://{shown}:{server.port}/#token={token}  (to {right})" for token, right in (

@@ -182,10 +182,13 @@ def test_a_browser_that_keeps_nothing_for_pages_shows_the_robot_all_the_same(bro
         browser.driver.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
 
 
-def test_who_waits_for_a_robot_that_is_not_there_is_told_so(page):
-    show(page, {**STATE, "has_map": False, "robots": []})
+@pytest.mark.parametrize("has_map, told", [(False, "neither a map nor a robot"), (True, "where the robot is on")])
+def test_who_waits_for_a_robot_that_is_not_there_is_told_so(page, has_map, told):
+    show(page, {**STATE, "has_map": has_map})
     page.wait("!document.getElementById('banner').hidden", "a word about it", 30.0)
-    assert "neither a map nor a robot" in page.text("banner")
+    assert told in page.text("banner")
+    show(page, {"layer": "robot", "pose": [0.0, 0.0, 0.0], "speed": [0.0, 0.0], "frames": {}})
+    page.wait("document.getElementById('banner').hidden", "nothing more to say", 30.0)
 
 
 def test_a_page_that_is_loaded_anew_asks_for_the_robot_it_showed(page):
