@@ -182,7 +182,7 @@ def test_a_browser_that_keeps_nothing_for_pages_shows_the_robot_all_the_same(bro
         browser.driver.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
 
 
-@pytest.mark.parametrize("has_map, told", [(False, "neither a map nor a robot"), (True, "where the robot is on")])
+@pytest.mark.parametrize("has_map, told", [(False, "there is no map"), (True, "where the robot is on")])
 def test_who_waits_for_a_robot_that_is_not_there_is_told_so(page, has_map, told):
     show(page, {**STATE, "has_map": has_map})
     page.wait("!document.getElementById('banner').hidden", "a word about it", 30.0)

@@ -166,7 +166,7 @@ setInterval(() => {
 function tellWhatIsMissing() {
   if (performance.now() - welcomed < WAIT_FOR_MAP) return;
   if (!state.master) panel.banner("The ROS master does not answer. Waiting for it.");
-  else if (!state.has_map && !scene.robot.pose) panel.banner("Connected, but there is neither a map nor a robot yet.");
+  else if (!state.has_map && !scene.robot.pose) panel.banner("Connected, but there is no map, and nothing tells where a robot is.");
   else if (!scene.robot.pose) panel.banner("Nothing tells where the robot is on the map. Is its localization running?");
   else panel.banner("");
 }
