@@ -165,7 +165,8 @@ class ViewedRobot:
 
     def _need_map(self) -> None:
         if not self.view.has_map:
-            raise Refused(f"there is no map: nobody publishes {' or '.join(sorted({f'{self.namespace}map', '/map'}))}")
+            topics = sorted({f"{self.namespace}map", "/map"})
+            raise Refused(f"there is no map: nobody publishes {' or '.join(topics)}")
 
     def _end_waypoint(self, goal_id: str, state: str, now: float) -> None:
         if self._tour is None or self._tour_goal is None or self._tour_goal not in ("", goal_id):
