@@ -179,6 +179,9 @@ class RobotView:
         placed = self._placed(path.header, points, False)
         if placed is not None:
             self.story.planned(placed, now)
+        if self.story.state == "active" and self.story.goal is None and path.poses:  # it was sent before anybody looked
+            end = self._placed(path.header, np.array([pose_from_message(path.poses[-1].pose)]), True)
+            self.story.began(None if end is None else Pose2D(*end[0]))
         self._show_points("global_plan", path.header, points)
 
     def _take_local_plan(self, message: Any, _now: float) -> None:

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from actionlib_msgs.msg import GoalID, GoalStatus
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from geometry_msgs.msg import Point, Point32, Polygon, PolygonStamped, Pose, PoseArray, PoseStamped, Quaternion, Vector3
 from mbf_msgs.msg import MoveBaseActionResult as FlexActionResult
 from move_base_msgs.msg import MoveBaseActionResult
@@ -192,6 +192,19 @@ def received(message):
     buffer = io.BytesIO()
     message.serialize(buffer)
     return unread(type(message))().deserialize(buffer.getvalue())
+
+
+def test_a_goal_that_was_sent_before_anybody_looked_is_shown_where_its_plan_ends():
+    path = Path(poses=[PoseStamped(), PoseStamped()])
+    path.header.frame_id = "map"
+    for stamped, x in zip(path.poses, (0.0, 2.0)):
+        stamped.pose.position.x, stamped.pose.orientation.z = x, 1.0
+    inbox = Inbox({})
+    view = viewed(inbox)
+    inbox.put("status", received(GoalStatusArray(status_list=[GoalStatus(status=GoalStatus.ACTIVE)])), every=True)
+    inbox.put("global_plan", received(path), every=True)
+    view.update(1.0)
+    assert view.words(1.0)["goal"]["goal"] == [2.0, 0.0, 3.142]
 
 
 @pytest.mark.parametrize("first, second", [("outcome", "result"), ("result", "outcome")])
