@@ -28,7 +28,7 @@ def line_cost(costs, weights, x0, y0, x1, y1):
     column, row = int(x0), int(y0)  # rounds down, and without a call, since no point within the map lies below 0
     end_column, end_row = int(x1), int(y1)
     dx, dy = x1 - x0, y1 - y0
-    length = math.hypot(dx, dy)
+    length = math.sqrt(dx * dx + dy * dy)
     if weights[costs[row, column]] == np.inf or weights[costs[end_row, end_column]] == np.inf:
         return np.inf
     step_x = 1 if dx > 0 else -1
