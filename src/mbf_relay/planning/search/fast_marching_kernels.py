@@ -6,8 +6,8 @@ monotonically advancing fronts", 1996; navfn approximates the same update by a p
 updated, as cost_to_go_kernels does it for 8-connected steps; the queue is the same. Its heuristic is the straight
 distance at the lowest cost around.
 
-`grow` is one long function on purpose: with its parts in functions of their own, it was a fifth slower. The layout of
-queue and state is queue_kernels'; names with an underscore are copies of its, which a test compares.
+`_grow_within` is one long function on purpose: with its parts in functions of their own, it was a fifth slower. The
+layout of queue and state is queue_kernels'; names with an underscore are copies of its, which a test compares.
 """
 
 from __future__ import annotations
@@ -27,6 +27,11 @@ _CANCEL_CHECK = 4096
 _SPARE = 64
 _BATCH = 64
 _NEVER = 1 << 60
+# The limit is first this times the straight way's cost, then this times as much again: in finer steps where so many
+# cells were looked at that another step costs little beside them.
+_FIRST_LIMIT, _RISE, _FINE_RISE, _MANY_CELLS = 1.01, 1.2, 1.015, 30000
+# Cells: the straight distance is convex, so value plus heuristic may fall a little along the front.
+_FRONT_SLACK = np.float32(3.0)
 
 
 @kernel("float32(float32, float32, float32)")
@@ -39,10 +44,14 @@ def _arrival(across, along, cost):
     return np.float32(both if apart < cost else one)  # never both where they are inf
 
 
+@kernel("float32(float32)")
+def _or_inf(value):
+    return value if value > 0 else np.float32(np.inf)
+
+
 @kernel("int64(int64[::1], int32[:,::1], float32[:,::1], int64, int64)")
 def _make_room(sizes, cells, keys, slot, taken):
-    """Drop a bucket's entries already worked through, where that is worth it; return how many there still are of them.
-    """
+    """Drop a bucket's entries already worked through, where that is worth it; return how many of them are left."""
     if 2 * taken < sizes[slot]:
         return taken
     for i in range(taken, sizes[slot]):
@@ -59,13 +68,60 @@ def _is_full(sizes, capacity):
     return full
 
 
+@kernel("boolean(int64[::1], int32[:,::1], float32[:,::1], int32[::1], float32[::1], int64[::1], int64, int64,"
+        " float32, float32, float32)")
+def _spread_within(sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope, inverse_width, limit):
+    """Move from the store into the ring what belongs there: as queue_kernels.spread, where keys are values alone.
+
+    Where value plus heuristic is above `limit`, an entry stays in the store.
+    """
+    count = state[_APART]
+    base = state[_BASE]
+    buckets = np.empty(count, np.int64)
+    lowest = _NEVER
+    for i in range(count):
+        dx, dy = np.int64(apart_cells[i] & 65535) - start_x, np.int64(apart_cells[i] >> 16) - start_y
+        buckets[i] = _NEVER
+        if np.float32(apart_keys[i] + slope * np.float32(math.sqrt(np.float32(dx * dx + dy * dy)))) <= limit:
+            buckets[i] = np.int64(apart_keys[i] * inverse_width)
+            lowest = min(lowest, buckets[i])
+    if state[_WAITING] == 0:
+        base = lowest if lowest < _NEVER else base
+        sizes[state[_BASE] & (_BUCKETS - 1)] = 0
+        state[_TAKEN] = 0
+        state[_BASE] = base
+    added = np.zeros(_BUCKETS, np.int64)
+    for i in range(count):
+        buckets[i] = max(buckets[i], base)
+        if buckets[i] - base < _BUCKETS:
+            added[buckets[i] & (_BUCKETS - 1)] += 1
+    for slot in range(_BUCKETS):
+        if sizes[slot] + added[slot] + _SPARE > cells.shape[1]:
+            return False
+    kept = 0
+    next_bucket = _NEVER
+    for i in range(count):
+        if buckets[i] - base < _BUCKETS:
+            slot = buckets[i] & (_BUCKETS - 1)
+            cells[slot, sizes[slot]], keys[slot, sizes[slot]] = apart_cells[i], apart_keys[i]
+            sizes[slot] += 1
+            state[_WAITING] += 1
+        else:
+            apart_cells[kept], apart_keys[kept] = apart_cells[i], apart_keys[i]
+            kept += 1
+            next_bucket = min(next_bucket, buckets[i])
+    state[_APART] = kept
+    state[_NEXT_SPREAD] = next_bucket
+    return True
+
+
 @kernel("int64(uint8[::1], int64, int64, float32[::1], float32[::1], int64[::1], int32[:,::1], float32[:,::1],"
         " int32[::1], float32[::1], int64[::1], int64, int64, float32, float32, float32, uint8[::1])")
-def grow(
+def _grow_within(
     costs, width, height, weights, field, sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope,
     inverse_width, limit, cancelled,
 ):
-    """Grow the potential, where value plus heuristic is within a limit, until the start's value is final.
+    """Grow the potential where value plus heuristic is within a limit, until the start's value is final as far as that.
 
     The queue is ordered by the values alone: in the order of value plus heuristic, over free space all the same, cells
     would be taken before the front has come to them from both sides, again and again.
@@ -95,24 +151,19 @@ def grow(
         cancelled: Shape (1,), non-zero to stop.
 
     Returns:
-        A verdict of queue_kernels; after BUCKET_FULL make the buckets larger, after STORE_FULL the store, after
-        SPREAD_DUE spread the store, and call again. EXHAUSTED tells that the ring is empty, and that nothing in the
-        store lies within the limit.
+        A verdict of queue_kernels. EXHAUSTED tells that the ring is empty, and that nothing in the store lies within
+        the limit.
     """
-    inf = np.float32(np.inf)
-    zero = np.float32(0.0)
+    inf, zero = np.float32(np.inf), np.float32(0.0)
     start = np.uint64(start_y * width + start_x)
     waiting, base, taken, expanded = state[_WAITING], state[_BASE], state[_TAKEN], state[_EXPANDED]
-    min_column, min_row = state[_MIN_COLUMN], state[_MIN_ROW]
-    max_column, max_row = state[_MAX_COLUMN], state[_MAX_ROW]
+    min_column, min_row, max_column, max_row = state[_MIN_COLUMN], state[_MIN_ROW], state[_MAX_COLUMN], state[_MAX_ROW]
     capacity = np.int64(cells.shape[1])
     ring_cells, ring_keys = cells.ravel(), keys.ravel()
     batch_cells, batch_keys = np.empty(_BATCH, np.int32), np.empty(_BATCH, np.float32)
     through, held, gains = np.empty(4, np.float32), np.empty(4, np.float32), np.empty(4, np.int32)
     full = _is_full(sizes, capacity)
-    countdown = _CANCEL_CHECK
-    verdict = -1
-    apart = state[_APART]
+    countdown, verdict, apart = _CANCEL_CHECK, -1, state[_APART]
     while verdict < 0:
         slot = base & (_BUCKETS - 1)
         if taken == sizes[np.uint64(slot)]:
@@ -149,16 +200,14 @@ def grow(
         size = sizes[np.uint64(slot)]
         while taken < size and batch <= _BATCH - 4 and countdown > 0:
             place = np.uint64(slot * capacity + taken)
-            taken += 1
-            waiting -= 1
+            taken, waiting = taken + 1, waiting - 1
             packed = ring_cells[place]
             y, x = np.int64(packed >> 16), np.int64(packed & 65535)
             i = y * width + x
             own = field[np.uint64(i)]
             if ring_keys[place] != own:
                 continue  # it was lowered since, and waits elsewhere with its present value
-            countdown -= 1
-            expanded += 1
+            countdown, expanded = countdown - 1, expanded + 1
             min_column, max_column = min(min_column, x), max(max_column, x)
             min_row, max_row = min(min_row, y), max(max_row, y)
             has_left, has_right, has_below, has_above = x > 0, x + 1 < width, y > 0, y + 1 < height
@@ -168,15 +217,11 @@ def grow(
                 below, above = field[np.uint64(i - width)], field[np.uint64(i + width)]
                 left_below, right_below = field[np.uint64(i - width - 1)], field[np.uint64(i - width + 1)]
                 left_above, right_above = field[np.uint64(i + width - 1)], field[np.uint64(i + width + 1)]
-                cost_left = weights[costs[np.uint64(i - 1)]]
-                cost_right = weights[costs[np.uint64(i + 1)]]
-                cost_below = weights[costs[np.uint64(i - width)]]
-                cost_above = weights[costs[np.uint64(i + width)]]
+                cost_left, cost_right = weights[costs[np.uint64(i - 1)]], weights[costs[np.uint64(i + 1)]]
+                cost_below, cost_above = weights[costs[np.uint64(i - width)]], weights[costs[np.uint64(i + width)]]
             else:
-                left = field[i - 1] if has_left else zero
-                right = field[i + 1] if has_right else zero
-                below = field[i - width] if has_below else zero
-                above = field[i + width] if has_above else zero
+                left, right = field[i - 1] if has_left else zero, field[i + 1] if has_right else zero
+                below, above = field[i - width] if has_below else zero, field[i + width] if has_above else zero
                 left_below = field[i - width - 1] if has_left and has_below else zero
                 right_below = field[i - width + 1] if has_right and has_below else zero
                 left_above = field[i + width - 1] if has_left and has_above else zero
@@ -185,10 +230,8 @@ def grow(
                 cost_right = weights[costs[i + 1]] if has_right else inf
                 cost_below = weights[costs[i - width]] if has_below else inf
                 cost_above = weights[costs[i + width]] if has_above else inf
-            left_below = left_below if left_below > zero else inf
-            right_below = right_below if right_below > zero else inf
-            left_above = left_above if left_above > zero else inf
-            right_above = right_above if right_above > zero else inf
+            left_below, right_below = _or_inf(left_below), _or_inf(right_below)
+            left_above, right_above = _or_inf(left_above), _or_inf(right_above)
             # What the neighbours would hold through this cell, by the lower of their own neighbours across the step;
             # what they hold then; and whether they get better. Four of a kind are computed at once, since four results
             # go into neighbouring places, with nothing read in between and no branch.
@@ -197,14 +240,10 @@ def grow(
             to_below = _arrival(own, min(left_below, right_below), cost_below)
             to_above = _arrival(own, min(left_above, right_above), cost_above)
             through[0], through[1], through[2], through[3] = to_left, to_right, to_below, to_above
-            gains_left = to_left < (left if left > zero else inf)
-            gains_right = to_right < (right if right > zero else inf)
-            gains_below = to_below < (below if below > zero else inf)
-            gains_above = to_above < (above if above > zero else inf)
-            held[0] = to_left if gains_left else left
-            held[1] = to_right if gains_right else right
-            held[2] = to_below if gains_below else below
-            held[3] = to_above if gains_above else above
+            gains_left, gains_right = to_left < _or_inf(left), to_right < _or_inf(right)
+            gains_below, gains_above = to_below < _or_inf(below), to_above < _or_inf(above)
+            held[0], held[1] = to_left if gains_left else left, to_right if gains_right else right
+            held[2], held[3] = to_below if gains_below else below, to_above if gains_above else above
             gains[0], gains[1] = np.int32(gains_left), np.int32(gains_right)
             gains[2], gains[3] = np.int32(gains_below), np.int32(gains_above)
             if inside:
@@ -247,10 +286,65 @@ def grow(
             full |= size + 1 + _SPARE > capacity
             waiting += 1
     state[_WAITING], state[_BASE], state[_TAKEN], state[_EXPANDED] = waiting, base, taken, expanded
-    state[_APART] = apart
-    state[_MIN_COLUMN], state[_MIN_ROW] = min_column, min_row
+    state[_APART], state[_MIN_COLUMN], state[_MIN_ROW] = apart, min_column, min_row
     state[_MAX_COLUMN], state[_MAX_ROW] = max_column, max_row
     return verdict
+
+
+@kernel("int64(uint8[::1], int64, int64, float32[::1], float32[::1], int64[::1], int32[:,::1], float32[:,::1],"
+        " int32[::1], float32[::1], int64[::1], int64, int64, float32, float32, float64, float32, float64[::1],"
+        " uint8[::1])")
+def grow(
+    costs, width, height, weights, field, sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope,
+    inverse_width, straight, expected, progress, cancelled,
+):
+    """Grow the potential until the start's value is final: within a limit that rises step by step until it lies above.
+
+    Args:
+        straight: Cells between the start and the goal.
+        expected: What the start's value was before the last change, seldom far from what it will be; 0 for not known.
+        progress: Shape (3,), zeros at first: limit, by how much more than usual it rises next, and verdict to go on at.
+        costs, width, height, weights, field, sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y,
+            slope, inverse_width, cancelled: See `_grow_within`.
+
+    Returns:
+        A verdict of queue_kernels; after BUCKET_FULL make the buckets larger, after STORE_FULL the store; call again.
+    """
+    slack = np.float32(_FRONT_SLACK * slope)
+    start = np.uint64(start_y * width + start_x)
+    limit, rise, verdict = np.float32(progress[0]), progress[1], np.int64(progress[2])
+    if limit == 0:
+        limit = np.float32(_FIRST_LIMIT * np.float32(slope * np.float32(straight)) + 10.0 * slope)
+        limit = max(limit if slope > 0 else np.float32(np.inf), np.float32(expected + slack))
+        limit = max(limit, np.float32(field[start] + slack))
+        rise, verdict = 1.0, np.int64(_SPREAD_DUE)
+    result = np.int64(-1)
+    while result < 0:
+        if verdict == _SPREAD_DUE and not _spread_within(
+                sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope, inverse_width, limit):
+            result = _BUCKET_FULL
+            break
+        verdict = _grow_within(
+            costs, width, height, weights, field, sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y,
+            slope, inverse_width, limit, cancelled)
+        if verdict == _SPREAD_DUE:
+            continue
+        reached = field[start]
+        if verdict != _REACHED and verdict != _EXHAUSTED:
+            result = verdict
+        elif reached > 0 and np.float32(reached + slack) <= limit:
+            result = _REACHED
+        elif reached > 0:
+            limit = np.float32(reached + slack)
+        elif state[_APART] == 0:
+            result = _EXHAUSTED
+        else:
+            limit = np.float32(limit * (_FINE_RISE if state[_EXPANDED] > _MANY_CELLS else _RISE) * rise)
+            rise = min(rise * 1.02, 2.0)  # walled off: the end must come in a few steps, however far the walls
+        if result < 0:
+            verdict = _SPREAD_DUE
+    progress[0], progress[1], progress[2] = limit, rise, verdict
+    return result
 
 
 @kernel("float32(float32[:,::1], int64, int64, float32)")

@@ -26,21 +26,9 @@ WORTH_UPDATING = 0.1
 STORE_PER_CELL = 4
 """Entries waiting for each cell looked at beyond which a new field is quicker."""
 
-FIRST_LIMIT, RISE, FINE_RISE, MANY_CELLS = 1.01, 1.2, 1.015, 30000
-"""The potential is first grown within this times the straight way's cost, then within this times as much again: in
-finer steps where so many cells were looked at that another step costs little beside them."""
-
-FRONT_SLACK = 3.0
-"""Cells: the straight distance is convex, so value plus heuristic may fall a little along the front."""
-
 _HEURISTIC_SHARE = np.float32(0.99999)  # a hair less than the truth, so that rounding never makes it more
 _FIRST_BUCKET = 512
 _FIRST_STORE = 1 << 12
-
-
-def _single(value: float) -> float:
-    """Return the number of single precision nearest to a value."""
-    return float(np.float32(value))
 
 
 class IncrementalField(abc.ABC):
@@ -54,9 +42,6 @@ class IncrementalField(abc.ABC):
         invalidated: Cells that lost their value to changes in the last call, None where the field was begun anew.
         table: What the kernels look the last call's costs up in, see `table_of`.
     """
-
-    octile: ClassVar[bool]
-    """Whether the heuristic is the octile distance, otherwise the straight one."""
 
     kernels: ClassVar[Any]
     """The module whose `grow` and `invalidate` make the field."""
@@ -231,45 +216,26 @@ class IncrementalField(abc.ABC):
             self._apart_cells = np.resize(self._apart_cells, 2 * entries)
             self._apart_keys = np.resize(self._apart_keys, 2 * entries)
 
+    @abc.abstractmethod
     def _grow(
         self, costs: np.ndarray, start: Cell, cancelled: Cancellation, slope: np.float32, expected: np.float32
     ) -> int:
-        # one expansion raises the key by no more than the ring is long
-        widest = np.float32(1.5) * (self._highest + slope) / np.float32(queue_kernels.BUCKETS - 3)
-        inverse_width = np.float32(1.0) / max(slope * self.bucket, widest)
-        return self._grow_within(math.inf, costs, (start[0], start[1], slope, inverse_width), cancelled)
-
-    def _grow_within(self, limit: float, costs: np.ndarray, aim: Aim, cancelled: Cancellation) -> int:
-        """Spread the queue and grow until there is a verdict that asks for no more memory."""
-        height, width = costs.shape
-        cells = (costs.reshape(-1), width, height, self.table, self._field.reshape(-1))
-        verdict = queue_kernels.SPREAD_DUE
-        while True:
-            queue = (self._sizes, self._cells, self._keys, self._apart_cells, self._apart_keys, self._state)
-            if verdict == queue_kernels.SPREAD_DUE and not queue_kernels.spread(*queue, *aim, self.octile, limit):
-                self._enlarge()
-                continue
-            verdict = self._call_grow(cells, queue, aim, limit, cancelled)
-            if verdict == queue_kernels.BUCKET_FULL:
-                self._enlarge()
-            elif verdict == queue_kernels.STORE_FULL:
-                self._reserve(len(self._apart_cells) + 1)
-            elif verdict != queue_kernels.SPREAD_DUE:
-                return verdict
-
-    @abc.abstractmethod
-    def _call_grow(
-        self, cells: Tuple[Any, ...], queue: Tuple[Any, ...], aim: Aim, limit: float, cancelled: Cancellation
-    ) -> int:
-        """Call the kernel.
+        """Grow the field until the start's value is final; returns a verdict that asks for no more memory.
 
         Args:
-            cells: Costs, their width and height, the table they are looked up in and the field, as the kernels take it.
-            queue: Ring, store and state, likewise.
-            aim: Likewise.
-            limit: Value plus heuristic up to which cells are looked at.
-            cancelled: Stops the search when set.
+            costs: As for `reach`.
+            start: Likewise.
+            cancelled: Likewise.
+            slope: What the heuristic counts for one cell.
+            expected: What the start's value was before the last change; 0 for not known.
         """
+
+    def _cells_and_queue(self, costs: np.ndarray) -> Tuple[Any, ...]:
+        """Return costs, table, field and queue as the kernels that grow take them."""
+        height, width = costs.shape
+        return (
+            costs.reshape(-1), width, height, self.table, self._field.reshape(-1), self._sizes, self._cells, self._keys,
+            self._apart_cells, self._apart_keys, self._state)
 
     def _lowest_weight(self, costs: np.ndarray) -> np.float32:
         """Return a weight no cell connected with the goal goes below: the higher, the steeper the heuristic."""
@@ -289,7 +255,6 @@ class CostToGo(IncrementalField):
     orthogonal neighbours free.
     """
 
-    octile: ClassVar[bool] = True
     kernels: ClassVar[Any] = cost_to_go_kernels
     bucket: ClassVar[np.float32] = np.float32(1.0)  # no step is shorter, so what is taken from one bucket is final
 
@@ -298,11 +263,23 @@ class CostToGo(IncrementalField):
         """Return half of each weight, inf where the cell may not be entered."""
         return np.where(weights > 0.0, weights * np.float32(0.5), np.float32(np.inf)).astype(np.float32)
 
-    def _call_grow(
-        self, cells: Tuple[Any, ...], queue: Tuple[Any, ...], aim: Aim, limit: float, cancelled: Cancellation
+    def _grow(
+        self, costs: np.ndarray, start: Cell, cancelled: Cancellation, slope: np.float32, expected: np.float32
     ) -> int:
-        verdict: int = cost_to_go_kernels.grow(*cells, *queue[:3], self._state, *aim, cancelled.flag)
-        return verdict
+        # one expansion raises the key by no more than the ring is long
+        widest = np.float32(1.5) * (self._highest + slope) / np.float32(queue_kernels.BUCKETS - 3)
+        aim = (start[0], start[1], slope, np.float32(1.0) / max(slope * self.bucket, widest))
+        verdict = queue_kernels.SPREAD_DUE
+        while True:
+            cells = self._cells_and_queue(costs)
+            if verdict == queue_kernels.SPREAD_DUE and not queue_kernels.spread(*cells[5:], *aim):
+                self._enlarge()
+                continue
+            verdict = cost_to_go_kernels.grow(*cells[:8], self._state, *aim, cancelled.flag)
+            if verdict == queue_kernels.BUCKET_FULL:
+                self._enlarge()
+            elif verdict != queue_kernels.SPREAD_DUE:
+                return verdict
 
     def path(self, costs: np.ndarray, start: Cell) -> np.ndarray:
         """Return the cells of the cheapest way from a start the field reaches: (N, 2) int32, the goal's cell last."""
@@ -318,7 +295,6 @@ class CostToGo(IncrementalField):
 class FastMarchingPotential(IncrementalField):
     """The fast-marching potential: travel time of a front from the goal by the eikonal equation, for smooth paths."""
 
-    octile: ClassVar[bool] = False
     kernels: ClassVar[Any] = fast_marching_kernels
     bucket: ClassVar[np.float32] = np.float32(0.7)  # a front rises by less than a step from cell to cell
 
@@ -330,37 +306,21 @@ class FastMarchingPotential(IncrementalField):
     def _grow(
         self, costs: np.ndarray, start: Cell, cancelled: Cancellation, slope: np.float32, expected: np.float32
     ) -> int:
-        """Raise the limit on value plus heuristic step by step, until it lies above the start's value."""
         widest = np.float32(1.5) * self._highest / np.float32(queue_kernels.BUCKETS - 3)
         inverse_width = np.float32(1.0) / max(self._slope * self.bucket, widest)
         aim = (start[0], start[1], slope, inverse_width)
-        # plain floats, rounded as the kernel's are: NumPy takes longer than a kernel to mix them with its own
-        slack = _single(FRONT_SLACK * float(slope))
         assert self._goal is not None
-        straight = _single(float(slope) * _single(math.hypot(start[0] - self._goal[0], start[1] - self._goal[1])))
-        limit = _single(FIRST_LIMIT * straight + 10.0 * float(slope)) if slope > 0.0 else math.inf
-        limit = max(limit, _single(float(expected) + slack))
-        rise = 1.0
+        straight = math.hypot(start[0] - self._goal[0], start[1] - self._goal[1])
+        progress = np.zeros(3)
         while True:
-            reached = float(self._field[start[1], start[0]])
-            if reached > 0.0:
-                limit = max(limit, _single(reached + slack))
-            verdict = self._grow_within(limit, costs, aim, cancelled)
-            reached = float(self._field[start[1], start[0]])
-            if verdict == queue_kernels.CANCELLED or (reached > 0.0 and _single(reached + slack) <= limit):
+            verdict: int = fast_marching_kernels.grow(
+                *self._cells_and_queue(costs), *aim, straight, expected, progress, cancelled.flag)
+            if verdict == queue_kernels.BUCKET_FULL:
+                self._enlarge()
+            elif verdict == queue_kernels.STORE_FULL:
+                self._reserve(len(self._apart_cells) + 1)
+            else:
                 return verdict
-            if reached == 0.0:
-                if self._state[queue_kernels.APART] == 0:
-                    return queue_kernels.EXHAUSTED
-                is_large = self._state[queue_kernels.EXPANDED] > MANY_CELLS
-                limit = _single(limit * (FINE_RISE if is_large else RISE) * rise)
-                rise = min(rise * 1.02, 2.0)  # walled off: the end must come in a few steps, however far the walls
-
-    def _call_grow(
-        self, cells: Tuple[Any, ...], queue: Tuple[Any, ...], aim: Aim, limit: float, cancelled: Cancellation
-    ) -> int:
-        verdict: int = fast_marching_kernels.grow(*cells, *queue, *aim, limit, cancelled.flag)
-        return verdict
 
     def path(self, start: Tuple[float, float]) -> np.ndarray:
         """Return points down the potential to the goal's cell or the one next to it: (N, 2), in cells.

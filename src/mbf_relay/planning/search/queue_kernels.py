@@ -143,18 +143,10 @@ def changed_cells(costs, seen, x0, y0, x1, y1, changed):
     return count
 
 
-@kernel("float32(int64, int64, int64, int64, float32, boolean)")
-def _heuristic(x, y, start_x, start_y, slope, octile):
-    dx, dy = abs(x - start_x), abs(y - start_y)
-    if octile:
-        return np.float32(slope * (np.float32(max(dx, dy)) + _OCTILE * np.float32(min(dx, dy))))
-    return np.float32(slope * math.sqrt(np.float32(dx * dx + dy * dy)))
-
-
 @kernel("boolean(int64[::1], int32[:,::1], float32[:,::1], int32[::1], float32[::1], int64[::1], int64, int64,"
-        " float32, float32, boolean, float32)")
-def spread(sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope, inverse_width, octile, limit):
-    """Move from the store into the ring what belongs there.
+        " float32, float32)")
+def spread(sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope, inverse_width):
+    """Move from the store into the ring what belongs there, where keys are values plus the octile distance.
 
     The lowest bucket moves up to the lowest entry where the ring is empty.
 
@@ -164,9 +156,6 @@ def spread(sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y,
         start_x, start_y: What the search aims for.
         slope: What the heuristic counts for one cell.
         inverse_width: One over the width of a bucket.
-        octile: The heuristic is the octile distance, and keys are values plus heuristic. Otherwise it is the straight
-            one, and keys are values alone.
-        limit: Where value plus heuristic is above it, an entry stays in the store.
 
     Returns:
         False where a bucket is full: nothing was moved then. Make the buckets larger and call again.
@@ -176,12 +165,10 @@ def spread(sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y,
     buckets = np.empty(count, np.int64)
     lowest = _NEVER
     for i in range(count):
-        x, y = np.int64(apart_cells[i] & 65535), np.int64(apart_cells[i] >> 16)
-        total = np.float32(apart_keys[i] + _heuristic(x, y, start_x, start_y, slope, octile))
-        buckets[i] = _NEVER
-        if total <= limit:
-            buckets[i] = np.int64((total if octile else apart_keys[i]) * inverse_width)
-            lowest = min(lowest, buckets[i])
+        dx, dy = abs(np.int64(apart_cells[i] & 65535) - start_x), abs(np.int64(apart_cells[i] >> 16) - start_y)
+        heuristic = np.float32(slope * (np.float32(max(dx, dy)) + _OCTILE * np.float32(min(dx, dy))))
+        buckets[i] = np.int64(np.float32(apart_keys[i] + heuristic) * inverse_width)
+        lowest = min(lowest, buckets[i])
     if state[_WAITING] == 0:
         base = lowest if lowest < _NEVER else base
         sizes[state[_BASE] & (_BUCKETS - 1)] = 0
