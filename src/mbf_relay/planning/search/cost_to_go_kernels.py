@@ -33,6 +33,7 @@ _DIAGONAL = np.float32(math.sqrt(2.0))
 _OCTILE = np.float32(math.sqrt(2.0) - 1.0)
 _CANCEL_CHECK = 4096
 _SPARE = 64
+_BATCH = 64
 
 
 @kernel("int64(int64[::1], int32[:,::1], float32[:,::1], int64, int64)")
@@ -45,6 +46,11 @@ def _make_room(sizes, cells, keys, slot, taken):
         cells[slot, i - taken], keys[slot, i - taken] = cells[slot, i], keys[slot, i]
     sizes[slot] -= taken
     return 0
+
+
+@kernel("float32(float32)")
+def _or_inf(value):
+    return value if value > 0 else np.float32(np.inf)
 
 
 @kernel("boolean(int64[::1], int64)")
@@ -97,10 +103,9 @@ def grow(
     capacity = np.int64(cells.shape[1])
     ring_cells, ring_keys = cells.ravel(), keys.ravel()
     offsets = np.array([-1, 1, -width, width, -width - 1, -width + 1, width - 1, width + 1])
-    columns = np.array([-1, 1, 0, 0, -1, 1, -1, 1])
-    rows = np.array([0, 0, -1, 1, -1, -1, 1, 1])
-    through = np.empty(8, np.float32)
-    better = np.empty(9, np.int64)
+    packed_offsets = np.array([-1, 1, -65536, 65536, -65537, -65535, 65535, 65537], np.int32)
+    batch_cells, batch_keys = np.empty(_BATCH, np.int32), np.empty(_BATCH, np.float32)
+    through, held, gains = np.empty(8, np.float32), np.empty(8, np.float32), np.empty(8, np.int32)
     full = _is_full(sizes, capacity)
     countdown = _CANCEL_CHECK
     verdict = -1
@@ -128,74 +133,109 @@ def grow(
             if full:
                 verdict = _BUCKET_FULL
                 break
-        if countdown == 0:
+        if countdown <= 0:
             countdown = _CANCEL_CHECK
             if cancelled[0] != 0:
                 verdict = _CANCELLED
                 break
-        place = np.uint64(slot * capacity + taken)
-        taken += 1
-        waiting -= 1
-        packed = ring_cells[place]
-        y, x = np.int64(packed >> 16), np.int64(packed & 65535)
-        i = y * width + x
-        value = field[np.uint64(i)]
-        if ring_keys[place] != value:
-            continue  # it was lowered since, and waits elsewhere with its present value
-        countdown -= 1
-        expanded += 1
-        min_column, max_column = min(min_column, x), max(max_column, x)
-        min_row, max_row = min(min_row, y), max(max_row, y)
-        own = halves[costs[np.uint64(i)]]
-        inside = x > 0 and x + 1 < width and y > 0 and y + 1 < height
-        if inside:
-            left, right = halves[costs[np.uint64(i - 1)]], halves[costs[np.uint64(i + 1)]]
-            below, above = halves[costs[np.uint64(i - width)]], halves[costs[np.uint64(i + width)]]
-            left_below, right_below = halves[costs[np.uint64(i - width - 1)]], halves[costs[np.uint64(i - width + 1)]]
-            left_above, right_above = halves[costs[np.uint64(i + width - 1)]], halves[costs[np.uint64(i + width + 1)]]
-        else:
-            left = halves[costs[i - 1]] if x > 0 else inf
-            right = halves[costs[i + 1]] if x + 1 < width else inf
-            below = halves[costs[i - width]] if y > 0 else inf
-            above = halves[costs[i + width]] if y + 1 < height else inf
-            left_below = halves[costs[i - width - 1]] if x > 0 and y > 0 else inf
-            right_below = halves[costs[i - width + 1]] if x + 1 < width and y > 0 else inf
-            left_above = halves[costs[i + width - 1]] if x > 0 and y + 1 < height else inf
-            right_above = halves[costs[i + width + 1]] if x + 1 < width and y + 1 < height else inf
-        through[0], through[1] = value + (own + left), value + (own + right)
-        through[2], through[3] = value + (own + below), value + (own + above)
-        through[4] = value + (own + left_below) * _DIAGONAL if max(left, below) < inf else inf
-        through[5] = value + (own + right_below) * _DIAGONAL if max(right, below) < inf else inf
-        through[6] = value + (own + left_above) * _DIAGONAL if max(left, above) < inf else inf
-        through[7] = value + (own + right_above) * _DIAGONAL if max(right, above) < inf else inf
-        # which neighbours get better, without a branch for each: such branches cannot be predicted
-        count = np.int64(0)
-        if inside:
+        # as in fast_marching_kernels: what gets better is put into the queue in batches of several cells
+        batch = np.int64(0)
+        size = sizes[np.uint64(slot)]
+        while taken < size and batch <= _BATCH - 8 and countdown > 0:
+            place = np.uint64(slot * capacity + taken)
+            taken, waiting = taken + 1, waiting - 1
+            packed = ring_cells[place]
+            y, x = np.int64(packed >> 16), np.int64(packed & 65535)
+            i = y * width + x
+            value = field[np.uint64(i)]
+            if ring_keys[place] != value:
+                continue  # it was lowered since, and waits elsewhere with its present value
+            countdown, expanded = countdown - 1, expanded + 1
+            min_column, max_column = min(min_column, x), max(max_column, x)
+            min_row, max_row = min(min_row, y), max(max_row, y)
+            own = halves[costs[np.uint64(i)]]
+            has_left, has_right, has_below, has_above = x > 0, x + 1 < width, y > 0, y + 1 < height
+            inside = has_left and has_right and has_below and has_above
+            if inside:
+                left, right = halves[costs[np.uint64(i - 1)]], halves[costs[np.uint64(i + 1)]]
+                below, above = halves[costs[np.uint64(i - width)]], halves[costs[np.uint64(i + width)]]
+                left_below = halves[costs[np.uint64(i - width - 1)]]
+                right_below = halves[costs[np.uint64(i - width + 1)]]
+                left_above = halves[costs[np.uint64(i + width - 1)]]
+                right_above = halves[costs[np.uint64(i + width + 1)]]
+                at_left, at_right = field[np.uint64(i - 1)], field[np.uint64(i + 1)]
+                at_below, at_above = field[np.uint64(i - width)], field[np.uint64(i + width)]
+                at_left_below, at_right_below = field[np.uint64(i - width - 1)], field[np.uint64(i - width + 1)]
+                at_left_above, at_right_above = field[np.uint64(i + width - 1)], field[np.uint64(i + width + 1)]
+            else:
+                left, right = halves[costs[i - 1]] if has_left else inf, halves[costs[i + 1]] if has_right else inf
+                below = halves[costs[i - width]] if has_below else inf
+                above = halves[costs[i + width]] if has_above else inf
+                left_below = halves[costs[i - width - 1]] if has_left and has_below else inf
+                right_below = halves[costs[i - width + 1]] if has_right and has_below else inf
+                left_above = halves[costs[i + width - 1]] if has_left and has_above else inf
+                right_above = halves[costs[i + width + 1]] if has_right and has_above else inf
+                at_left, at_right = field[i - 1] if has_left else zero, field[i + 1] if has_right else zero
+                at_below, at_above = field[i - width] if has_below else zero, field[i + width] if has_above else zero
+                at_left_below = field[i - width - 1] if has_left and has_below else zero
+                at_right_below = field[i - width + 1] if has_right and has_below else zero
+                at_left_above = field[i + width - 1] if has_left and has_above else zero
+                at_right_above = field[i + width + 1] if has_right and has_above else zero
+            # What the neighbours would hold through this cell; what they hold then; and whether they get better. Several
+            # are computed at once, since results go into neighbouring places, with nothing read in between.
+            to_left, to_right = value + (own + left), value + (own + right)
+            to_below, to_above = value + (own + below), value + (own + above)
+            to_left_below = value + (own + left_below) * _DIAGONAL if max(left, below) < inf else inf
+            to_right_below = value + (own + right_below) * _DIAGONAL if max(right, below) < inf else inf
+            to_left_above = value + (own + left_above) * _DIAGONAL if max(left, above) < inf else inf
+            to_right_above = value + (own + right_above) * _DIAGONAL if max(right, above) < inf else inf
+            through[0], through[1], through[2], through[3] = to_left, to_right, to_below, to_above
+            through[4], through[5] = to_left_below, to_right_below
+            through[6], through[7] = to_left_above, to_right_above
+            gains_left = to_left < _or_inf(at_left)
+            gains_right = to_right < _or_inf(at_right)
+            gains_below = to_below < _or_inf(at_below)
+            gains_above = to_above < _or_inf(at_above)
+            gains_left_below = to_left_below < _or_inf(at_left_below)
+            gains_right_below = to_right_below < _or_inf(at_right_below)
+            gains_left_above = to_left_above < _or_inf(at_left_above)
+            gains_right_above = to_right_above < _or_inf(at_right_above)
+            held[0] = to_left if gains_left else at_left
+            held[1] = to_right if gains_right else at_right
+            held[2] = to_below if gains_below else at_below
+            held[3] = to_above if gains_above else at_above
+            held[4] = to_left_below if gains_left_below else at_left_below
+            held[5] = to_right_below if gains_right_below else at_right_below
+            held[6] = to_left_above if gains_left_above else at_left_above
+            held[7] = to_right_above if gains_right_above else at_right_above
+            gains[0], gains[1] = np.int32(gains_left), np.int32(gains_right)
+            gains[2], gains[3] = np.int32(gains_below), np.int32(gains_above)
+            gains[4], gains[5] = np.int32(gains_left_below), np.int32(gains_right_below)
+            gains[6], gains[7] = np.int32(gains_left_above), np.int32(gains_right_above)
+            if inside:
+                field[np.uint64(i - 1)], field[np.uint64(i + 1)] = held[0], held[1]
+                field[np.uint64(i - width)], field[np.uint64(i + width)] = held[2], held[3]
+                field[np.uint64(i - width - 1)], field[np.uint64(i - width + 1)] = held[4], held[5]
+                field[np.uint64(i + width - 1)], field[np.uint64(i + width + 1)] = held[6], held[7]
+            else:
+                for k in range(8):
+                    if gains[k] != 0:
+                        field[i + offsets[k]] = held[k]
             for k in range(8):
-                near = field[np.uint64(i + offsets[np.uint64(k)])]
-                near = near if near > zero else inf
-                better[np.uint64(count)] = k
-                count += np.int64(through[np.uint64(k)] < near)
-        else:
-            for k in range(8):
-                if through[k] < inf:
-                    near = field[i + offsets[k]]
-                    near = near if near > zero else inf
-                    better[count] = k
-                    count += np.int64(through[k] < near)
-        for n in range(count):
-            chosen = np.uint64(better[np.uint64(n)])
-            lowered = through[chosen]
-            field[np.uint64(i + offsets[chosen])] = lowered
-            near_x, near_y = x + columns[chosen], y + rows[chosen]
-            dx, dy = abs(near_x - start_x), abs(near_y - start_y)
+                chosen = np.uint64(k)
+                batch_cells[np.uint64(batch)] = packed + packed_offsets[chosen]
+                batch_keys[np.uint64(batch)] = through[chosen]
+                batch += gains[chosen]
+        for n in range(batch):
+            lowered, near = batch_keys[np.uint64(n)], batch_cells[np.uint64(n)]
+            dx, dy = abs(np.int64(near & 65535) - start_x), abs(np.int64(near >> 16) - start_y)
             key = lowered + slope * (np.float32(max(dx, dy)) + _OCTILE * np.float32(min(dx, dy)))
             # too early does no harm, too late would: what lies beyond the ring goes into its last bucket
             bucket = min(max(np.int64(key * inverse_width), base), base + (_BUCKETS - 1))
             near_slot = np.uint64(bucket & (_BUCKETS - 1))
             size = sizes[near_slot]
             near_place = np.uint64(np.int64(near_slot) * capacity + size)
-            ring_cells[near_place] = near_y * 65536 + near_x
+            ring_cells[near_place] = near
             ring_keys[near_place] = lowered
             sizes[near_slot] = size + 1
             full |= size + 1 + _SPARE > capacity
