@@ -181,8 +181,8 @@ def grow(
                 at_right_below = field[i - width + 1] if has_right and has_below else zero
                 at_left_above = field[i + width - 1] if has_left and has_above else zero
                 at_right_above = field[i + width + 1] if has_right and has_above else zero
-            # What the neighbours would hold through this cell; what they hold then; and whether they get better: several
-            # are computed at once, since results go into neighbouring places with nothing read in between
+            # what the neighbours would hold through this cell; what they hold then; and whether they get better: many
+            # at once, since results go into neighbouring places with nothing read in between
             to_left, to_right = value + (own + left), value + (own + right)
             to_below, to_above = value + (own + below), value + (own + above)
             to_left_below = value + (own + left_below) * _DIAGONAL if max(left, below) < inf else inf
