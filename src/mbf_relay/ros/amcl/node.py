@@ -154,8 +154,7 @@ class AmclNode:
         return self._saved_pose.load() if self._localizer is None else None
 
     def _use_map(self, occupancy: OccupancyMap, start: Optional[SavedStart], only_first: bool = False) -> bool:
-        """Give the filter its first map, or another unless `only_first`; returns whether it did; ValueError if unfit.
-        """
+        """Give the filter its first map, or another unless `only_first`; return whether it did. ValueError if unfit."""
         with self._lock:
             if self._localizer is None:
                 assert start is not None  # as it never goes away again
