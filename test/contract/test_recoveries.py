@@ -229,6 +229,12 @@ def test_back_up_notices_wheels_that_do_not_turn():
     assert stuck.value.outcome is RecoveryOutcome.PAT_EXCEEDED
 
 
+def test_who_backs_up_slowly_is_not_told_to_see_to_the_wheels():
+    """As in a zone of walking pace, which slows what a behaviour wants."""
+    world = PaperWorld().run(make("back_up", distance=1.0, speed=0.05, timeout=4.0))
+    assert -0.25 < world.robot.pose.x < -0.15
+
+
 def test_clear_clears_the_layers_named_and_waits_for_what_is_seen_now():
     world = PaperWorld()
     world.updated = 100.0  # already in the snapshot before clearing

@@ -60,6 +60,8 @@ class BackUp(Recovery):
                     f"'{self.name}' cannot drive back: an obstacle is {free:.2f} m behind the robot",
                 )
             if tried > p.timeout:
+                if moved >= LEAST * step:
+                    return
                 raise RecoveryError(
                     RecoveryOutcome.PAT_EXCEEDED,
                     f"'{self.name}' moved {moved:.2f} m of {p.distance:.2f} m within {p.timeout:.1f} s; see whether "
