@@ -10,6 +10,7 @@ from mbf_relay.navigation.examination import (
     IGNORED,
     KINDS,
     REFUSED,
+    STOOD_IN,
     USED,
     examine_move_base,
     examine_server,
@@ -71,6 +72,17 @@ def test_what_is_said_is_of_the_parameter_it_is_about(name, kind, text):
 def test_what_keeps_it_from_starting_is_refused_by_name(changes, name, text):
     known = told_of(changes)
     assert known[name][0] == REFUSED and text in known[name][1], known
+
+
+@pytest.mark.parametrize("changes, name, kind, text", [
+    ({"dwa/vx_samples": -3}, "dwa/vx_samples", CLAMPED, "vx_samples is -3"),
+    ({"local_costmap/width": -3.0}, "local_costmap/width", CLAMPED, "local_costmap: parameter width is -3.0"),
+    ({"controllers": [{"name": "dwa", "type": "teb_local_planner/TebLocalPlannerROS"}]}, "dwa", STOOD_IN,
+     "not available here"),
+])
+def test_what_is_taken_to_a_range_and_what_is_stood_in_for_is_told(changes, name, kind, text):
+    known = told_of(changes)
+    assert known[name][0] == kind and text in known[name][1], known
 
 
 def test_an_old_name_is_told_with_the_present_one():
