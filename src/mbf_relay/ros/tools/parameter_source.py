@@ -327,7 +327,10 @@ class _LaunchReader:
             is_substituted = element.get("subst_value", "").lower() == "true"
             substitute = self._substitution.resolved if is_substituted else str
             if element.get("file"):
-                read_yaml(self._text(element, "file"), target, source, substitute)
+                path = self._text(element, "file")
+                if not os.path.exists(path):
+                    raise ValueError(f"{path}: there is no such file; {self._path}:{line} loads it")
+                read_yaml(path, target, source, substitute)
             elif element.text and element.get("param"):
                 source.put(target, _typed(substitute(element.text)), f"{self._path}:{line}")
             elif element.text:

@@ -113,6 +113,15 @@ def test_of_a_robot_that_is_smaller_for_its_controller_the_radius_is_told_with_i
     assert line_about(told, "robot_radius: reaches 0.01 m").endswith("params.yaml:6]")
 
 
+def test_of_a_file_that_is_not_there_is_told_who_loads_it(tmp_path, capsys):
+    """The file alone was named, in the words of the operating system, of launch files that include each other."""
+    (tmp_path / "inner.launch").write_text(NODE % f'<rosparam file="{tmp_path}/gone.yaml"/>')
+    text = f'<launch><include file="{tmp_path}/inner.launch"/></launch>'
+    assert check(tmp_path, text, name="nav.launch")[0] == 2
+    told = capsys.readouterr().err
+    assert "gone.yaml: there is no such file; " in told and "inner.launch:6 loads it" in told
+
+
 AMCL = """<launch>
   <node pkg="amcl" type="amcl" name="amcl">
     <rosparam>
