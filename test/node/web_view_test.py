@@ -22,6 +22,7 @@ from node.web_view_stack import ViewProcess, WebViewCase  # noqa: E402
 from ros_testing import Listener, wait_until  # noqa: E402
 from web_client import StalledClient, WebClient  # noqa: E402
 
+from mbf_relay.ros.common.connected_nodes import connected_nodes  # noqa: E402
 from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
 from mbf_relay.view.feed import WINDOW  # noqa: E402
 
@@ -306,7 +307,9 @@ class WebViewTest(WebViewCase):
     def test_a_robot_that_drives_for_a_client_of_the_server_itself_is_stopped_from_the_page(self):
         actions = ("move_base_flex/exe_path", "move_base/recovery")  # of a server beside a relay, of one in move_base
         client = self.driver()
-        listeners = [Listener(f"{action}/cancel", GoalID, connected=True) for action in actions]
+        listeners = [Listener(f"{action}/cancel", GoalID) for action in actions]
+        for listener in listeners:  # another test's node may be there a little longer
+            wait_until(lambda: "/open_view" in connected_nodes(listener._subscriber), "this node's publisher")
         client.send(do="cancel")
         for listener in listeners:
             listener.wait_for(lambda _: True, "a cancel")
