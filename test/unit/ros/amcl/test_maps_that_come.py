@@ -59,8 +59,13 @@ def test_nobody_waits_for_amcl_while_its_master_hangs(node, monkeypatch, come):
     """Who sent a pose or looked at its diagnostics waited as well."""
     held = []
 
+    def look():
+        held.append(not node._lock.acquire(timeout=0.01))
+        if not held[-1]:
+            node._lock.release()
+
     def load():
-        other = threading.Thread(target=lambda: held.append(not node._lock.acquire(timeout=0.01)))
+        other = threading.Thread(target=look)
         other.start()
         other.join(20.0)
         return PLACE, node._covariance, None
