@@ -312,13 +312,13 @@ def grow(
     """
     slack = np.float32(_FRONT_SLACK * slope)
     start = np.uint64(start_y * width + start_x)
-    limit, rise, verdict = np.float32(progress[0]), progress[1], np.int64(progress[2])
+    limit, rise, verdict = np.float32(progress[0]), progress[1], int(progress[2])
     if limit == 0:
         limit = np.float32(_FIRST_LIMIT * np.float32(slope * np.float32(straight)) + 10.0 * slope)
         limit = max(limit if slope > 0 else np.float32(np.inf), np.float32(expected + slack))
         limit = max(limit, np.float32(field[start] + slack))
-        rise, verdict = 1.0, np.int64(_SPREAD_DUE)
-    result = np.int64(-1)
+        rise, verdict = 1.0, _SPREAD_DUE
+    result = -1
     while result < 0:
         if verdict == _SPREAD_DUE and not _spread_within(
                 sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope, inverse_width, limit):
