@@ -32,6 +32,8 @@ class ConstraintCritic(CriticFunction):
         along, turn = data.velocities[:, :, 0], data.velocities[:, :, 2]
         speed = np.copysign(np.hypot(along, data.velocities[:, :, 1]), along) if p.max_vel_y else along
         backwards = math.hypot(p.min_vel_x, p.max_vel_y) * (1.0 if p.min_vel_x > 0.0 else -1.0)
+        if p.motion_model != ACKERMANN and backwards <= speed.min() and speed.max() <= p.max_vel_trans:
+            return 0.0  # most batches
         beyond = np.maximum(0.0, speed - p.max_vel_trans) + np.maximum(0.0, backwards - speed)
         if p.motion_model == ACKERMANN:
             beyond += np.maximum(0.0, np.abs(turn) * p.min_turning_r - np.abs(along))

@@ -51,11 +51,11 @@ class PathAlignCritic(CriticFunction):
         if blocked > 2 and blocked > p.max_path_occupancy_ratio * data.furthest:
             return 0.0
         poses = data.poses[:, :: p.trajectory_point_step]
-        steps = np.diff(poses[:, :, :2], axis=1)
-        driven = np.cumsum(np.hypot(steps[:, :, 0], steps[:, :, 1]), axis=1)
+        x, y = poses[:, :, 0].copy(), poses[:, :, 1].copy()  # side by side they are read in a third of the time
+        driven = np.cumsum(np.hypot(np.diff(x), np.diff(y)), axis=1)
         points = np.minimum((driven / POINT_SPACING + 0.5).astype(np.int64), data.furthest)
-        off = poses[:, 1:, :2] - data.path[points]
-        squares = off[:, :, 0] ** 2 + off[:, :, 1] ** 2
+        path_x, path_y = data.path.T.copy()
+        squares = (x[:, 1:] - path_x[points]) ** 2 + (y[:, 1:] - path_y[points]) ** 2
         if p.use_path_orientations:
             squares += normalize_angles(poses[:, 1:, 2] - _directions(data.path)[points]) ** 2
         valid = data.path_is_free[points]
