@@ -339,8 +339,8 @@ class Runner:
         # The built package goes before the source, which has no mbf_relay.cfg.
         paths = [TEST_FOLDER, environment.get("PYTHONPATH", ""), os.path.join(CHECKOUT, "src")]
         environment["PYTHONPATH"] = os.pathsep.join(path for path in paths if path)
-        environment["MBF_RELAY_TEST_RESULTS"] = folder
-        environment["MPLBACKEND"] = "Agg"
+        environment.update(MBF_RELAY_TEST_RESULTS=folder, MPLBACKEND="Agg")
+        environment["ROS_ETC_DIR"] = os.path.join(TEST_FOLDER, "roscore")
         environment["OPENBLAS_NUM_THREADS"] = "1"  # as nodes have it: more of them spin after each small matrix
         if self._long:
             environment["MBF_RELAY_LONG"] = "1"
