@@ -13,7 +13,8 @@ from mbf_relay.ros.common import starting  # noqa: E402
 
 @pytest.fixture(autouse=True)
 def nothing_chosen(monkeypatch, tmp_path):
-    monkeypatch.delenv(starting.LOGGING, raising=False)
+    monkeypatch.setenv(starting.LOGGING, "")  # so that what is set below is taken back for the tests behind
+    monkeypatch.delenv(starting.LOGGING)
     monkeypatch.setenv("ROS_HOME", str(tmp_path))
     monkeypatch.setenv("ROS_ETC_DIR", str(tmp_path / "etc"))
     monkeypatch.setattr("rospy.impl.init.time", __import__("time"))
