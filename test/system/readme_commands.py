@@ -32,6 +32,9 @@ HALL = """<sdf version="1.6"><world name="hall"><model name="block"><static>true
 FASTER = " real_time_factor:=4 command_patience:=3"
 """Added to the world's launch file, for the sake of the test's length; everything else is run word for word."""
 
+LOOK_PERIOD = 0.1
+"""Wall seconds between two looks for a node: the master takes longer to answer than a node to wait for the next."""
+
 
 class TestReadme(unittest.TestCase):
     @classmethod
@@ -76,7 +79,7 @@ class TestReadme(unittest.TestCase):
             self.assertIsNone(process.poll(), f"'{command}' ended with status {process.returncode}")
             return self.nodes().issuperset(nodes)
 
-        wait_until(there, f"{nodes} after '{command}'", 60.0)
+        wait_until(there, f"{nodes} after '{command}'", 60.0, LOOK_PERIOD)
 
     def end_last(self):
         """End what was started last, as Ctrl-C does."""
@@ -167,7 +170,7 @@ class TestReadme(unittest.TestCase):
         self.assertFalse(self.master.hasParam("/simulator/x_pos"), "the robot starts where it did in an earlier world")
         wait_until(
             lambda: any(name.startswith("/move_base_flex/straight/") for name, _ in self.master.getPublishedTopics("")),
-            "topics of the planner", 60.0)
+            "topics of the planner", 60.0, LOOK_PERIOD)
 
 
 if __name__ == "__main__":
