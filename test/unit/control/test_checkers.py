@@ -17,6 +17,10 @@ PLAIN, LATCHED = burger(**LIMITS), burger(latch_xy_goal_tolerance=True, **LIMITS
 STANDS = Twist2D(0.0, 0.0, 0.0)
 
 
+WIDE = SimpleNamespace(width=0.4)
+IN_TIME = {"pose_now": None, "delay": 0.0}
+
+
 def at(x, y=0.0, theta=0.0, velocity=STANDS, now=None):
     return SimpleNamespace(pose=Pose2D(x, y, theta), velocity=velocity, pose_now=now)
 
@@ -122,7 +126,7 @@ def stuck_after(moved, command, timeout=2.0, period=0.1, seconds=6.0, start=5.0)
     checker = StuckChecker()
     for cycle in range(int(seconds / period)):
         since = cycle * period
-        state = SimpleNamespace(now=start + since, pose=moved(since), costmap=SimpleNamespace(width=0.4))
+        state = SimpleNamespace(now=start + since, pose=moved(since), costmap=WIDE, **IN_TIME)
         try:
             checker.check(state, command(since) if callable(command) else command, timeout)
         except ControlError as error:
@@ -167,16 +171,16 @@ def test_one_that_was_not_looked_at_for_a_second_or_before_time_was_set_back_is_
     assert stuck_after(stays, AHEAD, period=1.0) is None and stuck_after(stays, AHEAD, period=0.9) is not None
     checker = StuckChecker()
     for now in (5.0, 5.9, 6.8, 5.8, 6.7):
-        state = SimpleNamespace(now=now, pose=IDENTITY, costmap=SimpleNamespace(width=0.4))
+        state = SimpleNamespace(now=now, pose=IDENTITY, costmap=WIDE, **IN_TIME)
         checker.check(state, AHEAD, 1.0 if now < 6.8 else 2.0)
     checker.reset()
-    checker.check(SimpleNamespace(now=7.0, pose=IDENTITY, costmap=SimpleNamespace(width=0.4)), AHEAD, 0.1)
+    checker.check(SimpleNamespace(now=7.0, pose=IDENTITY, costmap=WIDE, **IN_TIME), AHEAD, 0.1)
 
 
 def test_who_is_stuck_is_told_for_how_long_and_by_how_much_it_was_to_move():
     checker, told = StuckChecker(), None
     for cycle in range(40):
-        state = SimpleNamespace(now=0.1 * cycle, pose=IDENTITY, costmap=SimpleNamespace(width=0.4))
+        state = SimpleNamespace(now=0.1 * cycle, pose=IDENTITY, costmap=WIDE, **IN_TIME)
         try:
             checker.check(state, Twist2D(0.2, 0.0, -0.5), 2.0)
         except ControlError as error:

@@ -188,9 +188,9 @@ def test_a_scan_is_looked_through_once_where_the_costmaps_lie_still_to_each_othe
 ):
     stamps, update = [], Tracker.update
 
-    def noted(tracker, x, y, ends, hits, stamp):
+    def noted(tracker, x, y, ends, hits, stamp, heading):
         stamps.append(stamp)
-        update(tracker, x, y, ends, hits, stamp)
+        update(tracker, x, y, ends, hits, stamp, heading)
 
     monkeypatch.setattr(Tracker, "update", noted)
     setup = make_setup(config_folder(), localization, has_map=False)
