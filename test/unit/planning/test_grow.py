@@ -143,3 +143,20 @@ def test_changed_cells_are_found_row_by_row():
         assert changed.tolist() == [list(cell) for cell in expected]
         if expected:
             assert queue_kernels.changed_cells(costs, seen, x0, y0, x1, y1, changed[1:]) == -1
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("is_empty", [True, False])
+def test_both_fields_move_alike_what_waits_into_the_ring(seed, is_empty):
+    """A kernel that another calls stays in its file, so there are two; where nothing is added to values they agree."""
+    made = []
+    for spread, more in ((queue_kernels.spread, ()), (fast_marching_kernels._spread_within, (F(np.inf),))):
+        rng = np.random.default_rng(seed)
+        sizes, state = np.zeros(queue_kernels.BUCKETS, np.int64), np.zeros(queue_kernels.STATE_SIZE, np.int64)
+        cells, keys = np.zeros((len(sizes), 100), np.int32), np.zeros((len(sizes), 100), np.float32)
+        state[queue_kernels.APART] = count = int(3000 * rng.random() ** 3)
+        state[queue_kernels.WAITING], state[queue_kernels.BASE] = 0 if is_empty else 1, rng.integers(0, 9)
+        store = rng.integers(0, 1 << 20, 3000, dtype=np.int32), rng.uniform(9.0, 99.0, 3000).astype(np.float32)
+        moved = spread(sizes, cells, keys, *store, state, 5, 7, F(0.0), F(rng.uniform(0.2, 2.0)), *more)
+        made.append([moved, sizes, cells, keys, state, *(part[:count] for part in store)])
+    assert all(np.array_equal(one, other) for one, other in zip(*made))

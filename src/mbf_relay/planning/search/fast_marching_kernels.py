@@ -7,7 +7,8 @@ updated, as cost_to_go_kernels does it for 8-connected steps; the queue is the s
 distance at the lowest cost around.
 
 `_grow_within` is one long function on purpose: with its parts in functions of their own, it was a fifth slower. The
-layout of queue and state is queue_kernels'; names with an underscore are copies of its, which a test compares.
+layout of queue and state is queue_kernels'; names with an underscore are copies of its, which a test compares, and so
+is the end of `_spread_within`, since a kernel that another calls stays in its file.
 """
 
 from __future__ import annotations

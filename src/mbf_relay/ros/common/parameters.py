@@ -91,9 +91,7 @@ def warn_of_tf_prefix(base_frame: str) -> None:
     Nodes that use tf2, as move_base and amcl do since Noetic at the latest, pay no heed to it; a robot_state_publisher
     does, and who counts on it would wait for frames for ever.
     """
-    names, node = set(rospy.get_param_names()), rospy.get_name()
-    places = [f"{node[:end]}/tf_prefix" for end in range(len(node), -1, -1) if end == len(node) or node[end] == "/"]
-    found = next((place for place in places if place in names), "")
+    found = rospy.search_param("tf_prefix")
     prefix = str(rospy.get_param(found, "")).strip("/") if found else ""
     if prefix and not base_frame.startswith(f"{prefix}/"):
         rospy.logwarn(

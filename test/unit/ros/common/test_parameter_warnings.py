@@ -5,6 +5,8 @@ import pytest
 rospy = pytest.importorskip("rospy")
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
+from rosmaster.paramserver import ParamDictionary  # noqa: E402
+
 from mbf_relay.control.dwa_parameters import DwaParameters  # noqa: E402
 from mbf_relay.localization.node_parameters import AmclParameters  # noqa: E402
 from mbf_relay.navigation.examination import READ_BY_THE_NODE, SIDES  # noqa: E402
@@ -90,9 +92,11 @@ def test_a_node_s_own_file_given_as_overrides_is_told_of(said, monkeypatch, stan
     ("/robot2/tf_prefix", "base_link", ""), ("/robot1/move_base/tf_prefix", "base_link", "")])
 def test_who_counts_on_a_tf_prefix_is_told_that_frames_are_to_be_named_with_it(said, monkeypatch, place, frame, told):
     """It waited in silence for the frames of a robot whose state publisher alone pays heed to it."""
-    monkeypatch.setattr(rospy, "get_name", lambda: "/robot1/amcl")
-    monkeypatch.setattr(rospy, "get_param_names", lambda: ["/use_sim_time", place])
-    monkeypatch.setattr(rospy, "get_param", {place: "/robot1"}.get)
+    there = ParamDictionary(None)
+    there.set_param("/use_sim_time", True)
+    there.set_param(place, "/robot1")
+    monkeypatch.setattr(rospy, "search_param", lambda name: there.search_param("/robot1/amcl", name))
+    monkeypatch.setattr(rospy, "get_param", lambda name, default: there.get_param(name))
     parameters.warn_of_tf_prefix(frame)
     assert [line.split()[0] for line in said] == [told] * bool(told)
     assert not told or f"'robot1/{frame}'" in said[0]
