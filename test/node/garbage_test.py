@@ -24,7 +24,7 @@ from std_srvs.srv import Empty
 from tally import how_many, trial
 from tf2_msgs.msg import TFMessage
 
-from mbf_relay.ros.common.action_client import ActionClient
+from mbf_relay.ros.common.actions.action_client import ActionClient
 
 SERVER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "garbage_server.py")
 NUMBERS = (math.nan, math.inf, -math.inf, 1e300, -1e300, 1e-300, 0.0, -1.0, 2.0 ** 31, 1e9)

@@ -31,7 +31,7 @@ from sensor_msgs.msg import LaserScan
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.maps import OccupancyMap
-from mbf_relay.ros.common.action_client import ActionClient
+from mbf_relay.ros.common.actions.action_client import ActionClient
 from mbf_relay.ros.common.conversions import header, map_to_message
 from mbf_relay.ros.common.outcome_codes import name_of
 from mbf_relay.ros.common.transforms import TransformPublisher

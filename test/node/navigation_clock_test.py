@@ -18,7 +18,7 @@ from nav_msgs.msg import Odometry
 from ros_testing import Listener, wait_until
 from rosgraph_msgs.msg import Clock
 
-from mbf_relay.ros.common.action_client import ActionClient
+from mbf_relay.ros.common.actions.action_client import ActionClient
 
 SERVER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "paper_server.py")
 

@@ -38,7 +38,7 @@ from nav_msgs.msg import Odometry
 from ros_testing import Listener, connected_publisher, wait_until
 from tally import LONG
 
-from mbf_relay.ros.common.action_client import ActionClient
+from mbf_relay.ros.common.actions.action_client import ActionClient
 from mbf_relay.ros.common.outcome_codes import name_of
 
 SERVER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "paper_server.py")

@@ -18,8 +18,8 @@ from rosgraph_msgs.msg import Log
 from std_msgs.msg import Empty
 
 from mbf_relay.msg import FollowWaypointsAction, FollowWaypointsActionFeedback, FollowWaypointsGoal
-from mbf_relay.ros.common.action_client import ActionClient
-from mbf_relay.ros.common.action_server import ActionServer
+from mbf_relay.ros.common.actions.action_client import ActionClient
+from mbf_relay.ros.common.actions.action_server import ActionServer
 
 WALL, SLOW, NONSENSE = -1.0, -2.0, -3.0
 """Places (x, m) that this move_base never reaches, that it is on its way to until it is told otherwise, and that it

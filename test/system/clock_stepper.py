@@ -10,8 +10,8 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, Float64
 from tf2_msgs.msg import TFMessage
 
-from mbf_relay.ros.common.receiving import receive_with_less
-from mbf_relay.ros.common.sending import send_with_less
+from mbf_relay.ros.common.rospy_patches.receiving import receive_with_less
+from mbf_relay.ros.common.rospy_patches.sending import send_with_less
 
 BEGIN = 1000.0
 """Seconds added at first, so that there is a time before."""

@@ -18,7 +18,7 @@ from ros_testing import connected_publisher, wait_until  # noqa: E402
 from running_stack import start_test_node  # noqa: E402
 from tally import trial  # noqa: E402
 
-from mbf_relay.ros.common.action_client import ActionClient  # noqa: E402
+from mbf_relay.ros.common.actions.action_client import ActionClient  # noqa: E402
 from mbf_relay.simulation.arena import CIRCLE  # noqa: E402
 
 RECOVERY = "move_base_flex/recovery"

@@ -25,7 +25,7 @@ from ros_testing import wait_until  # noqa: E402
 from running_stack import Witness, run_client, start_test_node  # noqa: E402
 
 from mbf_relay.outcomes import TransformError  # noqa: E402
-from mbf_relay.ros.common.action_client import ActionClient  # noqa: E402
+from mbf_relay.ros.common.actions.action_client import ActionClient  # noqa: E402
 from mbf_relay.ros.common.transforms import Transforms  # noqa: E402
 from mbf_relay.ros.tools.demo_graph import DemoGraph  # noqa: E402
 from mbf_relay.simulation.arena import CIRCLE  # noqa: E402

@@ -26,7 +26,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ros_testing import Listener, wait_until  # noqa: E402
 from running_stack import Witness, run_client, start_test_node  # noqa: E402
 
-from mbf_relay.ros.common.action_client import ActionClient  # noqa: E402
+from mbf_relay.ros.common.actions.action_client import ActionClient  # noqa: E402
 from mbf_relay.ros.common.outcome_codes import name_of  # noqa: E402
 
 NAN = float("nan")

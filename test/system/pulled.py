@@ -20,7 +20,7 @@ from ros_testing import Listener, wait_until  # noqa: E402
 from running_stack import Witness  # noqa: E402
 
 from mbf_relay.outcomes import TransformError  # noqa: E402
-from mbf_relay.ros.common.action_client import ActionClient  # noqa: E402
+from mbf_relay.ros.common.actions.action_client import ActionClient  # noqa: E402
 from mbf_relay.ros.common.transforms import Transforms  # noqa: E402
 
 NODES = ("/move_base_flex", "/velocity_guard", "/move_base", "/amcl", "/map_server", "/robot_state_publisher")

@@ -17,7 +17,7 @@ from visualization_msgs.msg import MarkerArray  # noqa: E402
 
 from mbf_relay.geometry import Pose2D  # noqa: E402
 from mbf_relay.ros.common.conversions import pose_from_message  # noqa: E402
-from mbf_relay.ros.common.receiving import receive_with_less  # noqa: E402
+from mbf_relay.ros.common.rospy_patches.receiving import receive_with_less  # noqa: E402
 
 OF_THE_MACHINE = (
     "the machine is too slow for it", "the robot drives slower until that is less",

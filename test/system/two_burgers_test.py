@@ -17,7 +17,7 @@ from ros_testing import Listener, wait_until
 from running_stack import start_test_node
 from visualization_msgs.msg import MarkerArray
 
-from mbf_relay.ros.common.action_client import ActionClient
+from mbf_relay.ros.common.actions.action_client import ActionClient
 from mbf_relay.ros.common.conversions import pose_from_message
 
 GOALS = {"burger1": (-0.45, -0.55, 1.0), "burger2": (0.45, -0.55, 0.0)}

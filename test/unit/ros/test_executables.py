@@ -112,7 +112,8 @@ def test_a_robots_memory_is_not_filled_with_libraries_no_node_needs():
         for room in rooms for path in (ROOT / "src" / "mbf_relay" / room).rglob("*.py")
     ]
     code = (
-        "import importlib, sys; from mbf_relay.ros.common.lazy_modules import *; spare_what_nobody_uses(); "
+        "import importlib, sys; from mbf_relay.ros.common.rospy_patches.lazy_modules import *; "
+        "spare_what_nobody_uses(); "
         f"[importlib.import_module(name) for name in {nodes + plugins}]; "
         "print(*(name for name, module in sys.modules.items() if type(module) is not LazyModule))"
     )
@@ -125,7 +126,7 @@ def test_what_the_navigation_on_a_robot_does_not_use_takes_no_memory(tmp_path):
     # As the executables start: what run_node imports before it spares anything would be there all the same.
     nodes = [f"mbf_relay.ros.{name}.node" for name in ("map_server", "amcl", "server", "relay")]
     (tmp_path / "probe.py").write_text(
-        "import importlib, sys\nfrom mbf_relay.ros.common.lazy_modules import LazyModule\n"
+        "import importlib, sys\nfrom mbf_relay.ros.common.rospy_patches.lazy_modules import LazyModule\n"
         f"for name in {nodes}:\n    importlib.import_module(name)\n"
         "USAGE = ' '.join(name for name, module in list(sys.modules.items()) if type(module) is not LazyModule)\n"
     )

@@ -17,7 +17,7 @@ from typing import Any, Callable, Optional, Sequence
 from mbf_relay import memory
 from mbf_relay.ros.common import logs
 from mbf_relay.ros.common.ending import NodeEnding
-from mbf_relay.ros.common.lazy_modules import spare_what_nobody_uses
+from mbf_relay.ros.common.rospy_patches.lazy_modules import spare_what_nobody_uses
 
 INTERRUPTED = 130
 """Exit status of a program that was interrupted, as shells have it: it did not do what it was asked to."""
@@ -126,11 +126,11 @@ def _start_soon() -> None:
     logging.setLogRecordFactory(logs.PlainRecord)
     logs.complain_once()
     spare_what_nobody_uses()
-    from mbf_relay.ros.common.accepting import hear_out_each_by_itself
-    from mbf_relay.ros.common.connecting import connect_once
-    from mbf_relay.ros.common.receiving import receive_with_less
-    from mbf_relay.ros.common.sending import send_with_less
-    from mbf_relay.ros.common.starting import start_soon
+    from mbf_relay.ros.common.rospy_patches.accepting import hear_out_each_by_itself
+    from mbf_relay.ros.common.rospy_patches.connecting import connect_once
+    from mbf_relay.ros.common.rospy_patches.receiving import receive_with_less
+    from mbf_relay.ros.common.rospy_patches.sending import send_with_less
+    from mbf_relay.ros.common.rospy_patches.starting import start_soon
 
     hear_out_each_by_itself()
     connect_once()

@@ -21,9 +21,10 @@ what they need. A node that ends is started again. Remappings behind a last -- a
 OPTION = "--no-respawn"
 WHEN_NEEDED = (
     "mbf_relay.ros.common.reconfigure",  # quietens dynamic_reconfigure
-    "configparser", "dynamic_reconfigure.server", "encodings.idna", "mbf_relay.ros.common.accepting",
-    "mbf_relay.ros.common.connecting", "mbf_relay.ros.common.master_watch", "mbf_relay.ros.common.own_address",
-    "mbf_relay.ros.common.receiving", "mbf_relay.ros.common.sending", "mbf_relay.ros.common.starting", "unicodedata",
+    "mbf_relay.ros.common.master_watch", "mbf_relay.ros.common.own_address",
+    *(f"mbf_relay.ros.common.rospy_patches.{name}"
+      for name in ("accepting", "connecting", "receiving", "sending", "starting")),
+    "configparser", "dynamic_reconfigure.server", "encodings.idna", "unicodedata",
 )
 """Modules that nodes import once they run."""
 COMMON_ROOMS = ("cfg", "control", "costmap", "navigation", "planning", "recovery", "tracking")
@@ -100,8 +101,8 @@ def preload(names: Sequence[str]) -> None:
     Args:
         names: Of their executables; one by itself imports what its parameters name when it has read them.
     """
-    from mbf_relay.ros.common.lazy_modules import spare_what_nobody_uses
     from mbf_relay.ros.common.node import ALGEBRA_THREADS, spare_what_stays
+    from mbf_relay.ros.common.rospy_patches.lazy_modules import spare_what_nobody_uses
 
     os.environ.setdefault(ALGEBRA_THREADS, "1")  # before NumPy is imported
     spare_what_nobody_uses()

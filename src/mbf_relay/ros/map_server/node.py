@@ -23,7 +23,7 @@ from mbf_relay.maps import (
 from mbf_relay.ros.common.conversions import map_to_message
 from mbf_relay.ros.common.diagnostics import OK, Diagnostics, Report
 from mbf_relay.ros.common.node import spare_what_stays
-from mbf_relay.ros.common.receiving import look_at_clock_seldom
+from mbf_relay.ros.common.rospy_patches.receiving import look_at_clock_seldom
 
 USAGE = "usage: map_server MAP.yaml (or, as it was long ago: map_server IMAGE RESOLUTION)"
 

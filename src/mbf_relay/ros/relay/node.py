@@ -14,11 +14,11 @@ from mbf_msgs.msg import MoveBaseAction, MoveBaseActionResult, MoveBaseGoal, Mov
 from move_base_msgs import msg as move_base_msgs
 
 from mbf_relay.ros.common import parameters as ros_parameters
-from mbf_relay.ros.common.action_client import ActionClient
-from mbf_relay.ros.common.action_server import ActionServer
+from mbf_relay.ros.common.actions.action_client import ActionClient
+from mbf_relay.ros.common.actions.action_server import ActionServer
+from mbf_relay.ros.common.actions.server_watch import check_alone
 from mbf_relay.ros.common.diagnostics import ERROR, OK, WARN, Diagnostics, Report
 from mbf_relay.ros.common.node import on_shutdown, spare_what_stays
-from mbf_relay.ros.common.server_watch import check_alone
 from mbf_relay.ros.relay.answers import Answer
 from mbf_relay.ros.relay.goal_frame import GoalFrame
 from mbf_relay.ros.relay.reconfigure import wishes

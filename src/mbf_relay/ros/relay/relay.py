@@ -35,7 +35,7 @@ from actionlib_msgs.msg import GoalID
 from move_base_msgs.msg import MoveBaseFeedback, MoveBaseGoal
 
 from mbf_relay.parameters import ParameterSet, parameter
-from mbf_relay.ros.common.client_goals import ActionEnding
+from mbf_relay.ros.common.actions.client_goals import ActionEnding
 from mbf_relay.ros.relay import answers
 from mbf_relay.ros.relay.answers import Answer
 

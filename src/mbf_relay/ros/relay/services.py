@@ -12,10 +12,10 @@ from mbf_msgs.msg import GetPathAction, GetPathGoal
 from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse, Trigger, TriggerResponse
 
-from mbf_relay.ros.common.action_client import ActionClient
+from mbf_relay.ros.common.actions.action_client import ActionClient
+from mbf_relay.ros.common.actions.server_watch import GONE, MUTE, ask_node
 from mbf_relay.ros.common.get_plan import append_goal, turned
 from mbf_relay.ros.common.outcome_codes import name_of
-from mbf_relay.ros.common.server_watch import GONE, MUTE, ask_node
 
 PLAN_SLOT = 255
 """The server's concurrency slot for ~make_plan: not the one its move_base plans in, so that both go on."""

@@ -24,8 +24,8 @@ from mbf_relay.navigation.navigator import Navigator
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.worker import InlineWorker, Job, Worker
 from mbf_relay.outcomes import ControlOutcome, NavigationError, PlanOutcome, RecoveryOutcome
-from mbf_relay.ros.common.action_server import ActionServer
-from mbf_relay.ros.common.goal_tracker import TrackedGoal
+from mbf_relay.ros.common.actions.action_server import ActionServer
+from mbf_relay.ros.common.actions.goal_tracker import TrackedGoal
 from mbf_relay.ros.server import messages
 
 AT_ONCE = 5

@@ -20,7 +20,7 @@ from mbf_relay.navigation.worker import ThreadWorker
 from mbf_relay.planning.path import Path
 from mbf_relay.ros.common import parameters as ros_parameters
 from mbf_relay.ros.common import reconfigure
-from mbf_relay.ros.common.action_server import ActionServer, start_together
+from mbf_relay.ros.common.actions.action_server import ActionServer, start_together
 from mbf_relay.ros.common.diagnostics import ERROR, OK, WARN, Diagnostics, RateMeter, Report
 from mbf_relay.ros.common.node import spare_what_stays
 from mbf_relay.ros.common.stepper import Stepper

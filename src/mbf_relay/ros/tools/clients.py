@@ -21,8 +21,8 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from mbf_msgs import msg as mbf_msgs
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 
-from mbf_relay.ros.common.action_client import ActionClient
-from mbf_relay.ros.common.client_goals import ActionEnding
+from mbf_relay.ros.common.actions.action_client import ActionClient
+from mbf_relay.ros.common.actions.client_goals import ActionEnding
 from mbf_relay.ros.common.conversions import quaternion_from_yaw
 from mbf_relay.ros.common.node import on_shutdown
 from mbf_relay.ros.common.outcome_codes import name_of

@@ -207,7 +207,7 @@ def wait_for_server(graph: DemoGraph, timeout: float) -> None:
     """
     from mbf_msgs.msg import MoveBaseAction
 
-    from mbf_relay.ros.common.action_client import ActionClient
+    from mbf_relay.ros.common.actions.action_client import ActionClient
 
     server = ActionClient("move_base_flex/move_base", MoveBaseAction)
     deadline = time.monotonic() + timeout

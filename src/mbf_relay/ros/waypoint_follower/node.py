@@ -18,11 +18,11 @@ from std_msgs.msg import Empty
 
 from mbf_relay.navigation.waypoints import WaypointFollower, WaypointFollowerParameters
 from mbf_relay.ros.common import parameters as ros_parameters
-from mbf_relay.ros.common.action_client import ActionClient
-from mbf_relay.ros.common.action_server import ActionServer
-from mbf_relay.ros.common.client_goals import ActionEnding, SentGoal
+from mbf_relay.ros.common.actions.action_client import ActionClient
+from mbf_relay.ros.common.actions.action_server import ActionServer
+from mbf_relay.ros.common.actions.client_goals import ActionEnding, SentGoal
+from mbf_relay.ros.common.actions.server_watch import check_alone
 from mbf_relay.ros.common.node import on_shutdown
-from mbf_relay.ros.common.server_watch import check_alone
 
 LOOK_PERIOD = 0.05
 """Wall time (s) between two looks at what move_base does."""

@@ -7,7 +7,7 @@ from mbf_msgs.msg import MoveBaseFeedback, MoveBaseResult
 from move_base_msgs.msg import MoveBaseGoal
 from rospy import Time
 
-from mbf_relay.ros.common.client_goals import ActionEnding
+from mbf_relay.ros.common.actions.client_goals import ActionEnding
 from mbf_relay.ros.relay.relay import SUCCESSOR_PATIENCE, Observer, Relay, RelayParameters
 
 PENDING, ACTIVE, PREEMPTED, SUCCEEDED, ABORTED, REJECTED, PREEMPTING, RECALLING, RECALLED, LOST = range(10)

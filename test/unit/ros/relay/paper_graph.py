@@ -22,8 +22,8 @@ import scripted  # noqa: E402
 from scripted_bench import Bench  # noqa: E402
 
 from mbf_relay.geometry import STOP, Twist2D  # noqa: E402
-from mbf_relay.ros.common.client_goals import ClientGoals  # noqa: E402
-from mbf_relay.ros.common.goal_tracker import GoalTracker  # noqa: E402
+from mbf_relay.ros.common.actions.client_goals import ClientGoals  # noqa: E402
+from mbf_relay.ros.common.actions.goal_tracker import GoalTracker  # noqa: E402
 from mbf_relay.ros.relay.relay import Observer, Relay, RelayParameters  # noqa: E402
 from mbf_relay.ros.server.actions import make_actions  # noqa: E402
 

@@ -22,7 +22,7 @@ from tally import how_many, trial  # noqa: E402
 
 from mbf_relay.geometry import STOP  # noqa: E402
 from mbf_relay.outcomes import ControlError, ControlOutcome  # noqa: E402
-from mbf_relay.ros.common.goal_tracker import REMEMBER_FOR  # noqa: E402
+from mbf_relay.ros.common.actions.goal_tracker import REMEMBER_FOR  # noqa: E402
 
 RUNS = how_many(60, 10000)
 TOPICS = st.sampled_from(["goal", "cancel", "lease", "status", "result", "feedback", "cmd_vel"])

@@ -10,7 +10,7 @@ from actionlib_msgs.msg import GoalStatus  # noqa: E402
 from geometry_msgs.msg import Quaternion  # noqa: E402
 
 from mbf_relay.navigation.goals import NavigateOutcome  # noqa: E402
-from mbf_relay.ros.common.client_goals import ActionEnding  # noqa: E402
+from mbf_relay.ros.common.actions.client_goals import ActionEnding  # noqa: E402
 from mbf_relay.ros.common.outcome_codes import code_of  # noqa: E402
 from mbf_relay.ros.relay import answers  # noqa: E402
 

@@ -30,8 +30,8 @@ from mbf_relay.outcomes import (  # noqa: E402
     RecoveryOutcome,
 )
 from mbf_relay.planning.path import Path  # noqa: E402
-from mbf_relay.ros.common.action_server import ActionServer  # noqa: E402
-from mbf_relay.ros.common.goal_tracker import GoalTracker  # noqa: E402
+from mbf_relay.ros.common.actions.action_server import ActionServer  # noqa: E402
+from mbf_relay.ros.common.actions.goal_tracker import GoalTracker  # noqa: E402
 from mbf_relay.ros.server.actions import make_actions  # noqa: E402
 
 POSES = np.zeros((2, 3))

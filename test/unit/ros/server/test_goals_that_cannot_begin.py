@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "navigation"))
 import scripted  # noqa: E402
 from scripted_bench import Bench  # noqa: E402
 
-from mbf_relay.ros.common.goal_tracker import GoalTracker  # noqa: E402
+from mbf_relay.ros.common.actions.goal_tracker import GoalTracker  # noqa: E402
 from mbf_relay.ros.server.actions import AT_ONCE, make_actions  # noqa: E402
 
 

@@ -12,7 +12,7 @@ from geometry_msgs.msg import PoseStamped  # noqa: E402
 
 from mbf_relay.msg import FollowWaypointsGoal  # noqa: E402
 from mbf_relay.navigation.waypoints import WaypointFollowerParameters  # noqa: E402
-from mbf_relay.ros.common.client_goals import ActionEnding  # noqa: E402
+from mbf_relay.ros.common.actions.client_goals import ActionEnding  # noqa: E402
 from mbf_relay.ros.waypoint_follower import node as waypoint_follower  # noqa: E402
 
 

@@ -12,8 +12,8 @@ from typing import Any, Callable, List, Optional
 import rospy
 from actionlib_msgs.msg import GoalID
 
-from mbf_relay.ros.common.client_goals import ActionEnding, ClientGoals, SentGoal
-from mbf_relay.ros.common.server_watch import ServerWatch
+from mbf_relay.ros.common.actions.client_goals import ActionEnding, ClientGoals, SentGoal
+from mbf_relay.ros.common.actions.server_watch import ServerWatch
 
 STRANGERS_PERIOD = 10.0
 """Seconds between two warnings of a node that speaks as the server."""

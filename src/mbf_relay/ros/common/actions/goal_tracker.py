@@ -15,7 +15,7 @@ from typing import Any, Callable, Dict, FrozenSet, List, Mapping, Optional, Prot
 from actionlib_msgs.msg import GoalID, GoalStatus
 from genpy import Time
 
-from mbf_relay.ros.common.goal_lease import DURATION, is_leased
+from mbf_relay.ros.common.actions.goal_lease import DURATION, is_leased
 
 PENDING, ACTIVE, PREEMPTED, SUCCEEDED, ABORTED, REJECTED, PREEMPTING, RECALLING, RECALLED = range(9)
 """actionlib_msgs/GoalStatus' numbers."""

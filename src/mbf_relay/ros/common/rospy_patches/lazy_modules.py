@@ -9,7 +9,7 @@ import threading
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Optional, Sequence
 
-from mbf_relay.ros.common.message_modules import MessageFinder
+from mbf_relay.ros.common.rospy_patches.message_modules import MessageFinder
 
 if TYPE_CHECKING:
     from importlib.abc import Loader

@@ -5,7 +5,10 @@ import sys
 
 import pytest
 
-PREPARE = "import sys; from mbf_relay.ros.common.lazy_modules import *; spare_what_nobody_uses(); import numpy as np; "
+PREPARE = (
+    "import sys; from mbf_relay.ros.common.rospy_patches.lazy_modules import *; spare_what_nobody_uses(); "
+    "import numpy as np; "
+)
 IS_SPARED = "print(type(sys.modules['numpy.ma']).__name__); "
 
 

@@ -17,8 +17,8 @@ from hypothesis import strategies as st  # noqa: E402
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule  # noqa: E402
 from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult, MoveBaseResult  # noqa: E402
 
-from mbf_relay.ros.common import goal_lease  # noqa: E402
-from mbf_relay.ros.common.goal_tracker import (  # noqa: E402
+from mbf_relay.ros.common.actions import goal_lease  # noqa: E402
+from mbf_relay.ros.common.actions.goal_tracker import (  # noqa: E402
     ACTIVE,
     LIST_AT_MOST,
     LIST_FOR,

@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip("actionlib_msgs", reason="needs ROS")
 
-from mbf_relay.ros.common import action_server  # noqa: E402
+from mbf_relay.ros.common.actions import action_server  # noqa: E402
 
 
 def heard_by(late_comers):

@@ -18,8 +18,8 @@ from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
 from mbf_relay.memory import give_back_free
 from mbf_relay.outcomes import as_told
+from mbf_relay.ros.common.actions.goal_tracker import GoalTracker, TrackedGoal
 from mbf_relay.ros.common.connected_nodes import connected_nodes
-from mbf_relay.ros.common.goal_tracker import GoalTracker, TrackedGoal
 
 STATUS_PERIOD = 0.2
 """Wall time (s) between status messages where nothing happens: actionlib's 5 Hz."""

@@ -25,7 +25,7 @@ from rospy.impl.registration import get_topic_manager
 from rospy.impl.tcpros_base import TCPROSServer, TCPServer
 from rospy.impl.tcpros_service import ServiceImpl
 
-from mbf_relay.ros.common.named_locks import NamedLocks
+from mbf_relay.ros.common.rospy_patches.named_locks import NamedLocks
 
 PATIENCE = 5.0
 """Wall seconds for the first words, which nodes send as soon as they are connected."""

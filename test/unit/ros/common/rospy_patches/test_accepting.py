@@ -24,7 +24,7 @@ from rospy.impl.tcpros_base import TCPROSServer, TCPROSTransport, TCPServer  # n
 from rospy.impl.tcpros_service import ServiceImpl, TCPService  # noqa: E402
 from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse  # noqa: E402
 
-from mbf_relay.ros.common import accepting  # noqa: E402
+from mbf_relay.ros.common.rospy_patches import accepting  # noqa: E402
 
 
 def words(**fields):

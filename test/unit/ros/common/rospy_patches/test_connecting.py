@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("rospy", reason="needs ROS")
 
-from mbf_relay.ros.common import connecting  # noqa: E402
+from mbf_relay.ros.common.rospy_patches import connecting  # noqa: E402
 
 
 def test_a_goal_sent_on_the_first_connection_is_not_lost_to_a_second(monkeypatch):

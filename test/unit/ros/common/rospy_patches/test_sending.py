@@ -16,7 +16,7 @@ from ros_testing import wait_until  # noqa: E402
 from rospy.exceptions import TransportTerminated  # noqa: E402
 from rospy.impl.tcpros_base import TCPROSTransport, TCPROSTransportProtocol  # noqa: E402
 
-from mbf_relay.ros.common import sending  # noqa: E402
+from mbf_relay.ros.common.rospy_patches import sending  # noqa: E402
 
 SIZES = (sending.SMALL, 7, sending.SMALL + 1, 30, 200_000, 12)
 

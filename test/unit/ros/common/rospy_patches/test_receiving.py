@@ -16,7 +16,7 @@ from rospy.exceptions import TransportException, TransportTerminated  # noqa: E4
 from rospy.impl.tcpros_base import TCPROSTransport  # noqa: E402
 from rospy.impl.tcpros_pubsub import TCPROSSub  # noqa: E402
 
-from mbf_relay.ros.common import receiving  # noqa: E402
+from mbf_relay.ros.common.rospy_patches import receiving  # noqa: E402
 
 
 class Connection:

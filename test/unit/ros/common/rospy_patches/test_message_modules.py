@@ -7,7 +7,9 @@ import pytest
 
 pytest.importorskip("sensor_msgs")
 
-PREPARE = "import importlib, sys; from mbf_relay.ros.common.lazy_modules import *; spare_what_nobody_uses(); "
+PREPARE = (
+    "import importlib, sys; from mbf_relay.ros.common.rospy_patches.lazy_modules import *; spare_what_nobody_uses(); "
+)
 PACKAGES = ("actionlib_msgs", "geometry_msgs", "nav_msgs", "sensor_msgs", "std_msgs", "std_srvs", "visualization_msgs")
 
 

@@ -11,7 +11,7 @@ from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray  # noqa: E402
 from genpy import Time  # noqa: E402
 from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult, MoveBaseGoal  # noqa: E402
 
-from mbf_relay.ros.common.client_goals import ClientGoals  # noqa: E402
+from mbf_relay.ros.common.actions.client_goals import ClientGoals  # noqa: E402
 
 
 class Links:

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import pytest
 import rospy
 
-from mbf_relay.ros.common import server_watch
-from mbf_relay.ros.common.server_watch import GONE, MUTE, THERE, ServerWatch, ask_node, check_alone
+from mbf_relay.ros.common.actions import server_watch
+from mbf_relay.ros.common.actions.server_watch import GONE, MUTE, THERE, ServerWatch, ask_node, check_alone
 
 NODE = "/move_base_flex"
 

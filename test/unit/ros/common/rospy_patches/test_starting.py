@@ -8,7 +8,7 @@ rospkg = pytest.importorskip("rospkg", reason="needs ROS")
 
 from rospy.impl.statistics import SubscriberStatisticsLogger  # noqa: E402
 
-from mbf_relay.ros.common import starting  # noqa: E402
+from mbf_relay.ros.common.rospy_patches import starting  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,7 @@ from typing import Any
 
 from rospy.impl.masterslave import ROSHandler
 
-from mbf_relay.ros.common.named_locks import NamedLocks
+from mbf_relay.ros.common.rospy_patches.named_locks import NamedLocks
 
 _connect_as_rospy = ROSHandler._connect_topic
 _locks = NamedLocks()

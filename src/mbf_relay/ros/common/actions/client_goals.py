@@ -16,7 +16,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Protocol, Tu
 
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
-from mbf_relay.ros.common import goal_lease
+from mbf_relay.ros.common.actions import goal_lease
 
 TERMINAL = frozenset(
     (GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED, GoalStatus.REJECTED, GoalStatus.RECALLED)
