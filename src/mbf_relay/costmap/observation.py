@@ -45,18 +45,15 @@ class Observation:
         return self if self.stamp != 0.0 or now is None else replace(self, stamp=now)
 
 
-def observation_from_scan(
-    scan: LaserScan, sensor_pose: Pose2D, inf_is_valid: bool = True, height: Optional[float] = None
-) -> Observation:
+def observation_from_scan(scan: LaserScan, sensor_pose: Pose2D, height: Optional[float] = None) -> Observation:
     """Return what a level lidar saw.
 
     Args:
         scan: The scan.
         sensor_pose: The sensor in the costmap's frame when the scan was taken.
-        inf_is_valid: Beams without a return show free space up to range_max; otherwise they say nothing.
         height: The sensor's height (m) in the costmap's frame; without it, heights are not looked at.
     """
-    return observation_from_level_points(*scan_points(scan, inf_is_valid), sensor_pose, scan.stamp, height)
+    return observation_from_level_points(*scan_points(scan), sensor_pose, scan.stamp, height)
 
 
 def observation_from_level_points(

@@ -87,7 +87,7 @@ def load_log(path: str) -> RecordedLog:
     """
     try:
         with files.open_regular(path, LARGEST_LOG) as stream:
-            _require_size(path, stream)
+            _require_size(stream)
             with np.load(stream, allow_pickle=False) as file:
                 arrays = {name: np.asarray(file[name], dtype=float) for name in file.files if name in _KNOWN}
     except (ValueError, zipfile.BadZipFile, zlib.error, AttributeError, EOFError, SyntaxError, NotImplementedError,
@@ -141,7 +141,7 @@ def _check_numbers(path: str, arrays: Dict[str, np.ndarray]) -> None:
             raise LogError(f"array '{name}' of log {path} goes to {values.max():.3g} m; at most is {FARTHEST:.0g}")
 
 
-def _require_size(path: str, stream: BinaryIO) -> None:
+def _require_size(stream: BinaryIO) -> None:
     """Raise ValueError where a log unpacks to more than anybody drives in a day."""
     with zipfile.ZipFile(stream) as archive:
         size = sum(entry.file_size for entry in archive.infolist())

@@ -33,17 +33,16 @@ HEIGHT = 0.1
 Shown = Tuple[EpisodeTask, EpisodeResult]
 
 
-def contact_sheet(drawn: Sequence[np.ndarray], path: Path, columns: int = 0) -> None:
-    """Write one picture of all tiles.
+def contact_sheet(drawn: Sequence[np.ndarray], path: Path) -> None:
+    """Write one picture of all tiles, a landscape sheet.
 
     Args:
         drawn: Tiles, see `tile`.
         path: File to write (PNG).
-        columns: Tiles side by side; chosen for a landscape sheet where 0.
     """
     if not drawn:
         return
-    columns = columns or max(1, math.ceil(math.sqrt(1.6 * len(drawn))))
+    columns = max(1, math.ceil(math.sqrt(1.6 * len(drawn))))
     rows = math.ceil(len(drawn) / columns)
     width, height = TILE + GAP, TILE + CAPTION + GAP
     sheet = np.full((rows * height + GAP, columns * width + GAP, 3), 255, dtype=np.uint8)

@@ -59,22 +59,19 @@ class ControllerExecution:
         robot: Where it is and how to move it.
         costmap: What the robot sees around it; asked for `stale_reason(now)` and `snapshot()`.
         parameters: Called for the values in force.
-        watch_oscillation: False where the owner judges oscillation over several drives.
         zone_limit: Gives how fast the robot may go where it stands.
+
+    Attributes:
+        watch_oscillation: False where the owner judges oscillation over several drives.
     """
 
     def __init__(
-        self,
-        instance: PluginInstance[Controller],
-        robot: Robot,
-        costmap: Any,
-        parameters: Callable[[], NavigatorParameters],
-        watch_oscillation: bool = True,
-        zone_limit: Callable[[], ZoneLimit] = ZoneLimit,
+        self, instance: PluginInstance[Controller], robot: Robot, costmap: Any,
+        parameters: Callable[[], NavigatorParameters], zone_limit: Callable[[], ZoneLimit] = ZoneLimit,
     ) -> None:
         self.instance = instance
         self.task: Task[FollowResult] = Task()
-        self.watch_oscillation = watch_oscillation
+        self.watch_oscillation = True
         self._robot, self._costmap, self._parameters = robot, costmap, parameters
         self._zone_limit = zone_limit
         self._told_limit: Optional[ZoneLimit] = None

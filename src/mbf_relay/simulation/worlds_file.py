@@ -175,8 +175,8 @@ def _numbers(what: str, values: Any, count: int) -> Tuple[float, ...]:
     return tuple(float(value) for value in values)
 
 
-def _positive(entry: Mapping[str, Any], name: str, default: Optional[float] = None) -> Optional[float]:
-    value = entry.get(name, default)
+def _positive(entry: Mapping[str, Any], name: str) -> Optional[float]:
+    value = entry.get(name)
     if value is not None and not (_is_number(value) and value > 0.0):
         raise ValueError(f"{name} is {value!r}; it must be a number above 0")
     return None if value is None else float(value)

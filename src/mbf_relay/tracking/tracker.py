@@ -146,7 +146,7 @@ class Tracker:
             self._things, clusters.discs, noises, GATE, elapsed or 0.0, CONVINCED, taken)
         tracker_kernels.correct(
             self._things, clusters.discs, noises, taken, stamp, elapsed or 0.0, SURPRISE, CONVINCED)
-        self._judge(clusters, taken, rays, stamp)
+        self._judge(clusters, taken, rays)
         self._begin(clusters.discs, noises, taken, stamp)
         self._forget(rays, stamp)
         order = np.argsort(rays.bearings, kind="stable")
@@ -185,14 +185,13 @@ class Tracker:
         whole, hidden = self.parameters.track_noise, self.parameters.track_noise * HIDDEN_NOISE
         return np.where(clusters.discs[:, 3] > 0.0, whole * whole, hidden * hidden)
 
-    def _judge(self, clusters: Clusters, taken: np.ndarray, rays: Rays, stamp: float) -> None:
+    def _judge(self, clusters: Clusters, taken: np.ndarray, rays: Rays) -> None:
         """Take what speaks for and against the moving of what was seen.
 
         Args:
             clusters: Of the scan.
             taken: Shape (K,): which thing each is, -1 for none.
             rays: The scan.
-            stamp: Time (s).
         """
         self.moving = np.zeros(len(rays.hits), dtype=bool)
         memory = self.parameters.track_memory

@@ -14,8 +14,6 @@ from mbf_relay.planning.search import cost_to_go_kernels, descent_kernels, fast_
 
 Cell = Tuple[int, int]
 """Column and row."""
-Aim = Tuple[int, int, np.float32, np.float32]
-"""Column and row of the start, the heuristic's slope, and the inverse width of a bucket."""
 
 LARGEST_SIDE = 32767
 """Cells: rows and columns share one 32-bit number in the queue."""

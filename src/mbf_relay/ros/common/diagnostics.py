@@ -22,8 +22,7 @@ Report = Tuple[int, str, Mapping[str, object]]
 class Diagnostics:
     """Publishes the reports of a node's parts on the wall clock, so that it goes on when /clock stands still."""
 
-    def __init__(self, hardware_id: str = "mbf_relay", period: float = 1.0) -> None:
-        self._hardware_id = hardware_id
+    def __init__(self, period: float = 1.0) -> None:
         self._reporters: Dict[str, Callable[[], Report]] = {}
         self._cpu = CpuShare()
         self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
@@ -51,7 +50,7 @@ class Diagnostics:
                 level, message, values = ERROR, f"cannot be told: {type(error).__name__}: {error}", {}
             pairs = [KeyValue(key, str(value)) for key, value in {**values, "cpu [%]": f"{share:.1f}"}.items()]
             statuses.append(
-                DiagnosticStatus(level, f"{rospy.get_name().lstrip('/')}: {name}", message, self._hardware_id, pairs)
+                DiagnosticStatus(level, f"{rospy.get_name().lstrip('/')}: {name}", message, "mbf_relay", pairs)
             )
         if statuses and not rospy.is_shutdown():
             array = DiagnosticArray(status=statuses)

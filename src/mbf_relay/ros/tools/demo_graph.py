@@ -199,9 +199,9 @@ def descendants(pid: int) -> List[int]:
         return []
 
 
-def last_errors(log: str, count: int = 8) -> str:
-    """Return the last lines of a log that say what went wrong, else its last lines."""
+def last_errors(log: str) -> str:
+    """Return the last eight lines of a log that say what went wrong, else its last lines."""
     with open(log, encoding="utf-8", errors="replace") as stream:
         lines = [line.rstrip() for line in stream if line.strip()]
     errors = [line for line in lines if any(word in line for word in ("FATAL", "ERROR", "Error", "REQUIRED"))]
-    return "\n".join((errors or lines)[-count:])
+    return "\n".join((errors or lines)[-8:])

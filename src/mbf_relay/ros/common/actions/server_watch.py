@@ -144,13 +144,12 @@ class ServerWatch:
 THERE, MUTE, GONE = "there", "mute", "gone"
 
 
-def ask_node(node: str, address: str = "", timeout: float = ASK_TIMEOUT) -> str:
-    """Ask a node for a sign of life.
+def ask_node(node: str, address: str = "") -> str:
+    """Ask a node for a sign of life, and the master before it where need be; each has ASK_TIMEOUT for its answer.
 
     Args:
         node: Its name.
         address: Its URI; the master is asked for it where it is empty.
-        timeout: Wall time (s) that each of them has for its answer.
 
     Returns:
         THERE, MUTE (no answer in time) or GONE (refused, or unknown to the master).
@@ -158,14 +157,14 @@ def ask_node(node: str, address: str = "", timeout: float = ASK_TIMEOUT) -> str:
     here = rospy.get_name()
     try:
         if not address:
-            answer: Any = impatient_proxy(rosgraph.get_master_uri(), timeout).lookupNode(here, node)
+            answer: Any = impatient_proxy(rosgraph.get_master_uri(), ASK_TIMEOUT).lookupNode(here, node)
             code, _, address = answer
             if code != 1:
                 return GONE
     except NO_ANSWER:
         return MUTE  # no master to ask: that says nothing about the node
     try:
-        impatient_proxy(address, timeout).getPid(here)
+        impatient_proxy(address, ASK_TIMEOUT).getPid(here)
     except ConnectionRefusedError:
         return GONE
     except NO_ANSWER:
