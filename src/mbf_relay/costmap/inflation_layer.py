@@ -98,21 +98,11 @@ def inflate_far(costs: np.ndarray, window: Window, table: np.ndarray, radius: in
     costs[window.slices] = np.where(unknown, np.where(taken, raised, old), np.maximum(old, raised))
 
 
-def cost_of_distance(distance: float, resolution: float, inscribed_radius: float, cost_scaling_factor: float) -> int:
-    """Return the cost at a distance (cells) from an obstacle: costmap_2d's InflationLayer::computeCost."""
-    if distance == 0.0:
-        return LETHAL
-    metres = distance * resolution
-    if metres <= inscribed_radius:
-        return INSCRIBED
-    return int((INSCRIBED - 1) * math.exp(-cost_scaling_factor * (metres - inscribed_radius)))
-
-
 def cost_table(
     inflation_radius: float, cost_scaling_factor: float, inscribed_radius: float, resolution: float,
     farthest: int = FARTHEST_CELLS,
 ) -> Tuple[np.ndarray, int]:
-    """Return the costs by squared distance in cells, and the radius (cells) beyond which all are 0.
+    """Return costmap_2d's costs by squared distance in cells, and the radius (cells) beyond which all are 0.
 
     The radius is costmap_2d's, or the smaller one at which the costs have fallen to 0.
 
