@@ -83,6 +83,21 @@ def test_a_bag_gives_the_drive_it_holds(tmp_path):
     assert len(drive.commands) == 51
 
 
+def test_a_drive_of_a_robot_whose_base_is_base_link_is_shown():
+    """The report said that the bag shows no drive."""
+    events = DriveEvents()
+    events.handle("tf_static", TFMessage([transform("base_link", "laser", IDENTITY, 1.0)]), 1.0)
+    for now in (1.0, 2.0, 3.0):
+        base = transform("odom", "base_link", Pose2D(now, 0.0, 0.0), now)
+        wheel = transform("base_link", "wheel", Pose2D(0.1, 0.0, now), now)
+        events.handle("tf", TFMessage([transform("map", "odom", IDENTITY, now), base, wheel]), now)
+        events.handle("scan", LaserScan(header=conversions.header("laser", now), angle_increment=1.0, range_min=0.1,
+                                        range_max=3.5, ranges=[1.0]), now)
+    drive = events.drive()
+    assert drive.path[:, 1] == pytest.approx([1.0, 2.0, 3.0])
+    assert drive.seen[:, 0] == pytest.approx([2.0, 3.0, 4.0])
+
+
 def test_without_ground_truth_the_estimate_is_the_path(tmp_path):
     path = str(tmp_path / "drive.bag")
     write_bag(path, with_truth=False)

@@ -26,13 +26,15 @@ GOAL_ACTIONS = ("move_base", "move_base_flex/move_base", "move_base_flex/exe_pat
 """Actions that drive. A relayed goal shows in two of them, so the one that saw most tells the goals:
 a client's first goal can be gone before a recorder has connected to it."""
 SCAN_PERIOD = 0.5
+MAP, ODOM = "map", "odom"
+"""Frames by the names that REP 105 gives them."""
 
 
 class DriveEvents:
     """Turns messages into the events of a drive; `handle` takes them in their order, from one thread at a time."""
 
-    def __init__(self, map_frame: str = "map", odom_frame: str = "odom", base_frame: str = "base_footprint") -> None:
-        self.frames = (map_frame, odom_frame, base_frame)
+    def __init__(self) -> None:
+        self._base = ""  # the robot's frame: what odometry tells of first, base_footprint or base_link
         self._log = DriveLog()
         self._goal_logs = {action: DriveLog() for action in GOAL_ACTIONS}
         self._buffer = tf2_ros.BufferCore(rospy.Duration(30.0))
@@ -83,7 +85,6 @@ class DriveEvents:
         self._log.map = conversions.map_from_message(message)
 
     def _tf(self, message: Any, now: float, static: bool = False) -> None:
-        map_frame, odom_frame, base_frame = self.frames
         for stamped in sound_transforms(message.transforms):
             parent, child = stamped.header.frame_id, stamped.child_frame_id
             stamp = stamped.header.stamp.to_sec()
@@ -91,10 +92,11 @@ class DriveEvents:
             # Messages out of a bag are of classes made for it, which tf2 warns of; the planar part is all that is used.
             planar = TransformStamped(conversions.header(parent, stamp), child, conversions.transform_to_message(pose))
             (self._buffer.set_transform_static if static else self._buffer.set_transform)(planar, "drive")
-            if (parent, child) == (map_frame, odom_frame):
+            if (parent, child) == (MAP, ODOM):
                 # Localization dates its correction ahead; it counts from now on.
                 self._log.add_correction(min(stamp, now), pose)
-            elif (parent, child) == (odom_frame, base_frame):
+            elif parent == ODOM and not static and child == (self._base or child):
+                self._base = child
                 self._log.add_odometry(stamp, pose)
 
     def _tf_static(self, message: Any, now: float) -> None:
@@ -106,7 +108,7 @@ class DriveEvents:
     def _scan(self, message: Any, now: float) -> None:
         if now - self._last_scan < SCAN_PERIOD:
             return
-        map_from_laser = self._lookup(self.frames[0], message.header.frame_id)
+        map_from_laser = self._lookup(MAP, message.header.frame_id)
         if map_from_laser is not None:
             self._last_scan = now
             scan = conversions.scan_from_message(message)
@@ -129,15 +131,15 @@ class DriveEvents:
 
     def _plan(self, message: Any, now: float) -> None:
         path = conversions.path_from_message(message)
-        if len(path) and path.frame.lstrip("/") == self.frames[0]:
+        if len(path) and path.frame.lstrip("/") == MAP:
             self._log.add_plan(now, path.poses)
 
     def _goal(self, action: str, message: Any, now: float) -> None:
         stamped = message.goal.path.poses[-1:] if hasattr(message.goal, "path") else [message.goal.target_pose]
         for pose_stamped in stamped:
             pose = conversions.pose_from_message(pose_stamped.pose)
-            frame = pose_stamped.header.frame_id.lstrip("/") or self.frames[0]
-            map_from_frame = Pose2D(0.0, 0.0, 0.0) if frame == self.frames[0] else self._lookup(self.frames[0], frame)
+            frame = pose_stamped.header.frame_id.lstrip("/") or MAP
+            map_from_frame = Pose2D(0.0, 0.0, 0.0) if frame == MAP else self._lookup(MAP, frame)
             if map_from_frame is not None:
                 self._goal_logs[action].start_goal(now, message.goal_id.id, map_from_frame.compose(pose))
 

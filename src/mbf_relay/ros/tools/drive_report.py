@@ -34,8 +34,8 @@ def main(arguments: Optional[Sequence[str]] = None) -> None:
         sys.exit(str(error))
     if not len(drive.path):
         sys.exit(
-            f"{options.bag} shows no drive: it needs /tf with map -> odom and odom -> base_footprint, or ground_truth; "
-            f"found {', '.join(topics) or 'nothing known'}"
+            f"{options.bag} shows no drive: it needs /tf with map -> odom and odom -> the robot's base, or "
+            f"ground_truth; found {', '.join(topics) or 'nothing known'}"
         )
     drive.versions = {"python": platform.python_version(), "bag": os.path.basename(options.bag)}
     folder = options.out or os.path.dirname(os.path.abspath(options.bag))
