@@ -29,6 +29,7 @@ from mbf_relay.ros.amcl.belief import BeliefPublisher, describe_places
 from mbf_relay.ros.amcl.cloud_input import CloudInput
 from mbf_relay.ros.amcl.health import ScanWatch, deviation_report, missing_transform
 from mbf_relay.ros.amcl.initial_pose import check_frame, initial_pose_from_message, motion_since
+from mbf_relay.ros.amcl.map_client import request_map, warn_of_frame
 from mbf_relay.ros.amcl.map_to_odom import MapToOdom
 from mbf_relay.ros.amcl.particle_cloud import ParticleCloud
 from mbf_relay.ros.amcl.saved_pose import SavedPose, SavedStart
@@ -38,7 +39,6 @@ from mbf_relay.ros.amcl.usage import check_arguments
 from mbf_relay.ros.common import diagnostics, parameters
 from mbf_relay.ros.common.conversions import header, map_from_message, pose_to_message
 from mbf_relay.ros.common.lidar_geometry import scan_in_base
-from mbf_relay.ros.common.map_client import request_map, warn_of_frame
 from mbf_relay.ros.common.node import spare_what_stays
 from mbf_relay.ros.common.transforms import TransformPublisher, Transforms
 from mbf_relay.scan import LaserScan

@@ -11,7 +11,7 @@ pytest.importorskip("mbf_msgs", reason="needs the built package")
 from mbf_relay.costmap.factory import build_costmap  # noqa: E402
 from mbf_relay.geometry import IDENTITY  # noqa: E402
 from mbf_relay.maps import OccupancyMap  # noqa: E402
-from mbf_relay.ros.common import map_client  # noqa: E402
+from mbf_relay.ros.amcl import map_client  # noqa: E402
 from mbf_relay.ros.common.conversions import map_to_message  # noqa: E402
 from mbf_relay.ros.costmap.inputs import MapInput  # noqa: E402
 
