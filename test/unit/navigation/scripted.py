@@ -164,11 +164,12 @@ class ScriptedRecovery(Recovery):
     """What the script says; `LeavingRecovery` is the same, and drives the robot elsewhere."""
 
     def run(self, context):
-        SCRIPT.calls[self.name] = SCRIPT.calls.get(self.name, 0) + 1
+        script = SCRIPT  # one that was left unfinished is closed while a later test goes by a script of its own
+        script.calls[self.name] = script.calls.get(self.name, 0) + 1
         try:
-            yield from SCRIPT.run("recovery", context)
+            yield from script.run("recovery", context)
         finally:
-            SCRIPT.cleaned_up += 1
+            script.cleaned_up += 1
 
 
 class LeavingRecovery(ScriptedRecovery):
