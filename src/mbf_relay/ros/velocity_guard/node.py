@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections import deque
@@ -28,10 +27,8 @@ from mbf_relay.ros.common.odometry import OdometryInput
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.senders import AT_ONCE
 
-LOOK_PERIOD = 0.05
-"""Wall seconds between two looks at the clock while the robot is driven; simulated clocks may run fast."""
-JUDGE_PERIOD = 0.1
-"""Seconds of ROS time after which a velocity is judged again, though neither another one nor a scan has come."""
+LOOK_PERIOD = 0.1
+"""Wall seconds after which a velocity is judged again, though neither another one nor a scan has come."""
 MOST_SCANS = 10
 """Scans that may wait to be looked at, of all lidars on the topic: of each the newest counts."""
 MOTION_AGE = 0.5
@@ -65,7 +62,6 @@ class VelocityGuardNode:
         self._sending = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
         self._closed = False
         self._verdict = Verdict(STOP, STANDING, "standing: no velocity is asked for")
-        self._judged_at = -math.inf
         self._counts: Dict[str, int] = {}
         self._state = rospy.Publisher("~state", String, queue_size=1, latch=True)
         self._state.publish(self._verdict.text)
@@ -117,9 +113,6 @@ class VelocityGuardNode:
             self._guard.take_command(now, self._steering.turning(asked) if self._steering else asked, self._motion(now))
         elif self._commands.get_num_connections() == 0:
             self._guard.forget_command()
-        elif not (scans or self._guard.time_stands) and 0.0 <= now - self._judged_at < JUDGE_PERIOD:
-            return
-        self._judged_at = now
         before, self._verdict = self._verdict, self._guard.verdict(now)
         if command is not None:
             self._counts[self._verdict.cause] = self._counts.get(self._verdict.cause, 0) + 1
