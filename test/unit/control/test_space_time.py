@@ -9,7 +9,7 @@ from paper import burger
 
 from mbf_relay.control.foresight import MEMORY, MOST_SPREADING, NEAR, SPREADING, Foresight
 from mbf_relay.control.local_path import PathTracker
-from mbf_relay.control.space_time import SpaceTimeCosts
+from mbf_relay.control.space_time import BLOCKED, FIRST, LAYER, LAYERS, PRICE, REACH, STROKE, SpaceTimeCosts
 from mbf_relay.control.space_time_kernels import look_back
 from mbf_relay.control.state import ControlState
 from mbf_relay.costmap.footprint_checker import FootprintChecker
@@ -19,14 +19,19 @@ from mbf_relay.tracking.track import Track
 START = Pose2D(0.0, 0.0, 0.0)
 
 
-def cost_to_go(*tracks, occupied=None, speed=0.22):
-    plain = costmap_round(START, now=0.0) if occupied is None else costmap_round(START, occupied, now=0.0)
+def situation(*tracks, occupied=None, pose=START):
+    """Return what moves, what stands and the path, for the burger at a pose; the path is the x axis, up to 3 m."""
+    plain = costmap_round(pose, now=0.0) if occupied is None else costmap_round(pose, occupied, now=0.0)
     costmap = dataclasses.replace(plain, tracks=tracks)
     tracker = PathTracker()
     tracker.set_path(path_through((0.0, 0.0), (3.0, 0.0)))
-    path = tracker.cut(ControlState(0.0, START, STOP, costmap), 0.5, 1.5, 1.0)
-    foresight = Foresight(costmap, START, 0.0, burger(foresight=True))
-    return SpaceTimeCosts(foresight, FootprintChecker(costmap), START, path, speed)
+    path = tracker.cut(ControlState(0.0, pose, STOP, costmap), 0.5, 1.5, 1.0)
+    return Foresight(costmap, pose, 0.0, burger(foresight=True)), FootprintChecker(costmap), path
+
+
+def cost_to_go(*tracks, occupied=None, speed=0.22):
+    foresight, checker, path = situation(*tracks, occupied=occupied)
+    return SpaceTimeCosts(foresight, checker, START, path, speed)
 
 
 def mover(x, y, vx, vy, radius=0.1):
@@ -85,6 +90,69 @@ def test_looking_back_finds_the_cheapest_of_all_ways():
             + plain(row + y, column + x, layer + 1) for x, y in moves)
 
     assert costs[6, 6] == pytest.approx(plain(6, 6, 0))
+
+
+class PlainCosts:
+    """The cost to go, cell by cell, as SpaceTimeCosts says it is; of a path along the x axis."""
+
+    def __init__(self, foresight, checker, pose, path, speed):
+        self._checker, self._speed, self._ends = checker, speed, path.points[[0, -1], 0]
+        self._goal = self._ends[0] + path.goal_arc - path.arcs[0]
+        front, back = foresight.outline[:, 0].max(), foresight.outline[:, 0].min()
+        width = foresight.outline[:, 1].max() - foresight.outline[:, 1].min()
+        self._middle = np.array(pose.compose(Pose2D((front + back) / 2.0, 0.0, 0.0))[:2])
+        self._layer = min(LAYER, width / speed)
+        self._cell = speed * self._layer / REACH
+        discs = width / 2.0, np.hypot((front - back) / 2.0, width / 2.0)
+        self._dangers = np.empty((LAYERS, 41, 41))
+        foresight.lay(*self._middle, self._cell, self._layer, np.mean(discs), self._dangers)
+        self._found = {}
+
+    def place(self, x, y):
+        """Return where (m) the middle of a robot is in a cell so many from the middle one."""
+        return self._middle + self._cell * np.array([x, y])
+
+    def _stands_in_an_obstacle(self, x, y):
+        costmap, place = self._checker.costmap, self.place(x, y)
+        grid, (column, row) = costmap.grid, np.floor(
+            (place - (costmap.grid.origin_x, costmap.grid.origin_y)) / costmap.grid.resolution)
+        is_known = 0 <= column < grid.width and 0 <= row < grid.height
+        return is_known and self._checker.clearances_at(place[None])[0] < costmap.half_width
+
+    def of(self, x, y, layer=FIRST - 1):
+        """Return what it costs to go on from a cell at a layer."""
+        if layer == LAYERS - 1:
+            along, aside = self.place(x, y)
+            nearest = np.clip(along, *self._ends)
+            return (max(0.0, self._goal - nearest) + np.hypot(along - nearest, aside)) / self._speed
+        if (x, y, layer) not in self._found:
+            self._found[x, y, layer] = min(
+                STROKE * self._layer / REACH * np.hypot(dx, dy) + self._stay(x + dx, y + dy, layer + 1)
+                for dx in range(-REACH, REACH + 1) for dy in range(-REACH, REACH + 1) if np.hypot(dx, dy) <= REACH)
+        return self._found[x, y, layer]
+
+    def _stay(self, x, y, layer):
+        blocked = BLOCKED * self._stands_in_an_obstacle(x, y)
+        danger = PRICE * self._dangers[layer, 20 + y, 20 + x]
+        return self._layer * (blocked + danger) + self.of(x, y, layer)
+
+
+@pytest.mark.parametrize("speed", [0.22, 0.8])
+def test_a_robot_that_looks_anywhere_knows_what_the_places_round_it_are_worth(speed):
+    pose = Pose2D(0.3, -0.1, 2.0)
+    foresight, checker, path = situation(
+        mover(0.5, 0.6, 0.05, -0.2), mover(-0.6, -0.3, 0.15, 0.05), occupied=boxes((0.45, -0.3, 0.6, 0.1)), pose=pose)
+    costs = SpaceTimeCosts(foresight, checker, pose, path, speed)
+    plain = PlainCosts(foresight, checker, pose, path, speed)
+    assert not costs.is_clear and costs.moment == pytest.approx(FIRST * min(LAYER, 0.21 / speed))
+    ahead = Pose2D(float(foresight.outline[:, 0].max() + foresight.outline[:, 0].min()) / 2.0, 0.0, 0.0)
+    for x, y, a, b, theta in np.random.default_rng(1).uniform((-4, -4, 0, 0, -3), (4, 4, 1, 1, 3), (30, 5)):
+        column, row = int(np.floor(x)), int(np.floor(y))
+        theirs = np.array([[plain.of(column + i, row + j) for i in (0, 1)] for j in (0, 1)])
+        expected = np.array([1.0 - b, b]) @ theirs @ np.array([1.0 - a, a])
+        middle = Pose2D(*plain.place(column + a, row + b), theta)
+        robot = middle.compose(Pose2D(-ahead.x, 0.0, 0.0))
+        assert costs.at(np.array([robot]))[0] == pytest.approx(expected, abs=1e-6), (column, row)
 
 
 def plain_danger(track, x, y, time, layer, radius, near):
