@@ -99,7 +99,7 @@ CONVERSIONS = {
 def test_a_node_outlives_whatever_is_sent(name):
     strategy, convert = CONVERSIONS[name]
 
-    @given(strategy)
+    @given(sent=strategy)
     @settings(max_examples=EXAMPLES, suppress_health_check=list(HealthCheck))
     @trial("messages of any kind converted")
     def converted_or_refused(sent):
