@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import signal
 import sys
+
+from mbf_relay.importing import import_or_exit
 
 
 def run(place: str) -> None:
@@ -16,7 +17,7 @@ def run(place: str) -> None:
     """
     end_in_silence()
     module, _, function = place.rpartition(".")
-    sys.exit(getattr(importlib.import_module(module), function)())
+    sys.exit(getattr(import_or_exit(module), function)())
 
 
 def end_in_silence() -> None:

@@ -105,9 +105,20 @@ def _extension() -> Any:
 
 
 def _compile(function: Callable, signature: Union[str, List[str]], options: Dict[str, Any]) -> Callable:
-    """Have numba compile a function now, cached on disk where a folder can be written."""
-    import numba
+    """Have numba compile a function now, cached on disk where a folder can be written.
 
+    Raises:
+        ImportError: There is no numba for the NumPy of this process; the text names that one.
+    """
+    try:
+        import numba
+    except ImportError as error:
+        import numpy
+
+        raise ImportError(
+            f"numba, which is to compile kernels in this process, cannot be used with NumPy {numpy.__version__} of "
+            f"{os.path.dirname(numpy.__file__)}: {error}; where that is not the system's NumPy, remove it"
+        ) from error
     cache = os.environ.get(SWITCH) != TO_BUILD  # what is loaded from a cache cannot be linked
     try:
         compiled: Callable = numba.njit(signature, nogil=True, cache=cache, **options)(function)

@@ -64,6 +64,21 @@ def test_what_is_wrong_on_a_command_line_is_said_without_a_ros_master(name, argu
     assert done.returncode == status and said in done.stderr.decode(), done.stderr.decode()
 
 
+@pytest.mark.parametrize("name", ["move_base_flex", "amcl", "localize_log.py", "compose"])
+def test_a_numpy_that_pip_put_before_the_systems_is_named_instead_of_a_page_of_tracebacks(name, programs, tmp_path):
+    """Libraries are made for another one: a user was shown the inside of numba, and not whose NumPy was in the way."""
+    for library in ("numba", "scipy", "cv2", "PIL"):
+        (tmp_path / f"{library}.py").write_text("raise ImportError('numpy.core.multiarray failed to import')\n")
+    done = subprocess.run(
+        [str(programs / name), *(["--no-respawn", "--", "move_base_flex"] if name == "compose" else [])],
+        stderr=subprocess.PIPE, timeout=120.0,
+        env=dict(os.environ, ROS_MASTER_URI="http://localhost:1", MBF_RELAY_KERNELS="in process",
+                 PYTHONPATH=f"{tmp_path}:{os.environ['PYTHONPATH']}"))
+    said = done.stderr.decode()
+    assert done.returncode == 1 and f"{name} cannot start with " in said and "Traceback" not in said, said
+    assert "numpy.core.multiarray failed to import" in said
+
+
 def test_an_argument_that_a_node_does_not_take_is_said_to_be_ignored(programs):
     """`simulator --seed 3` began with another seed and said nothing."""
     with subprocess.Popen(

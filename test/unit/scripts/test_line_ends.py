@@ -12,7 +12,7 @@ PROGRAMS = ["scripts/run", "scripts/amcl", "config/Dwa.cfg"]
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="needs git")
 def test_programs_start_where_git_was_told_to_give_files_the_line_ends_of_windows(tmp_path, monkeypatch):
-    """Of a clone made on Windows, mounted or copied to a robot, nothing started: `bash\\r: No such file or directory`."""
+    """Of a clone made on Windows and copied to a robot, nothing started: `bash\\r: No such file or directory`."""
     for name in ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE"):
         monkeypatch.delenv(name, raising=False)
     origin, clone = tmp_path / "origin", tmp_path / "clone"

@@ -15,6 +15,7 @@ import traceback
 from typing import Any, Callable, Optional, Sequence
 
 from mbf_relay import memory
+from mbf_relay.importing import import_or_exit
 from mbf_relay.ros.common import logs
 from mbf_relay.ros.common.ending import NodeEnding
 from mbf_relay.ros.common.rospy_patches.lazy_modules import spare_what_nobody_uses
@@ -56,7 +57,7 @@ def run_node(name: str, place: str, **arguments: Any) -> None:
 
     module_name, _, function = place.rpartition(".")
     importlib.import_module("mbf_relay.ros.common.reconfigure")  # quietens dynamic_reconfigure
-    module = importlib.import_module(module_name)
+    module = import_or_exit(module_name)
     line = rospy.myargv(sys.argv)[1:]
     if {"-h", "--help"} & set(line):
         about = str(sys.modules["__main__"].__doc__ or module.__doc__).strip()
@@ -103,7 +104,7 @@ def run_program(place: str) -> None:
     import rospy
 
     module_name, _, function = place.rpartition(".")
-    module = importlib.import_module(module_name)
+    module = import_or_exit(module_name)
     ending.use(rospy.signal_shutdown)
     status: Any = 0
     try:

@@ -106,6 +106,8 @@ class Family:
                     break
             else:
                 status = 0
+        except SystemExit as end:  # it says why
+            print(end, file=sys.stderr)
         except BaseException:
             traceback.print_exc()
         finally:

@@ -9,6 +9,7 @@ import pkgutil
 import sys
 from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple
 
+from mbf_relay.importing import import_or_exit
 from mbf_relay.ros.common.ending import open_standard_streams
 from mbf_relay.ros.compose.family import Family  # what else nodes need is imported in children alone
 
@@ -107,7 +108,7 @@ def preload(names: Sequence[str]) -> None:
     os.environ.setdefault(ALGEBRA_THREADS, "1")  # before NumPy is imported
     spare_what_nobody_uses()
     for name in (*WHEN_NEEDED, *(MEMBERS[name].place.rpartition(".")[0] for name in names)):
-        importlib.import_module(name)
+        import_or_exit(name)
     package = importlib.import_module("mbf_relay")
     for module in pkgutil.walk_packages(package.__path__, "mbf_relay.", onerror=lambda name: None):
         if len(names) > 1 and module.name.split(".")[1] in COMMON_ROOMS:
