@@ -1,6 +1,8 @@
 """What scripts/run gives to the programs it runs."""
 
+import os
 import subprocess
+import sysconfig
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,17 @@ def test_a_robot_does_not_wait_for_roslaunch_to_import_what_it_does_not_use():
     code = "import sys, roslaunch; print(*{'setuptools', 'pkg_resources'} & set(sys.modules))"
     done = subprocess.run([str(RUN), "python3", "-c", code], stdout=subprocess.PIPE, check=True, timeout=600.0)
     assert done.stdout.decode().split() == []
+
+
+def test_another_numpy_in_the_users_home_does_not_keep_the_robot_from_starting(tmp_path):
+    """`pip install --user` brings it along with many a library: every node ended, and so did the build."""
+    numpy = Path(sysconfig.get_path("purelib", "posix_user", {"userbase": str(tmp_path)})) / "numpy.py"
+    numpy.parent.mkdir(parents=True)
+    numpy.write_text("raise ImportError('another NumPy')\n")
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONNOUSERSITE"}
+    subprocess.run(
+        [str(RUN), "python3", "-c", "import numpy"], check=True, timeout=600.0,
+        env=dict(environment, PYTHONUSERBASE=str(tmp_path)))
 
 
 @pytest.mark.parametrize("model", ["diff", "omni"])
