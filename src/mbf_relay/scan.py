@@ -56,6 +56,18 @@ class LaserScan:
             within: np.ndarray = (self.ranges >= self.range_min) & (self.ranges < self.range_max)
         return within
 
+    def readings_at(self, angles: np.ndarray) -> np.ndarray:
+        """Return what the beams nearest to some directions read, NaN where none looks; both of shape (A,), rad and m.
+
+        So scans are held against each other beam by beam although a lidar's motor is not held to its beams: each turn
+        has a few more or fewer of them.
+        """
+        size, step = len(self.ranges), abs(self.angle_increment) or 2.0 * math.pi
+        off = (angles - self.angle_min) * math.copysign(1.0, self.angle_increment)
+        beams = (np.mod(off + 0.5 * step, 2.0 * math.pi) / step).astype(np.int64)
+        looks = (beams < size) | self.goes_round
+        return np.where(looks, self.ranges[np.minimum(beams, size - 1)], np.nan)
+
     @property
     def hit_points(self) -> np.ndarray:
         """Where those beams ended, shape (H, 2) in metres."""

@@ -73,7 +73,7 @@ class Localizer:
         self.log_weights: np.ndarray
         self._odom_pose: Optional[Pose2D] = None
         self._awaited: Dict[str, bool] = {}
-        self._stood: Dict[str, Tuple[Pose2D, np.ndarray]] = {}  # where odometry stands, and each lidar's ranges there
+        self._stood: Dict[str, Tuple[Pose2D, LaserScan]] = {}  # where odometry stands, and each lidar's scan there
         self._updates = 0.0
         self._converged = False
         self.field = DistanceField(occupancy, parameters.laser_likelihood_max_dist)
@@ -239,7 +239,7 @@ class Localizer:
             self._updates = 0.0
             self._resample(weights)
         self.map_from_odom = self.last_estimate.pose.compose(odom_pose.inverse())
-        self._stood[scan.frame] = odom_pose, scan.ranges
+        self._stood[scan.frame] = odom_pose, scan
         return self.last_estimate
 
     def _is_due(self, odom_pose: Pose2D, frame: str) -> bool:
@@ -263,13 +263,12 @@ class Localizer:
 
         What walks by moves few of them; 0 where too few came back both times to tell.
         """
-        stood_at, before = self._stood.get(scan.frame, (odom_pose, scan.ranges))
-        if self._has_moved(stood_at, odom_pose, STANDS) or before.shape != scan.ranges.shape:
-            before = scan.ranges
-        if before is scan.ranges or not self.parameters.robust:
-            self._stood[scan.frame] = odom_pose, scan.ranges
+        stood_at, stood = self._stood.get(scan.frame, (odom_pose, scan))
+        if stood is scan or self._has_moved(stood_at, odom_pose, STANDS) or not self.parameters.robust:
+            self._stood[scan.frame] = odom_pose, scan
             return 0.0
         limits = limits_of(scan, self.parameters.laser_min_range, self.parameters.laser_max_range)
+        before = stood.readings_at(scan.angles)
         seen = is_hit(before, limits)
         both = seen & is_hit(scan.ranges, limits)
         if np.count_nonzero(both) < max(FEWEST_BEAMS, 0.5 * np.count_nonzero(seen)):
