@@ -149,10 +149,10 @@ class ObstacleLayer(CellLayer):
         for rays in clearing:
             reach = math.ceil(rays.reach / self.grid.resolution)
             layer_kernels.clear_rays(self.costs, *grid, rays.x, rays.y, rays.ends, float(reach))
-        if stands:
-            footprint.free_within(self.grid, self.costs, context.footprint, context.robot_pose)
         for rays in marking:
             layer_kernels.mark_points(self.costs, *grid, rays.marks)
+        if stands:  # last: what a lidar sees of the robot's own mast is no obstacle
+            footprint.free_within(self.grid, self.costs, context.footprint, context.robot_pose)
         self.touch(changed_window(before, self.costs, touched))
         return window.union(self.take_pending())
 
