@@ -26,7 +26,7 @@ from mbf_relay.control.command_delay import LONGEST, CommandDelay, held_between,
 from mbf_relay.control.stopping import seconds_to_brake, way_to_a_stand
 from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
 from mbf_relay.costmap.observation import scan_points
-from mbf_relay.costmap.outline import clearances, radii
+from mbf_relay.costmap.outline import OWN_DEPTH, clearances, radii
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.scan import LaserScan
 from mbf_relay.senders import HOW_TO_GO_ON, Senders
@@ -42,8 +42,6 @@ HALVINGS = 7
 """Of the range in which the share of a velocity lies that may pass: it is found to less than a hundredth."""
 OFF_ROBOT = 0.5
 """Metres farther out than any corner of the footprint, where no lidar of the robot's own sits."""
-SELF = 0.03
-"""Metres inside of the footprint from which on a reading is the robot's own; nearer to its edge it may be a contact."""
 MOVED = 0.05
 """Metres or radians that no lidar overlooks: the readings of more than one beam must be others."""
 TOUCH = 1e-9
@@ -310,7 +308,7 @@ class VelocityGuard:
         if not len(near):  # as nearly always, and what follows takes longer
             return None
         before = clearances(near, self._outline)
-        near, before = near[before > -SELF], before[before > -SELF]
+        near, before = near[before > -OWN_DEPTH], before[before > -OWN_DEPTH]
         if not len(near):
             return None
         seen = np.vstack([Pose2D(*pose).inverse().transform_points(near) for pose in poses])

@@ -154,7 +154,7 @@ class Costmap:
         if not takers:
             raise ValueError(
                 f"{self.name} has no observation source '{source}'; it has: {', '.join(self.sources) or 'none'}")
-        observation = observation.dated(now)
+        observation = observation.dated(now).without_robot(self._footprint)
         with self._lock:
             self._shown = None
             for layer in sorted(takers, key=lambda taker: taker.tracks is None):

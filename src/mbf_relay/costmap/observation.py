@@ -8,6 +8,7 @@ from typing import Optional, Tuple
 
 import numpy as np
 
+from mbf_relay.costmap.outline import are_own
 from mbf_relay.geometry import Pose2D
 from mbf_relay.scan import LaserScan
 
@@ -30,6 +31,7 @@ class Observation:
         rides: Whether the sensor moves with the robot. One that stands in the world sees as well, and is not missed
             where others of its topic do.
         heading: Which way (rad) the sensor faces in the costmap's frame; None where that is not known.
+        base: The robot's base in the costmap's frame when it was measured; None where that is not known.
     """
 
     origin: Tuple[float, ...]
@@ -39,10 +41,20 @@ class Observation:
     frame: str = ""
     rides: bool = True
     heading: Optional[float] = None
+    base: Optional[Pose2D] = None
 
     def dated(self, now: Optional[float]) -> Observation:
         """Return it as measured `now` (s), where that is told and it has no stamp, as from a sensor without a clock."""
         return self if self.stamp != 0.0 or now is None else replace(self, stamp=now)
+
+    def without_robot(self, outline: np.ndarray) -> Observation:
+        """Return it without what the sensor saw of the robot itself, whose outline is (K, 2) in metres, base frame."""
+        if self.base is None:
+            return self
+        own = are_own(self.base.inverse().transform_points(self.points[:, :2]), outline)
+        if not own.any():
+            return self
+        return replace(self, points=self.points[~own], hits=None if self.hits is None else self.hits[~own])
 
 
 def observation_from_scan(scan: LaserScan, sensor_pose: Pose2D, height: Optional[float] = None) -> Observation:

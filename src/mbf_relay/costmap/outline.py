@@ -136,6 +136,22 @@ def radii(footprint: np.ndarray) -> Tuple[float, float]:
     return float(np.hypot(nearest[:, 0], nearest[:, 1]).min()), float(np.hypot(starts[:, 0], starts[:, 1]).max())
 
 
+OWN_DEPTH = 0.03
+"""Metres inside of the footprint from which on a reading is the robot's own; nearer to its edge it may be a contact."""
+
+
+def are_own(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
+    """Return which points, shape (N, 2) in metres in the base frame, are of the robot itself: bool of shape (N,).
+
+    A mast or pillars in a lidar's view are no obstacles, and do not move about the robot, but with it.
+    """
+    reach = np.hypot(outline[:, 0], outline[:, 1]).max(initial=0.0)
+    own: np.ndarray = np.hypot(points[:, 0], points[:, 1]) < reach  # False for what is no number
+    if own.any():
+        own[own] = clearances(points[own], outline) <= -OWN_DEPTH
+    return own
+
+
 def clearances(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
     """Return how far each point lies from an outline, below zero for points inside of it: (N, 2) in, (N,) metres out.
     """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import deque
+from dataclasses import replace
 from typing import Callable, Deque, Dict, NamedTuple, Optional, Tuple
 
 import numpy as np
@@ -249,7 +250,8 @@ class Graph:
                     odom_in_costmap = self.robot.transform(costmap.frame, self._odom_frame)
                 except TransformError:
                     continue
-                laser = odom_in_costmap.compose(odom_pose).compose(self.laser_in_base)
+                base = odom_in_costmap.compose(odom_pose)
+                laser = base.compose(self.laser_in_base)
                 for name, source in costmap.sources.items():
                     if source.data_type != "LaserScan":
                         continue
@@ -261,7 +263,7 @@ class Graph:
                             points[source.inf_is_valid] = scan_points(scan, source.inf_is_valid)
                         seen = observation_from_level_points(
                             *points[source.inf_is_valid], laser, scan.stamp, self._scan_height)
-                        costmap.observe(name, seen, self.now)
+                        costmap.observe(name, replace(seen, base=base), self.now)
 
     def _update(self, costmap: Costmap) -> None:
         with self._stages.stage("costmaps"):

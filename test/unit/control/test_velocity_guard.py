@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mbf_relay.control import velocity_guard as guards
 from mbf_relay.control.velocity_guard import VelocityGuard
 from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
-from mbf_relay.costmap.outline import clearances
+from mbf_relay.costmap.outline import OWN_DEPTH, clearances
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
 
 
@@ -312,7 +312,7 @@ def way_to_a_stop(velocity, limits, count=60):
 def clearances_on_the_way(velocity, limits, points):
     outline = limits.outline()
     before = clearances(points, outline)
-    kept = before > -guards.SELF
+    kept = before > -OWN_DEPTH
     return before[kept], np.array([
         clearances(pose.inverse().transform_points(points[kept]), outline) for pose in way_to_a_stop(velocity, limits)
     ])

@@ -243,19 +243,6 @@ def test_what_is_not_seen_any_more_is_gone_where_the_robot_has_stood_and_there_a
         assert ((snapshot.costs == LETHAL) == marked).all(), f"step {step}"
 
 
-def test_a_lidar_that_sees_the_robots_own_mast_does_not_keep_it_from_driving():
-    """The mast was marked after the cells under the robot were freed: it stood on an obstacle, wherever it was."""
-    costmap = with_obstacles(footprint_clearing_enabled=True)
-    costmap.set_footprint(np.array([[0.25, 0.25], [-0.25, 0.25], [-0.25, -0.25], [0.25, -0.25]]))
-    for step in range(3):
-        pose = Pose2D(0.1 * step, 0.0, 0.3 * step)
-        ends = pose.transform_points(np.array([[0.1, 0.1], [-0.1, 0.1], [1.0, 0.0]]))
-        costmap.observe("scan", Observation((pose.x, pose.y), ends, None, float(step)))
-        costmap.update(float(step), pose)
-        assert cost_at(costmap, *ends[0]) == cost_at(costmap, *ends[1]) == FREE_SPACE
-        assert cost_at(costmap, *ends[2]) == LETHAL
-
-
 def test_a_source_that_only_clears_marks_nothing_and_the_other_way_round():
     clears, marks = with_obstacles({"marking": False}), with_obstacles({"clearing": False})
     for costmap in (clears, marks):

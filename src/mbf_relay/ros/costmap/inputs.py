@@ -168,7 +168,8 @@ class SensorInput:
             self._require_sight(scan, sensor, rides)
         rotation, translation = rigid(sensor)
         seen = observation_from_points(points, hits, rotation, translation, stamp)
-        seen = replace(seen, frame=frame.lstrip("/"), rides=rides)
+        base = self._transforms.lookup(self._costmap.frame, self._costmap.robot_frame, when) if rides else None
+        seen = replace(seen, frame=frame.lstrip("/"), rides=rides, base=base)
         origin_frame = self._parameters.sensor_frame
         if not origin_frame or origin_frame == frame.lstrip("/"):
             return seen
