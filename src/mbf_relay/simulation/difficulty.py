@@ -77,7 +77,7 @@ def _widest(walls: np.ndarray, start: Tuple[float, ...], goal: Tuple[float, ...]
     for row, column in np.ndindex(3, 3):
         free[row:row + 2 * rows:2, column:column + 2 * columns:2][walls] = 0
     room = 0.5 * CELL * cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    ends = [tuple(round(2.0 * value / CELL) for value in place[1::-1]) for place in (start, goal)]
+    ends = [tuple(int(np.rint(2.0 * value / CELL)) for value in place[1::-1]) for place in (start, goal)]
     low, high = 0.0, float(min(room[end] for end in ends))
     while high - low > FINEST:
         middle = 0.5 * (low + high)
