@@ -96,7 +96,7 @@ def _measured(world: World, start: Sequence[float], goal: Sequence[float]) -> Op
         shares = np.linspace(0.0, 1.0, 2 + int(4.0 * math.dist(one, other) / CELL))[:, None]
         cells = ((one + shares * (other - one) - lower) / CELL).astype(int)
         walls[cells[:, 1], cells[:, 0]] = True
-    found = difficulty_of(walls, *(tuple((np.array(place[:2]) - lower).tolist()) for place in (start, goal)))
+    found = difficulty_of(walls, tuple(np.array(start[:2]) - lower), tuple(np.array(goal[:2]) - lower))
     return None if found is None else {name: round(value, 3) for name, value in found._asdict().items()}
 
 

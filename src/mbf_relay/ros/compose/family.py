@@ -106,8 +106,11 @@ class Family:
                     break
             else:
                 status = 0
-        except SystemExit as end:  # it says why
-            print(end, file=sys.stderr)
+        except SystemExit as end:
+            if isinstance(end.code, str):  # it says why
+                print(end.code, file=sys.stderr)
+            else:
+                status = int(end.code or 0)
         except BaseException:
             traceback.print_exc()
         finally:
