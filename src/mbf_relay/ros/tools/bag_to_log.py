@@ -49,10 +49,7 @@ class BagReader:
                 self.left_out.append(" ".join(str(error).split()))
                 continue
             first = first or scan
-            if len(scan.ranges) == len(first.ranges):
-                rows.append((scan.stamp, odom, scan.ranges, truth))
-            else:
-                self.left_out.append(f"it has {len(scan.ranges)} beams, and the first has {len(first.ranges)}")
+            rows.append((scan.stamp, odom, scan.readings_at(first.angles), truth))
         if first is None or mount is None or not rows:
             raise ValueError(
                 f"none of {len(messages)} scans on {self._scan_topic} can be related to '{self._odom}' by "

@@ -1,5 +1,8 @@
 """Logs made of bags in which not everything is as it should be."""
 
+import math
+
+import numpy as np
 import pytest
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
@@ -11,6 +14,7 @@ from sensor_msgs.msg import LaserScan  # noqa: E402
 from std_msgs.msg import Header  # noqa: E402
 from tf2_msgs.msg import TFMessage  # noqa: E402
 
+from mbf_relay.localization.logs import load_log  # noqa: E402
 from mbf_relay.ros.tools.bag_to_log import main  # noqa: E402
 
 
@@ -20,29 +24,47 @@ def transform(parent, child, stamp):
     return message
 
 
-@pytest.fixture
-def bag(tmp_path):
-    """Return a bag of ten scans, of which odometry covers the first four, and the third has another beam."""
-    path = tmp_path / "drive.bag"
+def write(path, scans):
+    """Write a bag of scans, one a second, of which odometry covers the first four."""
     with rosbag.Bag(str(path), "w") as bag:
         fixed = TFMessage([transform("base_link", "laser", 1)])
         bag.write("/tf_static", fixed, rospy.Time(1))
         for second in range(1, 5):
             bag.write("/tf", TFMessage([transform("odom", "base_link", second)]), rospy.Time(second))
-        for second in range(1, 11):
-            beams = 5 if second == 3 else 4
-            header = Header(0, rospy.Time(second), "laser")
-            scan = LaserScan(header, 0.0, beams - 1.0, 1.0, 0.0, 0.1, 0.1, 5.0, [1.0] * beams, [])
+        for second, scan in enumerate(scans, 1):
+            scan.header = Header(0, rospy.Time(second), "laser")
             bag.write("scan", scan, rospy.Time(second))
     return path
+
+
+@pytest.fixture
+def bag(tmp_path):
+    scan = LaserScan(angle_max=3.0, angle_increment=1.0, range_min=0.1, range_max=5.0, ranges=[1.0] * 4)
+    return write(tmp_path / "drive.bag", [scan] * 10)
 
 
 def test_a_log_of_a_third_of_a_drive_is_not_taken_for_the_whole(bag, tmp_path, capsys):
     """Localization was judged by scans of the first metres, and nothing told that the rest was not in the log."""
     assert main([str(bag), str(tmp_path / "log.npz")]) == 0
     told = capsys.readouterr()
-    assert "3 scans of 4 beams written" in told.out
-    assert "7 of 10 scans left out, the first because it has 5 beams, and the first has 4" in told.err
+    assert "4 scans of 4 beams written" in told.out
+    assert "6 of 10 scans left out, the first because" in told.err
+
+
+def test_a_lidar_whose_turns_differ_in_their_number_of_beams_is_in_the_log_with_all_of_them(tmp_path, capsys):
+    """Of an RPLidar's drive nearly all scans were left out."""
+    scans = []
+    for beams in (360, 357, 366, 360):
+        step = 2.0 * math.pi / beams
+        angles = -math.pi + step * np.arange(beams)
+        scans.append(LaserScan(
+            angle_min=-math.pi, angle_max=math.pi - step, angle_increment=step, range_min=0.1, range_max=5.0,
+            ranges=2.0 + np.sin(angles)))
+    assert main([str(write(tmp_path / "drive.bag", scans)), str(tmp_path / "log.npz")]) == 0
+    assert "4 scans of 360 beams written" in capsys.readouterr().out
+    log = load_log(tmp_path / "log.npz")
+    assert log.ranges == pytest.approx(np.resize(2.0 + np.sin(log.angle_min + log.angle_increment * np.arange(360)),
+                                                 (4, 360)), abs=0.02)
 
 
 @pytest.mark.parametrize("name", ["scan", "/scan"])
