@@ -3,6 +3,7 @@
 from geometry_msgs.msg import TransformStamped
 
 from mbf_relay.costmap.factory import build_costmap
+from mbf_relay.geometry import IDENTITY
 from mbf_relay.ros.costmap import inputs
 
 
@@ -17,6 +18,10 @@ class StillFrames:
         message = TransformStamped()
         message.transform.rotation.w = 1.0
         return message
+
+    @staticmethod
+    def lookup(*_frames):
+        return IDENTITY
 
 
 def scan_source(frames, patience):
