@@ -32,6 +32,7 @@ NO_FAULTS = {
     "lidar_frozen": False,
     "dead_beams": 0.0,
     "dead_beams_start": 0.0,
+    "short_readings": 0.0,
     "odom_silent": False,
     "odom_frozen": False,
     "odom_delay": 0.0,

@@ -56,6 +56,50 @@ def make_ready(points, hits, x, y, z, lowest, highest, highest_mark, obstacle_ra
     return number, marked
 
 
+@kernel("boolean(float64, float64, float64[:,::1], int64, int64, float64)")
+def _passes(x, y, ends, beam, mark, apart):
+    """Return whether a beam from (x, y) passes where another ended, no farther than `apart` beside, and as far beyond.
+    """
+    own_x, own_y = ends[mark, 0] - x, ends[mark, 1] - y
+    other_x, other_y = ends[beam, 0] - x, ends[beam, 1] - y
+    reach = math.hypot(other_x, other_y)
+    beside = abs(own_x * other_y - own_y * other_x)
+    ahead = own_x * other_x + own_y * other_y > 0.0
+    return ahead and beside <= apart * reach and reach >= math.hypot(own_x, own_y) + apart
+
+
+@kernel("int64(float64, float64, float64[:,::1], float64[:,::1], float64[:,::1], float64, float64[:,::1])")
+def without_lone(x, y, ends, marks, before, apart, counted):
+    """Choose the marks that more than one beam hits, or another scan; return how many.
+
+    Args:
+        x, y: Where the lidar was (m).
+        ends: Shape (N, 2) in metres: where its beams ended, in their order.
+        marks: Shape (M, 2): those of them, in the same order, that become obstacles.
+        before: Shape (K, 2): those of other scans.
+        apart: Metres between what counts as one thing.
+        counted: Shape (M, 2), filled from the front.
+    """
+    size, number, beam = ends.shape[0], 0, 0
+    for mark in range(marks.shape[0]):
+        mark_x, mark_y = marks[mark, 0], marks[mark, 1]
+        while ends[beam, 0] != mark_x or ends[beam, 1] != mark_y:
+            beam += 1
+        counts = not (
+            _passes(x, y, ends, (beam + size - 1) % size, beam, apart)
+            and _passes(x, y, ends, (beam + 1) % size, beam, apart))
+        other = 0
+        while not counts and other < before.shape[0]:
+            dx, dy = before[other, 0] - mark_x, before[other, 1] - mark_y
+            counts = dx * dx + dy * dy < apart * apart
+            other += 1
+        if counts:
+            counted[number, 0], counted[number, 1] = mark_x, mark_y
+            number += 1
+        beam += 1
+    return number
+
+
 @kernel("void(uint8[:,::1], float64, float64, float64, float64, float64, float64[:,::1], float64)")
 def clear_rays(costs, origin_x, origin_y, resolution, sensor_x, sensor_y, ends, reach):
     """Free the cells from a sensor to each end point, as costmap_2d's obstacle layer draws its rays.

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Deque, Dict, List, Optional, Tuple
 
 import numpy as np
 
 from mbf_relay.costmap import layer_kernels
+from mbf_relay.costmap.lone_hits import LoneHits
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.usual_age import UsualAge
 from mbf_relay.parameters import ParameterSet, parameter
@@ -49,7 +50,9 @@ class SourceParameters(ParameterSet):
         minimum=0.0,
         maximum=2.0 * math.pi,
     )
-    marking: bool = parameter(True, "points become obstacles")
+    marking: bool = parameter(
+        True, "points become obstacles; what one beam of a LaserScan alone hits, beside none that sees as near, does "
+        "where one of the last two scans hit something there, too")
     clearing: bool = parameter(False, "rays free the cells they pass")
     obstacle_range: float = parameter(
         2.5, "points farther from the sensor do not become obstacles", unit="m", minimum=0.0
@@ -86,6 +89,7 @@ class Sensor:
         self.kept: Deque[RayBundle] = deque()
         self.last_update = -math.inf
         self.usual_age = UsualAge()
+        self.lone_hits = LoneHits()
 
     def add(self, rays: RayBundle, now: float, keep_time: float) -> None:
         """Keep an observation, newest first, and drop those older than `keep_time` (s); 0 keeps the newest alone."""
@@ -122,6 +126,8 @@ class ObservationSource:
         sensor = self._sensors.setdefault(frame, Sensor())
         sensor.trouble = self._overlooks(observation, max_height) if len(rays.marks) == 0 else None
         if sensor.trouble is None:
+            if self.parameters.data_type == "LaserScan":
+                rays = replace(rays, marks=sensor.lone_hits.without(rays.x, rays.y, rays.ends, rays.marks))
             sensor.add(rays, now, self.parameters.observation_persistence)
         self.trouble = self.unused = None
 

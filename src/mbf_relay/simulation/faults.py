@@ -22,6 +22,9 @@ class Faults(ParameterSet):
         minimum=-2.0 * math.pi,
         maximum=2.0 * math.pi,
     )
+    short_readings: float = parameter(
+        0.0, "share of the beams, anywhere in each scan, that read less than there is, as in sunlight, dust or rain",
+        minimum=0.0, maximum=1.0)
     odom_silent: bool = parameter(False, "no odometry comes, neither as a message nor on /tf")
     odom_frozen: bool = parameter(False, "odometry comes in time and repeats the last reading")
     odom_delay: float = parameter(

@@ -65,7 +65,7 @@ class Lidar:
         parameters = self._parameters
         if not faults.lidar_frozen or self._last is None:
             distances = self._skewed if parameters.scan_skew else self._distances(base, self._directions)
-            self._last = self._with_errors(distances)
+            self._last = self._with_short_ones(self._with_errors(distances), faults.short_readings)
         stamp = now - 0.5 * self._steps / parameters.physics_rate if parameters.scan_skew else now
         return LaserScan(
             self._without_dead_beams(self._last, faults), 0.0, self._increment, parameters.scan_range_min,
@@ -92,6 +92,16 @@ class Lidar:
         if parameters.scan_dropout > 0.0:
             distances[self._rng.random(len(distances)) < parameters.scan_dropout] = np.inf
         return distances
+
+    def _with_short_ones(self, ranges: np.ndarray, share: float) -> np.ndarray:
+        """Return the readings, shape (B,), where a share of them ends somewhere before what is there."""
+        if share == 0.0:
+            return ranges
+        least = self._parameters.scan_range_min
+        short = (self._rng.random(len(ranges)) < share) & (ranges >= least)
+        ends = np.minimum(ranges[short], self._parameters.scan_range_max)
+        ranges[short] = self._rng.uniform(least, ends)
+        return ranges
 
     def _without_dead_beams(self, ranges: np.ndarray, faults: Faults) -> np.ndarray:
         """Return a copy of the readings, shape (B,), in which the dead beams read 0."""

@@ -209,7 +209,8 @@ def test_observations_count_as_long_as_they_persist():
 def test_a_scan_leaves_the_same_cells_however_often_they_are_updated_on_it(persistence):
     rng = np.random.default_rng(7)
     layer = {"footprint_clearing_enabled": True, "track_unknown_space": True}
-    once, anew = (with_obstacles({"observation_persistence": persistence}, **layer) for _ in range(2))
+    source = {"data_type": "PointCloud2", "observation_persistence": persistence}  # a lidar's second look tells more
+    once, anew = (with_obstacles(source, **layer) for _ in range(2))
     for step in range(60):
         pose = Pose2D(*rng.uniform(-1.5, 1.5, 2), 0.0)
         points = np.column_stack((rng.uniform(-2.5, 2.5, 30), rng.uniform(-2.5, 2.5, 30)))

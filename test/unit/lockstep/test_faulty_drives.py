@@ -73,7 +73,7 @@ def test_a_robot_whose_lidar_falls_silent_stands_within_half_a_second(drive):
     assert drive.goal.ending is Ending.SUCCEEDED, drive.goal.result
 
 
-@pytest.mark.parametrize("name", ["half the rate", "slip", "a dead rear", "every second beam"])
+@pytest.mark.parametrize("name", ["half the rate", "slip", "a dead rear", "every second beam", "sunlight"])
 @trial(FAILING)
 def test_a_robot_drives_on_with_what_harms_little(drive, name):
     kept = []
@@ -89,6 +89,7 @@ def test_a_robot_drives_on_with_what_harms_little(drive, name):
 
     drive.simulation.faults = {
         "slip": Faults(slip=0.3), "a dead rear": Faults(dead_beams=0.25, dead_beams_start=2.4),
+        "sunlight": Faults(short_readings=0.01),
     }.get(name, NO_FAULTS)
     drive.change_scan = {"half the rate": every_second, "every second beam": thinned}.get(name, drive.change_scan)
     assert drive.step_until(lambda: drive.goal.done, 120.0)
