@@ -10,9 +10,11 @@ import numpy as np
 from mbf_relay.control import trajectory_kernels
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.local_path import LocalPath
+from mbf_relay.control.multi_point_turn import multi_point_turn
 from mbf_relay.control.state import SpeedLimit
-from mbf_relay.control.trail import Trail, WayBack
+from mbf_relay.control.trail import Trail
 from mbf_relay.control.trajectories import speed_to_stop_within
+from mbf_relay.control.way import Way
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D, Twist2D, angle_between, normalize_angles
 
@@ -36,7 +38,8 @@ class BackOut:
     """Decides when to back out, along which arc or how far the way it came, and when that is enough.
 
     It begins when driving has failed for a moment, and takes the shortest way at whose end the robot is free to turn to
-    where the path leads, or as near to that as it gets; where that brought no progress, one twice as long.
+    where the path leads, or as near to that as it gets; where that brought no progress, one twice as long. A car, which
+    never is free to turn, takes the several moves of `multi_point_turn`.
 
     Attributes:
         end: Where the way ends that is driven, or was last.
@@ -52,7 +55,7 @@ class BackOut:
         self._failing_since: Optional[float] = None
         self.end: Optional[Pose2D] = None
         self._from: Optional[Pose2D] = None
-        self._way: Optional[WayBack] = None
+        self._way: Optional[Way] = None
         self._sign, self._curvature, self._length = -1.0, 0.0, 0.0
         self._tries = 0
         self._best_left = math.inf
@@ -74,14 +77,28 @@ class BackOut:
             self._best_left, self._tries = path.remaining, 0
 
     def failed(
-        self, now: float, pose: Pose2D, path: LocalPath, checker: FootprintChecker, parameters: FollowerParameters
+        self, now: float, pose: Pose2D, path: LocalPath, checker: FootprintChecker, parameters: FollowerParameters,
+        radius: float = 0.0,
     ) -> None:
-        """Note that driving failed, and begin to back out where it has for long enough and an arc is free."""
+        """Note that driving failed, and begin to back out where it has for long enough and a way is free.
+
+        Args:
+            now: Time (s).
+            pose, path, checker, parameters: The robot, what it follows, the obstacles, and its limits.
+            radius: Least radius (m) of its curves; 0 where it turns on the spot.
+        """
         if self._failing_since is None or now < self._failing_since:
             self._failing_since = now
         width = checker.costmap.width
         self._look_for_progress(path, width)
         if self._tries >= TRIES or now - self._failing_since < PATIENCE:
+            return
+        if radius > 0.0:
+            self._way = multi_point_turn(pose, path, checker, radius, parameters.min_vel_x < 0.0)
+            if self._way is not None:
+                self._from, self.end = pose, Pose2D(*map(float, self._way.poses[-1]))
+                self._length, self._tries = float(self._way.arcs[-1]), self._tries + 1
+                self._best_left = min(self._best_left, path.remaining)
             return
         ahead = path.point_at(min(path.robot_arc + AHEAD * width, float(path.arcs[-1])))
         heading = math.atan2(ahead[1] - pose.y, ahead[0] - pose.x)
@@ -129,7 +146,7 @@ class BackOut:
         fastest, top_turn = limit.of(parameters.max_vel_trans, parameters.max_vel_theta)
         fastest = min(SPEED * parameters.max_vel_trans, fastest)
         if self._way is not None:
-            top = min(fastest, -parameters.min_vel_x)
+            top = min(fastest, -parameters.min_vel_x if self._way.goes_back else parameters.max_vel_x)
             command = self._way.command(pose, velocity, checker, parameters, period, (slowest, top), top_turn)
             if command is None:
                 self._from, self._failing_since = None, None
@@ -203,7 +220,7 @@ def _arcs(
     return _Arcs(poses[:, :counts[0]], way.steps, length / int(counts[0]))
 
 
-def _turning_places(way: WayBack, path: LocalPath, checker: FootprintChecker) -> Tuple[np.ndarray, np.ndarray]:
+def _turning_places(way: Way, path: LocalPath, checker: FootprintChecker) -> Tuple[np.ndarray, np.ndarray]:
     """Return which poses of a way back, (K,), are free to turn at to where the path leads there, and what they cost."""
     width = checker.costmap.width
     arcs = way.arcs[:way.free_poses(checker)]

@@ -216,7 +216,7 @@ class PathFollower(Controller, abc.ABC):
             self._turn_left = None
             return self._turn_at_goal(cycle)
         farthest = max(parameters.missed_path_distance, MISSED * state.costmap.width)
-        if cycle.path.robot_distance > farthest:
+        if cycle.path.robot_distance > farthest and not self._back_out.is_active:
             raise ControlError(
                 ControlOutcome.MISSED_PATH,
                 f"the robot is {cycle.path.robot_distance:.2f} m from the path; at most {farthest:.2f} m "
@@ -235,7 +235,8 @@ class PathFollower(Controller, abc.ABC):
             try:
                 command = self.drive(cycle)
             except ControlError:
-                back_out.failed(state.now, state.pose, cycle.path, cycle.checker, parameters)
+                back_out.failed(
+                    state.now, state.pose, cycle.path, cycle.checker, parameters, self.turning_radius)
                 if not back_out.is_active:
                     command = braked_on_its_arc(cycle.window, cycle.velocity)
                     if command.speed() > 0.0 and command.theta != 0.0:

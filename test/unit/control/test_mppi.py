@@ -107,7 +107,41 @@ def test_a_car_never_turns_tighter_than_its_circle_and_arrives():
     ended = drive(controller, path_through((0, 0), (1.2, 0.0), (1.2, 1.0)), START, seconds=40.0)
     commands = np.array(ended.commands)
     assert (np.abs(commands[:, 2]) * 0.3 <= np.abs(commands[:, 0]) + 1e-9).all()
-    assert ended.reached or ended.poses[-1].distance_to(Pose2D(1.2, 1.0, 0.0)) < 0.1
+    assert ended.reached, ended
+
+
+CAR = dict(
+    motion_model="Ackermann", AckermannConstraints={"min_turning_r": 0.3}, min_vel_theta=0.0, yaw_goal_tolerance=0.2)
+
+
+def circles_kept(commands, radius=0.3):
+    commands = np.array(commands)
+    return (np.abs(commands[:, 2]) * radius <= np.abs(commands[:, 0]) + 1e-9).all()
+
+
+@pytest.mark.parametrize("heading", [1.5, math.pi, -2.5])
+def test_a_car_that_comes_to_its_goal_askew_turns_there_in_several_moves(heading):
+    """It stood there until it was said to oscillate."""
+    ended = drive(make(**CAR), path_through((0, 0), (1.0, 0.0), end_heading=heading), START, seconds=60.0)
+    assert ended.reached and ended.contacts == 0, ended.error
+    assert circles_kept(ended.commands)
+
+
+@pytest.mark.parametrize("heading", [math.pi, 2.5, -2.5])
+def test_a_car_whose_path_leads_back_turns_round_between_walls(heading):
+    """It stood in the dead end: none of the drives that it imagined began to turn it round."""
+    walls = boxes((-1.0, 0.5, 3.0, 0.6), (-1.0, -0.6, 3.0, -0.5))
+    start = Pose2D(0.0, 0.0, heading)
+    ended = drive(make(**CAR), path_through((0, 0), (2.0, 0.0)), start, walls, seconds=60.0)
+    assert ended.reached and ended.contacts == 0, ended.error
+    assert circles_kept(ended.commands)
+
+
+def test_a_car_that_cannot_drive_backwards_drives_a_circle_instead():
+    ended = drive(
+        make(**CAR, min_vel_x=0.0), path_through((0, 0), (2.0, 0.0)), Pose2D(0.0, 0.0, math.pi), seconds=60.0)
+    assert ended.reached, ended.error
+    assert circles_kept(ended.commands) and min(command[0] for command in ended.commands) >= 0.0
 
 
 def test_an_omnidirectional_robot_goes_aside_without_turning():

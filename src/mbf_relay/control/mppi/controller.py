@@ -156,10 +156,11 @@ class MppiController(PathFollower):
         """Return whether the robot stands, and the mean begins with standing on.
 
         Where the way ends within the horizon before an obstacle, it costs least to go there last; in the next cycle
-        that is true again. Near the goal the drives are charged for their whole way there, and one creeps up to it.
+        that is true again. Near the goal the drives are charged for their whole way there, and one creeps up to it; a
+        car whose heading is off has no way left, and creeps nowhere.
         """
         p = self.parameters
-        if cycle.path.remaining < cycle.state.costmap.width:
+        if cycle.path.remaining < cycle.state.costmap.width and p.motion_model != ACKERMANN:
             return False
         first = np.abs(self._first(self.controls, cycle.state.period))
         return cycle.window.can_stand and bool(
@@ -174,7 +175,8 @@ class MppiController(PathFollower):
 
     def _turn_at_goal(self, cycle: ControlCycle) -> Twist2D:
         if self.parameters.motion_model == ACKERMANN:  # which gets its heading by driving
-            return self.drive(cycle)
+            self._drove = True
+            return self._drive_or_back_out(cycle)
         return super()._turn_at_goal(cycle)
 
     def _shift(self, now: float, period: float) -> None:
