@@ -74,3 +74,14 @@ def test_a_lidar_that_stands_in_the_world_may_look_at_the_robot():
     """It does not tell what is the robot's, as nobody knows where that was when it looked."""
     seen = Observation((2.0, 0.0), np.array([[0.0, 0.0]]), None, 1.0, rides=False)
     assert seen.without_robot(np.array(FOOTPRINT)) is seen
+
+
+def test_what_lies_under_the_robot_s_edge_is_free_after_the_scan_that_shows_it():
+    """The cells it stands on were freed before the scan was marked, and it stood on an obstacle of its own making."""
+    costmap = local_costmap(footprint_padding=0.0, resolution=0.02)
+    edge = np.array([[0.115, 0.01], [1.01, 0.01]])  # 2.5 cm within the outline, and far from it
+    costmap.observe("scan", Observation((0.0, 0.0), edge, None, 1.0, base=IDENTITY), 1.0)
+    costmap.update(1.0, IDENTITY)
+    snapshot = costmap.snapshot()
+    costs = [snapshot.costs[snapshot.grid.cell_at(*point)[::-1]] for point in edge]
+    assert costs[0] < LETHAL and costs[1] == LETHAL

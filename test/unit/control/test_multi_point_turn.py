@@ -1,0 +1,68 @@
+"""Turning a car round in several moves."""
+
+import math
+
+import numpy as np
+import pytest
+from kinematics import boxes, costmap_round, nowhere, path_through
+
+from mbf_relay.control.local_path import PathTracker
+from mbf_relay.control.multi_point_turn import multi_point_turn
+from mbf_relay.control.state import ControlState
+from mbf_relay.costmap.footprint_checker import FootprintChecker
+from mbf_relay.geometry import IDENTITY, STOP, Pose2D, angle_between
+
+RADIUS = 0.3
+ALLEY = boxes((-3.0, 0.45, 3.0, 0.55), (-3.0, -0.55, 3.0, -0.45))
+
+
+def turned(pose, path, occupied=nowhere, reverses=True):
+    """Return the way found, and the checker it was found with."""
+    costmap = costmap_round(pose, occupied, size=6.0)
+    state, tracker = ControlState(0.0, pose, STOP, costmap, IDENTITY, 0.1), PathTracker()
+    tracker.set_path(path)
+    checker = FootprintChecker(costmap)
+    return multi_point_turn(pose, tracker.cut(state, 1.0, 4.0, 1.0), checker, RADIUS, reverses), checker
+
+
+def tightest(way):
+    """Return the least radius (m) of a way's curves."""
+    moves = np.diff(way.poses, axis=0)
+    driven, turns = np.hypot(moves[:, 0], moves[:, 1]), np.abs(moves[:, 2])
+    return float((driven[turns > 1e-9] / (2.0 * np.sin(turns[turns > 1e-9] / 2.0))).min(initial=math.inf))
+
+
+@pytest.mark.parametrize("heading", [math.pi, 2.0, -2.0, 0.5])
+@pytest.mark.parametrize("occupied", [nowhere, ALLEY], ids=["in the open", "in an alley"])
+def test_it_ends_on_the_path_in_the_direction_that_leads_on(heading, occupied):
+    way, checker = turned(Pose2D(0.0, 0.0, heading), path_through((0, 0), (2.5, 0.0)), occupied)
+    end = Pose2D(*way.poses[-1])
+    assert end.x > 0.0 and abs(end.y) < 0.02 and abs(angle_between(0.0, end.theta)) < 0.05
+    assert not checker.touches(way.poses).any() and tightest(way) > RADIUS
+
+
+def test_at_the_goal_it_ends_in_the_goal_s_heading():
+    path = path_through((-1.0, 0.0), (0.0, 0.0), end_heading=2.0)
+    way, _checker = turned(Pose2D(0.02, 0.03, 0.0), path)
+    end = Pose2D(*way.poses[-1])
+    assert end.distance_to(Pose2D(0.0, 0.0, 0.0)) < 0.02 and abs(angle_between(2.0, end.theta)) < 0.05
+
+
+def test_one_that_may_not_go_back_never_does():
+    way, _checker = turned(Pose2D(0.0, 0.0, math.pi), path_through((0, 0), (2.5, 0.0)), reverses=False)
+    assert not way.goes_back
+    assert turned(Pose2D(0.0, 0.0, math.pi), path_through((0, 0), (2.5, 0.0)))[0].goes_back
+
+
+def test_one_that_is_walled_in_stays():
+    walls = boxes((-0.4, 0.2, 0.4, 0.3), (-0.4, -0.3, 0.4, -0.2), (0.2, -0.3, 0.3, 0.3), (-0.4, -0.3, -0.3, 0.3))
+    way, _checker = turned(Pose2D(0.0, 0.0, math.pi), path_through((0, 0), (2.5, 0.0)), walls)
+    assert way is None
+
+
+def test_one_that_touches_something_may_leave_it():
+    """What it lies in already is not in its way, or it would be shut in for good."""
+    corner = boxes((0.0, 0.09, 0.6, 0.14))
+    way, checker = turned(Pose2D(0.0, 0.0, 0.0), path_through((0, 0), (-0.3, -0.4), (-2.5, -0.4)), corner)
+    assert checker.contacts_at(Pose2D(0.0, 0.0, 0.0)) and way is not None
+    assert not checker.touches(way.poses[-1:]).any()
