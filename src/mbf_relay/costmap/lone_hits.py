@@ -14,7 +14,7 @@ APART = 0.1
 and pass it no farther away.
 """
 REMEMBERED = 2
-"""Scans before this one; at least half of the beams that look at a leg just thinner than they are apart meet it."""
+"""Scans before this one that may have hit it, too: of two scans the second often passes a leg that the first met."""
 
 
 class LoneHits:

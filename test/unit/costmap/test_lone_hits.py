@@ -60,7 +60,7 @@ def test_a_leg_that_every_second_scan_misses_stands_in_the_way():
     assert see(costmap, {AHEAD + 1: 1.0}, stamp=1.6)(math.cos(math.pi / 180.0), math.sin(math.pi / 180.0))
 
 
-def test_what_the_first_scan_shows_counts_for_nothing_tells_otherwise():
+def test_what_the_first_scan_shows_counts_though_one_beam_alone_hits_it():
     assert see(lidar_costmap(), {AHEAD: 1.0})(1.0, 0.0)
 
 
