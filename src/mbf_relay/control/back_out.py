@@ -94,6 +94,7 @@ class BackOut:
         if self._tries >= TRIES or now - self._failing_since < PATIENCE:
             return
         if radius > 0.0:
+            self._failing_since = now  # the next look is as patient: it takes its time
             self._way = multi_point_turn(pose, path, checker, radius, parameters.min_vel_x < 0.0)
             if self._way is not None:
                 self._from, self.end = pose, Pose2D(*map(float, self._way.poses[-1]))

@@ -7,8 +7,8 @@ from typing import List, Optional, Tuple
 
 import numpy as np
 
-from mbf_relay.control import reeds_shepp
 from mbf_relay.control.local_path import LocalPath
+from mbf_relay.control.reeds_shepp import LEFT, RIGHT, STRAIGHT, Curve, Word, curves
 from mbf_relay.control.way import Way
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D
@@ -20,12 +20,17 @@ FARTHEST = 4.0  # of them along the path
 CUSP = 0.6  # way that a change of direction counts as
 
 MOST = 80  # ways looked at for obstacles
+FEWER = 3  # of so many places on the path one, the last among them, where other moves come first
+FIRST_MOVES: List[Word] = [
+    [(turn, sign * length)] for length in (0.5, 1.0, 1.5) for sign in (1.0, -1.0) for turn in (LEFT, STRAIGHT, RIGHT)]
 
 
 def multi_point_turn(
     pose: Pose2D, path: LocalPath, checker: FootprintChecker, radius: float, reverses: bool
 ) -> Optional[Way]:
     """Return the free way that is shortest, with what is left of the path from its end on; None where none is free.
+
+    Where no way is free from where the car is, those are looked at that begin with another move.
 
     Args:
         pose: Where the car is.
@@ -34,23 +39,37 @@ def multi_point_turn(
         radius: Of its smallest circle (m).
         reverses: Whether it can drive backwards.
     """
-    found: List[Tuple[float, reeds_shepp.Curve]] = []
-    for arc, target in _targets(path, radius):
-        for one in reeds_shepp.curves(pose, target, EASIER * radius):
-            way = one if reverses else one.forwards()
+    targets = _targets(path, radius)
+    for first_moves, places in (([[]], targets), (FIRST_MOVES, targets[::-FEWER])):
+        found: List[Tuple[float, Curve]] = []
+        for move in first_moves:
+            begun = Curve(move, EASIER * radius)
+            if move and checker.touches(begun.poses(pose, 2.0 * checker.step)).any():
+                continue
+            begin = Pose2D(*begun.poses(pose, math.inf)[-1].tolist())
+            for arc, place in places:
+                for rest in curves(begin, place, EASIER * radius):
+                    whole = rest._replace(word=move + rest.word)
+                    curve = whole if reverses else whole.forwards()
+                    if curve is not None:
+                        found.append((curve.length + CUSP * radius * curve.cusps + path.goal_arc - arc, curve))
+        found.sort(key=lambda one: one[0])
+        for _cost, curve in found[:MOST]:
+            way = _free_way(pose, curve, checker, radius)
             if way is not None:
-                found.append((way.length + CUSP * radius * way.cusps + path.goal_arc - arc, way))
-    width, begin = checker.costmap.width, checker.depths_at(pose)
-    for _cost, way in sorted(found, key=lambda one: one[0])[:MOST]:
-        poses = way.poses(pose, 2.0 * checker.step)
-        if begin[0] < 0.0 and checker.touches(poses).any():
-            continue
-        depths = np.full((len(poses), 2), -1.0)
-        depths[0] = begin
-        driven = Way(poses, depths, width, radius)
-        if driven.free_poses(checker) == len(poses):
-            return driven
+                return way
     return None
+
+
+def _free_way(pose: Pose2D, curve: Curve, checker: FootprintChecker, radius: float) -> Optional[Way]:
+    """Return the way along a curve where it is free but for what the car touches already; else None."""
+    poses, begin = curve.poses(pose, 2.0 * checker.step), checker.depths_at(pose)
+    if begin[0] < 0.0 and checker.touches(poses).any():
+        return None
+    depths = np.full((len(poses), 2), -1.0)
+    depths[0] = begin
+    way = Way(poses, depths, checker.costmap.width, radius)
+    return way if way.free_poses(checker) == len(poses) else None
 
 
 def _targets(path: LocalPath, radius: float) -> List[Tuple[float, Pose2D]]:

@@ -66,3 +66,18 @@ def test_one_that_touches_something_may_leave_it():
     way, checker = turned(Pose2D(0.0, 0.0, 0.0), path_through((0, 0), (-0.3, -0.4), (-2.5, -0.4)), corner)
     assert checker.contacts_at(Pose2D(0.0, 0.0, 0.0)) and way is not None
     assert not checker.touches(way.poses[-1:]).any()
+
+
+@pytest.mark.parametrize("blocks", [
+    [(-0.21, 0.59), (0.41, 0.04), (-0.43, -0.15), (0.27, -0.17), (-0.67, -0.21)],
+    [(-0.37, 0.11), (-0.17, 0.32), (0.35, 0.03), (0.24, 0.59), (0.61, -0.31)],
+    [(0.07, 0.57), (-0.3, 0.12), (0.24, 0.62), (0.43, -0.07), (0.48, 0.35)],
+])
+def test_one_that_no_plain_way_turns_makes_room_for_it_first(blocks):
+    """Between pillars it stood for twenty seconds, until it was recovered to another place."""
+    occupied = boxes(*[(x - 0.08, y - 0.08, x + 0.08, y + 0.08) for x, y in blocks])
+    path = path_through((-0.3, 0.0), (0.0, 0.0), end_heading=math.pi)
+    way, checker = turned(Pose2D(0.0, 0.0, 0.0), path, occupied)
+    end = Pose2D(*way.poses[-1])
+    assert end.distance_to(Pose2D(0.0, 0.0, 0.0)) < 0.02 and abs(angle_between(math.pi, end.theta)) < 0.05
+    assert not checker.touches(way.poses).any()
