@@ -18,6 +18,11 @@ from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.robot import CAR, OMNIDIRECTIONAL, RobotModel
 
 SERVER = "move_base_flex"
+STRAIGHT = 0.74
+"""Of what its wheels' rims can accelerate, a robot's share for driving straight; the rest is for turning at once.
+
+A wheel that is asked for all of it by both never catches up, and the robot goes on turning after it is told not to.
+"""
 LOOK_AHEAD = 0.5
 """Seconds of driving at top speed that a controller looks ahead at least."""
 
@@ -92,17 +97,19 @@ def _fitted_controller(
     made = copy.deepcopy(dict(group))
     speed, turn = limits.max_speed, 0.95 * limits.max_turn_rate
     aside = speed if robot.drive == OMNIDIRECTIONAL else 0.0
-    acceleration = limits.wheel_acceleration
+    straight, turning = (1.0, 1.0) if robot.drive == CAR else (STRAIGHT, 1.0 - STRAIGHT)
+    acceleration = straight * limits.wheel_acceleration
     arm = math.hypot(robot.wheels.separation, robot.wheels.base) / 2.0
+    turning *= limits.wheel_acceleration / arm
     ahead = max(0.325 * scale, LOOK_AHEAD * speed, speed ** 2 / (2.0 * acceleration))
     values = dict(
         max_vel_x=speed, min_vel_x=-speed, max_vel_y=aside, min_vel_y=-aside, max_vel_trans=speed,
         min_vel_trans=0.3 * speed, max_vel_theta=turn, min_vel_theta=0.3 * turn, acc_lim_x=acceleration,
-        acc_lim_y=acceleration if aside else 0.0, acc_lim_theta=acceleration / arm, vy_samples=7 if aside else 0,
+        acc_lim_y=acceleration if aside else 0.0, acc_lim_theta=turning, vy_samples=7 if aside else 0,
         xy_goal_tolerance=0.05 * scale, forward_point_distance=ahead, oscillation_reset_dist=0.05 * scale,
         sim_time=max(1.5, 0.33 * scale / speed, 2.0 * speed / acceleration), scaling_speed=speed,
         desired_linear_vel=speed, lookahead_dist=ahead, vx_max=speed, vx_min=-speed, vy_max=aside, wz_max=turn,
-        ax_max=acceleration, ay_max=acceleration, az_max=acceleration / arm, vx_std=0.45 * speed, wz_std=0.3 * turn,
+        ax_max=acceleration, ay_max=acceleration, az_max=turning, vx_std=0.45 * speed, wz_std=0.3 * turn,
     )
     made.update({name: value for name, value in values.items() if name in group})
     if "motion_model" in group:

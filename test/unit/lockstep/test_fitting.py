@@ -1,5 +1,6 @@
 """Parameters fitted to another robot: a long one gets through a corridor that it fits in lengthwise only."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -63,3 +64,14 @@ def test_cells_are_as_fine_for_a_long_robot_as_for_a_short_one_of_its_width(tmp_
     settings = load_settings(config_folder())
     server = fitted(settings, load_robot(long_robot(tmp_path, length)))["move_base_flex"]
     assert server["local_costmap"]["resolution"] == 2.0 * settings["move_base_flex"]["local_costmap"]["resolution"]
+
+
+@pytest.mark.parametrize("name", ["large", "medium", "omni", "small", "waffle"])
+def test_no_wheel_is_asked_for_more_than_it_can_when_a_robot_turns_while_it_drives(name):
+    """It went on turning for a second after it was told not to, and touched a wall's end."""
+    robot = load_robot(name)
+    server = fitted(load_settings(config_folder()), robot)["move_base_flex"]
+    arm = math.hypot(robot.wheels.separation, robot.wheels.base) / 2.0
+    for controller, straight, turning in (("DWAPlannerROS", "acc_lim_x", "acc_lim_theta"), ("MPPI", "ax_max", "az_max")):
+        rim = server[controller][straight] + arm * server[controller][turning]
+        assert rim == pytest.approx(robot.settings["wheel_acceleration"])
