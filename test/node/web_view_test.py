@@ -189,11 +189,11 @@ class WebViewTest(WebViewCase):
         self.assertEqual(header["tiles"], [1])
         self.assertEqual(client.cells("global_costmap").count(100), 1)
 
-    def test_0_a_goal_without_a_map_is_refused(self):
+    def test_0_a_robot_without_a_map_that_knows_where_it_is_is_sent_goals_as_well(self):
         client = self.connect()
-        client.wait_for("welcome")
-        self.assertIn("no map", client.refusal(do="goal", x=0.0, y=0.0, theta=0.0))
-        self.assertIn("no map", client.refusal(do="tour", waypoints=[[0.0, 0.0, 0.0]], loop=False, pause=0.0))
+        client.layer("robot", lambda robot: robot["pose"] is not None, "with a pose")
+        client.send(do="goal", x=0.5, y=-0.5, theta=0.0)
+        self.robot.goals.wait_for(lambda g: abs(g.goal.target_pose.pose.position.y + 0.5) < 1e-9, "the goal")
 
     def test_a_goal_goes_out_and_its_outcome_comes_back(self):
         client = self.driver()

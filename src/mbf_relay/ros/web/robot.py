@@ -113,12 +113,12 @@ class ViewedRobot:
         getattr(self, f"_do_{wish.name}")(who, **wish.values)
 
     def _do_goal(self, _who: Hashable, x: float, y: float, theta: float) -> None:
-        self._need_map()
+        self._need_place()
         self._tour = None
         self.hands.goal(Pose2D(x, y, theta))
 
     def _do_tour(self, _who: Hashable, waypoints: List[Pose2D], loop: bool, pause: float) -> None:
-        self._need_map()
+        self._need_place()
         self._tour, self._tour_goal = Tour(waypoints, loop, pause), None
 
     def _do_cancel(self, _who: Hashable) -> None:
@@ -126,7 +126,7 @@ class ViewedRobot:
         self.hands.cancel()
 
     def _do_pose(self, _who: Hashable, x: float, y: float, theta: float, spread: float, turn_spread: float) -> None:
-        self._need_map()
+        self._need_place()
         self.hands.estimate(Pose2D(x, y, theta), spread, turn_spread)
 
     def _do_clear(self, _who: Hashable) -> None:
@@ -163,10 +163,13 @@ class ViewedRobot:
     def _do_remove_obstacles(self, _who: Hashable) -> None:
         self.hands.remove_obstacles(self.view.set_down)
 
-    def _need_map(self) -> None:
-        if not self.view.has_map:
+    def _need_place(self) -> None:
+        """Refuse where neither a map nor the robot's place in its frame tells what a place in it means."""
+        if not self.view.has_map and self.view.pose is None:
             topics = sorted({f"{self.namespace}map", "/map"})
-            raise Refused(f"there is no map: nobody publishes {' or '.join(topics)}")
+            raise Refused(
+                f"there is no map (nobody publishes {' or '.join(topics)}), and nothing tells where the robot is in "
+                f"frame '{self._settings.map_frame}'; map_frame names the frame of goals, such as odom without a map")
 
     def _end_waypoint(self, goal_id: str, state: str, now: float) -> None:
         if self._tour is None or self._tour_goal is None or self._tour_goal not in ("", goal_id):
