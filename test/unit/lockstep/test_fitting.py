@@ -72,6 +72,8 @@ def test_no_wheel_is_asked_for_more_than_it_can_when_a_robot_turns_while_it_driv
     robot = load_robot(name)
     server = fitted(load_settings(config_folder()), robot)["move_base_flex"]
     arm = math.hypot(robot.wheels.separation, robot.wheels.base) / 2.0
-    for controller, straight, turning in (("DWAPlannerROS", "acc_lim_x", "acc_lim_theta"), ("MPPI", "ax_max", "az_max")):
+    for controller, straight, turning in (
+        ("DWAPlannerROS", "acc_lim_x", "acc_lim_theta"), ("MPPI", "ax_max", "az_max"),
+    ):
         rim = server[controller][straight] + arm * server[controller][turning]
         assert rim == pytest.approx(robot.settings["wheel_acceleration"])
