@@ -6,6 +6,7 @@ WORK is a JSON list of [node, parameters, arguments]; RESULTS gets a JSON line f
 ended, and what it said. ROS_MASTER_URI names the master.
 """
 
+import faulthandler
 import json
 import os
 import re
@@ -39,6 +40,7 @@ def start(line):
     os.dup2(into, 1)
     os.dup2(into, 2)
     os.close(out)
+    faulthandler.register(signal.SIGUSR1)  # one that hangs says where, each of its threads
     try:
         live(line)
     finally:
@@ -61,6 +63,10 @@ def attend(child, out, up):
             came_up, asked_at = True, time.monotonic()
             os.kill(child, signal.SIGTERM)
         if time.monotonic() - (asked_at or begun) > PATIENCE:
+            os.kill(child, signal.SIGUSR1)
+            while select.select([out], [], [], 1.0)[0] and piece is not None:
+                piece = os.read(out, 1 << 16) or None
+                said += piece or b""
             os.kill(child, signal.SIGKILL)
             os.waitpid(child, 0)
             os.close(out)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import typing
 from typing import Any, ClassVar, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Type, TypeVar
 
@@ -25,6 +26,8 @@ FAR_BEYOND = 10 ** 18
 """What a whole number beyond it is taken for: out of every range as well, and one that a float can be."""
 SPEED_UNITS = ("m/s", "rad/s")
 """Units of what is refused beyond LARGEST and not taken to a nearer end: who writes that wants no limit at all."""
+TOPIC = re.compile(r"[~/a-zA-Z][\w/]*", re.ASCII)
+"""What may name a topic."""
 SWITCHES = {True: ("true", "yes", "on", "1", "1.0"), False: ("false", "no", "off", "0", "0.0")}
 """YAML's words and C's numbers for what is on and what is off, in small letters."""
 
@@ -40,6 +43,7 @@ def parameter(
     aliases: Sequence[str] = (),
     clamped: bool = True,
     is_frame: bool = False,
+    is_topic: bool = False,
 ) -> Any:
     """Declare a parameter as a dataclass field.
 
@@ -53,10 +57,11 @@ def parameter(
         aliases: Older names still read, with one warning.
         clamped: False where a user's value out of range is refused, not taken to it: where a guess could hurt.
         is_frame: It names a frame, as tf2 does: the slash is taken off with which tf's names began.
+        is_topic: It names a topic, and cannot be empty.
     """
     metadata = dict(
         description=description, unit=unit, minimum=minimum, maximum=maximum, above=above, choices=choices,
-        aliases=tuple(aliases), clamped=clamped, is_frame=is_frame,
+        aliases=tuple(aliases), clamped=clamped, is_frame=is_frame, is_topic=is_topic,
         largest=math.inf if default == math.inf else LARGEST,
     )
     if isinstance(default, (list, dict)):
@@ -111,6 +116,10 @@ class ParameterSet:
         for field in dataclasses.fields(self):
             value = convert(field.name, getattr(self, field.name), hints[field.name])
             _check_range(field.name, value, field.metadata)
+            if field.metadata.get("is_topic") and not TOPIC.fullmatch(value):
+                raise ValueError(
+                    f"parameter {field.name} is {value!r}; it must be a topic's name: a letter, / or ~, then letters, "
+                    "digits, _ and /")
             if field.metadata.get("is_frame"):
                 value = value.lstrip("/")
             object.__setattr__(self, field.name, value)

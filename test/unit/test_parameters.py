@@ -1,11 +1,16 @@
 """Declared parameters: ranges, types, aliases and the words of a refusal."""
 
+import re
 from dataclasses import dataclass
 from typing import Optional, Tuple
 
 import pytest
 
+from mbf_relay.costmap.costmap_filter import CostmapFilterParameters
+from mbf_relay.costmap.parameters import CostmapParameters
+from mbf_relay.costmap.static_layer import StaticLayerParameters
 from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.navigation.waypoints import WaypointFollowerParameters
 from mbf_relay.parameters import ParameterSet, nearest_of, parameter
 
 
@@ -192,3 +197,20 @@ def test_who_asks_a_robot_to_drive_slower_is_not_refused_for_its_lowest_speed(ch
 def test_who_asks_for_speeds_that_contradict_each_other_is_refused(changes):
     with pytest.raises(ValueError, match="least is|speed is"):
         Example(speed=0.5, least=0.2).reconfigured(changes)
+
+
+@pytest.mark.parametrize("kind, name", [
+    (StaticLayerParameters, "map_topic"), (CostmapParameters, "footprint_topic"),
+    (CostmapFilterParameters, "filter_mask_topic"), (WaypointFollowerParameters, "addpose_topic"),
+])
+def test_who_names_no_topic_reads_which_parameter_it_is(kind, name):
+    """The server ended with "topic name is not a non-empty string"."""
+    for value in ("/robot1/map_2", "~map"):
+        assert getattr(kind.read({name: value})[0], name) == value
+    for value in ("", "a b", "1st", "caf\u00e9", "map\n"):
+        with pytest.raises(ValueError, match=f"parameter {name} is {re.escape(repr(value))}; it must be a topic's name"):
+            kind.read({name: value})
+
+
+def test_a_mask_out_of_a_file_needs_no_topic():
+    assert CostmapFilterParameters(filter_mask_topic="", filter_mask_file="zones.yaml").filter_mask_topic == ""

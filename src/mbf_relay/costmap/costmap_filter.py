@@ -13,7 +13,7 @@ from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION, Windo
 from mbf_relay.costmap.layer import CellLayer, LayerContext, MapSource, ZoneLimit
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, load_map
-from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.parameters import TOPIC, ParameterSet, parameter
 
 PERCENT, ABSOLUTE = 1, 2
 """What a speed filter's limits are, by CostmapFilterInfo's numbers."""
@@ -27,6 +27,12 @@ class CostmapFilterParameters(ParameterSet):
     filter_mask_topic: str = parameter("filter_mask", "topic of the mask, a map as map_server publishes one")
     filter_mask_file: str = parameter("", "the mask's YAML file, read once, in place of the topic")
     filter_mask_frame: str = parameter("map", "frame of a mask out of a file", is_frame=True)
+
+    def check(self) -> None:
+        if not self.filter_mask_file and not TOPIC.fullmatch(self.filter_mask_topic):
+            raise ValueError(
+                f"parameter filter_mask_topic is {self.filter_mask_topic!r}; it must be a topic's name where "
+                "filter_mask_file names no file")
 
 
 class CostmapFilter(CellLayer):

@@ -54,9 +54,9 @@ class CostmapParameters(ParameterSet):
         minimum=0.0,
         maximum=0.5,
     )
-    footprint_topic: str = parameter("footprint", "topic on which another footprint may come")
+    footprint_topic: str = parameter("footprint", "topic on which another footprint may come", is_topic=True)
     published_footprint_topic: str = parameter(
-        "footprint", "topic of the footprint at the robot's pose", aliases=("published_footprint",)
+        "footprint", "topic of the footprint at the robot's pose", aliases=("published_footprint",), is_topic=True,
     )
 
     def check(self) -> None:

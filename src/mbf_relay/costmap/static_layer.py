@@ -21,7 +21,7 @@ class StaticLayerParameters(ParameterSet):
     """Parameters of the static layer, by costmap_2d's names."""
 
     enabled: bool = parameter(True, "take part in the costmap")
-    map_topic: str = parameter("map", "topic of the map")
+    map_topic: str = parameter("map", "topic of the map", is_topic=True)
     first_map_only: bool = parameter(False, "keep the first map, whatever is published later")
     subscribe_to_updates: bool = parameter(False, "take changed parts of the map from MAP_TOPIC_updates")
     track_unknown_space: bool = parameter(True, "unknown cells of the map stay unknown; otherwise they are free")

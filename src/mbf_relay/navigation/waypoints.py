@@ -17,7 +17,8 @@ class WaypointFollowerParameters(ParameterSet):
     """
 
     goal_frame_id: str = parameter("map", "frame of poses that name none", is_frame=True)
-    addpose_topic: str = parameter("initialpose", "topic whose poses are waypoints, in RViz that of 2D Pose Estimate")
+    addpose_topic: str = parameter(
+        "initialpose", "topic whose poses are waypoints, in RViz that of 2D Pose Estimate", is_topic=True)
     wait_duration: float = parameter(0.0, "how long to stand at each", unit="s", minimum=0.0)
     number_of_loops: int = parameter(0, "how often to begin again after the last", minimum=0)
     stop_on_failure: bool = parameter(False, "end at the first that is not reached; otherwise go on to the next")

@@ -123,7 +123,7 @@ def test_a_node_given_any_value_of_any_parameter_starts_or_says_in_a_line_what_i
         wrong = trouble(name, hint, what, came_up, status, said)
         try:
             with trial("starts of a node with one parameter of any kind"):
-                assert not wrong, f"{node} {group}/{name} = {VALUES[what]}: {wrong}\n{said[-1500:]}"
+                assert not wrong, f"{node} {group}/{name} = {VALUES[what]}: {wrong}\n{said[-9000:]}"
         except AssertionError as error:
             found.append(str(error))
     assert not found, f"{len(found)} of {len(cases)}:\n" + "\n".join(found)
