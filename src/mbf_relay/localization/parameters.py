@@ -42,7 +42,7 @@ class LocalizerParameters(ParameterSet):
     laser_z_short: float = parameter(0.1, "share of readings off something nearer (beam model)", minimum=0.0)
     laser_z_max: float = parameter(0.05, "share of readings without return (beam model)", minimum=0.0)
     laser_z_rand: float = parameter(0.05, "share of readings without a reason", minimum=0.0)
-    laser_sigma_hit: float = parameter(0.2, "standard deviation of a hit", unit="m", above=0.0)
+    laser_sigma_hit: float = parameter(0.2, "standard deviation of a hit", unit="m", minimum=0.001)
     laser_lambda_short: float = parameter(0.1, "decay of short readings (beam model)", unit="1/m", minimum=0.0)
     laser_likelihood_max_dist: float = parameter(
         2.0, "distance to the nearest obstacle counts up to here", unit="m", above=0.0

@@ -9,6 +9,7 @@ from mbf_relay.localization.beams import Beams, pick_beams, step_between
 from mbf_relay.localization.distance_field import DistanceField, distances_to
 from mbf_relay.localization.laser_kernels import cast_ray, look_up_endpoints, sum_over_endpoints
 from mbf_relay.localization.laser_models import is_converged, make_laser_model
+from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.scan import LaserScan
@@ -198,3 +199,15 @@ def test_beam_skipping_leaves_out_what_few_particles_explain_but_not_everything(
     assert model.beams_to_keep(poses, everything_short.hits).all()
     assert is_converged(poses)
     assert not is_converged(np.vstack((poses, [[3.0, 0.5, 0.0]])))
+
+
+@pytest.mark.parametrize("robust", [False, True])
+@pytest.mark.parametrize("model", ["beam", "likelihood_field", "likelihood_field_prob"])
+def test_a_lidar_said_to_err_by_nothing_is_taken_to_err_by_a_millimetre(model, robust):
+    """The square of so small a number is 0: amcl ended with a traceback."""
+    given = {"laser_sigma_hit": 1e-300, "laser_model_type": model, "robust": robust}
+    parameters, notes = LocalizerParameters.read(given)
+    assert parameters.laser_sigma_hit == 0.001 and "laser_sigma_hit" in notes[0]
+    made, start = Localizer(parameters, room(), np.random.default_rng(1)), Pose2D(1.5, 0.5, 0.3)
+    made.set_initial_pose(start, np.diag([0.02, 0.02, 0.01]))
+    assert made.process(start, scan_at(room(), start, np.random.default_rng(2)), IDENTITY).pose.is_finite()
