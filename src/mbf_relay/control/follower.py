@@ -235,8 +235,7 @@ class PathFollower(Controller, abc.ABC):
             try:
                 command = self.drive(cycle)
             except ControlError:
-                back_out.failed(
-                    state.now, state.pose, cycle.path, cycle.checker, parameters, self.turning_radius)
+                back_out.failed(state.now, state.pose, cycle.path, cycle.checker, parameters, self.turning_radius)
                 if not back_out.is_active:
                     command = braked_on_its_arc(cycle.window, cycle.velocity)
                     if command.speed() > 0.0 and command.theta != 0.0:
