@@ -74,11 +74,12 @@ def _free_way(pose: Pose2D, curve: Curve, checker: FootprintChecker, radius: flo
 
 def _targets(path: LocalPath, radius: float) -> List[Tuple[float, Pose2D]]:
     """Return places ahead on the path, by how far along it they lie (m), each in its direction there, and the goal."""
-    ahead = path.robot_arc + radius * np.arange(APART, FARTHEST + 0.5 * APART, APART)
+    apart, farthest = APART * radius, path.robot_arc + FARTHEST * radius
+    known = min(path.goal_arc, float(path.arcs[-1]) - apart)
     targets = []
-    for arc in ahead[ahead < path.goal_arc]:
-        (x, y), (x1, y1) = path.point_at(arc), path.point_at(min(arc + APART * radius, path.goal_arc))
-        targets.append((float(arc), Pose2D(float(x), float(y), math.atan2(y1 - y, x1 - x))))
-    if len(targets) < len(ahead):
+    for arc in np.arange(path.robot_arc + apart, min(farthest, known), apart).tolist():
+        (x, y), (x1, y1) = path.point_at(arc).tolist(), path.point_at(min(arc + apart, path.goal_arc)).tolist()
+        targets.append((arc, Pose2D(x, y, math.atan2(y1 - y, x1 - x))))
+    if path.goal_arc <= farthest:
         targets.append((path.goal_arc, path.goal))
     return targets

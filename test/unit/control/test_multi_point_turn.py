@@ -7,7 +7,7 @@ import pytest
 from kinematics import boxes, costmap_round, nowhere, path_through
 
 from mbf_relay.control.local_path import PathTracker
-from mbf_relay.control.multi_point_turn import multi_point_turn
+from mbf_relay.control.multi_point_turn import _targets, multi_point_turn
 from mbf_relay.control.state import ControlState
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, angle_between
@@ -46,6 +46,21 @@ def test_at_the_goal_it_ends_in_the_goal_s_heading():
     way, _checker = turned(Pose2D(0.02, 0.03, 0.0), path)
     end = Pose2D(*way.poses[-1])
     assert end.distance_to(Pose2D(0.0, 0.0, 0.0)) < 0.02 and abs(angle_between(2.0, end.theta)) < 0.05
+
+
+@pytest.mark.parametrize("radius", [0.2, 0.55, 3.0])
+@pytest.mark.parametrize("length", [1.0, 20.0])
+def test_a_car_is_turned_nowhere_but_along_its_path_and_to_its_goal(radius, length):
+    """The stretch of the path that is known may end before the places that it could be turned to."""
+    state, tracker = ControlState(0.0, IDENTITY, STOP, costmap_round(IDENTITY, size=6.0), IDENTITY, 0.1), PathTracker()
+    tracker.set_path(path_through((0, 0), (length, length), end_heading=2.0))
+    path = tracker.cut(state, 1.0, 4.0, 1.0)
+    places = _targets(path, radius)
+    headings = [place.theta for arc, place in places if arc < path.goal_arc]
+    assert headings == pytest.approx([math.pi / 4.0] * len(headings))
+    is_near = path.goal_arc <= 4.0 * radius
+    assert [place.theta for arc, place in places if arc >= path.goal_arc] == [2.0] * is_near
+    assert all(abs(place.x - place.y) < 1e-6 for _, place in places)
 
 
 def test_one_that_may_not_go_back_never_does():
