@@ -39,7 +39,7 @@ def multi_point_turn(
         radius: Of its smallest circle (m).
         reverses: Whether it can drive backwards.
     """
-    targets = _targets(path, radius)
+    targets, depths = _targets(path, radius), checker.depths_at(pose)
     for first_moves, places in (([[]], targets), (FIRST_MOVES, targets[::-FEWER])):
         found: List[Tuple[float, Curve]] = []
         for move in first_moves:
@@ -55,20 +55,25 @@ def multi_point_turn(
                         found.append((curve.length + CUSP * radius * curve.cusps + path.goal_arc - arc, curve))
         found.sort(key=lambda one: one[0])
         for _cost, curve in found[:MOST]:
-            way = _free_way(pose, curve, checker, radius)
+            way = _free_way(curve.poses(pose, 2.0 * checker.step), depths, checker, radius)
             if way is not None:
                 return way
     return None
 
 
-def _free_way(pose: Pose2D, curve: Curve, checker: FootprintChecker, radius: float) -> Optional[Way]:
-    """Return the way along a curve where it is free but for what the car touches already; else None."""
-    poses, begin = curve.poses(pose, 2.0 * checker.step), checker.depths_at(pose)
-    if begin[0] < 0.0 and checker.touches(poses).any():
+def _free_way(poses: np.ndarray, depths: np.ndarray, checker: FootprintChecker, radius: float) -> Optional[Way]:
+    """Return the way through poses, (S, 3), where it is free but for what the car touches already; else None.
+
+    Args:
+        poses: The first is the car's.
+        depths: Shape (2,): how deep (cells) its footprint lies in marks there; see FootprintChecker.
+        checker, radius: As for multi_point_turn.
+    """
+    if depths[0] < 0.0 and checker.touches(poses).any():
         return None
-    depths = np.full((len(poses), 2), -1.0)
-    depths[0] = begin
-    way = Way(poses, depths, checker.costmap.width, radius)
+    allowed = np.full((len(poses), 2), -1.0)
+    allowed[0] = depths
+    way = Way(poses, allowed, checker.costmap.width, radius)
     return way if way.free_poses(checker) == len(poses) else None
 
 
