@@ -80,11 +80,13 @@ def without_lone(x, y, ends, marks, before, apart, counted):
         apart: Metres between what counts as one thing.
         counted: Shape (M, 2), filled from the front.
     """
-    size, number, beam = ends.shape[0], 0, 0
-    for mark in range(marks.shape[0]):
+    size, number, mark = ends.shape[0], 0, 0
+    for beam in range(size):
+        if mark == marks.shape[0]:
+            break
         mark_x, mark_y = marks[mark, 0], marks[mark, 1]
-        while ends[beam, 0] != mark_x or ends[beam, 1] != mark_y:
-            beam += 1
+        if ends[beam, 0] != mark_x or ends[beam, 1] != mark_y:
+            continue
         counts = not (
             _passes(x, y, ends, (beam + size - 1) % size, beam, apart)
             and _passes(x, y, ends, (beam + 1) % size, beam, apart))
@@ -96,7 +98,7 @@ def without_lone(x, y, ends, marks, before, apart, counted):
         if counts:
             counted[number, 0], counted[number, 1] = mark_x, mark_y
             number += 1
-        beam += 1
+        mark += 1
     return number
 
 
