@@ -64,9 +64,11 @@ def attend(child, out, up):
             os.kill(child, signal.SIGTERM)
         if time.monotonic() - (asked_at or begun) > PATIENCE:
             os.kill(child, signal.SIGUSR1)
-            while select.select([out], [], [], 1.0)[0] and piece is not None:
-                piece = os.read(out, 1 << 16) or None
-                said += piece or b""
+            while select.select([out], [], [], 1.0)[0]:
+                piece = os.read(out, 1 << 16)
+                if not piece:
+                    break
+                said += piece
             os.kill(child, signal.SIGKILL)
             os.waitpid(child, 0)
             os.close(out)

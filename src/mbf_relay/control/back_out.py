@@ -95,11 +95,10 @@ class BackOut:
             return
         if radius > 0.0:
             self._failing_since = now  # the next look is as patient: it takes its time
-            self._way = multi_point_turn(pose, path, checker, radius, parameters.min_vel_x < 0.0)
-            if self._way is not None:
-                self._from, self.end = pose, Pose2D(*map(float, self._way.poses[-1]))
-                self._length, self._tries = float(self._way.arcs[-1]), self._tries + 1
+            turn = multi_point_turn(pose, path, checker, radius, parameters.min_vel_x < 0.0)
+            if turn is not None:
                 self._best_left = min(self._best_left, path.remaining)
+                self._set_out(pose, turn.poses[-1], turn.arcs[-1], turn)
             return
         ahead = path.point_at(min(path.robot_arc + AHEAD * width, float(path.arcs[-1])))
         heading = math.atan2(ahead[1] - pose.y, ahead[0] - pose.x)
@@ -127,13 +126,17 @@ class BackOut:
         if not np.isfinite(costs).any():
             return
         best = int(np.argmin(costs))
-        self._from, self._length, self._tries, self._way = pose, float(lengths[best]), self._tries + 1, None
         if best < len(which):
             self._sign, self._curvature = float(signs[which[best]]), float(curvatures[which[best]])
-            self.end = Pose2D(*map(float, ends[best]))
+            self._set_out(pose, ends[best], lengths[best], None)
         elif way is not None:
             way.cut(int(steps_back[best - len(which)]))
-            self._way, self.end = way, Pose2D(*map(float, way.poses[-1]))
+            self._set_out(pose, way.poses[-1], lengths[best], way)
+
+    def _set_out(self, pose: Pose2D, end: np.ndarray, length: float, way: Optional[Way]) -> None:
+        """Begin to drive a way of some length (m) from a pose to an end, (3,); the arc chosen where `way` is None."""
+        self._from, self.end, self._way = pose, Pose2D(*map(float, end)), way
+        self._length, self._tries = float(length), self._tries + 1
 
     def command(
         self, pose: Pose2D, velocity: Twist2D, checker: FootprintChecker, parameters: FollowerParameters, period: float,

@@ -101,7 +101,6 @@ def _polar(x: float, y: float) -> Tuple[float, float]:
 def _csc_same(x: float, y: float, phi: float) -> Iterator[Word]:
     """8.1: L+ S+ L+."""
     u, t = _polar(x - math.sin(phi), y - 1.0 + math.cos(phi))
-    t = normalize_angle(t)
     yield [(LEFT, t), (STRAIGHT, u), (LEFT, normalize_angle(phi - t))]
 
 
@@ -120,7 +119,7 @@ def _ccc(x: float, y: float, phi: float) -> Iterator[Word]:
     if rho > 4.0:
         return
     bend = math.acos(rho / 4.0)
-    t, u = normalize_angle(theta + math.pi / 2.0 + bend), normalize_angle(math.pi - 2.0 * bend)
+    t, u = normalize_angle(theta + math.pi / 2.0 + bend), math.pi - 2.0 * bend
     yield [(LEFT, t), (RIGHT, -u), (LEFT, normalize_angle(phi - t - u))]
     if rho > 0.0:
         u = math.acos(1.0 - rho * rho / 8.0)
@@ -135,10 +134,10 @@ def _cccc(x: float, y: float, phi: float) -> Iterator[Word]:
     if rho <= 4.0:
         if rho <= 2.0:
             bend = math.acos((rho + 2.0) / 4.0)
-            t, u = normalize_angle(theta + math.pi / 2.0 + bend), normalize_angle(bend)
+            t, u = normalize_angle(theta + math.pi / 2.0 + bend), bend
         else:
             bend = math.acos((rho - 2.0) / 4.0)
-            t, u = normalize_angle(theta + math.pi / 2.0 - bend), normalize_angle(math.pi - bend)
+            t, u = normalize_angle(theta + math.pi / 2.0 - bend), math.pi - bend
         yield [(LEFT, t), (RIGHT, u), (LEFT, -u), (RIGHT, -normalize_angle(phi - t + 2.0 * u))]
     cos = (20.0 - rho * rho) / 16.0
     if rho > 0.0 and 0.0 <= cos <= 1.0:

@@ -97,10 +97,9 @@ def _fitted_controller(
     made = copy.deepcopy(dict(group))
     speed, turn = limits.max_speed, 0.95 * limits.max_turn_rate
     aside = speed if robot.drive == OMNIDIRECTIONAL else 0.0
-    straight, turning = (1.0, 1.0) if robot.drive == CAR else (STRAIGHT, 1.0 - STRAIGHT)
-    acceleration = straight * limits.wheel_acceleration
-    arm = math.hypot(robot.wheels.separation, robot.wheels.base) / 2.0
-    turning *= limits.wheel_acceleration / arm
+    shares = (1.0, 1.0) if robot.drive == CAR else (STRAIGHT, 1.0 - STRAIGHT)
+    acceleration, rim = (share * limits.wheel_acceleration for share in shares)
+    turning = rim / (math.hypot(robot.wheels.separation, robot.wheels.base) / 2.0)
     ahead = max(0.325 * scale, LOOK_AHEAD * speed, speed ** 2 / (2.0 * acceleration))
     values = dict(
         max_vel_x=speed, min_vel_x=-speed, max_vel_y=aside, min_vel_y=-aside, max_vel_trans=speed,
