@@ -2,16 +2,21 @@
 
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
+from mbf_relay.control.blind_beams import blind_points
+from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
 from mbf_relay.costmap.observation import scan_points
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.localization.beams import is_hit, limits_of
 from mbf_relay.scan import LaserScan
 from mbf_relay.scan_monitor import ScanMonitor, gaps
 
+REPOSITORY = Path(__file__).resolve().parents[2]
 ROOM = 1.5 + 0.5 * np.sin(np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False))
 
 
@@ -53,6 +58,19 @@ def test_the_owner_of_a_depth_camera_is_told_how_to_drive_by_what_is_too_far_awa
     """Its driver sends NaN there. Goals never came, and nothing told of the parameter that is for it."""
     far = changed((0, 60), math.nan)
     assert "largest_gap: 0.0" in trouble(far) and trouble(far, monitor=ScanMonitor(0.0)) is None
+
+
+def test_a_turtlebot_in_a_corridor_longer_than_its_lidar_reaches_drives_by_the_file_that_is_for_it():
+    """Its driver sends 0 there; the simulated one sends inf."""
+    angles = np.arange(360) * math.pi / 180.0
+    walls = 0.8 / np.maximum(np.abs(np.sin(angles)), 1e-9)
+    corridor = scan(np.where(walls <= 3.5, walls, 0.0))
+    told = yaml.safe_load((REPOSITORY / "config" / "lds.yaml").read_text())
+    gap = {told["move_base_flex"][costmap]["scan"]["largest_gap"] for costmap in ("local_costmap", "global_costmap")}
+    assert "ahead" in trouble(corridor) and trouble(corridor, monitor=ScanMonitor(*gap)) is None
+    blind = [blind_points(corridor, IDENTITY, sector, np.array([[0.1, 0.1], [0.1, -0.1], [-0.1, -0.1], [-0.1, 0.1]]))
+             for sector in (VelocityGuardParameters().blind_sector, told["velocity_guard"]["blind_sector"])]
+    assert len(blind[0]) > 0 and len(blind[1]) == 0
 
 
 @pytest.mark.parametrize("beams", [(0, 20), (30, 40), (100, 260), (70, 120), (-120, -70)])

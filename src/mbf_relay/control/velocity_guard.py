@@ -213,7 +213,8 @@ class VelocityGuard:
             share, in_the_way = self._free_share(asked, self._points_ahead(sights, now))
             measured = [sight._replace(points=sight.points[:sight.measured]) for sight in sights]
             if in_the_way and not self._in_the_way(asked, self._points_ahead(measured, now)):
-                in_the_way += ", where the lidar measures nothing, so that something may touch the robot (blind_sector)"
+                in_the_way += (", where the lidar measures nothing, so that something may touch the robot; "
+                               "blind_sector: 0.0 is for drivers that say so of what is too far away")
         limit, unseen = max((self._share_in_sight(asked, sight) for sight in sights), key=lambda found: found[0])
         if not in_the_way and limit >= 1.0:
             return Verdict(asked, PASSING, "passing")

@@ -381,10 +381,11 @@ class ControllerExecution:
         self, ending: Ending, outcome: ControlOutcome, message: str, stop: bool = True,
         cause: Optional[ControlOutcome] = None,
     ) -> None:
+        why = self._robot.unheard or self._robot.held_back
         if stop:
             self._send(STOP)
-        if outcome is ControlOutcome.ROBOT_STUCK and self._robot.unheard:
-            message = f"{self._robot.unheard}: {message}"
+        if outcome is ControlOutcome.ROBOT_STUCK and why:
+            message = f"{why}: {message}"
         pose, distance, angle = self._where()
         self.task.end(ending, FollowResult(outcome, message, pose, distance, angle, cause))
 

@@ -94,6 +94,11 @@ class Robot(abc.ABC):
         return ""
 
     @property
+    def held_back(self) -> str:
+        """Who passes velocities on slower than they were sent, or not at all, and why; empty where nobody says so."""
+        return ""
+
+    @property
     def knows_its_motion(self) -> bool:
         """Whether odometry tells how the robot moves."""
         try:

@@ -49,11 +49,15 @@ class PaperRobot(Robot):
         self.lost: Optional[str] = None
         self.stale: Optional[str] = None
         self.reported: Optional[Twist2D] = None
-        self.silence = ""
+        self.silence = self.objection = ""
 
     @property
     def unheard(self) -> str:
         return self.silence
+
+    @property
+    def held_back(self) -> str:
+        return self.objection
 
     def pose_in(self, frame: str) -> Pose2D:
         if self.lost or frame not in self.frames:

@@ -325,6 +325,20 @@ def test_a_robot_whose_guard_or_driver_is_gone_is_not_sent_to_look_at_its_wheels
     assert result.message == f"{why}it has not moved"
 
 
+def test_who_drives_against_the_guard_is_told_what_the_guard_sees(bench):
+    bench.script.velocity = ControlError(ControlOutcome.ROBOT_STUCK, "it has not moved")
+    bench.robot.objection = "velocity_guard says 'stopped: a foot'"
+    command = bench.robot.command
+
+    def stands(velocity):  # the guard has nothing against a robot that is to stand
+        bench.robot.objection = ""
+        command(velocity)
+
+    bench.robot.command = stands
+    result = bench.finish(bench.navigator.exe_path(FollowGoal(PATH)))
+    assert result.message == "velocity_guard says 'stopped: a foot': it has not moved"
+
+
 def test_oscillation_is_noticed(make_bench):
     bench = make_bench(oscillation_timeout=2.0, oscillation_distance=0.3)
     bench.script.velocity = lambda state: Twist2D(0.2 if math.sin(5.0 * bench.now) > 0.0 else -0.2, 0.0, 0.0)

@@ -8,6 +8,7 @@ from typing import Any, Callable, Dict, Optional, Tuple
 
 import rospy
 from geometry_msgs.msg import Twist
+from std_msgs.msg import String
 
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.navigation.odometry_monitor import OdometryMonitor, TransformMonitor
@@ -20,6 +21,10 @@ from mbf_relay.ros.common.transforms import Transforms
 
 COMMANDS_PAUSE = 1.0
 """Seconds without a velocity after which a drive is over, and the next one's rate is measured anew."""
+GUARD = "velocity_guard"
+"""Node whose ~state tells what becomes of velocities on their way to the wheels."""
+OBJECTS, PASSES = ("stopped", "slowed down"), "passing"
+"""How its states begin where it does not let them pass, and where it does; others are of a robot that is to stand."""
 AGE = "pose_timeout, or the costmaps' transform_tolerance"
 """Whence the greatest age of a transform."""
 
@@ -69,6 +74,8 @@ class RosRobot(Robot):
         self._publisher = rospy.Publisher("cmd_vel", Twist, _Wheels(self), queue_size=1, tcp_nodelay=True)
         self._closing = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
         self._closed = self._blocked = self._held = False
+        self._objection = ""
+        rospy.Subscriber(f"{GUARD}/state", String, self._hear_guard, queue_size=1)
 
     def listen(self, odom_topic: str) -> None:
         """Take the robot's velocity from a topic from now on.
@@ -128,6 +135,17 @@ class RosRobot(Robot):
     def unheard(self) -> str:
         """Say where nobody takes velocities: a driver or a velocity_guard that is gone."""
         return "" if self._publisher.get_num_connections() else f"nobody listens to {self._publisher.resolved_name}"
+
+    @property
+    def held_back(self) -> str:
+        """Say what the velocity_guard has against what it was sent last."""
+        return self._objection
+
+    def _hear_guard(self, state: String) -> None:
+        if state.data.startswith(OBJECTS):
+            self._objection = f"{GUARD} says '{state.data}'"
+        elif state.data.startswith(PASSES):
+            self._objection = ""
 
     def command(self, velocity: Twist2D) -> None:
         """Send a velocity; one that is not finite becomes a stop."""

@@ -9,9 +9,13 @@ import rospy
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
+from std_msgs.msg import String  # noqa: E402
+
 from mbf_relay.control.steering import Steering  # noqa: E402
+from mbf_relay.control.velocity_guard import OBSTACLE, PASSING, VelocityGuard, _slowed  # noqa: E402
+from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters  # noqa: E402
 from mbf_relay.geometry import STOP, Twist2D  # noqa: E402
-from mbf_relay.ros.server.robot import RosRobot, _Wheels  # noqa: E402
+from mbf_relay.ros.server.robot import OBJECTS, PASSES, RosRobot, _Wheels  # noqa: E402
 
 FORWARD = Twist2D(0.2, 0.0, 0.0)
 
@@ -20,6 +24,29 @@ FORWARD = Twist2D(0.2, 0.0, 0.0)
 def test_it_is_said_where_no_wheels_are_left_to_tell(listeners, said):
     publisher = SimpleNamespace(get_num_connections=lambda: listeners, resolved_name="/cmd_vel_raw")
     assert RosRobot.unheard.fget(SimpleNamespace(_publisher=publisher)) == said
+
+
+@pytest.mark.parametrize("states, said", [
+    (["stopped: a foot"], "velocity_guard says 'stopped: a foot'"),
+    (["slowed down to 20 %: a wall", "standing: no velocity is asked for"],
+     "velocity_guard says 'slowed down to 20 %: a wall'"),
+    (["stopped: a foot", "passing"], ""), (["standing: no velocity is asked for"], "")])
+def test_what_the_guard_has_against_the_last_drive_is_known(states, said):
+    robot = RosRobot.__new__(RosRobot)
+    robot._objection = ""
+    for state in states:
+        robot._hear_guard(String(state))
+    assert robot.held_back == said
+
+
+def test_the_guard_speaks_in_the_words_that_are_listened_for():
+    guard = VelocityGuard(VelocityGuardParameters())
+    guard.take_command(1.0, FORWARD)
+    assert guard.verdict(1.0).text.startswith(OBJECTS)  # it has no scan
+    assert _slowed(FORWARD, 0.5, OBSTACLE, "a foot").text.startswith(OBJECTS)
+    guard.take_command(1.0, STOP)
+    assert not guard.verdict(1.0).text.startswith((*OBJECTS, PASSES))
+    assert PASSING == PASSES
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """What a human is told of parameter and launch files, with file and line, before a robot drives by them."""
 
 import io
+from pathlib import Path
 
 import pytest
 
@@ -10,6 +11,7 @@ from mbf_relay.costmap.outline import parse_footprint, radii  # noqa: E402
 from mbf_relay.costmap.outline_checks import first_crossing  # noqa: E402
 from mbf_relay.ros.tools.check_config import main  # noqa: E402
 
+REPOSITORY = Path(__file__).resolve().parents[4]
 GOOD = """
 base_local_planner: dwa_local_planner/DWAPlannerROS
 local_costmap: {robot_radius: 0.2, global_frame: odom, rolling_window: true, observation_sources: scan, scan: {}}
@@ -315,6 +317,13 @@ def test_a_server_that_is_forked_beside_other_nodes_is_examined(tmp_path):
 def test_a_condition_that_is_neither_true_nor_false_is_refused_as_roslaunch_does(tmp_path, capsys):
     assert check(tmp_path, OVERRIDES_BEHIND, "guard:=yes", name="nav.launch")[0] == 2
     assert "nav.launch: 'yes' is neither true nor false" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["pi.yaml", "lds.yaml"])
+def test_whoever_gives_our_overrides_is_told_of_no_name_that_nobody_reads(name):
+    files = REPOSITORY / "config" / name, REPOSITORY / "launch" / "navigation.launch"
+    out = io.StringIO()
+    assert main([str(files[1]), f"overrides:={files[0]}", "guard:=true", "--strict"], out) == 0, out.getvalue()
 
 
 def test_a_file_of_overrides_is_not_said_to_be_without_effect_but_what_it_is_to_be_checked_with(tmp_path, capsys):
