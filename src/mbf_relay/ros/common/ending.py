@@ -104,13 +104,18 @@ class NodeEnding:
 
 
 def interrupt_at_death_of(parent: int) -> Callable[[], None]:
-    """Return what a child does first: ask for a SIGINT when its parent dies, however it dies (Linux: prctl(2))."""
+    """Return what a child does first: ask for a SIGINT when its parent dies, however it dies (Linux: prctl(2)).
+
+    A shell has what a script starts with `&` ignore SIGINT, and all that this starts: the child does not.
+    """
     import ctypes
 
     set_parent_death_signal = 1
     prctl = ctypes.CDLL(None, use_errno=True).prctl
 
     def ask() -> None:
+        if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
         prctl(set_parent_death_signal, signal.SIGINT, 0, 0, 0)
         if os.getppid() != parent:
             os._exit(1)

@@ -1,5 +1,6 @@
 """A family of processes: what ends is there again, and nobody is left behind."""
 
+import contextlib
 import os
 import select
 import signal
@@ -40,21 +41,25 @@ sys.exit(Family(prepare, tasks, respawns="respawn" in sys.argv).run())
 class Running:
     """The program, and the processes it has told of."""
 
-    def __init__(self, *arguments, terminal=subprocess.DEVNULL):
+    def __init__(self, *arguments, terminal=subprocess.DEVNULL, first=None):
         self.process = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, *arguments], stdout=subprocess.PIPE, stderr=terminal)
+            [sys.executable, "-c", PROGRAM, *arguments], stdout=subprocess.PIPE, stderr=terminal, preexec_fn=first)
+        self.children = []
 
     def __enter__(self):
         return self
 
     def __exit__(self, *_):
-        self.process.kill()
+        for process in (self.process, *self.children):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                process.kill()
         self.process.communicate()
 
     def told(self):
         """Return the next name and process."""
         name, pid = self.process.stdout.readline().split()
-        return name.decode(), psutil.Process(int(pid))
+        self.children.append(psutil.Process(int(pid)))
+        return name.decode(), self.children[-1]
 
 
 def has_ended(process):
@@ -94,8 +99,14 @@ def test_a_signal_ends_all(number):
         assert all(has_ended(child) for child in children)
 
 
-def test_no_node_outlives_a_parent_that_is_killed():
-    with Running("respawn") as program:
+def in_the_background():
+    """Do as a shell does to what a script starts with `&`, which a Ctrl-C shall not reach."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@pytest.mark.parametrize("first", [None, in_the_background])
+def test_no_node_outlives_a_parent_that_is_killed(first):
+    with Running("respawn", first=first) as program:
         children = [program.told()[1] for _ in range(2)]
         program.process.kill()
         for child in children:
