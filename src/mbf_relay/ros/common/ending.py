@@ -15,7 +15,7 @@ import signal
 import sys
 import threading
 import time
-from typing import Callable, Optional
+from typing import Callable, Optional, Set
 
 from mbf_relay.memory import hold_little
 
@@ -38,6 +38,17 @@ def open_standard_streams() -> None:
             setattr(sys, name, os.fdopen(number, mode, closefd=False))
 
 
+def ending_signals() -> Set[signal.Signals]:
+    """Return which signals end a process: a hang-up not under nohup, an interrupt in the background of a script, too.
+
+    A shell has that ignored, so that a Ctrl-C does not reach it; but it is what roslaunch ends a node with.
+    """
+    numbers = {signal.SIGINT, signal.SIGTERM}
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        numbers.add(signal.SIGHUP)
+    return numbers
+
+
 class NodeEnding:
     """The end of this process; make it first of all, in the main thread.
 
@@ -51,10 +62,7 @@ class NodeEnding:
     def __init__(self, interrupted: int = 0) -> None:
         open_standard_streams()
         self.interrupted = interrupted
-        numbers = {signal.SIGINT, signal.SIGTERM}
-        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup
-            numbers.add(signal.SIGHUP)
-        self._numbers = numbers
+        self._numbers = numbers = ending_signals()
         self._lock = threading.Lock()
         self._shut_down: Optional[Callable[[str], None]] = None
         self._done = threading.Event()

@@ -12,7 +12,7 @@ import time
 import traceback
 from typing import Callable, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Set
 
-from mbf_relay.ros.common.ending import adopt_orphans, interrupt_at_death_of
+from mbf_relay.ros.common.ending import adopt_orphans, ending_signals, interrupt_at_death_of
 
 RESPAWN_DELAY = 1.0
 """Wall time (s) from a child's end to its successor's start, as in the launch files of single nodes."""
@@ -21,7 +21,6 @@ PATIENCE = 5.0
 ORPHANED = 0.001
 """Wall time (s) between two looks of a child whether it is the family's: the one who forked it ends when all are there.
 """
-ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Nursery(NamedTuple):
@@ -60,7 +59,7 @@ class Family:
 
     def run(self) -> int:
         """Return the exit status once all have ended: 0 after a signal, or where all returned; else 1."""
-        ends = {number for number in ENDINGS if signal.getsignal(number) is not signal.SIG_IGN}  # nohup
+        ends = ending_signals()
         adopt_orphans()
         before = signal.pthread_sigmask(signal.SIG_BLOCK, ends | {signal.SIGCHLD})
         try:
@@ -94,9 +93,8 @@ class Family:
             ask_for_end()
             os.close(births)
             nursery = os.getpid()
-            for number in ENDINGS:  # there is nothing to clean up, nor to tell of
-                if signal.getsignal(number) is not signal.SIG_IGN:
-                    signal.signal(number, signal.SIG_DFL)
+            for number in ending_signals():  # there is nothing to clean up, nor to tell of
+                signal.signal(number, signal.SIG_DFL)
             signal.pthread_sigmask(signal.SIG_SETMASK, signals)
             self._prepare(names)
             time.sleep(max(0.0, when - time.monotonic()))

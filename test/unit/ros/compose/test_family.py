@@ -62,6 +62,11 @@ class Running:
         return name.decode(), self.children[-1]
 
 
+def in_the_background():
+    """Do as a shell does to what a script starts with `&`, which a Ctrl-C shall not reach."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 def has_ended(process):
     return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
 
@@ -91,17 +96,14 @@ def test_a_node_that_is_killed_is_there_again_though_nobody_reads_what_is_said_o
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_all(number):
-    with Running("respawn") as program:
+@pytest.mark.parametrize("first", [None, in_the_background])
+def test_a_signal_ends_all(number, first):
+    """In the background of a script roslaunch waited for a quarter of a minute until it sent another one."""
+    with Running("respawn", first=first) as program:
         children = [program.told()[1] for _ in range(2)]
         program.process.send_signal(number)
         assert program.process.wait(30.0) == 0
         assert all(has_ended(child) for child in children)
-
-
-def in_the_background():
-    """Do as a shell does to what a script starts with `&`, which a Ctrl-C shall not reach."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @pytest.mark.parametrize("first", [None, in_the_background])
