@@ -27,6 +27,8 @@ PARAMETER = re.compile(r"\bparameter ([A-Za-z_]\w*)")
 QUOTED = re.compile(r"'([^']+)'")
 """Names of layers and sources in them."""
 NOTHING: Dict[str, Any] = {}
+SHORTEST_NAME = 4
+"""Letters of a name that is known again in a longer one."""
 
 SIDES = ("global_costmap", "local_costmap")
 READ_BY_THE_NODE = (
@@ -196,11 +198,19 @@ def stray_groups(config: Mapping[str, Any], plugins: Iterable[str]) -> Dict[str,
     """
     known = [*plugins, *SIDES]
     first_parts = [name.split("/")[0] for name in known]
-    others = {name.rpartition("/")[2] for listed in PLUGIN_LISTS for name in listed.known}
     return {
-        name: "" if name in others else did_you_mean(nearest_of(name, known)) for name, values in config.items()
+        name: "" if names_a_plugin(name) else did_you_mean(nearest_of(name, known)) for name, values in config.items()
         if isinstance(values, Mapping) and name not in [*known, *first_parts]
     }
+
+
+def names_a_plugin(group: str) -> bool:
+    """Return whether a group is called as a plugin of ours is, in full or but for its ends: PurePursuit, say.
+
+    Files have parameters for more controllers than the one that is chosen.
+    """
+    others = (name.rpartition("/")[2] for listed in PLUGIN_LISTS for name in listed.known)
+    return len(group) >= SHORTEST_NAME and any(group in other for other in others)
 
 
 def _read(

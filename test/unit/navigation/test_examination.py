@@ -14,6 +14,7 @@ from mbf_relay.navigation.examination import (
     USED,
     examine_move_base,
     examine_server,
+    names_a_plugin,
     stray_groups,
 )
 
@@ -102,6 +103,13 @@ def test_a_group_of_no_plugin_is_told_of_with_the_plugin_it_may_be_meant_for():
     assert known["teb"] == (IGNORED, "belongs to no plugin that is loaded")
     assert stray_groups({"a/b": {}, "a": {}, "local_costmap": {}, "x": 3, "DWAPlannerROS": {}, "y": {}}, ["a/b"]) == {
         "DWAPlannerROS": "", "y": ""}
+
+
+def test_who_has_chosen_another_controller_is_not_warned_of_the_parameters_of_those_he_left():
+    """The log of a car by its own file, which has MPPI alone, warned twice of what stands in the burger's."""
+    known = [*SERVER, "DWAPlannerROS", "PurePursuit", "MPPI", "TrajectoryPlannerROS", "NavfnROS"]
+    assert [name for name in known if names_a_plugin(name)] == known[len(SERVER):]
+    assert not any(names_a_plugin(name) for name in ("DWAPlanerROS", "ROS", "Planners", "dwaa", ""))
 
 
 def test_move_base_s_own_names_are_told_of_alike_and_others_may_be_known_elsewhere():

@@ -11,7 +11,7 @@ from typing import Any, Callable, Dict, List, Mapping
 import rospy
 
 from mbf_relay.geometry import STOP
-from mbf_relay.navigation.examination import READ_BY_THE_NODE, SIDES, stray_groups
+from mbf_relay.navigation.examination import READ_BY_THE_NODE, SIDES, names_a_plugin, stray_groups
 from mbf_relay.navigation.navigator import Navigator
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.registry import Registry
@@ -255,8 +255,9 @@ def _log_plugins(registry: Registry[Any]) -> None:
 
 def _warn_of_stray_groups(config: Mapping[str, Any], plugins: List[str]) -> None:
     for name, hint in stray_groups(config, plugins).items():
-        rospy.logwarn("parameters under %s belong to no plugin that is loaded and are ignored%s",
-                      rospy.resolve_name(f"~{name}"), hint)
+        log = rospy.loginfo if names_a_plugin(name) else rospy.logwarn
+        log("parameters under %s belong to no plugin that is loaded and are ignored%s",
+            rospy.resolve_name(f"~{name}"), hint)
 
 
 def _serve_reconfigure(navigator: Navigator, apply: Callable[[NavigatorParameters], None]) -> Any:
