@@ -25,6 +25,9 @@ A wheel that is asked for all of it by both never catches up, and the robot goes
 """
 LOOK_AHEAD = 0.5
 """Seconds of driving at top speed that a controller looks ahead at least."""
+CARS_PROGRESS = 0.5 * math.pi
+"""Radians of a turn that show that a car gets on: in several moves it turns round about one place, for longer than others.
+"""
 
 
 def fitted(settings: Settings, robot: RobotModel) -> Settings:
@@ -54,6 +57,7 @@ def fitted(settings: Settings, robot: RobotModel) -> Settings:
             group["reset_distance"] = scale * group["reset_distance"]
     server["oscillation_distance"] = scale * server["oscillation_distance"]
     if robot.drive == CAR:
+        server["oscillation_angle"] = CARS_PROGRESS
         server["controllers"] = _that_steer(server)
         server["recovery_behaviors"] = [e for e in server["recovery_behaviors"] if "rotate" not in e["type"]]
     return made

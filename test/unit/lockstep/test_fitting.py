@@ -1,16 +1,18 @@
 """Parameters fitted to another robot: a long one gets through a corridor that it fits in lengthwise only."""
 
+import dataclasses
 import math
 from pathlib import Path
 
 import pytest
 
+from mbf_relay.geometry import Pose2D
 from mbf_relay.lockstep import result as outcomes
 from mbf_relay.lockstep.episode import Episode
 from mbf_relay.lockstep.fitting import fitted
 from mbf_relay.lockstep.settings import config_folder, load_settings
 from mbf_relay.lockstep.setup import KNOWN, TRUTH, make_setup
-from mbf_relay.lockstep.tasks import task_of
+from mbf_relay.lockstep.tasks import circle, task_of
 from mbf_relay.simulation.robot_file import load_robot
 from mbf_relay.simulation.worlds_file import world_of
 
@@ -77,3 +79,11 @@ def test_no_wheel_is_asked_for_more_than_it_can_when_a_robot_turns_while_it_driv
     ):
         rim = server[controller][straight] + arm * server[controller][turning]
         assert rim == pytest.approx(robot.settings["wheel_acceleration"])
+
+
+def test_a_car_that_turns_round_between_pillars_is_not_said_to_oscillate():
+    """It takes eleven seconds for it, hardly leaving its place; after ten it was stopped, and its costmaps cleared."""
+    goals = Pose2D(-0.55, -0.55, 0.0), Pose2D(-0.55, -0.55, math.pi)
+    task = dataclasses.replace(circle(), goals=goals)
+    result = Episode(task, make_setup(config_folder(), robot="car"), seed=1).run()
+    assert result.success and result.contacts == 0 and result.recoveries == 0
