@@ -26,8 +26,7 @@ A wheel that is asked for all of it by both never catches up, and the robot goes
 LOOK_AHEAD = 0.5
 """Seconds of driving at top speed that a controller looks ahead at least."""
 CARS_PROGRESS = 0.5 * math.pi
-"""Radians of a turn that show that a car gets on: in several moves it turns round about one place, for longer than others.
-"""
+"""Radians of a turn that show that a car gets on: in several moves it turns round for long, in one place."""
 
 
 def fitted(settings: Settings, robot: RobotModel) -> Settings:
