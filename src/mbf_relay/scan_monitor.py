@@ -26,10 +26,18 @@ SEEN_BEFORE = 0.25
 """Share of beams with a return after which a scan without any is not believed: a robot does not leave walls at once."""
 
 
+SCATTERED = 6
+"""Gaps in a scan from which on they are how its driver speaks of what is too far away, too dark or seen too flatly: what
+covers a lidar, or has died in it, makes one or two, and four posts of a robot mask as many.
+"""
+
+
 class ScanMonitor:
     """Judges the scans of one lidar, one after the other.
 
-    A beam measured something where it reads range_min or more, infinity included: that says nothing is there.
+    A beam measured something where it reads range_min or more, infinity included: that says nothing is there. Drivers
+    that have no such word, as that of a TurtleBot3's LDS-01, which sends 0, leave gaps wherever it is far to the next
+    wall; move_base drives on in them, and so it is here, while the scan has several and has never read infinity.
 
     Args:
         largest_gap: See LARGEST_GAP; 0 for a lidar whose zeros say that nothing is there. Its gaps are then not looked
@@ -40,6 +48,7 @@ class ScanMonitor:
         self._largest_gap = largest_gap
         self._first: Optional[Tuple[LaserScan, Pose2D]] = None  # of those with the same readings, and from where
         self._share_of_returns = 0.0  # in the last scan that was believed
+        self._says_nothing_is_there = False  # by infinity, as REP 117 asks for; in any scan so far
 
     def trouble(self, scan: LaserScan, forward: float, sensor_pose: Pose2D) -> Optional[str]:
         """Return why a scan must not be driven on, or None.
@@ -83,10 +92,14 @@ class ScanMonitor:
         if width < self._largest_gap:
             return (f"the lidar looks into {math.degrees(width):.0f} degrees in all; what lies beside counts as free, "
                     f"and more than {math.degrees(self._largest_gap):.0f} may not go unseen")
+        self._says_nothing_is_there |= bool(np.isposinf(scan.ranges).any())
         if measured == len(usable):
             return None
+        unseen = gaps(usable, scan.goes_round)
+        if len(unseen) >= SCATTERED and not self._says_nothing_is_there:
+            return None
         allowed = math.floor(self._largest_gap / step) if step > 0.0 else len(usable)
-        for first, count in gaps(usable, scan.goes_round):
+        for first, count in unseen:
             if count <= allowed or _explained(scan, usable, first, count):
                 continue
             middle = scan.angle_min + scan.angle_increment * (first + (count - 1) / 2.0)

@@ -73,6 +73,26 @@ def test_a_turtlebot_in_a_corridor_longer_than_its_lidar_reaches_drives_by_the_f
     assert len(blind[0]) > 0 and len(blind[1]) == 0
 
 
+def as_an_lds_says(ranges):
+    """Return ranges as a TurtleBot3's lidar has them: 0 beyond 3.5 m, and where a beam here and there fails."""
+    said = np.where(ranges <= 3.5, ranges, 0.0)
+    said[35::40] = 0.0
+    return said
+
+
+@pytest.mark.parametrize("there", [math.inf, 0.0])
+def test_a_turtlebot_drives_along_a_corridor_as_under_move_base_though_its_lidar_has_no_word_for_far(there):
+    """Its real lidar sends 0 there, and the robot stood in every corridor and hall."""
+    angles = np.arange(360) * math.pi / 180.0
+    corridor = as_an_lds_says(0.8 / np.maximum(np.abs(np.sin(angles)), 1e-9))
+    monitor = ScanMonitor()
+    assert (trouble(changed((170, 180), there, ROOM), monitor=monitor) is None) and np.count_nonzero(corridor) > 200
+    told = trouble(scan(corridor), monitor=monitor)
+    assert told is None if there == 0.0 else "ahead" in told  # whoever sends inf has the word
+    assert "ahead" in trouble(scan(np.where(np.abs(angles - math.pi) > 2.7, 0.0, ROOM)))  # something covers it
+    assert "100 %" in trouble(scan(np.zeros(360)), monitor=monitor)
+
+
 @pytest.mark.parametrize("beams", [(0, 20), (30, 40), (100, 260), (70, 120), (-120, -70)])
 def test_a_small_gap_and_a_masked_rear_are_driven_with_and_hide_no_larger_one(beams):
     assert trouble(changed(beams, math.nan)) is None
