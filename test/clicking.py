@@ -35,13 +35,13 @@ class ClickingTest(unittest.TestCase):
         wait_until(lambda: cls.truth.last and cls.scans.last, "the simulator's first messages", 60.0)
         wait_until(lambda: cls.transforms.can_transform("map", "base_footprint", 0.0), "localization", 60.0)
         cls.screen = VirtualScreen().__enter__()
+        cls.addClassCleanup(cls.screen.__exit__)  # where RViz never shows itself, too
         config = os.path.join(rospkg.RosPack().get_path("mbf_relay"), "config", "rviz", "navigation.rviz")
         cls.rviz = RViz(cls.screen, config, os.path.join(RESULTS, "rviz.log"))
 
     @classmethod
     def tearDownClass(cls):
         cls.screen.screenshot(os.path.join(RESULTS, "rviz.png"))
-        cls.screen.__exit__()
 
     @property
     def true_pose(self) -> Pose2D:

@@ -23,6 +23,7 @@ import threading
 import time
 from typing import Dict, Iterator, List, NamedTuple, Optional
 
+import job_processes
 import job_reports
 import job_times
 
@@ -45,8 +46,6 @@ MORE = 3
 """Jobs that may run beside as many as there are cores."""
 SLOWEST = 8
 """Jobs whose time is told at the end; `--times` tells all."""
-NICENESS = 19
-"""Of what computes beside robots that drive: an eightieth of their share, where both want the same core."""
 
 
 class Kind(enum.Enum):
@@ -88,7 +87,7 @@ class Job(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What came of a job; `trouble` says why it could not be started."""
+    """What came of a job; `trouble` says why it could not be started, or what it left behind."""
 
     job: Job
     passed: int
@@ -254,7 +253,7 @@ class Runner:
             self._lock.notify_all()
             running = list(self._running)
         for process in running:
-            end_group(process)
+            job_processes.end_group(process)
 
     def _most(self) -> int:
         return self._cores + MORE * (self._cores > 1)
@@ -315,13 +314,14 @@ class Runner:
                 )
                 self._running.append(process)
             if job.computes:
-                give_way(process)
+                job_processes.give_way(process)
             try:
                 cpu_seconds = job_times.wait(process, TIME_LIMIT * (LONGER if self._long else 1))
             except subprocess.TimeoutExpired:
                 cpu_seconds = 0.0
                 stream.write(f"\nended after {time.monotonic() - start:.0f} s\n".encode())
-        end_group(process)
+        job_processes.end_group(process)
+        left = job_processes.end_what_is_left(process.pid)
         with self._lock:
             self._running.remove(process)
         report_file = os.path.join(folder, "pytest.xml")
@@ -330,9 +330,9 @@ class Runner:
         else:
             passed, failed, skipped = (
                 job_reports.of_rostest(log) if job.kind is Kind.ROSTEST else job_reports.of_pytest(report_file))
-        if process.returncode != 0 and failed == 0:
+        if (process.returncode != 0 or left) and failed == 0:
             failed = 1
-        return Outcome(job, passed, failed, skipped, time.monotonic() - start, log, cpu_seconds)
+        return Outcome(job, passed, failed, skipped, time.monotonic() - start, log, cpu_seconds, left)
 
     def _environment(self, folder: str) -> Dict[str, str]:
         environment = dict(os.environ, ROS_LOG_DIR=os.path.join(folder, "log"), ROS_TEST_RESULTS_DIR=folder)
@@ -345,24 +345,6 @@ class Runner:
         if self._long:
             environment["MBF_RELAY_LONG"] = "1"
         return environment
-
-
-def give_way(process: subprocess.Popen) -> None:
-    """Let a process and what it starts have what others leave, also where each session has a share of its own."""
-    with contextlib.suppress(OSError):  # it has ended, or this kernel knows no such groups
-        os.setpriority(os.PRIO_PGRP, process.pid, NICENESS)
-        with open(f"/proc/{process.pid}/autogroup", "w", encoding="ascii") as stream:
-            stream.write(str(NICENESS))
-
-
-def end_group(process: subprocess.Popen) -> None:
-    """End a process and whatever it has started."""
-    for number, patience in ((signal.SIGINT, 20.0), (signal.SIGKILL, 10.0)):
-        if process.poll() is not None:
-            break
-        os.killpg(process.pid, number)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(patience)
 
 
 def counts(outcome: Outcome) -> str:

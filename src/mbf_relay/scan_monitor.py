@@ -24,11 +24,9 @@ MOVED = 0.03
 """Metres or radians after which the same readings again are old ones."""
 SEEN_BEFORE = 0.25
 """Share of beams with a return after which a scan without any is not believed: a robot does not leave walls at once."""
-
-
 SCATTERED = 6
-"""Gaps in a scan from which on they are how its driver speaks of what is too far away, too dark or seen too flatly: what
-covers a lidar, or has died in it, makes one or two, and four posts of a robot mask as many.
+"""Gaps in a scan from which on they are how its driver speaks of what is too far away, too dark or seen too flatly:
+what covers a lidar, or has died in it, makes one or two, and four posts of a robot mask as many.
 """
 
 

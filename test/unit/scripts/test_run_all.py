@@ -7,6 +7,7 @@ import subprocess
 import sys
 from types import SimpleNamespace
 
+import job_processes
 import job_times
 import psutil
 import pytest
@@ -49,6 +50,22 @@ def test_a_job_whose_program_is_not_there_has_failed_and_the_others_run(tmp_path
     assert run_all.run(jobs, str(tmp_path / "results"), SimpleNamespace(long=False, jobs=1)) == 1
     told = capsys.readouterr().out
     assert "1 passed, 5 failed" in told and "rostest that nobody installed" in told
+
+
+LEAVES = """
+import subprocess, sys
+subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+"""
+
+
+def test_a_test_that_leaves_something_running_has_failed_and_it_is_ended(tmp_path, monkeypatch, capsys):
+    """A setup that waited for RViz in vain left it and its screen behind, and both went on drawing for half an hour."""
+    monkeypatch.setattr(job_processes, "PATIENCE", 0.5)
+    before = {process.pid for process in psutil.process_iter()}
+    assert run_all.run([job("unit", LEAVES)], str(tmp_path / "results"), SimpleNamespace(long=False, jobs=1)) == 1
+    assert "0 failed" not in capsys.readouterr().out
+    assert not [process for process in psutil.process_iter(["cmdline"])
+                if process.pid not in before and "import time; time.sleep(600)" in (process.info["cmdline"] or [])]
 
 
 def test_robots_that_drive_in_real_time_never_share_the_machine(tmp_path):
