@@ -45,7 +45,8 @@ class SourceParameters(ParameterSet):
     largest_gap: float = parameter(
         LARGEST_GAP,
         "widest angle ahead in which a LaserScan may measure nothing (NaN, or below range_min) and still count; "
-        "0 where that means nothing is there, as is taken of a lidar that never says inf and of a scan of six gaps",
+        "0 where that means nothing is there, as it is taken in scans of six gaps or more, of a lidar that never said "
+        "inf",
         unit="rad",
         minimum=0.0,
         maximum=2.0 * math.pi,
