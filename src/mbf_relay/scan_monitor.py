@@ -40,12 +40,16 @@ class ScanMonitor:
     Args:
         largest_gap: See LARGEST_GAP; 0 for a lidar whose zeros say that nothing is there. Its gaps are then not looked
             at.
+
+    Attributes:
+        takes_gaps_for_far: Whether a gap ahead was, in any scan so far.
     """
 
     def __init__(self, largest_gap: float = LARGEST_GAP) -> None:
         self._largest_gap = largest_gap
         self._first: Optional[Tuple[LaserScan, Pose2D]] = None  # of those with the same readings, and from where
         self._share_of_returns = 0.0  # in the last scan that was believed
+        self.takes_gaps_for_far = False
         self._says_nothing_is_there = False  # by infinity, as REP 117 asks for; in any scan so far
 
     def trouble(self, scan: LaserScan, forward: float, sensor_pose: Pose2D) -> Optional[str]:
@@ -94,18 +98,20 @@ class ScanMonitor:
         if measured == len(usable):
             return None
         unseen = gaps(usable, scan.goes_round)
-        if len(unseen) >= SCATTERED and not self._says_nothing_is_there:
-            return None
+        is_its_word = len(unseen) >= SCATTERED and not self._says_nothing_is_there
         allowed = math.floor(self._largest_gap / step) if step > 0.0 else len(usable)
         for first, count in unseen:
             if count <= allowed or _explained(scan, usable, first, count):
                 continue
             middle = scan.angle_min + scan.angle_increment * (first + (count - 1) / 2.0)
             off = abs(math.remainder(middle - forward, 2.0 * math.pi))
-            if off - count * step / 2.0 < AHEAD:
+            if off - count * step / 2.0 >= AHEAD:
+                continue
+            if not is_its_word:
                 return (f"the lidar measures nothing in {math.degrees(count * step):.0f} degrees ahead; "
                         f"at most {math.degrees(self._largest_gap):.0f} are allowed, and all where its source has "
                         "largest_gap: 0.0, for drivers that say so of what is too far away")
+            self.takes_gaps_for_far = True
         return None
 
 

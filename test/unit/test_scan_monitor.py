@@ -89,6 +89,7 @@ def test_a_turtlebot_drives_along_a_corridor_as_under_move_base_though_its_lidar
     assert (trouble(changed((170, 180), there, ROOM), monitor=monitor) is None) and np.count_nonzero(corridor) > 200
     told = trouble(scan(corridor), monitor=monitor)
     assert told is None if there == 0.0 else "ahead" in told  # whoever sends inf has the word
+    assert monitor.takes_gaps_for_far is (told is None)
     assert "ahead" in trouble(scan(np.where(np.abs(angles - math.pi) > 2.7, 0.0, ROOM)))  # something covers it
     assert "100 %" in trouble(scan(np.zeros(360)), monitor=monitor)
 

@@ -184,6 +184,10 @@ class SensorInput:
         mounting, _ = mounting_of(base.transform)
         monitor = self._monitors.setdefault(frame, ScanMonitor(self._parameters.largest_gap))
         trouble = monitor.trouble(seen_from_above(scan, upside_down), -mounting.theta, pose)
+        if monitor.takes_gaps_for_far:
+            rospy.loginfo_once(
+                "the lidar in frame '%s' never says inf, and measures nothing in many directions: what lies there is "
+                "taken to be too far away to be measured", frame)
         self._senders.hear(frame, scan.stamp, is_guest=not rides)
         self._blind.pop(frame, None)
         if trouble is not None:
