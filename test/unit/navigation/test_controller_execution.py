@@ -325,16 +325,11 @@ def test_a_robot_whose_guard_or_driver_is_gone_is_not_sent_to_look_at_its_wheels
     assert result.message == f"{why}it has not moved"
 
 
-def test_who_drives_against_the_guard_is_told_what_the_guard_sees(bench):
+def test_who_drives_against_the_guard_is_told_what_the_guard_sees(bench, monkeypatch):
     bench.script.velocity = ControlError(ControlOutcome.ROBOT_STUCK, "it has not moved")
     bench.robot.objection = "velocity_guard says 'stopped: a foot'"
-    command = bench.robot.command
-
-    def stands(velocity):  # the guard has nothing against a robot that is to stand
-        bench.robot.objection = ""
-        command(velocity)
-
-    bench.robot.command = stands
+    # which has nothing against a robot that is to stand
+    monkeypatch.setattr(bench.robot, "command", lambda velocity: setattr(bench.robot, "objection", ""))
     result = bench.finish(bench.navigator.exe_path(FollowGoal(PATH)))
     assert result.message == "velocity_guard says 'stopped: a foot': it has not moved"
 
