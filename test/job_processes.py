@@ -5,7 +5,7 @@ import os
 import signal
 import subprocess
 import time
-from typing import List
+from typing import Dict
 
 import psutil
 
@@ -37,35 +37,25 @@ def end_group(process: subprocess.Popen) -> None:
 def end_what_is_left(group: int) -> str:
     """End what a job's own process has left behind in its group; say what that was, empty for nothing."""
     end = time.monotonic() + PATIENCE
-    while True:
-        left = _members(group)
-        if not left or time.monotonic() >= end:
-            break
+    left = _members(group)
+    while left and time.monotonic() < end:
         psutil.wait_procs(left, timeout=_PAUSE)
-    names = sorted(filter(None, map(_name, left)))
+        left = _members(group)
     for process in left:
         with contextlib.suppress(psutil.Error):
             process.kill()
-    return f"it left behind: {', '.join(names)}" if names else ""
+    return f"it left behind: {', '.join(sorted(left.values()))}" if left else ""
 
 
-def _members(group: int) -> List[psutil.Process]:
-    """Return the processes of a group, whose number is that of one that has ended."""
+def _members(group: int) -> Dict[psutil.Process, str]:
+    """Return the processes of a group that have not ended, with their names."""
+    found: Dict[psutil.Process, str] = {}
     try:
         os.killpg(group, 0)
     except ProcessLookupError:
-        return []
-    found = []
-    for pid in psutil.pids():
+        return found
+    for process in psutil.process_iter():
         with contextlib.suppress(ProcessLookupError, psutil.Error):
-            if os.getpgid(pid) == group and _name(psutil.Process(pid)):
-                found.append(psutil.Process(pid))
+            if os.getpgid(process.pid) == group and process.status() != psutil.STATUS_ZOMBIE:
+                found[process] = process.name()
     return found
-
-
-def _name(process: psutil.Process) -> str:
-    """Return a process's name, empty where it has ended."""
-    try:
-        return "" if process.status() == psutil.STATUS_ZOMBIE else str(process.name())
-    except psutil.Error:
-        return ""

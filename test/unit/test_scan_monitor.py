@@ -17,7 +17,9 @@ from mbf_relay.scan import LaserScan
 from mbf_relay.scan_monitor import ScanMonitor, gaps
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-ROOM = 1.5 + 0.5 * np.sin(np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False))
+ANGLES = np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False)
+ROOM = 1.5 + 0.5 * np.sin(ANGLES)
+CORRIDOR = 0.8 / np.maximum(np.abs(np.sin(ANGLES)), 1e-9)
 
 
 def scan(ranges, stamp=1.0, angle_min=0.0, width=2.0 * math.pi):
@@ -62,9 +64,7 @@ def test_the_owner_of_a_depth_camera_is_told_how_to_drive_by_what_is_too_far_awa
 
 def test_a_turtlebot_in_a_corridor_longer_than_its_lidar_reaches_drives_by_the_file_that_is_for_it():
     """Its driver sends 0 there; the simulated one sends inf."""
-    angles = np.arange(360) * math.pi / 180.0
-    walls = 0.8 / np.maximum(np.abs(np.sin(angles)), 1e-9)
-    corridor = scan(np.where(walls <= 3.5, walls, 0.0))
+    corridor = scan(np.where(CORRIDOR <= 3.5, CORRIDOR, 0.0))
     told = yaml.safe_load((REPOSITORY / "config" / "lds.yaml").read_text())
     gap = {told["move_base_flex"][costmap]["scan"]["largest_gap"] for costmap in ("local_costmap", "global_costmap")}
     assert "ahead" in trouble(corridor) and trouble(corridor, monitor=ScanMonitor(*gap)) is None
@@ -83,14 +83,13 @@ def as_an_lds_says(ranges):
 @pytest.mark.parametrize("there", [math.inf, 0.0])
 def test_a_turtlebot_drives_along_a_corridor_as_under_move_base_though_its_lidar_has_no_word_for_far(there):
     """Its real lidar sends 0 there, and the robot stood in every corridor and hall."""
-    angles = np.arange(360) * math.pi / 180.0
-    corridor = as_an_lds_says(0.8 / np.maximum(np.abs(np.sin(angles)), 1e-9))
+    corridor = as_an_lds_says(CORRIDOR)
     monitor = ScanMonitor()
     assert (trouble(changed((170, 180), there, ROOM), monitor=monitor) is None) and np.count_nonzero(corridor) > 200
     told = trouble(scan(corridor), monitor=monitor)
     assert told is None if there == 0.0 else "ahead" in told  # whoever sends inf has the word
     assert monitor.takes_gaps_for_far is (told is None)
-    assert "ahead" in trouble(scan(np.where(np.abs(angles - math.pi) > 2.7, 0.0, ROOM)))  # something covers it
+    assert "ahead" in trouble(scan(np.where(np.abs(ANGLES - math.pi) > 2.7, 0.0, ROOM)))  # something covers it
     assert "100 %" in trouble(scan(np.zeros(360)), monitor=monitor)
 
 
@@ -128,9 +127,8 @@ def test_a_lidar_that_looks_only_ahead_need_not_see_its_rear():
 
 
 def test_a_wall_nearer_than_the_lidar_can_read_does_not_make_it_blind():
-    angles = np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False)
     with np.errstate(divide="ignore"):
-        wall = np.where(np.cos(angles) > 0.1, 0.09 / np.cos(angles), 3.0)
+        wall = np.where(np.cos(ANGLES) > 0.1, 0.09 / np.cos(ANGLES), 3.0)
     assert np.count_nonzero(wall < 0.12) > 60
     assert trouble(scan(np.where(wall < 0.12, 0.0, wall))) is None
 
