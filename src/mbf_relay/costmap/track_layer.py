@@ -86,6 +86,9 @@ class TrackLayer(Layer):
     def reconfigure(self, parameters: TrackLayerParameters) -> None:
         super().reconfigure(parameters)
         self._other = None
+        if not parameters.enabled:
+            self._trackers.clear()  # what it knew is no news when it is enabled again
+            self._shown.clear()
         for tracker in self._trackers.values():
             tracker.parameters = parameters
 

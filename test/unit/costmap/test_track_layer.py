@@ -182,6 +182,22 @@ def test_layers_that_look_for_other_things_share_nothing(monkeypatch):
     assert stamps == [10.0, 10.0]
 
 
+def test_a_small_computer_looks_for_nobody_where_the_layer_is_disabled_and_knows_no_old_news_afterwards(monkeypatch):
+    costmap = costmap_of()
+    watch(costmap, crossing, 4.0)
+    assert costmap.snapshot().tracks
+    layer = next(layer for layer in costmap.layers if layer.tracks is not None)
+    stamps = looked_through(monkeypatch)
+    costmap.reconfigure_layer(layer.name, layer.parameters.replace(enabled=False))
+    watch(costmap, crossing, 4.0)
+    assert stamps == [] and not costmap.snapshot().tracks
+    costmap.reconfigure_layer(layer.name, layer.parameters.replace(enabled=True))
+    costmap.update(14.0, Pose2D(0.0, 0.0, 0.0))
+    assert costmap.snapshot().tracks == ()
+    watch(costmap, crossing, 4.0)
+    assert len(costmap.snapshot().tracks) == 1
+
+
 def test_who_stops_is_a_wall_again():
     assert is_marked(watch(costmap_of(mark_movers=False), crossing, 10.0), 1.0, 0.5, 0.12)
 

@@ -12,8 +12,9 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.ros.common.transforms import TransformPublisher
 
 SHORTEST_LOOK, LONGEST_LOOK = 0.02, 0.1
-"""Wall time (s) between two looks at whether to send it on its own: a tenth of how far it is dated ahead, within these.
-"""
+"""Wall time (s) between two looks at whether to send it on its own: until it is due, within these."""
+SIMULATED_SHARE = 0.25
+"""Share of the time until it is due at which to look where time is simulated, and may run faster than the wall's."""
 REMEMBERED = 50
 """Stamps sent lately that are not used again."""
 PAUSE = 0.3
@@ -78,17 +79,24 @@ class MapToOdom:
             self._stamps.append(stamp)
 
     def _keep_alive(self) -> None:
-        while not self._stop.wait(min(max(SHORTEST_LOOK, 0.1 * self._tolerance), LONGEST_LOOK)):
-            self.look(rospy.get_rostime())
+        share = 1.0 if rospy.rostime.is_wallclock() else SIMULATED_SHARE
+        wait = SHORTEST_LOOK
+        while not self._stop.wait(wait):
+            wait = min(max(share * self.look(rospy.get_rostime()), SHORTEST_LOOK), LONGEST_LOOK)
 
-    def look(self, now: rospy.Time) -> None:
-        """Send the transform on where no scan has for a while and its stamp is about to fall behind `now`."""
+    def look(self, now: rospy.Time) -> float:
+        """Send the transform on where no scan has for a while and its stamp is about to fall behind `now`.
+
+        Returns:
+            The time (s) until it would be due.
+        """
         with self._lock:
-            ahead = rospy.Duration(self._tolerance)
-            if self._map_from_odom is None or now.is_zero():
-                return
+            ahead, pause = rospy.Duration(self._tolerance), rospy.Duration(PAUSE)
+            if self._map_from_odom is None or not self._enabled or now.is_zero():
+                return PAUSE
             if now < self._taken_at:
                 self._taken_at, self._sent = now, rospy.Time(0)  # time was set back
-            if now - self._taken_at > rospy.Duration(PAUSE) and now + ahead * 0.5 > self._sent:
+            if now - self._taken_at > pause and now + ahead * 0.5 > self._sent:
                 self._send(now + ahead)
                 self._kept_until = self._sent
+            return max(self._taken_at + pause - now, self._sent - now - ahead * 0.5).to_sec()

@@ -67,6 +67,17 @@ def test_it_goes_on_where_scans_pause_and_not_before(sender):
     assert outbox.stamps == [10.5, 11.25]  # far enough ahead still
 
 
+def test_who_looks_when_it_says_that_it_is_due_never_lets_it_fall_behind_and_looks_seldom(sender):
+    sender, outbox, update = sender
+    update(10.0, 10.25)
+    now, looks = 10.25, 0
+    while now < 13.0:
+        due = sender.look(rospy.Time.from_sec(now))
+        looks, now = looks + 1, now + max(due, 0.02)
+        assert now < max(outbox.stamps) + 0.1, outbox.stamps  # what the pause is longer than the first scan reaches
+    assert looks <= 25
+
+
 def test_it_goes_on_when_time_is_set_back(sender):
     sender, outbox, update = sender
     update(100.0, 100.25)

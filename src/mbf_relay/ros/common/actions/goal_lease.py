@@ -10,8 +10,8 @@ moment. A server that knows nothing of leases offers no such topic, and gets goa
 
 MARK = "+lease"
 """The end of a leased goal's id."""
-DURATION = 0.6
-"""Wall time (s) without a renewal after which a goal ends.
+DURATION = 0.5
+"""Wall time (s) without a renewal after which a goal is overdue; one that still is at the next look ends.
 
 With a look every 0.1 s, and the way to the wheels, within 1 s.
 """

@@ -41,11 +41,6 @@ LIST_AT_MOST = 600
 not in the status when its result still waits to be looked at; of twenty clients at 20 Hz, each has 1.5 s for that."""
 LONGEST_ID = 1000
 """Characters of a goal's id at most: the status repeats each five times a second. actionlib's have some forty."""
-LONGEST_LOOK = 0.3
-"""Wall time (s) that a lease loses in one look at most.
-
-A server that was stopped itself does not hold it against clients.
-"""
 STAMPED_BEFORE = (
     "This goal handle was canceled by the action server because its timestamp is before the timestamp of the last "
     "cancel request"
@@ -75,12 +70,16 @@ class TrackedGoal:
         has_come: Whether the goal is there, and not its cancel alone.
         lapse: Why it was cancelled though nobody asked for that, its client being gone; empty where it was not.
         finished_at: Wall time (s) of its end, or of a cancel whose goal has not come; None before.
+        answered_at: Wall time (s) at which its client was last seen to answer for it.
+        is_overdue: Whether that was too long ago at the last look.
     """
 
-    def __init__(self, tracker: GoalTracker, goal_id: GoalID, goal: Optional[Any], client: str) -> None:
+    def __init__(
+        self, tracker: GoalTracker, goal_id: GoalID, goal: Optional[Any], client: str, come_at: float,
+    ) -> None:
         self.status = GoalStatus(goal_id=goal_id, status=PENDING)
         self.client, self.lapse = client, ""
-        self.lease_left = DURATION
+        self.answered_at, self.is_overdue = come_at, False
         self.finished_at: Optional[float] = None
         self.has_come = goal is not None
         self._tracker, self._goal = tracker, goal
@@ -158,7 +157,6 @@ class GoalTracker:
         self._goals: Dict[str, TrackedGoal] = {}  # oldest first
         self._bygone: Dict[str, float] = {}  # when goals finished of which nothing else is known any more, oldest first
         self._last_cancel = Time()
-        self._looked_at = clock()
         self._numbers = itertools.count(1)
 
     # what arrives
@@ -182,7 +180,7 @@ class GoalTracker:
             known = self._goals.get(goal_id.id)
             if goal_id.id in self._bygone or (known is not None and (known.has_come or known.has_ended)):
                 return
-            tracked = self._goals[goal_id.id] = TrackedGoal(self, goal_id, goal, client)
+            tracked = self._goals[goal_id.id] = TrackedGoal(self, goal_id, goal, client, self._clock())
             if known is not None:
                 tracked.status.status = RECALLING
                 self._on_overtaken(tracked)
@@ -207,7 +205,7 @@ class GoalTracker:
                 if everything or until or tracked.status.goal_id.id == goal_id.id:
                     self._request_cancel(tracked)
             if goal_id.id and goal_id.id not in self._goals and goal_id.id not in self._bygone:
-                early = self._goals[goal_id.id] = TrackedGoal(self, goal_id, None, "")
+                early = self._goals[goal_id.id] = TrackedGoal(self, goal_id, None, "", self._clock())
                 early.status.status, early.finished_at = RECALLING, self._clock()
                 self._sink.status_changed()
             self._last_cancel = max(self._last_cancel, goal_id.stamp)
@@ -216,7 +214,7 @@ class GoalTracker:
         """Take the renewal of a goal's lease."""
         tracked = self._goals.get(goal_id)
         if tracked is not None:
-            tracked.lease_left = DURATION
+            tracked.answered_at = self._clock()
 
     # what goals do
 
@@ -251,26 +249,29 @@ class GoalTracker:
     def look(self, connected: Optional[Callable[[str], bool]] = None, client_timeout: float = 0.0) -> None:
         """Forget what ended long ago, and cancel what nobody answers for; call a few times a second.
 
+        A goal is overdue at two looks in a row before it is cancelled: between them renewals are read that had come
+        while the whole server stood still, or was given hardly any processor.
+
         Args:
             connected: Tells whether the node of that name is connected, which renews its goals without a lease.
             client_timeout: Wall time (s) after which such goals of a client that is not connected end; 0 for never.
         """
         with self.lock:
             now = self._clock()
-            passed, self._looked_at = min(LONGEST_LOOK, now - self._looked_at), now
             self._forget(now)
             for goal_id, tracked in list(self._goals.items()):
                 if not tracked.has_come or tracked.status.status not in (PENDING, ACTIVE):
                     continue  # it ended, or a cancel is heard already
                 if is_leased(goal_id):
-                    tracked.lease_left -= passed
-                    gone = "" if tracked.lease_left > 0.0 else f"has not renewed it for {DURATION:g} s"
+                    patience, gone = DURATION, f"has not renewed it for {DURATION:g} s"
                 elif client_timeout > 0.0 and connected is not None:
-                    tracked.lease_left = DURATION if connected(tracked.client) else tracked.lease_left - passed
-                    gone = "" if tracked.lease_left > DURATION - client_timeout else "is not connected any more"
+                    patience, gone = client_timeout, "is not connected any more"
+                    if connected(tracked.client):
+                        tracked.answered_at = now
                 else:
                     continue
-                if gone:
+                was_overdue, tracked.is_overdue = tracked.is_overdue, now - tracked.answered_at >= patience
+                if was_overdue and tracked.is_overdue:
                     tracked.lapse = f"ended because its client {tracked.client or 'of no name'} {gone}"
                     self._request_cancel(tracked)
 
