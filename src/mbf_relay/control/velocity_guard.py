@@ -179,15 +179,13 @@ class VelocityGuard:
         for sight in sights:
             age = now - sight.scan.stamp
             if not abs(age) <= parameters.scan_timeout:
-                whose, how = "", ""
-                if len(sights) > 1:
-                    whose, how = f" in {sight.scan.frame}, one of {len(sights)} lidars,", f"; {HOW_TO_GO_ON}"
+                whose = f" in {sight.scan.frame}, one of {len(sights)} lidars," if len(sights) > 1 else ""
+                old, why = f"is {age:.1f} s old", f"; {HOW_TO_GO_ON}" if whose else ""
+                if age < 0.0:
+                    old, why = f"is dated {-age:.1f} s ahead of the clock", ": the clocks of two computers differ"
                 return Verdict(
-                    STOP,
-                    NO_SCAN,
-                    f"stopped: the newest scan{whose} is {age:.1f} s old, "
-                    f"at most {parameters.scan_timeout:g} s allowed{how}",
-                )
+                    STOP, NO_SCAN,
+                    f"stopped: the newest scan{whose} {old}, at most {parameters.scan_timeout:g} s allowed{why}")
         return self._judge_by_scan(asked, now)
 
     def _judge_by_scan(self, asked: Twist2D, now: float) -> Verdict:

@@ -236,6 +236,14 @@ def test_a_wall_ahead_is_seen_though_the_rear_lidar_spoke_last():
     assert judged(guard, Twist2D(-0.22, 0.0, 0.0), 0.2).velocity.x == -0.22, "the rear one sees that the way is free"
 
 
+def test_whose_lidar_has_another_computers_clock_is_told_so():
+    """The newest scan was -1.9 s old."""
+    guard = VelocityGuard(parameters())
+    guard.take_scan(half_scan(3.0, 1.9, "front"), FRONT)
+    verdict = judged(guard, AHEAD, 0.0)
+    assert verdict.velocity == STOP and "1.9 s ahead of the clock" in verdict.text and "clocks" in verdict.text
+
+
 def test_a_robot_does_not_creep_on_when_the_front_one_of_its_two_lidars_dies():
     guard = VelocityGuard(parameters())
     for tick in range(10):

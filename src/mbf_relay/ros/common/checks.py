@@ -19,6 +19,8 @@ LONGEST_FRAME = 256
 """Characters of a frame's name; each line about a goal or a message repeats it."""
 AHEAD = 2.5
 """Seconds a stamp may be ahead of the clock: amcl post-dates its transform by up to 2 s, as upstream's range allows."""
+CLOCKS_DIFFER = "the clocks of two computers differ"
+"""What both a stamp ahead of the clock tells, and one that is old when it comes."""
 TF2_END = 2 ** 31 - 1000
 """Seconds from which tf2 ends the process, less what its caches add to a stamp."""
 FARTHEST = 1e7
@@ -62,6 +64,16 @@ def check_velocity(velocity: Twist2D) -> None:
         raise InvalidMessage(f"velocity {tuple(velocity)} is not finite or above {FASTEST:g} m/s or rad/s")
 
 
+def why_old(age: float, came: float) -> str:
+    """Return what to add where something is refused as too old: nothing, or why it was so when it came.
+
+    Args:
+        age: How long ago it was measured (s), by its stamp.
+        came: How long ago it came (s).
+    """
+    return f"; it was so when it came: {CLOCKS_DIFFER}, or the way between them is slow" if came < 0.5 * age else ""
+
+
 def check_stamp(stamp: float, now: float, max_age: Optional[float] = None) -> None:
     """Refuse what is not of this time.
 
@@ -74,8 +86,8 @@ def check_stamp(stamp: float, now: float, max_age: Optional[float] = None) -> No
         raise InvalidMessage(f"its stamp {stamp:.2f} s is no time a clock of ROS shows")
     if stamp - now > AHEAD:
         raise InvalidMessage(
-            f"its stamp {stamp:.2f} s is {stamp - now:.2f} s ahead of the clock; at most {AHEAD} s allowed"
-        )
+            f"its stamp {stamp:.2f} s is {stamp - now:.2f} s ahead of the clock; at most {AHEAD} s allowed: "
+            + CLOCKS_DIFFER)
     if max_age is not None and stamp > 0.0 and now - stamp > max_age:
         raise InvalidMessage(f"its stamp {stamp:.2f} s is {now - stamp:.2f} s old; at most {max_age:g} s allowed")
 

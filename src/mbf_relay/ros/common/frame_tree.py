@@ -85,6 +85,15 @@ class FrameTree:
         heard = relation.is_fixed or 0.0 <= now - relation.heard_at <= AT_ONCE
         return heard and self._is_there(relation.sender, relation.is_fixed)
 
+    def line(self, frame: str) -> Dict[str, Relation]:
+        """Return what is known of a frame and of all that it hangs on, by name, itself first."""
+        line: Dict[str, Relation] = {}
+        frame = frame.lstrip("/")
+        while frame in self._relations:
+            line[frame] = self._relations[frame]
+            frame = line[frame].parent
+        return line
+
     def above(self, base: str, frame: str) -> Dict[str, bool]:
         """Return the frames one climbs to from `base` on the way to `frame`, each with whether what it holds is fixed.
 

@@ -14,7 +14,7 @@ from nav_msgs.msg import Odometry
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.navigation.odometry_monitor import TwistMonitor
 from mbf_relay.outcomes import StaleDataError
-from mbf_relay.ros.common.checks import InvalidMessage, check_stamp
+from mbf_relay.ros.common.checks import InvalidMessage, check_stamp, why_old
 from mbf_relay.ros.common.connected_nodes import connected_nodes
 from mbf_relay.ros.common.conversions import twist_from_message
 from mbf_relay.ros.common.unread import unread
@@ -76,7 +76,8 @@ class OdometryInput:
             stamp = came_at if odometry.header.stamp.is_zero() else odometry.header.stamp.to_sec()
             if now - stamp > max_age:
                 raise StaleDataError(
-                    f"odometry on {self.topic} is {now - stamp:.2f} s old; at most {max_age:.2f} s allowed")
+                    f"odometry on {self.topic} is {now - stamp:.2f} s old; at most {max_age:.2f} s allowed"
+                    + why_old(now - stamp, now - came_at))
             check_stamp(stamp, now)
             velocity = twist_from_message(odometry.twist.twist)
         except genpy.DeserializationError as error:

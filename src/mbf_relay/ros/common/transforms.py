@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import deque
 from typing import Any, Callable, Deque, Dict, List, Optional, Tuple
@@ -22,6 +23,7 @@ from mbf_relay.ros.common.checks import (
     check_stamp,
     check_transform,
     shown,
+    why_old,
 )
 from mbf_relay.ros.common.connected_nodes import connected_nodes
 from mbf_relay.ros.common.conversions import header, transform_from_message, transform_to_message
@@ -113,6 +115,7 @@ class CheckedListener:
         self._buffer, self._cache_time, self._changed = buffer, cache_time, changed
         self._tree = FrameTree(self._is_there)
         self._trouble: Dict[str, ThrottledWarnings] = {}  # by child frame; a busy machine's hiccup is worth no warning
+        self._refused: Dict[str, str] = {}  # why nothing is taken of a frame, by its name, while that is so
         self._lock = threading.Lock()  # one takes or reads at a time, in the order of coming
         self._pending: Deque[Tuple[Any, float]] = deque()
         self._heard_at = rospy.get_time()
@@ -161,6 +164,20 @@ class CheckedListener:
         with self._lock:
             self._read_pending()
             return self._tree.above(base, frame)
+
+    def refusal(self, *frames: str) -> str:
+        """Return what to add where no way between two frames is known: nothing, or what was refused on that way."""
+        with self._lock:
+            on_the_way = [name for frame in frames for name in (frame.lstrip("/"), *self._tree.line(frame))]
+            name = next((name for name in on_the_way if name in self._refused), None)
+            return "" if name is None else f"; where '{shown(name)}' is was refused: {self._refused[name]}"
+
+    def came_at(self, *frames: str) -> float:
+        """Return when (s) the last word on /tf came of what moves between two frames, of several the earliest."""
+        with self._lock:
+            lines = [set(self._tree.line(frame).values()) for frame in frames]
+            between = lines[0].symmetric_difference(*lines[1:])
+            return min((one.heard_at for one in between if not one.is_fixed), default=-math.inf)
 
     def attend(self) -> None:
         """Read what has come."""
@@ -218,10 +235,13 @@ class CheckedListener:
             return False
         except InvalidMessage as error:
             name = child if len(self._trouble) < MOST_TROUBLES else ""
+            if name:
+                self._refused[name.lstrip("/")] = str(error)
             self._warn_of(name, f"refused a transform from '{shown(parent)}' to '{shown(child)}': {error}")
             return False
         if child in self._trouble:
             self._trouble[child].worked()
+            self._refused.pop(child.lstrip("/"), None)
         return True
 
     def _is_there(self, sender: str, is_fixed: bool) -> bool:
@@ -296,9 +316,8 @@ class Transforms:
         Raises:
             TransformError: Naming the frames, and the age of the relation where it is too old.
         """
-        return transform_from_message(
-            self.lookup_message(target_frame, source_frame, stamp, timeout, max_age, named).transform
-        )
+        found = self.lookup_message(target_frame, source_frame, stamp, timeout, max_age, named)
+        return transform_from_message(found.transform)
 
     def lookup_message(
         self, target_frame: str, source_frame: str, stamp: Optional[float] = None, timeout: float = 0.0,
@@ -314,11 +333,13 @@ class Transforms:
         except tf2_ros.TransformException as error:
             raise TransformError(
                 f"no transform from '{source_frame}' to '{target_frame}': {' '.join(str(error).split())}"
-            ) from error
+                + ("" if self._listener is None else self._listener.refusal(*frames))) from error
         age = (rospy.get_rostime() - message.header.stamp).to_sec()
         moves = message.header.stamp.to_sec() > 0.0 and frames[0] != frames[1]
         if max_age is not None and moves and not -AHEAD <= age <= max_age:
             told = f"{age:.2f} s old; at most {max_age:.2f} s allowed" + (f" ({named})" if named else "")
+            if self._listener is not None:
+                told += why_old(age, rospy.get_time() - self._listener.came_at(*frames))
             if age < 0.0:
                 told = f"of before time was set back by {-age:.2f} s"
             raise TransformError(f"the transform from '{source_frame}' to '{target_frame}' is {told}")
@@ -338,10 +359,10 @@ class Transforms:
     def can_transform(self, target_frame: str, source_frame: str, stamp: Optional[float] = None) -> bool:
         """Return whether the relation is known at `stamp` (s), or at all where None."""
         try:
-            frames, time = _tf2_frames(target_frame, source_frame), _tf2_time(stamp)
+            return bool(self.buffer.can_transform(
+                *_tf2_frames(target_frame, source_frame), _tf2_time(stamp), rospy.Duration(0)))
         except TransformError:
             return False
-        return bool(self.buffer.can_transform(*frames, time, rospy.Duration(0)))
 
 
 def _tf2_frames(target: str, source: str) -> Tuple[str, str]:

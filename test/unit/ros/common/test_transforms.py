@@ -100,6 +100,32 @@ def test_who_is_refused_a_late_pose_is_told_of_what_age_it_is_and_what_allows_mo
         robot.transforms.lookup("odom", "base", max_age=1.0, named="~age")
 
 
+@pytest.mark.parametrize("behind, silent, differ", [(1.4, 0.1, True), (0.1, 1.3, False)])
+def test_who_is_refused_a_pose_of_another_clock_is_told_so_and_not_where_its_sender_fell_silent(
+        robot, behind, silent, differ):
+    """A robot's computer without a clock of its own was told again and again that its transform was 4.02 s old."""
+    for _ in range(5):
+        robot.now += 0.1
+        robot.send(1.0, stamp=robot.now - behind)
+    robot.now += silent
+    with pytest.raises(TransformError, match="is 1.[45]0 s old; at most 1.00 s allowed") as refused:
+        robot.transforms.lookup("odom", "base", max_age=1.0)
+    assert ("when it came: the clocks of two computers differ" in str(refused.value)) == differ
+
+
+def test_whose_clock_is_far_ahead_is_told_why_there_is_no_pose_until_the_clock_is_set(robot):
+    """All that was said was that "odom" passed to lookupTransform does not exist."""
+    robot.send(1.0, stamp=robot.now + 4.0)
+    with pytest.raises(TransformError, match="no transform from 'base' to 'odom': .*; where 'base' is was refused: its "
+                                             "stamp .* is 4.00 s ahead of the clock.*: the clocks of two computers"):
+        robot.transforms.lookup("odom", "base")
+    robot.send(1.0)
+    assert robot.x() == 1.0
+    with pytest.raises(TransformError) as unknown:
+        robot.transforms.lookup("map", "base")
+    assert "refused" not in str(unknown.value)
+
+
 def test_nobody_drives_by_a_pose_of_before_time_was_set_back_where_none_has_come_since(robot):
     robot.now = 1000.0
     robot.send(1.0, stamp=1002.0)  # as amcl's, which is dated ahead
