@@ -105,10 +105,11 @@ def _mover(
         one, two = two, one
     begin = one + rng.random() * (two - one)
     times = np.cumsum([0.0, np.hypot(*(two - begin)), np.hypot(*(two - one)), np.hypot(*(begin - one))]) / speed
-    rows = [
-        [round(float(value), 4) for value in (time, *place)] for time, place in zip(times, (begin, two, one, begin))
-    ]
-    return {"radius": round(float(radius), 4), "height": HEIGHT, "waypoints": rows, "loop": True}
+    rows = {
+        round(float(time), 4): np.round(place, 4).tolist() for time, place in zip(times, (begin, two, one, begin))
+    }  # by their times, which rise: who begins at an end has come to it before it sets out
+    waypoints = [[time, *place] for time, place in rows.items()]
+    return {"radius": round(float(radius), 4), "height": HEIGHT, "waypoints": waypoints, "loop": True}
 
 
 def _world(
