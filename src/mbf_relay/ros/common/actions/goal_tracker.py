@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import logging
+import math
 import threading
 from typing import Any, Callable, Dict, FrozenSet, List, Mapping, Optional, Protocol
 
@@ -41,6 +42,12 @@ LIST_AT_MOST = 600
 not in the status when its result still waits to be looked at; of twenty clients at 20 Hz, each has 1.5 s for that."""
 LONGEST_ID = 1000
 """Characters of a goal's id at most: the status repeats each five times a second. actionlib's have some forty."""
+FIRST_WORD = 0.05
+"""Wall time (s) after which a goal of a client without leases is spoken of at all.
+
+rospy's SimpleActionClient knows a goal as its own only a moment after it has sent it, and drops what it hears of it
+before: of 600 goals refused at once on a busy machine, three never ended for whoever waited for them.
+"""
 STAMPED_BEFORE = (
     "This goal handle was canceled by the action server because its timestamp is before the timestamp of the last "
     "cancel request"
@@ -70,6 +77,7 @@ class TrackedGoal:
         has_come: Whether the goal is there, and not its cancel alone.
         lapse: Why it was cancelled though nobody asked for that, its client being gone; empty where it was not.
         finished_at: Wall time (s) of its end, or of a cancel whose goal has not come; None before.
+        come_at: Wall time (s) at which it came.
         answered_at: Wall time (s) at which its client was last seen to answer for it.
         is_overdue: Whether that was too long ago at the last look.
     """
@@ -79,7 +87,8 @@ class TrackedGoal:
     ) -> None:
         self.status = GoalStatus(goal_id=goal_id, status=PENDING)
         self.client, self.lapse = client, ""
-        self.answered_at, self.is_overdue = come_at, False
+        self.come_at = self.answered_at = come_at
+        self.is_overdue = False
         self.finished_at: Optional[float] = None
         self.has_come = goal is not None
         self._tracker, self._goal = tracker, goal
@@ -136,6 +145,7 @@ class GoalTracker:
         self, sink: GoalSink, on_goal: Callable[[TrackedGoal], None], on_cancel: Callable[[TrackedGoal], None],
         empty_result: Callable[[], Any], clock: Callable[[], float], ros_now: Callable[[], Any],
         recalled: Optional[Callable[[], Any]] = None, on_overtaken: Callable[[TrackedGoal], None] = lambda goal: None,
+        first_word: float = 0.0,
     ) -> None:
         """Begin without goals.
 
@@ -149,13 +159,15 @@ class GoalTracker:
                 SUCCESS to whoever looks at the outcome alone.
             on_overtaken: Called with a goal whose cancel came before it, before that goal ends: the two come by
                 connections of their own.
+            first_word: See FIRST_WORD; 0 for at once.
         """
         self.lock = threading.RLock()
         self._sink, self._on_goal, self._on_cancel, self._on_overtaken = sink, on_goal, on_cancel, on_overtaken
         self._empty_result, self._recalled = empty_result, recalled or empty_result
-        self._clock, self._ros_now = clock, ros_now
+        self._clock, self._ros_now, self._first_word = clock, ros_now, first_word
         self._goals: Dict[str, TrackedGoal] = {}  # oldest first
         self._bygone: Dict[str, float] = {}  # when goals finished of which nothing else is known any more, oldest first
+        self._unsaid: Dict[TrackedGoal, List[Any]] = {}  # goals not spoken of yet, each with its result once it has one
         self._last_cancel = Time()
         self._numbers = itertools.count(1)
 
@@ -181,6 +193,8 @@ class GoalTracker:
             if goal_id.id in self._bygone or (known is not None and (known.has_come or known.has_ended)):
                 return
             tracked = self._goals[goal_id.id] = TrackedGoal(self, goal_id, goal, client, self._clock())
+            if self._first_word and known is None and not is_leased(goal_id.id):
+                self._unsaid[tracked] = []
             if known is not None:
                 tracked.status.status = RECALLING
                 self._on_overtaken(tracked)
@@ -192,7 +206,7 @@ class GoalTracker:
                 tracked.set_canceled(self._recalled(), STAMPED_BEFORE)
             else:
                 self._on_goal(tracked)
-                self._sink.status_changed()
+                self._tell_change(tracked)
 
     def take_cancel(self, goal_id: GoalID) -> None:
         """Take a cancel message: of one goal, of all up to a time, or of all."""
@@ -227,7 +241,7 @@ class GoalTracker:
                     "goal %s cannot %s in state %d", tracked.status.goal_id.id, event, tracked.status.status)
                 return False
             tracked.status.status, tracked.status.text = state, text
-            self._sink.status_changed()
+            self._tell_change(tracked)
             return True
 
     def finish(self, tracked: TrackedGoal, event: str, result: Any, text: str) -> None:
@@ -236,12 +250,16 @@ class GoalTracker:
             if self.move(tracked, event, text):
                 tracked.finished_at = self._clock()
                 tracked.drop_goal()
-                self._sink.publish_result(tracked.status, self._empty_result() if result is None else result)
+                result = self._empty_result() if result is None else result
+                if tracked in self._unsaid:
+                    self._unsaid[tracked].append(result)
+                else:
+                    self._sink.publish_result(tracked.status, result)
 
     def feed_back(self, tracked: TrackedGoal, feedback: Any) -> None:
         """Send feedback of a goal that has not ended."""
         with self.lock:
-            if not tracked.has_ended:
+            if not tracked.has_ended and tracked not in self._unsaid:
                 self._sink.publish_feedback(tracked.status, feedback)
 
     # the passing of time
@@ -258,6 +276,7 @@ class GoalTracker:
         """
         with self.lock:
             now = self._clock()
+            self.speak(now - self._first_word)
             self._forget(now)
             for goal_id, tracked in list(self._goals.items()):
                 if not tracked.has_come or tracked.status.status not in (PENDING, ACTIVE):
@@ -275,11 +294,24 @@ class GoalTracker:
                     tracked.lapse = f"ended because its client {tracked.client or 'of no name'} {gone}"
                     self._request_cancel(tracked)
 
+    def speak(self, until: float = math.inf) -> None:
+        """Tell of the goals that came up to a wall time (s) and were not spoken of yet."""
+        with self.lock:
+            while self._unsaid:
+                tracked = next(iter(self._unsaid))
+                if tracked.come_at > until:
+                    return
+                for result in self._unsaid.pop(tracked):
+                    self._sink.publish_result(tracked.status, result)
+                self._sink.status_changed()
+
     def listed(self) -> List[GoalStatus]:
         """Return what the status tells: every goal that has not ended, and those that ended lately."""
         with self.lock:
             since, statuses, room = self._clock() - LIST_FOR, [], LIST_AT_MOST
             for tracked in reversed(list(self._goals.values())):
+                if tracked in self._unsaid:
+                    continue
                 if tracked.finished_at is None:
                     statuses.append(tracked.status)
                 elif tracked.finished_at >= since and room > 0:
@@ -291,8 +323,12 @@ class GoalTracker:
         state = TRANSITIONS["request cancel"].get(tracked.status.status)
         if state is not None:
             tracked.status.status = state
-            self._sink.status_changed()
+            self._tell_change(tracked)
             self._on_cancel(tracked)
+
+    def _tell_change(self, tracked: TrackedGoal) -> None:
+        if tracked not in self._unsaid:
+            self._sink.status_changed()
 
     def _forget(self, now: float) -> None:
         """Keep of what the status does not tell of any more only the name, and that not for ever."""

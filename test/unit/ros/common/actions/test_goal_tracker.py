@@ -15,7 +15,8 @@ from genpy import Time  # noqa: E402
 from hypothesis import settings  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule  # noqa: E402
-from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult, MoveBaseResult  # noqa: E402
+from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult  # noqa: E402
+from tracked_goals import Server  # noqa: E402
 
 from mbf_relay.ros.common.actions import goal_lease  # noqa: E402
 from mbf_relay.ros.common.actions.goal_tracker import (  # noqa: E402
@@ -31,53 +32,11 @@ from mbf_relay.ros.common.actions.goal_tracker import (  # noqa: E402
     REMEMBER_FOR,
     TERMINAL,
     TRANSITIONS,
-    GoalTracker,
 )
 
 FOLLOWS = {state: {after for way in TRANSITIONS.values() for before, after in way.items() if before == state}
            for state in range(9)}
 """The states that may come after each one."""
-
-
-class Server:
-    """A tracker, what it sent, and a clock."""
-
-    def __init__(self):
-        self.now, self.taken, self.cancelled, self.results, self.feedback = 100.0, [], [], [], []
-        self.on_status, self.on_overtaken = lambda: None, lambda goal: None
-        self.tracker = GoalTracker(
-            self,
-            self.taken.append,
-            self.cancelled.append,
-            MoveBaseResult,
-            lambda: self.now,
-            lambda: Time.from_sec(self.now),
-            on_overtaken=lambda goal: self.on_overtaken(goal),
-        )
-
-    def publish_result(self, status, result):
-        self.results.append(copy.deepcopy(status))
-
-    def publish_feedback(self, status, feedback):
-        self.feedback.append(status.goal_id.id)
-
-    def status_changed(self):
-        self.on_status()
-
-    def goal(self, name, client="client", stamp=None):
-        self.tracker.take_goal(GoalID(Time.from_sec(self.now if stamp is None else stamp), name), "goal", client)
-        return next((goal for goal in reversed(self.taken) if goal.get_goal_id().id == name), None)
-
-    def wait(self, seconds, renew=(), connected=None, client_timeout=0.0):
-        end = self.now + seconds
-        while self.now < end - 1e-9:
-            self.now += 0.1
-            for name in renew:
-                self.tracker.renew(name)
-            self.tracker.look(connected, client_timeout)
-
-    def state(self, name):
-        return next((status.status for status in self.tracker.listed() if status.goal_id.id == name), None)
 
 
 def test_a_goal_recalled_is_not_begun_anew_by_another_cancel_and_its_goal_again():
@@ -100,6 +59,38 @@ def test_a_goal_whose_cancel_came_first_is_told_of_before_it_ends():
     server.goal("a")
     server.goal("a")
     assert told == [("a", "goal", RECALLING)] and server.state("a") == RECALLED
+
+
+def test_a_client_hears_of_its_goal_once_it_knows_that_it_has_sent_it():
+    """Of 600 goals refused at once, three never ended for rospy's SimpleActionClient, which had dropped the result."""
+    server, told = Server(first_word=0.05), []
+    server.on_status = lambda: told.append(1)
+    refused, driven = server.goal("refused"), server.goal("driven")
+    driven.set_accepted()
+    driven.publish_feedback("here")
+    refused.set_rejected()
+    server.tracker.look()
+    assert (server.results, server.feedback, server.tracker.listed(), told) == ([], [], [], [])
+    server.wait(0.1)
+    assert [status.goal_id.id for status in server.results] == ["refused"] and told
+    driven.publish_feedback("here")
+    assert server.feedback == ["driven"] and server.state("driven") == ACTIVE and server.state("refused") is not None
+    driven.set_succeeded()
+    assert [status.goal_id.id for status in server.results] == ["refused", "driven"], "from then on at once"
+
+
+def test_a_goal_that_is_leased_or_whose_cancel_came_before_it_is_spoken_of_at_once_and_all_are_by_a_server_that_ends():
+    server = Server(first_word=0.05)
+    leased = server.goal("goal" + goal_lease.MARK)
+    leased.set_rejected()
+    server.tracker.take_cancel(GoalID(id="overtaken"))
+    assert server.state("overtaken") == RECALLING
+    server.goal("overtaken")
+    assert server.state("overtaken") == RECALLED
+    server.goal("new").set_rejected()
+    assert [status.goal_id.id for status in server.results] == ["goal" + goal_lease.MARK, "overtaken"]
+    server.tracker.speak()
+    assert server.results[-1].goal_id.id == "new" and server.state("new") is not None
 
 
 def test_goals_of_a_busy_server_stay_in_the_status_until_slow_clients_have_their_results():
