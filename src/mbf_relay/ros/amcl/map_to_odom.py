@@ -99,4 +99,4 @@ class MapToOdom:
             if now - self._taken_at > pause and now + ahead * 0.5 > self._sent:
                 self._send(now + ahead)
                 self._kept_until = self._sent
-            return max(self._taken_at + pause - now, self._sent - now - ahead * 0.5).to_sec()
+            return float(max(self._taken_at + pause - now, self._sent - now - ahead * 0.5).to_sec())

@@ -52,6 +52,7 @@ def test_values_are_told_whatever_the_level():
 def transforms_of(*known):
     """Return transforms that know those from the first frame to the second at the third's time (s)."""
     made = Transforms.__new__(Transforms)
+    made._listener = None
     made.buffer = tf2_ros.Buffer(debug=False)
     for parent, child, stamp in known:
         message = TransformStamped(header=Header(frame_id=parent, stamp=rospy.Time(stamp)), child_frame_id=child)

@@ -167,7 +167,7 @@ class GoalTracker:
         self._clock, self._ros_now, self._first_word = clock, ros_now, first_word
         self._goals: Dict[str, TrackedGoal] = {}  # oldest first
         self._bygone: Dict[str, float] = {}  # when goals finished of which nothing else is known any more, oldest first
-        self._unsaid: Dict[TrackedGoal, List[Any]] = {}  # goals not spoken of yet, each with its result once it has one
+        self._unsaid: Dict[TrackedGoal, List[Callable[[], None]]] = {}  # not spoken of yet, and what is to be said
         self._last_cancel = Time()
         self._numbers = itertools.count(1)
 
@@ -251,16 +251,13 @@ class GoalTracker:
                 tracked.finished_at = self._clock()
                 tracked.drop_goal()
                 result = self._empty_result() if result is None else result
-                if tracked in self._unsaid:
-                    self._unsaid[tracked].append(result)
-                else:
-                    self._sink.publish_result(tracked.status, result)
+                self._say(tracked, lambda: self._sink.publish_result(tracked.status, result))
 
     def feed_back(self, tracked: TrackedGoal, feedback: Any) -> None:
         """Send feedback of a goal that has not ended."""
         with self.lock:
-            if not tracked.has_ended and tracked not in self._unsaid:
-                self._sink.publish_feedback(tracked.status, feedback)
+            if not tracked.has_ended:
+                self._say(tracked, lambda: self._sink.publish_feedback(tracked.status, feedback))
 
     # the passing of time
 
@@ -301,8 +298,8 @@ class GoalTracker:
                 tracked = next(iter(self._unsaid))
                 if tracked.come_at > until:
                     return
-                for result in self._unsaid.pop(tracked):
-                    self._sink.publish_result(tracked.status, result)
+                for word in self._unsaid.pop(tracked):
+                    word()
                 self._sink.status_changed()
 
     def listed(self) -> List[GoalStatus]:
@@ -325,6 +322,12 @@ class GoalTracker:
             tracked.status.status = state
             self._tell_change(tracked)
             self._on_cancel(tracked)
+
+    def _say(self, tracked: TrackedGoal, word: Callable[[], None]) -> None:
+        if tracked in self._unsaid:
+            self._unsaid[tracked].append(word)
+        else:
+            word()
 
     def _tell_change(self, tracked: TrackedGoal) -> None:
         if tracked not in self._unsaid:

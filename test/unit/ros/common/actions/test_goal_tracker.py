@@ -73,8 +73,9 @@ def test_a_client_hears_of_its_goal_once_it_knows_that_it_has_sent_it():
     assert (server.results, server.feedback, server.tracker.listed(), told) == ([], [], [], [])
     server.wait(0.1)
     assert [status.goal_id.id for status in server.results] == ["refused"] and told
-    driven.publish_feedback("here")
-    assert server.feedback == ["driven"] and server.state("driven") == ACTIVE and server.state("refused") is not None
+    driven.publish_feedback("there")
+    assert server.feedback == ["driven"] * 2
+    assert server.state("driven") == ACTIVE and server.state("refused") is not None
     driven.set_succeeded()
     assert [status.goal_id.id for status in server.results] == ["refused", "driven"], "from then on at once"
 
