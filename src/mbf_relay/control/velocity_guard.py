@@ -182,7 +182,7 @@ class VelocityGuard:
                 whose = f" in {sight.scan.frame}, one of {len(sights)} lidars," if len(sights) > 1 else ""
                 old, why = f"is {age:.1f} s old", f"; {HOW_TO_GO_ON}" if whose else ""
                 if age < 0.0:
-                    old, why = f"is dated {-age:.1f} s ahead of the clock", ": the clocks of two computers differ"
+                    old, why = f"is dated {-age:.1f} s ahead of the clock", ": two clocks differ"
                 return Verdict(
                     STOP, NO_SCAN,
                     f"stopped: the newest scan{whose} {old}, at most {parameters.scan_timeout:g} s allowed{why}")

@@ -19,7 +19,7 @@ LONGEST_FRAME = 256
 """Characters of a frame's name; each line about a goal or a message repeats it."""
 AHEAD = 2.5
 """Seconds a stamp may be ahead of the clock: amcl post-dates its transform by up to 2 s, as upstream's range allows."""
-CLOCKS_DIFFER = "the clocks of two computers differ"
+CLOCKS_DIFFER = "two clocks differ, as those of two computers, or simulated time and the wall's"
 """What both a stamp ahead of the clock tells, and one that is old when it comes."""
 TF2_END = 2 ** 31 - 1000
 """Seconds from which tf2 ends the process, less what its caches add to a stamp."""

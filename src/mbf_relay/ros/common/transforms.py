@@ -170,7 +170,7 @@ class CheckedListener:
         with self._lock:
             on_the_way = [name for frame in frames for name in (frame.lstrip("/"), *self._tree.line(frame))]
             name = next((name for name in on_the_way if name in self._refused), None)
-            return "" if name is None else f"; where '{shown(name)}' is was refused: {self._refused[name]}"
+            return "" if name is None else f"; the transform of '{shown(name)}' was refused: {self._refused[name]}"
 
     def came_at(self, *frames: str) -> float:
         """Return when (s) the last word on /tf came of what moves between two frames, of several the earliest."""

@@ -91,7 +91,7 @@ def test_who_is_refused_odometry_of_another_clock_is_told_so(graph, late, differ
     graph.sends("/driver", 0.2, stamp=graph.now - late) if differ else None
     with pytest.raises(StaleDataError, match=r"is 1\.50 s old") as refused:
         graph.heard.read(graph.now, 1.0)
-    assert ("the clocks of two computers differ" in str(refused.value)) == differ
+    assert ("two clocks differ" in str(refused.value)) == differ
 
 
 def test_a_robot_whose_driver_leaves_the_velocity_at_zeros_goes_by_its_poses_and_the_log_says_so(graph):

@@ -110,14 +110,14 @@ def test_who_is_refused_a_pose_of_another_clock_is_told_so_and_not_where_its_sen
     robot.now += silent
     with pytest.raises(TransformError, match="is 1.[45]0 s old; at most 1.00 s allowed") as refused:
         robot.transforms.lookup("odom", "base", max_age=1.0)
-    assert ("when it came: the clocks of two computers differ" in str(refused.value)) == differ
+    assert ("when it came: two clocks differ" in str(refused.value)) == differ
 
 
 def test_whose_clock_is_far_ahead_is_told_why_there_is_no_pose_until_the_clock_is_set(robot):
     """All that was said was that "odom" passed to lookupTransform does not exist."""
     robot.send(1.0, stamp=robot.now + 4.0)
-    with pytest.raises(TransformError, match="no transform from 'base' to 'odom': .*; where 'base' is was refused: its "
-                                             "stamp .* is 4.00 s ahead of the clock.*: the clocks of two computers"):
+    words = "no transform from 'base' to 'odom': .*; the transform of 'base' was refused: .* 4.00 s ahead .*: two clock"
+    with pytest.raises(TransformError, match=words):
         robot.transforms.lookup("odom", "base")
     robot.send(1.0)
     assert robot.x() == 1.0
