@@ -158,8 +158,6 @@ class Costmap:
         with self._lock:
             self._shown = None
             for layer in sorted(takers, key=lambda taker: taker.tracks is None):
-                if not layer.enabled and layer.tracks is not None:
-                    continue  # it has nothing to remember; an obstacle layer that is enabled again has
                 rest = layer.observe(source, observation, observation.stamp if now is None else now)
                 observation = observation if rest is None or not layer.enabled else rest
 

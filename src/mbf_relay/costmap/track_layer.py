@@ -108,6 +108,8 @@ class TrackLayer(Layer):
             self._other, self._frame = other, frame
 
     def observe(self, source: str, observation: Observation, now: float) -> Observation:
+        if not self.enabled:
+            return observation
         ends = np.asarray(observation.points, dtype=float)[:, :2]
         hits = np.ones(len(ends), dtype=bool) if observation.hits is None else observation.hits
         finite = np.isfinite(ends[:, 0]) & np.isfinite(ends[:, 1])

@@ -96,7 +96,9 @@ class MapToOdom:
                 return PAUSE
             if now < self._taken_at:
                 self._taken_at, self._sent = now, rospy.Time(0)  # time was set back
-            if now - self._taken_at > pause and now + ahead * 0.5 > self._sent:
-                self._send(now + ahead)
-                self._kept_until = self._sent
-            return float(max(self._taken_at + pause - now, self._sent - now - ahead * 0.5).to_sec())
+            due = float(max(self._taken_at + pause - now, self._sent - now - ahead * 0.5).to_sec())
+            if due >= 0.0:
+                return due
+            self._send(now + ahead)
+            self._kept_until = self._sent
+            return 0.5 * self._tolerance

@@ -100,13 +100,11 @@ class FrameTree:
         None where `frame` hangs on `base`, or on nothing that `base` does.
         """
         base, frame = base.lstrip("/"), frame.lstrip("/")
-        shared = {frame}
-        while frame in self._relations:
-            frame = self._relations[frame].parent
-            shared.add(frame)
+        shared = {frame, *(relation.parent for relation in self.line(frame).values())}
         climbed: Dict[str, bool] = {}
-        while base not in shared and base in self._relations:
-            relation = self._relations[base]
+        for name, relation in self.line(base).items():
+            if name in shared:
+                break
             climbed[relation.parent] = relation.is_fixed
             base = relation.parent
         return climbed if base in shared else {}

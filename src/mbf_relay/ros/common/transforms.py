@@ -338,10 +338,10 @@ class Transforms:
         moves = message.header.stamp.to_sec() > 0.0 and frames[0] != frames[1]
         if max_age is not None and moves and not -AHEAD <= age <= max_age:
             told = f"{age:.2f} s old; at most {max_age:.2f} s allowed" + (f" ({named})" if named else "")
-            if self._listener is not None:
-                told += why_old(age, rospy.get_time() - self._listener.came_at(*frames))
             if age < 0.0:
                 told = f"of before time was set back by {-age:.2f} s"
+            elif self._listener is not None:
+                told += why_old(age, rospy.get_time() - self._listener.came_at(*frames))
             raise TransformError(f"the transform from '{source_frame}' to '{target_frame}' is {told}")
         return message
 

@@ -84,11 +84,12 @@ def test_a_robot_whose_driver_tells_no_time_drives_by_what_has_just_come_and_sta
         graph.heard.read(NOW + 1.5, 1.0)
 
 
-@pytest.mark.parametrize("late, differ", [(1.5, True), (0.1, False)])
-def test_who_is_refused_odometry_of_another_clock_is_told_so(graph, late, differ):
+@pytest.mark.parametrize("differ", [True, False])
+def test_who_is_refused_odometry_of_another_clock_is_told_so(graph, differ):
     graph.sends("/driver", 0.2)
     graph.now += 1.5
-    graph.sends("/driver", 0.2, stamp=graph.now - late) if differ else None
+    if differ:
+        graph.sends("/driver", 0.2, stamp=graph.now - 1.5)
     with pytest.raises(StaleDataError, match=r"is 1\.50 s old") as refused:
         graph.heard.read(graph.now, 1.0)
     assert ("two clocks differ" in str(refused.value)) == differ

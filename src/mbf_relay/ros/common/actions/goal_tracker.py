@@ -220,7 +220,7 @@ class GoalTracker:
                     self._request_cancel(tracked)
             if goal_id.id and goal_id.id not in self._goals and goal_id.id not in self._bygone:
                 early = self._goals[goal_id.id] = TrackedGoal(self, goal_id, None, "", self._clock())
-                early.status.status, early.finished_at = RECALLING, self._clock()
+                early.status.status, early.finished_at = RECALLING, early.come_at
                 self._sink.status_changed()
             self._last_cancel = max(self._last_cancel, goal_id.stamp)
 

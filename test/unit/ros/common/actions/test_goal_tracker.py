@@ -118,7 +118,7 @@ def test_a_robot_whose_client_renews_nothing_any_more_is_called_back_within_a_se
     assert server.state(name) == ACTIVE
     server.wait(0.8)
     assert server.state(name) == PREEMPTING and server.cancelled == [goal]
-    assert "/move_base" in goal.lapse and f"{goal_lease.DURATION:g} s" in goal.lapse
+    assert "/move_base" in goal.lapse and "0.5 s" in goal.lapse
 
 
 def test_a_client_that_is_gone_is_noticed_behind_goals_that_ended_or_that_nobody_renews():
