@@ -14,7 +14,7 @@ from mbf_relay.control.state import ControlState, GoalTolerance, SpeedLimit
 from mbf_relay.costmap.layer import ZoneLimit
 from mbf_relay.geometry import STOP, Twist2D, angle_between
 from mbf_relay.navigation.control_cycle import ControlAnswer, run_cycle
-from mbf_relay.navigation.cycle_load import CycleLoad
+from mbf_relay.navigation.cycle_load import CycleLoad, CyclePeriod
 from mbf_relay.navigation.goals import FollowFeedback, FollowGoal, FollowResult, FramedPose
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.progress import IgnoredCommands, OscillationDetector
@@ -85,7 +85,7 @@ class ControllerExecution:
         self._since_start, self._since_valid, self._since_call = Stopwatch(), Stopwatch(), Stopwatch()
         self._since_pose = Stopwatch()
         self._retries = 0
-        self._load = CycleLoad()
+        self._load, self._cycle_period = CycleLoad(), CyclePeriod()
         self._oscillation, self._ignored = OscillationDetector(), IgnoredCommands()
 
     @property
@@ -166,7 +166,7 @@ class ControllerExecution:
             self._pacer.postpone(now, BUSY_DELAY)
             return
         try:
-            self._view = view = self._look(now, period)
+            self._view = view = self._look(now, self._cycle_period.note(now, period))
         except TransformError as error:
             self._blind(now, error)
             return

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import collections
+import math
+import statistics
+from typing import Deque
+
 SPARE = 0.7
 """Share of the control period a controller may think for without being too slow; sensors, plans and clients have the
 rest."""
@@ -34,3 +39,22 @@ class CycleLoad:
     def speed_factor(self) -> float:
         """Share of the speed it was asked for that a robot may drive."""
         return min(1.0, SPARE / self.share) if self.share > 0.0 else 1.0
+
+
+class CyclePeriod:
+    """How long a velocity is driven by: the control period, or several where cycles come so much more seldom.
+
+    They do on a clock that ticks more slowly than that, as Stage's, whose 10 Hz are half of what most files ask for. A
+    controller that reckons with the shorter time then speeds up and brakes half as hard, and a cycle too late.
+    """
+
+    def __init__(self) -> None:
+        self._last = -math.inf
+        self._passed: Deque[float] = collections.deque([1.0], maxlen=3)
+
+    def note(self, now: float, period: float) -> float:
+        """Take a cycle at `now` (s) and the period asked for (s); return the period kept, a multiple of that."""
+        passed, self._last = (now - self._last) / period, now
+        if 0.0 < passed < MOST:  # else a drive began, or the clock was set
+            self._passed.append(passed)
+        return max(1, round(statistics.median_low(self._passed))) * period

@@ -9,6 +9,7 @@ from mbf_relay.control.controller import Controller
 from mbf_relay.control.state import SpeedLimit
 from mbf_relay.costmap.layer import ZoneLimit
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
+from mbf_relay.navigation.cycle_load import CyclePeriod
 from mbf_relay.navigation.goals import RecoverGoal, RecoverResult
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.progress import IgnoredCommands
@@ -106,6 +107,7 @@ class RecoveryExecution:
         self._moved = False
         self._command, self._ignored = STOP, IgnoredCommands()
         self._pacer, self._since_start, self._since_call = Pacer(), Stopwatch(), Stopwatch()
+        self._cycle_period = CyclePeriod()
 
     @property
     def instance(self) -> PluginInstance[Recovery]:
@@ -162,7 +164,7 @@ class RecoveryExecution:
             pass  # a behaviour that moves nothing needs none
         self._since_call.start(now)
         self._context.time = now
-        self._context.step_period = 1.0 / self._parameters().controller_frequency
+        self._context.step_period = self._cycle_period.note(now, 1.0 / self._parameters().controller_frequency)
         self._job = self.instance.call(self._step)
         if self._job.done:
             self._collect(now)

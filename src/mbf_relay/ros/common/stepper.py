@@ -14,6 +14,7 @@ import rospy
 from rosgraph_msgs.msg import Clock
 
 from mbf_relay.ros.common.clock_watch import ClockWatch
+from mbf_relay.timing import ROUNDING
 
 STILL_CLOCK = 1.0
 """Wall seconds between two steps while time stands still or is set back, so that nothing depends on its going on."""
@@ -106,7 +107,7 @@ class Stepper:
         self._has_ticked, self._ticked_at = True, time.monotonic()
         now = message.clock.to_sec()
         self._watch.note(now)
-        if now >= self._due or (now < self._last and math.isfinite(self._due)):
+        if now >= self._due - ROUNDING or (now < self._last and math.isfinite(self._due)):
             self._wake.set()
 
     def _loop(self) -> None:
@@ -124,5 +125,5 @@ class Stepper:
     def _sleep(self, remaining: float) -> None:
         if remaining == math.inf:
             self._wake.wait()
-        elif remaining > 0.0:
+        elif remaining > ROUNDING:
             self._wake.wait(STILL_CLOCK if self._simulated else min(remaining, STILL_CLOCK))

@@ -14,6 +14,7 @@ from rosgraph_msgs.msg import Clock  # noqa: E402
 
 from mbf_relay.ros.common import stepper  # noqa: E402
 from mbf_relay.ros.common.stepper import Stepper  # noqa: E402
+from mbf_relay.timing import Pacer  # noqa: E402
 
 
 class Watched:
@@ -125,3 +126,25 @@ def test_a_node_that_ends_between_two_steps_takes_no_more_of_them(monkeypatch):
     ending.start()
     ending._thread.join(5.0)
     assert not ending._thread.is_alive() and not steps
+
+
+def test_a_robot_whose_clock_ticks_as_often_as_it_is_controlled_misses_no_cycle(monkeypatch):
+    """Under Stage's 10 Hz half of the cycles came a tick late: the times they were due at had lost their last digit."""
+    clock, steps, pacer = [1.0], [], Pacer()
+    monkeypatch.setattr(stepper, "STILL_CLOCK", 60.0)
+    monkeypatch.setattr(stepper.rospy, "get_time", lambda: clock[0])
+    monkeypatch.setattr(stepper.rospy.rostime, "is_wallclock", lambda: False)
+
+    def step(now):
+        steps.append(now)
+        pacer.passed(now, 0.1)
+        return pacer.next
+
+    stepping = Stepper(step)
+    stepping._thread.start()
+    for count in range(40):
+        now = clock[0] = 1.0 + count / 10.0
+        stepping._on_clock(Clock(rospy.Time.from_sec(now)))
+        wait_until(lambda: len(steps) > count and stepping.step_time == 0.0, f"a step at {now:.1f} s", 5.0, 0.001)
+    stepping.stop()
+    assert len(steps) == 40
