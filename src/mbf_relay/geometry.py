@@ -10,6 +10,8 @@ import numpy as np
 
 FASTEST = 1000.0
 """Metres or radians per second; nothing on wheels is faster."""
+FARTHEST = 1e7
+"""Metres from a frame's origin: a quarter of the way round the earth, for those who navigate in UTM."""
 
 
 def normalize_angle(angle: float) -> float:

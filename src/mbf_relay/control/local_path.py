@@ -11,13 +11,13 @@ import numpy as np
 from mbf_relay.control import path_kernels
 from mbf_relay.control.state import ControlState
 from mbf_relay.costmap.footprint_checker import FootprintChecker
-from mbf_relay.geometry import Pose2D
+from mbf_relay.geometry import FARTHEST, Pose2D
 from mbf_relay.outcomes import ControlError, ControlOutcome
 from mbf_relay.planning.path import Path
 
 SPACING = 0.4  # cells between the points kept of a path; planners put them closer than a controller can use
 SMOOTHING = 2.4  # cells over which a path is averaged, which takes the steps from cell to cell out of it
-LONGEST = 1e5  # m of path, and of a coordinate, beyond which nothing is followed
+LONGEST = 1e5  # m of path, beyond which nothing is followed
 MOST_POINTS = 5_000_000  # kept of a path, however long it is and fine the grid
 
 # in robot's widths
@@ -104,7 +104,8 @@ class PathTracker:
         """Follow another path; the robot's place on it is found anew.
 
         Raises:
-            ControlError: INVALID_PATH; the path is empty, has a pose that is not finite, or is longer than LONGEST.
+            ControlError: INVALID_PATH; the path is empty or longer than LONGEST, or a pose is not finite or beyond
+                FARTHEST.
         """
         poses = np.asarray(path.poses, dtype=float)
         if poses.ndim != 2 or len(poses) == 0:
@@ -115,12 +116,18 @@ class PathTracker:
                 ControlOutcome.INVALID_PATH,
                 f"pose {broken[0]} of the path is {tuple(poses[broken[0]])}; every number must be finite",
             )
-        size = float(np.abs(poses[:, :2]).max())
-        self._length = float(_arcs_along(np.ascontiguousarray(poses[:, :2]))[-1])
-        if size > LONGEST or self._length > LONGEST:
+        far = np.flatnonzero((np.abs(poses[:, :2]) > FARTHEST).any(axis=1))
+        if len(far) > 0:
             raise ControlError(
                 ControlOutcome.INVALID_PATH,
-                f"the path is too long or too far away to be followed: beyond {LONGEST / 1e3:g} km",
+                f"pose {far[0]} of the path is {tuple(poses[far[0]])}; "
+                f"a place must be within {FARTHEST / 1e3:g} km of its frame's origin",
+            )
+        self._length = float(_arcs_along(np.ascontiguousarray(poses[:, :2]))[-1])
+        if self._length > LONGEST:
+            raise ControlError(
+                ControlOutcome.INVALID_PATH,
+                f"the path is {self._length / 1e3:.0f} km long; at most {LONGEST / 1e3:g} km can be followed",
             )
         self.path = path
         self._spacing = 0.0

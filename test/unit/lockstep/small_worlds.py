@@ -48,6 +48,15 @@ RUN_OVER = {
 }
 
 
+def moved(world, x, y):
+    """Return a world of cylinders that lies elsewhere (m)."""
+    def there(place):
+        return [place[0] + x, place[1] + y, *place[2:]]
+
+    return {**world, "start": there(world["start"]), "goal": there(world["goal"]),
+            "cylinders": [there(cylinder) for cylinder in world["cylinders"]]}
+
+
 def write(path, *worlds):
     """Write a worlds file and return its path as text."""
     path.write_text(json.dumps({"worlds": list(worlds)}))

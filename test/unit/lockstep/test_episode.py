@@ -59,6 +59,14 @@ def test_a_robot_whose_global_costmap_is_hardly_ever_updated_drives_at_once(tmp_
     assert result.success, (result.outcome, result.message)
 
 
+@pytest.mark.parametrize("controller", ["DWAPlannerROS", "PurePursuit", "MPPI"])
+def test_a_robot_that_navigates_in_utm_arrives(tmp_path, controller):
+    """Its goals and plans were taken, and its controller held the path to be farther away than anything driven to."""
+    setup = make_setup(config_folder(), has_map=False, controller=controller)
+    result = Episode(task(tmp_path, small_worlds.moved(small_worlds.BENT, 500000.1, 4500000.2)), setup, seed=1).run()
+    assert result.success and result.contacts == 0, (result.outcome, result.message)
+
+
 def test_a_plugin_that_draws_from_global_generators_drives_alike_by_seed_whatever_was_driven_before(tmp_path):
     short, setup = task(tmp_path, small_worlds.FREE), with_controller(BLIND, "Trembling")
     whole = [Episode(short, setup, seed).run().digest for seed in (1, 2)]

@@ -11,7 +11,7 @@ from typing import Any, Optional
 
 import numpy as np
 
-from mbf_relay.geometry import FASTEST, Twist2D
+from mbf_relay.geometry import FARTHEST, FASTEST, Twist2D
 from mbf_relay.maps import COARSEST, FINEST, LARGEST_SIDE, MOST_CELLS
 from mbf_relay.scan_monitor import LARGEST_GAP
 
@@ -23,8 +23,6 @@ CLOCKS_DIFFER = "two clocks differ, as those of two computers, or simulated time
 """What both a stamp ahead of the clock tells, and one that is old when it comes."""
 TF2_END = 2 ** 31 - 1000
 """Seconds from which tf2 ends the process, less what its caches add to a stamp."""
-FARTHEST = 1e7
-"""Metres from a frame's origin: a quarter of the way round the earth, for those who navigate in UTM."""
 LONGEST_RANGE = 1e4
 """Metres that a range sensor may claim to reach."""
 FIRST_RANGE = 10.0
