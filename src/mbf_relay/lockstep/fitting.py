@@ -71,8 +71,8 @@ def _fit_costmap(
         group: They.
         robot, limits: What drives, and how fast and how far it sees.
         scale: How much larger it is than the robot they were for.
-        wider: How much wider: a long robot fits through gaps no wider than a short one does, and cells coarse by its
-            length would leave it no room in them.
+        wider: How much wider, by which cells are up to four times as coarse or as fine: a long robot fits through gaps
+            no wider than a short one does, and cells coarse by its length would leave it no room in them.
     """
     group["footprint"] = robot.footprint.tolist()
     group["inflation_radius"] *= scale
@@ -80,7 +80,7 @@ def _fit_costmap(
     group["raytrace_range"] = limits.scan_range_max
     group["obstacle_range"] = limits.scan_range_max * 0.85
     if group.get("rolling_window"):
-        group["resolution"] *= min(4.0, max(1.0, round(wider)))  # up to four times as coarse
+        group["resolution"] *= min(4.0, round(wider)) if wider > 1.0 else 1.0 / min(4.0, round(1.0 / wider))
         braking = limits.max_speed ** 2 / (2.0 * limits.wheel_acceleration)
         side = max(scale * group["width"], 2.0 * (2.0 * limits.max_speed + braking))
         side = group["resolution"] * math.ceil(side / group["resolution"])

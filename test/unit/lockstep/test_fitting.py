@@ -1,9 +1,10 @@
-"""Parameters fitted to another robot: a long one gets through a corridor that it fits in lengthwise only."""
+"""Parameters fitted to another robot: to its length, its width and its wheels."""
 
 import dataclasses
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mbf_relay.geometry import Pose2D
@@ -66,6 +67,16 @@ def test_cells_are_as_fine_for_a_long_robot_as_for_a_short_one_of_its_width(tmp_
     settings = load_settings(config_folder())
     server = fitted(settings, load_robot(long_robot(tmp_path, length)))["move_base_flex"]
     assert server["local_costmap"]["resolution"] == 2.0 * settings["move_base_flex"]["local_costmap"]["resolution"]
+
+
+@pytest.mark.parametrize("width, cell", [(0.19, 0.025), (0.1, 0.0125), (0.068, 0.025 / 3.0), (0.02, 0.00625)])
+def test_cells_are_finer_for_a_robot_that_is_narrower(width, cell):
+    """One of 7 cm saw gaps by cells of 2.5 cm, wandered before doorways and touched their jambs."""
+    half = width / 2.0
+    robot = dataclasses.replace(
+        load_robot("burger"), footprint=np.array([[-half, -half], [-half, half], [half, half], [half, -half]]))
+    server = fitted(load_settings(config_folder()), robot)["move_base_flex"]
+    assert server["local_costmap"]["resolution"] == pytest.approx(cell)
 
 
 @pytest.mark.parametrize("name", ["large", "medium", "omni", "small", "waffle"])
