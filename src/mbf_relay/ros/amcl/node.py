@@ -105,11 +105,8 @@ class AmclNode:
 
     def run(self) -> None:
         """Subscribe to scans and work until shutdown."""
-        self._subscribers.append(
-            rospy.Subscriber(
-                "scan", LaserScanMessage, self._take_scan, queue_size=10, buff_size=1 << 20, tcp_nodelay=True
-            )
-        )
+        self._subscribers.append(rospy.Subscriber(
+            "scan", LaserScanMessage, self._take_scan, queue_size=10, buff_size=1 << 20, tcp_nodelay=True))
         self._clouds = CloudInput(self._cloud_values, self._queue, self.transforms,
                                   lambda: self._parameters.base_frame_id)
         while not rospy.is_shutdown():
@@ -321,6 +318,8 @@ class AmclNode:
         if estimate is not None:
             self._publish(estimate, particles, stamp)
             self._belief_publisher.publish(belief, values.global_frame_id, stamp)
+        self._scan_watch.compare(
+            scan, lambda at: self.transforms.lookup(values.odom_frame_id, values.base_frame_id, at).theta)
         if self._saved_pose.is_due(stamp.to_sec(), values.save_pose_rate):
             self._save_pose(self._saved_pose.save_soon)
 
