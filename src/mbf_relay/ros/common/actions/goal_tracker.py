@@ -213,6 +213,9 @@ class GoalTracker:
         if _is_too_long(goal_id):
             return
         with self.lock:
+            named = self._goals.get(goal_id.id)
+            if named is not None and named in self._unsaid:  # takes its goal for lost where the status has it not
+                self._speak_of(named)
             everything = not goal_id.id and not goal_id.stamp
             for tracked in list(self._goals.values()):
                 until = bool(goal_id.stamp) and tracked.status.goal_id.stamp <= goal_id.stamp
@@ -298,9 +301,7 @@ class GoalTracker:
                 tracked = next(iter(self._unsaid))
                 if tracked.come_at > until:
                     return
-                for word in self._unsaid.pop(tracked):
-                    word()
-                self._sink.status_changed()
+                self._speak_of(tracked)
 
     def listed(self) -> List[GoalStatus]:
         """Return what the status tells: every goal that has not ended, and those that ended lately."""
@@ -322,6 +323,11 @@ class GoalTracker:
             tracked.status.status = state
             self._tell_change(tracked)
             self._on_cancel(tracked)
+
+    def _speak_of(self, tracked: TrackedGoal) -> None:
+        for word in self._unsaid.pop(tracked):
+            word()
+        self._sink.status_changed()
 
     def _say(self, tracked: TrackedGoal, word: Callable[[], None]) -> None:
         if tracked in self._unsaid:

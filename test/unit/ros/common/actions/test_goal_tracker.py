@@ -270,6 +270,21 @@ class Judge:
         self.machine.update_result(MoveBaseActionResult(status=status))
 
 
+def test_a_client_that_calls_its_goal_off_at_once_does_not_take_it_for_lost():
+    """Of 40 goals of a C++ client, called off within 0.18 s, five were LOST: the status said nothing of them yet."""
+    server, judge = Server(first_word=0.05), Judge("a")
+    goal = server.goal("a")
+    goal.set_accepted()
+    judge.machine.state = stock.CommState.WAITING_FOR_CANCEL_ACK
+    server.tracker.take_cancel(GoalID(id="a"))
+    judge.hear_status(server.tracker.listed())
+    assert judge.machine.state == stock.CommState.PREEMPTING
+    goal.set_canceled()
+    judge.hear_result(server.results[-1])
+    assert judge.machine.state == stock.CommState.DONE
+    assert judge.machine.latest_goal_status.status == stock.GoalStatus.PREEMPTED
+
+
 class TrackerMachine(RuleBasedStateMachine):
     """Clients and an application that do as they please."""
 
