@@ -214,7 +214,7 @@ class GoalTracker:
             return
         with self.lock:
             named = self._goals.get(goal_id.id)
-            if named is not None and named in self._unsaid:  # takes its goal for lost where the status has it not
+            if named is not None and named in self._unsaid:  # its client takes it for lost where the status lacks it
                 self._speak_of(named)
             everything = not goal_id.id and not goal_id.stamp
             for tracked in list(self._goals.values()):
