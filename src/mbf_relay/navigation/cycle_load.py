@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import collections
 import math
-import statistics
 from typing import Deque
 
 SPARE = 0.7
@@ -57,4 +56,5 @@ class CyclePeriod:
         passed, self._last = (now - self._last) / period, now
         if 0.0 < passed < MOST:  # else a drive began, or the clock was set
             self._passed.append(passed)
-        return max(1, round(statistics.median_low(self._passed))) * period
+        middle = sorted(self._passed)[(len(self._passed) - 1) // 2]
+        return max(1, round(middle)) * period
