@@ -12,7 +12,7 @@ from typing import Any, BinaryIO, Dict, Optional
 import numpy as np
 
 from mbf_relay import files
-from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.geometry import FARTHEST, IDENTITY, Pose2D
 from mbf_relay.scan import LaserScan
 from mbf_relay.whole_files import whole_file
 
@@ -20,8 +20,6 @@ LARGEST_LOG = 4 << 30
 """Bytes of a log, unpacked: a day of 1000 beams at 5 Hz."""
 LARGEST_ANGLE = 100.0
 """Radians: angles beyond are none, or degrees."""
-FARTHEST = 1e7
-"""Metres from the origin; UTM coordinates stay below."""
 CROWDED = 0.002
 """Share of all readings at one and the same value beyond which it is the sensor's word for "nothing came back"."""
 

@@ -8,15 +8,20 @@ from typing import Callable, Deque, Optional, Tuple
 
 import numpy as np
 
+from mbf_relay.geometry import angle_between, normalize_angles
 from mbf_relay.outcomes import TransformError
 from mbf_relay.scan import LaserScan
 
-OFFSETS = np.arange(-12, 13) * 0.05
+STEP = 0.05
+"""Seconds from one time at which odometry is asked for its heading to the next, and from one offset to the next."""
+OFFSETS = np.arange(-12, 13) * STEP
 """Seconds by which scans may be dated late, or early where negative, that are told from each other."""
 DIRECTIONS = np.radians(np.arange(-180.0, 180.0))
 """Directions in which two scans are held against each other, by a degree."""
 MARGIN = 0.1
 """Seconds by which odometry may come after a scan that is dated alike."""
+HEADINGS = 100
+"""Of odometry, the newest that are remembered: those round two scans a second apart."""
 SPACING = 0.15
 """Seconds between the scans that are compared: a quick lidar's next one is hardly turned, and would tell nothing."""
 MISSING = 1.0
@@ -25,6 +30,10 @@ FARTHEST_TURN = 52
 """Degrees from one scan to the next, at most: a TurtleBot3 at its top turn rate comes 33 between two scans."""
 LEAST_CHANGE = 0.1
 """Radians that odometry must have turned more at one offset than at another for two scans to tell anything."""
+TURNS = np.arange(-FARTHEST_TURN, FARTHEST_TURN + 1)
+"""Turns between two scans that are tried (degrees)."""
+TURNED = (np.arange(len(DIRECTIONS)) + TURNS[:, None]) % len(DIRECTIONS)
+"""Of each direction, after each of those turns, the one it was before, shape (T, D)."""
 FEWEST_BEAMS = 60
 """Directions in which both scans must read something."""
 LARGEST_ERROR = 0.3
@@ -57,7 +66,8 @@ class ScanTiming:
     def __init__(self) -> None:
         self.late: Optional[float] = None
         self._waiting: Deque[Tuple[float, np.ndarray]] = collections.deque()  # stamps and readings of scans
-        self._headings: Optional[np.ndarray] = None  # by odometry, round the first of them; None where not known
+        self._headings: Deque[Tuple[float, float]] = collections.deque(maxlen=HEADINGS)  # times; NaN where not known
+        self._heading = 0.0  # the newest known, turns counted
         self._errors: Deque[np.ndarray] = collections.deque(maxlen=PAIRS)
 
     def take(self, scan: LaserScan, heading_at: Callable[[float], float]) -> None:
@@ -74,17 +84,29 @@ class ScanTiming:
                 return
             if not 0.0 <= since < MISSING:  # the clock was set, or scans are lost
                 self._waiting.clear()
-                self._headings = None
+                self._headings.clear()
         self._waiting.append((scan.stamp, _readings(scan)))
-        while len(self._waiting) > 2 and self._waiting[1][0] < scan.stamp - OFFSETS[-1] - MARGIN:
-            (_, before), (stamp, after) = self._waiting.popleft(), self._waiting[0]
-            headings_before, self._headings = self._headings, _headings_round(stamp, heading_at)
-            if headings_before is not None and self._headings is not None:
-                self._compare(before, after, self._headings - headings_before)
+        self._follow(scan.stamp - MARGIN, heading_at)
+        while len(self._waiting) > 2 and self._waiting[1][0] + OFFSETS[-1] <= self._headings[-1][0]:
+            (stamp_before, before), (stamp, after) = self._waiting.popleft(), self._waiting[0]
+            times, headings = np.array(self._headings).T
+            turns = np.interp(stamp - OFFSETS, times, headings) - np.interp(stamp_before - OFFSETS, times, headings)
+            if not np.isnan(turns).any():
+                self._compare(before, after, normalize_angles(turns))
+
+    def _follow(self, until: float, heading_at: Callable[[float], float]) -> None:
+        """Ask odometry for its headings up to a time (s), from where the first scan that waits may be dated to."""
+        time = self._headings[-1][0] + STEP if self._headings else self._waiting[0][0] - OFFSETS[-1]
+        while time <= until:
+            try:
+                self._heading += angle_between(self._heading, heading_at(time))
+                self._headings.append((time, self._heading))
+            except TransformError:
+                self._headings.append((time, math.nan))
+            time += STEP
 
     def _compare(self, before: np.ndarray, after: np.ndarray, turns: np.ndarray) -> None:
         """Hold two scans' readings against odometry's turns (rad) between them at OFFSETS."""
-        turns = np.mod(turns + math.pi, 2.0 * math.pi) - math.pi
         if np.ptp(turns) < LEAST_CHANGE or np.abs(turns).max() > math.radians(FARTHEST_TURN):
             return
         turn = _turn_between(before, after)
@@ -105,14 +127,6 @@ class ScanTiming:
         return float(OFFSETS[best]) if certain else 0.0
 
 
-def _headings_round(stamp: float, heading_at: Callable[[float], float]) -> Optional[np.ndarray]:
-    """Return odometry's heading (rad) at OFFSETS before a time (s), None where it is not known."""
-    try:
-        return np.array([heading_at(stamp - late) for late in OFFSETS])
-    except TransformError:
-        return None
-
-
 def _readings(scan: LaserScan) -> np.ndarray:
     """Return what a scan reads in DIRECTIONS (m): its reach where nothing came back, NaN where nothing was measured."""
     readings = scan.readings_at(DIRECTIONS)
@@ -122,16 +136,14 @@ def _readings(scan: LaserScan) -> np.ndarray:
 
 def _turn_between(before: np.ndarray, after: np.ndarray) -> Optional[float]:
     """Return the turn (rad) that lays one scan's readings on the next one's, both of shape (D,); None where unclear."""
-    degrees = np.arange(-FARTHEST_TURN, FARTHEST_TURN + 1)
-    there = before[(np.arange(len(before)) + degrees[:, None]) % len(before)]
     with np.errstate(invalid="ignore"):
-        differences = np.minimum(np.abs(there - after), LARGEST_ERROR)
+        differences = np.minimum(np.abs(before[TURNED] - after), LARGEST_ERROR)
     both = np.count_nonzero(~np.isnan(differences), axis=1)
     if both.min() < FEWEST_BEAMS:
         return None
     means = np.nansum(differences, axis=1) / both
     best = int(means.argmin())
-    others = means[np.abs(degrees - degrees[best]) > LIKEWISE]
+    others = means[np.abs(TURNS - TURNS[best]) > LIKEWISE]
     if means[best] > SIMILAR or means[best] > CLEARER * others.min():
         return None
-    return math.radians(float(degrees[best]))
+    return math.radians(float(TURNS[best]))

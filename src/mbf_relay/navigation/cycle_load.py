@@ -1,4 +1,4 @@
-"""How much of its period a control cycle takes, and how fast a robot may drive for it."""
+"""How long control cycles take and how often they come, and how fast a robot may drive for it."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def room(theta, beams=360, first=0.0, span=2.0 * math.pi):
     return np.minimum(x, y)
 
 
-def round_hall(theta, beams=360):
+def round_hall(theta, beams, first, span):
     return np.full(beams, 2.0)
 
 
@@ -37,8 +37,7 @@ def timing_of(late, seconds=30.0, seen=room, odometry=heading, period=PERIOD, **
     rng, timing = np.random.default_rng(1), ScanTiming()
     layout = {"beams": 360, "first": 0.0, "span": 2.0 * math.pi, **layout}
     for stamp in np.arange(2.0, 2.0 + seconds, period):
-        ranges = seen(heading(stamp - late), **layout) if seen is room else seen(heading(stamp - late))
-        ranges = ranges + rng.normal(0.0, 0.01, len(ranges))
+        ranges = seen(heading(stamp - late), **layout) + rng.normal(0.0, 0.01, layout["beams"])
         ranges[rng.random(len(ranges)) < 0.03] = 0.0
         timing.take(LaserScan(ranges, layout["first"], layout["span"] / layout["beams"], 0.1, 3.2, stamp), odometry)
     return timing

@@ -84,7 +84,7 @@ class ScanWatch:
             self._warned_of.add(scan.frame)
             rospy.logwarn("%s", misdated(scan.frame, timing.late))
 
-    def _latest(self) -> Tuple[str, float]:
+    def _most_misdated(self) -> Tuple[str, float]:
         """Return which lidar's scans are dated most wrongly, and by how many seconds."""
         told = [(frame, timing.late or 0.0) for frame, timing in list(self._timings.items())]
         return max(told, key=lambda one: abs(one[1]), default=("", 0.0))
@@ -99,7 +99,7 @@ class ScanWatch:
             waiting: Whether a scan waits for its transform.
         """
         age, rate = self._scans.age(now), self._scans.rate()
-        frame, late = self._latest()
+        frame, late = self._most_misdated()
         values = {
             "scans [Hz]": f"{rate:.1f}", "age of the last scan [s]": "none came" if age is None else f"{age:.2f}",
             "scan waits for its transform": waiting,
