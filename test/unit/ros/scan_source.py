@@ -4,6 +4,7 @@ from geometry_msgs.msg import TransformStamped
 
 from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.geometry import IDENTITY
+from mbf_relay.ros.common.lidar_timings import LidarTimings
 from mbf_relay.ros.costmap import inputs
 
 
@@ -29,4 +30,6 @@ def scan_source(frames, patience):
     costmap = build_costmap("local_costmap", {
         "rolling_window": True, "width": 2.0, "height": 2.0, "plugins": [{"name": "o", "type": "ObstacleLayer"}],
         "o": {"observation_sources": "scan", "scan": {"data_type": "LaserScan", "marking": True}}})
-    return costmap, inputs.SensorInput("scan", costmap.sources["scan"], costmap, frames, patience, max_age=1.0)
+    return costmap, inputs.SensorInput(
+        "scan", costmap.sources["scan"], costmap, frames, patience, max_age=1.0,
+        timings=LidarTimings(frames, lambda: (costmap.robot_frame, costmap.frame)))

@@ -4,19 +4,19 @@
 from __future__ import annotations
 
 import time
-from typing import Callable, Dict, Mapping, Optional, Set, Tuple
+from typing import Callable, Dict, Mapping, Optional, Set
 
 import numpy as np
 import rospy
 
 from mbf_relay.localization.distance_field import DOUBTFUL
 from mbf_relay.localization.node_parameters import AmclParameters
-from mbf_relay.localization.scan_timing import ScanTiming
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.amcl.scan_queue import AnyScan, ScanQueue
 from mbf_relay.ros.common import diagnostics
+from mbf_relay.ros.common.checks import shown
 from mbf_relay.ros.common.transforms import Transforms
-from mbf_relay.scan import LaserScan
+from mbf_relay.scan_timing import ScanTiming
 
 SILENCE = 15.0
 """Wall seconds without a scan that are worth a warning, and from one warning to the next."""
@@ -25,6 +25,10 @@ LATE = 2.0
 MISDATED = 0.15
 """Seconds by which scans may be dated otherwise than odometry before that is worth a warning: a scan that takes 0.2 s
 and is dated at its end is 0.1 s late, and localization is hardly the worse for it."""
+
+
+TAKEN: Dict[Optional[int], str] = {None: "unknown", 0: "all at once", 1: "first one first", -1: "last one first"}
+"""How a lidar takes its beams, by ScanTiming's order."""
 
 
 def deviation_report(
@@ -53,13 +57,23 @@ def missing_transform(transforms: Transforms, values: AmclParameters, message: A
     return "its transform has just come"
 
 
+def stands_in_the_world(transforms: Transforms, values: AmclParameters, message: AnyScan) -> bool:
+    """Return whether a scan's sensor does not move with the robot, and warn of it."""
+    frame, base_frame = message.header.frame_id, values.base_frame_id
+    if values.odom_frame_id.lstrip("/") not in transforms.frames_above(base_frame, frame):
+        return False
+    rospy.logwarn_throttle(5.0, f"scan ignored: its frame '{frame}' does not move with '{base_frame}', so that it "
+                                "tells nothing of where the robot is")
+    return True
+
+
 def misdated(frame: str, late: float) -> str:
     """Return what is to be said of a lidar whose scans are dated so many seconds late, or early where negative."""
     when = "later" if late > 0.0 else "earlier"
     return (
-        f"scans of {frame} are dated {abs(late):.2f} s {when} than odometry, as both turn: in each turn the robot is "
-        "looked for where it is not, and walls are marked askew; give the lidar's driver the offset, or have both "
-        "computers follow one clock")
+        f"scans of {shown(frame)} are dated {abs(late):.2f} s {when} than odometry, as both turn; that is set right "
+        "here and in costmaps, and nowhere else: give the lidar's driver the offset, or have both computers follow one "
+        "clock")
 
 
 class ScanWatch:
@@ -68,28 +82,23 @@ class ScanWatch:
     def __init__(self) -> None:
         self._last = time.monotonic()
         self._scans = diagnostics.RateMeter()
-        self._timings: Dict[str, ScanTiming] = {}  # of each lidar, by its frame
-        self._warned_of: Set[str] = set()  # those, once
+        self._warned_of: Set[str] = set()  # lidars that are dated otherwise, by frame; once
 
     def saw(self, now: float) -> None:
         """Note that a scan came through at `now` (s, ROS time)."""
         self._last = time.monotonic()
         self._scans.tick(now)
 
-    def compare(self, scan: LaserScan, heading_at: Callable[[float], float]) -> None:
-        """Hold a scan against odometry's heading (rad) at the time it is dated, and at others; see ScanTiming."""
-        timing = self._timings.setdefault(scan.frame, ScanTiming())
-        timing.take(scan, heading_at)
-        if timing.late is not None and abs(timing.late) >= MISDATED and scan.frame not in self._warned_of:
-            self._warned_of.add(scan.frame)
-            rospy.logwarn("%s", misdated(scan.frame, timing.late))
+    def warn_of_dates(self, timings: Mapping[str, ScanTiming]) -> None:
+        """Say of each lidar that is dated otherwise than odometry that it is, once; by frame."""
+        for frame, timing in timings.items():
+            if timing.late is not None and abs(timing.late) >= MISDATED and frame not in self._warned_of:
+                self._warned_of.add(frame)
+                rospy.logwarn("%s", misdated(frame, timing.late))
 
-    def _most_misdated(self) -> Tuple[str, float]:
-        """Return which lidar's scans are dated most wrongly, and by how many seconds."""
-        told = [(frame, timing.late or 0.0) for frame, timing in list(self._timings.items())]
-        return max(told, key=lambda one: abs(one[1]), default=("", 0.0))
-
-    def report(self, now: float, has_map: bool, match: Optional[float], waiting: bool) -> diagnostics.Report:
+    def report(
+        self, now: float, has_map: bool, match: Optional[float], waiting: bool, timings: Mapping[str, ScanTiming],
+    ) -> diagnostics.Report:
         """Return the part of the diagnostics about scans.
 
         Args:
@@ -97,15 +106,21 @@ class ScanWatch:
             has_map: Whether there is a map.
             match: Share of the newest scan, 0 to 1, that the map explains from the estimated pose; None where unknown.
             waiting: Whether a scan waits for its transform.
+            timings: Of each lidar, by its frame.
         """
         age, rate = self._scans.age(now), self._scans.rate()
-        frame, late = self._most_misdated()
         values = {
             "scans [Hz]": f"{rate:.1f}", "age of the last scan [s]": "none came" if age is None else f"{age:.2f}",
             "scan waits for its transform": waiting,
             "share of the scan on the map's walls [%]": "unknown" if match is None else f"{100.0 * match:.0f}",
-            "scans are dated late by [s]": f"{late:.2f}",
         }
+        misdated_by: Dict[str, float] = {}
+        for frame, timing in sorted(timings.items()):
+            late = timing.late
+            values[f"scans of {shown(frame)} are dated late by [s]"] = "unknown" if late is None else f"{late:.2f}"
+            values[f"beams of {shown(frame)} are taken"] = TAKEN[timing.order]
+            if late is not None and abs(late) >= MISDATED:
+                misdated_by[frame] = late
         patience = max(LATE, 3.0 / rate if rate > 0.0 else 0.0)
         if not has_map:
             return diagnostics.ERROR, "no map yet", values
@@ -113,8 +128,8 @@ class ScanWatch:
             since = "yet" if age is None else f"for {age:.1f} s"
             why = "the transform at its time is missing" if waiting else "none comes"
             return diagnostics.ERROR, f"no scan {since}: {why}", values
-        if abs(late) >= MISDATED:
-            return diagnostics.WARN, misdated(frame, late), values
+        if misdated_by:
+            return diagnostics.WARN, "; ".join(misdated(*each) for each in misdated_by.items()), values
         if match is not None and match < DOUBTFUL:
             return (
                 diagnostics.WARN,

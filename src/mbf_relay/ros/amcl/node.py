@@ -27,7 +27,7 @@ from mbf_relay.outcomes import TransformError
 from mbf_relay.parameters import convert
 from mbf_relay.ros.amcl.belief import BeliefPublisher, describe_places
 from mbf_relay.ros.amcl.cloud_input import CloudInput
-from mbf_relay.ros.amcl.health import ScanWatch, deviation_report, missing_transform
+from mbf_relay.ros.amcl.health import ScanWatch, deviation_report, missing_transform, stands_in_the_world
 from mbf_relay.ros.amcl.initial_pose import check_frame, initial_pose_from_message, motion_since
 from mbf_relay.ros.amcl.map_client import request_map, warn_of_frame
 from mbf_relay.ros.amcl.map_to_odom import MapToOdom
@@ -39,6 +39,7 @@ from mbf_relay.ros.amcl.usage import check_arguments
 from mbf_relay.ros.common import diagnostics, parameters
 from mbf_relay.ros.common.conversions import header, map_from_message, pose_to_message
 from mbf_relay.ros.common.lidar_geometry import scan_in_base
+from mbf_relay.ros.common.lidar_timings import LidarTimings
 from mbf_relay.ros.common.node import spare_what_stays
 from mbf_relay.ros.common.transforms import TransformPublisher, Transforms
 from mbf_relay.scan import LaserScan
@@ -75,6 +76,7 @@ class AmclNode:
         self._reliability: Optional[float] = None
         self._queue = ScanQueue()
         self.transforms = Transforms(changed=self._queue.look_again)
+        self._timings = LidarTimings(self.transforms, self._frames)
         self._map_to_odom = MapToOdom(TransformPublisher())
         self._pose_publisher = rospy.Publisher("amcl_pose", PoseWithCovarianceStamped, queue_size=2, latch=True)
         self._cloud_publisher = rospy.Publisher("particlecloud", PoseArray, queue_size=2, latch=True)
@@ -131,11 +133,13 @@ class AmclNode:
                     self._odom_pose = None
             self._configure_broadcast()
 
+    def _frames(self) -> Tuple[str, str]:
+        return self._parameters.base_frame_id, self._parameters.odom_frame_id
+
     def _configure_broadcast(self) -> None:
         values = self._parameters
         self._map_to_odom.configure(
-            values.global_frame_id, values.odom_frame_id, values.transform_tolerance, values.tf_broadcast
-        )
+            values.global_frame_id, values.odom_frame_id, values.transform_tolerance, values.tf_broadcast)
 
     # --- map ------------------------------------------------------------------------------------------------------
 
@@ -272,25 +276,15 @@ class AmclNode:
 
     def is_ready(self, message: AnyScan) -> bool:
         """Return whether odometry is known at a scan's time, and where its lidar sits."""
-        values = self._parameters
-        return self.transforms.can_transform(
-            values.odom_frame_id, values.base_frame_id, message.header.stamp.to_sec()
-        ) and self.transforms.can_transform(values.base_frame_id, message.header.frame_id)
-
-    def _stands_in_the_world(self, frame: str) -> bool:
-        """Return whether a sensor's frame does not move with the robot, and warn of it."""
-        odom_frame, base_frame = self._parameters.odom_frame_id, self._parameters.base_frame_id
-        if odom_frame.lstrip("/") not in self.transforms.frames_above(base_frame, frame):
-            return False
-        rospy.logwarn_throttle(5.0, f"scan ignored: its frame '{frame}' does not move with '{base_frame}', so that it "
-                                    "tells nothing of where the robot is")
-        return True
+        base, frame = self._parameters.base_frame_id, message.header.frame_id
+        taken, is_known = self._timings.taken_at(frame, message.header.stamp.to_sec()), self.transforms.can_transform
+        return is_known(self._parameters.odom_frame_id, base, taken) and is_known(base, frame)
 
     def process(self, message: AnyScan) -> None:
         """Run the filter on one scan whose transform is there, and publish what comes out."""
-        stamp = message.header.stamp
-        if self._stands_in_the_world(message.header.frame_id):
+        if stands_in_the_world(self.transforms, self._parameters, message):
             return
+        stamp = message.header.stamp
         self._scan_watch.saw(stamp.to_sec())
         with self._lock:
             if self._localizer is None:
@@ -299,8 +293,9 @@ class AmclNode:
             try:
                 scan, laser_pose = message[1:] if isinstance(message, CloudScan) else scan_in_base(
                     message, values.base_frame_id, self.transforms)[:2]
-                self._odom_pose = self.transforms.lookup(values.odom_frame_id, values.base_frame_id, stamp.to_sec())
-                self._odom_stamp = stamp.to_sec()
+                scan = self._timings.corrected(scan, laser_pose)
+                self._odom_pose = self.transforms.lookup(values.odom_frame_id, values.base_frame_id, scan.stamp)
+                self._odom_stamp = scan.stamp
                 self._newest_scan = scan, laser_pose
                 self._resume()
                 estimate = self._localizer.process(self._odom_pose, scan, laser_pose)
@@ -315,11 +310,11 @@ class AmclNode:
                 self._covariance = estimate.covariance
                 belief = self._belief_publisher.take(self._localizer)
                 self._reliability = belief.reliability
+        self._scan_watch.warn_of_dates(self._timings.all())
+        stamp += rospy.Duration.from_sec(scan.stamp - stamp.to_sec())
         if estimate is not None:
             self._publish(estimate, particles, stamp)
             self._belief_publisher.publish(belief, values.global_frame_id, stamp)
-        self._scan_watch.compare(
-            scan, lambda at: self.transforms.lookup(values.odom_frame_id, values.base_frame_id, at).theta)
         if self._saved_pose.is_due(stamp.to_sec(), values.save_pose_rate):
             self._save_pose(self._saved_pose.save_soon)
 
@@ -364,7 +359,7 @@ class AmclNode:
         with self._lock:
             match, has_map = self._match(), self._localizer is not None
         waiting = self._queue.oldest() is not None
-        return self._scan_watch.report(rospy.get_time(), has_map, match, waiting)
+        return self._scan_watch.report(rospy.get_time(), has_map, match, waiting, self._timings.all())
 
     def _match(self) -> Optional[float]:
         """Return how well the newest scan fits the map from the estimated pose; None where one is missing."""

@@ -25,6 +25,7 @@ from mbf_relay.ros.common.checks import InvalidMessage
 from mbf_relay.ros.common.clouds import cloud_points, rigid
 from mbf_relay.ros.common.conversions import map_from_message, scan_from_message
 from mbf_relay.ros.common.lidar_geometry import mounting_of, seen_from_above
+from mbf_relay.ros.common.lidar_timings import LidarTimings
 from mbf_relay.ros.common.quick_grids import QuickGrid, QuickGridUpdate
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 from mbf_relay.ros.common.transforms import Transforms
@@ -63,13 +64,15 @@ class SensorInput:
         transforms: Where frames are looked up.
         patience: Time (s) a message waits for its transform before it is given up.
         max_age: Age (s) at which what was measured says nothing any more; 0 for never.
+        timings: Sets scans right by when their beams were taken.
     """
 
     def __init__(
         self, name: str, parameters: SourceParameters, costmap: Costmap, transforms: Transforms, patience: float,
-        max_age: float,
+        max_age: float, timings: LidarTimings,
     ) -> None:
         self._name, self._parameters, self._costmap, self._transforms = name, parameters, costmap, transforms
+        self._timings = timings
         self._patience, self._max_age = patience, max_age or None
         self._lock = threading.Lock()  # guards the messages that wait; nothing else is locked while it is held
         self._waiting: Deque[Waiting] = deque(maxlen=MOST_WAITING)
@@ -158,12 +161,15 @@ class SensorInput:
 
     def _observation(self, message: Any) -> Observation:
         scan = scan_from_message(message) if isinstance(message, LaserScanMessage) else None
-        points, hits = points_from(message, scan, self._parameters.inf_is_valid)
-        frame = message.header.frame_id
-        stamp = message.header.stamp.to_sec()
+        frame, stamp = message.header.frame_id, message.header.stamp.to_sec()
+        rides = self._transforms.rides_on(self._costmap.robot_frame, frame)
+        taken = scan
+        if scan is not None and rides and stamp > 0.0:
+            taken = self._set_right(scan)
+            stamp = taken.stamp
+        points, hits = points_from(message, taken, self._parameters.inf_is_valid)
         when = stamp if stamp > 0.0 else None
         sensor = self._transforms.lookup_message(self._costmap.frame, frame, when)
-        rides = self._transforms.rides_on(self._costmap.robot_frame, frame)
         if scan is not None:
             self._require_sight(scan, sensor, rides)
         rotation, translation = rigid(sensor)
@@ -175,6 +181,13 @@ class SensorInput:
             return seen
         _, origin = rigid(self._transforms.lookup_message(self._costmap.frame, origin_frame, when))
         return replace(seen, origin=tuple(float(value) for value in origin))
+
+    def _set_right(self, scan: LaserScan) -> LaserScan:
+        """Return a scan as if all its beams had been taken at once, dated by odometry's time."""
+        placed = self._transforms.lookup_message(self._costmap.robot_frame, scan.frame)
+        laser_in_base, upside_down = mounting_of(placed.transform)
+        corrected = self._timings.corrected(seen_from_above(scan, upside_down), laser_in_base)
+        return seen_from_above(corrected, upside_down)
 
     def _require_sight(self, scan: LaserScan, sensor: TransformStamped, rides: bool) -> None:
         """Raise BlindSensor where a scan shows nothing; `sensor` takes its points to the costmap's frame."""

@@ -14,6 +14,7 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common import parameters as ros_parameters
 from mbf_relay.ros.common.diagnostics import ERROR, OK, WARN, RateMeter, Report
+from mbf_relay.ros.common.lidar_timings import LidarTimings
 from mbf_relay.ros.common.node import one_line
 from mbf_relay.ros.common.stepper import Stepper
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
@@ -31,12 +32,16 @@ class CostmapNode:
         name: "global_costmap" or "local_costmap": the group of its parameters and the namespace of its topics.
         config: The node's parameters.
         transforms: Where frames are looked up.
+        timings: Another costmap's, of the same lidars; its own where None.
 
     Raises:
         ValueError: A parameter is wrong; the text names it, its value and what is allowed.
     """
 
-    def __init__(self, name: str, config: Mapping[str, Any], transforms: Transforms) -> None:
+    def __init__(
+        self, name: str, config: Mapping[str, Any], transforms: Transforms,
+        timings: Optional[LidarTimings] = None,
+    ) -> None:
         group = config.get(name, {})
         self.costmap = factory.build_costmap(name, group, config)
         for unknown, hint in factory.unknown_names(group).items():
@@ -56,6 +61,7 @@ class CostmapNode:
         self._next_publication = 0.0
         self._last: Optional[float] = None
         self._pose_warnings = ThrottledWarnings()
+        self.timings = timings or LidarTimings(transforms, lambda: (self.costmap.robot_frame, self.costmap.frame))
         parameters = self.costmap.parameters
         self._publisher = CostmapPublisher(
             name, parameters.published_footprint_topic, parameters.always_send_full_costmap
@@ -75,7 +81,7 @@ class CostmapNode:
                     continue
                 patience = max(layer.sensor_patience, self.costmap.parameters.transform_tolerance)
                 self._sensors[source] = SensorInput(
-                    source, parameters, self.costmap, self._transforms, patience, layer.max_age(source))
+                    source, parameters, self.costmap, self._transforms, patience, layer.max_age(source), self.timings)
         topic = rospy.resolve_name(f"~{self._name}/{self.costmap.parameters.footprint_topic}")
         if topic != self._publisher.footprint_topic:  # costmap_2d's default names both alike, with different types
             self._outline = rospy.Subscriber(topic, Polygon, self._take_footprint, queue_size=1)
@@ -206,3 +212,13 @@ class CostmapNode:
                 self.costmap.set_map_from_costmap(self._transforms.lookup(frame, self.costmap.frame), layer)
             except TransformError as error:
                 self._pose_warnings.say(f"{self._name} cannot place the map: {error}")
+
+
+def make_costmap_nodes(config: Mapping[str, Any], transforms: Transforms) -> Dict[str, CostmapNode]:
+    """Return a node's costmaps, "global" and "local", of which the local one's frame is one the robot jumps in never.
+
+    Raises:
+        ValueError: As for CostmapNode.
+    """
+    local = CostmapNode("local_costmap", config, transforms)
+    return {"global": CostmapNode("global_costmap", config, transforms, local.timings), "local": local}

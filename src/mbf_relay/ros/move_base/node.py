@@ -18,7 +18,7 @@ from mbf_relay.navigation.move_base_parameters import OTHER_MOVE_BASE_NAMES, Mov
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.ros.common import parameters as ros_parameters
 from mbf_relay.ros.common.transforms import Transforms
-from mbf_relay.ros.costmap.node import CostmapNode
+from mbf_relay.ros.costmap.node import make_costmap_nodes
 from mbf_relay.ros.move_base.settings import OwnSettings
 from mbf_relay.ros.relay.node import serve
 from mbf_relay.ros.relay.relay import RelayParameters
@@ -57,7 +57,7 @@ class MoveBaseServer(ServerSide):
         config = {name: value for name, value in server_config(namespace, values).items() if name not in relays}
         self._global_frame = config["global_frame"]
         transforms = Transforms()
-        self._nodes = {side: CostmapNode(f"{side}_costmap", config, transforms) for side in ("global", "local")}
+        self._nodes = make_costmap_nodes(config, transforms)
         costmaps = {side: node.costmap for side, node in self._nodes.items()}
         self._server = MoveBaseFlex(
             config,

@@ -25,7 +25,7 @@ from mbf_relay.ros.common.diagnostics import ERROR, OK, WARN, Diagnostics, RateM
 from mbf_relay.ros.common.node import spare_what_stays
 from mbf_relay.ros.common.stepper import Stepper
 from mbf_relay.ros.common.transforms import Transforms
-from mbf_relay.ros.costmap.node import CostmapNode
+from mbf_relay.ros.costmap.node import CostmapNode, make_costmap_nodes
 from mbf_relay.ros.server.actions import make_actions
 from mbf_relay.ros.server.controller_topics import serve_controller, serve_controllers
 from mbf_relay.ros.server.costmap_rest import CostmapRest
@@ -271,7 +271,7 @@ def main() -> None:
     warnings.showwarning = lambda message, *_, **__: rospy.logwarn("%s", message)
     config = ros_parameters.read_namespace("~")
     transforms = Transforms()
-    nodes = {side: CostmapNode(f"{side}_costmap", config, transforms) for side in ("global", "local")}
+    nodes = make_costmap_nodes(config, transforms)
     server = MoveBaseFlex(config, {side: node.costmap for side, node in nodes.items()}, transforms, nodes)
     server.start()
     spare_what_stays()

@@ -1,8 +1,5 @@
 """What amcl's diagnostics say of its scans."""
 
-import math
-
-import numpy as np
 import pytest
 
 pytest.importorskip("tf2_ros")
@@ -19,7 +16,7 @@ from mbf_relay.ros.amcl.health import ScanWatch, missing_transform  # noqa: E402
 from mbf_relay.ros.amcl.scan_queue import ScanQueue  # noqa: E402
 from mbf_relay.ros.common import diagnostics  # noqa: E402
 from mbf_relay.ros.common.transforms import Transforms  # noqa: E402
-from mbf_relay.scan import LaserScan as Scan  # noqa: E402
+from mbf_relay.scan_timing import ScanTiming  # noqa: E402
 
 
 def watch(*stamps):
@@ -43,12 +40,12 @@ def watch(*stamps):
     ],
 )
 def test_levels_mean_something(stamps, now, has_map, match, waiting, level, words):
-    told = watch(*stamps).report(now, has_map, match, waiting)
+    told = watch(*stamps).report(now, has_map, match, waiting, {})
     assert told[0] == level and words in told[1]
 
 
 def test_values_are_told_whatever_the_level():
-    _, _, values = watch(0.0, 0.2, 0.4).report(0.5, True, 0.914, False)
+    _, _, values = watch(0.0, 0.2, 0.4).report(0.5, True, 0.914, False, {})
     assert values["share of the scan on the map's walls [%]"] == "91"
     assert values["scans [Hz]"] == "5.0" and values["age of the last scan [s]"] == "0.10"
 
@@ -99,18 +96,16 @@ def test_a_scan_in_a_frame_of_two_million_characters_waits_without_filling_the_l
 
 def test_a_robot_whose_lidar_is_dated_by_another_clock_is_told_once_and_as_long_as_it_is(monkeypatch):
     """It looked for itself where it was not in each turn, and took three times as long to its goal; nobody knew why."""
-    told, made, late = [], watch(0.0, 0.2, 0.4), 0.3
+    told, made, timings = [], watch(0.0, 0.2, 0.4), {"base_scan": ScanTiming(), "rear_scan": ScanTiming()}
     monkeypatch.setattr(health.rospy, "logwarn", lambda form, text: told.append(form % text))
-
-    def heading(at):
-        return 0.9 * math.sin(1.1 * at) + 0.4 * math.sin(2.7 * at)
-
-    for stamp in np.arange(2.0, 32.0, 0.2):
-        angles = np.radians(np.arange(360.0)) + heading(stamp - late)
-        ranges = 2.0 + 0.5 * np.cos(angles) + 0.5 * np.sin(2.0 * angles)
-        made.compare(Scan(ranges, 0.0, math.radians(1.0), 0.1, 8.0, stamp, "base_scan"), heading)
-    level, words, values = made.report(0.5, True, 0.97, False)
+    timings["base_scan"].late, timings["base_scan"].order = 0.3, -1
+    for _ in range(3):
+        made.warn_of_dates(timings)
+    level, words, values = made.report(0.5, True, 0.97, False, timings)
     assert told == [words] and level == diagnostics.WARN
     assert words.startswith("scans of base_scan are dated 0.30 s later than odometry, as both turn")
-    assert values["scans are dated late by [s]"] == "0.30"
+    assert values["scans of base_scan are dated late by [s]"] == "0.30"
+    assert values["scans of rear_scan are dated late by [s]"] == "unknown"
+    assert values["beams of base_scan are taken"] == "last one first"
+    assert values["beams of rear_scan are taken"] == "unknown"
     assert "dated 0.25 s earlier than odometry" in health.misdated("base_scan", -0.25)

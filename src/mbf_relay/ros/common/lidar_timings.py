@@ -1,0 +1,50 @@
+"""The timing of each lidar of a node, with the poses of its frame by tf."""
+
+from __future__ import annotations
+
+import threading
+from typing import Callable, Dict, Tuple
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.ros.common.transforms import Transforms
+from mbf_relay.scan import LaserScan
+from mbf_relay.scan_timing import ScanTiming
+
+
+class LidarTimings:
+    """Sets scans right by when their beams were taken, as it learns it of each lidar; see ScanTiming.
+
+    Any thread may use it; two costmaps share one.
+
+    Args:
+        transforms: Where frames are looked up.
+        frames: Gives the robot's frame, and one in which it moves without jumps.
+    """
+
+    def __init__(self, transforms: Transforms, frames: Callable[[], Tuple[str, str]]) -> None:
+        self._transforms, self._frames = transforms, frames
+        self._timings: Dict[str, ScanTiming] = {}  # by frame
+        self._lock = threading.Lock()  # guards all timings
+
+    def corrected(self, scan: LaserScan, laser_in_base: Pose2D) -> LaserScan:
+        """Learn from a scan, seen from above, and return it set right, dated by odometry's time."""
+        base_frame, odom_frame = self._frames()
+
+        def pose_at(time: float) -> Pose2D:
+            return self._transforms.lookup(odom_frame, base_frame, time).compose(laser_in_base)
+
+        with self._lock:
+            timing = self._timings.setdefault(scan.frame, ScanTiming())
+            corrected = timing.corrected(scan, pose_at)  # by what `taken_at` told
+            timing.take(scan, pose_at)
+            return corrected
+
+    def taken_at(self, frame: str, stamp: float) -> float:
+        """Return when, by odometry's time, a lidar took what it dates so (s)."""
+        timing = self._timings.get(frame)
+        return stamp - (timing.late or 0.0) if timing else stamp
+
+    def all(self) -> Dict[str, ScanTiming]:
+        """Return the timings by the lidars' frames."""
+        with self._lock:
+            return dict(self._timings)
