@@ -1,0 +1,106 @@
+"""A robot that turns while its lidar looks round: its costmap has walls where they are, whichever beam came first."""
+
+import math
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import TransformStamped
+from scan_source import scan_source
+from sensor_msgs.msg import LaserScan
+
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.costmap import inputs
+
+PERIOD, BEAMS, HALF = 0.2, 360, 0.8
+"""Seconds a scan takes, its beams, and half the side (m) of the square room round the robot."""
+
+
+def heading(time):
+    """Return where a robot looks (rad) that turns to and fro on the spot."""
+    return 0.9 * math.sin(1.1 * time) + 0.4 * math.sin(2.7 * time)
+
+
+class TurningFrames:
+    """Those of such a robot, whose lidar sits at its middle, upside down if asked; odometry comes `late` s late."""
+
+    def __init__(self, upside_down=False, late=0.0):
+        self.upside_down, self.late, self.now = upside_down, late, 0.0
+
+    @staticmethod
+    def rides_on(_base, _frame):
+        return True
+
+    def _yaw(self, target, when):
+        if target == "base_link":
+            return 0.0
+        if when is not None and when > self.now - self.late:
+            raise TransformError("extrapolation into the future")
+        return heading(self.now - self.late if when is None else when)
+
+    def lookup(self, target, _source, when=None):
+        return Pose2D(0.0, 0.0, self._yaw(target, when))
+
+    def lookup_message(self, target, source, when=None):
+        message, half = TransformStamped(), 0.5 * self._yaw(target, when)
+        if source == "laser" and self.upside_down:  # turned about x, then about z
+            message.transform.rotation.x, message.transform.rotation.y = math.cos(half), math.sin(half)
+        else:
+            message.transform.rotation.z, message.transform.rotation.w = math.sin(half), math.cos(half)
+        return message
+
+
+def scan_at(middle, order, upside_down, late):
+    """Return a scan whose middle beam was taken at a time (s), dated `late` s later."""
+    shares = (np.arange(BEAMS) + 0.5) / BEAMS - 0.5
+    angles = 2.0 * math.pi / BEAMS * np.arange(BEAMS)
+    headings = np.array([heading(middle + order * share * PERIOD) for share in shares])
+    directions = headings + (-angles if upside_down else angles)
+    ranges = HALF / np.maximum(np.abs(np.cos(directions)), np.abs(np.sin(directions)))
+    message = LaserScan(angle_increment=2.0 * math.pi / BEAMS, range_min=0.1, range_max=3.5, ranges=list(ranges))
+    message.header.frame_id, message.header.stamp = "laser", inputs.rospy.Time.from_sec(middle + late)
+    return message
+
+
+def bends_of(monkeypatch, order, upside_down=False, late=0.0, odometry_late=0.0, seconds=40.0):
+    """Return by how much (m) walls were marked aside: of each scan the worst tenth of its points."""
+    monkeypatch.setattr(inputs.rospy, "Subscriber", lambda *_, **__: None)
+    monkeypatch.setattr(inputs.rospy, "get_time", lambda: frames.now)
+    frames, bends = TurningFrames(upside_down, odometry_late), []
+    costmap, sensor = scan_source(frames, patience=0.5)
+
+    def observe(_name, observation, _now):
+        aside = np.abs(np.abs(observation.points[:, :2]).max(axis=1) - HALF)
+        bends.append(np.percentile(aside, 90))
+
+    monkeypatch.setattr(costmap, "observe", observe)
+    for middle in np.arange(2.0, 2.0 + seconds, PERIOD):
+        frames.now = middle + 0.5 * PERIOD + max(0.0, late)
+        sensor._keep(scan_at(middle, order, upside_down, late))
+        for _ in range(4):
+            frames.now += 0.04
+            sensor.feed(frames.now)
+            costmap.update(frames.now, IDENTITY)
+    return bends
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("upside_down", [False, True])
+def test_walls_are_marked_where_they_are_whichever_beam_comes_first(monkeypatch, order, upside_down):
+    bends = bends_of(monkeypatch, order, upside_down)
+    assert max(bends[:10]) > 0.05  # not known yet
+    assert max(bends[-50:]) < 0.025
+
+
+def test_walls_are_marked_where_they_are_though_odometry_comes_after_the_scans(monkeypatch):
+    assert max(bends_of(monkeypatch, 1, odometry_late=0.2)[-50:]) < 0.025
+
+
+def test_walls_are_marked_where_they_are_though_the_lidar_has_another_clock(monkeypatch):
+    bends = bends_of(monkeypatch, -1, late=0.3, seconds=60.0)
+    assert max(bends[:50]) > 0.2
+    assert max(bends[-50:]) < 0.08  # the offset is told to a twentieth of a second
+
+
+def test_a_lidar_that_takes_all_beams_at_once_is_believed_as_it_is(monkeypatch):
+    assert max(bends_of(monkeypatch, 0)) < 1e-6
