@@ -4,40 +4,71 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Tuple
+from typing import NamedTuple, Tuple
 
 import numpy as np
 
-from mbf_relay.geometry import Pose2D
+from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.scan import LaserScan
 
 REACH = 1.5
 """Beams' spacings within which a direction is taken to read what the next beam does."""
 
 
-def seen_at_once(scan: LaserScan, moved: Pose2D) -> LaserScan:
+class Order(NamedTuple):
+    """The order in which a lidar takes its beams.
+
+    Attributes:
+        way: 1 where the next one follows, -1 where the one before does, 0 where all are taken at once.
+        start: Share of the scan at which the sensor begins to look round: drivers that sort beams by their angles may
+            have that in the middle.
+    """
+
+    way: int
+    start: float
+
+    def __str__(self) -> str:
+        return _IN_WORDS.get(self, f"from {self.start:g} of the scan, {self.way:+d}")
+
+    def shares(self, beams: int) -> np.ndarray:
+        """Return when each of so many beams is taken, shape (B,), as shares of the time from -0.5 to 0.5."""
+        along: np.ndarray = np.mod((np.arange(beams) + 0.5) / beams - self.start, 1.0) - 0.5
+        return self.way * along
+
+
+AT_ONCE, FORWARDS, BACKWARDS = Order(0, 0.0), Order(1, 0.0), Order(-1, 0.0)
+ORDERS = (AT_ONCE, FORWARDS, BACKWARDS, Order(1, 0.5), Order(-1, 0.5))
+"""Those there are: of lidars that look all round, the one or the other half first."""
+_IN_WORDS = dict(zip(ORDERS, (
+    "all at once", "the first one first", "the last one first", "from the middle one on", "from the middle one back")))
+
+
+def seen_at_once(scan: LaserScan, order: Order, moved: Pose2D) -> LaserScan:
     """Return what the lidar would have read had it taken all beams halfway through, NaN where it then saw nothing.
 
     Args:
         scan: What it read, with its beams evenly spread over the time.
+        order: In which it took them.
         moved: How it moved meanwhile.
     """
-    directions, ranges = ends(scan, moved)
+    directions, ranges = ends(scan, order, moved)
     return replace(scan, ranges=resampled(directions, ranges, scan.angles, REACH * abs(scan.angle_increment)))
 
 
-def ends(scan: LaserScan, moved: Pose2D, seen_from: Pose2D = Pose2D(0.0, 0.0, 0.0)) -> Tuple[np.ndarray, np.ndarray]:
+def ends(
+    scan: LaserScan, order: Order, moved: Pose2D, seen_from: Pose2D = IDENTITY
+) -> Tuple[np.ndarray, np.ndarray]:
     """Return where beams end that were taken while the lidar moved: directions and ranges, each (B,), rad and m.
 
     Ranges that measure nothing (below range_min, inf, NaN) stay as they are.
 
     Args:
         scan: The beams.
+        order: In which they were taken.
         moved: How the lidar moved meanwhile.
         seen_from: From where, as seen from where it was halfway.
     """
-    size = len(scan.ranges)
-    share = (np.arange(size) + 0.5) / size - 0.5  # of the motion, of each beam
+    share = order.shares(len(scan.ranges))  # of the motion
     turned = share * moved.theta
     shift = Pose2D(0.0, 0.0, -0.5 * moved.theta).compose(Pose2D(moved.x, moved.y, 0.0))
     hit = scan.hit

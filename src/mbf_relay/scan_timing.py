@@ -9,10 +9,10 @@ from typing import Callable, Deque, NamedTuple, Optional
 
 import numpy as np
 
-from mbf_relay.geometry import Pose2D, angle_between, normalize_angles
+from mbf_relay.geometry import IDENTITY, Pose2D, angle_between, normalize_angles
 from mbf_relay.outcomes import TransformError
 from mbf_relay.scan import LaserScan
-from mbf_relay.scan_sweep import REACH, ends, resampled, seen_at_once
+from mbf_relay.scan_sweep import AT_ONCE, ORDERS, REACH, Order, ends, resampled, seen_at_once
 
 STEP = 0.05
 """Seconds from one time at which odometry is asked for its heading to the next, and from one offset to the next."""
@@ -41,6 +41,8 @@ TURNS = np.arange(-FARTHEST_TURN, FARTHEST_TURN + 1)
 """Turns between two scans that are tried (degrees)."""
 TURNED = (np.arange(len(DIRECTIONS)) + TURNS[:, None]) % len(DIRECTIONS)
 """Of each direction, after each of those turns, the one it was before, shape (T, D)."""
+NEARBY = TURNED[np.abs(TURNS) <= 15]
+"""Of those, the ones by which two scans may lie aside that are laid on each other by odometry: wheels slip."""
 FEWEST_BEAMS = 60
 """Directions in which both scans must read something."""
 LARGEST_ERROR = 0.3
@@ -57,14 +59,16 @@ CERTAIN = 5.0
 """Standard errors by which the offset must fit better than none."""
 FITS = 0.06
 """Radians, root mean square, within which turns must agree at the offset."""
-ORDERS = (0, 1, -1)
-"""In which beams may be taken: all at once, the first one first, the last one first."""
 PARTNERS = 4
 """Scans before one, among which it is held against the one that was taken in the most different turn."""
 DIFFERENT = 0.06
 """Radians that the robot must turn more while one scan is taken than while the other is."""
 LEAD = 4
 """Such pairs by which one order must be ahead of each other one: of some 400 in simulation, 1 spoke for a wrong one."""
+ENOUGH = 20
+"""Of them, after which no more are looked for: a lidar keeps to its order."""
+SPEAKING = 0.25
+"""Share of such pairs that must speak for it: where none of the orders is right, one may now and then seem to be."""
 SPACINGS = 20
 """Scans of which the middle one of the times from one to the next is the time that a lidar turns in."""
 LATELY = 0.1
@@ -106,12 +110,12 @@ class ScanTiming:
     Attributes:
         late: Seconds by which scans are dated later than their middle beam is taken, by odometry's time; None where
             nothing tells.
-        order: Of the beams, one of ORDERS; None where nothing tells.
+        order: Of the beams; None where nothing tells.
     """
 
     def __init__(self) -> None:
         self.late: Optional[float] = None
-        self.order: Optional[int] = None
+        self.order: Optional[Order] = None
         self._stamps: Deque[float] = collections.deque(maxlen=SPACINGS + 1)
         self._waiting: Deque[LaserScan] = collections.deque()
         self._taken: Deque[_Taken] = collections.deque(maxlen=PARTNERS)
@@ -119,6 +123,7 @@ class ScanTiming:
         self._heading = 0.0  # the newest known, turns counted
         self._errors: Deque[np.ndarray] = collections.deque(maxlen=PAIRS)  # of turns, at OFFSETS
         self._votes = np.zeros(len(ORDERS), dtype=int)  # of pairs of scans, for each of ORDERS
+        self._contrasts = 0
 
     def corrected(self, scan: LaserScan, pose_at: Callable[[float], Pose2D]) -> LaserScan:
         """Return a scan as if all its beams had been taken at once, dated by odometry's time.
@@ -127,15 +132,15 @@ class ScanTiming:
             scan: It, seen from above.
             pose_at: As for `take`.
         """
-        stamp = scan.stamp - (self.late or 0.0)
-        if self.order:
+        stamp, order = scan.stamp - (self.late or 0.0), self.order or AT_ONCE
+        if order != AT_ONCE:
             try:
                 moved = pose_at(stamp).relative_to(pose_at(stamp - LATELY))
             except TransformError:
                 pass  # at a start; whoever uses the scan asks for its time as well
             else:
-                part = self.order * self._sweep_time(scan) / LATELY
-                scan = seen_at_once(scan, Pose2D(part * moved.x, part * moved.y, part * moved.theta))
+                part = self._sweep_time(scan) / LATELY
+                scan = seen_at_once(scan, order, Pose2D(part * moved.x, part * moved.y, part * moved.theta))
         return scan if stamp == scan.stamp else replace(scan, stamp=stamp)
 
     def take(self, scan: LaserScan, pose_at: Callable[[float], Pose2D]) -> None:
@@ -207,6 +212,7 @@ class ScanTiming:
             self._errors.append(np.minimum(np.abs(turns - turn), LARGEST_ERROR) ** 2)
             held, self.late = self.late or 0.0, self._told()
             if abs((self.late or 0.0) - held) > NEARLY:
+                self._contrasts = 0
                 self._votes[:] = 0  # scans were laid on each other as odometry had it at another time
 
     def _told(self) -> Optional[float]:
@@ -223,14 +229,16 @@ class ScanTiming:
 
     def _compare_orders(self, before: _Taken, after: _Taken) -> None:
         """Lay two scans, one of them taken in a turn, on each other with their beams taken in each of ORDERS."""
-        if _contrast(before, after) < DIFFERENT:
+        if _contrast(before, after) < DIFFERENT or self._votes.max() >= ENOUGH:
             return
         found = [_difference(before, after, order) for order in ORDERS]
+        self._contrasts += math.isfinite(min(found))
         best, second = sorted(range(len(ORDERS)), key=found.__getitem__)[:2]
         if found[best] > min(SIMILAR, CLEARER * found[second]):
             return
         self._votes[best] += 1
-        if self._votes[best] >= np.delete(self._votes, best).max() + LEAD:
+        votes, others = self._votes[best], np.delete(self._votes, best).max()
+        if votes >= max(others + LEAD, SPEAKING * self._contrasts):
             self.order = ORDERS[best]
 
 
@@ -239,18 +247,17 @@ def _contrast(one: _Taken, other: _Taken) -> float:
     return abs(one.moved.theta - other.moved.theta)
 
 
-def _difference(before: _Taken, after: _Taken, order: int) -> float:
+def _difference(before: _Taken, after: _Taken, order: Order) -> float:
     """Return by how much (m) the readings of two scans differ, laid on each other; infinity where there are too few."""
     one = _seen_in_order(before, order, after.pose.relative_to(before.pose))
-    other = _seen_in_order(after, order, Pose2D(0.0, 0.0, 0.0))
-    means = _differences(one, other)
+    other = _seen_in_order(after, order, IDENTITY)
+    means = _differences(one, other, NEARBY)
     return math.inf if means is None else float(means.min())
 
 
-def _seen_in_order(taken: _Taken, order: int, seen_from: Pose2D) -> np.ndarray:
-    """Return what comes back in DIRECTIONS (m), NaN for nothing, of a scan whose beams were taken in one of ORDERS."""
-    moved = Pose2D(*(order * value for value in taken.moved))
-    directions, ranges = ends(taken.scan, moved, seen_from)
+def _seen_in_order(taken: _Taken, order: Order, seen_from: Pose2D) -> np.ndarray:
+    """Return what comes back in DIRECTIONS (m), NaN for nothing, of a scan whose beams were taken in an order."""
+    directions, ranges = ends(taken.scan, order, taken.moved, seen_from)
     hit = taken.scan.hit
     if not hit.any():
         return np.full(len(DIRECTIONS), np.nan)
@@ -264,20 +271,20 @@ def _readings(scan: LaserScan) -> np.ndarray:
         return np.where(readings >= scan.range_min, np.minimum(readings, scan.range_max), np.nan)
 
 
-def _differences(before: np.ndarray, after: np.ndarray) -> Optional[np.ndarray]:
-    """Return by how much two scans' readings, each of shape (D,), differ after each of TURNS (m), shape (T,).
+def _differences(before: np.ndarray, after: np.ndarray, turned: np.ndarray) -> Optional[np.ndarray]:
+    """Return by how much two scans' readings, each of shape (D,), differ after some turns (m), shape (T,).
 
-    None where at some turn too few directions are read in both.
+    None where at some turn too few directions are read in both; `turned` is TURNED of the turns, shape (T, D).
     """
     with np.errstate(invalid="ignore"):
-        differences = np.minimum(np.abs(before[TURNED] - after), LARGEST_ERROR)
+        differences = np.minimum(np.abs(before[turned] - after), LARGEST_ERROR)
     both = np.count_nonzero(~np.isnan(differences), axis=1)
     return None if both.min() < FEWEST_BEAMS else np.nansum(differences, axis=1) / both
 
 
 def _turn_between(before: np.ndarray, after: np.ndarray) -> Optional[float]:
     """Return the turn (rad) that lays one scan's readings on the next one's, both of shape (D,); None where unclear."""
-    means = _differences(before, after)
+    means = _differences(before, after, TURNED)
     if means is None:
         return None
     best = int(means.argmin())

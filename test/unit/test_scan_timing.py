@@ -8,6 +8,7 @@ import pytest
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
 from mbf_relay.scan import LaserScan
+from mbf_relay.scan_sweep import AT_ONCE, BACKWARDS, FORWARDS, ORDERS
 from mbf_relay.scan_timing import ScanTiming
 
 PERIOD = 0.2
@@ -21,8 +22,8 @@ def turning(odometry):
 
 
 def heading(t):
-    """Return the heading (rad) of a robot that turns to and fro, and stands in between."""
-    return 0.9 * math.sin(1.1 * t) + 0.4 * math.sin(2.7 * t)
+    """Return the heading (rad) of a robot that turns to and fro, and stands in between; of one time (s) or many."""
+    return 0.9 * np.sin(1.1 * t) + 0.4 * np.sin(2.7 * t)
 
 
 def room(theta, beams=360, first=0.0, span=2.0 * math.pi):
@@ -42,13 +43,13 @@ def round_hall(theta, beams, first, span):
 
 
 def sweep(t, period, order, beams=360, first=0.0, span=2.0 * math.pi):
-    """Return what a lidar reads (m) whose middle beam is taken at t (s), the others in one of the three orders."""
-    shares = (np.arange(beams) + 0.5) / beams - 0.5
-    times = t + order * shares * period * abs(span) / (2.0 * math.pi)
-    return walls(first + span / beams * np.arange(beams) + np.array([heading(each) for each in times]))
+    """Return what a lidar reads (m) halfway through whose scan it is t (s); order is a way and a start, as Order's."""
+    way, start = order
+    times = t + way * (((np.arange(beams) + 0.5) / beams - start) % 1.0 - 0.5) * period * abs(span) / (2.0 * math.pi)
+    return walls(first + span / beams * np.arange(beams) + heading(times))
 
 
-def timing_of_sweeps(order, late=0.0, seconds=20.0, period=PERIOD, **layout):
+def timing_of_sweeps(order, late=0.0, seconds=12.0, period=PERIOD, **layout):
     """Return what so many seconds tell of a lidar that looks round while it turns; readings are a centimetre off."""
     rng, timing = np.random.default_rng(2), ScanTiming()
     layout = {"beams": 360, "first": 0.0, "span": 2.0 * math.pi, **layout}
@@ -60,7 +61,7 @@ def timing_of_sweeps(order, late=0.0, seconds=20.0, period=PERIOD, **layout):
     return timing
 
 
-@pytest.mark.parametrize("order", [1, -1, 0])
+@pytest.mark.parametrize("order", [FORWARDS, BACKWARDS, AT_ONCE])
 @pytest.mark.parametrize("layout", [
     {}, {"beams": 720, "first": -math.pi}, {"beams": 541, "first": -0.75 * math.pi, "span": 1.5 * math.pi},
     {"beams": 450, "first": math.pi, "span": -2.0 * math.pi}, {"beams": 90}, {"period": 0.1},
@@ -69,13 +70,24 @@ def test_which_beam_of_a_lidar_comes_first_is_found_out(order, layout):
     assert timing_of_sweeps(order, **layout).order == order
 
 
-@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("order", ORDERS)
+def test_it_is_found_out_of_one_whose_driver_sorts_beams_by_their_angles(order):
+    assert timing_of_sweeps(order, first=-math.pi).order == order
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("start, told", [(0.1, 0.0), (0.4, 0.5)])
+def test_one_that_begins_elsewhere_is_taken_for_the_most_alike(way, start, told):
+    assert timing_of_sweeps((way, start)).order == (way, told)
+
+
+@pytest.mark.parametrize("order", [FORWARDS, BACKWARDS])
 def test_it_is_found_out_of_a_lidar_that_is_dated_by_another_clock_too(order):
     timing = timing_of_sweeps(order, late=0.3, seconds=60.0)
     assert (timing.order, timing.late) == (order, pytest.approx(0.3, abs=0.051))
 
 
-@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("order", [FORWARDS, BACKWARDS])
 def test_walls_stand_straight_in_a_turn_once_that_is_known(order):
     """The scan of a robot that turned showed each wall bent by up to a fifth of a radian: two walls where one is."""
     timing = timing_of_sweeps(order)
@@ -98,19 +110,19 @@ def test_a_scan_of_before_odometry_began_is_returned_as_it_came():
         raise TransformError("no transform from 'base' to 'odom'")
 
     raw = LaserScan(room(0.0), 0.0, math.radians(1.0), 0.1, 3.2, 40.0)
-    assert timing_of_sweeps(1).corrected(raw, unknown) is raw
+    assert timing_of_sweeps(FORWARDS).corrected(raw, unknown) is raw
 
 
 def test_a_scan_that_another_costmap_was_given_before_teaches_nothing_twice():
     once, twice = ScanTiming(), ScanTiming()
     stamps = np.arange(2.0, 12.0, PERIOD)
     for number, stamp in enumerate(stamps):
-        scan = LaserScan(sweep(stamp, PERIOD, 1), 0.0, math.radians(1.0), 0.1, 3.2, stamp)
+        scan = LaserScan(sweep(stamp, PERIOD, FORWARDS), 0.0, math.radians(1.0), 0.1, 3.2, stamp)
         old = stamps[max(0, number - 5)]
         once.take(scan, turning(heading))
-        for each in (scan, scan, LaserScan(sweep(old, PERIOD, 1), 0.0, math.radians(1.0), 0.1, 3.2, old)):
+        for each in (scan, scan, LaserScan(sweep(old, PERIOD, FORWARDS), 0.0, math.radians(1.0), 0.1, 3.2, old)):
             twice.take(each, turning(heading))
-    assert once.order == twice.order == 1 and (once._votes == twice._votes).all()
+    assert once.order == twice.order == FORWARDS and (once._votes == twice._votes).all()
 
 
 def timing_of(late, seconds=30.0, seen=room, odometry=heading, period=PERIOD, **layout):

@@ -18,7 +18,7 @@ PERIOD, BEAMS, HALF = 0.2, 360, 0.8
 
 def heading(time):
     """Return where a robot looks (rad) that turns to and fro on the spot."""
-    return 0.9 * math.sin(1.1 * time) + 0.4 * math.sin(2.7 * time)
+    return 0.9 * np.sin(1.1 * time) + 0.4 * np.sin(2.7 * time)
 
 
 class TurningFrames:
@@ -54,8 +54,7 @@ def scan_at(middle, order, upside_down, late):
     """Return a scan whose middle beam was taken at a time (s), dated `late` s later."""
     shares = (np.arange(BEAMS) + 0.5) / BEAMS - 0.5
     angles = 2.0 * math.pi / BEAMS * np.arange(BEAMS)
-    headings = np.array([heading(middle + order * share * PERIOD) for share in shares])
-    directions = headings + (-angles if upside_down else angles)
+    directions = heading(middle + order * shares * PERIOD) + (-angles if upside_down else angles)
     ranges = HALF / np.maximum(np.abs(np.cos(directions)), np.abs(np.sin(directions)))
     message = LaserScan(angle_increment=2.0 * math.pi / BEAMS, range_min=0.1, range_max=3.5, ranges=list(ranges))
     message.header.frame_id, message.header.stamp = "laser", inputs.rospy.Time.from_sec(middle + late)

@@ -27,8 +27,6 @@ MISDATED = 0.15
 and is dated at its end is 0.1 s late, and localization is hardly the worse for it."""
 
 
-TAKEN: Dict[Optional[int], str] = {None: "unknown", 0: "all at once", 1: "first one first", -1: "last one first"}
-"""How a lidar takes its beams, by ScanTiming's order."""
 
 
 def deviation_report(
@@ -118,7 +116,7 @@ class ScanWatch:
         for frame, timing in sorted(timings.items()):
             late = timing.late
             values[f"scans of {shown(frame)} are dated late by [s]"] = "unknown" if late is None else f"{late:.2f}"
-            values[f"beams of {shown(frame)} are taken"] = TAKEN[timing.order]
+            values[f"beams of {shown(frame)} are taken"] = "unknown" if timing.order is None else str(timing.order)
             if late is not None and abs(late) >= MISDATED:
                 misdated_by[frame] = late
         patience = max(LATE, 3.0 / rate if rate > 0.0 else 0.0)

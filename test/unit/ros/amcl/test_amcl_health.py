@@ -16,6 +16,7 @@ from mbf_relay.ros.amcl.health import ScanWatch, missing_transform  # noqa: E402
 from mbf_relay.ros.amcl.scan_queue import ScanQueue  # noqa: E402
 from mbf_relay.ros.common import diagnostics  # noqa: E402
 from mbf_relay.ros.common.transforms import Transforms  # noqa: E402
+from mbf_relay.scan_sweep import BACKWARDS  # noqa: E402
 from mbf_relay.scan_timing import ScanTiming  # noqa: E402
 
 
@@ -98,7 +99,7 @@ def test_a_robot_whose_lidar_is_dated_by_another_clock_is_told_once_and_as_long_
     """It looked for itself where it was not in each turn, and took three times as long to its goal; nobody knew why."""
     told, made, timings = [], watch(0.0, 0.2, 0.4), {"base_scan": ScanTiming(), "rear_scan": ScanTiming()}
     monkeypatch.setattr(health.rospy, "logwarn", lambda form, text: told.append(form % text))
-    timings["base_scan"].late, timings["base_scan"].order = 0.3, -1
+    timings["base_scan"].late, timings["base_scan"].order = 0.3, BACKWARDS
     for _ in range(3):
         made.warn_of_dates(timings)
     level, words, values = made.report(0.5, True, 0.97, False, timings)
@@ -106,6 +107,6 @@ def test_a_robot_whose_lidar_is_dated_by_another_clock_is_told_once_and_as_long_
     assert words.startswith("scans of base_scan are dated 0.30 s later than odometry, as both turn")
     assert values["scans of base_scan are dated late by [s]"] == "0.30"
     assert values["scans of rear_scan are dated late by [s]"] == "unknown"
-    assert values["beams of base_scan are taken"] == "last one first"
+    assert values["beams of base_scan are taken"] == "the last one first"
     assert values["beams of rear_scan are taken"] == "unknown"
     assert "dated 0.25 s earlier than odometry" in health.misdated("base_scan", -0.25)
