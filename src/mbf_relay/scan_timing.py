@@ -55,8 +55,10 @@ LIKEWISE = 6
 """Degrees within which two turns are one."""
 PAIRS, FEWEST_PAIRS = 200, 20
 """Of scans that tell something: the newest that are remembered, and how many it takes."""
-CERTAIN = 5.0
-"""Standard errors by which the offset must fit better than none."""
+NOISE = 0.02
+"""Radians to which the turn between two scans is told at best."""
+CERTAIN, MOST_OF_ONE = 15.0, 3.0
+"""Logarithms of how much likelier an offset must be than none, and what one pair counts at most."""
 FITS = 0.06
 """Radians, root mean square, within which turns must agree at the offset."""
 PARTNERS = 4
@@ -154,7 +156,10 @@ class ScanTiming:
         since = scan.stamp - self._stamps[-1] if self._stamps else MISSING
         if -SET_BACK < since <= 0.0:
             return
-        if not 0.0 < since < MISSING:  # the clock was set, or scans are lost
+        if since < 0.0:  # the clock was set
+            self.late = None
+            self._errors.clear()
+        if not 0.0 < since < MISSING:  # or scans are lost
             for memory in (self._stamps, self._waiting, self._taken, self._poses):
                 memory.clear()
         self._stamps.append(scan.stamp)
@@ -192,11 +197,13 @@ class ScanTiming:
             return Pose2D(*(float(np.interp(time, times, values)) for values in (x, y, headings)))
 
         middle, half = scan.stamp - (self.late or 0.0), 0.5 * self._sweep_time(scan)
-        taken = _Taken(
-            scan, _readings(scan), np.interp(scan.stamp - OFFSETS, times, headings), pose_at(middle),
-            pose_at(middle + half).relative_to(pose_at(middle - half)))
-        if np.isnan(taken.headings).any() or not (taken.pose.is_finite() and taken.moved.is_finite()):
+        turned, pose = np.interp(scan.stamp - OFFSETS, times, headings), pose_at(middle)
+        moved = pose_at(middle + half).relative_to(pose_at(middle - half))
+        if np.isnan(turned).any() or not (pose.is_finite() and moved.is_finite()):
             return
+        order = self.order or AT_ONCE
+        at_once = scan if order == AT_ONCE else seen_at_once(scan, order, moved)
+        taken = _Taken(scan, _readings(at_once), turned, pose, moved)
         if self._taken:
             self._compare_turns(self._taken[-1], taken)
             self._compare_orders(max(self._taken, key=lambda other: _contrast(other, taken)), taken)
@@ -210,10 +217,16 @@ class ScanTiming:
         turn = _turn_between(before.readings, after.readings)
         if turn is not None:
             self._errors.append(np.minimum(np.abs(turns - turn), LARGEST_ERROR) ** 2)
-            held, self.late = self.late or 0.0, self._told()
-            if abs((self.late or 0.0) - held) > NEARLY:
-                self._contrasts = 0
-                self._votes[:] = 0  # scans were laid on each other as odometry had it at another time
+            self._date(self._told())
+
+    def _date(self, late: Optional[float]) -> None:
+        """Go by another offset (s) where one is told."""
+        if late is None:
+            return
+        if abs(late - (self.late or 0.0)) > NEARLY:
+            self._contrasts = 0
+            self._votes[:] = 0  # scans were laid on each other as odometry had it at another time
+        self.late = late
 
     def _told(self) -> Optional[float]:
         if len(self._errors) < FEWEST_PAIRS:
@@ -223,9 +236,15 @@ class ScanTiming:
         best, none = int(means.argmin()), int(np.abs(OFFSETS).argmin())
         if means[best] > FITS ** 2:
             return None
-        gain = errors[:, none] - errors[:, best]
-        certain = gain.mean() >= CERTAIN * gain.std() / math.sqrt(len(gain))
-        return round(float(OFFSETS[best]), 2) if certain else 0.0
+        gains = (errors[:, none] - errors[:, best]) / (2.0 * max(NOISE ** 2, means[best]))
+        if np.clip(gains, -MOST_OF_ONE, MOST_OF_ONE).sum() < CERTAIN:
+            return 0.0
+        offset = float(OFFSETS[best])
+        if 0 < best < len(OFFSETS) - 1:  # squares of turns grow as a parabola with the offset
+            before, least, after = (float(mean) for mean in means[best - 1:best + 2])
+            bend = before - 2.0 * least + after
+            offset += 0.5 * STEP * (before - after) / bend if bend > 0.0 else 0.0
+        return round(offset, 2)
 
     def _compare_orders(self, before: _Taken, after: _Taken) -> None:
         """Lay two scans, one of them taken in a turn, on each other with their beams taken in each of ORDERS."""
@@ -239,6 +258,9 @@ class ScanTiming:
         self._votes[best] += 1
         votes, others = self._votes[best], np.delete(self._votes, best).max()
         if votes >= max(others + LEAD, SPEAKING * self._contrasts):
+            if ORDERS[best] != (self.order or AT_ONCE):
+                self._errors.clear()  # of turns between scans as another order has them
+                self._taken.clear()
             self.order = ORDERS[best]
 
 
