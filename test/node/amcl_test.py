@@ -25,7 +25,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 
 from ros_testing import Listener, connected_publisher, wait_until  # noqa: E402
-from synthetic_room import RoomRobot, initial_pose_message, synthetic_room  # noqa: E402
+from synthetic_room import RoomRobot, initial_pose_message, mounting, synthetic_room  # noqa: E402
 
 from mbf_relay.geometry import Pose2D, angle_between  # noqa: E402
 from mbf_relay.outcomes import TransformError  # noqa: E402
@@ -223,6 +223,37 @@ class TestAmcl(unittest.TestCase):
 
         self.drive_until(disturbed, "eight updates while another lidar sends")
         others.unregister()
+        self.assertLess(self.error()[0], 0.15)
+
+    def test_a_robot_whose_lidar_has_another_clock_is_looked_for_where_it_was_when_that_looked(self):
+        """In each turn it was looked for, and found, where it had not been yet."""
+        _, _, mount, upside_down = self.robot.lidars[0]
+        now, diagnostics = rospy.get_rostime(), Listener("/diagnostics", DiagnosticArray)
+        self.robot._static.sendTransform(
+            [mounting(frame, mount, upside_down, "base_footprint", now) for frame in ("base_scan", "early_scan")])
+
+        def early(scan):
+            scan.header.frame_id, scan.header.stamp = "early_scan", scan.header.stamp - rospy.Duration(0.2)
+            return scan
+
+        def told():
+            statuses = [s for message in diagnostics.messages[-5:] for s in message.status if s.name == "amcl: scans"]
+            values = {value.key: value.value for status in statuses for value in status.values}
+            return values.get("scans of early_scan are dated late by [s]", "unknown")
+
+        def turning_to_and_fro():
+            self.robot.velocity = (0.0, math.copysign(1.5, math.sin(5.0 * rospy.get_time())))
+            return told() not in ("unknown", "0.00")
+
+        self.start_at(self.robot.pose)
+        self.robot.change_message = early
+        try:
+            wait_until(turning_to_and_fro, "the offset of a lidar's clock", 40.0)
+        finally:
+            self.robot.velocity = (0.0, 0.0)
+        self.assertAlmostEqual(float(told()), -0.2, delta=0.03)
+        poses = len(self.pose.messages)
+        self.drive_until(lambda: len(self.pose.messages) > poses + 8, "eight updates by a lidar with another clock")
         self.assertLess(self.error()[0], 0.15)
 
     def test_a_robot_knows_where_it_is_after_its_lidar_was_said_to_sit_elsewhere(self):

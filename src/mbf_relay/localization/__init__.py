@@ -26,6 +26,8 @@ With ``robust`` off the filter does as amcl (navigation, noetic-devel), but for 
     headings    that differ by whole turns are equal in the histogram; amcl lets them drift apart
     doubt       the average likelihood is not divided by the number of particles a second time
     estimates   come at every update, from the weighed particles; amcl has them at every drawing, from the drawn ones
+    beams       count from where the lidar was when it took each, once it is known which came first; amcl takes them all
+                from where it was at the scan's stamp (mbf_relay/scan_timing.py; with ``robust``, too)
     new maps    and new parameters leave the particles where they are; amcl starts again at the last saved pose
     bad input   (poses off the map, scans and odometry that are no numbers) is refused; amcl takes it
 

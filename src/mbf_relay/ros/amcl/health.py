@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from typing import Callable, Dict, Mapping, Optional, Set
+from typing import Callable, List, Mapping, Optional, Set, Tuple
 
 import numpy as np
 import rospy
@@ -15,8 +15,8 @@ from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.amcl.scan_queue import AnyScan, ScanQueue
 from mbf_relay.ros.common import diagnostics
 from mbf_relay.ros.common.checks import shown
+from mbf_relay.ros.common.lidar_timings import LidarTimings
 from mbf_relay.ros.common.transforms import Transforms
-from mbf_relay.scan_timing import ScanTiming
 
 SILENCE = 15.0
 """Wall seconds without a scan that are worth a warning, and from one warning to the next."""
@@ -25,8 +25,6 @@ LATE = 2.0
 MISDATED = 0.15
 """Seconds by which scans may be dated otherwise than odometry before that is worth a warning: a scan that takes 0.2 s
 and is dated at its end is 0.1 s late, and localization is hardly the worse for it."""
-
-
 
 
 def deviation_report(
@@ -74,6 +72,12 @@ def misdated(frame: str, late: float) -> str:
         "clock")
 
 
+def misdated_lidars(timings: LidarTimings) -> List[Tuple[str, float]]:
+    """Return the frames of lidars dated otherwise than odometry by MISDATED or more, and by how many seconds."""
+    late = [(frame, timing.late or 0.0) for frame, timing in sorted(timings.all().items())]
+    return [each for each in late if abs(each[1]) >= MISDATED]
+
+
 class ScanWatch:
     """Knows when scans could be used; warns where none could for long, and tells what is missing."""
 
@@ -87,15 +91,15 @@ class ScanWatch:
         self._last = time.monotonic()
         self._scans.tick(now)
 
-    def warn_of_dates(self, timings: Mapping[str, ScanTiming]) -> None:
-        """Say of each lidar that is dated otherwise than odometry that it is, once; by frame."""
-        for frame, timing in timings.items():
-            if timing.late is not None and abs(timing.late) >= MISDATED and frame not in self._warned_of:
+    def warn_of_dates(self, timings: LidarTimings) -> None:
+        """Say of each lidar that is dated otherwise than odometry that it is, once."""
+        for frame, late in misdated_lidars(timings):
+            if frame not in self._warned_of:
                 self._warned_of.add(frame)
-                rospy.logwarn("%s", misdated(frame, timing.late))
+                rospy.logwarn("%s", misdated(frame, late))
 
     def report(
-        self, now: float, has_map: bool, match: Optional[float], waiting: bool, timings: Mapping[str, ScanTiming],
+        self, now: float, has_map: bool, match: Optional[float], waiting: bool, timings: LidarTimings,
     ) -> diagnostics.Report:
         """Return the part of the diagnostics about scans.
 
@@ -104,21 +108,16 @@ class ScanWatch:
             has_map: Whether there is a map.
             match: Share of the newest scan, 0 to 1, that the map explains from the estimated pose; None where unknown.
             waiting: Whether a scan waits for its transform.
-            timings: Of each lidar, by its frame.
+            timings: Of the lidars.
         """
         age, rate = self._scans.age(now), self._scans.rate()
         values = {
             "scans [Hz]": f"{rate:.1f}", "age of the last scan [s]": "none came" if age is None else f"{age:.2f}",
             "scan waits for its transform": waiting,
             "share of the scan on the map's walls [%]": "unknown" if match is None else f"{100.0 * match:.0f}",
+            **timings.values(),
         }
-        misdated_by: Dict[str, float] = {}
-        for frame, timing in sorted(timings.items()):
-            late = timing.late
-            values[f"scans of {shown(frame)} are dated late by [s]"] = "unknown" if late is None else f"{late:.2f}"
-            values[f"beams of {shown(frame)} are taken"] = "unknown" if timing.order is None else str(timing.order)
-            if late is not None and abs(late) >= MISDATED:
-                misdated_by[frame] = late
+        told = [misdated(frame, late) for frame, late in misdated_lidars(timings)]
         patience = max(LATE, 3.0 / rate if rate > 0.0 else 0.0)
         if not has_map:
             return diagnostics.ERROR, "no map yet", values
@@ -126,8 +125,8 @@ class ScanWatch:
             since = "yet" if age is None else f"for {age:.1f} s"
             why = "the transform at its time is missing" if waiting else "none comes"
             return diagnostics.ERROR, f"no scan {since}: {why}", values
-        if misdated_by:
-            return diagnostics.WARN, "; ".join(misdated(*each) for each in misdated_by.items()), values
+        if told:
+            return diagnostics.WARN, "; ".join(told), values
         if match is not None and match < DOUBTFUL:
             return (
                 diagnostics.WARN,

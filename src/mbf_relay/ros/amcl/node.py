@@ -310,7 +310,7 @@ class AmclNode:
                 self._covariance = estimate.covariance
                 belief = self._belief_publisher.take(self._localizer)
                 self._reliability = belief.reliability
-        self._scan_watch.warn_of_dates(self._timings.all())
+        self._scan_watch.warn_of_dates(self._timings)
         stamp += rospy.Duration.from_sec(scan.stamp - stamp.to_sec())
         if estimate is not None:
             self._publish(estimate, particles, stamp)
@@ -359,7 +359,7 @@ class AmclNode:
         with self._lock:
             match, has_map = self._match(), self._localizer is not None
         waiting = self._queue.oldest() is not None
-        return self._scan_watch.report(rospy.get_time(), has_map, match, waiting, self._timings.all())
+        return self._scan_watch.report(rospy.get_time(), has_map, match, waiting, self._timings)
 
     def _match(self) -> Optional[float]:
         """Return how well the newest scan fits the map from the estimated pose; None where one is missing."""

@@ -6,6 +6,7 @@ import threading
 from typing import Callable, Dict, Tuple
 
 from mbf_relay.geometry import Pose2D
+from mbf_relay.ros.common.checks import shown
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.scan import LaserScan
 from mbf_relay.scan_timing import ScanTiming
@@ -48,6 +49,15 @@ class LidarTimings:
         """Return when, by odometry's time, a lidar took what it dates so (s)."""
         timing = self._timings.get(frame)
         return stamp - (timing.late or 0.0) if timing else stamp
+
+    def values(self) -> Dict[str, str]:
+        """Return what is known of each lidar, for diagnostics."""
+        told: Dict[str, str] = {}
+        for frame, timing in sorted(self.all().items()):
+            late, order = timing.late, timing.order
+            told[f"scans of {shown(frame)} are dated late by [s]"] = "unknown" if late is None else f"{late:.2f}"
+            told[f"beams of {shown(frame)} are taken"] = "unknown" if order is None else str(order)
+        return told
 
     def all(self) -> Dict[str, ScanTiming]:
         """Return the timings by the lidars' frames."""

@@ -130,6 +130,7 @@ class CostmapNode:
             "update rate [Hz]": f"{self._updates.rate():.1f}",
             "size [cells]": f"{snapshot.grid.width} x {snapshot.grid.height}",
             "changes": snapshot.revision,
+            **self.timings.values(),
         }
         for name, sensor in self._sensors.items():
             age = sensor.age(now)

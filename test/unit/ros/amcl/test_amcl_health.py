@@ -15,9 +15,14 @@ from mbf_relay.ros.amcl import health  # noqa: E402
 from mbf_relay.ros.amcl.health import ScanWatch, missing_transform  # noqa: E402
 from mbf_relay.ros.amcl.scan_queue import ScanQueue  # noqa: E402
 from mbf_relay.ros.common import diagnostics  # noqa: E402
+from mbf_relay.ros.common.lidar_timings import LidarTimings  # noqa: E402
 from mbf_relay.ros.common.transforms import Transforms  # noqa: E402
 from mbf_relay.scan_sweep import BACKWARDS  # noqa: E402
 from mbf_relay.scan_timing import ScanTiming  # noqa: E402
+
+
+def no_timings():
+    return LidarTimings(transforms_of(), lambda: ("base_link", "odom"))
 
 
 def watch(*stamps):
@@ -41,12 +46,12 @@ def watch(*stamps):
     ],
 )
 def test_levels_mean_something(stamps, now, has_map, match, waiting, level, words):
-    told = watch(*stamps).report(now, has_map, match, waiting, {})
+    told = watch(*stamps).report(now, has_map, match, waiting, no_timings())
     assert told[0] == level and words in told[1]
 
 
 def test_values_are_told_whatever_the_level():
-    _, _, values = watch(0.0, 0.2, 0.4).report(0.5, True, 0.914, False, {})
+    _, _, values = watch(0.0, 0.2, 0.4).report(0.5, True, 0.914, False, no_timings())
     assert values["share of the scan on the map's walls [%]"] == "91"
     assert values["scans [Hz]"] == "5.0" and values["age of the last scan [s]"] == "0.10"
 
@@ -97,9 +102,10 @@ def test_a_scan_in_a_frame_of_two_million_characters_waits_without_filling_the_l
 
 def test_a_robot_whose_lidar_is_dated_by_another_clock_is_told_once_and_as_long_as_it_is(monkeypatch):
     """It looked for itself where it was not in each turn, and took three times as long to its goal; nobody knew why."""
-    told, made, timings = [], watch(0.0, 0.2, 0.4), {"base_scan": ScanTiming(), "rear_scan": ScanTiming()}
+    told, made, timings = [], watch(0.0, 0.2, 0.4), no_timings()
+    timings._timings.update(base_scan=ScanTiming(), rear_scan=ScanTiming())
     monkeypatch.setattr(health.rospy, "logwarn", lambda form, text: told.append(form % text))
-    timings["base_scan"].late, timings["base_scan"].order = 0.3, BACKWARDS
+    timings._timings["base_scan"].late, timings._timings["base_scan"].order = 0.3, BACKWARDS
     for _ in range(3):
         made.warn_of_dates(timings)
     level, words, values = made.report(0.5, True, 0.97, False, timings)
