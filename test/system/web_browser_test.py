@@ -31,6 +31,37 @@ from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
 MARKUP = "<img src=x onerror='window.broken = true'><script>window.broken = true</script>"
 GOAL = (-1.75, 0.74, math.radians(65))
 AXE = "axe-core@4.10.2"
+SHIFTED = """
+const [dx, dy, done] = arguments;
+Promise.all([import("/painter.js"), import("/camera.js")]).then(([{ Painter }, { Camera }]) => {
+  const { scene } = page, { pose, frames } = scene.robot;
+  const picture = (dx, dy) => {
+    const moved = ([x, y, ...others]) => [x + dx, y + dy, ...others];
+    const movedPoints = ({ columns, values }) => ({ columns, values: values.map((value, i) => value + [dx, dy, 0][i % columns]) });
+    const grids = {}, points = {};
+    for (const [name, grid] of Object.entries(scene.grids)) {
+      grids[name] = Object.assign(Object.create(Object.getPrototypeOf(grid)), grid);
+      if (grid.shape && !frames[grid.shape.frame]) grids[name].shape = { ...grid.shape, origin: moved(grid.shape.origin) };
+    }
+    for (const [name, one] of Object.entries(scene.points)) points[name] = movedPoints(one);
+    const robot = { ...scene.robot, pose: moved(pose), frames: {} };
+    for (const name in frames) robot.frames[name] = moved(frames[name]);
+    const canvas = document.createElement("canvas"), camera = new Camera(), painter = new Painter(canvas, camera);
+    [canvas.width, canvas.height] = [camera.width, camera.height] = [400, 300];
+    painter.ratio = 1;
+    [camera.x, camera.y, camera.scale] = [...moved(pose).slice(0, 2), 120];
+    const shown = new Set(["map", "local_costmap", "grid", "scan", "particles", "footprint", "trail"]);
+    painter.draw({ ...scene, grids, points, robot, trail: scene.trail.map(moved) }, shown, { waypoints: [] });
+    return painter.context.getImageData(0, 0, 400, 300).data;
+  };
+  const here = picture(0, 0), there = picture(dx, dy);
+  let different = 0;
+  for (let i = 0; i < here.length; i++) different += Math.abs(here[i] - there[i]) > 40;
+  done([different / here.length, new Set(here).size]);
+});
+"""
+"""Draws what the page shows here, and moved to elsewhere; returns the share of values that differ, and how many there are.
+"""
 
 
 class Server:
@@ -90,6 +121,13 @@ class WebBrowserTest(unittest.TestCase):
         wait_until(lambda: page.colours() > 20, "the map to be drawn")
         self.assertEqual(page.text("connection"), "live")
         self.assertEqual(page.complaints(), [])
+
+    def test_1_it_shows_a_map_in_coordinates_of_the_world_as_sharply(self):
+        """A canvas reckons in single precision: robot and walls jumped by half a metre."""
+        self.page.wait("page.scene.points.scan && page.scene.grids.local_costmap.shape && true", "scan and costmap")
+        different, values = self.page.driver.execute_async_script(SHIFTED, 500_000, 4_500_000)
+        self.assertGreater(values, 20)
+        self.assertLess(different, 0.005)
 
     def test_2_a_drag_sends_a_goal_and_the_robot_arrives(self):
         self.page.drag("goal", *GOAL)

@@ -20,9 +20,9 @@ export function decode(buffer) {
 // Points as x, y (m) and, where there is one, a third column, in one flat array.
 export function points({ header, payload }) {
   const columns = header.columns || 2;
-  if (!header.count) return { columns, values: new Float32Array(0) };
+  if (!header.count) return { columns, values: new Float64Array(0) };
   const raw = new Int16Array(payload);
-  const values = new Float32Array(raw.length);
+  const values = new Float64Array(raw.length);  // maps may lie in UTM coordinates
   for (let i = 0; i < raw.length; i += columns) {
     values[i] = raw[i] * header.unit + header.origin[0];
     values[i + 1] = raw[i + 1] * header.unit + header.origin[1];

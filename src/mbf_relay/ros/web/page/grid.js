@@ -66,16 +66,12 @@ export class Grid {
     chunk.context.putImageData(image, column - chunk.left, row - chunk.bottom);
   }
 
-  // The context is in metres of the grid's frame, y up, which turns the rows the right way.
+  // The context is in metres from the grid's corner, y up, which turns the rows the right way.
   render(context) {
-    const { origin, resolution } = this.shape;
-    context.save();
-    context.translate(origin[0], origin[1]);
-    context.rotate(origin[2]);
+    const { resolution } = this.shape;
     for (const { canvas, left, bottom } of this.chunks.values()) {
       context.drawImage(canvas, left * resolution, bottom * resolution, canvas.width * resolution, canvas.height * resolution);
     }
-    context.restore();
   }
 
   // The box round what is known, for fitting the view: [left, bottom, right, top] in the grid's frame.

@@ -1,12 +1,16 @@
-// Draws the scene. The context is in metres, y up; lines and marks are given their width in pixels.
+// Draws the scene. The context is in metres, y up; lines and marks are given their width in pixels. A canvas reckons in
+// single precision, by which a map in UTM coordinates is half a metre off: x and y of the map count from `base` there.
 
 import { COSTS } from "./colours.js";
+
+const STEP = 1000;  // metres from one possible base to the next
 
 export class Painter {
   constructor(canvas, camera) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d", { alpha: false });
     this.camera = camera;
+    this.base = [0, 0];
   }
 
   resize() {
@@ -24,7 +28,8 @@ export class Painter {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.fillStyle = colours["map-unknown"];
     context.fillRect(0, 0, this.canvas.width, this.canvas.height);
-    context.setTransform(zoom, 0, 0, -zoom, this.canvas.width / 2 - camera.x * zoom, this.canvas.height / 2 + camera.y * zoom);
+    const base = this.base = [camera.x, camera.y].map((middle) => STEP * Math.round(middle / STEP));
+    context.setTransform(zoom, 0, 0, -zoom, this.canvas.width / 2 - (camera.x - base[0]) * zoom, this.canvas.height / 2 + (camera.y - base[1]) * zoom);
     this.pixel = 1 / camera.scale;
     context.imageSmoothingEnabled = zoom < 20;  // cells shall be cells once they are larger than a dot
     context.lineJoin = context.lineCap = "round";
@@ -51,23 +56,25 @@ export class Painter {
   grid(scene, name) {
     const grid = scene.grids[name];
     if (!grid.shape) return;
-    const frame = scene.robot.frames[grid.shape.frame];
-    this.context.save();
-    if (frame) {
-      this.context.translate(frame[0], frame[1]);
-      this.context.rotate(frame[2]);
-    }
-    grid.render(this.context);
-    this.context.restore();
+    const { frame, origin } = grid.shape, [x, y, turn] = scene.robot.frames[frame] || [0, 0, 0];
+    const cosine = Math.cos(turn), sine = Math.sin(turn);
+    const corner = [x + cosine * origin[0] - sine * origin[1], y + sine * origin[0] + cosine * origin[1], turn + origin[2]];
+    this.at(corner, (context) => grid.render(context));
   }
 
+  move(x, y) { this.context.moveTo(x - this.base[0], y - this.base[1]); }
+
+  line(x, y) { this.context.lineTo(x - this.base[0], y - this.base[1]); }
+
+  square(x, y, side) { this.context.rect(x - this.base[0] - side / 2, y - this.base[1] - side / 2, side, side); }
+
   lines(colour) {
-    const { context, camera } = this;
+    const { camera } = this;
     const step = [0.1, 0.5, 1, 5, 10, 50, 100, 500, 1000].find((size) => size * camera.scale > 34) || 5000;
     const [left, top] = camera.toMap(0, 0), [right, bottom] = camera.toMap(camera.width, camera.height);
-    context.beginPath();
-    for (let x = Math.ceil(left / step) * step; x < right; x += step) { context.moveTo(x, bottom); context.lineTo(x, top); }
-    for (let y = Math.ceil(bottom / step) * step; y < top; y += step) { context.moveTo(left, y); context.lineTo(right, y); }
+    this.context.beginPath();
+    for (let x = Math.ceil(left / step) * step; x < right; x += step) { this.move(x, bottom); this.line(x, top); }
+    for (let y = Math.ceil(bottom / step) * step; y < top; y += step) { this.move(left, y); this.line(right, y); }
     this.stroke(colour, 1);
   }
 
@@ -80,27 +87,27 @@ export class Painter {
   polyline(list, colour, width) {
     if (list.length < 2) return;
     this.context.beginPath();
-    for (const [x, y, jumped] of list) this.context[jumped === true ? "moveTo" : "lineTo"](x, y);
+    for (const [x, y, jumped] of list) this[jumped === true ? "move" : "line"](x, y);
     this.stroke(colour, width);
   }
 
   path({ values, columns }, colour, width) {
     this.context.beginPath();
-    for (let i = 0; i < values.length; i += columns) this.context.lineTo(values[i], values[i + 1]);
+    for (let i = 0; i < values.length; i += columns) this.line(values[i], values[i + 1]);
     this.stroke(colour, width);
   }
 
   outline({ values, columns }, colour) {
     if (!values.length) return;
     this.context.beginPath();
-    for (let i = 0; i < values.length; i += columns) this.context.lineTo(values[i], values[i + 1]);
+    for (let i = 0; i < values.length; i += columns) this.line(values[i], values[i + 1]);
     this.context.closePath();
     this.stroke(colour, 1.5);
   }
 
   area(corners, colour, share) {
     this.context.beginPath();
-    for (const [x, y] of corners) this.context.lineTo(x, y);
+    for (const [x, y] of corners) this.line(x, y);
     this.context.closePath();
     this.context.globalAlpha = share;
     this.context.fillStyle = colour;
@@ -110,21 +117,20 @@ export class Painter {
   }
 
   dots({ values, columns }, colour, size) {
-    const side = size * this.pixel, half = side / 2;
     this.context.fillStyle = colour;
     this.context.beginPath();
-    for (let i = 0; i < values.length; i += columns) this.context.rect(values[i] - half, values[i + 1] - half, side, side);
+    for (let i = 0; i < values.length; i += columns) this.square(values[i], values[i + 1], size * this.pixel);
     this.context.fill();
   }
 
   costs({ values, columns }) {
-    const side = 2.4 * this.pixel, half = side / 2;
+    const side = 2.4 * this.pixel;
     COSTS.forEach((colour, level) => {
       this.context.fillStyle = colour;
       this.context.beginPath();
       for (let i = 0; i < values.length; i += columns) {
         if (Math.min(COSTS.length - 1, Math.floor(values[i + 2] * COSTS.length)) === level) {
-          this.context.rect(values[i] - half, values[i + 1] - half, side, side);
+          this.square(values[i], values[i + 1], side);
         }
       }
       this.context.fill();
@@ -135,8 +141,8 @@ export class Painter {
     const length = Math.max(0.06, 7 * this.pixel);
     this.context.beginPath();
     for (let i = 0; i < values.length; i += columns) {
-      this.context.moveTo(values[i], values[i + 1]);
-      this.context.lineTo(values[i] + length * Math.cos(values[i + 2]), values[i + 1] + length * Math.sin(values[i + 2]));
+      this.move(values[i], values[i + 1]);
+      this.line(values[i] + length * Math.cos(values[i + 2]), values[i + 1] + length * Math.sin(values[i + 2]));
     }
     this.context.globalAlpha = 0.55;
     this.stroke(colour, 1.2);
@@ -145,7 +151,7 @@ export class Painter {
 
   at([x, y, heading], draw) {
     this.context.save();
-    this.context.translate(x, y);
+    this.context.translate(x - this.base[0], y - this.base[1]);
     this.context.rotate(heading);
     draw(this.context);
     this.context.restore();
@@ -214,7 +220,7 @@ export class Painter {
     }
     if (radius) {
       this.context.beginPath();
-      this.context.arc(arrow[0], arrow[1], radius, 0, 2 * Math.PI);
+      this.context.arc(arrow[0] - this.base[0], arrow[1] - this.base[1], radius, 0, 2 * Math.PI);
       this.context.globalAlpha = 0.18;
       this.context.fillStyle = paint;
       this.context.fill();
