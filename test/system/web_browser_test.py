@@ -37,11 +37,13 @@ Promise.all([import("/painter.js"), import("/camera.js")]).then(([{ Painter }, {
   const { scene } = page, { pose, frames } = scene.robot;
   const picture = (dx, dy) => {
     const moved = ([x, y, ...others]) => [x + dx, y + dy, ...others];
-    const movedPoints = ({ columns, values }) => ({ columns, values: values.map((value, i) => value + [dx, dy, 0][i % columns]) });
+    const movedPoints = ({ columns, values }) => (
+      { columns, values: values.map((value, i) => value + [dx, dy, 0][i % columns]) });
     const grids = {}, points = {};
     for (const [name, grid] of Object.entries(scene.grids)) {
       grids[name] = Object.assign(Object.create(Object.getPrototypeOf(grid)), grid);
-      if (grid.shape && !frames[grid.shape.frame]) grids[name].shape = { ...grid.shape, origin: moved(grid.shape.origin) };
+      const { shape } = grid;
+      if (shape && !frames[shape.frame]) grids[name].shape = { ...shape, origin: moved(shape.origin) };
     }
     for (const [name, one] of Object.entries(scene.points)) points[name] = movedPoints(one);
     const robot = { ...scene.robot, pose: moved(pose), frames: {} };
@@ -60,8 +62,8 @@ Promise.all([import("/painter.js"), import("/camera.js")]).then(([{ Painter }, {
   done([different / here.length, new Set(here).size]);
 });
 """
-"""Draws what the page shows here, and moved to elsewhere; returns the share of values that differ, and how many there are.
-"""
+"""Draws what the page shows here, and moved to elsewhere; returns the share of values that differ, and how many there
+are."""
 
 
 class Server:
