@@ -75,6 +75,8 @@ SPACINGS = 20
 """Scans of which the middle one of the times from one to the next is the time that a lidar turns in."""
 LATELY = 0.1
 """Seconds over which odometry is asked how the robot moves while a scan is taken."""
+FARTHEST_MOVED = 0.5
+"""Metres, and radians, that a lidar comes in LATELY at most: beyond, odometry was set to another place."""
 
 
 class _Dated(NamedTuple):
@@ -139,8 +141,8 @@ class ScanTiming:
             try:
                 moved = pose_at(stamp).relative_to(pose_at(stamp - LATELY))
             except TransformError:
-                pass  # at a start; whoever uses the scan asks for its time as well
-            else:
+                moved = IDENTITY  # at a start; whoever uses the scan asks for its time as well
+            if 0.0 < max(map(abs, moved)) <= FARTHEST_MOVED:
                 part = self._sweep_time(scan) / LATELY
                 scan = seen_at_once(scan, order, Pose2D(part * moved.x, part * moved.y, part * moved.theta))
         return scan if stamp == scan.stamp else replace(scan, stamp=stamp)

@@ -113,6 +113,14 @@ def test_a_scan_of_before_odometry_began_is_returned_as_it_came():
     assert timing_of_sweeps(FORWARDS).corrected(raw, unknown) is raw
 
 
+def test_a_scan_is_not_torn_apart_where_odometry_is_set_to_another_place():
+    """Its beams would lie along the metres that odometry went in a moment."""
+    raw = LaserScan(room(0.0), 0.0, math.radians(1.0), 0.1, 3.2, 40.0)
+    timing = timing_of_sweeps(FORWARDS)
+    assert timing.corrected(raw, lambda time: Pose2D(0.0 if time < 39.95 else 3.0, 0.0, 0.0)) is raw
+    assert timing.corrected(raw, lambda time: Pose2D(0.05 * time, 0.0, 0.0)) is not raw
+
+
 def test_a_scan_that_another_costmap_was_given_before_teaches_nothing_twice():
     once, twice = ScanTiming(), ScanTiming()
     stamps = np.arange(2.0, 12.0, PERIOD)
