@@ -15,16 +15,17 @@ from mbf_relay.scan import LaserScan
 from mbf_relay.scan_sweep import AT_ONCE, ORDERS, REACH, Order, ends, resampled, seen_at_once
 
 STEP = 0.05
-"""Seconds from one time at which odometry is asked for its heading to the next, and from one offset to the next."""
+"""Seconds from one offset to the next."""
 OFFSETS = np.arange(-12, 13) * STEP
 """Seconds by which scans may be dated late, or early where negative, that are told from each other."""
 STRIDE = math.radians(1.0)
 DIRECTIONS = STRIDE * np.arange(-180.0, 180.0)
 """Directions in which two scans are held against each other, and from one to the next."""
-MARGIN = 0.1
-"""Seconds by which odometry may come after a scan that is dated alike."""
-POSES = 100
-"""Of odometry, the newest that are remembered: those round two scans a second apart."""
+MARGIN, PATIENCE = 0.1, 0.5
+"""Seconds by which odometry may come after a scan that is dated alike, and after which it is asked for no more."""
+BETWEEN, POSES = 0.1, 50
+"""Seconds from one time at which odometry is asked for a pose to the next, and how many of the newest are remembered:
+those round two scans a second apart."""
 NEARLY = 0.06
 """Seconds by which offsets differ that are all but one."""
 SPACING = 0.15
@@ -41,6 +42,8 @@ TURNS = np.arange(-FARTHEST_TURN, FARTHEST_TURN + 1)
 """Turns between two scans that are tried (degrees)."""
 TURNED = (np.arange(len(DIRECTIONS)) + TURNS[:, None]) % len(DIRECTIONS)
 """Of each direction, after each of those turns, the one it was before, shape (T, D)."""
+ASIDE = 12
+"""Degrees beside the turns that odometry has, at any offset, in which the likeliest turn of two scans is looked for."""
 NEARBY = TURNED[np.abs(TURNS) <= 15]
 """Of those, the ones by which two scans may lie aside that are laid on each other by odometry: wheels slip."""
 FEWEST_BEAMS = 60
@@ -169,20 +172,22 @@ class ScanTiming:
             return
         self._waiting.append(scan)
         self._follow(scan.stamp - MARGIN, pose_at)
-        while len(self._waiting) > 1 and self._waiting[0].stamp + OFFSETS[-1] <= self._poses[-1].time:
+        while len(self._waiting) > 1 and self._poses and self._waiting[0].stamp + OFFSETS[-1] <= self._poses[-1].time:
             self._compare(self._waiting.popleft())
 
     def _follow(self, until: float, pose_at: Callable[[float], Pose2D]) -> None:
         """Ask odometry for its poses up to a time (s), from where the first scan that waits may be dated to."""
-        time = self._poses[-1].time + STEP if self._poses else self._waiting[0].stamp - OFFSETS[-1]
+        time = self._poses[-1].time + BETWEEN if self._poses else self._waiting[0].stamp - OFFSETS[-1]
         while time <= until:
             try:
                 pose = pose_at(time)
                 self._heading += angle_between(self._heading, pose.theta)
                 self._poses.append(_Dated(time, pose.x, pose.y, self._heading))
             except TransformError:
+                if time > until - PATIENCE:
+                    return  # it may come yet
                 self._poses.append(_Dated(time, math.nan, math.nan, math.nan))
-            time += STEP
+            time += BETWEEN
 
     def _sweep_time(self, scan: LaserScan) -> float:
         """Return the time (s) from a scan's first beam to its last where a sensor that turns takes them."""
@@ -216,7 +221,7 @@ class ScanTiming:
         turns = normalize_angles(after.headings - before.headings)
         if np.ptp(turns) < LEAST_CHANGE or np.abs(turns).max() > math.radians(FARTHEST_TURN):
             return
-        turn = _turn_between(before.readings, after.readings)
+        turn = _turn_between(before.readings, after.readings, turns)
         if turn is not None:
             self._errors.append(np.minimum(np.abs(turns - turn), LARGEST_ERROR) ** 2)
             self._date(self._told())
@@ -306,13 +311,17 @@ def _differences(before: np.ndarray, after: np.ndarray, turned: np.ndarray) -> O
     return None if both.min() < FEWEST_BEAMS else np.nansum(differences, axis=1) / both
 
 
-def _turn_between(before: np.ndarray, after: np.ndarray) -> Optional[float]:
-    """Return the turn (rad) that lays one scan's readings on the next one's, both of shape (D,); None where unclear."""
-    means = _differences(before, after, TURNED)
+def _turn_between(before: np.ndarray, after: np.ndarray, expected: np.ndarray) -> Optional[float]:
+    """Return the turn (rad) that lays one scan's readings on the next one's, both of shape (D,); None where unclear.
+
+    It is looked for round those that are expected (rad), of any shape.
+    """
+    tried = slice(*np.searchsorted(TURNS, np.degrees((expected.min(), expected.max())) + (-ASIDE, ASIDE)))
+    turns, means = TURNS[tried], _differences(before, after, TURNED[tried])
     if means is None:
         return None
     best = int(means.argmin())
-    others = means[np.abs(TURNS - TURNS[best]) > LIKEWISE]
+    others = means[np.abs(turns - turns[best]) > LIKEWISE]
     if means[best] > SIMILAR or means[best] > CLEARER * others.min():
         return None
-    return math.radians(float(TURNS[best]))
+    return math.radians(float(turns[best]))

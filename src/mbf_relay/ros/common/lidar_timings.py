@@ -28,11 +28,7 @@ class LidarTimings:
         self._lock = threading.Lock()  # guards all timings
 
     def corrected(self, scan: LaserScan, laser_in_base: Pose2D) -> LaserScan:
-        """Learn from a scan, seen from above, and return it set right, dated by odometry's time.
-
-        Raises:
-            TransformError: Odometry is not known at that time, as it may be soon.
-        """
+        """Learn from a scan, seen from above, and return it set right, dated by odometry's time."""
         base_frame, odom_frame = self._frames()
 
         def pose_at(time: float) -> Pose2D:
@@ -41,7 +37,6 @@ class LidarTimings:
         with self._lock:
             timing = self._timings.setdefault(scan.frame, ScanTiming())
             corrected = timing.corrected(scan, pose_at)  # by what `taken_at` told
-            pose_at(corrected.stamp)
             timing.take(scan, pose_at)
             return corrected
 

@@ -10,7 +10,7 @@ from typing import Any, Callable, Deque, Dict, List, Optional, Tuple
 
 import numpy as np
 import rospy
-from geometry_msgs.msg import Polygon, TransformStamped
+from geometry_msgs.msg import Polygon, Transform, TransformStamped
 from sensor_msgs.msg import LaserScan as LaserScanMessage
 from sensor_msgs.msg import PointCloud, PointCloud2
 
@@ -162,16 +162,17 @@ class SensorInput:
     def _observation(self, message: Any) -> Observation:
         scan = scan_from_message(message) if isinstance(message, LaserScanMessage) else None
         frame, stamp = message.header.frame_id, message.header.stamp.to_sec()
-        rides = self._transforms.rides_on(self._costmap.robot_frame, frame)
-        taken = scan
+        rides, taken = self._transforms.rides_on(self._costmap.robot_frame, frame), scan
+        mount = None if scan is None else self._transforms.lookup_message(self._costmap.robot_frame, frame).transform
         if scan is not None and rides and stamp > 0.0:
-            taken = self._set_right(scan)
-            stamp = taken.stamp
+            laser_in_base, upside_down = mounting_of(mount)
+            corrected = self._timings.corrected(seen_from_above(scan, upside_down), laser_in_base)
+            taken, stamp = seen_from_above(corrected, upside_down), corrected.stamp
         points, hits = points_from(message, taken, self._parameters.inf_is_valid)
         when = stamp if stamp > 0.0 else None
         sensor = self._transforms.lookup_message(self._costmap.frame, frame, when)
         if scan is not None:
-            self._require_sight(scan, sensor, rides)
+            self._require_sight(scan, sensor, mount, rides)
         rotation, translation = rigid(sensor)
         seen = observation_from_points(points, hits, rotation, translation, stamp)
         base = self._transforms.lookup(self._costmap.frame, self._costmap.robot_frame, when) if rides else None
@@ -182,19 +183,12 @@ class SensorInput:
         _, origin = rigid(self._transforms.lookup_message(self._costmap.frame, origin_frame, when))
         return replace(seen, origin=tuple(float(value) for value in origin))
 
-    def _set_right(self, scan: LaserScan) -> LaserScan:
-        """Return a scan as if all its beams had been taken at once, dated by odometry's time."""
-        placed = self._transforms.lookup_message(self._costmap.robot_frame, scan.frame)
-        laser_in_base, upside_down = mounting_of(placed.transform)
-        corrected = self._timings.corrected(seen_from_above(scan, upside_down), laser_in_base)
-        return seen_from_above(corrected, upside_down)
-
-    def _require_sight(self, scan: LaserScan, sensor: TransformStamped, rides: bool) -> None:
-        """Raise BlindSensor where a scan shows nothing; `sensor` takes its points to the costmap's frame."""
+    def _require_sight(self, scan: LaserScan, sensor: TransformStamped, mount: Transform, rides: bool) -> None:
+        """Raise BlindSensor where a scan shows nothing; `sensor` takes its points to the costmap, `mount` to the base.
+        """
         frame = scan.frame.lstrip("/")
         pose, upside_down = mounting_of(sensor.transform)
-        base = self._transforms.lookup_message(self._costmap.robot_frame, frame)
-        mounting, _ = mounting_of(base.transform)
+        mounting, _ = mounting_of(mount)
         monitor = self._monitors.setdefault(frame, ScanMonitor(self._parameters.largest_gap))
         trouble = monitor.trouble(seen_from_above(scan, upside_down), -mounting.theta, pose)
         if monitor.takes_gaps_for_far:
