@@ -28,7 +28,7 @@ class Order(NamedTuple):
     start: float
 
     def __str__(self) -> str:
-        return _IN_WORDS.get(self, f"from {self.start:g} of the scan, {self.way:+d}")
+        return _IN_WORDS[self]
 
     def shares(self, beams: int) -> np.ndarray:
         """Return when each of so many beams is taken, shape (B,), as shares of the time from -0.5 to 0.5."""

@@ -179,6 +179,10 @@ class TestSimulator(unittest.TestCase):
         self.assertLess(self.true_pose().distance_to(START), 0.15)
         place = self.fresh(self.odoms, 2).pose.pose.position
         self.assertLess(math.hypot(place.x, place.y), 0.15)
+        self.reset()  # with none on its way
+        self.assertLess(self.true_pose().distance_to(START), 0.05)
+        place = self.fresh(self.odoms, 2).pose.pose.position
+        self.assertLess(math.hypot(place.x, place.y), 0.05)
         self.assertGreaterEqual(self.clocks.last.clock, now)
 
     def test_set_down_elsewhere_odometry_does_not_notice(self):

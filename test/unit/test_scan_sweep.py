@@ -4,23 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from four_walls import seen_from
 
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.scan import LaserScan
 from mbf_relay.scan_sweep import FORWARDS, ORDERS, seen_at_once
 
-WALLS = np.array([-2.0, 3.0, -1.5, 2.5])
-"""Of a room: left and right, and lower and upper end (m)."""
 MOVED = Pose2D(0.06, 0.01, 0.4)
 """Of the lidar while it looks round once: 0.3 m/s and 2 rad/s for a fifth of a second."""
-
-
-def seen_from(x, y, directions):
-    """Return the distances (m) to the room's walls; all are scalars or of one shape, m and rad."""
-    cos, sin = np.cos(directions), np.sin(directions)
-    to_sides = np.abs(np.where(cos > 0.0, WALLS[1], WALLS[0]) - x) / np.maximum(np.abs(cos), 1e-9)
-    to_ends = np.abs(np.where(sin > 0.0, WALLS[3], WALLS[2]) - y) / np.maximum(np.abs(sin), 1e-9)
-    return np.minimum(to_sides, to_ends)
 
 
 def swept(first, increment, beams, moved=MOVED, way=1, start=0):

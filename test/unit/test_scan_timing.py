@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from four_walls import seen_from
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
@@ -12,8 +13,6 @@ from mbf_relay.scan_sweep import AT_ONCE, BACKWARDS, FORWARDS, ORDERS
 from mbf_relay.scan_timing import ScanTiming
 
 PERIOD = 0.2
-WALLS = np.array([-2.0, 3.0, -1.5, 2.5])
-"""Of a room: left and right, and lower and upper end (m)."""
 
 
 def turning(odometry):
@@ -28,14 +27,7 @@ def heading(t):
 
 def room(theta, beams=360, first=0.0, span=2.0 * math.pi):
     """Return what a lidar in the room reads (m) that looks by `theta` aside."""
-    return walls(first + span / beams * np.arange(beams) + theta)
-
-
-def walls(angles):
-    """Return the distances (m) to the room's walls in directions (rad), both of shape (B,)."""
-    x = np.abs(np.where(np.cos(angles) > 0.0, WALLS[1], WALLS[0])) / np.maximum(np.abs(np.cos(angles)), 1e-9)
-    y = np.abs(np.where(np.sin(angles) > 0.0, WALLS[3], WALLS[2])) / np.maximum(np.abs(np.sin(angles)), 1e-9)
-    return np.minimum(x, y)
+    return seen_from(0.0, 0.0, first + span / beams * np.arange(beams) + theta)
 
 
 def round_hall(theta, beams, first, span):
@@ -46,7 +38,7 @@ def sweep(t, period, order, beams=360, first=0.0, span=2.0 * math.pi):
     """Return what a lidar reads (m) halfway through whose scan it is t (s); order is a way and a start, as Order's."""
     way, start = order
     times = t + way * (((np.arange(beams) + 0.5) / beams - start) % 1.0 - 0.5) * period * abs(span) / (2.0 * math.pi)
-    return walls(first + span / beams * np.arange(beams) + heading(times))
+    return seen_from(0.0, 0.0, first + span / beams * np.arange(beams) + heading(times))
 
 
 def timing_of_sweeps(order, late=0.0, seconds=12.0, period=PERIOD, **layout):

@@ -162,13 +162,14 @@ class SensorInput:
     def _observation(self, message: Any) -> Observation:
         scan = scan_from_message(message) if isinstance(message, LaserScanMessage) else None
         frame, stamp = message.header.frame_id, message.header.stamp.to_sec()
-        rides, taken = self._transforms.rides_on(self._costmap.robot_frame, frame), scan
-        mount = None if scan is None else self._transforms.lookup_message(self._costmap.robot_frame, frame).transform
-        if scan is not None and rides and stamp > 0.0:
-            laser_in_base, upside_down = mounting_of(mount)
-            corrected = self._timings.corrected(seen_from_above(scan, upside_down), laser_in_base)
-            taken, stamp = seen_from_above(corrected, upside_down), corrected.stamp
-        points, hits = points_from(message, taken, self._parameters.inf_is_valid)
+        rides = self._transforms.rides_on(self._costmap.robot_frame, frame)
+        mount, at_once = None, scan
+        if scan is not None:
+            mount = self._transforms.lookup_message(self._costmap.robot_frame, frame).transform
+            if rides and stamp > 0.0:
+                at_once = self._set_right(scan, mount)
+                stamp = at_once.stamp
+        points, hits = points_from(message, at_once, self._parameters.inf_is_valid)
         when = stamp if stamp > 0.0 else None
         sensor = self._transforms.lookup_message(self._costmap.frame, frame, when)
         if scan is not None:
@@ -182,6 +183,12 @@ class SensorInput:
             return seen
         _, origin = rigid(self._transforms.lookup_message(self._costmap.frame, origin_frame, when))
         return replace(seen, origin=tuple(float(value) for value in origin))
+
+    def _set_right(self, scan: LaserScan, mount: Transform) -> LaserScan:
+        """Return a scan as if all its beams had been taken at once; `mount` takes its points to the base."""
+        laser_in_base, upside_down = mounting_of(mount)
+        return seen_from_above(
+            self._timings.corrected(seen_from_above(scan, upside_down), laser_in_base), upside_down)
 
     def _require_sight(self, scan: LaserScan, sensor: TransformStamped, mount: Transform, rides: bool) -> None:
         """Raise BlindSensor where a scan shows nothing; `sensor` takes its points to the costmap, `mount` to the base.

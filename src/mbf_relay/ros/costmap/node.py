@@ -216,7 +216,9 @@ class CostmapNode:
 
 
 def make_costmap_nodes(config: Mapping[str, Any], transforms: Transforms) -> Dict[str, CostmapNode]:
-    """Return a node's costmaps, "global" and "local", of which the local one's frame is one the robot jumps in never.
+    """Return a node's costmaps, "global" and "local".
+
+    They learn of lidars together, by how the robot moves in the local one's frame: there it does not jump.
 
     Raises:
         ValueError: As for CostmapNode.

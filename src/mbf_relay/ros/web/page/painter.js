@@ -117,9 +117,10 @@ export class Painter {
   }
 
   dots({ values, columns }, colour, size) {
+    const side = size * this.pixel;
     this.context.fillStyle = colour;
     this.context.beginPath();
-    for (let i = 0; i < values.length; i += columns) this.square(values[i], values[i + 1], size * this.pixel);
+    for (let i = 0; i < values.length; i += columns) this.square(values[i], values[i + 1], side);
     this.context.fill();
   }
 
