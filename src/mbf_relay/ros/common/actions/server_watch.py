@@ -1,9 +1,12 @@
 """Is the action server still there? Asked on the wall clock, whatever the ROS clock does.
 
 A living server publishes its status several times a second of ROS time. A closed connection is the first sign of its
-end. Silence is the second, and then its node is asked directly: one that answers may stay silent while the ROS clock
-stands still, one that refuses is gone, one that does not answer is given `silence_timeout`. The master is asked only
-where no connection tells the node's address, and for no longer than a node: it may hang itself.
+end. Silence is the second, and then its node is asked directly: one that answers lives and may stay silent while the ROS
+clock stands still, one that refuses is gone, one that gives no sign of life is given `silence_timeout`. The master is
+asked only where no connection tells the node's address, and for no longer than a node: it may hang itself.
+
+Silence is summed up from look to look. A look that comes late, or to which the ROS clock has jumped, says nothing of
+what the server could have said meanwhile, and counts no more than others.
 """
 
 from __future__ import annotations
@@ -27,6 +30,8 @@ CLOCK_RAN = 1.0
 """ROS time (s) without a status message that its clock does not explain."""
 ASK_TIMEOUT = 0.3
 """Wall time (s) a node has for its answer."""
+LOOK = 0.3
+"""Seconds that one look adds to a silence at most: that between two of them with a question in between."""
 
 
 class ServerWatch:
@@ -56,7 +61,9 @@ class ServerWatch:
         self._silence_timeout = silence_timeout
         self._node = self._address = ""
         self._heard_at = self._connected_at = self._asked_at = 0.0
-        self._heard_at_ros_time = 0.0
+        self._looked_at = self._looked_at_ros_time = 0.0
+        self._lifeless = 0.0  # wall time (s) without a sign of life
+        self._ran = 0.0  # ROS time (s) without a status message
         self._subscriber: Optional[rospy.Subscriber] = None  # as yet: the first status may come while it is being made
         self._subscriber = rospy.Subscriber(f"{name}/status", GoalStatusArray, self._hear, tcp_nodelay=True)
 
@@ -104,8 +111,9 @@ class ServerWatch:
 
     def _note_life(self, node: str) -> None:
         self._node, self._address = node, self._connections().get(node, self._address if node == self._node else "")
-        self._heard_at = self._connected_at = time.monotonic()
-        self._heard_at_ros_time = rospy.get_rostime().to_sec()
+        self._heard_at = self._connected_at = self._looked_at = time.monotonic()
+        self._looked_at_ros_time = rospy.get_rostime().to_sec()
+        self._lifeless = self._ran = 0.0
         self.is_up = True
 
     def _look_for_a_silent_one(self, now: float) -> None:
@@ -127,18 +135,27 @@ class ServerWatch:
             return f"died: its node {self._node} closed the connection"
         if self._connections().get(self._node, self._address) != self._address:
             self._note_life(self._node)  # started again meanwhile: the silence was the one's before it
-        silence = now - self._heard_at
-        if silence < SILENT_FOR or now - self._asked_at < SILENT_FOR / 2.0:
-            return None
-        self._asked_at = now
-        answer = ask_node(self._node, self._address)
-        if answer == GONE:
-            return f"died: its node {self._node} does not exist any more"
-        silence = time.monotonic() - self._heard_at  # asking took its time
-        clock_ran = rospy.get_rostime().to_sec() - self._heard_at_ros_time > CLOCK_RAN
-        if silence > self._silence_timeout and (answer == MUTE or clock_ran):
-            return f"hangs: its node {self._node} has been silent for {silence:.1f} s"
+        self._add_silence()
+        if self._lifeless >= SILENT_FOR and now - self._asked_at >= SILENT_FOR / 2.0:
+            self._asked_at = now
+            answer = ask_node(self._node, self._address)
+            if answer == GONE:
+                return f"died: its node {self._node} does not exist any more"
+            self._add_silence()
+            if answer == THERE:
+                self._lifeless = 0.0
+        if self._lifeless > self._silence_timeout or (
+                self._ran > CLOCK_RAN and self.silence > self._silence_timeout):
+            return f"hangs: its node {self._node} has been silent for {self.silence:.1f} s"
         return None
+
+    def _add_silence(self) -> None:
+        """Count the time since the last look; what is heard sets it to nothing."""
+        now, ros_now = time.monotonic(), rospy.get_rostime().to_sec()
+        passed = min(LOOK, now - self._looked_at)
+        self._lifeless += passed
+        self._ran += min(passed, max(0.0, ros_now - self._looked_at_ros_time))
+        self._looked_at, self._looked_at_ros_time = now, ros_now
 
 
 THERE, MUTE, GONE = "there", "mute", "gone"

@@ -59,8 +59,7 @@ def test_a_server_that_was_started_again_is_not_lost_for_the_death_of_the_one_be
     world.links[:] = [Link("http://here:2")]
     world.now += 10.0  # nobody looked meanwhile, and the new one has not said anything yet
     assert world.watch.why_lost(world.now) is None
-    world.now += 1.0
-    assert world.watch.why_lost(world.now) is None
+    assert looks(world, 0.8) is None
     assert world.asked == ["http://here:2"]
 
 
@@ -83,8 +82,7 @@ def test_a_server_that_died_is_lost_though_its_connection_seems_to_stand(world):
     world.links.append(Link("http://here:1"))
     world.watch._subscriber.hear()
     world.alive.clear()
-    world.now += 1.0
-    assert "does not exist any more" in world.watch.why_lost(world.now)
+    assert "does not exist any more" in looks(world, 0.6)
     assert not world.watch.is_up
 
 
@@ -106,6 +104,55 @@ def test_a_server_that_falls_silent_is_lost_after_a_while_unless_it_waits_for_th
         first = next(index for index, loss in enumerate(losses) if loss)
         assert "hangs: its node /move_base_flex has been silent for 5." in losses[first] and 50 <= first + 1 <= 54
         assert not any(losses[first + 1:]), "it is told once"
+
+
+def looks(world, seconds, clock_runs=True):
+    """Let time pass, looking ten times a second, and return what came of it."""
+    for _ in range(round(10 * seconds)):
+        world.now += 0.1
+        world.ros_now += 0.1 * clock_runs
+        loss = world.watch.why_lost(world.now)
+        if loss is not None:
+            return loss
+    return None
+
+
+def connect(world):
+    world.alive.add("http://here:1")
+    world.links.append(Link("http://here:1"))
+    world.watch._subscriber.hear()
+
+
+def test_a_goal_is_not_lost_where_a_paused_simulation_goes_on_elsewhere_in_time(world):
+    """The clock reaches the relay before it reaches the server, and before the server's status reaches the relay."""
+    connect(world)
+    assert looks(world, 20.0, clock_runs=False) is None
+    world.ros_now += 1000.0
+    assert looks(world, 0.5) is None
+    world.watch._subscriber.hear()
+    assert looks(world, 0.5) is None and world.watch.is_up
+
+
+def test_a_goal_is_not_lost_for_one_answer_that_comes_late_while_time_stands(world):
+    connect(world)
+    assert looks(world, 20.0, clock_runs=False) is None
+    asked = len(world.asked)
+    world.alive, world.mute = world.mute, world.alive
+    while len(world.asked) == asked:
+        assert looks(world, 0.1, clock_runs=False) is None
+    world.alive, world.mute = world.mute, world.alive
+    assert looks(world, 20.0, clock_runs=False) is None and world.watch.is_up
+
+
+@pytest.mark.parametrize("answers", [True, False], ids=["answers", "answers late"])
+def test_a_relay_that_got_no_core_for_a_while_does_not_take_that_for_the_servers_silence(world, answers):
+    connect(world)
+    world.now, world.ros_now = world.now + 30.0, world.ros_now + 30.0
+    if not answers:
+        world.alive, world.mute = world.mute, world.alive
+    assert world.watch.why_lost(world.now) is None
+    world.watch._subscriber.hear()
+    assert looks(world, 0.5) is None and world.watch.is_up
 
 
 def test_a_server_that_closes_its_connection_is_lost_at_once_and_one_that_blinks_is_not(world):
