@@ -1,5 +1,6 @@
 """Processes on a computer that is slower than this one, by a quota of Linux's control groups, or has more to do."""
 
+import contextlib
 import glob
 import os
 import subprocess
@@ -54,7 +55,8 @@ class SlowMachine:
         for process in processes:
             (self._folder / "cgroup.procs").write_text(str(process), encoding="ascii")
             for thread in os.listdir(f"/proc/{process}/task"):
-                os.sched_setaffinity(int(thread), core)
+                with contextlib.suppress(ProcessLookupError):  # it has ended meanwhile
+                    os.sched_setaffinity(int(thread), core)
 
 
 class BusyMachine:
