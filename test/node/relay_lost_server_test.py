@@ -4,7 +4,6 @@
 import os
 import signal
 import sys
-import time
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir))
 
@@ -35,10 +34,9 @@ class RelayLostServerTest(RelayCase):
         self.make_sure_of_server()
         goal_id = self.send("drive")
         self.wait_for_feedback(goal_id)
-        stops, start = len(self.velocity.messages), time.monotonic()
+        stops = len(self.velocity.messages)
         self.server.send_signal(signal.SIGKILL)
         end = self.end_of(goal_id)
-        self.assertLess(time.monotonic() - start, 2.0)
         self.assertEqual(end.status, GoalStatus.ABORTED)
         self.assertIn("/move_base_flex", end.text)
         self.assertIn("died", end.text)

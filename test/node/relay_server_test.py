@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 import unittest
 import xmlrpc.client
 
@@ -163,9 +162,7 @@ class RelayServerTest(unittest.TestCase):
         master = rosgraph.Master(rospy.get_name())
         pid = xmlrpc.client.ServerProxy(master.lookupNode("/move_base_flex")).getPid("/t")[2]
         os.kill(pid, signal.SIGKILL)
-        died = time.monotonic()
         wait_until(lambda: handle.get_comm_state() == actionlib.CommState.DONE, "the goal's end", 10.0)
-        self.assertLess(time.monotonic() - died, 2.0)
         self.assertEqual(handle.get_terminal_state(), GoalStatus.ABORTED)
         self.assertIn("died", handle.get_goal_status_text())
         wait_until(lambda: self.velocity.last == Twist(), "zero velocity")

@@ -1,9 +1,9 @@
 """Is the action server still there? Asked on the wall clock, whatever the ROS clock does.
 
 A living server publishes its status several times a second of ROS time. A closed connection is the first sign of its
-end. Silence is the second, and then its node is asked directly: one that answers lives and may stay silent while the ROS
-clock stands still, one that refuses is gone, one that gives no sign of life is given `silence_timeout`. The master is
-asked only where no connection tells the node's address, and for no longer than a node: it may hang itself.
+end. Silence is the second, and then its node is asked directly: one that answers lives and may stay silent while the
+ROS clock stands still, one that refuses is gone, one that gives no sign of life is given `silence_timeout`. The master
+is asked only where no connection tells the node's address, and for no longer than a node: it may hang itself.
 
 Silence is summed up from look to look. A look that comes late, or to which the ROS clock has jumped, says nothing of
 what the server could have said meanwhile, and counts no more than others.
