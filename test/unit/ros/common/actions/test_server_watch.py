@@ -202,6 +202,18 @@ def test_two_nodes_do_not_take_the_same_goals_from_each_other(monkeypatch, other
         check_alone("move_base")
 
 
+def test_a_node_that_answers_late_is_not_taken_for_one_that_is_gone(monkeypatch):
+    """Two relays on a busy machine both served the clients, and each replaced the other's goals."""
+    state = 1, "", [[["/move_base/result", ["/other"]]], [["/move_base/goal", ["/other"]]], []]
+    answers = iter([MUTE, THERE])
+    monkeypatch.setattr(server_watch, "impatient_proxy", lambda *_: SimpleNamespace(getSystemState=lambda _: state))
+    monkeypatch.setattr(server_watch, "ask_node", lambda _: next(answers))
+    monkeypatch.setattr(rospy, "get_name", lambda: "/here")
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+    with pytest.raises(ValueError, match="/other serves the action /move_base already"):
+        check_alone("move_base")
+
+
 def test_a_relay_outlives_a_server_by_a_name_that_is_none():
     assert ask_node("/move_base_flex", "http://robot..local:1234/") == MUTE
 
