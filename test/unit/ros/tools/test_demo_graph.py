@@ -125,9 +125,13 @@ while True:
 """
 
 
-def test_whoever_interrupts_while_nodes_start_does_not_wait_for_a_roslaunch_that_hangs(tmp_path):
+def test_whoever_interrupts_while_nodes_start_does_not_wait_for_a_roslaunch_that_hangs(tmp_path, monkeypatch):
     """It takes the signal with a lock held that its own ending waits for, and gave up after 20 s."""
+    from mbf_relay.ros.tools import demo_graph
     from mbf_relay.ros.tools.demo_graph import DemoGraph, descendants
+
+    monkeypatch.setattr(demo_graph, "STARTED", 3.0)  # on a busy machine the next node may come late
+    monkeypatch.setattr(demo_graph, "STARTING", 60.0)
 
     class Starting(DemoGraph):
         """A graph whose process starts nodes one after the other."""
