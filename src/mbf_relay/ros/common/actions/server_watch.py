@@ -12,6 +12,7 @@ what the server could have said meanwhile, and counts no more than others.
 from __future__ import annotations
 
 import math
+import threading
 import time
 from typing import Any, Callable, Dict, Optional
 
@@ -63,6 +64,7 @@ class ServerWatch:
         self._silence_timeout = silence_timeout
         self._node = self._address = ""
         self._heard_at = self._connected_at = self._asked_at = 0.0
+        self._counting = threading.Lock()  # what is heard comes on another thread than the looks
         self._looked_at = self._looked_at_ros_time = 0.0
         self._lifeless = 0.0  # wall time (s) without a sign of life
         self._ran = 0.0  # ROS time (s) without a status message
@@ -113,9 +115,10 @@ class ServerWatch:
 
     def _note_life(self, node: str) -> None:
         self._node, self._address = node, self._connections().get(node, self._address if node == self._node else "")
-        self._heard_at = self._connected_at = self._looked_at = time.monotonic()
-        self._looked_at_ros_time = rospy.get_rostime().to_sec()
-        self._lifeless = self._ran = 0.0
+        with self._counting:
+            self._heard_at = self._connected_at = self._looked_at = time.monotonic()
+            self._looked_at_ros_time = rospy.get_rostime().to_sec()
+            self._lifeless = self._ran = 0.0
         self.is_up = True
 
     def _look_for_a_silent_one(self, now: float) -> None:
@@ -154,10 +157,11 @@ class ServerWatch:
     def _add_silence(self) -> None:
         """Count the time since the last look; what is heard sets it to nothing."""
         now, ros_now = time.monotonic(), rospy.get_rostime().to_sec()
-        passed = min(LOOK, now - self._looked_at)
-        self._lifeless += passed
-        self._ran += min(passed, max(0.0, ros_now - self._looked_at_ros_time))
-        self._looked_at, self._looked_at_ros_time = now, ros_now
+        with self._counting:
+            passed = min(LOOK, max(0.0, now - self._looked_at))
+            self._lifeless += passed
+            self._ran += min(passed, max(0.0, ros_now - self._looked_at_ros_time))
+            self._looked_at, self._looked_at_ros_time = now, ros_now
 
 
 THERE, MUTE, GONE = "there", "mute", "gone"
