@@ -19,6 +19,8 @@ from mbf_relay.ros.common.outcome_codes import name_of
 
 PLAN_SLOT = 255
 """The server's concurrency slot for ~make_plan: not the one its move_base plans in, so that both go on."""
+CONNECTING = 1.0
+"""Wall time (s) for which a server that is not connected is waited for: one that has just been started soon is."""
 PLAN_PATIENCE = 60.0
 """Wall time (s) a plan may take."""
 
@@ -50,8 +52,7 @@ class MakePlan:
     def _answer(self, request: GetPlanRequest) -> GetPlanResponse:
         """Return the plan; an empty one where there is none."""
         with self._one_at_a_time:
-            self._client.check()
-            if not self._client.server_is_up:
+            if not self._client.wait_for_server(CONNECTING):
                 raise rospy.ServiceException(f"no plan: {self._client.why_down}")
             if self._serves_plans():
                 return self._answer_at_once(request)
