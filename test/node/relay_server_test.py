@@ -1,28 +1,30 @@
 #!/usr/bin/env python3
 """The relay in front of this package's server, which moves a robot of paper."""
 
+import contextlib
 import math
 import os
 import signal
 import subprocess
 import sys
 import unittest
-import xmlrpc.client
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir))
 
 import actionlib
+import psutil
 import rosgraph
 import rospy
 import rostest
 from actionlib_msgs.msg import GoalStatus
+from benchmark.processes import node_pid
 from dynamic_reconfigure.client import Client as ReconfigureClient
 from geometry_msgs.msg import Twist
 from mbf_msgs.msg import MoveBaseActionResult
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal, RecoveryStatus
 from nav_msgs.msg import Odometry
 from nav_msgs.srv import GetPlan, GetPlanRequest
-from ros_testing import Listener, wait_until
+from ros_testing import Listener, freeze, wait_until
 
 NO_PLAN = "Failed to find a valid plan. Even after executing recovery behaviors."
 
@@ -156,12 +158,29 @@ class RelayServerTest(unittest.TestCase):
         mine.close()
         servers.close()
 
+    def test_a_plan_asked_of_a_server_that_hangs_is_not_waited_for_a_minute(self):
+        make_plan = rospy.ServiceProxy("move_base/make_plan", GetPlan)
+        request = GetPlanRequest()
+        request.goal.header.frame_id, request.goal.pose.position.x = "map", self.x + 1.0
+
+        def plans():
+            with contextlib.suppress(rospy.ServiceException):
+                return make_plan(request).plan.poses
+
+        wait_until(plans, "a plan")
+        server = psutil.Process(node_pid("/move_base_flex", rospy.get_name()))
+        freeze(server)
+        try:
+            with self.assertRaisesRegex(rospy.ServiceException, "/move_base_flex.* hangs"):
+                make_plan(request)
+        finally:
+            server.send_signal(signal.SIGCONT)
+        wait_until(plans, "a plan after the thaw")
+
     def test_the_servers_death_and_return(self):
         handle = self.send(self.x + 50.0, 0.0)
         self.wait_until_driving()
-        master = rosgraph.Master(rospy.get_name())
-        pid = xmlrpc.client.ServerProxy(master.lookupNode("/move_base_flex")).getPid("/t")[2]
-        os.kill(pid, signal.SIGKILL)
+        os.kill(node_pid("/move_base_flex", rospy.get_name()), signal.SIGKILL)
         wait_until(lambda: handle.get_comm_state() == actionlib.CommState.DONE, "the goal's end", 10.0)
         self.assertEqual(handle.get_terminal_state(), GoalStatus.ABORTED)
         self.assertIn("died", handle.get_goal_status_text())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from typing import Any, Optional
 
 import rosgraph
@@ -23,6 +24,8 @@ CONNECTING = 1.0
 """Wall time (s) for which a server that is not connected is waited for: one that has just been started soon is."""
 PLAN_PATIENCE = 60.0
 """Wall time (s) a plan may take."""
+LOOK_EVERY = 0.1
+"""Wall time (s) between two looks at the server while it plans."""
 
 
 class MakePlan:
@@ -85,8 +88,12 @@ class MakePlan:
             return False
 
     def _answer_at_once(self, request: GetPlanRequest) -> GetPlanResponse:
-        call = ServiceCall(self._plan_once, request)
-        call.join(PLAN_PATIENCE)
+        call, deadline = ServiceCall(self._plan_once, request), time.monotonic() + PLAN_PATIENCE
+        while call.is_alive() and time.monotonic() < deadline:
+            self._client.check()
+            if not self._client.server_is_up:
+                raise rospy.ServiceException(f"no plan: {self._client.why_down}")
+            call.join(LOOK_EVERY)
         if call.is_alive():
             raise rospy.ServiceException(f"no plan within {PLAN_PATIENCE:g} s")
         if call.error is not None:

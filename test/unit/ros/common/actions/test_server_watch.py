@@ -51,10 +51,25 @@ def world(monkeypatch):
     return world
 
 
-def test_a_server_that_was_started_again_is_not_lost_for_the_death_of_the_one_before(world):
+def looks(world, seconds, clock_runs=True):
+    """Let time pass, looking ten times a second, and return what came of it."""
+    for _ in range(round(10 * seconds)):
+        world.now += 0.1
+        world.ros_now += 0.1 * clock_runs
+        loss = world.watch.why_lost(world.now)
+        if loss is not None:
+            return loss
+    return None
+
+
+def connect(world):
     world.alive.add("http://here:1")
     world.links.append(Link("http://here:1"))
     world.watch._subscriber.hear()
+
+
+def test_a_server_that_was_started_again_is_not_lost_for_the_death_of_the_one_before(world):
+    connect(world)
     world.alive = {"http://here:2"}
     world.links[:] = [Link("http://here:2")]
     world.now += 10.0  # nobody looked meanwhile, and the new one has not said anything yet
@@ -78,9 +93,7 @@ def test_a_server_that_speaks_while_its_client_is_being_made_is_heard(monkeypatc
 
 
 def test_a_server_that_died_is_lost_though_its_connection_seems_to_stand(world):
-    world.alive.add("http://here:1")
-    world.links.append(Link("http://here:1"))
-    world.watch._subscriber.hear()
+    connect(world)
     world.alive.clear()
     assert "does not exist any more" in looks(world, 0.6)
     assert not world.watch.is_up
@@ -104,23 +117,6 @@ def test_a_server_that_falls_silent_is_lost_after_a_while_unless_it_waits_for_th
         first = next(index for index, loss in enumerate(losses) if loss)
         assert "hangs: its node /move_base_flex has been silent for 5." in losses[first] and 50 <= first + 1 <= 54
         assert not any(losses[first + 1:]), "it is told once"
-
-
-def looks(world, seconds, clock_runs=True):
-    """Let time pass, looking ten times a second, and return what came of it."""
-    for _ in range(round(10 * seconds)):
-        world.now += 0.1
-        world.ros_now += 0.1 * clock_runs
-        loss = world.watch.why_lost(world.now)
-        if loss is not None:
-            return loss
-    return None
-
-
-def connect(world):
-    world.alive.add("http://here:1")
-    world.links.append(Link("http://here:1"))
-    world.watch._subscriber.hear()
 
 
 def test_a_goal_is_not_lost_where_a_paused_simulation_goes_on_elsewhere_in_time(world):
@@ -181,6 +177,16 @@ def test_a_server_in_whose_simulation_time_stands_is_found_without_a_word_of_it(
     assert world.asked == ["http://here:1"] * 2
 
 
+def asked_of(monkeypatch, others, listening, ask):
+    """Have the master tell of nodes that say what came of goals, and of those that take some; `ask` one, as /here."""
+    state = 1, "", [
+        [["/move_base/result", others], ["/move_base/status", ["/other"]]], [["/move_base/goal", listening]], []]
+    monkeypatch.setattr(server_watch, "impatient_proxy", lambda *_: SimpleNamespace(getSystemState=lambda _: state))
+    monkeypatch.setattr(server_watch, "ask_node", ask)
+    monkeypatch.setattr(rospy, "get_name", lambda: "/here")
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+
+
 @pytest.mark.parametrize("others, listening, alive, refused", [
     ([], [], [], False), (["/here"], ["/here"], ["/here"], False), (["/here", "/other"], ["/other"], ["/other"], True),
     (["/other"], ["/other"], [], False), (["/bag"], ["/recorder"], ["/bag", "/recorder"], False),
@@ -189,12 +195,7 @@ def test_a_server_in_whose_simulation_time_stands_is_found_without_a_word_of_it(
 ])
 def test_two_nodes_do_not_take_the_same_goals_from_each_other(monkeypatch, others, listening, alive, refused):
     """Who plays a bag of an older drive says what came of goals, too, and takes none; of two, the first stays."""
-    state = 1, "", [
-        [["/move_base/result", others], ["/move_base/status", ["/other"]]], [["/move_base/goal", listening]], []]
-    monkeypatch.setattr(server_watch, "impatient_proxy", lambda *_: SimpleNamespace(getSystemState=lambda _: state))
-    monkeypatch.setattr(server_watch, "ask_node", lambda node: THERE if node in alive else GONE)
-    monkeypatch.setattr(rospy, "get_name", lambda: "/here")
-    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+    asked_of(monkeypatch, others, listening, lambda node: THERE if node in alive else GONE)
     if refused:
         with pytest.raises(ValueError, match="/other serves the action /move_base already"):
             check_alone("move_base")
@@ -204,12 +205,8 @@ def test_two_nodes_do_not_take_the_same_goals_from_each_other(monkeypatch, other
 
 def test_a_node_that_answers_late_is_not_taken_for_one_that_is_gone(monkeypatch):
     """Two relays on a busy machine both served the clients, and each replaced the other's goals."""
-    state = 1, "", [[["/move_base/result", ["/other"]]], [["/move_base/goal", ["/other"]]], []]
     answers = iter([MUTE, THERE])
-    monkeypatch.setattr(server_watch, "impatient_proxy", lambda *_: SimpleNamespace(getSystemState=lambda _: state))
-    monkeypatch.setattr(server_watch, "ask_node", lambda _: next(answers))
-    monkeypatch.setattr(rospy, "get_name", lambda: "/here")
-    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+    asked_of(monkeypatch, ["/other"], ["/other"], lambda _: next(answers))
     with pytest.raises(ValueError, match="/other serves the action /move_base already"):
         check_alone("move_base")
 
