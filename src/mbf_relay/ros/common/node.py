@@ -128,13 +128,13 @@ def _start_soon() -> None:
     logs.complain_once()
     spare_what_nobody_uses()
     from mbf_relay.ros.common.rospy_patches.accepting import hear_out_each_by_itself
-    from mbf_relay.ros.common.rospy_patches.connecting import connect_once
+    from mbf_relay.ros.common.rospy_patches.connecting import connect_surely
     from mbf_relay.ros.common.rospy_patches.receiving import receive_with_less
     from mbf_relay.ros.common.rospy_patches.sending import send_with_less
     from mbf_relay.ros.common.rospy_patches.starting import start_soon
 
     hear_out_each_by_itself()
-    connect_once()
+    connect_surely()
     start_soon()
     receive_with_less()
     send_with_less()

@@ -1,10 +1,17 @@
-"""No message is lost between two connections with the same publisher."""
+"""No message is lost between two connections with the same publisher, nor all of them for one that was refused."""
 
+import contextlib
+import io
+import socket
 import threading
 
 import pytest
 
 pytest.importorskip("rospy", reason="needs ROS")
+
+from rosgraph.network import read_ros_handshake_header, write_ros_handshake_header  # noqa: E402
+from rospy.impl import tcpros_base, tcpros_pubsub  # noqa: E402
+from std_msgs.msg import String  # noqa: E402
 
 from mbf_relay.ros.common.rospy_patches import connecting  # noqa: E402
 
@@ -50,3 +57,91 @@ def test_a_publisher_that_does_not_answer_keeps_no_other_waiting(monkeypatch):
     finally:
         dead.set()
         waiting.join()
+
+
+@contextlib.contextmanager
+def publisher(*headers):
+    """Serve /goal: answer one connection after the other with the headers, and send "go" where one is no refusal."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(10.0)
+
+        def serve():
+            for header in headers:
+                connection, _ = server.accept()
+                with connection:
+                    read_ros_handshake_header(connection, io.BytesIO(), 65536)
+                    write_ros_handshake_header(connection, header)
+                    if "error" not in header:
+                        message = io.BytesIO()
+                        String("go").serialize(message)
+                        connection.sendall(len(message.getvalue()).to_bytes(4, "little") + message.getvalue())
+                        connection.recv(1)  # until who listens has closed it
+
+        serving = threading.Thread(target=serve)
+        serving.start()
+        try:
+            yield server.getsockname()[1]
+        finally:
+            serving.join()
+
+
+REFUSAL = {"error": "received a connection for a nonexistent topic [/goal] from [/relay]"}
+ACCEPTANCE = {"type": String._type, "md5sum": String._md5sum, "callerid": "/rviz"}
+
+
+@pytest.fixture
+def subscriber(monkeypatch):
+    """A connection of /goal that is not made yet."""
+    monkeypatch.setattr(tcpros_base, "_is_use_tcp_keepalive", lambda: True)  # or it asks a master
+    protocol = tcpros_pubsub.TCPROSSub("/goal", String, queue_size=1)
+    connection = tcpros_base.TCPROSTransport(protocol, "/goal")
+    yield connection
+    connection.close()
+
+
+def test_a_click_is_heard_after_a_refusal_while_rviz_set_up_its_tools(monkeypatch, subscriber):
+    heard, pauses = [], []
+    monkeypatch.setattr(connecting.time, "sleep", pauses.append)
+    monkeypatch.setattr(tcpros_pubsub, "check_if_still_publisher", lambda topic, _uri: topic == "/goal")
+
+    def receive(messages, connection):
+        heard.extend(message.data for message in messages)
+        connection.close()
+
+    with publisher(REFUSAL, REFUSAL, ACCEPTANCE) as port:
+        connecting.connect_and_receive(subscriber, "127.0.0.1", port, "http://rviz", receive, "/goal")
+    assert heard == ["go"] and pauses == [0.1, 0.2]
+
+
+def test_a_topic_that_was_refused_and_taken_back_counts_as_no_connection_when_it_comes_back(monkeypatch, subscriber):
+    monkeypatch.setattr(connecting.time, "sleep", lambda _pause: None)
+    monkeypatch.setattr(tcpros_pubsub, "check_if_still_publisher", lambda _topic, _uri: False)
+    closed = []
+    subscriber.set_cleanup_callback(closed.append)
+    with publisher(REFUSAL) as port:
+        connecting.connect_and_receive(subscriber, "127.0.0.1", port, "http://rviz", None, "/goal")
+    assert closed == [subscriber]
+
+
+def test_a_publisher_that_is_gone_is_not_asked_again(monkeypatch, subscriber):
+    monkeypatch.setattr(connecting.time, "sleep", lambda _pause: pytest.fail("nobody listens there any more"))
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    connecting.connect_and_receive(subscriber, "127.0.0.1", port, "http://rviz", None, "/goal")
+    assert subscriber.done
+
+
+def test_who_stops_listening_while_refused_is_not_connected_any_more(monkeypatch, subscriber):
+    monkeypatch.setattr(connecting.time, "sleep", lambda _pause: subscriber.close())
+    monkeypatch.setattr(tcpros_pubsub, "check_if_still_publisher", lambda _topic, _uri: True)
+    with publisher(REFUSAL) as port:
+        connecting.connect_and_receive(subscriber, "127.0.0.1", port, "http://rviz", None, "/goal")
+    assert subscriber.done and subscriber.socket is None
+
+
+def test_a_node_connects_so(monkeypatch):
+    monkeypatch.setattr(tcpros_pubsub, "robust_connect_subscriber", tcpros_pubsub.robust_connect_subscriber)
+    monkeypatch.setattr(connecting.ROSHandler, "_connect_topic", connecting.ROSHandler._connect_topic)
+    connecting.connect_surely()
+    assert tcpros_pubsub.robust_connect_subscriber is connecting.connect_and_receive
+    assert connecting.ROSHandler._connect_topic is connecting.connect_topic
