@@ -31,6 +31,11 @@ class Stopwatch:
         """Stop; `elapsed` is 0 until the next start."""
         self._since = None
 
+    def leave_out(self, seconds: float) -> None:
+        """Count some of the time since the start no longer."""
+        if self._since is not None:
+            self._since += seconds
+
     def elapsed(self, now: float) -> float:
         """Return the seconds since the start."""
         if self._since is None:

@@ -82,8 +82,7 @@ class ControllerExecution:
         self._view: Optional[ControlView] = None
         self._command = robot.commanded or STOP  # another controller's, where this one takes over in motion
         self._pacer = Pacer()
-        self._since_start, self._since_valid, self._since_call = Stopwatch(), Stopwatch(), Stopwatch()
-        self._since_pose = Stopwatch()
+        self._since_start, self._since_valid, self._since_call, self._since_pose = (Stopwatch() for _ in range(4))
         self._retries = 0
         self._load, self._cycle_period = CycleLoad(), CyclePeriod()
         self._oscillation, self._ignored = OscillationDetector(), IgnoredCommands()
@@ -326,19 +325,22 @@ class ControllerExecution:
         """Stand without a pose, for a while."""
         if not self._since_pose.running:
             self._since_pose.start(now)
-        patience = self._parameters().control_tf_timeout
-        if self._since_pose.elapsed(now) >= patience:
-            text = f"Could not get the robot pose for {patience:g} s (tf_timeout): {error}"
-            self._end(Ending.ABORTED, ControlOutcome.TF_ERROR, text)
+        patience, name = self._parameters().control_tf_timeout
+        if self._since_pose.elapsed(now) < patience:
+            self._stand(now, ControlOutcome.TF_ERROR, str(error))
         else:
-            self._send(STOP)
-            self._report(ControlOutcome.TF_ERROR, str(error))
+            text = f"Could not get the robot pose for {patience:g} s ({name}): {error}"
+            self._end(Ending.ABORTED, ControlOutcome.TF_ERROR, text)
 
     def _no_command(self, now: float, outcome: ControlOutcome, message: str) -> None:
         """Stand because the controller cannot be asked; that is no failed try of its own."""
         if self._patience_exceeded(now):
             self._run_out_of_patience(outcome, message)
-            return
+        else:
+            self._stand(now, outcome, message)
+
+    def _stand(self, now: float, outcome: ControlOutcome, message: str) -> None:
+        self._oscillation.wait(now)
         self._send(STOP)
         self._report(outcome, message)
 

@@ -98,6 +98,11 @@ class FollowFeedback:
     late: float = 0.0
     refused: bool = False
 
+    @property
+    def is_unasked(self) -> bool:
+        """Whether the controller could not be asked, as without a pose; the robot stood."""
+        return self.outcome is not ControlOutcome.SUCCESS and not self.refused
+
 
 @dataclass(frozen=True)
 class FollowResult:

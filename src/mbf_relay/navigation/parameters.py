@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Iterable, Optional
+from typing import Any, Iterable, Optional, Tuple
 
 from mbf_relay.parameters import ParameterSet, parameter
 
@@ -44,8 +44,8 @@ class NavigatorParameters(ParameterSet):
     odom_topic: str = parameter(
         "odom", "Topic of odometry; where given, before any that a controller's parameters name; empty to do without")
     tf_timeout: Optional[float] = parameter(
-        None, "How long to wait for a transform, standing; 3 for plans and 1 for control where not given", "s", 0.0
-    )
+        None, "How long to wait for a transform, standing; if not given, 3 for plans, controller_patience for drives",
+        "s", 0.0)
     pose_timeout: Optional[float] = parameter(
         None, "Age beyond which a pose is not driven on; 1, or a costmap's transform_tolerance if longer, by default",
         "s", above=0.0)
@@ -82,9 +82,14 @@ class NavigatorParameters(ParameterSet):
         return 3.0 if self.tf_timeout is None else self.tf_timeout
 
     @property
-    def control_tf_timeout(self) -> float:
-        """How long (s) control waits for a transform, standing."""
-        return 1.0 if self.tf_timeout is None else self.tf_timeout
+    def control_tf_timeout(self) -> Tuple[float, str]:
+        """How long (s) control waits for a transform, standing, and by which parameter.
+
+        move_base has no other patience for that than for a velocity.
+        """
+        if self.tf_timeout is not None:
+            return self.tf_timeout, "tf_timeout"
+        return self.controller_patience or math.inf, "controller_patience"
 
 
 DYNAMIC = (

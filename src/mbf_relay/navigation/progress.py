@@ -22,7 +22,7 @@ class OscillationDetector:
         self._reference: Optional[Pose2D] = None
         self._heading = 0.0
         self._turned = 0.0
-        self._since = Stopwatch()
+        self._since, self._asked = Stopwatch(), Stopwatch()
 
     @property
     def running(self) -> bool:
@@ -33,12 +33,19 @@ class OscillationDetector:
         """Give the robot the whole timeout again."""
         self._reference = None
         self._since.start(now)
+        self._asked.start(now)
+
+    def wait(self, now: float) -> None:
+        """Let the time since the last call not count: nobody could say where to drive."""
+        self._since.leave_out(self._asked.elapsed(now))
+        self._asked.start(now)
 
     def progressed(self, now: float, pose: Pose2D, parameters: NavigatorParameters) -> bool:
         """Take a pose; return whether it is far enough from the last one that counted.
 
         Turns are summed up, as the angle between two headings never says how often a robot went round.
         """
+        self._asked.start(now)
         if self._reference is None:
             self._take_as_reference(pose)
             if not self._since.running:
@@ -82,6 +89,9 @@ class GoalProgress:
     def trouble(self, now: float, feedback: FollowFeedback, parameters: NavigatorParameters) -> str:
         """Take what a drive tells; return why the goal is to be given up as oscillating, empty where it is not."""
         if feedback.pose is None or parameters.oscillation_timeout <= 0.0:
+            return ""
+        if feedback.is_unasked:
+            self._oscillation.wait(now)
             return ""
         if self._oscillation.progressed(now, feedback.pose.pose, parameters):
             self._refusal = ""

@@ -192,22 +192,6 @@ def test_data_that_comes_back_lets_the_robot_go_on(bench):
     assert bench.robot.sent[-1] == FORWARD and not task.done
 
 
-def test_a_lost_pose_is_waited_for_then_named(bench):
-    bench.script.velocity = Twist2D(0.01, 0.0, 0.0)
-    task = bench.navigator.exe_path(FollowGoal(PATH))
-    for tick in range(31):  # lost now and then, it is no reason to give up
-        bench.robot.lost = "" if tick % 5 else "the odometry is late"
-        bench.step()
-        assert not task.done
-    bench.robot.lost = None
-    bench.step()
-    bench.robot.lost = "the transform from 'base' to 'odom' is 2.1 s old"
-    bench.step()
-    assert bench.robot.sent[-1] == STOP and not task.done
-    result = bench.finish(task)
-    assert result.outcome is ControlOutcome.TF_ERROR and "2.1 s old" in result.message
-
-
 def test_a_new_path_for_the_running_controller_takes_over_without_a_stop(bench):
     first = bench.navigator.exe_path(FollowGoal(PATH))
     bench.step()
