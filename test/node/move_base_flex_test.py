@@ -16,6 +16,7 @@ import numpy as np
 import rospy
 import rostest
 from actionlib_msgs.msg import GoalStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client as ReconfigureClient
 from geometry_msgs.msg import PointStamped, PoseStamped
 from hypothesis import HealthCheck, given, settings
@@ -169,10 +170,17 @@ class MoveBaseFlexTest(MoveBaseFlexCase):
                 lambda: self.wheels.silent.discard("localization"),
             ),
         }
+        diagnostics = Listener("/diagnostics", DiagnosticArray, connected=True)
+
+        def stands(message, words):
+            told = [s.message for s in message.status if s.name.startswith("move_base_flex: ")]
+            return any(text.startswith("the robot stands: ") and words in text for text in told)
+
         for words, (blind, see) in causes.items():
             sent, feedback = self.drive()
             blind()
             try:
+                diagnostics.wait_for(lambda m, words=words: stands(m, words), f"diagnostics that name {words}")
                 ending = sent.wait(20.0)
             finally:
                 see()

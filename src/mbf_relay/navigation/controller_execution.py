@@ -267,9 +267,8 @@ class ControllerExecution:
             if answer.arrived or self._arrived():
                 self._end(Ending.SUCCEEDED, ControlOutcome.SUCCESS, "Controller succeeded; arrived at goal!")
             elif not velocity.is_a_robots():
-                name, told = self.instance.name, tuple(velocity)
-                message = f"controller '{name}' returned velocity {told}, which no robot drives"
-                self._fail(now, ControlOutcome.NO_VALID_CMD, message)
+                told = f"controller '{self.instance.name}' returned velocity {tuple(velocity)}, which no robot drives"
+                self._fail(now, ControlOutcome.NO_VALID_CMD, told)
             elif self._since_call.elapsed(now) > TOO_OLD:
                 late = f"thought for {self._since_call.elapsed(now):.1f} s, and what it saw is too old to drive by"
                 self._no_command(now, ControlOutcome.NO_VALID_CMD, f"controller '{self.instance.name}' {late}")
@@ -342,6 +341,7 @@ class ControllerExecution:
     def _stand(self, now: float, outcome: ControlOutcome, message: str) -> None:
         self._oscillation.wait(now)
         self._send(STOP)
+        self._robot.waits_for = message
         self._report(outcome, message)
 
     def _fail(self, now: float, outcome: ControlOutcome, message: str) -> None:
@@ -371,7 +371,7 @@ class ControllerExecution:
     def _send(self, velocity: Twist2D) -> None:
         if velocity == STOP:
             self._ignored = IgnoredCommands()  # nothing is ignored that was not told
-        self._command = velocity
+        self._command, self._robot.waits_for = velocity, ""
         self._robot.command(velocity)
 
     def _report(self, outcome: ControlOutcome, message: str, refused: bool = False) -> None:

@@ -27,11 +27,13 @@ class Robot(abc.ABC):
         paused: Whether drives and recoveries are to stand by, with their goals, until it is False again; may be set
             from any thread.
         delay: How late it does what it is told.
+        waits_for: Why a drive stands and does not ask its controller, as without a pose; empty where it does.
     """
 
     commanded: Optional[Twist2D] = None
     steering: Optional[Steering] = None
     paused: bool = False
+    waits_for: str = ""
 
     def __init__(self) -> None:
         self.delay = CommandDelay()

@@ -41,9 +41,10 @@ def test_a_robot_out_of_reach_of_its_radio_for_seconds_stands_and_drives_on(make
         for _ in range(round(outage / 0.1)):
             bench.step()
         assert bench.robot.sent[-1] == STOP and task.done is is_over
+        assert bench.robot.waits_for == ("" if is_over else "the transform from 'base' to 'odom' is 2.1 s old")
         bench.robot.lost = None
         bench.step()
-        assert is_over or bench.robot.sent[-1] == FORWARD
+        assert is_over or bench.robot.sent[-1] == FORWARD and not bench.robot.waits_for
         task.cancel()
         result = bench.finish(task)
         assert result.outcome is (ControlOutcome.TF_ERROR if is_over else ControlOutcome.CANCELED)

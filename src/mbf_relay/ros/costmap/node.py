@@ -202,6 +202,7 @@ class CostmapNode:
             self._pose_warnings.worked()
             return pose
         except TransformError as error:
+            self._updates = RateMeter()  # it waits, which is no lag
             costmap.note_failure(str(error))
             self._pose_warnings.say(f"{self._name} waits for the robot's pose: {error}")
             return None

@@ -229,6 +229,8 @@ class MoveBaseFlex:
             return ERROR, self._watchdog.trouble or "navigation hangs", values
         if self._trouble:
             return ERROR, f"last internal error: {self._trouble}", values
+        if driving and self.robot.waits_for:
+            return WARN, f"the robot stands: {self.robot.waits_for}", values
         if driving and commands.lags(asked):
             return (
                 WARN,
