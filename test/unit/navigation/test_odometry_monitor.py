@@ -111,3 +111,12 @@ def test_a_robot_is_driven_by_the_velocity_that_its_odometry_tells(seen):
 
 def test_a_robot_that_stands_and_whose_poses_jitter_stands():
     assert set(driven(lambda pose: STOP, velocity=STOP, seen=jittering, seconds=20.0)[0]) == {STOP}
+
+
+def test_a_robot_that_drove_while_its_radio_was_silent_is_not_said_to_tell_false_velocities():
+    """It stood whenever a reading came, for it was told to drive by each and had stopped before the next."""
+    monitor, pose = TwistMonitor(), START
+    for count in range(100):
+        pose = pose.compose(Pose2D(0.05, 0.0, 0.1))
+        assert monitor.believed(0.6 * count, pose, STOP) == STOP
+    assert not monitor.doubt
