@@ -8,6 +8,8 @@ from typing import Any, Iterable, Optional, Tuple
 
 from mbf_relay.parameters import ParameterSet, parameter
 
+USUAL_WAIT = 3.0
+"""Seconds that Move Base Flex waits for a transform where tf_timeout is not given."""
 USUAL_AGE = 1.0
 """Seconds: the oldest pose that Move Base Flex drives on, by its tf_timeout."""
 
@@ -44,7 +46,7 @@ class NavigatorParameters(ParameterSet):
     odom_topic: str = parameter(
         "odom", "Topic of odometry; where given, before any that a controller's parameters name; empty to do without")
     tf_timeout: Optional[float] = parameter(
-        None, "How long to wait for a transform, standing; if not given, 3 for plans, controller_patience for drives",
+        None, "How long to wait for a transform, standing; if not given, planner_patience or controller_patience",
         "s", 0.0)
     pose_timeout: Optional[float] = parameter(
         None, "Age beyond which a pose is not driven on; 1, or a costmap's transform_tolerance if longer, by default",
@@ -78,8 +80,8 @@ class NavigatorParameters(ParameterSet):
 
     @property
     def planning_tf_timeout(self) -> float:
-        """How long (s) planning waits for a transform."""
-        return 3.0 if self.tf_timeout is None else self.tf_timeout
+        """How long (s) planning waits for a transform: no shorter than for a path, nor than Move Base Flex does."""
+        return max(USUAL_WAIT, self.planner_patience) if self.tf_timeout is None else self.tf_timeout
 
     @property
     def control_tf_timeout(self) -> Tuple[float, str]:

@@ -2,11 +2,11 @@
 
 import pytest
 import scripted
-from scripted import FORWARD
+from scripted import FORWARD, arrive
 
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.goals import FollowGoal, FramedPose, NavigateGoal, NavigateOutcome
-from mbf_relay.outcomes import ControlOutcome
+from mbf_relay.outcomes import ControlOutcome, PlanOutcome
 
 PATH = scripted.straight_path()
 GOAL = NavigateGoal(FramedPose(Pose2D(1.0, 0.0, 0.0), "map"))
@@ -49,6 +49,22 @@ def test_a_robot_out_of_reach_of_its_radio_for_seconds_stands_and_drives_on(make
         result = bench.finish(task)
         assert result.outcome is (ControlOutcome.TF_ERROR if is_over else ControlOutcome.CANCELED)
     assert f"for {patience:g} s ({name}): the transform from 'base' to 'odom' is 2.1 s old" in result.message
+
+
+@pytest.mark.parametrize("parameters, patience", [
+    ({"planner_patience": 5.0}, 5.0), ({"planner_patience": 1.0}, 3.0), ({"planner_patience": 0.0}, 3.0),
+    ({"planner_patience": 5.0, "tf_timeout": 2.0}, 2.0)])
+def test_a_goal_that_comes_while_the_robot_is_out_of_reach_of_its_radio_is_driven_to(make_bench, parameters, patience):
+    """It was refused after three seconds, where move_base tries for as long as for a path."""
+    bench = make_bench(recovery_enabled=False, **parameters)
+    arrive(bench)
+    for outage, outcome in ((patience - 0.3, NavigateOutcome.SUCCESS), (patience + 0.3, PlanOutcome.TF_ERROR)):
+        bench.robot.pose, bench.robot.lost = Pose2D(0.0, 0.0, 0.0), "the transform from 'base' to 'odom' is 2.1 s old"
+        task = bench.navigator.move_base(GOAL)
+        for _ in range(round(outage / 0.1)):
+            bench.step()
+        bench.robot.lost = None
+        assert bench.finish(task).outcome is outcome
 
 
 @pytest.mark.parametrize("whole", [False, True])
