@@ -194,6 +194,19 @@ def test_a_robot_whose_odometry_fails_touches_nothing_says_why_and_goes_on_later
     drive.arrive()
 
 
+@pytest.mark.parametrize("seconds", [2.0, 6.0, 12.0])
+@trial(FAILING)
+def test_a_robot_whose_radio_fails_for_a_while_stands_and_drives_on_to_its_goal(drive, seconds):
+    """Its goal was ended after a second, where under move_base the robot stood and waited."""
+    assert drive.step_until(drive.is_driving, 20.0), "it never drove"
+    began, drive.simulation.faults = drive.now, Faults(odom_silent=True, lidar_silent=True)
+    drive.step_until(lambda: False, seconds)
+    assert all(velocity == STOP for now, velocity in drive.commands if now > began + 1.2)
+    drive.simulation.faults = NO_FAULTS
+    assert drive.step_until(lambda: drive.goal.done, 40.0)
+    assert drive.goal.ending is Ending.SUCCEEDED, drive.goal.result
+
+
 @trial(FAILING)
 def test_a_robot_whose_odometry_froze_while_it_turned_goes_on_through_the_ghosts_it_has_seen():
     """Costmaps were drawn with a wrong heading, and one wall of theirs stands on the goal, behind a pillar."""
