@@ -22,8 +22,10 @@ USABLE = 0.1
 """Share of the beams that must measure something, wherever they look."""
 MOVED = 0.03
 """Metres or radians after which the same readings again are old ones."""
-SEEN_BEFORE = 0.25
-"""Share of beams with a return after which a scan without any is not believed: a robot does not leave walls at once."""
+SEEN_BEFORE = 0.5 * math.pi
+"""Radians full of returns after which a scan without any is not believed: a robot does not leave walls at once, unless
+it looks no wider than that, as by a depth camera.
+"""
 SCATTERED = 6
 """Gaps in a scan from which on they are how its driver speaks of what is too far away, too dark or seen too flatly:
 what covers a lidar, or has died in it, makes one or two, and four posts of a robot mask as many.
@@ -48,7 +50,7 @@ class ScanMonitor:
     def __init__(self, largest_gap: float = LARGEST_GAP) -> None:
         self._largest_gap = largest_gap
         self._first: Optional[Tuple[LaserScan, Pose2D]] = None  # of those with the same readings, and from where
-        self._share_of_returns = 0.0  # in the last scan that was believed
+        self._seen = 0.0  # radians full of returns in the last scan that was believed
         self.takes_gaps_for_far = False
         self._says_nothing_is_there = False  # by infinity, as REP 117 asks for; in any scan so far
 
@@ -64,11 +66,11 @@ class ScanMonitor:
             usable = scan.ranges >= scan.range_min
         hit = scan.hit
         found = self._frozen(scan, hit, sensor_pose) or self._blind(scan, usable, forward)
-        share = float(np.count_nonzero(hit)) / max(1, len(hit))
-        if found is None and share == 0.0 and self._share_of_returns >= SEEN_BEFORE:
+        seen = float(np.count_nonzero(hit)) * abs(scan.angle_increment)
+        if found is None and seen == 0.0 and self._seen >= SEEN_BEFORE:
             found = "the lidar sees nothing at all any more, and there were walls in the last scan"
         if found is None:
-            self._share_of_returns = share
+            self._seen = seen
         return found
 
     def _frozen(self, scan: LaserScan, returns: np.ndarray, pose: Pose2D) -> Optional[str]:

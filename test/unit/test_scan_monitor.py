@@ -159,6 +159,21 @@ def test_a_lidar_that_loses_all_walls_at_once_is_not_believed():
     assert trouble(scan(ROOM), monitor=monitor) is None
 
 
+@pytest.mark.parametrize("width", [0.99, 1.2, 1.5])
+def test_a_robot_with_a_depth_camera_may_turn_from_a_wall_to_the_open_within_one_picture(width):
+    """A TurtleBot 2 looks 57 degrees wide: it stood for good before any open place."""
+    monitor, beams = ScanMonitor(), int(57 * width)
+    assert trouble(scan(np.full(beams, 2.0), angle_min=-0.5 * width, width=width), monitor=monitor) is None
+    assert trouble(scan(np.full(beams, math.inf), angle_min=-0.5 * width, width=width), monitor=monitor) is None
+
+
+def test_a_lidar_that_looks_half_round_and_loses_all_walls_at_once_is_not_believed():
+    monitor = ScanMonitor()
+    assert trouble(scan(np.full(180, 2.0), angle_min=-0.5 * math.pi, width=math.pi), monitor=monitor) is None
+    assert "sees nothing at all any more" in trouble(
+        scan(np.full(180, math.inf), angle_min=-0.5 * math.pi, width=math.pi), monitor=monitor)
+
+
 def test_a_robot_that_drives_out_into_the_open_drives_on():
     monitor = ScanMonitor()
     for count in (90, 60, 30, 10, 0, 0):

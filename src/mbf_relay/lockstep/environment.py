@@ -116,7 +116,7 @@ class NavigationEnvironment(gymnasium.Env):
             "scan": spaces.Box(np.zeros_like(sight), sight), "goal": spaces.Box(-place, place),
             "velocity": spaces.Box(-moving, moving),
         })
-        directions = robot.scan_in_base.flat().theta + 2.0 * math.pi / limits.scan_beams * np.arange(limits.scan_beams)
+        directions = robot.scan_in_base.flat().theta + limits.beam_directions
         sectors = np.round(directions / (2.0 * math.pi / self.parameters.beams)).astype(int)
         self._sectors = sectors % self.parameters.beams
 

@@ -19,11 +19,12 @@ DEAD = 0.0
 
 
 class Lidar:
-    """A planar lidar with beams all round, the first along its x axis, counter-clockwise.
+    """A planar lidar with beams all round, the first along its x axis, or in a sector ahead, counter-clockwise.
 
     The stamp is the middle of the acquisition. All beams are taken at one instant, which then is the stamp; with
     `scan_skew` each is taken where the robot is when the turning sensor looks its way, and the stamp is half a turn
-    before the scan is complete. Rays start at the sensor and never see the robot itself.
+    before the scan is complete, or earlier where the rest of the turn is out of view. Rays start at the sensor and
+    never see the robot itself.
     """
 
     def __init__(
@@ -40,17 +41,17 @@ class Lidar:
         self._scene, self._parameters, self._in_base, self._rng = scene, parameters, in_base, rng
         self._steps = parameters.steps_between("scan_rate")
         self._increment = 2.0 * math.pi / parameters.scan_beams
-        angles = self._increment * np.arange(parameters.scan_beams)
+        angles = parameters.beam_directions
+        self._first = float(angles[0])
         self._directions = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))))
-        self._skewed = np.full(parameters.scan_beams, np.inf)
+        self._skewed = np.full(len(angles), np.inf)
         self._last: Optional[np.ndarray] = None
 
     def sweep(self, base: Frame, step: int) -> None:
         """Take the beams that a turning sensor passes in one physics step, with base_link at `base` in the world."""
         part = (step - 1) % self._steps
-        beams = slice(
-            part * self._parameters.scan_beams // self._steps, (part + 1) * self._parameters.scan_beams // self._steps
-        )
+        turn, count = self._parameters.scan_beams, len(self._directions)
+        beams = slice(min(part * turn // self._steps, count), min((part + 1) * turn // self._steps, count))
         if beams.start < beams.stop:
             self._skewed[beams] = self._distances(base, self._directions[beams])
 
@@ -66,9 +67,10 @@ class Lidar:
         if not faults.lidar_frozen or self._last is None:
             distances = self._skewed if parameters.scan_skew else self._distances(base, self._directions)
             self._last = self._with_short_ones(self._with_errors(distances), faults.short_readings)
-        stamp = now - 0.5 * self._steps / parameters.physics_rate if parameters.scan_skew else now
+        since_middle = 1.0 - 0.5 * len(self._directions) / parameters.scan_beams  # in turns
+        stamp = now - since_middle * self._steps / parameters.physics_rate if parameters.scan_skew else now
         return LaserScan(
-            self._without_dead_beams(self._last, faults), 0.0, self._increment, parameters.scan_range_min,
+            self._without_dead_beams(self._last, faults), self._first, self._increment, parameters.scan_range_min,
             parameters.scan_range_max, stamp, SCAN_FRAME,
         )
 
@@ -106,7 +108,7 @@ class Lidar:
     def _without_dead_beams(self, ranges: np.ndarray, faults: Faults) -> np.ndarray:
         """Return a copy of the readings, shape (B,), in which the dead beams read 0."""
         ranges = ranges.copy()
-        first = round(faults.dead_beams_start / self._increment)
+        first = round((faults.dead_beams_start - self._first) / self._increment)
         dead = (first + np.arange(round(faults.dead_beams * len(ranges)))) % len(ranges)
         ranges[dead] = DEAD
         return ranges

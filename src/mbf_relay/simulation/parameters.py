@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Dict, Mapping, Tuple
+
+import numpy as np
 
 from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.simulation.robot_file import load_robot
@@ -55,6 +58,9 @@ class SimulationParameters(ParameterSet):
 
     scan_rate: float = parameter(5.0, "turns of the lidar; 0 for none", unit="Hz", minimum=0.0)
     scan_beams: int = parameter(360, "beams of a full turn", minimum=1, maximum=16384)
+    scan_view: float = parameter(
+        2.0 * math.pi, "angle in which it measures, half of it to each side of ahead; a full turn begins ahead",
+        unit="rad", above=0.0, maximum=2.0 * math.pi)
     scan_range_min: float = parameter(
         0.12, "nearest distance that is measured; what is nearer reads 0", unit="m", minimum=0.0
     )
@@ -86,6 +92,14 @@ class SimulationParameters(ParameterSet):
                 f"parameter scan_range_max is {self.scan_range_max}; it must be above scan_range_min "
                 f"({self.scan_range_min} m)"
             )
+
+    @property
+    def beam_directions(self) -> np.ndarray:
+        """Directions of the lidar's beams, shape (B,) in radians, counter-clockwise from its x axis."""
+        count = max(1, round(self.scan_beams * self.scan_view / (2.0 * math.pi)))
+        increment = 2.0 * math.pi / self.scan_beams
+        first = 0.0 if count == self.scan_beams else -0.5 * increment * (count - 1)
+        return first + increment * np.arange(count)
 
     def steps_between(self, name: str) -> int:
         """Return the physics steps from one event of a rate to the next, 0 where the rate is 0."""

@@ -128,6 +128,32 @@ def test_a_skewed_scan_is_stamped_in_its_middle_and_bent_by_the_motion():
     assert abs(angle_between(nearest * math.pi / 180.0, expected)) < math.radians(2.0)
 
 
+@pytest.mark.parametrize("view, beams", [(math.pi, 180), (1.0, 57), (1.5 * math.pi, 270), (1e-3, 1)])
+def test_a_lidar_that_looks_into_a_sector_sees_what_one_all_round_sees_there(view, beams):
+    wall = trial.box("wall", 2.0, 0.5, (1.0, 4.0, 1.0))
+    with trial.simulate([wall], scan_noise=0.0, scan_resolution=0.0, scan_view=view) as simulation:
+        sector = trial.last_scan(simulation)
+    with trial.simulate([wall], scan_noise=0.0, scan_resolution=0.0, scan_beams=720) as simulation:
+        whole = trial.last_scan(simulation)
+    assert len(sector.ranges) == beams
+    assert sector.angle_min == pytest.approx(-0.5 * math.radians(beams - 1))
+    first = round(sector.angle_min / math.radians(0.5))
+    np.testing.assert_allclose(sector.ranges, whole.ranges[(first + 2 * np.arange(beams)) % 720], atol=1e-6)
+
+
+def test_a_skewed_scan_of_a_sector_is_stamped_in_the_middle_of_that():
+    """Half a turn in view is over after half a turn: its middle is three quarters of one old when the turn is over."""
+    wall = trial.box("wall", 2.0, 0.0, (1.0, 40.0, 1.0))
+    with trial.simulate([wall], scan_skew=True, scan_view=math.pi) as simulation:
+        trial.run(simulation, 1.0, Twist2D(0.0, 0.0, 1.0))
+        heading = simulation.true_pose.theta
+        scan = [o.scan for o in trial.run(simulation, 0.2, Twist2D(0.0, 0.0, 1.0)) if o.scan is not None][-1]
+        assert scan.stamp == pytest.approx(simulation.now - 0.15)
+    nearest = scan.angle_min + int(np.argmin(scan.ranges)) * scan.angle_increment
+    expected = -heading - 0.2 * (nearest - scan.angle_min) / (2.0 * math.pi)
+    assert abs(angle_between(nearest, expected)) < math.radians(2.0)
+
+
 def test_a_scan_begun_before_the_robot_is_set_down_elsewhere_shows_where_it_is_now():
     wall = trial.box("wall", 2.0, 0.0, (1.0, 40.0, 1.0))
     with trial.simulate([wall], scan_skew=True) as simulation:
