@@ -13,7 +13,7 @@ from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import Point32, Polygon, PolygonStamped, TransformStamped
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2, PointField, Range
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
@@ -21,6 +21,7 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."
 from ros_testing import Listener, wait_until  # noqa: E402
 from synthetic_room import RoomRobot, mounting, synthetic_room  # noqa: E402
 
+from mbf_relay.costmap.cost_grid import LETHAL  # noqa: E402
 from mbf_relay.geometry import Pose2D  # noqa: E402
 from mbf_relay.ros.common.conversions import header, map_to_message, transform_to_message  # noqa: E402
 from mbf_relay.ros.common.parameters import read_namespace  # noqa: E402
@@ -59,6 +60,7 @@ class TestCostmaps(unittest.TestCase):
         cls.map_publisher.publish(map_to_message(cls.room, "map", rospy.get_rostime()))
         cls.map_updates = rospy.Publisher("map_updates", OccupancyGridUpdate, queue_size=1)
         cls.clouds = rospy.Publisher("cloud", PointCloud2, queue_size=1)
+        cls.sonar = rospy.Publisher("sonar", Range, queue_size=1)
         cls.outlines = rospy.Publisher("~local_costmap/outline", Polygon, queue_size=1)
         cls.robot = RoomRobot(cls.room, START)
         now = rospy.get_rostime()
@@ -66,8 +68,8 @@ class TestCostmaps(unittest.TestCase):
         placed = TransformStamped(header("map", now), "odom", transform_to_message(cls.robot.odom_in_map))
         cls.robot._static.sendTransform(mounts + [placed])
         config = read_namespace("~")
-        transforms = Transforms()
-        cls.nodes = make_costmap_nodes(config, transforms)
+        cls.transforms = Transforms()
+        cls.nodes = make_costmap_nodes(config, cls.transforms)
         cls.grids, cls.updates = {}, {}
         for side, node in cls.nodes.items():
             node.start()
@@ -90,6 +92,20 @@ class TestCostmaps(unittest.TestCase):
 
     def picture(self, side):
         return self.nodes[side].costmap.snapshot()
+
+    def test_what_a_sonar_sees_stands_in_the_way_and_is_gone_when_it_sees_farther(self):
+        wait_until(lambda: self.sonar.get_num_connections() > 0, "the costmap to listen to the sonar")
+
+        def cost_ahead(reading, distance):
+            now = rospy.get_rostime()
+            self.sonar.publish(Range(header("base_footprint", now), Range.ULTRASOUND, 0.3, 0.1, 3.0, reading))
+            robot = self.transforms.lookup("map", "base_footprint")
+            seen, (x, y) = self.picture("global"), robot.transform_points(np.array([[distance, 0.0]]))[0]
+            column, row = seen.grid.cell_at(x, y)
+            return seen.costs[row, column]
+
+        wait_until(lambda: cost_ahead(0.8, 0.8) == LETHAL, "an obstacle where the sonar says")
+        wait_until(lambda: cost_ahead(1.2, 0.8) < LETHAL, "a free place where the sonar sees through")
 
     def test_the_map_is_published_once_and_then_what_changed(self):
         grid = self.grids["global"].wait_for(lambda message: 100 in message.data, "a costmap with obstacles")

@@ -8,6 +8,7 @@ LAYERS = {
     "rtabmap_costmap_plugins::StaticLayer": "mbf_relay.costmap.static_layer.StaticLayer",
     "nav2_costmap_2d::KeepoutFilter": "mbf_relay.costmap.costmap_filter.KeepoutFilter",
     "nav2_costmap_2d::SpeedFilter": "mbf_relay.costmap.costmap_filter.SpeedFilter",
+    "range_sensor_layer::RangeSensorLayer": "mbf_relay.costmap.range_layer.RangeSensorLayer",
     "mbf_relay::TrackLayer": "mbf_relay.costmap.track_layer.TrackLayer",
     "costmap_2d::InflationLayer": "mbf_relay.costmap.inflation_layer.InflationLayer",
 }

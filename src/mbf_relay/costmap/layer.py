@@ -244,7 +244,7 @@ class CellLayer(Layer):
         return pending
 
 
-def shifted(costs: np.ndarray, columns: int, rows: int, fill: int) -> np.ndarray:
+def shifted(costs: np.ndarray, columns: int, rows: int, fill: float) -> np.ndarray:
     """Return an array over a window that moved by `columns` and `rows`; cells new in it are `fill`."""
     height, width = costs.shape
     result = np.full_like(costs, fill)

@@ -18,6 +18,8 @@ from mbf_relay.scan_monitor import LARGEST_GAP
 from mbf_relay.senders import HOW_TO_GO_ON, Senders
 from mbf_relay.timing import SET_BACK
 
+RANGE = "Range"
+"""What comes from a sonar or an infrared ranger."""
 LEVEL = 0.02
 """Rise over distance up to which beams count as level; such a lidar's plane stays at its own height."""
 ROUNDING = 1e-6
@@ -30,7 +32,9 @@ class SourceParameters(ParameterSet):
 
     topic: str = parameter("", "topic; the source's name where empty")
     sensor_frame: str = parameter("", "frame the rays start from; the message's own where empty", is_frame=True)
-    data_type: str = parameter("PointCloud", "type of message", choices=("LaserScan", "PointCloud", "PointCloud2"))
+    data_type: str = parameter(
+        "PointCloud", "type of message; Range is for a range sensor layer's alone, which names its topics itself",
+        choices=("LaserScan", "PointCloud", "PointCloud2", RANGE))
     observation_persistence: float = parameter(
         0.0, "how long observations count; 0 for the newest alone", unit="s", minimum=0.0
     )

@@ -12,7 +12,7 @@ from mbf_relay.costmap import footprint, layer_kernels
 from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, NO_INFORMATION, Window
 from mbf_relay.costmap.layer import CellLayer, LayerContext, changed_window
 from mbf_relay.costmap.observation import Observation
-from mbf_relay.costmap.observation_source import ObservationSource, RayBundle, SourceParameters
+from mbf_relay.costmap.observation_source import RANGE, ObservationSource, RayBundle, SourceParameters
 from mbf_relay.grid import Grid
 from mbf_relay.parameters import ParameterSet, parameter
 
@@ -80,6 +80,8 @@ class ObstacleLayerParameters(ParameterSet):
                 )
             try:
                 source, notes = SourceParameters.read({**inherited, **group})
+                if source.data_type == RANGE:
+                    raise ValueError("its data_type is Range, which range_sensor_layer::RangeSensorLayer takes")
             except ValueError as error:
                 raise ValueError(f"observation source '{name}': {error}") from error
             sources[name] = source.replace(topic=source.topic or name), notes

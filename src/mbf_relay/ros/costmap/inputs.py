@@ -12,7 +12,7 @@ import numpy as np
 import rospy
 from geometry_msgs.msg import Polygon, Transform, TransformStamped
 from sensor_msgs.msg import LaserScan as LaserScanMessage
-from sensor_msgs.msg import PointCloud, PointCloud2
+from sensor_msgs.msg import PointCloud, PointCloud2, Range
 
 from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.layer import MapSource
@@ -27,6 +27,7 @@ from mbf_relay.ros.common.conversions import map_from_message, scan_from_message
 from mbf_relay.ros.common.lidar_geometry import mounting_of, seen_from_above
 from mbf_relay.ros.common.lidar_timings import LidarTimings
 from mbf_relay.ros.common.quick_grids import QuickGrid, QuickGridUpdate
+from mbf_relay.ros.common.range_readings import range_points
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.scan import LaserScan
@@ -39,7 +40,7 @@ MOST_WAITING, MOST_OF_ONE = 50, 5
 WARN_PERIOD = 5.0
 """Seconds between two warnings about the same source."""
 
-MESSAGE_TYPES = {"LaserScan": LaserScanMessage, "PointCloud": PointCloud, "PointCloud2": PointCloud2}
+MESSAGE_TYPES = {"LaserScan": LaserScanMessage, "PointCloud": PointCloud, "PointCloud2": PointCloud2, "Range": Range}
 
 
 @dataclass(eq=False)
@@ -225,11 +226,11 @@ class BlindSensor(InvalidMessage):
 def points_from(
     message: Any, scan: Optional[LaserScan], inf_is_valid: bool
 ) -> Tuple[np.ndarray, Optional[np.ndarray]]:
-    """Return what a scan or cloud holds in its own frame: points, (N, 2) or (N, 3) in metres, and which are hits.
+    """Return what a message holds in its own frame: points, (N, 2) or (N, 3) in metres, and which are hits.
 
     Args:
-        message: The cloud.
-        scan: The scan, as read from the message; None for a cloud.
+        message: The cloud or reading.
+        scan: The scan, as read from the message; None for anything else.
         inf_is_valid: See `scan_points`.
 
     Raises:
@@ -237,6 +238,8 @@ def points_from(
     """
     if scan is not None:
         return scan_points(scan, inf_is_valid)
+    if isinstance(message, Range):
+        return range_points(message, inf_is_valid)
     if isinstance(message, PointCloud):
         checks.check_count(len(message.points), checks.MOST_POINTS, "points in a cloud")
         return np.array([(point.x, point.y, point.z) for point in message.points]).reshape(-1, 3), None

@@ -1,0 +1,192 @@
+"""What sonars and infrared rangers measure, as probabilities of cells (range_sensor_layer's RangeSensorLayer).
+
+A ranger tells how far away the nearest thing in its cone is, and not where in the cone. So a reading makes cells along
+its arc likelier to be occupied, most of all those in its middle, and those before it less likely; a cell is an obstacle
+where enough readings say so, until others say otherwise. The sensor's model and its figures are those of the C++ layer.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Dict, List, Mapping, Optional, Tuple
+
+import numpy as np
+
+from mbf_relay.costmap import layer_kernels
+from mbf_relay.costmap.cost_grid import FREE_SPACE, LETHAL, NO_INFORMATION, Window
+from mbf_relay.costmap.layer import CellLayer, LayerContext, changed_window, shifted
+from mbf_relay.costmap.observation import Observation
+from mbf_relay.costmap.observation_source import RANGE, SourceParameters
+from mbf_relay.grid import Grid
+from mbf_relay.parameters import ParameterSet, parameter
+
+UNDECIDED = 0.5
+SUREST = 0.95
+"""Probability that no cell exceeds, nor 1 less it fall below: what is certain no reading would ever change."""
+FADES = 2.0
+"""Per metre: how fast a reading loses its weight round the distance `phi`."""
+
+
+@dataclass(frozen=True)
+class RangeSensorLayerParameters(ParameterSet):
+    """Parameters of the range sensor layer, by range_sensor_layer's names."""
+
+    enabled: bool = parameter(True, "take part in the costmap")
+    ns: str = parameter("", "put before each topic")
+    topics: Tuple[str, ...] = parameter((), "topics of sensor_msgs/Range; several rangers may share one")
+    input_sensor_type: str = parameter(
+        "ALL", "read for range_sensor_layer's sake: a message with a min_range of its max_range is a fixed ranger's",
+        choices=("VARIABLE", "FIXED", "ALL"))
+    no_readings_timeout: float = parameter(
+        0.0, "longest time between two readings of a topic before the costmap is stale; 0 for ever", "s", minimum=0.0)
+    clear_on_max_reading: bool = parameter(False, "a reading of max_range or more frees the whole cone")
+    clear_threshold: float = parameter(0.2, "probability below which a cell is free", minimum=0.0, maximum=1.0)
+    mark_threshold: float = parameter(0.8, "probability above which a cell is an obstacle", minimum=0.0, maximum=1.0)
+    phi: float = parameter(1.2, "distance at which a reading weighs half", "m", minimum=0.0)
+    inflate_cone: float = parameter(1.0, "share of the cone's width that is looked at", minimum=0.0, maximum=1.0)
+
+    def check(self) -> None:
+        """Raise ValueError where a cell could be free and an obstacle at once."""
+        if self.mark_threshold < self.clear_threshold:
+            raise ValueError(
+                f"parameter mark_threshold is {self.mark_threshold}; it must not be below clear_threshold, "
+                f"{self.clear_threshold}")
+
+    def read_as(self) -> List[str]:
+        """Return a note where nothing is listened to."""
+        return [*super().read_as(), *([] if self.topics else ["parameter topics is empty: the layer sees nothing"])]
+
+
+class RangeSensorLayer(CellLayer):
+    """Keeps for each cell how likely something is there, from readings of rangers; see the module.
+
+    A reading is an observation of three rays: the cone's right edge, its middle and its left edge.
+    """
+
+    Parameters = RangeSensorLayerParameters
+    parameters: RangeSensorLayerParameters
+    default_cost = NO_INFORMATION
+    notice = "takes a reading of max_range for no obstacle; the C++ layer draws one where clear_on_max_reading is false"
+
+    def __init__(self, name: str, parameters: Any) -> None:
+        super().__init__(name, parameters)
+        self._probability = np.zeros((0, 0), dtype=np.float32)
+        self._readings: List[Observation] = []
+        self._heard: Dict[str, float] = {}
+        self._refused: Dict[str, str] = {}
+        self._sources = {
+            f"{parameters.ns}{topic}": SourceParameters(
+                topic=f"{parameters.ns}{topic}", data_type=RANGE, inf_is_valid=parameters.clear_on_max_reading)
+            for topic in parameters.topics}
+
+    @property
+    def sources(self) -> Mapping[str, SourceParameters]:
+        return self._sources
+
+    def observe(self, source: str, observation: Observation, now: float) -> None:
+        self._heard[source] = observation.stamp
+        self._refused.pop(source, None)
+        if len(observation.points) == 3:  # all of the cone; none where the reading says nothing
+            self._readings.append(observation)
+
+    def refuse(self, source: str, reason: str, is_blind: bool) -> None:
+        self._refused[source] = reason
+
+    def stale_reason(self, now: float) -> Optional[str]:
+        limit = self.parameters.no_readings_timeout
+        for source in self._sources if limit > 0.0 else ():
+            heard = self._heard.get(source)
+            if heard is None or now - heard > limit:
+                since = "no reading has come" if heard is None else f"no reading for {now - heard:.2f} s"
+                why = f"; {self._refused[source]}" if source in self._refused else ""
+                return f"ranger on topic '{source}': {since}; at most {limit:.2f} s allowed (no_readings_timeout){why}"
+        return None
+
+    def resize(self, grid: Grid) -> None:
+        super().resize(grid)
+        self._probability = np.full(grid.shape, UNDECIDED, dtype=np.float32)
+
+    def shift(self, grid: Grid, columns: int, rows: int) -> None:
+        super().shift(grid, columns, rows)
+        self._probability = shifted(self._probability, columns, rows, UNDECIDED)
+
+    def update_bounds(self, context: LayerContext, window: Window) -> Window:
+        readings, self._readings = self._readings, []
+        for reading in readings:
+            self._take(reading)
+        return window.union(self.take_pending())
+
+    def update_costs(self, costs: np.ndarray, window: Window) -> None:
+        layer_kernels.merge_maximum(costs, self.costs, *window)
+
+    def clear(self, window: Window, inside: bool) -> None:
+        window = window.within(self.grid)
+        kept = self._probability[window.slices].copy()
+        if inside:
+            self._probability[window.slices] = UNDECIDED
+        else:
+            self._probability.fill(UNDECIDED)
+            self._probability[window.slices] = kept
+        self._show(window if inside else Window.of(self.grid))
+
+    def _take(self, reading: Observation) -> None:
+        """Weigh a reading into the cells of its cone."""
+        origin, hit = np.array(reading.origin[:2]), reading.hits is None or bool(reading.hits[1])
+        right, ahead, left = reading.points[:, :2] - origin
+        distance, heading = float(np.hypot(*ahead)), math.atan2(ahead[1], ahead[0])
+        half = 0.5 * float(abs(math.atan2(left[1], left[0]) - math.atan2(right[1], right[0])))
+        half = min(half, math.pi - half)
+        band = self.grid.resolution * max(distance, 1.0)  # of the arc, to either side; a cell at least
+        (x0, y0), (x1, y1) = (self.grid.cell_at(*(origin + side * (distance + band))) for side in (-1.0, 1.0))
+        window = Window(x0, y0, x1 + 1, y1 + 1).within(self.grid)
+        if window.is_empty or distance == 0.0:
+            return
+        rows, columns = np.ogrid[window.slices]
+        dx = self.grid.origin_x + (columns + 0.5) * self.grid.resolution - origin[0]
+        dy = self.grid.origin_y + (rows + 0.5) * self.grid.resolution - origin[1]
+        away, bearing = np.hypot(dx, dy), np.arctan2(dy, dx) - heading
+        aside = np.abs(np.remainder(bearing + math.pi, 2.0 * math.pi) - math.pi)
+        looked_at = (aside <= self.parameters.inflate_cone * half) & (away <= distance + band)
+        if hit:
+            occupied = likelihood(away, aside, distance, half, band, self.parameters.phi)
+        else:
+            occupied = np.where(away <= distance, 1.0 - SUREST, UNDECIDED)
+        before = self._probability[window.slices]
+        joint = occupied * before
+        after = np.clip(joint / (joint + (1.0 - occupied) * (1.0 - before)), 1.0 - SUREST, SUREST)
+        self._probability[window.slices] = np.where(looked_at, after, before)
+        self._show(window)
+
+    def _show(self, window: Window) -> None:
+        """Turn probabilities of a window into costs."""
+        if window.is_empty:
+            return
+        probability, before = self._probability[window.slices], self.costs[window.slices].copy()
+        costs = np.full(probability.shape, NO_INFORMATION, dtype=np.uint8)
+        costs[probability < self.parameters.clear_threshold] = FREE_SPACE
+        costs[probability > self.parameters.mark_threshold] = LETHAL
+        self.costs[window.slices] = costs
+        self.touch(changed_window(before, self.costs, window))
+
+
+def likelihood(
+    away: np.ndarray, aside: np.ndarray, distance: float, half: float, band: float, phi: float
+) -> np.ndarray:
+    """Return how likely a reading makes cells occupied: 0.5 where it says nothing of them, shape of `away`.
+
+    Args:
+        away: Their distances (m) from the sensor.
+        aside: Their angles (rad) from the middle of its cone, at least 0.
+        distance: The reading (m).
+        half: Half the cone's width (rad).
+        band: Half the width (m) of the arc on which something is.
+        phi: Distance (m) at which a reading weighs half.
+    """
+    fading = 0.5 * (1.0 - np.tanh(FADES * (away - phi)))
+    weight = fading * np.clip(1.0 - (aside / max(half, 1e-9)) ** 2, 0.0, None)
+    before, off = distance - 2.0 * band, (distance - away) / band
+    rising = 0.5 * np.clip((away - before) / band, 0.0, 1.0) ** 2
+    on_arc = np.abs(off) <= 1.0
+    value = np.where(on_arc, 1.0 - 0.5 * off ** 2, rising)
+    return np.where(away > distance + band, UNDECIDED, UNDECIDED + weight * (value - UNDECIDED))

@@ -1,0 +1,48 @@
+"""Readings of sonars and infrared rangers, as rays in the sensor's frame."""
+
+from __future__ import annotations
+
+import math
+from typing import Tuple
+
+import numpy as np
+from sensor_msgs.msg import Range
+
+from mbf_relay.ros.common.checks import InvalidMessage
+
+WIDEST = math.pi
+"""Radians: no cone is wider."""
+
+
+def range_points(message: Range, far_is_free: bool) -> Tuple[np.ndarray, np.ndarray]:
+    """Return where the cone of a reading ends, and whether something is there.
+
+    Args:
+        message: The reading. Where its min_range is its max_range it is that of a ranger which only tells whether
+            something is nearer, by -inf and +inf (REP 117).
+        far_is_free: Whether a reading of max_range or more says that nothing is in the cone.
+
+    Returns:
+        The ends of its right edge, its middle and its left edge, shape (3, 2) in metres, and whether they are hits,
+        (3,) bool; none of either where the reading says nothing.
+
+    Raises:
+        InvalidMessage: The numbers are no ranger's; the text names the one.
+    """
+    least, most, reading, width = message.min_range, message.max_range, message.range, message.field_of_view
+    if not (math.isfinite(width) and 0.0 < width <= WIDEST):
+        raise InvalidMessage(f"its field_of_view is {width:.6g} rad; it must be above 0 and at most {WIDEST:.6g}")
+    if not (math.isfinite(least) and math.isfinite(most) and 0.0 <= least <= most and most > 0.0):
+        raise InvalidMessage(f"its ranges are {least:.6g} to {most:.6g} m; they must be finite, in order, not below 0")
+    if math.isnan(reading):
+        raise InvalidMessage("its range is not a number (NaN)")
+    if least == most and math.isfinite(reading):
+        raise InvalidMessage(
+            f"its range is {reading:.6g} m, and its min_range its max_range: such a ranger says -inf where something "
+            "is nearer than that, and inf where nothing is")
+    hit = reading == -math.inf if least == most else least <= reading < most
+    if not hit and not (far_is_free and reading >= most):
+        return np.zeros((0, 2)), np.zeros(0, dtype=bool)
+    distance = reading if math.isfinite(reading) and hit else most
+    angles = 0.5 * width * np.array([-1.0, 0.0, 1.0])
+    return distance * np.column_stack((np.cos(angles), np.sin(angles))), np.full(3, hit)
