@@ -9,6 +9,9 @@ LAYERS = {
     "nav2_costmap_2d::KeepoutFilter": "mbf_relay.costmap.costmap_filter.KeepoutFilter",
     "nav2_costmap_2d::SpeedFilter": "mbf_relay.costmap.costmap_filter.SpeedFilter",
     "range_sensor_layer::RangeSensorLayer": "mbf_relay.costmap.range_layer.RangeSensorLayer",
+    "costmap_prohibition_layer_namespace::CostmapProhibitionLayer":
+        "mbf_relay.costmap.prohibition_layer.ProhibitionLayer",
+    "costmap_prohibition_layer_v2::CostmapProhibitionLayer": "mbf_relay.costmap.prohibition_layer.ProhibitionLayer",
     "mbf_relay::TrackLayer": "mbf_relay.costmap.track_layer.TrackLayer",
     "costmap_2d::InflationLayer": "mbf_relay.costmap.inflation_layer.InflationLayer",
 }
