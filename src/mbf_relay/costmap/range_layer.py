@@ -24,6 +24,8 @@ from mbf_relay.parameters import ParameterSet, parameter
 UNDECIDED = 0.5
 SUREST = 0.95
 """Probability that no cell exceeds, nor 1 less it fall below: what is certain no reading would ever change."""
+FARTHEST = 10.0
+"""Metres from which on no ranger is believed to have met something; it frees no farther cells either."""
 FADES = 2.0
 """Per metre: how fast a reading loses its weight round the distance `phi`."""
 
@@ -133,14 +135,21 @@ class RangeSensorLayer(CellLayer):
     def _take(self, reading: Observation) -> None:
         """Weigh a reading into the cells of its cone."""
         origin, hit = np.array(reading.origin[:2]), reading.hits is None or bool(reading.hits[1])
-        right, ahead, left = reading.points[:, :2] - origin
+        edges = reading.points[:, :2] - origin
+        right, ahead, left = edges
         distance, heading = float(np.hypot(*ahead)), math.atan2(ahead[1], ahead[0])
+        if distance == 0.0 or (hit and distance > FARTHEST):
+            return
+        distance, edges = min(distance, FARTHEST), edges * min(1.0, FARTHEST / distance)
         half = 0.5 * float(abs(math.atan2(left[1], left[0]) - math.atan2(right[1], right[0])))
         half = min(half, math.pi - half)
         band = self.grid.resolution * max(distance, 1.0)  # of the arc, to either side; a cell at least
-        (x0, y0), (x1, y1) = (self.grid.cell_at(*(origin + side * (distance + band))) for side in (-1.0, 1.0))
+        bulge = band + distance * (1.0 - math.cos(0.5 * half))  # of the arc over the lines between the three ends
+        corners = np.vstack((origin, origin + edges))
+        x0, y0 = self.grid.cell_at(*(corners.min(axis=0) - bulge))
+        x1, y1 = self.grid.cell_at(*(corners.max(axis=0) + bulge))
         window = Window(x0, y0, x1 + 1, y1 + 1).within(self.grid)
-        if window.is_empty or distance == 0.0:
+        if window.is_empty:
             return
         rows, columns = np.ogrid[window.slices]
         dx = self.grid.origin_x + (columns + 0.5) * self.grid.resolution - origin[0]

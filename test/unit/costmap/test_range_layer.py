@@ -107,6 +107,15 @@ def test_a_reading_of_nothing_frees_the_cone_where_asked(clears):
     assert cost(costmap, 0.6, 0.0) == FREE_SPACE and cost(costmap, 1.9, 0.0) == FREE_SPACE
 
 
+@pytest.mark.parametrize("hit", [True, False])
+def test_a_reading_of_astronomical_size_costs_no_time_and_draws_nothing(hit):
+    costmap = costmap_with(clear_on_max_reading=True)
+    for distance in (0.0, 11.0, 1e30):
+        hear(costmap, distance, hit=hit)
+    assert not (costmap.layers[0].costs == LETHAL).any() and cost(costmap, -1.0, 0.0) != FREE_SPACE
+    assert (cost(costmap, 2.5, 0.0) == FREE_SPACE) is not hit
+
+
 def test_a_cone_may_be_looked_at_in_part():
     costmap = costmap_with(inflate_cone=0.2)
     hear(costmap, 0.8)
