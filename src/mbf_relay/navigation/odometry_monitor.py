@@ -19,8 +19,9 @@ SETTLES = 0.1
 """Seconds by which odometry may lag behind tf: after a standstill began, both tell of the motion before it."""
 APART = 0.1
 """Seconds at least between two poses of which a velocity is made: what encoders count in steps is too rough before."""
-INTERRUPTED = 0.35
-"""Seconds between two readings from which they tell nothing of what was between them: a robot may drive and stop."""
+INTERRUPTED = 0.45
+"""Seconds between two readings from which they tell nothing of what was between them: a robot may drive and stop. The
+slowest controllers, at 3 Hz, look more often."""
 WATCHED, ENOUGH, ANEW = 20, 8, 4
 """Velocities made of poses that are looked at together, how many are needed, and after how many more they are again."""
 TELLS = np.array([0.05, 0.1])
