@@ -99,8 +99,8 @@ class RangeSensorLayer(CellLayer):
         limit = self.parameters.no_readings_timeout
         for source in self._sources if limit > 0.0 else ():
             heard = self._heard.get(source)
-            if heard is None or now - heard > limit:
-                since = "no reading has come" if heard is None else f"no reading for {now - heard:.2f} s"
+            if heard is None or abs(now - heard) > limit:  # or time was set back since
+                since = "no reading has come" if heard is None else f"no reading for {abs(now - heard):.2f} s"
                 why = f"; {self._refused[source]}" if source in self._refused else ""
                 return f"ranger on topic '{source}': {since}; at most {limit:.2f} s allowed (no_readings_timeout){why}"
         return None

@@ -133,6 +133,7 @@ def test_a_robot_whose_sonar_falls_silent_stands_where_that_is_asked_for():
     costmap.update(1.6, IDENTITY)
     assert "no reading for 0.60 s; at most 0.50 s allowed (no_readings_timeout); message refused" in (
         costmap.stale_reason(1.6))
+    assert "no reading for 100.00 s" in costmap.layers[0].stale_reason(-99.0), "time was set back"
 
 
 def test_what_a_sonar_saw_stays_where_it_is_while_the_window_rolls_and_is_forgotten_when_cleared():
