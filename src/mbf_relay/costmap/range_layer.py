@@ -8,8 +8,9 @@ where enough readings say so, until others say otherwise. The sensor's model and
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Deque, Dict, List, Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -24,6 +25,8 @@ from mbf_relay.parameters import ParameterSet, parameter
 UNDECIDED = 0.5
 SUREST = 0.95
 """Probability that no cell exceeds, nor 1 less it fall below: what is certain no reading would ever change."""
+MOST_READINGS = 100
+"""Kept for the next update: a layer that is switched off has none for hours."""
 FARTHEST = 10.0
 """Metres from which on no ranger is believed to have met something; it frees no farther cells either."""
 FADES = 2.0
@@ -74,7 +77,7 @@ class RangeSensorLayer(CellLayer):
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
         self._probability = np.zeros((0, 0), dtype=np.float32)
-        self._readings: List[Observation] = []
+        self._readings: Deque[Observation] = deque(maxlen=MOST_READINGS)
         self._heard: Dict[str, float] = {}
         self._refused: Dict[str, str] = {}
         self._sources = {
@@ -114,9 +117,8 @@ class RangeSensorLayer(CellLayer):
         self._probability = shifted(self._probability, columns, rows, UNDECIDED)
 
     def update_bounds(self, context: LayerContext, window: Window) -> Window:
-        readings, self._readings = self._readings, []
-        for reading in readings:
-            self._take(reading)
+        while self._readings:
+            self._take(self._readings.popleft())
         return window.union(self.take_pending())
 
     def update_costs(self, costs: np.ndarray, window: Window) -> None:

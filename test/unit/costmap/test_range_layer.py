@@ -116,6 +116,13 @@ def test_a_reading_of_astronomical_size_costs_no_time_and_draws_nothing(hit):
     assert (cost(costmap, 2.5, 0.0) == FREE_SPACE) is not hit
 
 
+def test_a_layer_that_is_switched_off_does_not_gather_readings_for_days():
+    costmap = costmap_with(enabled=False)
+    for count in range(1000):
+        hear(costmap, 0.8, now=1.0 + 0.1 * count)
+    assert len(costmap.layers[0]._readings) <= 100
+
+
 def test_a_cone_may_be_looked_at_in_part():
     costmap = costmap_with(inflate_cone=0.2)
     hear(costmap, 0.8)
