@@ -10,8 +10,8 @@ import numpy as np
 
 from mbf_relay.costmap import layer_kernels
 from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION, Window
-from mbf_relay.costmap.layer import CellLayer, LayerContext, MapSource, ZoneLimit
-from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.costmap.layer import LayerContext, MapSource, PlacedLayer, ZoneLimit
+from mbf_relay.geometry import Pose2D
 from mbf_relay.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, load_map
 from mbf_relay.parameters import TOPIC, ParameterSet, parameter
 
@@ -35,7 +35,7 @@ class CostmapFilterParameters(ParameterSet):
                 "filter_mask_file names no file")
 
 
-class CostmapFilter(CellLayer):
+class CostmapFilter(PlacedLayer):
     """A layer that reads a mask. Without its mask the costmap is not to be relied on: nobody knows where zones are."""
 
     Parameters = CostmapFilterParameters
@@ -45,7 +45,6 @@ class CostmapFilter(CellLayer):
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
         self.mask: Optional[OccupancyMap] = None
-        self.mask_from_costmap = IDENTITY
         if parameters.filter_mask_file:
             self.set_map(load_map(parameters.filter_mask_file))
 
@@ -60,14 +59,6 @@ class CostmapFilter(CellLayer):
     def set_map(self, occupancy: OccupancyMap) -> None:
         self.mask = occupancy
         self.touch(Window.of(self.grid))
-
-    def set_map_from_costmap(self, transform: Pose2D) -> None:
-        if transform != self.mask_from_costmap:
-            self.mask_from_costmap = transform
-            self.touch(Window.of(self.grid))
-
-    def clear(self, window: Window, inside: bool) -> None:
-        """A mask is not forgotten."""
 
     def stale_reason(self, now: float) -> Optional[str]:
         return self.missing_input()
@@ -90,7 +81,7 @@ class KeepoutFilter(CostmapFilter):
 
     def _draw(self, mask: OccupancyMap) -> None:
         """Take the mask's cell under the centre of each of the costmap's."""
-        grid, at = self.grid, mask.origin.inverse().compose(self.mask_from_costmap)
+        grid, at = self.grid, mask.origin.inverse().compose(self.own_from_costmap)
         self.costs[:] = NO_INFORMATION
         layer_kernels.sample_map(
             self.costs, *Window.of(grid), grid.origin_x, grid.origin_y, grid.resolution,
@@ -149,7 +140,7 @@ class SpeedFilter(CostmapFilter):
         """Return the limit with the robot at a pose in the costmap's frame."""
         if self.mask is None:
             return ZoneLimit()
-        place = self.mask_from_costmap.compose(pose).relative_to(self.mask.origin)
+        place = self.own_from_costmap.compose(pose).relative_to(self.mask.origin)
         column, row = self.mask.local_grid.cell_at(place.x, place.y)
         height, width = self.mask.data.shape
         value = int(self.mask.data[row, column]) if 0 <= column < width and 0 <= row < height else UNKNOWN

@@ -12,7 +12,7 @@ import numpy as np
 from mbf_relay.costmap import layer_kernels
 from mbf_relay.costmap.cost_grid import EMPTY, Window
 from mbf_relay.costmap.observation import Observation
-from mbf_relay.geometry import Pose2D
+from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.plugins import Plugin
@@ -242,6 +242,26 @@ class CellLayer(Layer):
         """Return what `touch` collected since the last call."""
         pending, self._pending = self._pending, EMPTY
         return pending
+
+
+class PlacedLayer(CellLayer):
+    """A layer of what lies in a frame of its own, as maps do, and is not forgotten with what was observed.
+
+    Attributes:
+        own_from_costmap: Takes poses in the costmap's frame to that one.
+    """
+
+    def __init__(self, name: str, parameters: Any) -> None:
+        super().__init__(name, parameters)
+        self.own_from_costmap = IDENTITY
+
+    def set_map_from_costmap(self, transform: Pose2D) -> None:
+        if transform != self.own_from_costmap:
+            self.own_from_costmap = transform
+            self.touch(Window.of(self.grid))
+
+    def clear(self, window: Window, inside: bool) -> None:
+        """Nothing of it was observed."""
 
 
 def shifted(costs: np.ndarray, columns: int, rows: int, fill: float) -> np.ndarray:

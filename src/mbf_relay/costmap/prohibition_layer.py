@@ -9,8 +9,8 @@ import numpy as np
 
 from mbf_relay.costmap import layer_kernels
 from mbf_relay.costmap.cost_grid import LETHAL, NO_INFORMATION, Window
-from mbf_relay.costmap.layer import CellLayer, LayerContext
-from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.costmap.layer import LayerContext, PlacedLayer
+from mbf_relay.grid import Grid
 from mbf_relay.parameters import LARGEST, ParameterSet, parameter
 
 MOST_CORNERS = 10000
@@ -34,7 +34,7 @@ class ProhibitionLayerParameters(ParameterSet):
         areas_of(self.prohibition_areas)
 
 
-class ProhibitionLayer(CellLayer):
+class ProhibitionLayer(PlacedLayer):
     """Marks what may not be driven on. Listed before the inflation layer, areas are inflated as obstacles are."""
 
     Parameters = ProhibitionLayerParameters
@@ -44,22 +44,16 @@ class ProhibitionLayer(CellLayer):
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
         self._areas = areas_of(parameters.prohibition_areas)
-        self._frame_from_costmap = IDENTITY
 
     @property
     def map_frame(self) -> str:
         return self.parameters.prohibition_frame
 
-    def set_map_from_costmap(self, transform: Pose2D) -> None:
-        if transform != self._frame_from_costmap:
-            self._frame_from_costmap = transform
-            self.touch(Window.of(self.grid))
-
     def update_bounds(self, context: LayerContext, window: Window) -> Window:
         pending = self.take_pending()
         if not pending.is_empty:
             self.costs.fill(NO_INFORMATION)
-            placed = self._frame_from_costmap.inverse()
+            placed = self.own_from_costmap.inverse()
             for area in self._areas:
                 self._draw(placed.transform_points(area))
         return window.union(pending)
@@ -67,17 +61,12 @@ class ProhibitionLayer(CellLayer):
     def update_costs(self, costs: np.ndarray, window: Window) -> None:
         layer_kernels.merge_maximum(costs, self.costs, *window)
 
-    def clear(self, window: Window, inside: bool) -> None:
-        """What is prohibited stays so."""
-
     def _draw(self, corners: np.ndarray) -> None:
         """Mark an area by its corners, (K, 2) in the costmap's frame: one for a point, two for a line."""
         grid = self.grid
         for begin, end in zip(corners, np.roll(corners, -1, axis=0)):
+            begin, end = clipped(begin, end, grid)
             steps = 2 + int(2.0 * float(np.hypot(*(end - begin))) / grid.resolution)
-            if steps > 4 * (grid.width + grid.height):  # reaches out of the costmap, or lies far outside
-                begin, end = clipped(begin, end, grid)
-                steps = 2 + int(2.0 * float(np.hypot(*(end - begin))) / grid.resolution)
             cells = grid.cells_at(begin + np.linspace(0.0, 1.0, steps)[:, None] * (end - begin))
             inside = ((cells >= 0) & (cells < (grid.width, grid.height))).all(axis=1)
             self.costs[cells[inside, 1], cells[inside, 0]] = LETHAL
@@ -96,7 +85,7 @@ class ProhibitionLayer(CellLayer):
         self.costs[window.slices][within] = LETHAL
 
 
-def clipped(begin: np.ndarray, end: np.ndarray, grid: Any) -> Tuple[np.ndarray, np.ndarray]:
+def clipped(begin: np.ndarray, end: np.ndarray, grid: Grid) -> Tuple[np.ndarray, np.ndarray]:
     """Return the part of a line that lies in the box of a grid; a point of it where none does."""
     low = np.array([grid.origin_x, grid.origin_y])
     high, way = low + grid.resolution * np.array([grid.width, grid.height]), end - begin

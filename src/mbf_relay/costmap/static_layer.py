@@ -9,8 +9,7 @@ import numpy as np
 
 from mbf_relay.costmap import layer_kernels
 from mbf_relay.costmap.cost_grid import FREE_SPACE, LETHAL, NO_INFORMATION, Window
-from mbf_relay.costmap.layer import CellLayer, LayerContext, MapSource
-from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.costmap.layer import LayerContext, MapSource, PlacedLayer
 from mbf_relay.grid import Grid
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.parameters import ParameterSet, parameter
@@ -32,7 +31,7 @@ class StaticLayerParameters(ParameterSet):
     trinary_costmap: bool = parameter(True, "only free, lethal and unknown; otherwise costs grow with the map's values")
 
 
-class StaticLayer(CellLayer):
+class StaticLayer(PlacedLayer):
     """Turns a map's values into costs.
 
     A costmap that is not a rolling window takes the size and resolution of its first static layer's map.
@@ -47,7 +46,6 @@ class StaticLayer(CellLayer):
         super().__init__(name, parameters)
         self._map: Optional[OccupancyMap] = None
         self._map_costs = np.zeros((0, 0), dtype=np.uint8)
-        self._map_from_costmap = IDENTITY
         self._table = cost_table(parameters)
 
     @property
@@ -90,11 +88,6 @@ class StaticLayer(CellLayer):
         self._map_costs[y:y + rows, x:x + columns] = self._table[part.view(np.uint8)]
         self.touch(Window(x, y, x + columns, y + rows) if self._lies_on_grid() else Window.of(self.grid))
 
-    def set_map_from_costmap(self, transform: Pose2D) -> None:
-        if transform != self._map_from_costmap:
-            self._map_from_costmap = transform
-            self.touch(Window.of(self.grid))
-
     def update_bounds(self, context: LayerContext, window: Window) -> Window:
         return window.union(self.take_pending()) if self._map is not None else window
 
@@ -107,7 +100,7 @@ class StaticLayer(CellLayer):
             else:
                 costs[window.slices] = self._map_costs[window.slices]
         else:
-            at = self._map_from_costmap
+            at = self.own_from_costmap
             origin = self._map.origin
             # the map's own origin may be turned; its cells are then looked up in the map's axes
             in_cells = origin.inverse().compose(at)
@@ -122,9 +115,6 @@ class StaticLayer(CellLayer):
         height, width = self._map_costs.shape
         origin = self._map.origin
         return self.grid == Grid(self._map.resolution, origin.x, origin.y, width, height) and origin.theta == 0.0
-
-    def clear(self, window: Window, inside: bool) -> None:
-        """A map is not forgotten."""
 
     def stale_reason(self, now: float) -> Optional[str]:
         return self.missing_input()

@@ -43,6 +43,6 @@ def range_points(message: Range, far_is_free: bool) -> Tuple[np.ndarray, np.ndar
     hit = reading == -math.inf if least == most else least <= reading < most
     if not hit and not (far_is_free and reading >= most):
         return np.zeros((0, 2)), np.zeros(0, dtype=bool)
-    distance = reading if math.isfinite(reading) and hit else most
+    distance = reading if hit and least < most else most
     angles = 0.5 * width * np.array([-1.0, 0.0, 1.0])
     return distance * np.column_stack((np.cos(angles), np.sin(angles))), np.full(3, hit)
