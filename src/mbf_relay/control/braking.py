@@ -8,18 +8,23 @@ from typing import NamedTuple, Tuple
 import numpy as np
 
 from mbf_relay.control import trajectory_kernels
+from mbf_relay.control.cycle import ControlCycle
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.state import ControlState
-from mbf_relay.control.trajectories import MOST_POSES, VelocityWindow, require_room
+from mbf_relay.control.trajectories import MOST_POSES, require_room
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Twist2D
 
 
-def stopping_time(parameters: FollowerParameters, command: Twist2D, period: float) -> float:
+def braking_time(parameters: FollowerParameters, command: Twist2D, period: float) -> float:
     """Return the time (s) at the command's velocity that leads as far as holding it for a period and braking then."""
     limits = (parameters.acc_lim_x, parameters.acc_lim_y, parameters.acc_lim_theta)
-    braking = max(abs(value) / (2.0 * max(1e-9, limit)) for value, limit in zip(command, limits))
-    return period + parameters.stop_time_buffer + braking
+    return period + max(abs(value) / (2.0 * max(1e-9, limit)) for value, limit in zip(command, limits))
+
+
+def stopping_time(parameters: FollowerParameters, command: Twist2D, period: float) -> float:
+    """Return `braking_time` with stop_time_buffer to spare (s)."""
+    return braking_time(parameters, command, period) + parameters.stop_time_buffer
 
 
 def arc(checker: FootprintChecker, state: ControlState, command: Twist2D, duration: float) -> np.ndarray:
@@ -99,26 +104,31 @@ def brake_free(state: ControlState, checker: FootprintChecker, arcs: Arcs) -> np
     return free
 
 
-def braked_on_its_arc(window: VelocityWindow, velocity: Twist2D) -> Twist2D:
+def braked_on_its_arc(parameters: FollowerParameters, cycle: ControlCycle) -> Twist2D:
     """Return the command that brakes as hard as can be and keeps to the arc the robot is on, which was looked along.
 
     Told to stand at once, wheels brake each as hard as it can: until the slower one stands the robot turns as fast as
     before, and off the arc to its inner side. One that drives sideways as well would end that first, and go on ahead.
 
+    Where the way to a stand on it is longer than what is free of it, the command is as much slower, whatever the
+    accelerations are: those of a file are for comfort as often as they are the wheels' own, and a robot that brakes by
+    0.05 m/s^2 because it says so drives for seconds into what it sees.
+
     Args:
-        window: The velocities in reach.
-        velocity: The robot's.
+        parameters: Limits.
+        cycle: Where the robot is, how fast, and among what.
     """
-    shares = [left / speed if left * speed > 0.0 else 0.0 for left, speed in zip(window.still, velocity)]
+    state, still, velocity = cycle.state, cycle.window.still, cycle.velocity
+    shares = [left / speed if left * speed > 0.0 else 0.0 for left, speed in zip(still, velocity)]
     share = min(1.0, max(shares[:2]))
-    return Twist2D(*(
-        left if own >= share else share * speed for left, speed, own in zip(window.still, velocity, shares)))
+    command = Twist2D(*(
+        left if own >= share else share * speed for left, speed, own in zip(still, velocity, shares)))
+    way = arc(cycle.checker, state, command, braking_time(parameters, command, state.period))
+    free = cycle.checker.free_steps(way, state.pose) / len(way)
+    return Twist2D(*(free * part for part in command))
 
 
-def where_it_sees(
-    parameters: FollowerParameters, state: ControlState, checker: FootprintChecker, command: Twist2D,
-    window: VelocityWindow, velocity: Twist2D,
-) -> Twist2D:
+def where_it_sees(parameters: FollowerParameters, cycle: ControlCycle, command: Twist2D) -> Twist2D:
     """Return a command, or to brake on the arc the robot is on where the command's sweeps over what is out of sight.
 
     What stands behind an obstacle shows when the robot is round it, and may then be nearer than its way to a stand. Of
@@ -126,12 +136,11 @@ def where_it_sees(
 
     Args:
         parameters: Limits.
-        state, checker: Where the robot is, and among what.
+        cycle: Where the robot is, how fast, and among what.
         command: Free as far as obstacles are seen.
-        window: The velocities in reach.
-        velocity: The robot's.
     """
+    state, checker = cycle.state, cycle.checker
     if command.speed() == 0.0 or checker.contacts_at(state.pose):
         return command
     way = arc(checker, state, command, stopping_time(parameters, command, state.period))
-    return command if checker.sees_way(state.pose, way) else braked_on_its_arc(window, velocity)
+    return command if checker.sees_way(state.pose, way) else braked_on_its_arc(parameters, cycle)

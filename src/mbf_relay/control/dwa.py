@@ -9,9 +9,10 @@ import numpy as np
 
 from mbf_relay.control.critics import CRITICS
 from mbf_relay.control.critics.critic import Critic, CriticData
+from mbf_relay.control.cycle import ControlCycle
 from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.explanation import Explanation
-from mbf_relay.control.follower import ControlCycle, PathFollower
+from mbf_relay.control.follower import PathFollower
 from mbf_relay.control.report import CycleReport
 from mbf_relay.control.trajectories import STANDING, Trajectories, is_fastest, roll_out, sample, window_of
 from mbf_relay.geometry import Twist2D

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import abc
 import math
-from dataclasses import dataclass
 from typing import Any, ClassVar, Optional, Tuple, Type
 
 import numpy as np
@@ -14,13 +13,14 @@ from mbf_relay.control.back_out import BackOut
 from mbf_relay.control.braking import braked_on_its_arc, brakes_free, where_it_sees
 from mbf_relay.control.checkers import FACING, BlockedGoalChecker, GoalChecker, StuckChecker
 from mbf_relay.control.controller import Controller
+from mbf_relay.control.cycle import ControlCycle
 from mbf_relay.control.evasion import Evasion
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.foresight import Foresight
 from mbf_relay.control.local_path import LocalPath, PathTracker
 from mbf_relay.control.report import CycleReport
 from mbf_relay.control.state import ControlState, GoalTolerance
-from mbf_relay.control.trajectories import VelocityWindow, commandable, speed_to_stop_within, window_of
+from mbf_relay.control.trajectories import commandable, speed_to_stop_within, window_of
 from mbf_relay.control.turning import free_turn, free_way_round, turn_rate
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import STOP, Pose2D, Twist2D, angle_between
@@ -39,35 +39,6 @@ BEYOND = 4.5  # path kept beyond what is looked ahead
 EXTENSION = 2.0  # how far the path goes on beyond the goal, besides what is looked ahead
 MISSED = 2.0  # so far from the path it can be rejoined in any case
 HERE = 0.1  # a point so near has no direction
-
-
-@dataclass(frozen=True)
-class ControlCycle:
-    """What one cycle works on.
-
-    Attributes:
-        state: As handed in.
-        path: The path round the robot.
-        checker: The obstacles.
-        velocity: The velocity the robot is at: the last command where it followed that, else as measured.
-        window: The velocities in reach, within the top speeds for now.
-        speed: Top translational speed (m/s) for now.
-        turn: Top rotational speed (rad/s) for now.
-        lookahead: Distance (m) ahead on the path whose direction the robot faces before it drives; its width at least.
-        horizon_scale: 1 in the open, less where the path ahead is narrow: by how much to shorten what the robot looks
-            ahead.
-    """
-
-    state: ControlState
-    path: LocalPath
-    checker: FootprintChecker
-    velocity: Twist2D
-    window: VelocityWindow
-    speed: float
-    turn: float
-    lookahead: float
-    horizon_scale: float = 1.0
-
 ODOMETRY_LAG = 0.1
 """Time (s) by which wheels may lag behind a command, and odometry behind the wheels: three readings of 30 Hz.
 
@@ -237,13 +208,13 @@ class PathFollower(Controller, abc.ABC):
             except ControlError:
                 back_out.failed(state.now, state.pose, cycle.path, cycle.checker, parameters, self.turning_radius)
                 if not back_out.is_active:
-                    command = braked_on_its_arc(cycle.window, cycle.velocity)
+                    command = braked_on_its_arc(parameters, cycle)
                     if command.speed() > 0.0 and command.theta != 0.0:
                         return command
                     raise
             else:
                 back_out.drove(cycle.path, state.costmap.width)
-                return where_it_sees(parameters, state, cycle.checker, command, cycle.window, cycle.velocity)
+                return where_it_sees(parameters, cycle, command)
         limit = self.speed_limit_at(state.pose)
         backward = back_out.command(state.pose, cycle.velocity, cycle.checker, parameters, state.period, limit)
         return self.drive(cycle) if backward is None else backward
@@ -347,7 +318,7 @@ class PathFollower(Controller, abc.ABC):
         rate = turn_rate(way, cycle.velocity.theta, self.parameters, cycle.state.period, cycle.turn)
         command = Twist2D(still.x, still.y, rate)
         if still.speed() > 0.0 and not brakes_free(self.parameters, cycle.state, cycle.checker, command):
-            return braked_on_its_arc(cycle.window, cycle.velocity)
+            return braked_on_its_arc(self.parameters, cycle)
         return command
 
     def turn_to_path(self, cycle: ControlCycle, least: float) -> Optional[Twist2D]:

@@ -10,7 +10,8 @@ from typing import Optional
 import numpy as np
 
 from mbf_relay.control.braking import arc, stopping_time
-from mbf_relay.control.follower import ControlCycle, PathFollower
+from mbf_relay.control.cycle import ControlCycle
+from mbf_relay.control.follower import PathFollower
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.report import CycleReport
 from mbf_relay.geometry import Pose2D, Twist2D

@@ -22,12 +22,16 @@ HERE, PERIOD, TOP = Pose2D(0.0, 0.0, 0.0), 0.1, 0.8
 FOLLOWERS = ("dwa_local_planner/DWAPlannerROS", "regulated_pure_pursuit")
 
 
-def shut_in(name, velocity, **changes):
+NEAR = (0.08, -2.0, 0.2, 2.0), (-2.0, 0.14, 2.0, 0.3), (-2.0, -0.3, 2.0, -0.14)
+WITHIN_THE_WAY_TO_STOP = (
+    (0.25, -2.0, 0.4, 2.0), (-2.0, 0.3, 2.0, 0.45), (-2.0, -0.45, 2.0, -0.3), (-0.4, -2.0, -0.25, 2.0))
+
+
+def shut_in(name, velocity, walls=NEAR, **changes):
     """Return a controller, and its state at a velocity with walls so near that nothing is left to drive."""
     controller = make(name, max_vel_x=TOP, max_vel_trans=TOP, acc_lim_x=1.0, **changes)
-    walls = boxes((0.08, -2.0, 0.2, 2.0), (-2.0, 0.14, 2.0, 0.3), (-2.0, -0.3, 2.0, -0.14))
     controller.set_path(path_through((0.0, 0.0), (2.0, 0.0)), True)
-    return controller, ControlState(0.0, HERE, velocity, costmap_round(HERE, walls), IDENTITY, PERIOD)
+    return controller, ControlState(0.0, HERE, velocity, costmap_round(HERE, boxes(*walls)), IDENTITY, PERIOD)
 
 
 @pytest.mark.parametrize("name", FOLLOWERS)
@@ -35,7 +39,7 @@ def shut_in(name, velocity, **changes):
 def test_one_that_can_go_nowhere_any_more_stops_along_its_curve(name, side):
     """Told to stand at once each wheel braked as hard as it could, and it turned on: into a wall beside the curve."""
     velocity = Twist2D(TOP, 0.0, side * 1.9)
-    controller, state = shut_in(name, velocity)
+    controller, state = shut_in(name, velocity, WITHIN_THE_WAY_TO_STOP)
     command = controller.compute_velocity(state)
     assert 0.0 < command.x < velocity.x
     assert command.theta / command.x == pytest.approx(velocity.theta / velocity.x)
@@ -46,7 +50,8 @@ def test_one_that_drives_sideways_stops_along_the_way_it_looked_along(ahead, asi
     """The slower of the two ended first, and the robot went on ahead: into a box beside the way it was on."""
     velocity = Twist2D(ahead, aside, 0.1)
     controller, state = shut_in(
-        FOLLOWERS[0], velocity, max_vel_y=TOP, min_vel_x=-TOP, min_vel_y=-TOP, acc_lim_y=1.0, vy_samples=5)
+        FOLLOWERS[0], velocity, WITHIN_THE_WAY_TO_STOP, max_vel_y=TOP, min_vel_x=-TOP, min_vel_y=-TOP, acc_lim_y=1.0,
+        vy_samples=5)
     command = controller.compute_velocity(state)
     assert 0.0 < command.speed() < velocity.speed()
     assert np.array(command) / command.speed() == pytest.approx(np.array(velocity) / velocity.speed())
@@ -70,6 +75,23 @@ def test_one_that_can_go_nowhere_any_more_and_drives_straight_or_stands_says_so_
         with pytest.raises(ControlError):
             for _ in range(3):
                 controller.compute_velocity(state)
+
+
+@pytest.mark.parametrize("name", FOLLOWERS)
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_robot_whose_file_asks_for_gentle_braking_does_not_drive_on_into_what_it_sees(name, side):
+    """It braked by the 0.05 m/s^2 of its file while its footprint lay on an obstacle already, for 2 s, and hit it."""
+    controller, state = shut_in(name, Twist2D(0.3, 0.0, side * 0.2), WITHIN_THE_WAY_TO_STOP, acc_lim_theta=0.1)
+    controller.reconfigure(dataclasses.replace(controller.parameters, acc_lim_x=0.05))
+    driven = 0.0
+    with pytest.raises(ControlError):
+        while driven < 1.0:
+            command = controller.compute_velocity(state)
+            pose = state.pose.compose(Pose2D(PERIOD * command.x, 0.0, PERIOD * command.theta))
+            state = dataclasses.replace(state, now=state.now + PERIOD, pose=pose, velocity=command)
+            driven += PERIOD * command.x
+            assert not FootprintChecker(state.costmap).contacts_at(pose)
+    assert driven > 0.0
 
 
 def test_a_robot_that_hardly_brakes_is_not_followed_for_a_hundred_million_poses():

@@ -11,7 +11,8 @@ import numpy as np
 from mbf_relay.control.braking import brakes_free
 from mbf_relay.control.checkers import CREEPING
 from mbf_relay.control.critics.distances import CUT
-from mbf_relay.control.follower import ControlCycle, PathFollower
+from mbf_relay.control.cycle import ControlCycle
+from mbf_relay.control.follower import PathFollower
 from mbf_relay.control.local_path import LocalPath
 from mbf_relay.control.mppi import CRITICS, rollout_kernels
 from mbf_relay.control.mppi.critic import POINT_SPACING, CriticFunction, Rollouts
