@@ -86,6 +86,17 @@ class FootprintChecker:
         )
         return touching.astype(bool)
 
+    def leaves_grid(self, poses: np.ndarray) -> np.ndarray:
+        """Return for each pose, (N, 3), whether a part of the footprint lies outside the grid."""
+        sines, cosines = np.sin(poses[:, 2:]), np.cos(poses[:, 2:])
+        x, y = self._corners.T
+        left, bottom, resolution = self._place
+        height, width = self._costs.shape
+        columns = (poses[:, :1] + cosines * x - sines * y - left) / resolution
+        rows = (poses[:, 1:2] + sines * x + cosines * y - bottom) / resolution
+        inside: np.ndarray = ((columns >= 0.0) & (columns < width) & (rows >= 0.0) & (rows < height)).all(axis=1)
+        return ~inside
+
     def contacts_at(self, pose: Pose2D, scale: float = 1.0) -> int:
         """Return how many points of the outline, a third of a cell apart, lie on an obstacle at a pose."""
         return int(

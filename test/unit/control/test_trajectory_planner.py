@@ -1,5 +1,6 @@
 """TrajectoryPlannerROS: its own words, said in those of the controller that drives."""
 
+import functools
 import math
 
 import numpy as np
@@ -155,3 +156,16 @@ def test_a_heavy_robot_that_turns_at_speed_is_told_nothing_it_could_not_stop_fro
         driven += 1
         assert brakes_free(as_dwa(controller.parameters, 0.05), state, FootprintChecker(state.costmap), command), seed
     assert driven > 20
+
+
+def test_a_robot_whose_costmap_ends_a_few_hand_s_breadths_ahead_drives_on():
+    """Where its costmap of half a metre ended it reckoned with an obstacle, and crept to a stand before that."""
+    controller = made(
+        acc_lim_x=0.05, acc_lim_theta=1.0, max_vel_x=0.085, min_vel_x=0.02, max_vel_theta=0.7, min_vel_theta=-0.7,
+        min_in_place_vel_theta=0.6, sim_time=4.0, vx_samples=50, vtheta_samples=20, path_distance_bias=3.0,
+        goal_distance_bias=0.5, heading_lookahead=0.1, sim_granularity=0.01, dwa=False, yaw_goal_tolerance=3.14)
+    square = 0.11 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    small = functools.partial(costmap_round, size=0.5, resolution=0.1, footprint=square)
+    path = path_through((0.0, 0.0), (1.5, 0.03))
+    driven = drive(controller, path, Pose2D(0.0, 0.0, 0.0), seconds=40.0, costmap=small, patience=3.0)
+    assert driven.reached, driven.error

@@ -10,7 +10,7 @@ import pytest
 import scipy.ndimage
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", ".."))
-from kinematics import BURGER  # noqa: E402
+from kinematics import BURGER, costmap_round  # noqa: E402
 from plain_footprint import contacts, random_costmap  # noqa: E402
 
 from mbf_relay.costmap import footprint_checker, footprint_checker_kernels  # noqa: E402
@@ -371,3 +371,12 @@ def test_clearance_does_not_jump_where_a_path_lies_a_hair_aside():
     line = np.column_stack((np.linspace(-0.4, 0.4, 30), np.zeros(30)))
     clearances = [checker.clearance_along(line + (0.0, aside)) for aside in np.arange(-0.2, 0.2, 0.001)]
     assert np.ptp(clearances) > 0.03 and np.abs(np.diff(clearances)).max() < 0.0015
+
+
+def test_a_footprint_leaves_the_grid_with_its_first_corner():
+    checker = FootprintChecker(costmap_round(Pose2D(0.0, 0.0, 0.0), size=1.0))
+    reach = 0.5 - BURGER[:, 0].max()
+    poses = np.array([
+        (0.0, 0.0, 0.0), (reach - 0.01, 0.0, 0.0), (reach + 0.01, 0.0, 0.0), (0.0, reach - 0.01, math.pi / 2.0),
+        (0.0, reach + 0.01, math.pi / 2.0), (-reach - 0.01, 0.0, math.pi), (reach - 0.01, 0.0, -0.5)])
+    assert checker.leaves_grid(poses).tolist() == [False, False, True, False, True, True, True]
