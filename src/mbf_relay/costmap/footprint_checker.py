@@ -88,7 +88,8 @@ class FootprintChecker:
 
     def leaves_grid(self, poses: np.ndarray) -> np.ndarray:
         """Return for each pose, (N, 3), whether a part of the footprint lies outside the grid."""
-        sines, cosines = np.sin(poses[:, 2:]), np.cos(poses[:, 2:])
+        headings = np.ascontiguousarray(poses[:, 2:])
+        sines, cosines = np.sin(headings), np.cos(headings)
         x, y = self._corners.T
         left, bottom, resolution = self._place
         height, width = self._costs.shape

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Dict, List, Mapping, Tuple
 
+from mbf_relay.navigation.registry import entries_of
 from mbf_relay.parameters import convert
+from mbf_relay.plugins import PluginError
 
 CONSERVATIVE, ROTATE, AGGRESSIVE = "conservative_reset", "rotate_recovery", "aggressive_reset"
 CLEAR_TYPE, ROTATE_TYPE = "clear_costmap_recovery/ClearCostmapRecovery", "rotate_recovery/RotateRecovery"
@@ -56,6 +58,20 @@ def default_recoveries(values: Any) -> Tuple[str, ...]:
     return (CONSERVATIVE, *turn, AGGRESSIVE, *turn)
 
 
+def lists_recoveries(namespace: Mapping[str, Any]) -> bool:
+    """Return whether a file lists recoveries that move_base takes; with one entry wrong it takes its default ones."""
+    return "recovery_behaviors" in namespace and not recovery_trouble(namespace)
+
+
+def recovery_trouble(namespace: Mapping[str, Any]) -> str:
+    """Return why the default recoveries stand in for those that a file lists, empty where they do not."""
+    try:
+        entries_of("recovery_behaviors", namespace.get("recovery_behaviors", []), "global")
+    except PluginError as error:
+        return f"{error}; the default recovery behaviors are used, as move_base does"
+    return ""
+
+
 def server_config(namespace: Mapping[str, Any], values: Any) -> Dict[str, Any]:
     """Return the server's parameters for what stands under the node move_base.
 
@@ -78,7 +94,7 @@ def server_config(namespace: Mapping[str, Any], values: Any) -> Dict[str, Any]:
     costmap = _group(namespace, "global_costmap")
     config["global_frame"] = str(costmap.get("global_frame", "map"))
     config["robot_frame"] = str(costmap.get("robot_base_frame", "base_link"))
-    if "recovery_behaviors" not in namespace:
+    if not lists_recoveries(namespace):
         config["recovery_behaviors"] = _listed(default_recoveries(values))
         radius = _group(namespace, "local_costmap").get("circumscribed_radius", USUAL_RADIUS)
         reach = 4.0 * convert("circumscribed_radius", radius, float)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import pytest
 
 from mbf_relay.costmap.parameters import CostmapParameters
+from mbf_relay.navigation.examination import CLAMPED, examine_move_base
 from mbf_relay.navigation.move_base_files import default_recoveries, plugin_name, server_config
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.parameters import ParameterSet, parameter
@@ -55,6 +56,19 @@ def test_the_default_recoveries_are_four_of_which_two_turn():
         "rotate_recovery",
     )
     assert default_recoveries(Values(clearing_rotation_allowed=False)) == ("conservative_reset", "aggressive_reset")
+
+
+@pytest.mark.parametrize("wrong", [{"name": "aggressive_reset2"}, "aggressive_reset2", {
+    "name": "clear", "type": "clear_costmap_recovery/ClearCostmapRecovery"}])
+def test_a_robot_with_one_recovery_of_no_type_starts_with_the_default_ones_as_under_move_base(wrong):
+    """Pepper's file has such an entry, the last of six: its navigation did not start."""
+    listed = [{"name": "clear", "type": "clear_costmap_recovery/ClearCostmapRecovery"}, wrong]
+    made = config(recovery_behaviors=listed)
+    assert made["recovery_behaviors"] == config()["recovery_behaviors"]
+    assert made["conservative_reset"] == {"reset_distance": 3.0}
+    found = examine_move_base({"recovery_behaviors": listed})
+    assert [(finding.kind, finding.name) for finding in found.findings if "recovery_behaviors" in finding.text] == [
+        (CLAMPED, "recovery_behaviors")]
 
 
 def test_a_user_s_recoveries_and_groups_are_his_own():

@@ -6,7 +6,13 @@ from typing import Any, Mapping, Tuple
 
 import rospy
 
-from mbf_relay.navigation.move_base_files import SERVER_NAMES, adapted, default_recoveries, plugin_name
+from mbf_relay.navigation.move_base_files import (
+    SERVER_NAMES,
+    adapted,
+    default_recoveries,
+    lists_recoveries,
+    plugin_name,
+)
 from mbf_relay.navigation.move_base_parameters import MoveBaseParameters
 from mbf_relay.ros.common import reconfigure
 from mbf_relay.ros.relay.reconfigure import PLUGIN_PARAMETERS, WITHOUT_COUNTERPART
@@ -32,7 +38,7 @@ class OwnSettings:
             namespace: What stands under the node, plugins' groups and a list of recovery behaviours among it.
         """
         self.values, self._namespace = values, namespace
-        self.recoveries: Tuple[str, ...] = () if "recovery_behaviors" in namespace else default_recoveries(values)
+        self.recoveries: Tuple[str, ...] = () if lists_recoveries(namespace) else default_recoveries(values)
         self._server: Any = None
         self._front: Any = None
 
