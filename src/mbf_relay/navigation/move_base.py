@@ -132,6 +132,8 @@ class MoveBase:
         if isinstance(at, Recovering):
             return min(at.recovery.due, self._feedback_pacer.next)
         if isinstance(at, Driving):
+            if at.drive.done:  # in the moment since this was last updated
+                return -math.inf
             if at.replan is not None:
                 return at.replan.due
             return self._replan_pacer.next if self._navigator.parameters.planner_frequency > 0.0 else math.inf

@@ -9,7 +9,7 @@ from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.navigation.goals import FollowGoal, FramedPose, NavigateGoal, NavigateOutcome, PlanGoal
 from mbf_relay.navigation.path_hysteresis import path_is_blocked
 from mbf_relay.navigation.task import Ending
-from mbf_relay.outcomes import ControlOutcome, PlanOutcome, RecoveryOutcome
+from mbf_relay.outcomes import ControlError, ControlOutcome, PlanOutcome, RecoveryOutcome
 
 
 def test_it_plans_and_drives(bench):
@@ -19,6 +19,24 @@ def test_it_plans_and_drives(bench):
     assert result.outcome is NavigateOutcome.SUCCESS and task.ending is Ending.SUCCEEDED
     assert bench.script.calls["plan"] == 1 and bench.robot.sent[-1] == STOP
     assert result.pose.pose.x == pytest.approx(0.96, abs=0.02) and result.distance == pytest.approx(0.04, abs=0.02)
+
+
+@pytest.mark.parametrize("ends", ["at its goal", "without a velocity"])
+def test_a_drive_that_ends_as_soon_as_it_begins_is_the_end_of_its_goal_without_replanning(make_bench, ends):
+    """Nothing was due any more: whoever stepped when it was waited for ever, and a batch never ended."""
+    bench = make_bench(planner_frequency=0.0, controller_patience=0.0, recovery_enabled=False)
+    if ends == "at its goal":
+        arrive(bench, x=-1.0)
+    else:
+        bench.script.velocity = ControlError(ControlOutcome.INVALID_PATH, "it bends")
+    task = bench.navigator.move_base(GOAL)
+    for _ in range(20):
+        bench.navigator.update(bench.now)
+        if task.done:
+            break
+        assert bench.navigator.due < bench.now + 5.0
+        bench.now = max(bench.now, bench.navigator.due)
+    assert task.ending is (Ending.SUCCEEDED if ends == "at its goal" else Ending.ABORTED)
 
 
 def test_the_first_velocity_comes_with_the_path(held_bench):
