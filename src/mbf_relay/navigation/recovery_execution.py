@@ -250,8 +250,13 @@ class RecoveryExecution:
         self._robot.command(velocity)
 
     def _blind(self, now: float) -> bool:
-        """Return whether what the robot sees or knows of its motion is too old to move on."""
-        return not self._robot.knows_its_motion or bool(self._costmaps["local"].stale_reason(now))
+        """Return whether what the robot sees, or knows of its place and motion, is too old to move on."""
+        costmap = self._costmaps["local"]
+        try:
+            self._robot.pose_in(costmap.frame)
+        except TransformError:
+            return True
+        return not self._robot.knows_its_motion or bool(costmap.stale_reason(now))
 
     def _watch_patience(self, now: float) -> None:
         patience = self._parameters().recovery_patience

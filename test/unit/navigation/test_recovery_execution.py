@@ -265,6 +265,28 @@ def test_blind_it_stands_until_it_sees_again(bench):
     assert bench.robot.sent.count(FORWARD) == 10
 
 
+def test_a_robot_whose_pose_fails_for_a_moment_goes_on_recovering(bench):
+    """A turn to look round ended at the first pose that a bad radio lost, and the next behaviour was tried."""
+    def turning(context):
+        for _ in range(10):
+            context.pose_in("odom")
+            yield Twist2D(0.0, 0.0, 1.0)
+
+    bench.script.recovery = turning
+    task = bench.navigator.recovery(RecoverGoal("R1"))
+    for _ in range(5):
+        bench.step()
+    bench.robot.lost = "no transform for a while"
+    sent = len(bench.robot.sent)
+    for _ in range(6):
+        bench.step()
+    assert not task.done, task.result
+    assert set(bench.robot.sent[sent:]) == {STOP}
+    bench.robot.lost = None
+    assert bench.finish(task).outcome is RecoveryOutcome.SUCCESS
+    assert bench.robot.sent.count(Twist2D(0.0, 0.0, 1.0)) == 10
+
+
 def test_a_behaviour_that_moves_nothing_needs_no_eyes(bench):
     bench.costmaps["local"].stale = "source 'scan' is 2 s old"
     assert bench.finish(bench.navigator.recovery(RecoverGoal("R1"))).outcome is RecoveryOutcome.SUCCESS
