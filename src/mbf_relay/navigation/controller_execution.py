@@ -294,7 +294,7 @@ class ControllerExecution:
         self._send(velocity)
         self._since_valid.start(now)
         self._retries = 0
-        ignored = self._ignored.ignored_for(now, velocity, self._view.state.velocity)
+        ignored = self._ignored.ignored_for(now, velocity, self._view.state.velocity, self._view.pose.pose)
         if 0.0 < parameters.cmd_vel_ignored_tolerance < ignored:
             self._end(Ending.ABORTED, ControlOutcome.ROBOT_STUCK, self._ignored.told(now, velocity))
             return

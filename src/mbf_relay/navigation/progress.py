@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Optional
 
 from mbf_relay.control.checkers import CAR
-from mbf_relay.geometry import Pose2D, Twist2D, angle_between
+from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D, angle_between
 from mbf_relay.navigation.goals import FollowFeedback
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.outcomes import ControlOutcome
@@ -13,6 +13,8 @@ from mbf_relay.timing import Stopwatch
 
 STOPPED = 1e-3
 """m/s and rad/s below which a robot counts as standing and a command as zero."""
+MOVED_DISTANCE, MOVED_ANGLE = 0.02, 0.05
+"""Metres and radians by which a robot that stands is somewhere else: more than its poses differ while it does."""
 
 
 class OscillationDetector:
@@ -111,18 +113,28 @@ class GoalProgress:
 
 
 class IgnoredCommands:
-    """Notices a robot that stands while it is told to move."""
+    """Notices a robot that stands while it is told to move.
+
+    One whose wheels stop by themselves before the next command, as of a controller of 1 Hz and a base that heeds each
+    for half a second, stands at every look, and is somewhere else each time.
+    """
 
     def __init__(self) -> None:
         self._since = Stopwatch()
+        self._place = IDENTITY
 
-    def ignored_for(self, now: float, command: Twist2D, velocity: Twist2D) -> float:
-        """Take a cycle's command and the robot's velocity; return for how long (s) it has ignored commands."""
+    def ignored_for(self, now: float, command: Twist2D, velocity: Twist2D, pose: Pose2D) -> float:
+        """Take a cycle's command and the robot's velocity and pose; return for how long (s) it has ignored commands."""
         if not _is_zero(velocity) or _is_zero(command):
             self._since.reset()
-        elif not self._since.running:
+        elif not self._since.running or self._has_moved(pose):
             self._since.start(now)
+            self._place = pose
         return self._since.elapsed(now)
+
+    def _has_moved(self, pose: Pose2D) -> bool:
+        turned = abs(angle_between(self._place.theta, pose.theta))
+        return self._place.distance_to(pose) > MOVED_DISTANCE or turned > MOVED_ANGLE
 
     def told(self, now: float, command: Twist2D) -> str:
         """Return for how long it has ignored commands, and the last one."""

@@ -230,10 +230,10 @@ class RecoveryExecution:
         """
         tolerance = self._parameters().cmd_vel_ignored_tolerance
         try:
-            measured = self._robot.velocity()
-        except StaleDataError:  # it is told to stand at its next step
+            measured, pose = self._robot.velocity(), self._robot.pose_in(self._costmaps["local"].frame)
+        except (StaleDataError, TransformError):  # it is told to stand at its next step
             return
-        if 0.0 < tolerance < self._ignored.ignored_for(now, velocity, measured):
+        if 0.0 < tolerance < self._ignored.ignored_for(now, velocity, measured, pose):
             message = f"Recovery behaviour '{self.instance.name}': {self._ignored.told(now, velocity)}"
             self._give_up(Ending.ABORTED, RecoveryOutcome.PAT_EXCEEDED, message)
 

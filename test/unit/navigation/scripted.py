@@ -49,6 +49,7 @@ class PaperRobot(Robot):
         self.lost: Optional[str] = None
         self.stale: Optional[str] = None
         self.reported: Optional[Twist2D] = None
+        self.held = False
         self.silence = self.objection = ""
 
     @property
@@ -73,6 +74,8 @@ class PaperRobot(Robot):
     def velocity(self) -> Twist2D:
         if self.stale:
             raise StaleDataError(self.stale)
+        if self.held:
+            return STOP
         if self.reported is not None:
             return self.reported
         return self.sent[-1] if self.sent else STOP
@@ -83,8 +86,8 @@ class PaperRobot(Robot):
         self.sent.append(velocity)
 
     def move(self, seconds: float) -> None:
-        """Let the last command act."""
-        if self.sent:
+        """Let the last command act, unless something holds the robot."""
+        if self.sent and not self.held:
             step = Pose2D(self.sent[-1].x * seconds, self.sent[-1].y * seconds, self.sent[-1].theta * seconds)
             self.pose = self.pose.compose(step)
 

@@ -269,7 +269,7 @@ def test_the_server_judges_arrival_where_asked_to(make_bench):
 
 
 def test_a_robot_that_ignores_its_commands_is_stuck(bench):
-    bench.robot.reported = STOP
+    bench.robot.held = True
     started = bench.now
     result = bench.finish(bench.navigator.exe_path(FollowGoal(PATH)))
     assert result.outcome is ControlOutcome.ROBOT_STUCK and bench.now - started == pytest.approx(5.1, abs=0.3)

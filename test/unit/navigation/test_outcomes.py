@@ -151,7 +151,7 @@ TABLE = {
         Ending.ABORTED,
     ),
     ControlOutcome.OSCILLATION: (setting(script, "velocity", Twist2D(0.01, 0.0, 0.0), drive), Ending.ABORTED),
-    ControlOutcome.ROBOT_STUCK: (setting(robot, "reported", STOP, drive), Ending.ABORTED),
+    ControlOutcome.ROBOT_STUCK: (setting(robot, "held", True, drive), Ending.ABORTED),
     ControlOutcome.INVALID_PATH: (
         lambda bench: bench.navigator.exe_path(FollowGoal(Path(PATH.poses[:0], "map"))),
         Ending.ABORTED,
@@ -180,7 +180,7 @@ TABLE = {
 
 @pytest.mark.parametrize("outcome", list(TABLE), ids=str)
 def test_an_outcome_comes_from_its_cause(make_bench, outcome):
-    bench = make_bench(planner_max_retries=0, controller_max_retries=0, oscillation_timeout=3.0, recovery_patience=5.0)
+    bench = make_bench(planner_max_retries=0, controller_max_retries=0, oscillation_timeout=3.0, cmd_vel_ignored_tolerance=2.0, recovery_patience=5.0)
     provoke, ending = TABLE[outcome]
     task = provoke(bench)
     result = bench.finish(task)

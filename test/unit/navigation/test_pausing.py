@@ -92,7 +92,7 @@ def test_the_time_of_a_pause_is_held_against_nobody(make_bench, trouble, outcome
     elif trouble == "no pose":
         bench.robot.lost = "no transform"
     elif trouble == "no motion":
-        bench.robot.reported = STOP
+        bench.robot.held = True
     else:
         bench.script.velocity = STOP
     for paused, seconds in ((False, 0.5), (True, 60.0), (False, 0.5)):

@@ -201,11 +201,19 @@ def test_a_client_is_told_that_nobody_moves_the_wheels_without_recoveries_that_n
         make_bench, silence, tried):
     bench = make_bench(cmd_vel_ignored_tolerance=1.0)
     bench.script.velocity = FORWARD
-    bench.robot.silence, bench.robot.reported = silence, STOP
-    bench.robot.move = lambda seconds: None
+    bench.robot.silence, bench.robot.held = silence, True
     result = bench.finish(bench.navigator.move_base(GOAL))
     assert result.outcome is ControlOutcome.ROBOT_STUCK and silence in result.message
     assert bench.script.calls.get("R1", 0) == tried
+
+
+def test_a_robot_whose_wheels_stop_between_its_commands_is_not_said_to_stand(make_bench):
+    """By a controller of 1 Hz and wheels that heed a command for half a second it stood at each look, and was given up.
+    """
+    bench = make_bench(cmd_vel_ignored_tolerance=1.0)
+    arrive(bench)
+    bench.robot.reported = STOP
+    assert bench.finish(bench.navigator.move_base(GOAL)).outcome is NavigateOutcome.SUCCESS
 
 
 def test_a_transform_that_comes_late_is_no_failure(make_bench):

@@ -198,7 +198,7 @@ def test_a_behaviour_that_moves_nothing_is_given_up_as_a_drive_is(make_bench):
     """A car, which cannot turn on the spot, was told to for 15 s each time, and its goal did not end for a minute."""
     bench = make_bench(recovery_patience=60.0, cmd_vel_ignored_tolerance=5.0)
     bench.script.recovery = steps(10 ** 6, Twist2D(0.0, 0.0, 0.4))
-    bench.robot.reported, started = STOP, bench.now
+    bench.robot.held, started = True, bench.now
     task = bench.navigator.recovery(RecoverGoal("R1"))
     assert bench.finish(task).outcome is RecoveryOutcome.PAT_EXCEEDED and task.ending is Ending.ABORTED
     assert bench.script.cleaned_up == 1 and 5.0 <= bench.now - started < 5.5
@@ -213,7 +213,7 @@ def test_a_behaviour_that_moves_nothing_is_given_up_as_a_drive_is(make_bench):
 def test_a_robot_that_had_to_stand_as_it_set_out_is_not_said_to_have_ignored_commands(make_bench, lose, drives):
     """The time without a scan counted as if it had been told to move."""
     bench = make_bench(recovery_patience=0.0, controller_patience=0.0, cmd_vel_ignored_tolerance=5.0)
-    bench.script.recovery, bench.robot.reported = steps(200), STOP
+    bench.script.recovery, bench.robot.held = steps(200), True
     goal = FollowGoal(scripted.straight_path()) if drives else RecoverGoal("R1")
     task = (bench.navigator.exe_path if drives else bench.navigator.recovery)(goal)
     bench.run(lambda: bench.robot.sent[-1:] == [FORWARD])
@@ -228,11 +228,11 @@ def test_a_robot_that_had_to_stand_as_it_set_out_is_not_said_to_have_ignored_com
     bench.finish(task)
 
 
-@pytest.mark.parametrize("reported, tolerance", [(STOP, 0.0), (FORWARD, 5.0)])
-def test_a_behaviour_is_not_given_up_whose_robot_moves_or_whose_user_wants_that(make_bench, reported, tolerance):
+@pytest.mark.parametrize("held, tolerance", [(True, 0.0), (False, 5.0)])
+def test_a_behaviour_is_not_given_up_whose_robot_moves_or_whose_user_wants_that(make_bench, held, tolerance):
     bench = make_bench(recovery_patience=60.0, cmd_vel_ignored_tolerance=tolerance)
     bench.script.recovery = steps(100)
-    bench.robot.reported = reported
+    bench.robot.held = held
     assert bench.finish(bench.navigator.recovery(RecoverGoal("R1"))).outcome is RecoveryOutcome.SUCCESS
 
 
