@@ -180,7 +180,9 @@ TABLE = {
 
 @pytest.mark.parametrize("outcome", list(TABLE), ids=str)
 def test_an_outcome_comes_from_its_cause(make_bench, outcome):
-    bench = make_bench(planner_max_retries=0, controller_max_retries=0, oscillation_timeout=3.0, cmd_vel_ignored_tolerance=2.0, recovery_patience=5.0)
+    bench = make_bench(
+        planner_max_retries=0, controller_max_retries=0, oscillation_timeout=3.0, cmd_vel_ignored_tolerance=2.0,
+        recovery_patience=5.0)
     provoke, ending = TABLE[outcome]
     task = provoke(bench)
     result = bench.finish(task)
