@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Tuple
+from typing import Any, List, Mapping, Tuple, Type, TypeVar
 
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.parameters import parameter
+
+D = TypeVar("D", bound="DwaParameters")
 
 
 @dataclass(frozen=True)
@@ -93,3 +95,17 @@ class DwaParameters(FollowerParameters):
     odom_topic: str = parameter(
         "", "topic of the robot's odometry, where the server's own odom_topic is not given; read at start")
     global_frame_id: str = parameter("odom", "read, and without effect: the clouds are in the costmap's frame")
+
+    @classmethod
+    def read(cls: Type[D], values: Mapping[str, Any]) -> Tuple[D, List[str]]:
+        """Make one as FollowerParameters.read does, of a robot that only drives sideways where something says it can.
+
+        The default of C++, 0.1 m/s either way, sends sideways velocities to wheels that cannot follow: they stand.
+        """
+        given = cls.known(values)
+        if given.get("acc_lim_y") == 0.0 or not given.get("max_vel_y", 0.0) == given.get("min_vel_y", 0.0) == 0.0:
+            return super().read(values)
+        parameters, notes = super().read({**values, "max_vel_y": 0.0, "min_vel_y": 0.0})
+        if "max_vel_y" not in given:
+            notes = [*notes, "parameter max_vel_y is not given: 0 is used, for wheels that only roll"]
+        return parameters, notes

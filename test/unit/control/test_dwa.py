@@ -263,3 +263,18 @@ def test_a_sideways_robot_uses_its_legs():
     controller = on_the_way(max_vel_y=0.2, min_vel_y=-0.2, acc_lim_y=2.5, vy_samples=9, twirling_scale=50.0)
     controller.set_path(path_through((0, 0.05), (1.0, 0.05)), True)
     assert controller.compute_velocity(state(velocity=Twist2D(0.15, 0.0, 0.0))).y > 0.0
+
+
+@pytest.mark.parametrize("given, lowest, highest, told", [
+    ({}, 0.0, 0.0, ["max_vel_y"]),
+    ({"max_vel_y": 0.0}, 0.0, 0.0, []),
+    ({"acc_lim_y": 0.0}, 0.0, 0.0, []),
+    ({"max_vel_y": 0.3}, -0.1, 0.3, []),
+    ({"max_vel_y": 0.2, "min_vel_y": -0.2}, -0.2, 0.2, []),
+])
+def test_a_robot_whose_file_says_nothing_of_driving_sideways_is_not_told_to(given, lowest, highest, told):
+    """It was told to drive aside by 0.1 m/s, as C++ would have it, which its wheels cannot: it stood, and was given up.
+    """
+    parameters, notes = DwaParameters.read(given)
+    assert (parameters.min_vel_y, parameters.max_vel_y) == (lowest, highest)
+    assert [note.split()[1] for note in notes] == told

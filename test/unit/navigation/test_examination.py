@@ -24,7 +24,7 @@ SERVER = {
     "recovery_behaviors": [{"name": "turn", "type": "rotate_recovery/RotateRecovery"}],
     "local_costmap": {"robot_radius": 0.2, "rolling_window": True, "observation_sources": "scan", "scan": {}},
     "global_costmap": {"robot_radius": 0.2},
-    "dwa": {"max_vel_x": 0.3}, "navfn": {}, "turn": {},
+    "dwa": {"max_vel_x": 0.3, "max_vel_y": 0.0}, "navfn": {}, "turn": {},
 }
 
 
