@@ -67,6 +67,7 @@ class CounterSteering(Critic):
 
     STRAIGHT = 0.02  # of the top rotational speed: a slower turn has no side
     WHOLE = 0.04  # of the top rotational speed: a turn from which on all is charged
+    TURNED = 0.25  # rad: within sim_time by the turns in reach; of a robot that can turn less than that less is charged
 
     def __init__(self, name: str, parameters: DwaParameters) -> None:
         super().__init__(name, parameters)
@@ -81,7 +82,8 @@ class CounterSteering(Critic):
         """Return 0 to 1."""
         whole = max(self.WHOLE * self.parameters.max_vel_theta, 1e-6)
         charge = np.minimum(np.maximum(-self._side * trajectories.velocities[:, 2] / whole, 0.0), 1.0)
-        return np.asarray(data.horizon_scale * charge)
+        reach = 0.5 * (data.window.high.theta - data.window.low.theta) * self.parameters.sim_time
+        return np.asarray(data.horizon_scale * min(1.0, reach / self.TURNED) * charge)
 
     def driven(self, command: Twist2D, data: CriticData) -> None:
         """Note the side."""
