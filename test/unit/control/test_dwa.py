@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from kinematics import TURTLEBOT3, boxes, costmap_round, discs, drive, nowhere, path_through
+from kinematics import TURTLEBOT3, PaperRobot, boxes, costmap_round, discs, drive, nowhere, path_through
 from paper import burger
 
 from mbf_relay.control import CONTROLLERS
@@ -278,3 +278,17 @@ def test_a_robot_whose_file_says_nothing_of_driving_sideways_is_not_told_to(give
     parameters, notes = DwaParameters.read(given)
     assert (parameters.min_vel_y, parameters.max_vel_y) == (lowest, highest)
     assert [note.split()[1] for note in notes] == told
+
+
+def test_a_robot_slow_to_turn_follows_a_path_that_bends_to_and_fro():
+    """To turn to the other side cost more than it could gain by the turns in reach: it drove straight off its path until
+    that lay 57 degrees aside, stopped and turned on the spot, and so on.
+    """
+    controller = DwaController("dwa", burger(
+        max_vel_x=0.5, max_vel_trans=0.5, max_vel_theta=0.3, min_vel_theta=0.0, acc_lim_x=1.0, acc_lim_theta=0.5))
+    path = path_through((0.0, 0.0), (2.0, 0.5), (4.0, 0.0), (6.0, 0.5), (8.0, 0.0))
+    driven = drive(controller, path, Pose2D(0.0, 0.0, 0.0), robot=PaperRobot(Pose2D(0.0, 0.0, 0.0), 1.0, 0.5))
+    places = np.array([(pose.x, pose.y) for pose in driven.poses])
+    gaps = np.hypot(*(places[:, None] - path.poses[None, :, :2]).transpose(2, 0, 1)).min(axis=1)
+    assert driven.reached and gaps.max() < 0.3
+    assert not any(command.speed() == 0.0 for command in driven.commands[5:-10])
