@@ -281,8 +281,8 @@ def test_a_robot_whose_file_says_nothing_of_driving_sideways_is_not_told_to(give
 
 
 def test_a_robot_slow_to_turn_follows_a_path_that_bends_to_and_fro():
-    """To turn to the other side cost more than it could gain by the turns in reach: it drove straight off its path until
-    that lay 57 degrees aside, stopped and turned on the spot, and so on.
+    """To turn to the other side cost more than it could gain by the turns in reach: it drove straight off its path,
+    until that lay 57 degrees aside, stopped and turned on the spot, and so on.
     """
     controller = DwaController("dwa", burger(
         max_vel_x=0.5, max_vel_trans=0.5, max_vel_theta=0.3, min_vel_theta=0.0, acc_lim_x=1.0, acc_lim_theta=0.5))
