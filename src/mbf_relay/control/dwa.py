@@ -20,6 +20,7 @@ from mbf_relay.planning.path import Path
 from mbf_relay.plugins import failures_of, find_class
 
 LEAST_GAIN = 0.01  # robot's widths off the path by which a trajectory's end must be better than standing
+LEAST_SHARE = 0.1  # of the way that the fastest in reach leads: as much will do, for who has just begun to accelerate
 
 
 class DwaController(PathFollower):
@@ -172,7 +173,8 @@ class DwaController(PathFollower):
         if len(costs) == 0:
             return True
         gain = costs[:, -1].sum() - costs[:, explanation.winner].sum()
-        return bool(gain > LEAST_GAIN * width * self.parameters.path_distance_bias)
+        reach = float(np.hypot(*explanation.velocities[:, :2].T).max()) * self.parameters.sim_time
+        return bool(gain > min(LEAST_GAIN * width, LEAST_SHARE * reach) * self.parameters.path_distance_bias)
 
     def report(self, cycle: ControlCycle, drove: bool) -> CycleReport:
         """Return the batch of trajectories, their costs and why the winner won."""

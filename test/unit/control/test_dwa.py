@@ -292,3 +292,13 @@ def test_a_robot_slow_to_turn_follows_a_path_that_bends_to_and_fro():
     gaps = np.hypot(*(places[:, None] - path.poses[None, :, :2]).transpose(2, 0, 1)).min(axis=1)
     assert driven.reached and gaps.max() < 0.3
     assert not any(command.speed() == 0.0 for command in driven.commands[5:-10])
+
+
+def test_a_robot_that_accelerates_gently_sets_out():
+    """In the first fiftieth of a second it came to 1 mm/s, which was not worth it, and it stood until it was given up."""
+    controller = DwaController("dwa", burger(max_vel_x=0.5, max_vel_trans=0.5, acc_lim_x=0.05, acc_lim_theta=0.1))
+    start = Pose2D(0.0, 0.0, 0.0)
+    driven = drive(
+        controller, path_through((0.0, 0.0), (1.0, 0.0)), start, period=0.02, seconds=20.0,
+        robot=PaperRobot(start, 0.05, 0.1))
+    assert driven.reached, driven.error
