@@ -295,7 +295,7 @@ def test_a_robot_slow_to_turn_follows_a_path_that_bends_to_and_fro():
 
 
 def test_a_robot_that_accelerates_gently_sets_out():
-    """In the first fiftieth of a second it came to 1 mm/s, which was not worth it, and it stood until it was given up."""
+    """In the first fiftieth of a second it came to 1 mm/s, which was not worth it: it stood and was given up."""
     controller = DwaController("dwa", burger(max_vel_x=0.5, max_vel_trans=0.5, acc_lim_x=0.05, acc_lim_theta=0.1))
     start = Pose2D(0.0, 0.0, 0.0)
     driven = drive(
