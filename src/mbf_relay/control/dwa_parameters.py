@@ -15,6 +15,10 @@ D = TypeVar("D", bound="DwaParameters")
 class DwaParameters(FollowerParameters):
     """Parameters of DwaController, as dwa_local_planner/DWAPlannerROS reads them (ROS Noetic)."""
 
+    max_vel_y: float = parameter(
+        0.1, "top velocity to the left; 0 where a file gives neither this nor min_vel_y", "m/s")
+    min_vel_y: float = parameter(
+        -0.1, "lowest velocity to the left; 0 where a file gives neither this nor max_vel_y above 0", "m/s")
     sim_time: float = parameter(1.7, "how far ahead trajectories reach", "s", above=0.0)
     sim_granularity: float = parameter(0.025, "distance between checked points of a trajectory", "m", above=0.0)
     angular_sim_granularity: float = parameter(0.1, "turn between checked points of a trajectory", "rad", above=0.0)
