@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Optional, Tuple, Type
 
 import numpy as np
 
-from mbf_relay.control.back_out import BackOut
+from mbf_relay.control.back_out import ASKEW, BackOut
 from mbf_relay.control.braking import braked_on_its_arc, brakes_free, where_it_sees
 from mbf_relay.control.checkers import FACING, BlockedGoalChecker, GoalChecker, StuckChecker
 from mbf_relay.control.controller import Controller
@@ -352,8 +352,7 @@ class PathFollower(Controller, abc.ABC):
         self._turn_left = way
         return self._turn(cycle, way, cycle.window.still)
 
-    @staticmethod
-    def nothing_left(cycle: ControlCycle, reason: str) -> ControlError:
+    def nothing_left(self, cycle: ControlCycle, reason: str) -> ControlError:
         """Return the error for a cycle in which nothing can be driven: COLLISION, BLOCKED_PATH or NO_VALID_CMD."""
         pose: Pose2D = cycle.state.pose
         if cycle.checker.contacts_at(pose):
@@ -368,4 +367,15 @@ class PathFollower(Controller, abc.ABC):
                 ControlOutcome.BLOCKED_PATH,
                 f"an obstacle stands on the path {arc - cycle.path.robot_arc:.2f} m ahead: {reason}",
             )
-        return ControlError(ControlOutcome.NO_VALID_CMD, f"no velocity is left to drive: {reason}")
+        why = self._no_room_to_turn(cycle) or "no velocity is left to drive"
+        return ControlError(ControlOutcome.NO_VALID_CMD, f"{why}: {reason}")
+
+    def _no_room_to_turn(self, cycle: ControlCycle) -> str:
+        """Return that the robot cannot turn to where its path leads, empty where it can."""
+        pose, width = cycle.state.pose, cycle.state.costmap.width
+        ahead = cycle.path.point_at(min(cycle.path.robot_arc + width, cycle.path.goal_arc))
+        error = angle_between(pose.theta, math.atan2(ahead[1] - pose.y, ahead[0] - pose.x))
+        if abs(error) < ASKEW or free_way_round(cycle.checker, pose, error) is not None:
+            return ""
+        backwards = "" if self.parameters.min_vel_x < 0.0 else ", and it may not drive backwards"
+        return f"the path leads off by {math.degrees(error):.0f} degrees and there is no room to turn there{backwards}"

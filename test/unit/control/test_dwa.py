@@ -1,5 +1,6 @@
 """What is the DWA controller's own: parameters by their old names, explanations, critics by name, what it shows."""
 
+import functools
 import math
 import os
 import sys
@@ -302,3 +303,16 @@ def test_a_robot_that_accelerates_gently_sets_out():
         controller, path_through((0.0, 0.0), (1.0, 0.0)), start, period=0.02, seconds=20.0,
         robot=PaperRobot(start, 0.05, 0.1))
     assert driven.reached, driven.error
+
+
+@pytest.mark.parametrize("backwards", [0.0, -0.2])
+def test_who_asks_why_a_long_robot_stands_at_a_turning_is_told_that_it_cannot_turn_there(backwards):
+    """Of 371 velocities none was ruled out, and none left: that was all its owner was told."""
+    controller = DwaController("dwa", burger(min_vel_x=backwards))
+    long = 0.5 * np.array([(-0.6, -0.2), (0.6, -0.2), (0.6, 0.2), (-0.6, 0.2)])
+    walls = boxes((-2.0, -0.3, 2.0, -0.16), (-2.0, 0.16, -0.15, 0.4), (0.15, 0.16, 2.0, 0.4))
+    driven = drive(
+        controller, path_through((0.0, 0.0), (0.0, 1.5)), Pose2D(0.0, 0.0, 0.0), walls, seconds=20.0,
+        costmap=functools.partial(costmap_round, footprint=long), footprint=long)
+    told = driven.error.message
+    assert "and there is no room to turn there" in told and ("it may not drive backwards" in told) is (backwards == 0.0)
