@@ -103,7 +103,8 @@ class Evasion:
         cost = self._foresight.costs(meeting, whole.counts * whole.steps, self._pose, -BETTER if flees else BETTER)[0]
         runs_into = self._foresight.runs_into(*arcs)
         if math.isinf(cost) or runs_into.all():
-            return window.still
+            braked = arcs_to_a_stand(self._parameters, self._state, self._checker, still[None])
+            return STOP if self._foresight.runs_into(*braked).any() else window.still
         return Twist2D(*held_back[int(np.argmin(runs_into))].tolist())
 
     def _way_out(self, velocity: Twist2D, wanted: Twist2D, window: VelocityWindow) -> Tuple[Twist2D, bool]:

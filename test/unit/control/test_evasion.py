@@ -190,3 +190,17 @@ def test_a_way_out_costs_by_how_long_it_is_in_somebody_s_way_and_in_obstacles_an
     free = evasion._checker.first_contacts(poses, np.full(40, evasion._steps), np.ones(40), START).steps
     blocked = np.where(free < evasion._steps, BLOCKED * (1.0 + (evasion._steps - free) * evasion._step), 0.0)
     assert evasion._judged(poses)[0] == pytest.approx(costs + blocked) and 0 < np.count_nonzero(blocked) < 40
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_a_robot_whose_file_asks_for_gentle_braking_is_told_to_stand_before_somebody(turn):
+    """It braked by the 0.05 m/s^2 of its file, and drove on for metres towards somebody who stood in its way."""
+    gentle = dataclasses.replace(FAST, acc_lim_x=0.05, acc_lim_theta=0.1)
+    velocity = Twist2D(0.6, 0.0, turn)
+    costmap = dataclasses.replace(
+        costmap_round(START, now=0.0), tracks=(Track(1, 0.0, 0.6, 0.0, -0.3, 0.0, 0.11, 1e-4, 0.0, 1e-4),))
+    state, tracker = ControlState(0.0, START, velocity, costmap, IDENTITY, 0.1), PathTracker()
+    tracker.set_path(path_through((0.0, 0.0), (2.0, 0.0)))
+    evasion = Evasion(
+        gentle, Foresight(costmap, START, 0.0, gentle), state, SpeedLimit(), 0.0, tracker.cut(state, 0.5, 1.5, 1.0))
+    assert evasion.command(velocity, velocity) == STOP
