@@ -143,7 +143,8 @@ class ServerWatch:
         self._add_silence()
         if self._lifeless >= SILENT_FOR and now - self._asked_at >= SILENT_FOR / 2.0:
             self._asked_at = now
-            answer = ask_node(self._node, self._address)
+            # one that is not connected by name, or not yet, may have been started anew: the master knows where it is
+            answer = ask_node(self._node, self._connections().get(self._node, ""))
             if answer == GONE:
                 return f"died: its node {self._node} does not exist any more"
             self._add_silence()

@@ -99,6 +99,16 @@ def test_a_server_that_died_is_lost_though_its_connection_seems_to_stand(world):
     assert not world.watch.is_up
 
 
+def test_a_server_started_anew_that_freezes_as_it_is_connected_is_not_said_to_have_died(world):
+    """It was asked for where the one before had been, since it had not told its name yet: nobody is there any more."""
+    connect(world)
+    half_open = Link("http://here:2")
+    half_open.callerid_pub = ""
+    world.links[:], world.alive, world.mute = [half_open], set(), {"", "http://here:2"}
+    assert "hangs" in looks(world, 10.0)
+    assert "http://here:1" not in world.asked
+
+
 @pytest.mark.parametrize("answers", [True, False], ids=["answers", "mute"])
 @pytest.mark.parametrize("clock_runs", [True, False], ids=["time passes", "time stands"])
 def test_a_server_that_falls_silent_is_lost_after_a_while_unless_it_waits_for_the_clock(world, answers, clock_runs):
