@@ -15,6 +15,9 @@ from mbf_relay.control.trajectories import MOST_POSES, require_room
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Twist2D
 
+CREEPING = 0.5, 0.25, 0.125
+"""Shares of a command that are tried where it leads out of sight and the robot stands."""
+
 
 def braking_time(parameters: FollowerParameters, command: Twist2D, period: float) -> float:
     """Return the time (s) at the command's velocity that leads as far as holding it for a period and braking then."""
@@ -132,7 +135,8 @@ def where_it_sees(parameters: FollowerParameters, cycle: ControlCycle, command: 
     """Return a command, or to brake on the arc the robot is on where the command's sweeps over what is out of sight.
 
     What stands behind an obstacle shows when the robot is round it, and may then be nearer than its way to a stand. Of
-    one that touches already, what it touches hides the ground beside it.
+    one that touches already, what it touches hides the ground beside it. One that stands creeps on until it sees:
+    nothing else would end its standing.
 
     Args:
         parameters: Limits.
@@ -140,7 +144,15 @@ def where_it_sees(parameters: FollowerParameters, cycle: ControlCycle, command: 
         command: Free as far as obstacles are seen.
     """
     state, checker = cycle.state, cycle.checker
-    if command.speed() == 0.0 or checker.contacts_at(state.pose):
+
+    def is_seen(tried: Twist2D) -> bool:
+        way = arc(checker, state, tried, stopping_time(parameters, tried, state.period))
+        return checker.sees_way(state.pose, way)
+
+    if command.speed() == 0.0 or checker.contacts_at(state.pose) or is_seen(command):
         return command
-    way = arc(checker, state, command, stopping_time(parameters, command, state.period))
-    return command if checker.sees_way(state.pose, way) else braked_on_its_arc(parameters, cycle)
+    braked = braked_on_its_arc(parameters, cycle)
+    if braked.speed() > 0.0:
+        return braked
+    slower = [Twist2D(*(share * part for part in command)) for share in CREEPING]
+    return next(filter(is_seen, slower), slower[-1])

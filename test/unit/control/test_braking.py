@@ -105,7 +105,7 @@ def test_a_robot_that_hardly_brakes_is_not_followed_for_a_hundred_million_poses(
     assert 10_000 < arcs.counts.sum() <= MOST_POSES
 
 
-def swinging(occupied, velocity, side):
+def swinging(occupied, velocity, side, period=PERIOD):
     """Return what becomes of the command to swing round to a side at 0.78 m/s, and that command."""
     controller = make(
         "regulated_pure_pursuit", max_vel_x=TOP, max_vel_trans=TOP, desired_linear_vel=TOP, acc_lim_x=0.74)
@@ -118,7 +118,7 @@ def swinging(occupied, velocity, side):
     controller.drive = drive
     controller.set_path(path_through((0.0, 0.0), (2.0, 0.0)), True)
     command = controller.compute_velocity(
-        ControlState(0.0, HERE, velocity, costmap_round(HERE, occupied), IDENTITY, PERIOD))
+        ControlState(0.0, HERE, velocity, costmap_round(HERE, occupied), IDENTITY, period))
     return command, asked[0]
 
 
@@ -139,3 +139,14 @@ def test_one_that_stands_beside_an_obstacle_drives_on_though_it_does_not_see_beh
     low, high = sorted((side * 0.13, side * 0.46))
     command, asked = swinging(boxes((-0.14, low, 0.14, high)), STOP, side)
     assert command == asked and command.speed() > 0.0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_one_that_stands_and_would_swing_over_what_it_does_not_see_creeps_on_until_it_does(side):
+    """By cycles of a second each command led out of sight: it was told to stand each time, and stood for minutes."""
+    low, high = sorted((side * 0.18, side * 0.46))
+    occupied = boxes((-0.14, low, 0.14, high))
+    moving, _ = swinging(occupied, Twist2D(0.73, 0.0, side * 2.3), side)
+    command, asked = swinging(occupied, STOP, side, period=1.0)
+    assert 0.0 < command.speed() < asked.speed() and moving.speed() > 0.0
+    assert command.theta / command.x == pytest.approx(asked.theta / asked.x)
