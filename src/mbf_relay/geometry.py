@@ -61,6 +61,10 @@ class Pose2D(NamedTuple):
         """Return the distance (m) between the two positions."""
         return math.hypot(other.x - self.x, other.y - self.y)
 
+    def is_apart(self, other: Pose2D, distance: float, angle: float) -> bool:
+        """Return whether the other lies farther than `distance` (m) away or is turned by more than `angle` (rad)."""
+        return self.distance_to(other) > distance or abs(angle_between(self.theta, other.theta)) > angle
+
     def is_finite(self) -> bool:
         """Return whether no coordinate is NaN or infinite."""
         return math.isfinite(self.x) and math.isfinite(self.y) and math.isfinite(self.theta)

@@ -34,6 +34,12 @@ TURN_WORTH = 3.0  # of way that a radian counts as by which it could not turn to
 CURVATURES = np.array([0.0, 0.35, -0.35, 0.7, -0.7, 1.15, -1.15])  # of the arcs tried, one over a width
 
 
+def direction_of(path: LocalPath, pose: Pose2D, width: float) -> Tuple[np.ndarray, float]:
+    """Return a path's point a little ahead of a robot of a width (m), and how far (rad) that is off its heading."""
+    ahead = path.point_at(path.robot_arc + AHEAD * width)
+    return ahead, angle_between(pose.theta, math.atan2(ahead[1] - pose.y, ahead[0] - pose.x))
+
+
 class BackOut:
     """Decides when to back out, along which arc or how far the way it came, and when that is enough.
 
@@ -100,9 +106,8 @@ class BackOut:
                 self._best_left = min(self._best_left, path.remaining)
                 self._set_out(pose, turn.poses[-1], turn.arcs[-1], turn)
             return
-        ahead = path.point_at(min(path.robot_arc + AHEAD * width, float(path.arcs[-1])))
-        heading = math.atan2(ahead[1] - pose.y, ahead[0] - pose.x)
-        if abs(angle_between(pose.theta, heading)) < ASKEW:
+        ahead, error = direction_of(path, pose, width)
+        if abs(error) < ASKEW:
             return
         self._best_left = min(self._best_left, path.remaining)
         bends = CURVATURES if parameters.max_vel_theta > 0.0 else CURVATURES[:1]

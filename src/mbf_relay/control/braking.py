@@ -15,7 +15,7 @@ from mbf_relay.control.trajectories import MOST_POSES, require_room
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Twist2D
 
-CREEPING = 0.5, 0.25, 0.125
+SLOWER = 0.5, 0.25, 0.125
 """Shares of a command that are tried where it leads out of sight and the robot stands."""
 
 
@@ -154,5 +154,5 @@ def where_it_sees(parameters: FollowerParameters, cycle: ControlCycle, command: 
     braked = braked_on_its_arc(parameters, cycle)
     if braked.speed() > 0.0:
         return braked
-    slower = [Twist2D(*(share * part for part in command)) for share in CREEPING]
+    slower = [Twist2D(*(share * part for part in command)) for share in SLOWER]
     return next(filter(is_seen, slower), slower[-1])

@@ -126,8 +126,7 @@ class StuckChecker:
         self._asked_angle += abs(last_command.theta) * elapsed
         since, pose = self._reference
         least = MOVED_DISTANCE * state.costmap.width
-        moved = pose.distance_to(here) > least or abs(angle_between(pose.theta, here.theta)) > MOVED_ANGLE
-        if moved:
+        if pose.is_apart(here, least, MOVED_ANGLE):
             self._restart(state)
         elif timeout > 0.0 and now - since >= timeout + state.delay and (
             self._asked_distance > 2.0 * least or self._asked_angle > 2.0 * MOVED_ANGLE

@@ -25,7 +25,7 @@ EFFORT = 0.02  # share of its time that driving costs: of ways out as good, the 
 TURN_WORTH = 0.5  # robot's widths that a radian of turning counts as there
 TOLERANCE = 0.1  # s by which a way out must be better than what the robot is about to do
 FLEES = 0.02  # s less exposed than standing: from which on the robot flees
-SHARES = np.linspace(1.0, 0.0, 9)[:-1]  # of a command, the rest braking, that are looked at
+SHARES = np.linspace(1.0, 0.0, 9)  # of a command, the rest braking, that are looked at; the last one only brakes
 LEAST_SPEED = 1e-3  # m/s that a robot is taken to drive at
 
 def _manoeuvres(width: float, backwards: bool, on_the_spot: bool) -> np.ndarray:
@@ -102,9 +102,8 @@ class Evasion:
         meeting = self._foresight.meetings(*whole)
         cost = self._foresight.costs(meeting, whole.counts * whole.steps, self._pose, -BETTER if flees else BETTER)[0]
         runs_into = self._foresight.runs_into(*arcs)
-        if math.isinf(cost) or runs_into.all():
-            braked = arcs_to_a_stand(self._parameters, self._state, self._checker, still[None])
-            return STOP if self._foresight.runs_into(*braked).any() else window.still
+        if math.isinf(cost) or runs_into[:-1].all():
+            return STOP if runs_into[-1] else window.still
         return Twist2D(*held_back[int(np.argmin(runs_into))].tolist())
 
     def _way_out(self, velocity: Twist2D, wanted: Twist2D, window: VelocityWindow) -> Tuple[Twist2D, bool]:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Optional, Tuple, Type
 
 import numpy as np
 
-from mbf_relay.control.back_out import ASKEW, BackOut
+from mbf_relay.control.back_out import ASKEW, BackOut, direction_of
 from mbf_relay.control.braking import braked_on_its_arc, brakes_free, where_it_sees
 from mbf_relay.control.checkers import FACING, BlockedGoalChecker, GoalChecker, StuckChecker
 from mbf_relay.control.controller import Controller
@@ -372,9 +372,8 @@ class PathFollower(Controller, abc.ABC):
 
     def _no_room_to_turn(self, cycle: ControlCycle) -> str:
         """Return that the robot cannot turn to where its path leads, empty where it can."""
-        pose, width = cycle.state.pose, cycle.state.costmap.width
-        ahead = cycle.path.point_at(min(cycle.path.robot_arc + width, cycle.path.goal_arc))
-        error = angle_between(pose.theta, math.atan2(ahead[1] - pose.y, ahead[0] - pose.x))
+        pose = cycle.state.pose
+        _ahead, error = direction_of(cycle.path, pose, cycle.state.costmap.width)
         if abs(error) < ASKEW or free_way_round(cycle.checker, pose, error) is not None:
             return ""
         backwards = "" if self.parameters.min_vel_x < 0.0 else ", and it may not drive backwards"

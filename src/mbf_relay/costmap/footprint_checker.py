@@ -91,12 +91,10 @@ class FootprintChecker:
         headings = np.ascontiguousarray(poses[:, 2:])
         sines, cosines = np.sin(headings), np.cos(headings)
         x, y = self._corners.T
-        left, bottom, resolution = self._place
-        height, width = self._costs.shape
-        columns = (poses[:, :1] + cosines * x - sines * y - left) / resolution
-        rows = (poses[:, 1:2] + sines * x + cosines * y - bottom) / resolution
-        inside: np.ndarray = ((columns >= 0.0) & (columns < width) & (rows >= 0.0) & (rows < height)).all(axis=1)
-        return ~inside
+        corners = np.stack((poses[:, :1] + cosines * x - sines * y, poses[:, 1:2] + sines * x + cosines * y), axis=2)
+        grid = self.costmap.grid
+        inside = grid.contains_cells(grid.cells_at(corners.reshape(-1, 2))).reshape(corners.shape[:2])
+        return ~np.asarray(inside.all(axis=1))
 
     def contacts_at(self, pose: Pose2D, scale: float = 1.0) -> int:
         """Return how many points of the outline, a third of a cell apart, lie on an obstacle at a pose."""

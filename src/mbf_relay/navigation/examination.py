@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Sequence, Type
 
 from mbf_relay.costmap.factory import SEARCHED_NAMES, build_costmap, unknown_names
-from mbf_relay.navigation.move_base_files import recovery_trouble, server_config
+from mbf_relay.navigation.move_base_files import recovery_notes, server_config
 from mbf_relay.navigation.move_base_parameters import OTHER_MOVE_BASE_NAMES, MoveBaseParameters
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS, PluginList
@@ -89,9 +89,8 @@ def examine_move_base(namespace: Mapping[str, Any], known_elsewhere: Iterable[st
         except ValueError as error:
             found.add(REFUSED, _named_in(str(error), "local_costmap"), str(error))
             return found
-        trouble = recovery_trouble(namespace)
-        if trouble:
-            found.add(CLAMPED, "recovery_behaviors", trouble)
+        for note in recovery_notes(namespace):
+            found.add(CLAMPED, "recovery_behaviors", note)
         _examine(found)
     return found
 

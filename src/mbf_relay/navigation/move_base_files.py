@@ -60,16 +60,16 @@ def default_recoveries(values: Any) -> Tuple[str, ...]:
 
 def lists_recoveries(namespace: Mapping[str, Any]) -> bool:
     """Return whether a file lists recoveries that move_base takes; with one entry wrong it takes its default ones."""
-    return "recovery_behaviors" in namespace and not recovery_trouble(namespace)
+    return "recovery_behaviors" in namespace and not recovery_notes(namespace)
 
 
-def recovery_trouble(namespace: Mapping[str, Any]) -> str:
-    """Return why the default recoveries stand in for those that a file lists, empty where they do not."""
+def recovery_notes(namespace: Mapping[str, Any]) -> List[str]:
+    """Return why the default recoveries stand in for those that a file lists, nothing where they do not."""
     try:
         entries_of("recovery_behaviors", namespace.get("recovery_behaviors", []), "global")
     except PluginError as error:
-        return f"{error}; the default recovery behaviors are used, as move_base does"
-    return ""
+        return [f"{error}; the default recovery behaviors are used, as move_base does"]
+    return []
 
 
 def server_config(namespace: Mapping[str, Any], values: Any) -> Dict[str, Any]:

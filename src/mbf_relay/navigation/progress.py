@@ -13,7 +13,7 @@ from mbf_relay.timing import Stopwatch
 
 STOPPED = 1e-3
 """m/s and rad/s below which a robot counts as standing and a command as zero."""
-MOVED_DISTANCE, MOVED_ANGLE = 0.02, 0.05
+MOVED = 0.02, 0.05
 """Metres and radians by which a robot that stands is somewhere else: more than its poses differ while it does."""
 
 
@@ -127,14 +127,10 @@ class IgnoredCommands:
         """Take a cycle's command and the robot's velocity and pose; return for how long (s) it has ignored commands."""
         if not _is_zero(velocity) or _is_zero(command):
             self._since.reset()
-        elif not self._since.running or self._has_moved(pose):
+        elif not self._since.running or self._place.is_apart(pose, *MOVED):
             self._since.start(now)
             self._place = pose
         return self._since.elapsed(now)
-
-    def _has_moved(self, pose: Pose2D) -> bool:
-        turned = abs(angle_between(self._place.theta, pose.theta))
-        return self._place.distance_to(pose) > MOVED_DISTANCE or turned > MOVED_ANGLE
 
     def told(self, now: float, command: Twist2D) -> str:
         """Return for how long it has ignored commands, and the last one."""

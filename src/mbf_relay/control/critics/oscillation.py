@@ -9,7 +9,7 @@ import numpy as np
 from mbf_relay.control.critics.critic import RULED_OUT, Critic, CriticData
 from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.trajectories import Trajectories
-from mbf_relay.geometry import Pose2D, Twist2D, angle_between
+from mbf_relay.geometry import Pose2D, Twist2D
 
 COMPONENTS = ("x", "y", "theta")
 
@@ -73,7 +73,5 @@ class Oscillation(Critic):
 
     def _moved(self, pose: Pose2D) -> bool:
         assert self._since is not None
-        return (
-            pose.distance_to(self._since) > self.parameters.oscillation_reset_dist
-            or abs(angle_between(self._since.theta, pose.theta)) > self.parameters.oscillation_reset_angle
-        )
+        p = self.parameters
+        return self._since.is_apart(pose, p.oscillation_reset_dist, p.oscillation_reset_angle)

@@ -13,7 +13,7 @@ import rospy
 from geometry_msgs.msg import PoseStamped
 
 from mbf_relay.costmap.factory import SEARCHED_NAMES
-from mbf_relay.navigation.move_base_files import recovery_trouble, server_config
+from mbf_relay.navigation.move_base_files import recovery_notes, server_config
 from mbf_relay.navigation.move_base_parameters import OTHER_MOVE_BASE_NAMES, MoveBaseParameters
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.ros.common import parameters as ros_parameters
@@ -53,7 +53,7 @@ class MoveBaseServer(ServerSide):
         )
         values = ros_parameters.fill(MoveBaseParameters, namespace, "~", elsewhere)
         self.settings = OwnSettings(values, namespace)
-        ros_parameters.warn_of(filter(None, [recovery_trouble(namespace)]), "~")
+        ros_parameters.warn_of(recovery_notes(namespace), "~")
         relays = set(RelayParameters.names()) - set(NavigatorParameters.names())
         config = {name: value for name, value in server_config(namespace, values).items() if name not in relays}
         self._global_frame = config["global_frame"]
