@@ -63,8 +63,8 @@ def _read_stl(path: str) -> np.ndarray:
 def _read_obj(path: str) -> np.ndarray:
     corners: List[List[float]] = []
     faces: List[List[int]] = []
-    with files.open_regular(path, LARGEST_MESH) as file:
-        for line in io.TextIOWrapper(file, encoding="utf-8", errors="replace"):
+    with io.TextIOWrapper(files.open_regular(path, LARGEST_MESH), encoding="utf-8", errors="replace") as file:
+        for line in file:
             words = line.split()
             if words[:1] == ["v"]:
                 corners.append([float(word) for word in words[1:4]])
@@ -87,8 +87,8 @@ def _read_collada(path: str) -> np.ndarray:
     geometries = {g.get("id"): _collada_geometry(g) for g in root.iter("geometry")}
     nodes = {node.get("id"): node for node in root.iter("node") if node.get("id")}
     found: List[np.ndarray] = []
-    for scene in root.iter("visual_scene"):
-        for node in scene.findall("node"):
+    with np.errstate(invalid="ignore"):  # some files have a camera infinitely far away; what shapes are there is seen
+        for node in root.iterfind(".//visual_scene/node"):
             _collada_node(node, np.eye(4), geometries, nodes, found)
     if not found:
         found = list(geometries.values())
@@ -130,7 +130,7 @@ def _collada_transform(element: Element) -> np.ndarray:
         transform[:3, :3] = np.diag(values)
     else:
         half = np.radians(values[3]) / 2.0
-        axis = values[:3] / np.linalg.norm(values[:3])
+        axis = values[:3] / (np.linalg.norm(values[:3]) or 1.0)  # without one, nothing turns
         transform[:3, :3] = Frame.from_quaternion((0.0, 0.0, 0.0), (*np.sin(half) * axis, np.cos(half))).rotation
     return transform
 

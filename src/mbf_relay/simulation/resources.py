@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import List
 from urllib.parse import unquote
 
@@ -11,6 +12,16 @@ from mbf_relay import files
 
 class MissingResource(ValueError):
     """A file that a world refers to is not there; the text names it and where it was looked for."""
+
+    def __init__(self, uri: str, advice: str) -> None:
+        """Say so.
+
+        Args:
+            uri: Its address, as the world has it.
+            advice: Where it was looked for, in brackets, and what to do.
+        """
+        super().__init__(f"'{uri}' was not found {advice}")
+        self.uri, self.advice = uri, advice
 
 
 def find_resource(uri: str, base: str) -> str:
@@ -21,7 +32,7 @@ def find_resource(uri: str, base: str) -> str:
         base: Folder of the file that refers to it.
 
     Raises:
-        MissingResource: There is no such file or folder.
+        MissingResource: There is no such file or folder, or the address is of another kind.
     """
     scheme, separator, rest = uri.partition("://")
     if not separator:
@@ -29,51 +40,76 @@ def find_resource(uri: str, base: str) -> str:
     elif scheme == "file":
         path = unquote(rest)
         candidates = [path if os.path.isabs(path) else os.path.join(base, path)] + _in_folders(
-            path, model_folders(base)
+            path, [*media_folders(base), *model_folders(base)]
         )
     elif scheme == "model":
         candidates = _in_folders(unquote(rest), model_folders(base))
+        candidates += filter(os.path.exists, _in_packages(unquote(rest)))  # where it is a package by that name
     elif scheme == "package":
         candidates = _in_packages(unquote(rest))
     else:
-        raise MissingResource(f"'{uri}' cannot be read: only model://, package:// and file:// addresses are understood")
+        raise MissingResource(uri, "here: only model://, package:// and file:// addresses are understood")
     for candidate in candidates:
         if os.path.exists(candidate):
             return candidate
     hint = {
-        "model": "; set GAZEBO_MODEL_PATH to the folder that holds it",
+        "model": "; set GAZEBO_MODEL_PATH to the folder that holds it, for Gazebo's own a checkout of "
+        "https://github.com/osrf/gazebo_models",
         "package": "; is its package on ROS_PACKAGE_PATH?",
     }
-    raise MissingResource(
-        f"'{uri}' was not found (looked for {', '.join(candidates) or 'nothing'}){hint.get(scheme, '')}"
-    )
+    raise MissingResource(uri, f"(looked for {', '.join(candidates) or 'nothing'}){hint.get(scheme, '')}")
 
 
 def model_folders(base: str) -> List[str]:
-    """Return the folders models are looked for in: GAZEBO_MODEL_PATH, beside the file, ~/.gazebo/models."""
-    folders = [folder for folder in os.environ.get("GAZEBO_MODEL_PATH", "").split(os.pathsep) if folder]
+    """Return the folders models are looked for in.
+
+    Those of GAZEBO_MODEL_PATH, those that the package round the file exports to Gazebo, those beside the file, and
+    ~/.gazebo/models.
+    """
+    folders = _listed("GAZEBO_MODEL_PATH") + _exported(base, "gazebo_model_path")
     return folders + [base, os.path.join(base, "models"), os.path.dirname(base), os.path.expanduser("~/.gazebo/models")]
+
+
+def media_folders(base: str) -> List[str]:
+    """Return the folders other files are looked for in: GAZEBO_RESOURCE_PATH, and those that the package exports."""
+    return _listed("GAZEBO_RESOURCE_PATH") + _exported(base, "gazebo_media_path")
+
+
+def _listed(variable: str) -> List[str]:
+    return [folder for folder in os.environ.get(variable, "").split(os.pathsep) if folder]
+
+
+def _exported(base: str, attribute: str) -> List[str]:
+    """Return the folders that the ROS package round a folder exports to Gazebo."""
+    folder = Path(base).resolve()
+    package = next((f for f in (folder, *folder.parents) if (f / "package.xml").is_file()), None)
+    if package is None:
+        return []
+    try:
+        exports = files.read_xml(str(package / "package.xml")).findall("export/gazebo_ros")
+    except (ValueError, OSError):
+        return []  # another file is being read
+    texts = [export.get(attribute, "").replace("${prefix}", str(package)) for export in exports]
+    return [path for text in texts for path in text.split(os.pathsep) if path]
 
 
 def model_file(folder: str) -> str:
     """Return the SDF file of a model's folder, which its model.config names.
 
     Raises:
-        MissingResource: It has none.
+        ValueError: It has none, or its model.config is no XML.
+        OSError: That cannot be opened.
     """
     config = os.path.join(folder, "model.config")
     if os.path.isfile(config):
-        try:
-            names = [element.text.strip() for element in files.read_xml(config).iter("sdf") if element.text]
-        except ValueError as error:
-            raise MissingResource(str(error)) from error
+        names = [element.text.strip() for element in files.read_xml(config).iter("sdf") if element.text]
         for name in reversed(names):
             if os.path.isfile(os.path.join(folder, name)):
                 return os.path.join(folder, name)
     fallback = os.path.join(folder, "model.sdf")
     if os.path.isfile(fallback):
         return fallback
-    raise MissingResource(f"{folder} holds no model: it must have model.config or model.sdf")
+    raise ValueError(f"{folder} holds no model: it must have model.config or model.sdf")
 
 
 def _in_folders(path: str, folders: List[str]) -> List[str]:

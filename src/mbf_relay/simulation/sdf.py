@@ -2,14 +2,14 @@
 
 Read are models and links with their poses (also `relative_to` a frame, link or model beside them), includes, the
 models' poses of a saved `<state>`, and the collision geometries box, cylinder, sphere, plane and mesh. What is not
-understood is named in one warning each and left out.
+understood, not there or broken is named in a warning and left out, as in Gazebo, as long as something is left.
 """
 
 from __future__ import annotations
 
 import os
 from typing import Dict, List, Optional, Tuple
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
@@ -21,9 +21,8 @@ from mbf_relay.simulation.resources import MissingResource, find_resource, model
 from mbf_relay.simulation.shapes import Body, Box, Cylinder, Mesh, Shape, Sphere
 from mbf_relay.simulation.world import World
 
-ROBOTS = ("turtlebot3", "burger", "waffle")
-"""Beginnings of the names of models that are the robot itself in Gazebo's tutorials' worlds; the burger here is ours.
-"""
+DRIVES = ("diffdrive", "skidsteer", "planarmove", "ackermann", "mecanum", "kobuki", "husky", "roscontrol", "motor")
+"""In the names of plugins that drive a robot, which a world is often saved with; the simulator brings its own."""
 PASSED_OVER = {
     "physics",
     "light",
@@ -73,6 +72,12 @@ MOST_INCLUDES = 10000
 """Files included; one that includes another twice, and so on, would never end."""
 FLAT = 0.999
 """Upward part of a plane's normal from which it lies level."""
+SOON = 200
+"""Bytes of a file within which XML begins."""
+MOST_NAMED = 5
+"""Models or files told by name in one line."""
+BY_ATTRIBUTES = ("1.0", "1.1", "1.2")
+"""Versions of SDF that write as attributes what later ones write as elements."""
 
 
 def read_sdf(path: str) -> World:
@@ -92,7 +97,10 @@ class SdfReader:
     def __init__(self, path: str) -> None:
         self._path = path
         self._bodies: List[Body] = []
-        self._warnings: Dict[str, None] = {}
+        self._warnings: Dict[str, List[str]] = {}
+        self._meshes: Dict[str, np.ndarray] = {}
+        self._left_out: Dict[str, None] = {}
+        self._missing: Dict[str, Tuple[str, MissingResource]] = {}
         self._depth = self._includes = 0
 
     def world(self) -> World:
@@ -100,26 +108,59 @@ class SdfReader:
         root = self._parse(self._path)
         worlds = root.findall("world")
         if len(worlds) > 1:
-            self._warn(f"{len(worlds)} worlds in one file: only the first is taken")
+            self._warn("several worlds in one file: only the first is taken")
         top = worlds[0] if worlds else root
         if not worlds and not root.findall("model"):
             raise ValueError(f"world file {self._path} holds neither a <world> nor a <model>")
         saved = {m.get("name", ""): _pose(m) for m in top.findall("state/model") if m.find("pose") is not None}
         self._children(top, Frame.of(0.0, 0.0), os.path.dirname(os.path.abspath(self._path)), saved, "")
         name = top.get("name") or os.path.splitext(os.path.basename(self._path))[0]
-        return World(name, tuple(self._bodies), Pose2D(0.0, 0.0, 0.0), warnings=tuple(self._warnings))
+        lost = [*self._left_out, *self._missing_in_a_line()]
+        if lost and not self._bodies:
+            raise ValueError(f"world file {self._path}: {'; '.join(lost)}")
+        told = [text.format(_list(names)) for text, names in self._warnings.items()]
+        told += [f"{line}; it is left out" for line in lost]
+        return World(name, tuple(self._bodies), Pose2D(0.0, 0.0, 0.0), warnings=tuple(told))
 
     def _parse(self, path: str) -> Element:
+        with files.open_regular(path) as file:
+            text = file.read()
+        if b"<" not in text[:SOON]:
+            raise ValueError(
+                f"world file {path} is no XML; where it is one of Stage, give the map of its floor plan as the world")
+        declaration = text.find(b"<?xml")
+        if declaration > 0:  # below a comment or an empty line: Gazebo's own parser passes over it there
+            text = text[:declaration] + text[declaration:].partition(b"?>")[2]
         try:
-            root = files.read_xml(path)
+            root = files.parse_xml(text, path)
         except ValueError as error:
             raise ValueError(f"world file {error}") from error
         if root.tag not in ("sdf", "gazebo"):
             raise ValueError(f"world file {path} is no SDF: it begins with <{root.tag}>")
+        if root.get("version") in BY_ATTRIBUTES:
+            _of_attributes(root)
         return root
 
-    def _warn(self, text: str) -> None:
-        self._warnings[text] = None
+    def _warn(self, text: str, name: str = "") -> None:
+        """Note what is told in one line of all that it is true of, whose names stand in the place of {} there."""
+        names = self._warnings.setdefault(text, [])
+        if name not in names:
+            names.append(name)
+
+    def _leave_out(self, error: ValueError, whose: str = "") -> None:
+        """Note what is not there, or cannot be read."""
+        if isinstance(error, MissingResource):
+            self._missing.setdefault(error.uri, (whose, error))
+        else:
+            self._left_out[whose + str(error)] = None
+
+    def _missing_in_a_line(self) -> List[str]:
+        """Return what is told of all that is not there: a line at most, however much it is."""
+        if not self._missing:
+            return []
+        names = _list([f"{whose}'{error.uri}'" for whose, error in self._missing.values()])
+        advice = next(iter(self._missing.values()))[1].advice
+        return [f"{names} {'was' if len(self._missing) == 1 else 'were'} not found {advice}"]
 
     def _children(
         self, parent: Element, frame: Frame, folder: str, saved: Dict[str, Frame], prefix: str
@@ -133,17 +174,15 @@ class SdfReader:
             elif child.tag == "include":
                 self._include(child, frames, folder, saved, prefix)
             elif child.tag not in PASSED_OVER:
-                self._warn(f"<{child.tag}> is not understood")
+                self._warn("{} is not understood", f"<{child.tag}>")
 
     def _placed(self, element: Element, frames: _Frames) -> Frame:
         """Return the pose of an element, in the world."""
         try:
             return frames.placed(element)
         except KeyError as error:
-            self._warn(
-                f"pose of '{element.get('name', element.tag)}' is relative to {error}, which is not known; it is "
-                "taken as relative to its parent"
-            )
+            self._warn("pose of {} is relative to what is not known, and taken as relative to its parent",
+                       f"'{element.get('name', element.tag)}' ({error})")
             return frames.parent.compose(_pose(element))
 
     def _include(
@@ -155,8 +194,10 @@ class SdfReader:
         try:
             found = find_resource(uri, folder)
             file = model_file(found) if os.path.isdir(found) else found
-        except MissingResource as error:
-            raise ValueError(f"world file {self._path}: {error}") from error
+            models = self._parse(file).findall("model")
+        except ValueError as error:
+            self._leave_out(error)
+            return
         name = (include.findtext("name") or "").strip()
         static = (include.findtext("static") or "").strip().lower() in ("1", "true")
         self._depth += 1
@@ -165,7 +206,7 @@ class SdfReader:
             raise ValueError(f"world file {self._path} includes more than {MOST_INCLUDES} files")
         if self._depth > 30:
             raise ValueError(f"world file {self._path}: '{uri}' includes itself")
-        for model in self._parse(file).findall("model"):
+        for model in models:
             name = name or model.get("name", "model")
             place = saved.get(name) if not prefix else None
             if place is None:
@@ -177,14 +218,14 @@ class SdfReader:
 
     def _model(self, model: Element, frame: Frame, folder: str, prefix: str, static: bool) -> None:
         name = prefix + model.get("name", "model")
-        if not prefix and model.get("name", "").lower().startswith(ROBOTS) and model.find("joint") is not None:
-            self._warn(f"model '{name}' is a robot; it is left out, for the simulator brings its own")
+        if not prefix and any(part in _letters(plugin) for plugin in model.iter("plugin") for part in DRIVES):
+            self._warn("model {} is a robot; it is left out, for the simulator brings its own", f"'{name}'")
             return
         static = static or (model.findtext("static") or "").strip().lower() in ("1", "true")
         links = model.findall("link")
         loose = not static and len(links) == 1 and not model.findall("joint") and not model.findall("model")
         if not static and not loose and links:
-            self._warn(f"model '{name}' has several links; it stands still, for joints are not simulated")
+            self._warn("model {} has several links; it stands still, for joints are not simulated", f"'{name}'")
         frames = _Frames(model, frame)
         for link in links:
             self._link(link, self._placed(link, frames), folder, f"{name}/{link.get('name', 'link')}", loose, name)
@@ -202,7 +243,7 @@ class SdfReader:
         if loose and solids:
             mass = self._mass(link, name)
             if len(solids) > 1:
-                self._warn(f"model '{name}' has several collisions in one link; it stands still")
+                self._warn("model {} has several collisions in one link; it stands still", f"'{name}'")
                 mass = 0.0
         for index, (place, shape) in enumerate(solids):
             own = name if len(solids) == 1 else f"{path}/{collisions[index].get('name', index)}"
@@ -235,20 +276,23 @@ class SdfReader:
             if element.tag == "mesh":
                 return self._mesh(element, folder, name)
         except ValueError as error:
-            raise ValueError(f"world file {self._path}, model '{name}': {error}") from error
+            self._leave_out(error, f"model '{name}': ")
+            return None
         if element.tag == "plane":
             normal = frame.rotation @ _numbers(element.findtext("normal") or "0 0 1", 3)
             if normal[2] < FLAT * np.linalg.norm(normal) or abs(frame.position[2]) > 1e-3:
-                self._warn(f"<plane> of model '{name}' is not the ground at height 0; it is left out")
+                self._warn("<plane> of model {} is not the ground at height 0; it is left out", f"'{name}'")
             return None
-        self._warn(f"<{element.tag}> of model '{name}' is not understood; it is left out")
+        self._warn(f"<{element.tag}> of model {{}} is not understood; it is left out", f"'{name}'")
         return None
 
     def _mesh(self, element: Element, folder: str, name: str) -> Mesh:
         if element.find("submesh") is not None:
-            self._warn(f"<submesh> of model '{name}' is not understood; the whole mesh is taken")
-        path = find_resource((element.findtext("uri") or "").strip(), folder)
-        return Mesh(read_mesh(path) * _numbers(element.findtext("scale") or "1 1 1", 3))
+            self._warn("<submesh> of model {} is not understood; the whole mesh is taken", f"'{name}'")
+        path = find_resource((element.findtext("uri") or element.findtext("filename") or "").strip(), folder)
+        if path not in self._meshes:
+            self._meshes[path] = read_mesh(path)
+        return Mesh(self._meshes[path] * _numbers(element.findtext("scale") or "1 1 1", 3))
 
 
 class _Frames:
@@ -277,6 +321,28 @@ class _Frames:
         if depth > 50 or reference not in self._named:
             raise KeyError(reference)
         return self.placed(self._named[reference], depth + 1).compose(_pose(element))
+
+
+def _list(names: List[str]) -> str:
+    """Return names, the first of many."""
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return ", ".join(names[:MOST_NAMED]) + more
+
+
+def _of_attributes(root: Element) -> None:
+    """Rewrite a file of an old version, in place: its attributes as the elements that later versions have for them."""
+    for element in list(root.iter()):
+        if element.tag == "origin":
+            element.tag = "pose"
+            element.text = element.attrib.pop("pose", "")
+        for name in set(element.attrib) - {"name", "type", "version"}:
+            child = SubElement(element, name)
+            child.text = element.get(name)
+
+
+def _letters(plugin: Element) -> str:
+    """Return the letters of a plugin's file, all small."""
+    return "".join(letter for letter in (plugin.get("filename") or "").lower() if letter.isalpha())
 
 
 def _pose(element: Element) -> Frame:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mbf_relay.distances import around
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from mbf_relay.simulation.shapes import Mesh, cut
 from mbf_relay.simulation.world import World
 from mbf_relay.simulation.world_map_kernels import flood
 
@@ -21,7 +24,7 @@ SAMPLES, AT_ONCE = 20.0, 1 << 18
 
 
 def map_of_world(world: World, grid: Grid, height: float = SCAN_HEIGHT) -> OccupancyMap:
-    """Return the map of a world's fixed bodies.
+    """Return the map of a world as it stands at first, what can be pushed included.
 
     Cells that hold a piece of a surface which free space reaches are occupied; what can be reached from the start
     without crossing a surface is free; the rest, inside of solids and behind walls, is unknown, as in a map that a
@@ -33,14 +36,17 @@ def map_of_world(world: World, grid: Grid, height: float = SCAN_HEIGHT) -> Occup
         height: Of the cut (m).
 
     Raises:
-        ValueError: The robot's start lies off the grid or in a wall.
+        ValueError: The robot's start lies off the grid, or in a wall or another solid.
     """
-    walls = _cells_crossed(world.outline(height), grid)
+    standing = _standing(world)
+    walls = _cells_crossed(standing.outline(height), grid)
     if not grid.contains_point(world.start.x, world.start.y):
         raise ValueError(f"the start ({world.start.x}, {world.start.y}) of world '{world.name}' lies off the map")
     column, row = grid.cell_at(world.start.x, world.start.y)
-    if walls[row, column]:
-        raise ValueError(f"the start ({world.start.x}, {world.start.y}) of world '{world.name}' lies in a wall")
+    if walls[row, column] or _starts_inside(standing, height):
+        raise ValueError(
+            f"the start ({world.start.x}, {world.start.y}) of world '{world.name}' lies in a wall or another solid; "
+            "give a start with room round it")
     cells = (~walls).astype(np.uint8)
     flood(cells, column, row)
     free = cells == 2
@@ -54,10 +60,29 @@ def map_of_world(world: World, grid: Grid, height: float = SCAN_HEIGHT) -> Occup
 def grid_around(world: World, resolution: float, margin: float = 1.0, height: float = SCAN_HEIGHT) -> Grid:
     """Return a grid that holds the whole world, its start and its goal, with `margin` metres around it."""
     places = [pose[:2] for pose in (world.start, world.goal) if pose is not None]
-    points = np.concatenate((world.outline(height).reshape(-1, 2), places))
+    points = np.concatenate((_standing(world).outline(height).reshape(-1, 2), places))
     lower = np.floor((points.min(axis=0) - margin) / resolution) * resolution
     columns, rows = np.ceil((points.max(axis=0) + margin - lower) / resolution).astype(int)
     return Grid(resolution, float(lower[0]), float(lower[1]), int(columns), int(rows))
+
+
+def _standing(world: World) -> World:
+    """Return a world whose loose bodies are fixed where they stand."""
+    if not any(body.mass for body in world.bodies):
+        return world
+    return replace(world, bodies=tuple(replace(body, mass=0.0) for body in world.bodies))
+
+
+def _starts_inside(world: World, height: float) -> bool:
+    """Return whether the robot starts within a box, cylinder or sphere; a mesh may be a hall, seen from within."""
+    triangles, owners = world.fixed_triangles()
+    segments, whose = cut(triangles, height)
+    (x, y), (left, right) = world.start[:2], segments.swapaxes(0, 1)
+    beside = (left[:, 1] > y) != (right[:, 1] > y)
+    left, ways = left[beside], (right - left)[beside]
+    ahead = left[:, 0] + (y - left[:, 1]) / ways[:, 1] * ways[:, 0] > x
+    crossings = np.bincount(owners[whose[beside][ahead]], minlength=len(world.bodies))
+    return any(count % 2 and not isinstance(body.shape, Mesh) for count, body in zip(crossings, world.bodies))
 
 
 def _cells_crossed(segments: np.ndarray, grid: Grid) -> np.ndarray:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from dataclasses import replace
 from typing import List, Optional
 
+from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.maps import COARSEST, FINEST, MOST_CELLS, save_map
 from mbf_relay.simulation.world_map import SCAN_HEIGHT, grid_around, map_of_world
@@ -20,6 +22,9 @@ def main(arguments: Optional[List[str]] = None) -> int:
         if not FINEST <= options.resolution <= COARSEST:
             raise ValueError(f"--resolution is {options.resolution:g} m; it must be {FINEST:g} to {COARSEST:g} m")
         world = load_world(options.world, options.world_name)
+        if options.start:
+            x, y = options.start
+            world = replace(world, start=Pose2D(x, y, 0.0))
         if options.size:
             grid = Grid(options.resolution, *options.origin, *options.size)
         else:
@@ -34,6 +39,8 @@ def main(arguments: Optional[List[str]] = None) -> int:
     except (ValueError, OSError) as error:
         print(f"world_to_map.py: {error}", file=sys.stderr)
         return 1
+    for warning in world.warnings:
+        print(f"world_to_map.py: {warning}", file=sys.stderr)
     print(f"wrote {paths[0]} and {paths[1]}: {grid.width} x {grid.height} cells of {grid.resolution} m")
     return 0
 
@@ -43,6 +50,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("world", help="arena, empty, or a world's file, as the simulator takes it")
     parser.add_argument("output", help="the map's path without ending; NAME.yaml and NAME.pgm are written")
     parser.add_argument("--world-name", default="", help="which world, in a file of several")
+    parser.add_argument(
+        "--start", type=float, nargs=2, metavar=("X", "Y"),
+        help="where the robot starts in metres, with free space round it; without it, where the world says, or 0 0",
+    )
     parser.add_argument("--resolution", type=float, default=0.05, help="side of a cell in metres (0.05)")
     parser.add_argument(
         "--origin",
