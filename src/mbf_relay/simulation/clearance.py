@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Optional
+from typing import Optional, Sequence
 
 import numpy as np
 
@@ -14,7 +14,9 @@ HAIR = 1e-6
 """Metres by which rounding may move a point, and more."""
 
 
-def obstruction(triangles: np.ndarray, owners: np.ndarray, pose: Pose2D, robot: RobotModel) -> Optional[int]:
+def obstruction(
+    triangles: np.ndarray, owners: np.ndarray, pose: Pose2D, robot: RobotModel, halls: Sequence[int] = (),
+) -> Optional[int]:
     """Return whose surface the robot would cut, or whose inside it would stand in, None where there is room.
 
     Args:
@@ -22,6 +24,7 @@ def obstruction(triangles: np.ndarray, owners: np.ndarray, pose: Pose2D, robot: 
         owners: Shape (N,): whose each triangle is.
         pose: Of base_footprint.
         robot: Who needs room.
+        halls: Owners whose surfaces may be seen from within, as a building's is.
     """
     inverse = pose.inverse()
     near = _abreast(triangles, inverse, robot.outline)
@@ -35,7 +38,7 @@ def obstruction(triangles: np.ndarray, owners: np.ndarray, pose: Pose2D, robot: 
         if hit.any():
             return int(owners[indices[np.argmax(hit)]])
         crossings = np.bincount(owners[indices[_crosses_positive_x_axis(local)]])
-        inside = np.flatnonzero(crossings % 2)
+        inside = np.setdiff1d(np.flatnonzero(crossings % 2), halls)
         if len(inside):
             return int(inside[0])
     return None

@@ -7,6 +7,7 @@ from typing import List, Optional
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.parameters import parameter
+from mbf_relay.simulation.floor import leveled
 from mbf_relay.simulation.parameters import SimulationParameters, steps_between
 from mbf_relay.simulation.world import World
 
@@ -65,7 +66,7 @@ class SimulatorParameters(SimulationParameters):
         """Return the world with the robot's start where these parameters put it, and a warning if all is elsewhere."""
         asked = (self.x_pos, self.y_pos, self.yaw)
         start = Pose2D(*(own if value is None else value for own, value in zip(world.start, asked)))
-        return replace(world, start=start, warnings=(*world.warnings, *_beside(world, start)))
+        return leveled(replace(world, start=start, warnings=(*world.warnings, *_beside(world, start))))
 
 
 def _beside(world: World, start: Pose2D) -> List[str]:

@@ -12,7 +12,7 @@ from mbf_relay.simulation import clearance
 from mbf_relay.simulation.contacts import Contact, Contacts
 from mbf_relay.simulation.physics import FIXED, LOOSE, ROBOT, Physics
 from mbf_relay.simulation.robot import RobotModel
-from mbf_relay.simulation.shapes import Body, bounds, subdivided
+from mbf_relay.simulation.shapes import Body, Mesh, bounds, level, subdivided
 from mbf_relay.simulation.surface import Surface
 from mbf_relay.simulation.world import Mover, World
 
@@ -22,8 +22,8 @@ LONGEST_EDGE = 0.8
 """Of a triangle (m) in the surface that bodies bump into."""
 REACHED, SWAY = 1.0, 0.1
 """Height (m) up to which loose bodies bump into what is fixed, and how far above its top a robot does."""
-LEVEL = 0.999999
-"""Upward part of a normal beyond which a surface lies flat."""
+ROLLED_OVER = 0.01
+"""Height (m) up to which a robot rolls over what lies there: thresholds, mats, seams of floors."""
 SEEN_BAND = 0.5
 """How far (m) above and below the lidar a surface can be and still be met by a beam of a robot that tilts a little."""
 
@@ -43,7 +43,7 @@ class Scene:
             ValueError: It has more triangles than can be handled.
         """
         self._physics, self._world, self._robot = physics, world, robot
-        triangles, owners = world.fixed_triangles()
+        triangles, owners = _higher(ROLLED_OVER, *world.fixed_triangles())
         if len(triangles) > MOST_TRIANGLES:
             raise ValueError(
                 f"world '{world.name}' has {len(triangles)} triangles; at most {MOST_TRIANGLES} are possible"
@@ -52,6 +52,7 @@ class Scene:
         fixed = physics.add_fixed(subdivided(low_enough(triangles, reached), LONGEST_EDGE), FIXED, ROBOT | LOOSE)
         self._seen = Surface(seen_by_level_rays(triangles, robot.scan_height))
         self._triangles, self._owners = triangles, owners
+        self._halls = [index for index, body in enumerate(world.bodies) if isinstance(body.shape, Mesh)]
         self._contacts = Contacts(fixed, triangles, owners, [body.name for body in world.bodies])
         self._loose = [(physics.add_loose(b.shape, b.frame, b.mass), b) for b in world.bodies if b.mass > 0.0]
         self._movers: List[Tuple[int, Mover]] = [
@@ -120,7 +121,7 @@ class Scene:
 
     def obstruction_at(self, pose: Pose2D) -> Optional[str]:
         """Return the name of what the robot would stand in at `pose`, None where there is room."""
-        owner = clearance.obstruction(self._triangles, self._owners, pose, self._robot)
+        owner = clearance.obstruction(self._triangles, self._owners, pose, self._robot, self._halls)
         if owner is not None:
             return self._world.bodies[owner].name
         blocking = (body.name for body in self._moved_bodies() if self.obstructs(body, pose))
@@ -152,7 +153,11 @@ def seen_by_level_rays(triangles: np.ndarray, height: float) -> np.ndarray:
     """
     lowest, highest = bounds(triangles[:, :, 2])
     triangles = triangles[(lowest < height + SEEN_BAND) & (highest > height - SEEN_BAND)]
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    sizes = np.linalg.norm(normals, axis=1)
-    seen: np.ndarray = triangles[(np.abs(normals[:, 2]) < LEVEL * sizes) & (sizes > 1e-15)]
+    seen: np.ndarray = triangles[~level(triangles)]
     return seen
+
+
+def _higher(height: float, triangles: np.ndarray, owners: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+    """Return the triangles that are higher than `height` (m) somewhere, and whose each of them is."""
+    higher = bounds(triangles[:, :, 2])[1] > height
+    return (triangles, owners) if higher.all() else (triangles[higher], owners[higher])

@@ -87,8 +87,12 @@ def read_sdf(path: str) -> World:
         ValueError: The file is malformed or refers to a file that is missing; the text names both.
         OSError: The file cannot be opened.
     """
-    reader = SdfReader(path)
-    return reader.world()
+    try:
+        return SdfReader(path).world()
+    except ValueError as error:
+        if path in str(error):
+            raise
+        raise ValueError(f"world file {path}: {error}") from error
 
 
 class SdfReader:
@@ -168,13 +172,25 @@ class SdfReader:
         """Read models and includes of a world or a model."""
         frames = _Frames(parent, frame)
         for child in parent:
-            if child.tag == "model":
-                place = saved.get(child.get("name", "")) if not prefix else None
-                self._model(child, place or self._placed(child, frames), folder, prefix, False)
-            elif child.tag == "include":
-                self._include(child, frames, folder, saved, prefix)
+            if child.tag in ("model", "include"):
+                try:
+                    self._child(child, frames, folder, saved, prefix)
+                except _Endless:
+                    raise
+                except MissingResource as error:
+                    self._leave_out(error)
+                except ValueError as error:
+                    self._leave_out(error, f"model '{prefix}{child.get('name', child.findtext('uri', 'model'))}': ")
             elif child.tag not in PASSED_OVER:
                 self._warn("{} is not understood", f"<{child.tag}>")
+
+    def _child(self, child: Element, frames: _Frames, folder: str, saved: Dict[str, Frame], prefix: str) -> None:
+        """Read a model or an include."""
+        if child.tag == "include":
+            self._include(child, frames, folder, saved, prefix)
+            return
+        place = saved.get(child.get("name", "")) if not prefix else None
+        self._model(child, place or self._placed(child, frames), folder, prefix, False)
 
     def _placed(self, element: Element, frames: _Frames) -> Frame:
         """Return the pose of an element, in the world."""
@@ -191,30 +207,28 @@ class SdfReader:
         uri = (include.findtext("uri") or "").strip()
         if uri.rstrip("/").rpartition("/")[2].lower().replace(" ", "_") in ALWAYS_THERE:
             return
-        try:
-            found = find_resource(uri, folder)
-            file = model_file(found) if os.path.isdir(found) else found
-            models = self._parse(file).findall("model")
-        except ValueError as error:
-            self._leave_out(error)
-            return
+        found = find_resource(uri, folder)
+        file = model_file(found) if os.path.isdir(found) else found
         name = (include.findtext("name") or "").strip()
         static = (include.findtext("static") or "").strip().lower() in ("1", "true")
+        models = self._parse(file).findall("model")
         self._depth += 1
         self._includes += 1
         if self._includes > MOST_INCLUDES:
-            raise ValueError(f"world file {self._path} includes more than {MOST_INCLUDES} files")
+            raise _Endless(f"world file {self._path} includes more than {MOST_INCLUDES} files")
         if self._depth > 30:
-            raise ValueError(f"world file {self._path}: '{uri}' includes itself")
-        for model in models:
-            name = name or model.get("name", "model")
-            place = saved.get(name) if not prefix else None
-            if place is None:
-                # The pose of the include stands in for the model's own.
-                place = self._placed(include if include.find("pose") is not None else model, frames)
-            model.set("name", name)
-            self._model(model, place, os.path.dirname(os.path.abspath(file)), prefix, static)
-        self._depth -= 1
+            raise _Endless(f"world file {self._path}: '{uri}' includes itself")
+        try:
+            for model in models:
+                name = name or model.get("name", "model")
+                place = saved.get(name) if not prefix else None
+                if place is None:
+                    # The pose of the include stands in for the model's own.
+                    place = self._placed(include if include.find("pose") is not None else model, frames)
+                model.set("name", name)
+                self._model(model, place, os.path.dirname(os.path.abspath(file)), prefix, static)
+        finally:
+            self._depth -= 1
 
     def _model(self, model: Element, frame: Frame, folder: str, prefix: str, static: bool) -> None:
         name = prefix + model.get("name", "model")
@@ -241,7 +255,7 @@ class SdfReader:
                 solids.append((self._placed(collision, frames), shape))
         mass = 0.0
         if loose and solids:
-            mass = self._mass(link, name)
+            mass = self._mass(link)
             if len(solids) > 1:
                 self._warn("model {} has several collisions in one link; it stands still", f"'{name}'")
                 mass = 0.0
@@ -249,7 +263,7 @@ class SdfReader:
             own = name if len(solids) == 1 else f"{path}/{collisions[index].get('name', index)}"
             self._bodies.append(Body(own, shape, place, mass))
 
-    def _mass(self, link: Element, name: str) -> float:
+    def _mass(self, link: Element) -> float:
         """Return the mass (kg) of a link that can be pushed; 1, as in Gazebo, where nothing is said of it."""
         if link.find("inertial/mass") is None:
             return 1.0
@@ -258,7 +272,7 @@ class SdfReader:
             if mass < 0.0:
                 raise ValueError(f"'{mass:g}' must not be below 0")
         except ValueError as error:
-            raise ValueError(f"world file {self._path}, model '{name}': <mass> {error}") from error
+            raise ValueError(f"<mass> {error}") from error
         return mass
 
     def _geometry(self, geometry: Optional[Element], frame: Frame, folder: str, name: str) -> Optional[Shape]:
@@ -293,6 +307,10 @@ class SdfReader:
         if path not in self._meshes:
             self._meshes[path] = read_mesh(path)
         return Mesh(self._meshes[path] * _numbers(element.findtext("scale") or "1 1 1", 3))
+
+
+class _Endless(ValueError):
+    """Files that include each other without end, of which no part can be left out."""
 
 
 class _Frames:
@@ -354,6 +372,8 @@ def _pose(element: Element) -> Frame:
     if pose is not None and pose.get("rotation_format") == "quat_xyzw":
         values = _numbers(text, 7)
         return Frame.from_quaternion(values[:3], values[3:])
+    if len(text.split()) == 3:
+        return Frame.of(*_numbers(text, 3))
     values = _numbers(text, 6)
     if pose is not None and pose.get("degrees", "").lower() in ("1", "true"):
         values[3:] = np.radians(values[3:])

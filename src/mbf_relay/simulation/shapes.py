@@ -15,6 +15,8 @@ import numpy as np
 
 from mbf_relay.simulation.frames import Frame
 
+LEVEL = 0.999999
+"""Upward part of a normal beyond which a surface lies flat."""
 ROUNDNESS = 2e-4
 """Largest gap (m) between a round surface and the flat facets that stand for it; half of it lies on either side."""
 
@@ -205,6 +207,14 @@ def cut(triangles: np.ndarray, height: float) -> Tuple[np.ndarray, np.ndarray]:
         share = (height - tip[:, 2]) / (other[:, 2] - tip[:, 2])
         ends.append(tip[:, :2] + share[:, None] * (other - tip)[:, :2])
     return np.stack(ends, axis=1), indices
+
+
+def level(triangles: np.ndarray) -> np.ndarray:
+    """Return which triangles, shape (N, 3, 3), lie flat, or are no surface at all: shape (N,) bool."""
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    sizes = np.linalg.norm(normals, axis=1)
+    flat: np.ndarray = (np.abs(normals[:, 2]) >= LEVEL * sizes) | (sizes <= 1e-15)
+    return flat
 
 
 def bounds(corners: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:

@@ -11,6 +11,7 @@ from typing import List, Optional
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.maps import COARSEST, FINEST, MOST_CELLS, save_map
+from mbf_relay.simulation.floor import leveled
 from mbf_relay.simulation.world_map import SCAN_HEIGHT, grid_around, map_of_world
 from mbf_relay.simulation.worlds import load_world
 
@@ -24,7 +25,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
         world = load_world(options.world, options.world_name)
         if options.start:
             x, y = options.start
-            world = replace(world, start=Pose2D(x, y, 0.0))
+            world = leveled(replace(world, start=Pose2D(x, y, 0.0)))
         if options.size:
             grid = Grid(options.resolution, *options.origin, *options.size)
         else:

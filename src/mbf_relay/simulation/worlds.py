@@ -6,6 +6,7 @@ import os
 from typing import Callable, Dict, List
 
 from mbf_relay.simulation.arena import arena
+from mbf_relay.simulation.floor import leveled
 from mbf_relay.simulation.map_world import read_map_world
 from mbf_relay.simulation.sdf import read_sdf
 from mbf_relay.simulation.urdf import read_urdf
@@ -60,6 +61,6 @@ def _load(text: str, world_name: str) -> World:
     if not os.path.isfile(text):
         raise ValueError(f"world file {os.path.abspath(text)} does not exist")
     try:
-        return READERS[ending](text, world_name)
+        return leveled(READERS[ending](text, world_name))
     except (RecursionError, LookupError, TypeError, AttributeError, ArithmeticError) as error:  # a file nobody foresaw
         raise ValueError(f"world file {text} is malformed: {type(error).__name__}: {error}") from error

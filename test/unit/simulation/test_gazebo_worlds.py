@@ -5,12 +5,18 @@ from pathlib import Path
 
 import pytest
 
-from mbf_relay.maps import OCCUPIED, load_map
+from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.maps import FREE, OCCUPIED, load_map
 from mbf_relay.simulation.mesh_files import read_mesh
+from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.shapes import Box
+from mbf_relay.simulation.simulation import Simulation
+from mbf_relay.simulation.world_map import grid_around, map_of_world
 from mbf_relay.simulation.world_map_command import main
 from mbf_relay.simulation.worlds import load_world
 
+LIDAR_AHEAD = -0.032
+"""Where (m) the burger's lidar is, before its middle."""
 BOX = "<box><size>1 2 3</size></box>"
 
 
@@ -175,3 +181,78 @@ def test_a_map_shows_the_barrels_that_a_robot_would_have_mapped_too(tmp_path, ca
     row = int((0.0 - drawn.origin.y) / drawn.resolution)
     assert OCCUPIED in drawn.data[row, column - 1:column + 2]
     assert len(load_world(path).bodies) == 2
+
+
+def test_one_place_that_is_no_place_does_not_cost_the_whole_hall(tmp_path):
+    text = model("wall", BOX) + model("crate", BOX, "1 1 0.1") + model("lost", BOX, "1 2") + model("far", BOX, "x y z")
+    text += model("heavy", BOX, rest="").replace("<collision", "<inertial><mass>much</mass></inertial><collision")
+    text += "".join(f"<include><uri>model://crate</uri><pose>{i}</pose></include>" for i in range(40))
+    write(tmp_path / "models" / "crate" / "model.sdf", f"<sdf version='1.6'>{model('crate', BOX)}</sdf>")
+    world = load_world(write(tmp_path / "w.world", sdf(text)))
+    assert [body.name for body in world.bodies] == ["wall", "crate"]
+    assert world.bodies[1].frame.position == pytest.approx([1.0, 1.0, 0.1])  # no angles are angles of 0
+    told = "\n".join(world.warnings)
+    for part in ("'lost': '1 2' must be 6 fin", "'far': 'x y z' must", "'heavy': <mass> 'much' must", "'39' must be 6"):
+        assert part in told
+
+
+def slab(size, place):
+    return model("floor", f"<box><size>{size}</size></box>", f"{place} 0 0 0")
+
+
+@pytest.mark.parametrize("floor, lowered", [
+    (slab("20 20 0.1", "0 0 0"), 0.05),  # as Gazebo's asphalt_plane
+    (slab("20 20 0.01", "5 5 0.01"), 0.015),
+    (slab("20 20 0.1", "0 0 -0.05"), 0.0),
+    (slab("20 20 0.1", "50 0 0"), 0.0),  # elsewhere
+    (slab("1 1 0.1", "0.9 0 0"), 0.0),  # a pallet
+    ("", 0.0),
+])
+def test_a_robot_stands_on_the_floor_it_is_set_down_on_and_drives_there(tmp_path, floor, lowered):
+    """It was refused as standing in it: every third of Gazebo's halls has a floor on its ground."""
+    wall = model("wall", "<box><size>0.2 4 1</size></box>", "2.1 0 0.5 0 0 0")
+    world = load_world(write(tmp_path / "w.world", sdf(floor + wall)))
+    assert world.bodies[-1].frame.position == pytest.approx([2.1, 0.0, 0.5 - lowered])
+    if "1 1 0.1" in floor:
+        return
+    assert drawn_free(world) > 20.0
+    with Simulation(world, SimulationParameters(), seed=1) as simulation:
+        seen = driven(simulation)
+        assert not any(observations.contacts for observations in seen)
+        assert simulation.true_pose.x > 0.8
+        ranges = [observations.scan.ranges[0] for observations in seen if observations.scan is not None]
+        assert ranges[0] == pytest.approx(2.0 - LIDAR_AHEAD, abs=0.1)
+
+
+def driven(simulation):
+    """Return what a robot reads that drives ahead for five seconds."""
+    seen = []
+    for _ in range(5 * int(simulation.parameters.physics_rate)):
+        simulation.set_command(Twist2D(0.2, 0.0, 0.0))
+        seen.append(simulation.step())
+    return seen
+
+
+def drawn_free(world):
+    drawn = map_of_world(world, grid_around(world, 0.05))
+    return (drawn.data == FREE).sum() * 0.05 ** 2
+
+
+def test_a_threshold_of_half_a_centimetre_is_rolled_over_and_one_of_three_is_not(tmp_path):
+    for height, touched in ((0.008, False), (0.03, True)):
+        door = model("door", f"<box><size>0.1 4 {height}</size></box>", f"0.4 0 {height / 2} 0 0 0")
+        world = load_world(write(tmp_path / "w.world", sdf(door)))
+        with Simulation(world, SimulationParameters(), seed=1) as simulation:
+            assert any(observations.contacts for observations in driven(simulation)) is touched
+
+
+def test_a_robot_is_set_down_in_a_hall_that_is_one_mesh(tmp_path):
+    """Seen from within, a hall was a solid that the robot stood in the middle of."""
+    corners = [(x, y) for x, y in ((-3, -3), (3, -3), (3, 3), (-3, 3))]
+    lines = [f"v {x} {y} {z}" for z in (0, 2) for x, y in corners]
+    lines += [f"f {i} {i % 4 + 1} {i % 4 + 5} {i + 4}" for i in range(1, 5)]
+    write(tmp_path / "hall.obj", "\n".join(lines))
+    world = load_world(write(tmp_path / "w.world", sdf(model("hall", "<mesh><uri>hall.obj</uri></mesh>"))))
+    assert drawn_free(world) == pytest.approx(36.0, rel=0.05)
+    with Simulation(world, SimulationParameters(), seed=1) as simulation, pytest.raises(ValueError, match="in 'hall'"):
+        simulation.set_pose(Pose2D(3.0, 0.0, 0.0))
