@@ -50,9 +50,9 @@ class TebParameters(_StandInParameters):
         maximum=100.0,
     )
     max_vel_theta: float = parameter(0.3, "top rotational speed", "rad/s", minimum=0.01, maximum=100.0)
-    acc_lim_x: float = parameter(0.5, "acceleration limit along x", "m/s^2", minimum=0.01, maximum=20.0)
+    acc_lim_x: float = parameter(0.5, "acceleration limit along x", "m/s^2", above=0.0, maximum=20.0)
     acc_lim_y: float = parameter(0.5, "acceleration limit along y", "m/s^2", minimum=0.0, maximum=20.0)
-    acc_lim_theta: float = parameter(0.5, "rotational acceleration limit", "rad/s^2", minimum=0.01, maximum=20.0)
+    acc_lim_theta: float = parameter(0.5, "rotational acceleration limit", "rad/s^2", above=0.0, maximum=20.0)
     min_turning_radius: float = parameter(
         0.0, "smallest circle a car-like robot drives; 0 turns on the spot", "m", minimum=0.0
     )

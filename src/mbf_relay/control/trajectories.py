@@ -183,7 +183,9 @@ def roll_out(
     """Simulate a batch of velocities and lay the footprint along it.
 
     A trajectory lasts `sim_time`, or until it has driven `distance_left`: the robot would stop at the goal. Its poses
-    are as far apart as asked for, but no farther, where there is room for as many, than that nothing lies between two.
+    are as far apart as asked for, but no farther, where there is room for as many, than that nothing lies between two,
+    and where there is no room for as many as asked for, as far as that, in turning as many times as there are seconds:
+    base_local_planner's do not grow more with a longer time.
 
     Args:
         parameters: Limits, granularities, stop_time_buffer and footprint scaling.
@@ -197,8 +199,9 @@ def roll_out(
     p, number = parameters, len(velocities)
     accelerations = np.maximum(1e-9, [p.acc_lim_x, p.acc_lim_y, p.acc_lim_theta])
     speeds, stopping, durations = np.empty(number), np.empty(number), np.empty(number)
-    asked = p.sim_granularity, p.angular_sim_granularity
-    for apart in ((min(asked[0], checker.longest_step), min(asked[1], checker.longest_turn)), asked):
+    asked, enough = (p.sim_granularity, p.angular_sim_granularity), (checker.longest_step, checker.longest_turn)
+    coarse = max(asked[0], enough[0]), max(asked[1], enough[1]) * max(1.0, sim_time)
+    for apart in ((min(asked[0], enough[0]), min(asked[1], enough[1])), asked, coarse):
         longest = trajectory_kernels.time_spans(
             velocities, accelerations, period + p.stop_time_buffer, sim_time, distance_left, *apart, speeds, stopping,
             durations,

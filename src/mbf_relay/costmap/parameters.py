@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, List
+from typing import Any, List, Mapping, Tuple, Type, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from mbf_relay.grid import Grid
 from mbf_relay.maps import COARSEST, FINEST, LARGEST_SIDE, MOST_CELLS
 from mbf_relay.parameters import ParameterSet, parameter
 
+T = TypeVar("T", bound="CostmapParameters")
 RECONFIGURABLE = (
     "transform_tolerance", "update_frequency", "publish_frequency", "width", "height", "resolution", "origin_x",
     "origin_y", "footprint", "robot_radius", "footprint_padding",
@@ -76,6 +77,23 @@ class CostmapParameters(ParameterSet):
                 f"they must not hold more than {MOST_CELLS} cells"
             )
         check_padded(self.outline(), self.footprint_padding, self.resolution)
+
+    @classmethod
+    def read(cls: Type[T], values: Mapping[str, Any]) -> Tuple[T, List[str]]:
+        """As ParameterSet.read; a window that does not hold the robot is taken as wide as twice the robot.
+
+        costmap_2d leaves it, and whoever drives with it sees nothing of what the robot reaches.
+        """
+        parameters, notes = super().read(values)
+        footprint = footprints.padded(parameters.outline(), parameters.footprint_padding)
+        across = 2.0 * footprints.radii(footprint)[1]
+        width, height = (side if side >= across else 2.0 * across for side in (parameters.width, parameters.height))
+        if not parameters.rolling_window or (width, height) == (parameters.width, parameters.height):
+            return parameters, notes
+        notes.append(
+            f"parameters width and height are {parameters.width:g} m and {parameters.height:g} m; a window that moves "
+            f"with the robot must hold its footprint, {across:.2f} m across: {width:.2f} m and {height:.2f} m are used")
+        return parameters.replace(width=width, height=height), notes
 
     def read_as(self) -> List[str]:
         """Tell of a footprint that crosses itself."""

@@ -94,6 +94,19 @@ def test_a_car_is_driven_round_nothing_smaller_than_its_circle():
     assert (np.abs(commands[:, 2]) * 0.6 <= np.abs(commands[:, 0]) + 0.02).all()
 
 
+def test_a_car_that_is_told_never_to_change_its_turn_steers_as_others_do():
+    """A file's 0 was taken for 0.01 rad/s^2: it swung a metre off a path it could have driven, and was given up."""
+    values = dict(
+        max_vel_x=0.06, max_vel_x_backwards=0.06, acc_lim_x=0.0, acc_lim_theta=0.0, max_vel_theta=0.5,
+        min_turning_radius=0.5)
+    controller = create("planner", TEB, values, Controller, CONTROLLERS)
+    told = [note for note in controller.notes if "must be above 0" in note]
+    assert [("acc_lim_x" in note, "0.5 is used" in note) for note in told] == [(True, True), (False, True)]
+    path, robot = path_through((0, 0), (0.8, 0.2), (1.0, 0.6)), PaperRobot(Pose2D(0.0, 0.0, 0.0))
+    ended = drive(controller, path, robot.pose, seconds=60.0, robot=robot)
+    assert ended.reached, ended.error
+
+
 def test_a_car_of_mpc_local_planner_takes_its_steering_angle():
     car = dict(wheelbase=0.4, max_vel_x=0.5, max_vel_x_backwards=0.2, max_steering_angle=0.6, acc_lim_x=0.5)
     values = dict(robot=dict(type="simple_car", simple_car=car), controller=dict(xy_goal_tolerance=0.2))

@@ -169,3 +169,16 @@ def test_a_robot_whose_costmap_ends_a_few_hand_s_breadths_ahead_drives_on():
     path = path_through((0.0, 0.0), (1.5, 0.03))
     driven = drive(controller, path, Pose2D(0.0, 0.0, 0.0), seconds=40.0, costmap=small, patience=3.0)
     assert driven.reached, driven.error
+
+
+def test_a_robot_that_is_to_look_six_seconds_ahead_fifty_ways_drives():
+    """It was told that so many poses cannot be looked at, and stood; in turning C++ looks at no more for a longer time.
+    """
+    controller = made(
+        acc_lim_x=0.5, acc_lim_theta=0.5, max_vel_theta=3.0, min_vel_x=0.0, min_vel_theta=0.1,
+        min_in_place_vel_theta=0.2, sim_time=6.0, vx_samples=50, vtheta_samples=50, meter_scoring=True)
+    square = 0.6 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    driven = drive(
+        controller, path_through((0.0, 0.0), (1.0, 0.0)), Pose2D(0.0, 0.0, 0.0), seconds=20.0, patience=3.0,
+        costmap=functools.partial(costmap_round, size=6.0, resolution=0.05, footprint=square))
+    assert driven.reached, driven.error

@@ -97,3 +97,23 @@ def test_a_costmap_s_file_that_is_loaded_one_level_too_deep_is_told_of(name):
     whole = {"update_frequency": 5.0, "rolling_window": True, "plugins": [], "obstacle_layer": SCAN}
     told = unknown_names({"robot_radius": 0.2, "obstacle_layer": SCAN, name: whole})
     assert list(told) == [name] and f"a file that begins with '{name}:' is loaded without ns" in told[name]
+
+
+CAR = [[-0.1, -0.125], [0.5, -0.125], [0.5, 0.125], [-0.1, 0.125]]
+
+
+@pytest.mark.parametrize("sides, footprint, used", [
+    ((0.5, 0.5), CAR, (2.1, 2.1)),  # a car of 0.6 m, which would reach out of it everywhere
+    ((4.0, 1.0), CAR, (4.0, 2.1)),
+    ((1.1, 1.1), CAR, (1.1, 1.1)),
+    ((0.5, 0.5), [[0.1, 0.1], [0.1, -0.1], [-0.1, -0.1], [-0.1, 0.1]], (0.5, 0.5)),
+])
+def test_a_robot_longer_than_its_window_sees_what_it_reaches(sides, footprint, used):
+    """Nothing but its own length stood in its way, and it was told that it stood on an obstacle."""
+    given = {"width": sides[0], "height": sides[1], "footprint": footprint, "resolution": 0.05}
+    costmap = build_costmap("local_costmap", {**given, "rolling_window": True})
+    assert (costmap.parameters.width, costmap.parameters.height) == pytest.approx(used, abs=0.05)
+    told = [note for note in costmap.notes if "must hold its footprint" in note]
+    assert len(told) == (used != sides)
+    fixed = build_costmap("global_costmap", given)
+    assert (fixed.parameters.width, fixed.parameters.height) == pytest.approx(sides, abs=0.05)
