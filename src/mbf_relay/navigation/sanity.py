@@ -93,11 +93,7 @@ def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any]) -> Iterator
         yield "robot_radius", f"is {radius}; lengths are in metres"
     if not len(corners) and _is_zero(radius):
         yield "robot_radius", f"is {radius}, and there is no footprint: what takes no room fits through every gap"
-    inscribed, reach = radii(corners) if len(corners) else (_number(radius), _number(radius))
-    for name in ("width", "height"):
-        if group.get("rolling_window") is True and 0.0 < _number(group.get(name)) < 2.0 * reach:
-            yield name, f"is {group[name]}; the robot, which reaches {reach:.2f} m, must fit into the costmap round it"
-    yield from _of_inflation(group, inscribed)
+    yield from _of_inflation(group, radii(corners)[0] if len(corners) else _number(radius))
     yield from _of_sources(group)
 
 

@@ -135,7 +135,6 @@ def test_a_rectangle_whose_corners_are_told_row_by_row_is_driven_and_told_of(tmp
 
 @pytest.mark.parametrize("old, new, said", [
     ("robot_radius: 0.2, global", "robot_radius: 0.0, global", "local_costmap/robot_radius: is 0.0, and there is no"),
-    ("rolling_window: true", "rolling_window: true, width: 0.3", "local_costmap/width: is 0.3"),
     ("{robot_radius: 0.2}", "3", "refused: global_costmap: is 3"),
     ("{robot_radius: 0.2}", "{robot_radius: 0.2, inflation_radius: 0.05}",
      "global_costmap/inflation_radius: is 0.05 m"),
@@ -145,6 +144,12 @@ def test_a_rectangle_whose_corners_are_told_row_by_row_is_driven_and_told_of(tmp
 def test_a_robot_without_size_or_room_is_told(tmp_path, old, new, said):
     status, told = check(tmp_path, GOOD.replace(old, new))
     assert status == 1 and said in told and "not known here" not in told
+
+
+def test_a_window_that_does_not_hold_the_robot_is_told_and_so_is_the_one_it_gets(tmp_path):
+    status, told = check(tmp_path, GOOD.replace("rolling_window: true", "rolling_window: true, width: 0.3, height: 1"))
+    assert status == 0 and "changed: local_costmap: parameters width and height are 0.3 m and 1 m" in told
+    assert "0.43 m across: 0.86 m and 1.00 m are used" in told and "params.yaml:3]" in told
 
 
 def test_of_a_name_that_stands_twice_both_lines_are_told(tmp_path):
