@@ -146,6 +146,7 @@ class HypothesisTracker:
         """Begin anew, around the particles handed in next, or anywhere on the map."""
         self.hypotheses.clear()
         self.lever_arm.forget_pose()
+        self._told: Optional[np.ndarray] = None  # the pose told last, moved by odometry since
         self._doubt = Doubt()
         self._anywhere = anywhere
         self._ways: Dict[str, float] = {}  # since the last scan of each lidar that told something
@@ -166,6 +167,8 @@ class HypothesisTracker:
             self._ways[lidar] += way
         self._since_nearby += way
         self._since_anywhere += way
+        if self._told is not None:
+            self._told = np.array(Pose2D(*self._told).compose(step))
         self.hypotheses.predict(step, noise, way)
 
     def correct(
@@ -210,14 +213,16 @@ class HypothesisTracker:
         if winner is not None:
             self._doubt.way = 0.0
             self.lever_arm.forget_pose()
+            self._told = None
             self.blocks.forget()  # counted from a pose that is given up
             poses, log_weights = drawn_around(winner, rng)
             return Corrected(poses, *normalized(log_weights), None, news)
         moments = mean_and_covariance(proposed.poses, proposed.weights)
         if self._reliability(moments) >= BELIEVED:
             self.blocks.look(held.mean, seen.ends, seen.laser, news)
-        pose = self._likelihood.sharpest(held.mean, proposed.prior, weighed)
-        return Corrected(*proposed[:4], pose, news, moments)
+        starts = held.mean[None] if self._told is None else np.stack((held.mean, self._told))
+        self._told = self._likelihood.sharpest(starts, proposed.prior, weighed)
+        return Corrected(*proposed[:4], self._told, news, moments)
 
     def reliability(self, poses: np.ndarray, log_weights: np.ndarray) -> float:
         """Return the probability that the hypothesis held by particles, shape (N, 3), is right."""

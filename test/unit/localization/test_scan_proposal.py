@@ -131,7 +131,7 @@ def test_odometry_that_is_a_tenth_off_does_not_show_in_the_pose_where_scans_tell
 
 def test_along_a_bare_corridor_the_pose_is_left_where_odometry_has_it():
     prior = PoseGaussian(np.array([10.2, 1.6, 0.05]), ODOMETRY)
-    pose = likelihood(corridor()).sharpest(prior.mean, prior, thin_out(hits(corridor(), Pose2D(10.0, 1.5, 0.0))))
+    pose = likelihood(corridor()).sharpest(prior.mean[None], prior, thin_out(hits(corridor(), Pose2D(10.0, 1.5, 0.0))))
     assert pose == pytest.approx([10.2, 1.5, 0.0], abs=0.02)
 
 
