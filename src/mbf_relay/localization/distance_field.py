@@ -10,16 +10,12 @@ import numpy as np
 
 from mbf_relay.distances import around, distances_to_zeros
 from mbf_relay.geometry import Pose2D
-from mbf_relay.localization.face_kernels import look_around
 from mbf_relay.maps import OccupancyMap
 
 OCCUPIED_FROM = 65
 FREE_TO = 25
-OCCUPIED, LOOK_BITS = 1 << 15, 11
-"""Added to the code of an occupied cell, and the bits below those that tell how the nearest face looks: the distance's.
-"""
-THIN_WALL = 0.3
-"""Thickness (m) up to which a wall is thin."""
+OCCUPIED = 1 << 15
+"""Added to the code of an occupied cell; below it are the distances."""
 BAND = 256
 """Rows whose distances are computed at once."""
 ON_A_WALL = 0.1  # m from the nearest occupied cell's centre within which a reading's end fits the map
@@ -31,10 +27,9 @@ class DistanceField:
     """What localization knows of a map.
 
     A beam ends on a face, so distances are to the faces of obstacles, and what lies inside of thick ones is far from
-    them. Each cell has a code of two bytes: the square of the distance in cells, which is a whole number, how the
-    nearest face looks (`face_kernels.py`), and OCCUPIED where the cell is. It is looked up in a table of what a model
-    makes of distances. Where squares would not fit, on maps finer than 4.4 cm with a `max_distance` of 2 m, the
-    distance itself is kept in steps of a millimetre.
+    them. Each cell has a code of two bytes: the square of the distance in cells, which is a whole number, and OCCUPIED
+    added where the cell is. It is looked up in a table of what a model makes of distances. Where squares would not fit,
+    on maps finer than 1.1 cm with a `max_distance` of 2 m, the distance itself is kept in small steps.
 
     Attributes:
         origin: Pose of the lower left corner in the map's frame.
@@ -59,10 +54,10 @@ class DistanceField:
         self.resolution = occupancy.resolution
         self.max_distance = max_distance
         farthest = math.ceil((max_distance / self.resolution) ** 2)
-        self._squares = farthest < 1 << LOOK_BITS
-        self._far = farthest if self._squares else (1 << LOOK_BITS) - 1
+        self._squares = farthest < OCCUPIED
+        self._far = farthest if self._squares else OCCUPIED - 1
         codes = np.arange(2 * OCCUPIED)
-        below = codes % (1 << LOOK_BITS)
+        below = codes % OCCUPIED
         distances = self.resolution * np.sqrt(below) if self._squares else max_distance / self._far * below
         self.face_distances = np.minimum(distances, max_distance).astype(np.float32)
         self.cell_distances = np.where(codes < OCCUPIED, self.face_distances, np.float32(0.0))
@@ -85,11 +80,6 @@ class DistanceField:
         else:
             scaled = distances * np.float32(self._far / self.max_distance)
         codes = np.where(distances < np.float32(self.max_distance), np.rint(scaled), self._far).astype(np.uint16)
-        faces, free = (occupied & ~inside).view(np.uint8), is_free(self.occupancy.data[near]).view(np.uint8)
-        looks = np.zeros(faces.shape, dtype=np.uint8)
-        nearest, thin = np.full(faces.shape, 255, dtype=np.uint8), round(THIN_WALL / self.resolution)
-        look_around(faces, np.ascontiguousarray(free), thin, looks, nearest)
-        codes += looks[inner].astype(np.uint16) << np.uint16(LOOK_BITS)
         self.codes[rows] = codes + np.where(occupied[inner], np.uint16(OCCUPIED), np.uint16(0))
 
     @property

@@ -8,9 +8,17 @@ import math
 import numpy as np
 
 from mbf_relay.kernels import kernel
+from mbf_relay.localization.distance_field import FREE_TO
 
 LONGEST_STEP = 0.2
 LARGEST_TURN = 0.1
+NEAR = 3
+"""Cells from an end within which the face is that it is on."""
+ONE_WAY, FROM_BEHIND = 1.5, 0.3
+"""Length of the sum of the ways to the free cells round a face from which it looks one way, and the cosine between that
+and a beam's from which this came from behind."""
+DISTANCE = (1 << 15) - 1
+"""Part of the distance field's codes that tells the distance; 0 is a face."""
 
 
 @kernel("int64(float64[:,::1], int64[::1], int64, float64, float64, int64[::1])")
@@ -186,3 +194,58 @@ def climb(
                 information[i, j] = temper * information[i, j] + prior_information[i, j]
         invert(information, covariances[k])
         pose[2] = (pose[2] + math.pi) % (2.0 * math.pi) - math.pi
+
+
+@kernel(
+    "void(float64[:,::1], float64[:,::1], uint16[:,::1], int8[:,::1], float64[::1], float32[::1], float64, "
+    "float64[::1])"
+)
+def credit_from_behind(poses, endpoints, codes, occupancy, frame, table, outside, sums):
+    """Add up what beams have to their credit that end on a face they cannot have seen: it looks the other way.
+
+    A face looks to where the cells round it are free. One of a wall of a single cell, or of the leg of a table, looks
+    both ways.
+
+    Args:
+        poses: Shape (K, 3), in the map's frame.
+        endpoints: Shape (B, 2) in metres, in the base's frame, where beams come from but for the lidar's own place.
+        codes: Of the distance field, shape (height, width).
+        occupancy: The map, shape (height, width).
+        frame: Origin x, y, theta and resolution of the map, shape (4,).
+        table: The term of a beam that ends in a cell, for each code.
+        outside: The term of a beam that ends far from all.
+        sums: Result, shape (K,): of table - outside over those beams.
+    """
+    height, width = codes.shape
+    cos_origin, sin_origin = math.cos(frame[2]), math.sin(frame[2])
+    scale = 1.0 / frame[3]
+    for k in range(poses.shape[0]):
+        dx, dy = poses[k, 0] - frame[0], poses[k, 1] - frame[1]
+        column0, row0 = (cos_origin * dx + sin_origin * dy) * scale, (cos_origin * dy - sin_origin * dx) * scale
+        cos, sin = math.cos(poses[k, 2] - frame[2]), math.sin(poses[k, 2] - frame[2])
+        sums[k] = 0.0
+        for j in range(endpoints.shape[0]):
+            arm_x = cos * endpoints[j, 0] - sin * endpoints[j, 1]
+            arm_y = sin * endpoints[j, 0] + cos * endpoints[j, 1]
+            column, row = column0 + scale * arm_x, row0 + scale * arm_y
+            margin = NEAR + 1.0
+            if not (column >= margin and row >= margin and column < width - margin and row < height - margin):
+                continue
+            x, y = int(column), int(row)
+            nearest, face_x, face_y = NEAR * NEAR + 1, 0, 0
+            for v in range(-NEAR, NEAR + 1):
+                for u in range(-NEAR, NEAR + 1):
+                    if u * u + v * v < nearest and codes[y + v, x + u] & DISTANCE == 0:
+                        nearest, face_x, face_y = u * u + v * v, x + u, y + v
+            if nearest > NEAR * NEAR:
+                continue
+            look_x = look_y = 0.0
+            for v in range(-1, 2):
+                for u in range(-1, 2):
+                    if (u != 0 or v != 0) and 0 <= occupancy[face_y + v, face_x + u] <= FREE_TO:
+                        share = 1.0 / math.sqrt(float(u * u + v * v))
+                        look_x += u * share
+                        look_y += v * share
+            look, way = math.hypot(look_x, look_y), math.hypot(arm_x, arm_y)
+            if look > ONE_WAY and look_x * arm_x + look_y * arm_y > FROM_BEHIND * look * way:
+                sums[k] += table[codes[y, x]] - outside

@@ -8,11 +8,10 @@ from typing import List, Tuple
 
 import numpy as np
 
-from mbf_relay.localization.distance_field import LOOK_BITS, DistanceField
-from mbf_relay.localization.face_kernels import credit_from_behind
+from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.gaussians import PoseGaussian, PoseMixture
 from mbf_relay.localization.laser_kernels import sum_over_endpoints
-from mbf_relay.localization.refinement_kernels import choose_apart, climb
+from mbf_relay.localization.refinement_kernels import choose_apart, climb, credit_from_behind
 from mbf_relay.localization.resampling_kernels import first_in_squares
 
 INDEPENDENT_BEAMS = 30.0
@@ -28,8 +27,6 @@ SPACING = 0.1
 ITERATIONS = 5
 EVERY = np.empty(0, dtype=bool)
 """In place of a mask that leaves nothing out."""
-FEW = 200
-"""Poses of which every beam is looked at."""
 CLEARLY = 1.0
 """Logarithm of the probability by which one place is clearly better than another."""
 WIDENING = 1.5
@@ -62,6 +59,7 @@ class ScanLikelihood:
 
     def __init__(self, field: DistanceField, sigma_hit: float) -> None:
         self._field = field
+        self._occupancy = np.require(field.occupancy.data, np.int8, ("C", "W"))
         self._sigma = sigma_hit * NARROWING
         self._narrowing, self._narrow = np.array([max(WIDE_SIGMA, self._sigma), self._sigma]), np.array([self._sigma])
         squared = np.square(field.face_distances) * np.float32(-0.5 / self._sigma ** 2)
@@ -70,10 +68,6 @@ class ScanLikelihood:
 
     def log(self, poses: np.ndarray, endpoints: np.ndarray, news: float = 1.0) -> np.ndarray:
         """Return the tempered log-likelihood of a scan at poses.
-
-        A beam that ends on a face from behind counts as one that ends far from all. Of many poses every so-manieth beam
-        tells how many there are, and those on thin walls are not looked at: tempered, a scan holds a belief to a few
-        centimetres, and a bound on one side would draw it to the other.
 
         Args:
             poses: Shape (N, 3), in the map's frame.
@@ -85,12 +79,6 @@ class ScanLikelihood:
         sum_over_endpoints(
             np.ascontiguousarray(poses), endpoints, field.codes, self._table, self._outside, field.frame, sums
         )
-        few, behind = len(poses) <= FEW, np.empty(len(poses))
-        seen = endpoints if few else some_of(endpoints, int(INDEPENDENT_BEAMS))
-        credit_from_behind(
-            np.ascontiguousarray(poses), seen, field.codes, LOOK_BITS, few, field.frame, self._table, self._outside,
-            behind)
-        sums -= behind * (len(endpoints) / max(1, len(seen)))
         sums *= news * temper(len(endpoints))
         return sums
 
@@ -108,6 +96,13 @@ class ScanLikelihood:
             masses += 0.5 * np.linalg.slogdet(covariances)[1]
         return Modes(poses[kept], covariances, masses, explained[kept])
 
+    def _from_behind(self, poses: np.ndarray, endpoints: np.ndarray) -> np.ndarray:
+        """Return what `log` counts for poses, shape (K, 3), by beams that end on the far side of a wall; shape (K,)."""
+        sums, field = np.empty(len(poses)), self._field
+        credit_from_behind(
+            poses, endpoints, field.codes, self._occupancy, field.frame, self._table, self._outside, sums)
+        return sums * temper(len(endpoints))
+
     def sharpest(self, starts: np.ndarray, prior: PoseGaussian, endpoints: np.ndarray) -> np.ndarray:
         """Return the highest maximum of prior times likelihood, not tempered, next to starts, (K, 3); shape (3,).
 
@@ -117,7 +112,8 @@ class ScanLikelihood:
         poses, _, _ = self._climb(starts, prior, endpoints, self._narrow, 1.0)
         if len(poses) == 1:
             return np.asarray(poses[0])
-        heights = self.log(poses, endpoints) / temper(len(endpoints)) + prior.log_density(poses)
+        heights = self.log(poses, endpoints) - self._from_behind(poses, endpoints)
+        heights = heights / temper(len(endpoints)) + prior.log_density(poses)
         heights[0] += CLEARLY
         return np.asarray(poses[int(np.argmax(heights))])
 

@@ -7,19 +7,11 @@ import pytest
 from synthetic_room import scan_at
 
 from mbf_relay.geometry import IDENTITY, Pose2D
-from mbf_relay.localization.distance_field import LOOK_BITS, DistanceField, is_free
-from mbf_relay.localization.face_kernels import (
-    FROM_BEHIND,
-    LOOKS,
-    NEAR,
-    ONE_WAY,
-    THIN,
-    credit_from_behind,
-    look_around,
-)
+from mbf_relay.localization.distance_field import DistanceField, is_free
 from mbf_relay.localization.gaussians import PoseGaussian
 from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.parameters import LocalizerParameters
+from mbf_relay.localization.refinement_kernels import FROM_BEHIND, NEAR, ONE_WAY, credit_from_behind
 from mbf_relay.localization.scan_likelihood import ScanLikelihood
 from mbf_relay.maps import OccupancyMap
 
@@ -65,84 +57,42 @@ def test_of_places_a_wall_s_thickness_apart_the_one_is_taken_from_which_faces_lo
     assert likelihood.sharpest(aside[None], prior, ends)[1] < PLACE.y - 0.05  # where nothing else is known
     for starts in ((aside, PLACE), (PLACE, aside)):
         assert likelihood.sharpest(np.array(starts, dtype=float), prior, ends) == pytest.approx(PLACE, abs=0.03)
-    modes = likelihood.modes(np.array([aside, PLACE], dtype=float), PoseGaussian(aside, np.eye(3)), ends)
-    assert modes.poses[np.argmax(modes.log_masses)] == pytest.approx(PLACE, abs=0.03)
-
-
-def test_a_thick_wall_is_not_believed_to_be_passed_by_and_by():
-    """Beside the barriers of a race track the belief was drawn through them, 0.6 m aside, in two drives of eight."""
-    data = np.zeros((200, 200), dtype=np.int8)
-    data[:, 120:132] = -1
-    data[:, 120] = data[:, 131] = 100
-    data[60:62, 60:62] = 100
-    likelihood = ScanLikelihood(DistanceField(OccupancyMap(data, 0.05, IDENTITY), 2.0), 0.2)
-    ends = np.column_stack((np.full(60, 1.0), np.linspace(-2.0, 2.0, 60)))
-    aside = np.column_stack((np.full(300, 5.55), np.linspace(2.5, 7.5, 300), np.zeros(300)))
-    right = aside - (0.55, 0.0, 0.0)
-    assert (likelihood.log(right, ends) > likelihood.log(aside, ends) + 20.0).all()
-    assert (likelihood.log(right[:9], ends) > likelihood.log(aside[:9], ends) + 20.0).all()
 
 
 @pytest.mark.parametrize("seed", range(6))
-@pytest.mark.parametrize("thin_too", [False, True])
-def test_what_is_seen_from_behind_is_what_plain_numpy_says(seed, thin_too):
+def test_what_is_seen_from_behind_is_what_plain_numpy_says(seed):
     rng = np.random.default_rng(seed)
     data = rng.choice(np.array([0, 0, 0, 100, -1], dtype=np.int8), (30, 40))
-    data[8:20, 10:25] = -1
-    data[8, 10:25] = data[19, 10:25] = 100
     field = DistanceField(OccupancyMap(data, 0.1, Pose2D(0.3, -0.2, 0.4)), 2.0)
-    poses, ends = field.random_free_poses(5, rng), rng.uniform(-2.0, 2.0, (60, 2))
+    poses = field.random_free_poses(5, rng)
+    ends = rng.uniform(-2.0, 2.0, (60, 2))
     table, outside = rng.uniform(-2.0, 0.0, 1 << 16).astype(np.float32), -2.5
     sums = np.empty(len(poses))
-    credit_from_behind(poses, ends, field.codes, LOOK_BITS, thin_too, field.frame, table, outside, sums)
-    assert sums == pytest.approx([plain(field, pose, ends, table, outside, thin_too) for pose in poses], abs=1e-4)
+    credit_from_behind(poses, ends, field.codes, field.occupancy.data, field.frame, table, outside, sums)
+    assert sums == pytest.approx([plain(field, pose, ends, table, outside) for pose in poses], abs=1e-4)
     assert (sums != 0.0).any()
 
 
-def plain(field, pose, ends, table, outside, thin_too):
-    looks, local, total = plain_looks(field), Pose2D(*pose).relative_to(field.origin), 0.0
-    height, width = looks.shape
+def plain(field, pose, ends, table, outside):
+    distances, free = field.face_distances[field.codes], is_free(field.occupancy.data)
+    local = Pose2D(*pose).relative_to(field.origin)
+    total = 0.0
     for arm in ends:
-        x, y = np.floor(np.array(local.transform_points(arm[None])[0]) / field.resolution).astype(int)
-        if not (0 <= x < width and 0 <= y < height) or looks[y, x] == 0 or (looks[y, x] & THIN and not thin_too):
+        cell = np.array(local.transform_points(arm[None])[0]) / field.resolution
+        x, y = np.floor(cell).astype(int)
+        if not (min(cell) >= NEAR + 1 and cell[0] < free.shape[1] - NEAR - 1 and cell[1] < free.shape[0] - NEAR - 1):
             continue
-        angle = ((looks[y, x] & LOOKS) - 0.5) * math.tau / LOOKS - math.pi
+        around = [(u * u + v * v, x + u, y + v) for v in range(-NEAR, NEAR + 1) for u in range(-NEAR, NEAR + 1)]
+        faces = [each for each in around if distances[each[2], each[1]] == 0.0 and each[0] <= NEAR * NEAR]
+        if not faces:
+            continue
+        _, x, y = min(faces, key=lambda face: face[0])
+        look = np.zeros(2)
+        for v in (-1, 0, 1):
+            for u in (-1, 0, 1):
+                if (u or v) and free[y + v, x + u]:
+                    look += np.array([u, v]) / math.hypot(u, v)
         way = Pose2D(0.0, 0.0, local.theta).transform_points(arm[None])[0]
-        if way @ (math.cos(angle), math.sin(angle)) > FROM_BEHIND * np.hypot(*way):
-            total += table[field.codes[y, x]] - outside
+        if np.hypot(*look) > ONE_WAY and look @ way > FROM_BEHIND * np.hypot(*look) * np.hypot(*way):
+            total += table[field.codes[tuple(np.floor(cell[::-1]).astype(int))]] - outside
     return total
-
-
-def plain_looks(field):
-    """Return how the face nearest to each cell looks."""
-    faces, free = field.face_distances[field.codes] == 0.0, is_free(field.occupancy.data)
-    height, width = faces.shape
-    looks, nearest = np.zeros(faces.shape, dtype=int), np.full(faces.shape, NEAR * NEAR + 1)
-    for y, x in np.argwhere(faces):
-        to, look = np.zeros(2), 0
-        for v, u in np.argwhere(free[max(y - 1, 0):y + 2, max(x - 1, 0):x + 2]):
-            way = np.array([u + max(x - 1, 0) - x, v + max(y - 1, 0) - y])
-            to += way / np.hypot(*way)
-        if np.hypot(*to) > ONE_WAY:
-            look = 1 + int((math.atan2(to[1], to[0]) + math.pi) / math.tau * LOOKS) % LOOKS
-            behind = np.array([x, y]) - np.arange(1, round(0.3 / field.resolution) + 1)[:, None] * to / np.hypot(*to)
-            behind = [(u, v) for u, v in np.rint(behind).astype(int) if 0 <= u < width and 0 <= v < height]
-            look += THIN if any(free[v, u] for u, v in behind) else 0
-        for v in range(max(y - NEAR, 0), min(y + NEAR + 1, height)):
-            for u in range(max(x - NEAR, 0), min(x + NEAR + 1, width)):
-                far = (u - x) ** 2 + (v - y) ** 2
-                if far <= NEAR * NEAR and far < nearest[v, u]:
-                    nearest[v, u], looks[v, u] = far, look
-    return looks
-
-
-def test_the_looks_are_in_the_codes():
-    occupancy = house()
-    field = DistanceField(occupancy, 2.0)
-    looks = (field.codes >> LOOK_BITS) & (LOOKS + THIN)
-    assert (looks == plain_looks(field)).all()
-    assert looks[49, 30] == looks[50, 30] != looks[52, 30] == looks[53, 30]  # the two faces of a wall, and what is near
-    assert looks[50, 30] & THIN and not looks[95, 75] and not looks[200, 200]
-    bare = np.zeros((5, 5), dtype=np.uint8)
-    look_around(bare, bare, 6, bare, bare + np.uint8(255))
-    assert not bare.any()
