@@ -122,7 +122,7 @@ class SdfReader:
         lost = [*self._left_out, *self._missing_in_a_line()]
         if lost and not self._bodies:
             raise ValueError(f"world file {self._path}: {'; '.join(lost)}")
-        told = [text.format(_list(names)) for text, names in self._warnings.items()]
+        told = [text.replace("{}", _list(names)) for text, names in self._warnings.items()]
         told += [f"{line}; it is left out" for line in lost]
         return World(name, tuple(self._bodies), Pose2D(0.0, 0.0, 0.0), warnings=tuple(told))
 

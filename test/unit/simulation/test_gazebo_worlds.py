@@ -76,6 +76,14 @@ def test_whoever_lacks_gazebo_s_models_reads_one_line_and_not_sixty(tmp_path):
         load_world(write(tmp_path / "w.world", sdf(text)))
 
 
+def test_what_another_simulator_s_elements_are_called_does_no_harm(tmp_path):
+    text = model("bin", "<d:capsule xmlns:d='d.org'/>") + "<d:glue xmlns:d='d.org'/>" + model("wall", BOX)
+    world = load_world(write(tmp_path / "w.world", sdf(text)))
+    assert [body.name for body in world.bodies] == ["wall"]
+    assert "<{d.org}capsule> of model 'bin' is not understood; it is left out" in world.warnings
+    assert "<{d.org}glue> is not understood" in world.warnings
+
+
 @pytest.mark.parametrize("before", ["<!-- who made it -->\n", "\n\n  "])
 def test_a_world_that_begins_with_a_comment_is_read_as_gazebo_reads_it(tmp_path, before):
     world = load_world(write(tmp_path / "w.world", sdf(model("a", BOX), before=before)))
