@@ -37,7 +37,7 @@ def obstruction(
         hit = _crosses_outline(local, robot.outline)
         if hit.any():
             return int(owners[indices[np.argmax(hit)]])
-        crossings = np.bincount(owners[indices[_crosses_positive_x_axis(local)]])
+        crossings = np.bincount(owners[indices[crosses_positive_x_axis(local)]])
         inside = np.setdiff1d(np.flatnonzero(crossings % 2), halls)
         if len(inside):
             return int(inside[0])
@@ -82,7 +82,7 @@ def _crosses_outline(segments: np.ndarray, outline: np.ndarray) -> np.ndarray:
     return crossed
 
 
-def _crosses_positive_x_axis(segments: np.ndarray) -> np.ndarray:
+def crosses_positive_x_axis(segments: np.ndarray) -> np.ndarray:
     """Tell which segments (M, 2, 2) a ray from the origin along +x crosses, shape (M,) bool."""
     (x1, y1), (x2, y2) = segments[:, 0].T, segments[:, 1].T
     spans = (y1 > 0.0) != (y2 > 0.0)

@@ -10,6 +10,7 @@ from mbf_relay.distances import around
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from mbf_relay.simulation.clearance import crosses_positive_x_axis
 from mbf_relay.simulation.shapes import Mesh, cut
 from mbf_relay.simulation.world import World
 from mbf_relay.simulation.world_map_kernels import flood
@@ -77,11 +78,8 @@ def _starts_inside(world: World, height: float) -> bool:
     """Return whether the robot starts within a box, cylinder or sphere; a mesh may be a hall, seen from within."""
     triangles, owners = world.fixed_triangles()
     segments, whose = cut(triangles, height)
-    (x, y), (left, right) = world.start[:2], segments.swapaxes(0, 1)
-    beside = (left[:, 1] > y) != (right[:, 1] > y)
-    left, ways = left[beside], (right - left)[beside]
-    ahead = left[:, 0] + (y - left[:, 1]) / ways[:, 1] * ways[:, 0] > x
-    crossings = np.bincount(owners[whose[beside][ahead]], minlength=len(world.bodies))
+    crossed = crosses_positive_x_axis(segments - np.array(world.start[:2]))
+    crossings = np.bincount(owners[whose[crossed]], minlength=len(world.bodies))
     return any(count % 2 and not isinstance(body.shape, Mesh) for count, body in zip(crossings, world.bodies))
 
 
