@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from mbf_relay.kernels import kernel
-from mbf_relay.localization.distance_field import FREE_TO
+from mbf_relay.localization.distance_field import FREE_TO, OCCUPIED
 
 LONGEST_STEP = 0.2
 LARGEST_TURN = 0.1
@@ -17,7 +17,7 @@ NEAR = 3
 ONE_WAY, FROM_BEHIND = 1.5, 0.3
 """Length of the sum of the ways to the free cells round a face from which it looks one way, and the cosine between that
 and a beam's from which this came from behind."""
-DISTANCE = (1 << 15) - 1
+DISTANCE = OCCUPIED - 1
 """Part of the distance field's codes that tells the distance; 0 is a face."""
 
 

@@ -96,13 +96,6 @@ class ScanLikelihood:
             masses += 0.5 * np.linalg.slogdet(covariances)[1]
         return Modes(poses[kept], covariances, masses, explained[kept])
 
-    def _from_behind(self, poses: np.ndarray, endpoints: np.ndarray) -> np.ndarray:
-        """Return what `log` counts for poses, shape (K, 3), by beams that end on the far side of a wall; shape (K,)."""
-        sums, field = np.empty(len(poses)), self._field
-        credit_from_behind(
-            poses, endpoints, field.codes, self._occupancy, field.frame, self._table, self._outside, sums)
-        return sums * temper(len(endpoints))
-
     def sharpest(self, starts: np.ndarray, prior: PoseGaussian, endpoints: np.ndarray) -> np.ndarray:
         """Return the highest maximum of prior times likelihood, not tempered, next to starts, (K, 3); shape (3,).
 
@@ -112,8 +105,10 @@ class ScanLikelihood:
         poses, _, _ = self._climb(starts, prior, endpoints, self._narrow, 1.0)
         if len(poses) == 1:
             return np.asarray(poses[0])
-        heights = self.log(poses, endpoints) - self._from_behind(poses, endpoints)
-        heights = heights / temper(len(endpoints)) + prior.log_density(poses)
+        from_behind, field = np.empty(len(poses)), self._field
+        credit_from_behind(
+            poses, endpoints, field.codes, self._occupancy, field.frame, self._table, self._outside, from_behind)
+        heights = self.log(poses, endpoints) / temper(len(endpoints)) - from_behind + prior.log_density(poses)
         heights[0] += CLEARLY
         return np.asarray(poses[int(np.argmax(heights))])
 

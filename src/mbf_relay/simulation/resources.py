@@ -44,7 +44,8 @@ def find_resource(uri: str, base: str) -> str:
         )
     elif scheme == "model":
         candidates = _in_folders(unquote(rest), model_folders(base))
-        candidates += filter(os.path.exists, _in_packages(unquote(rest)))  # where it is a package by that name
+        if not any(map(os.path.exists, candidates)):  # it may be a package by that name
+            candidates += filter(os.path.exists, _in_packages(unquote(rest)))
     elif scheme == "package":
         candidates = _in_packages(unquote(rest))
     else:
