@@ -172,6 +172,13 @@ class TestReadme(unittest.TestCase):
             lambda: any(name.startswith("/move_base_flex/straight/") for name, _ in self.master.getPublishedTopics("")),
             "topics of the planner", 60.0, LOOK_PERIOD)
 
+    def test_7_one_s_own_urdf_drives(self):
+        """Of a robot's URDF the description alone was taken, and a burger drove under it."""
+        shutil.copy(str(TEST / "launch_files" / "box_on_wheels.urdf"), os.path.join(self.folder.name, "my_robot.urdf"))
+        self.run_to_end(command_with("robot_parameters.py", ".urdf"))
+        self.launch(command_with("demo.launch", ".urdf") + FASTER, "/simulator", "/amcl", "/move_base_flex", "/move_base")
+        self.assertIn("Goal execution done!", self.run_to_end("rosrun mbf_relay movebase_client.py -1.5 -0.5"))
+
 
 if __name__ == "__main__":
     rostest.rosrun("mbf_relay", "readme_commands", TestReadme)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import List, Optional
+from typing import Any, Dict, List, Mapping, Optional
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.parameters import parameter
 from mbf_relay.simulation.floor import leveled
 from mbf_relay.simulation.parameters import SimulationParameters, steps_between
+from mbf_relay.simulation.robot_file import load_robot
 from mbf_relay.simulation.world import World
 
 
@@ -55,6 +56,12 @@ class SimulatorParameters(SimulationParameters):
     scan_frame: str = parameter("base_scan", "frame of the lidar", is_frame=True)
     imu_frame: str = parameter("imu_link", "frame of the inertial sensor", is_frame=True)
     publish_odom_tf: bool = parameter(True, "send the odometry on /tf too")
+
+    @classmethod
+    def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
+        """Return the values that belong here: the user's, then the robot's own, the names of its frames among them."""
+        own = super().known(values)
+        return {**(load_robot(str(own["robot"])).frames if "robot" in own else {}), **own}
 
     def check(self) -> None:
         """Raise ValueError where a rate does not divide the physics rate."""

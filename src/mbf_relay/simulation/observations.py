@@ -11,7 +11,7 @@ from mbf_relay.simulation.imu import ImuReading
 
 
 class JointReading(NamedTuple):
-    """The driven wheels: time (s), angles (rad), speeds (rad/s), and the joints' names."""
+    """Joints, the driven wheels' first: time (s), angles (rad), speeds (rad/s), and names."""
 
     stamp: float
     positions: Tuple[float, ...]

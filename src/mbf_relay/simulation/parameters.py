@@ -21,7 +21,7 @@ class SimulationParameters(ParameterSet):
     What a user does not set is taken from the robot's file, and only then from here.
     """
 
-    robot: str = parameter("burger", "a file in config/robot without its ending, or the path of a robot's YAML file")
+    robot: str = parameter("burger", "a file in config/robot without its ending, or the path of a robot's YAML or URDF")
     physics_rate: int = parameter(
         120, "physics steps per second of simulated time", unit="Hz", minimum=20, maximum=2000
     )

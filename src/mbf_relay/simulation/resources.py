@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import lru_cache
 from pathlib import Path
 from typing import List
 from urllib.parse import unquote
@@ -127,7 +128,28 @@ def _in_packages(path: str) -> List[str]:
         if folder:
             candidates.append(os.path.join(folder, package, inside))
             candidates.extend(_nested(folder, package, inside))
+    if not any(map(os.path.exists, candidates)):
+        folder = _by_manifest(package, os.environ.get("ROS_PACKAGE_PATH", ""))
+        candidates += [os.path.join(folder, inside)] if folder else []
     return candidates
+
+
+@lru_cache(maxsize=64)  # a robot has many meshes
+def _by_manifest(package: str, path: str) -> str:
+    """Return the folder of a package by the name in its package.xml, however deep it lies; empty for none."""
+    for top in filter(None, path.split(os.pathsep)):
+        for folder, deeper, names in os.walk(top):
+            if "package.xml" not in names:
+                deeper[:] = sorted(name for name in deeper if not name.startswith("."))
+                continue
+            deeper.clear()  # packages hold no others
+            try:
+                name = files.read_xml(os.path.join(folder, "package.xml")).findtext("name", "")
+            except (ValueError, OSError):
+                continue  # not the one that is looked for
+            if name.strip() == package:
+                return folder
+    return ""
 
 
 def _nested(folder: str, package: str, inside: str) -> List[str]:

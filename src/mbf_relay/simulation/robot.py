@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, List, Mapping, NamedTuple, Tuple
 
 import numpy as np
@@ -75,6 +75,12 @@ class RobotModel:
         footprint: What navigation is to keep free, likewise.
         scan_in_base, imu_in_base: Where the sensors are.
         settings: Parameters of SimulationParameters that belong to it.
+        frames: What it calls its frames: base_frame, scan_frame, imu_frame, where it has names of its own.
+        root, root_in_base: The first link of its description where that does not lead to base_frame, else empty; and
+            where it is there.
+        joint_names: Of the driven wheels' joints, the left one's first, likewise.
+        still_joints: Joints that nothing moves here, and that are told to be at zero.
+        warnings: What of its file was left out, for people.
     """
 
     name: str
@@ -89,6 +95,12 @@ class RobotModel:
     scan_in_base: Frame
     imu_in_base: Frame
     settings: Mapping[str, Any]
+    frames: Mapping[str, str] = field(default_factory=dict)
+    root: str = ""
+    root_in_base: Frame = Frame.of(0.0, 0.0)
+    joint_names: Tuple[str, ...] = ()
+    still_joints: Tuple[str, ...] = ()
+    warnings: Tuple[str, ...] = ()
 
     @property
     def axle_height(self) -> float:
@@ -109,6 +121,8 @@ class RobotModel:
     @property
     def joints(self) -> Tuple[str, ...]:
         """Names of the driven wheels' joints."""
+        if self.joint_names:
+            return self.joint_names
         if self.drive == OMNIDIRECTIONAL:
             return tuple(f"wheel_{end}_{side}_joint" for end in ("front", "rear") for side in ("left", "right"))
         return "wheel_left_joint", "wheel_right_joint"

@@ -1,4 +1,4 @@
-"""Robots by name or file: a YAML of body, wheels, sensors' places and limits.
+"""Robots by name or file: a URDF (`urdf_robot`), or a YAML of body, wheels, sensors' places and limits.
 
     drive: differential          # or omnidirectional, car
     base_height: 0.01            # m, of base_link above the ground
@@ -9,11 +9,14 @@
     lidar: {at: [-0.03, 0.0, 0.17], yaw: 0.0}
     footprint: [[-0.1, -0.1], [-0.1, 0.1], [0.04, 0.1], [0.04, -0.1]]
 
-What else may stand there: mass of a part, inertia, outline, imu, and every parameter of the simulator.
+What else may stand there: mass of a part, inertia, outline, imu, frames (base_frame, scan_frame, imu_frame: how the
+robot's own description calls them), root (its description's first link, as frame, and where that is in base_frame, if
+base_frame is none of its links), joints (of the driven wheels), still_joints, and every parameter of the simulator.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Dict, List, Mapping, Sequence, Tuple
@@ -27,10 +30,14 @@ from mbf_relay.simulation import robot as robots
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.robot import CAR, DIFFERENTIAL, DRIVES, Caster, Part, RobotModel, Wheels
 from mbf_relay.simulation.shapes import Box, Cylinder, Mesh, Shape, prism_triangles
+from mbf_relay.simulation.urdf_robot import robot_values
 
+URDF = ".urdf"
 OWN_NAMES = (
-    "drive", "base_height", "body", "inertia", "outline", "footprint", "wheels", "casters", "lidar", "imu"
+    "drive", "base_height", "body", "inertia", "outline", "footprint", "wheels", "casters", "lidar", "imu", "frames",
+    "root", "joints", "still_joints",
 )
+FRAMES = ("base_frame", "scan_frame", "imu_frame")
 """What a robot's file says beside the simulator's parameters."""
 
 
@@ -38,13 +45,15 @@ def load_robot(text: str) -> RobotModel:
     """Return the robot of a name or file.
 
     Args:
-        text: A file in config/robot without its ending, or the path of a YAML file.
+        text: A file in config/robot without its ending, or the path of a YAML file or a URDF.
 
     Raises:
         ValueError: There is none, or it is malformed; the text names file and place.
     """
     path, content = _path_of(text), robot_text(text)
     try:
+        if path.suffix == URDF:
+            return _robot_of_urdf(path.stem, content, str(path.absolute().parent))
         return _robot_of_text(path.stem, content)
     except ValueError as error:
         raise ValueError(f"robot file {path}: {error}") from error
@@ -63,13 +72,15 @@ def robot_text(text: str) -> str:
 
 def _path_of(text: str) -> Path:
     path = Path(text)
-    if path.suffix in (".yaml", ".yml"):
+    if path.suffix in (".yaml", ".yml", URDF):
         return path
+    if path.suffix == ".xacro":
+        raise ValueError(f"robot file {path} is to be made a URDF first: xacro {path} > {path.stem.split('.')[0]}.urdf")
     folder = files.config_folder() / "robot"
     path = folder / f"{text}.yaml"
     if not path.is_file():
         known = sorted(file.stem for file in folder.glob("*.yaml"))
-        raise ValueError(f"robot '{text}' is not known; there are {', '.join(known)}, or name a .yaml file")
+        raise ValueError(f"robot '{text}' is not known; there are {', '.join(known)}, or name a .yaml or .urdf file")
     return path
 
 
@@ -80,6 +91,13 @@ def _robot_of_text(name: str, text: str) -> RobotModel:
     if not isinstance(values, Mapping):
         raise ValueError("it holds no names and values")
     return robot_of(name, values)
+
+
+@lru_cache(maxsize=16)
+def _robot_of_urdf(name: str, text: str, folder: str) -> RobotModel:
+    """Return the robot that a URDF in a folder describes; its meshes take long to read."""
+    values, warnings = robot_values(files.parse_xml(text, "it"), folder)
+    return replace(robot_of(name, values), warnings=tuple(warnings))
 
 
 def robot_of(name: str, values: Mapping[str, Any]) -> RobotModel:
@@ -110,8 +128,14 @@ def robot_of(name: str, values: Mapping[str, Any]) -> RobotModel:
         casters=tuple(_caster(entry) for entry in _listed(values, "casters")), outline=np.empty((0, 2)),
         footprint=np.empty((0, 2)), scan_in_base=_place(values, "lidar"), imu_in_base=_place(values, "imu"),
         settings={key: value for key, value in values.items() if key not in OWN_NAMES},
+        frames=_group(values, "frames"), root=str(_group(values, "root").get("frame", "")),
+        root_in_base=_place(values, "root"), still_joints=_names(values, "still_joints"),
     )
-    places = RobotModel(**made).wheel_places()
+    _refuse_unknown("frames", made["frames"], FRAMES)
+    model, names = RobotModel(**made), _names(values, "joints")
+    if names and len(names) != len(model.joints):
+        raise ValueError(f"joints is {list(names)}; {len(model.joints)} wheels are told of with a {drive} drive")
+    made["joint_names"], places = names, model.wheel_places()
     made["outline"] = _polygon(values, "outline", robots.seen_from_above(parts, wheels, places))
     made["footprint"] = _polygon(values, "footprint", made["outline"])
     return RobotModel(**made)
@@ -157,6 +181,13 @@ def _listed(values: Mapping[str, Any], name: str) -> List[Mapping[str, Any]]:
     if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
         raise ValueError(f"{name} is {entries!r}; it must be a list of groups of names and values")
     return entries
+
+
+def _names(values: Mapping[str, Any], name: str) -> Tuple[str, ...]:
+    names = values.get(name, [])
+    if not isinstance(names, list) or not all(isinstance(entry, str) for entry in names):
+        raise ValueError(f"{name} is {names!r}; it must be a list of names")
+    return tuple(names)
 
 
 def _polygon(values: Mapping[str, Any], name: str, default: np.ndarray) -> np.ndarray:

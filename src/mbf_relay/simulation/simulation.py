@@ -223,4 +223,6 @@ class Simulation:
         rate = self.parameters.physics_rate / self._joint_steps
         speeds = tuple((angle - before) * rate for angle, before in zip(angles, self._joint_angles))
         self._joint_angles = angles
-        return JointReading(now, angles, speeds, self.robot.joints)
+        still = self.robot.still_joints
+        zeros = (0.0,) * len(still)
+        return JointReading(now, angles + zeros, speeds + zeros, self.robot.joints + still)

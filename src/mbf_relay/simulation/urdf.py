@@ -37,13 +37,13 @@ def read_urdf(path: str) -> World:
         for link in robot.findall("link"):
             name = link.get("name", "link")
             for collision in link.findall("collision"):
-                shape = _shape(collision.find("geometry"), folder)
+                shape = shape_of(collision.find("geometry"), folder)
                 if shape is None:
                     warnings.append(
                         f"a collision of link '{name}' has a geometry that is not understood; it is left out"
                     )
                     continue
-                bodies.append(Body(name, shape, frames[name].compose(_origin(collision))))
+                bodies.append(Body(name, shape, frames[name].compose(origin_of(collision))))
         if any(joint.get("type") != "fixed" for joint in robot.findall("joint")):
             warnings.append("joints are not simulated; every link stands still with its joint at zero")
     except ValueError as error:
@@ -58,7 +58,7 @@ def link_frames(robot: Element) -> Dict[str, Frame]:
         parent, child = joint.find("parent"), joint.find("child")
         if parent is None or child is None:
             raise ValueError(f"joint '{joint.get('name')}' lacks parent or child")
-        joints[child.get("link")] = (parent.get("link"), _origin(joint))
+        joints[child.get("link")] = (parent.get("link"), origin_of(joint))
     frames: Dict[str, Frame] = {}
     for link in robot.findall("link"):
         frame, name, depth = Frame.of(0.0, 0.0), link.get("name"), 0
@@ -72,31 +72,39 @@ def link_frames(robot: Element) -> Dict[str, Frame]:
     return frames
 
 
-def _shape(geometry: Optional[Element], folder: str) -> Optional[Shape]:
+def shape_of(geometry: Optional[Element], folder: str) -> Optional[Shape]:
+    """Return the shape of a <geometry>, None where it is none that is known; meshes are looked for from `folder` on.
+
+    Raises:
+        ValueError: A number or a mesh is malformed, or the mesh is missing.
+        OSError: The mesh cannot be opened.
+    """
     element = next(iter(geometry), None) if geometry is not None else None
     if element is None:
         return None
     if element.tag == "box":
-        return Box(tuple(_numbers(element, "size", 3)))
+        return Box(tuple(numbers_of(element, "size", 3)))
     if element.tag == "cylinder":
-        return Cylinder(_numbers(element, "radius", 1)[0], _numbers(element, "length", 1)[0])
+        return Cylinder(numbers_of(element, "radius", 1)[0], numbers_of(element, "length", 1)[0])
     if element.tag == "sphere":
-        return Sphere(_numbers(element, "radius", 1)[0])
+        return Sphere(numbers_of(element, "radius", 1)[0])
     if element.tag == "mesh":
         return Mesh(
-            read_mesh(find_resource(element.get("filename", ""), folder)) * _numbers(element, "scale", 3, "1 1 1")
+            read_mesh(find_resource(element.get("filename", ""), folder)) * numbers_of(element, "scale", 3, "1 1 1")
         )
     return None
 
 
-def _origin(element: Element) -> Frame:
+def origin_of(element: Element) -> Frame:
+    """Return the <origin> of an element, or none at all; ValueError where it is malformed."""
     origin = element.find("origin")
     if origin is None:
         return Frame.of(0.0, 0.0)
-    return Frame.of(*_numbers(origin, "xyz", 3, "0 0 0"), *_numbers(origin, "rpy", 3, "0 0 0"))
+    return Frame.of(*numbers_of(origin, "xyz", 3, "0 0 0"), *numbers_of(origin, "rpy", 3, "0 0 0"))
 
 
-def _numbers(element: Element, attribute: str, count: int, default: str = "") -> np.ndarray:
+def numbers_of(element: Element, attribute: str, count: int, default: str = "") -> np.ndarray:
+    """Return the numbers of an attribute, shape (count,), or of `default`; ValueError where it is malformed."""
     text = element.get(attribute, default)
     try:
         values = np.array(text.split(), dtype=float)

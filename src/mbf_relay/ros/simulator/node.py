@@ -298,6 +298,8 @@ def main() -> None:
     for warning in world.warnings:
         rospy.logwarn("world '%s': %s", world.name, warning)
     simulator = Simulator(settings, world)
+    for warning in simulator.simulation.robot.warnings:
+        rospy.logwarn("robot '%s': %s", simulator.simulation.robot.name, warning)
     description = rospy.get_param(rospy.search_param("robot_description") or "robot_description", "")
     warning = lidar_elsewhere(str(description), settings.base_frame, settings.scan_frame, simulator.simulation.robot)
     if warning:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import List
+
 import rospy
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from nav_msgs.msg import Odometry as OdometryMessage
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
@@ -16,6 +18,7 @@ from mbf_relay.ros.simulator import messages
 from mbf_relay.simulation.node_parameters import SimulatorParameters
 from mbf_relay.simulation.observations import Observations
 from mbf_relay.simulation.parameters import steps_between
+from mbf_relay.simulation.robot import RobotModel
 from mbf_relay.simulation.simulation import Simulation
 from mbf_relay.touching import Touched
 
@@ -47,6 +50,13 @@ class SimulatorTopics:
         self._contacts = rospy.Publisher("contacts", MarkerArray, queue_size=100)
         self._tf = TransformPublisher()
 
+    def _below_base(self, robot: RobotModel, stamp: float) -> List[TransformStamped]:
+        """Return where a robot's description hangs on its base, if that has no place in it."""
+        if not robot.root:
+            return []
+        place = Transform(Vector3(*robot.root_in_base.position), Quaternion(*robot.root_in_base.quaternion()))
+        return [TransformStamped(header(self._settings.base_frame, stamp), robot.root, place)]
+
     def publish_clock(self, now: float) -> None:
         """Publish the time (s), unless somebody else does."""
         if not self._settings.follow_clock:
@@ -58,9 +68,8 @@ class SimulatorTopics:
         if seen.odometry is not None:
             if settings.publish_odom_tf:
                 top = header(settings.odom_frame, seen.odometry.stamp)
-                self._tf.send_messages([
-                    TransformStamped(top, settings.base_frame, transform_to_message(seen.odometry.pose))
-                ])
+                base = TransformStamped(top, settings.base_frame, transform_to_message(seen.odometry.pose))
+                self._tf.send_messages([base, *self._below_base(simulation.robot, seen.odometry.stamp)])
             self._odom.publish(messages.odometry_to_message(seen.odometry, settings))
         if seen.joints is not None and _is_heard(self._joints):
             self._joints.publish(messages.joints_to_message(seen.joints))

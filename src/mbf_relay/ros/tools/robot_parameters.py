@@ -11,9 +11,9 @@ import yaml
 from mbf_relay import files
 from mbf_relay.lockstep.command import without_remappings
 from mbf_relay.lockstep.fitting import SERVER, fitted
-from mbf_relay.lockstep.settings import load_settings
+from mbf_relay.lockstep.settings import Settings, load_settings
 from mbf_relay.simulation.parameters import SimulationParameters
-from mbf_relay.simulation.robot import DIFFERENTIAL, RobotModel
+from mbf_relay.simulation.robot import DIFFERENTIAL, FOOTPRINT_FRAME, SCAN_FRAME, RobotModel
 from mbf_relay.simulation.robot_file import load_robot
 
 DIGITS = 4
@@ -33,8 +33,19 @@ def parameters_for(robot: RobotModel) -> Dict[str, Any]:
     )
     if limits.scan_rate > 0.0:
         guard["scan_timeout"] = SCANS_MISSED / limits.scan_rate
+    _name_frames(robot, after, guard)
     nodes = {node: _changes(before[node], after[node]) for node in (SERVER, "amcl")}
     return {**{node: changes for node, changes in nodes.items() if changes}, "velocity_guard": guard}
+
+
+def _name_frames(robot: RobotModel, settings: Settings, guard: Dict[str, Any]) -> None:
+    """Have nodes and guard call a robot's frames as its own description does."""
+    base, scan = robot.frames.get("base_frame", FOOTPRINT_FRAME), robot.frames.get("scan_frame", SCAN_FRAME)
+    if base != FOOTPRINT_FRAME:
+        settings["amcl"]["base_frame_id"] = settings[SERVER]["robot_frame"] = guard["base_frame"] = base
+    for side in ("global_costmap", "local_costmap"):
+        settings[SERVER][side]["robot_base_frame"] = base
+        settings[SERVER][side]["scan"]["sensor_frame"] = scan
 
 
 def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> Dict[str, Any]:
@@ -54,7 +65,8 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Print the parameters for a robot; return the exit status: 0, or 1 for what a user can mend."""
     parser = argparse.ArgumentParser(
         prog="robot_parameters.py", description="Print navigation's parameters for a robot, by node, for overrides:=.")
-    parser.add_argument("robot", metavar="ROBOT", help="a file in config/robot without its ending, or a robot's .yaml")
+    parser.add_argument(
+        "robot", metavar="ROBOT", help="a file in config/robot without its ending, or a robot's .yaml or .urdf")
     robot = parser.parse_args(without_remappings(sys.argv[1:] if arguments is None else arguments)).robot
     try:
         print(yaml.safe_dump(parameters_for(load_robot(robot)), default_flow_style=None, sort_keys=False), end="")

@@ -1,0 +1,112 @@
+"""A URDF as what reads a robot off it needs it: places of links with every joint at zero, solids, masses, plugins."""
+
+from __future__ import annotations
+
+from typing import Container, Dict, Iterator, List, NamedTuple
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from mbf_relay.simulation.robot import BASE_FRAME, FOOTPRINT_FRAME
+from mbf_relay.simulation.urdf import link_frames, numbers_of, origin_of, shape_of
+
+
+class Solid(NamedTuple):
+    """What may be bumped into of a link: its corners, shape (N, 3) in metres, in the base."""
+
+    link: str
+    corners: np.ndarray
+
+    @property
+    def low(self) -> float:
+        """Height (m) of its lowest corner."""
+        return float(self.corners[:, 2].min())
+
+    @property
+    def middle(self) -> np.ndarray:
+        """Between its extremes, shape (3,)."""
+        middle: np.ndarray = 0.5 * (self.corners.min(axis=0) + self.corners.max(axis=0))
+        return middle
+
+
+class Description:
+    """A URDF, with every joint at zero.
+
+    Attributes:
+        root: Its element.
+        first: The root link.
+        base: The link that places are given in: base_link, else base_footprint, else the root.
+        places: Of all links.
+        solids: Of all links, in their order.
+        masses: Of links (kg), where they are told.
+        joints: By the link that each moves.
+        words: What the plugins of Gazebo say, joints' names among it.
+        plugins: Names of their files.
+        warnings: What was left out.
+    """
+
+    def __init__(self, robot: Element, folder: str) -> None:
+        """Read the root of a URDF that lies in a folder; ValueError where it is malformed."""
+        if robot.tag != "robot":
+            raise ValueError(f"it begins with <{robot.tag}>, and a URDF with <robot>")
+        self.root = robot
+        self.warnings: List[str] = []
+        frames = link_frames(robot)
+        self.joints: Dict[str, Element] = {}
+        for joint in robot.findall("joint"):
+            child = joint.find("child")
+            self.joints["" if child is None else child.get("link", "")] = joint
+        roots = [name for name in frames if name not in self.joints]
+        if not roots:
+            raise ValueError("it has no link")
+        self.first = roots[0]
+        self.base = next(name for name in (BASE_FRAME, FOOTPRINT_FRAME, self.first) if name in frames)
+        inverse = frames[self.base].inverse()
+        self.places = {name: inverse.compose(frame) for name, frame in frames.items()}
+        plugins = [plugin for plugin in robot.iter("plugin") if plugin.get("filename")]
+        self.plugins = " ".join(plugin.get("filename", "") for plugin in plugins)
+        self.words = {(part.text or "").strip() for plugin in plugins for part in plugin.iter()}
+        self.masses = {
+            link.get("name", "link"): float(numbers_of(mass, "value", 1)[0])
+            for link in robot.findall("link") for mass in link.iterfind("inertial/mass")}
+        self.solids = [solid for link in robot.findall("link") for solid in self._solids(link, folder)]
+
+    def missing(self) -> str:
+        """Return the warnings as the end of a sentence."""
+        return "".join(f"; {warning}" for warning in self.warnings[:2])
+
+    def movable(self, but: Container[str]) -> List[str]:
+        """Return the names of all joints that may move, but of some."""
+        names = [
+            joint.get("name", "") for joint in self.joints.values()
+            if joint.get("type") in ("continuous", "revolute", "prismatic") and joint.find("mimic") is None]
+        return [name for name in names if name not in but]
+
+    def axis(self, link: str) -> np.ndarray:
+        """Return the axis of the joint that moves a link, shape (3,), in the base."""
+        element = self.joints[link].find("axis")
+        axis = np.array([1.0, 0.0, 0.0]) if element is None else numbers_of(element, "xyz", 3, "1 0 0")
+        turned: np.ndarray = self.places[link].rotation @ (axis / max(float(np.linalg.norm(axis)), 1e-9))
+        return turned
+
+    def limit(self, link: str, name: str) -> float:
+        """Return a limit of the joint that moves a link; 0 where it has none."""
+        element = self.joints[link].find("limit")
+        return 0.0 if element is None else float(numbers_of(element, name, 1, "0")[0])
+
+    def parent(self, link: str) -> str:
+        """Return the link that another hangs on; empty for the root."""
+        element = self.joints[link].find("parent") if link in self.joints else None
+        return "" if element is None else element.get("link", "")
+
+    def _solids(self, link: Element, folder: str) -> Iterator[Solid]:
+        name = link.get("name", "link")
+        for element in link.findall("collision") or link.findall("visual"):
+            try:
+                shape = shape_of(element.find("geometry"), folder)
+            except (ValueError, OSError) as error:
+                self.warnings.append(f"link '{name}': {error}")
+                continue
+            if shape is not None:
+                place = self.places[name].compose(origin_of(element))
+                yield Solid(name, place.transform_points(shape.triangles().reshape(-1, 3)))

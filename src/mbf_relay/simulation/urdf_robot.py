@@ -1,0 +1,243 @@
+"""A robot out of its URDF, as people have it for Gazebo: what a file of config/robot says, read off links and plugins.
+
+drive, wheels   links that turn about an axis across, or are round and called wheels. Which of them are driven Gazebo's
+                plugin says, else transmissions do, else all are. More axles than one, and none that steers, are taken
+                for one between them, with casters under all: the physics has no tyres that scrub
+body            what may be bumped into of all other links, every joint at zero: each as its outline seen from above
+casters         what else reaches down to the ground; one more where a robot on two wheels would tip over
+lidar, imu      Gazebo's sensors, else links by such names
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from typing import Any, Dict, Iterator, List, Optional, Tuple
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from mbf_relay.geometry import convex_hull
+from mbf_relay.simulation.frames import Frame
+from mbf_relay.simulation.robot import CAR, DIFFERENTIAL, FOOTPRINT_FRAME, OMNIDIRECTIONAL
+from mbf_relay.simulation.urdf_description import Description, Solid
+from mbf_relay.simulation.urdf_wheels import NEAR_GROUND, Wheel, axles, find_wheels, in_order, steering_link, two_sides
+
+SPEED, TURN = 1.0, 3.0
+"""Top speed (m/s) and turn rate (rad/s) among people, where no wheel turns slower at most."""
+CASTER, CASTER_MASS = 0.3, 0.02
+"""Radius of a caster, as a share of the driven wheels', and its mass (kg)."""
+FOOT = 4.0
+"""Extent of what stands on the ground, in radii of the wheels, from which it is body that lies there."""
+ASIDE = 0.001
+"""Way (m) from the base to where a robot turns from which these are two frames."""
+TURNS = "turning_center"
+"""The latter's name."""
+STEPS_PER_SECOND = 120
+"""Of the physics; every rate divides it."""
+DENSITY = 200.0
+"""Mass (kg) of a cubic metre of what has none told."""
+THINNEST, SMALLEST = 0.002, 1e-6
+"""Height (m) of a solid at least, and area (m^2) seen from above from which it is one."""
+NARROWEST = 0.6
+"""View (rad) from which a sensor is a lidar."""
+SIDEWAYS = re.compile(r"planar_move|mecanum|omni|holonomic", re.IGNORECASE)
+LIDAR, IMU = re.compile(r"laser|lidar|scan|lds|hokuyo|velodyne", re.IGNORECASE), re.compile(r"imu", re.IGNORECASE)
+
+
+def robot_values(robot: Element, folder: str) -> Tuple[Dict[str, Any], List[str]]:
+    """Return what a URDF says of a robot, as `robot_file.robot_of` takes it, and what was left out.
+
+    Args:
+        robot: The URDF's root.
+        folder: Where it lies, for meshes.
+
+    Raises:
+        ValueError: It has no wheels, no body or no lidar, or is malformed; the text says what is missing.
+    """
+    said = Description(robot, folder)
+    wheels = find_wheels(said)
+    steered = {wheel.link for wheel in wheels if steering_link(said, wheel.link)}
+    drive = OMNIDIRECTIONAL if SIDEWAYS.search(said.plugins) else CAR if steered else DIFFERENTIAL
+    others = [solid for solid in said.solids if solid.link not in {wheel.link for wheel in wheels}]
+    _check(said, drive, wheels, others)
+    group, middle = axles(said, drive, wheels, np.ptp(np.concatenate([solid.corners for solid in others]), axis=0))
+    ground = min([wheel.place[2] - wheel.radius for wheel in wheels] or [solid.low for solid in others])
+    feet = {
+        index for index, solid in enumerate(others) if solid.low < ground + NEAR_GROUND
+        and np.ptp(solid.corners[:, :2], axis=0).max() < FOOT * group["radius"]}
+    body = [solid for index, solid in enumerate(others) if index not in feet or len(feet) == len(others)]
+    under = [others[index].middle for index in sorted(feet)]
+    if len(wheels) > 2:  # those beside the two of the physics
+        body += [solid for solid in said.solids if solid.link not in {other.link for other in others}]
+        under += [wheel.place for wheel in wheels]
+    parts = list(_parts(said, body, ground, middle))
+    if not parts:
+        raise ValueError(f"nothing of its body has a length, a width and a height{said.missing()}")
+    told = in_order(drive, [wheel for wheel in wheels if drive != CAR or wheel.link not in steered])
+    speed = min([SPEED] + [wheel.limit * wheel.radius for wheel in wheels if wheel.limit > 0.0])
+    values: Dict[str, Any] = dict(
+        drive=drive, base_height=-ground, wheels=group, body=parts, max_speed=speed,
+        max_turn_rate=min(TURN, 2.0 * speed / group["separation"]),
+        wheel_torque=max(0.5, 2.0 * sum(part["mass"] for part in parts) * group["radius"]),
+        joints=[wheel.joint for wheel in told], still_joints=said.movable({wheel.joint for wheel in told}),
+    )
+    values.update(_base(said, ground, middle))
+    if drive == DIFFERENTIAL:
+        values["casters"] = _casters(under, group, parts, middle)
+    _add_sensors(said, values, middle)
+    return values, said.warnings
+
+
+def _base(said: Description, ground: float, middle: np.ndarray) -> Dict[str, Any]:
+    """Return the frame on the ground that a robot turns in: the description's, where that is there, else a new one.
+
+    Controllers take the base for the point that a robot turns about; of one beside that they would see room where the
+    robot swings aside.
+    """
+    own = FOOTPRINT_FRAME if FOOTPRINT_FRAME in said.places else said.base
+    if math.hypot(*(said.places[own].position[:2] - middle)) < ASIDE:
+        return {"frames": {"base_frame": own}}
+    first = said.places[said.first]
+    at = (first.position - (*middle, ground)).tolist()
+    return {"frames": {"base_frame": TURNS}, "root": {"frame": said.first, "at": at, "yaw": first.flat().theta}}
+
+
+def _check(said: Description, drive: str, wheels: List[Wheel], others: List[Solid]) -> None:
+    """Raise ValueError where a robot is none."""
+    if not others:
+        raise ValueError(f"no link but its wheels has a <collision> or <visual> that can be read{said.missing()}")
+    if drive != OMNIDIRECTIONAL and not all(two_sides(wheels)):
+        names = ", ".join(sorted(joint.get("name", "") for joint in said.joints.values())) or "none"
+        raise ValueError(
+            "it has no two wheels, one to each side: round links called so, or such as turn by a continuous joint "
+            f"about an axis across; its joints: {names}{said.missing()}")
+
+
+def _parts(said: Description, solids: List[Solid], ground: float, middle: np.ndarray) -> Iterator[Dict[str, Any]]:
+    """Yield the entries of `body`: outlines seen from above, as high as the solids are; none for what has no extent.
+
+    Args:
+        said: The URDF; a link's mass is its solids', evenly.
+        solids: Of the body.
+        ground: Height (m) of the ground in the base.
+        middle: Where base_link is to be, shape (2,).
+    """
+    of_link = Counter(solid.link for solid in solids)
+    for solid in solids:
+        hull = convex_hull(solid.corners[:, :2] - middle)
+        low, high = max(solid.low, ground + NEAR_GROUND), float(solid.corners[:, 2].max())
+        x, y = hull.T
+        area = 0.5 * abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))))
+        if len(hull) >= 3 and area > SMALLEST and high > low:
+            height = max(THINNEST, high - low)
+            mass = said.masses.get(solid.link, 0.0) / of_link[solid.link]
+            yield {
+                "polygon": hull.tolist(), "height": height, "at": [0.0, 0.0, low + 0.5 * height],
+                "mass": mass if mass > 0.0 else DENSITY * area * height}
+
+
+def _casters(
+    under: List[np.ndarray], wheels: Dict[str, float], parts: List[Dict[str, Any]], middle: np.ndarray
+) -> List[Dict[str, Any]]:
+    """Return the group `casters`: what stands at places `under`, and one in front and behind where nothing does.
+
+    Args:
+        under: Each of shape (3,), in the base.
+        wheels, parts: The groups `wheels` and `body`.
+        middle: Where base_link is to be, shape (2,).
+    """
+    places = [(place[:2] - middle).tolist() for place in under]
+    ends = np.concatenate([part["polygon"] for part in parts])[:, 0]
+    for end in (max(0.0, ends.max()), min(0.0, ends.min())):
+        if not any(end * x > 0.0 and abs(x) > 0.25 * abs(end) for x, _ in places):
+            places.append([0.8 * float(end), 0.0])
+    return [{"at": place, "radius": CASTER * wheels["radius"], "mass": CASTER_MASS} for place in places]
+
+
+def _add_sensors(said: Description, values: Dict[str, Any], middle: np.ndarray) -> None:
+    """Add where lidar and inertial sensor are, what they are called and what the lidar measures."""
+    link, sensor = _lidar(said)
+    frame = said.places[link]
+    if sensor is not None:
+        frame = frame.compose(_pose(sensor))
+        values.update(_beams(said, sensor))
+    values["lidar"] = _place(frame, middle)
+    told = None if sensor is None else sensor.find("plugin/frameName")
+    values["frames"]["scan_frame"] = (told.text or "").strip(" /") if told is not None else link
+    felt = [name for name, _ in _sensors(said, ("imu",))] + [name for name in said.places if IMU.search(name)]
+    if felt:
+        values["imu"], values["frames"]["imu_frame"] = _place(said.places[felt[0]], middle), felt[0]
+
+
+def _sensors(said: Description, kinds: Tuple[str, ...]) -> Iterator[Tuple[str, Element]]:
+    for group in said.root.iterfind("gazebo"):
+        for sensor in group.iterfind("sensor"):
+            if sensor.get("type") in kinds and group.get("reference") in said.places:
+                yield group.get("reference", ""), sensor
+
+
+def _lidar(said: Description) -> Tuple[str, Optional[Element]]:
+    """Return the lidar's link, and Gazebo's sensor where it has one: of several the first with the fewest layers.
+
+    What looks less than NARROWEST far to the sides tells of a cliff, or is a sonar.
+    """
+    told = _sensors(said, ("ray", "gpu_ray", "lidar", "gpu_lidar"))
+    sensors = [one for one in told if np.ptp(_view(one[1])) > NARROWEST]
+    if sensors:
+        return min(sensors, key=lambda one: _number(one[1], ".//vertical/samples", 1.0))
+    named = [name for name in said.places if LIDAR.search(name)]
+    if not named:
+        raise ValueError(
+            "it has no lidar: no sensor of type ray in a <gazebo> of a link, and no link called laser, lidar or scan")
+    return named[0], None
+
+
+def _beams(said: Description, sensor: Element) -> Dict[str, Any]:
+    """Return what the simulator's parameters of the lidar are for a sensor of Gazebo."""
+    first, last = _view(sensor)
+    view = min(2.0 * math.pi, abs(last - first))
+    if view < 2.0 * math.pi - 0.1 and abs(first + last) > 0.1:
+        said.warnings.append(
+            f"its lidar looks from {first:.2f} to {last:.2f} rad; as far to both sides is simulated")
+    beams = max(1, round(_number(sensor, ".//horizontal/samples", 360.0) * 2.0 * math.pi / view))
+    steps = max(1, math.ceil(STEPS_PER_SECOND / max(0.1, _number(sensor, "update_rate", 10.0))))
+    nearest, farthest = (_number(sensor, f".//range/{end}", value) for end, value in (("min", 0.12), ("max", 10.0)))
+    return dict(
+        scan_rate=STEPS_PER_SECOND / steps, scan_beams=min(beams, 16384), scan_view=view,
+        scan_range_min=max(0.0, nearest), scan_range_max=max(farthest, nearest + 0.1),
+        scan_resolution=max(0.0, _number(sensor, ".//range/resolution", 0.0)),
+        scan_noise=max(0.0, _number(sensor, ".//noise/stddev", 0.0)))
+
+
+def _view(sensor: Element) -> Tuple[float, float]:
+    """Return the directions (rad) of a sensor's first and last beam."""
+    ends = (("min", -math.pi), ("max", math.pi))
+    first, last = (_number(sensor, f".//horizontal/{end}_angle", angle) for end, angle in ends)
+    return first, last
+
+
+def _number(element: Element, path: str, default: float) -> float:
+    """Return a finite number that stands somewhere below an element, else the default."""
+    found = element.find(path)
+    try:
+        value = float(found.text or "") if found is not None else default
+    except ValueError:
+        return default
+    return value if math.isfinite(value) else default
+
+
+def _pose(sensor: Element) -> Frame:
+    """Return where a sensor is in its link."""
+    found = sensor.find("pose")
+    words = ((found.text or "") if found is not None else "").split()
+    try:
+        return Frame.of(*(float(word) for word in words)) if len(words) == 6 else Frame.of(0.0, 0.0)
+    except ValueError:
+        return Frame.of(0.0, 0.0)
+
+
+def _place(frame: Frame, middle: np.ndarray) -> Dict[str, Any]:
+    x, y, z = frame.position
+    return {"at": [float(x - middle[0]), float(y - middle[1]), float(z)], "yaw": frame.flat().theta}
