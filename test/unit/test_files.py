@@ -20,6 +20,7 @@ from mbf_relay.simulation.robot_file import load_robot
 from mbf_relay.simulation.worlds import load_world
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
+LAUNCHED = Path(__file__).resolve().parents[1] / "launch_files"
 SENTENCES = (OSError, ValueError)
 """What every node and command prints as one line."""
 
@@ -181,6 +182,7 @@ def samples(tmp_path):
             load_world,
         ),
         "world.urdf": (urdf_of(load_robot("burger")).encode(), load_world),
+        "robot.urdf": ((LAUNCHED / "box_on_wheels.urdf").read_bytes(), load_robot),
         "world.json": ((CONFIG / "worlds" / "sample.json").read_bytes(), load_world),
         "mesh.obj": (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", read_mesh),
         "mesh.dae": (
@@ -217,7 +219,7 @@ def broken(content, chance):
 
 
 @pytest.mark.parametrize(
-    "name", ["map.yaml", "world.sdf", "world.urdf", "world.json", "mesh.obj", "mesh.dae", "log.npz"]
+    "name", ["map.yaml", "world.sdf", "world.urdf", "robot.urdf", "world.json", "mesh.obj", "mesh.dae", "log.npz"]
 )
 def test_a_broken_file_ends_in_a_sentence(tmp_path, name):
     content, reader = samples(tmp_path)[name]

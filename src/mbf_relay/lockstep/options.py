@@ -34,7 +34,7 @@ def add_setup_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--planner", default="", metavar="NAME", help="likewise")
     parser.add_argument(
         "--robot", default="", metavar="ROBOT",
-        help="what drives, by a file of config/robot or a .yaml; all parameters are fitted to it",
+        help="what drives, by a file of config/robot, a .yaml or a .urdf; all parameters are fitted to it",
     )
     parser.add_argument(
         "--scale", type=float, default=1.0, metavar="S", help="make the worlds S times as large, for a larger robot"

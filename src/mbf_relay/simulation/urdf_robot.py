@@ -38,6 +38,8 @@ STEPS_PER_SECOND = 120
 """Of the physics; every rate divides it."""
 DENSITY = 200.0
 """Mass (kg) of a cubic metre of what has none told."""
+LARGEST = 50.0
+"""Length (m) that no robot has."""
 THINNEST, SMALLEST = 0.002, 1e-6
 """Height (m) of a solid at least, and area (m^2) seen from above from which it is one."""
 NARROWEST = 0.6
@@ -61,8 +63,8 @@ def robot_values(robot: Element, folder: str) -> Tuple[Dict[str, Any], List[str]
     steered = {wheel.link for wheel in wheels if steering_link(said, wheel.link)}
     drive = OMNIDIRECTIONAL if SIDEWAYS.search(said.plugins) else CAR if steered else DIFFERENTIAL
     others = [solid for solid in said.solids if solid.link not in {wheel.link for wheel in wheels}]
-    _check(said, drive, wheels, others)
-    group, middle = axles(said, drive, wheels, np.ptp(np.concatenate([solid.corners for solid in others]), axis=0))
+    size = _checked(said, drive, wheels, others)
+    group, middle = axles(said, drive, wheels, size)
     ground = min([wheel.place[2] - wheel.radius for wheel in wheels] or [solid.low for solid in others])
     feet = {
         index for index, solid in enumerate(others) if solid.low < ground + NEAR_GROUND
@@ -104,8 +106,8 @@ def _base(said: Description, ground: float, middle: np.ndarray) -> Dict[str, Any
     return {"frames": {"base_frame": TURNS}, "root": {"frame": said.first, "at": at, "yaw": first.flat().theta}}
 
 
-def _check(said: Description, drive: str, wheels: List[Wheel], others: List[Solid]) -> None:
-    """Raise ValueError where a robot is none."""
+def _checked(said: Description, drive: str, wheels: List[Wheel], others: List[Solid]) -> np.ndarray:
+    """Return the size of a robot but its wheels, shape (3,) in metres; raise ValueError where it is none."""
     if not others:
         raise ValueError(f"no link but its wheels has a <collision> or <visual> that can be read{said.missing()}")
     if drive != OMNIDIRECTIONAL and not all(two_sides(wheels)):
@@ -113,6 +115,12 @@ def _check(said: Description, drive: str, wheels: List[Wheel], others: List[Soli
         raise ValueError(
             "it has no two wheels, one to each side: round links called so, or such as turn by a continuous joint "
             f"about an axis across; its joints: {names}{said.missing()}")
+    size: np.ndarray = np.ptp(np.concatenate([solid.corners for solid in others]), axis=0)
+    if size.max() > LARGEST:
+        raise ValueError(
+            f"its links reach over {size.max():.4g} m; lengths are in metres, and a mesh in millimetres needs "
+            'scale="0.001 0.001 0.001"')
+    return size
 
 
 def _parts(said: Description, solids: List[Solid], ground: float, middle: np.ndarray) -> Iterator[Dict[str, Any]]:

@@ -202,6 +202,7 @@ def test_what_lies_on_the_ground_is_lifted_off_it_and_what_is_left_out_is_named(
     ((BODY, wheel("left_wheel", 0.0, 0.17), lidar()), "its joints: laser_joint, left_wheel_joint"),
     ((BODY, WHEELS), "it has no lidar"),
     (('<link name="base_link"/>', WHEELS, lidar()), "no link but its wheels"),
+    ((BODY.replace("0.5 0.3 0.12", "500 300 120"), WHEELS, lidar()), "reach over 500 m; lengths are in metres"),
     (("<link",), "no XML"),
     ((), "it has no link"),
     ((BODY, wheel("l", 0.4, 0.17), wheel("r", 0.4, -0.17), STEERED, lidar()), "cars steer in front"),

@@ -51,11 +51,12 @@ class SimulatorTopics:
         self._tf = TransformPublisher()
 
     def _below_base(self, robot: RobotModel, stamp: float) -> List[TransformStamped]:
-        """Return where a robot's description hangs on its base, if that has no place in it."""
+        """Return where a robot's description hangs on its base, if that has no place in it; with the base's prefix."""
         if not robot.root:
             return []
+        base = self._settings.base_frame
         place = Transform(Vector3(*robot.root_in_base.position), Quaternion(*robot.root_in_base.quaternion()))
-        return [TransformStamped(header(self._settings.base_frame, stamp), robot.root, place)]
+        return [TransformStamped(header(base, stamp), "".join(base.rpartition("/")[:2]) + robot.root, place)]
 
     def publish_clock(self, now: float) -> None:
         """Publish the time (s), unless somebody else does."""
