@@ -9,7 +9,7 @@ from typing import Dict, Iterator, List, NamedTuple, Tuple
 import numpy as np
 
 from mbf_relay.simulation.robot import CAR, OMNIDIRECTIONAL
-from mbf_relay.simulation.urdf_description import Description
+from mbf_relay.simulation.urdf_description import Description, Solid
 
 STEERS = 0.6
 """Angle (rad) by which front wheels swing where their joint has no limit."""
@@ -48,8 +48,7 @@ def find_wheels(said: Description) -> List[Wheel]:
         rolls = joint.get("type") == "continuous" and abs(said.axis(link)[1]) >= ALONG
         if not rolls and not (WHEEL.search(link) and abs(length - height) < ROUND * height):  # one that is only shown
             continue
-        x, _, z = said.places[link].position
-        middle = np.array([x, 0.5 * (corners[:, 1].min() + corners[:, 1].max()), z])
+        middle = Solid(link, corners).middle
         found.append(Wheel(link, joint.get("name", ""), middle, 0.5 * height, width, said.limit(link, "velocity")))
     ground = min((wheel.place[2] - wheel.radius for wheel in found), default=0.0)
     aside = max((abs(wheel.place[1]) for wheel in found), default=0.0)
@@ -113,6 +112,8 @@ def axles(said: Description, drive: str, wheels: List[Wheel], size: np.ndarray) 
         length, across = float(size[0]), float(size[1])
         radius = 0.12 * min(length, across)
         return dict(radius=radius, width=0.1 * radius, separation=0.6 * across, base=0.6 * length), np.zeros(2)
+    if not (left and right):
+        raise ValueError("all its wheels steer, and a car has two that do not")
     sides = [float(np.mean([wheel.place[1] for wheel in side])) for side in (left, right)]
     group = dict(
         radius=float(np.median([wheel.radius for wheel in rolling])), separation=sides[0] - sides[1],

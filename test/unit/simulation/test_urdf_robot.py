@@ -205,6 +205,7 @@ def test_what_lies_on_the_ground_is_lifted_off_it_and_what_is_left_out_is_named(
     ((BODY.replace("0.5 0.3 0.12", "500 300 120"), WHEELS, lidar()), "reach over 500 m; lengths are in metres"),
     (("<link",), "no XML"),
     ((), "it has no link"),
+    ((BODY, STEERED, lidar()), "all its wheels steer"),
     ((BODY, wheel("l", 0.4, 0.17), wheel("r", 0.4, -0.17), STEERED, lidar()), "cars steer in front"),
 ])
 def test_what_is_missing_is_said_in_one_line_that_names_the_file(robot, elements, said):
