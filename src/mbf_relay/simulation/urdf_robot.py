@@ -24,7 +24,7 @@ from mbf_relay.simulation.robot import CAR, DIFFERENTIAL, FOOTPRINT_FRAME, OMNID
 from mbf_relay.simulation.urdf_description import Description, Solid
 from mbf_relay.simulation.urdf_wheels import NEAR_GROUND, Wheel, axles, find_wheels, in_order, steering_link, two_sides
 
-SPEED, TURN = 1.0, 3.0
+SPEED, TURN = 0.5, 3.0
 """Top speed (m/s) and turn rate (rad/s) among people, where no wheel turns slower at most."""
 CASTER, CASTER_MASS = 0.3, 0.02
 """Radius of a caster, as a share of the driven wheels', and its mass (kg)."""
