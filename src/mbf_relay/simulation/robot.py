@@ -80,7 +80,7 @@ class RobotModel:
             where it is there.
         joint_names: Of the driven wheels' joints, the left one's first, likewise.
         still_joints: Joints that nothing moves here, and that are told to be at zero.
-        warnings: What of its file was left out, for people.
+        warnings: What is not as its file says, for people.
     """
 
     name: str

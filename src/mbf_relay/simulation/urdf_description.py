@@ -42,11 +42,11 @@ class Description:
         joints: By the link that each moves.
         words: What the plugins of Gazebo say, joints' names among it.
         plugins: Names of their files.
-        warnings: What was left out.
+        warnings: What is not as it says, for people.
     """
 
     def __init__(self, robot: Element, folder: str) -> None:
-        """Read the root of a URDF that lies in a folder; ValueError where it is malformed."""
+        """Read the root of a URDF that lies in a folder; ValueError where it is malformed, or a mesh is missing."""
         if robot.tag != "robot":
             raise ValueError(f"it begins with <{robot.tag}>, and a URDF with <robot>")
         self.root = robot
@@ -70,10 +70,6 @@ class Description:
             link.get("name", "link"): float(numbers_of(mass, "value", 1)[0])
             for link in robot.findall("link") for mass in link.iterfind("inertial/mass")}
         self.solids = [solid for link in robot.findall("link") for solid in self._solids(link, folder)]
-
-    def missing(self) -> str:
-        """Return the warnings as the end of a sentence."""
-        return "".join(f"; {warning}" for warning in self.warnings[:2])
 
     def movable(self, but: Container[str]) -> List[str]:
         """Return the names of all joints that may move, but of some."""
@@ -104,9 +100,8 @@ class Description:
         for element in link.findall("collision") or link.findall("visual"):
             try:
                 shape = shape_of(element.find("geometry"), folder)
-            except (ValueError, OSError) as error:
-                self.warnings.append(f"link '{name}': {error}")
-                continue
+            except (ValueError, OSError) as error:  # left out, the robot would be taken for a smaller one
+                raise ValueError(f"link '{name}': {error}") from error
             if shape is not None:
                 place = self.places[name].compose(origin_of(element))
                 yield Solid(name, place.transform_points(shape.triangles().reshape(-1, 3)))

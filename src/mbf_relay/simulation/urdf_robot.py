@@ -49,14 +49,14 @@ LIDAR, IMU = re.compile(r"laser|lidar|scan|lds|hokuyo|velodyne", re.IGNORECASE),
 
 
 def robot_values(robot: Element, folder: str) -> Tuple[Dict[str, Any], List[str]]:
-    """Return what a URDF says of a robot, as `robot_file.robot_of` takes it, and what was left out.
+    """Return what a URDF says of a robot, as `robot_file.robot_of` takes it, and what is not as it says.
 
     Args:
         robot: The URDF's root.
         folder: Where it lies, for meshes.
 
     Raises:
-        ValueError: It has no wheels, no body or no lidar, or is malformed; the text says what is missing.
+        ValueError: It has no wheels, no body or no lidar, a mesh is missing, or it is malformed; the text says what.
     """
     said = Description(robot, folder)
     wheels = find_wheels(said)
@@ -76,7 +76,7 @@ def robot_values(robot: Element, folder: str) -> Tuple[Dict[str, Any], List[str]
         under += [wheel.place for wheel in wheels]
     parts = list(_parts(said, body, ground, middle))
     if not parts:
-        raise ValueError(f"nothing of its body has a length, a width and a height{said.missing()}")
+        raise ValueError("nothing of its body has a length, a width and a height")
     told = in_order(drive, [wheel for wheel in wheels if drive != CAR or wheel.link not in steered])
     speed = min([SPEED] + [wheel.limit * wheel.radius for wheel in wheels if wheel.limit > 0.0])
     values: Dict[str, Any] = dict(
@@ -109,12 +109,12 @@ def _base(said: Description, ground: float, middle: np.ndarray) -> Dict[str, Any
 def _checked(said: Description, drive: str, wheels: List[Wheel], others: List[Solid]) -> np.ndarray:
     """Return the size of a robot but its wheels, shape (3,) in metres; raise ValueError where it is none."""
     if not others:
-        raise ValueError(f"no link but its wheels has a <collision> or <visual> that can be read{said.missing()}")
+        raise ValueError("no link but its wheels has a <collision> or <visual> that can be read")
     if drive != OMNIDIRECTIONAL and not all(two_sides(wheels)):
         names = ", ".join(sorted(joint.get("name", "") for joint in said.joints.values())) or "none"
         raise ValueError(
             "it has no two wheels, one to each side: round links called so, or such as turn by a continuous joint "
-            f"about an axis across; its joints: {names}{said.missing()}")
+            f"about an axis across; its joints: {names}")
     size: np.ndarray = np.ptp(np.concatenate([solid.corners for solid in others]), axis=0)
     if size.max() > LARGEST:
         raise ValueError(

@@ -186,15 +186,24 @@ def test_rates_are_such_as_the_physics_has_and_a_full_turn_is_one(robot):
     assert 6.5 < parameters.scan_rate <= 7.0 and parameters.scan_view == pytest.approx(2.0 * math.pi)
 
 
-def test_what_lies_on_the_ground_is_lifted_off_it_and_what_is_left_out_is_named(robot):
-    flat = BODY.replace('xyz="0 0 0.1"', 'xyz="0 0 0"')
-    mesh = (
-        '<link name="mast"><collision><geometry><mesh filename="package://no_such/mast.stl"/></geometry></collision>'
-        '</link><joint name="m" type="fixed"><parent link="base_link"/><child link="mast"/></joint>')
-    read = robot(flat, WHEELS, mesh, lidar())
+def test_what_lies_on_the_ground_is_lifted_off_it(robot):
+    read = robot(BODY.replace('xyz="0 0 0.1"', 'xyz="0 0 0"'), WHEELS, lidar())
     lowest = min(part.frame.transform_points(part.shape.triangles().reshape(-1, 3))[:, 2].min() for part in read.body)
     assert read.base_height + lowest == pytest.approx(0.01)
-    assert len(read.warnings) == 1 and "link 'mast'" in read.warnings[0] and "no_such" in read.warnings[0]
+
+
+def test_a_robot_is_not_taken_for_a_smaller_one_where_a_mesh_is_missing(robot):
+    """Its outline is what keeps it off walls: the hull that was left out would have hit them."""
+    mesh = (
+        '<link name="hull"><collision><geometry><mesh filename="package://no_such/hull.stl"/></geometry></collision>'
+        '</link><joint name="m" type="fixed"><parent link="base_link"/><child link="hull"/></joint>')
+    with pytest.raises(ValueError, match="mine.urdf: link 'hull': 'package://no_such/hull.stl' was not found"):
+        robot(BODY, WHEELS, mesh, lidar())
+
+
+def test_a_lidar_that_looks_to_one_side_is_told_of(robot):
+    read = robot(BODY, WHEELS, lidar(first=-0.5, last=2.0))
+    assert read.warnings == ("its lidar looks from -0.50 to 2.00 rad; as far to both sides is simulated",)
 
 
 @pytest.mark.parametrize("elements, said", [
