@@ -102,6 +102,7 @@ class Description:
                 shape = shape_of(element.find("geometry"), folder)
             except (ValueError, OSError) as error:  # left out, the robot would be taken for a smaller one
                 raise ValueError(f"link '{name}': {error}") from error
-            if shape is not None:
-                place = self.places[name].compose(origin_of(element))
-                yield Solid(name, place.transform_points(shape.triangles().reshape(-1, 3)))
+            if shape is None:
+                raise ValueError(f"link '{name}': a <{element.tag}> has a geometry that is not understood")
+            place = self.places[name].compose(origin_of(element))
+            yield Solid(name, place.transform_points(shape.triangles().reshape(-1, 3)))

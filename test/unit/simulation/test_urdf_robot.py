@@ -199,6 +199,8 @@ def test_a_robot_is_not_taken_for_a_smaller_one_where_a_mesh_is_missing(robot):
         '</link><joint name="m" type="fixed"><parent link="base_link"/><child link="hull"/></joint>')
     with pytest.raises(ValueError, match="mine.urdf: link 'hull': 'package://no_such/hull.stl' was not found"):
         robot(BODY, WHEELS, mesh, lidar())
+    with pytest.raises(ValueError, match="mine.urdf: link 'base_link': a <collision> has a geometry that is not under"):
+        robot(BODY.replace('<box size="0.5 0.3 0.12"/>', '<capsule radius="0.2" length="0.3"/>'), WHEELS, lidar())
 
 
 def test_a_lidar_that_looks_to_one_side_is_told_of(robot):
