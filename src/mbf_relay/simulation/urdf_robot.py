@@ -45,7 +45,7 @@ THINNEST, SMALLEST = 0.002, 1e-6
 NARROWEST = 0.6
 """View (rad) from which a sensor is a lidar."""
 SIDEWAYS = re.compile(r"planar_move|mecanum|omni|holonomic", re.IGNORECASE)
-LIDAR, IMU = re.compile(r"laser|lidar|scan|lds|hokuyo|velodyne", re.IGNORECASE), re.compile(r"imu", re.IGNORECASE)
+LIDAR, IMU = re.compile(r"laser|lidar|scan|lds|sick|hokuyo|velodyne", re.IGNORECASE), re.compile(r"imu", re.IGNORECASE)
 
 
 def robot_values(robot: Element, folder: str) -> Tuple[Dict[str, Any], List[str]]:
@@ -198,7 +198,8 @@ def _lidar(said: Description) -> Tuple[str, Optional[Element]]:
     named = [name for name in said.places if LIDAR.search(name)]
     if not named:
         raise ValueError(
-            "it has no lidar: no sensor of type ray in a <gazebo> of a link, and no link called laser, lidar or scan")
+            "it has no lidar: no sensor of type ray in a <gazebo> of a link, and no link called laser, lidar or scan; "
+            "add such a link where it is")
     return named[0], None
 
 
