@@ -36,12 +36,13 @@ def lidar_elsewhere(description: str, base_frame: str, scan_frame: str, robot: R
         base, scan = (frames[name.rpartition("/")[2]] for name in (base_frame, scan_frame))
     except (ValueError, KeyError):
         return ""
-    # a description whose frame on the ground is base_link has the ground in base_link
-    height = 0.0 if base_frame.rpartition("/")[2] == BASE_FRAME else robot.base_height
-    measured = Frame.of(0.0, 0.0, height).compose(robot.scan_in_base)
+    measured = Frame.of(0.0, 0.0, robot.base_height).compose(robot.scan_in_base)
     told = base.inverse().compose(scan)
     turned = np.abs(told.rotation - measured.rotation).max()
-    if max(turned, np.abs(told.position - measured.position).max()) <= AGREES:
+    off = np.abs(told.position - measured.position)
+    # a description that begins with base_link has the ground in it
+    off[2] = min(off[2], abs(told.position[2] - robot.scan_in_base.position[2]))
+    if max(turned, off.max()) <= AGREES:
         return ""
     return (
         f"robot_description has {scan_frame} at {_place(told)}, and the lidar of {robot.name}, which is simulated, "

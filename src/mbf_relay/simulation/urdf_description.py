@@ -35,7 +35,8 @@ class Description:
     Attributes:
         root: Its element.
         first: The root link.
-        base: The link that places are given in: base_link, else base_footprint, else the root.
+        base: The link that places are given in, and whose x axis is ahead: what Gazebo's plugin of the drive has for
+            the base, else base_footprint, else base_link, else the root.
         places: Of all links.
         solids: Of all links, in their order.
         masses: Of links (kg), where they are told.
@@ -60,10 +61,11 @@ class Description:
         if not roots:
             raise ValueError("it has no link")
         self.first = roots[0]
-        self.base = next(name for name in (BASE_FRAME, FOOTPRINT_FRAME, self.first) if name in frames)
+        plugins = [plugin for plugin in robot.iter("plugin") if plugin.get("filename")]
+        said = [plugin.findtext("robotBaseFrame", "").strip() for plugin in plugins]
+        self.base = next(name for name in (*said, FOOTPRINT_FRAME, BASE_FRAME, self.first) if name in frames)
         inverse = frames[self.base].inverse()
         self.places = {name: inverse.compose(frame) for name, frame in frames.items()}
-        plugins = [plugin for plugin in robot.iter("plugin") if plugin.get("filename")]
         self.plugins = " ".join(plugin.get("filename", "") for plugin in plugins)
         self.words = {(part.text or "").strip() for plugin in plugins for part in plugin.iter()}
         self.masses = {

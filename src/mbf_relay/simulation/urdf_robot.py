@@ -20,7 +20,7 @@ import numpy as np
 
 from mbf_relay.geometry import convex_hull
 from mbf_relay.simulation.frames import Frame
-from mbf_relay.simulation.robot import CAR, DIFFERENTIAL, FOOTPRINT_FRAME, OMNIDIRECTIONAL
+from mbf_relay.simulation.robot import CAR, DIFFERENTIAL, OMNIDIRECTIONAL
 from mbf_relay.simulation.urdf_description import Description, Solid
 from mbf_relay.simulation.urdf_wheels import NEAR_GROUND, Wheel, axles, find_wheels, in_order, steering_link, two_sides
 
@@ -31,7 +31,7 @@ CASTER, CASTER_MASS = 0.3, 0.02
 FOOT = 4.0
 """Extent of what stands on the ground, in radii of the wheels, from which it is body that lies there."""
 ASIDE = 0.001
-"""Way (m) from the base to where a robot turns from which these are two frames."""
+"""Way (m) and turn (rad) from the first link to where a robot turns from which these are two frames."""
 TURNS = "turning_center"
 """The latter's name."""
 STEPS_PER_SECOND = 120
@@ -45,7 +45,8 @@ THINNEST, SMALLEST = 0.002, 1e-6
 NARROWEST = 0.6
 """View (rad) from which a sensor is a lidar."""
 SIDEWAYS = re.compile(r"planar_move|mecanum|omni|holonomic", re.IGNORECASE)
-LIDAR, IMU = re.compile(r"laser|lidar|scan|lds|sick|hokuyo|velodyne", re.IGNORECASE), re.compile(r"imu", re.IGNORECASE)
+LIDAR = re.compile(r"laser|lidar|scan|sick|hokuyo|velodyne|(?:^|_)lds", re.IGNORECASE)
+IMU = re.compile(r"(?:^|_)imu", re.IGNORECASE)
 
 
 def robot_values(robot: Element, folder: str) -> Tuple[Dict[str, Any], List[str]]:
@@ -93,16 +94,15 @@ def robot_values(robot: Element, folder: str) -> Tuple[Dict[str, Any], List[str]
 
 
 def _base(said: Description, ground: float, middle: np.ndarray) -> Dict[str, Any]:
-    """Return the frame on the ground that a robot turns in: the description's, where that is there, else a new one.
+    """Return the frame on the ground that a robot turns in: its description's first where that is there, or a new one.
 
     Controllers take the base for the point that a robot turns about; of one beside that they would see room where the
     robot swings aside.
     """
-    own = FOOTPRINT_FRAME if FOOTPRINT_FRAME in said.places else said.base
-    if math.hypot(*(said.places[own].position[:2] - middle)) < ASIDE:
-        return {"frames": {"base_frame": own}}
     first = said.places[said.first]
     at = (first.position - (*middle, ground)).tolist()
+    if math.hypot(*at[:2]) < ASIDE and abs(first.flat().theta) < ASIDE:
+        return {"frames": {"base_frame": said.first}}
     return {"frames": {"base_frame": TURNS}, "root": {"frame": said.first, "at": at, "yaw": first.flat().theta}}
 
 
@@ -172,8 +172,8 @@ def _add_sensors(said: Description, values: Dict[str, Any], middle: np.ndarray) 
         frame = frame.compose(_pose(sensor))
         values.update(_beams(said, sensor))
     values["lidar"] = _place(frame, middle)
-    told = None if sensor is None else sensor.find("plugin/frameName")
-    values["frames"]["scan_frame"] = (told.text or "").strip(" /") if told is not None else link
+    told = "" if sensor is None else sensor.findtext("plugin/frameName", "")
+    values["frames"]["scan_frame"] = told.strip(" /") or link
     felt = [name for name, _ in _sensors(said, ("imu",))] + [name for name in said.places if IMU.search(name)]
     if felt:
         values["imu"], values["frames"]["imu_frame"] = _place(said.places[felt[0]], middle), felt[0]
@@ -200,7 +200,8 @@ def _lidar(said: Description) -> Tuple[str, Optional[Element]]:
         raise ValueError(
             "it has no lidar: no sensor of type ray in a <gazebo> of a link, and no link called laser, lidar or scan; "
             "add such a link where it is")
-    return named[0], None
+    holding = {said.parent(name) for name in said.places}
+    return next((name for name in named if name not in holding), named[0]), None  # not its mount
 
 
 def _beams(said: Description, sensor: Element) -> Dict[str, Any]:

@@ -86,8 +86,9 @@ def test_a_robot_read_back_from_its_description_is_the_same(tmp_path, name):
     assert read.drive == made.drive
     assert read.wheels.separation == pytest.approx(made.wheels.separation)
     assert read.wheels.radius == pytest.approx(made.wheels.radius, rel=0.01)
-    assert read.base_height == pytest.approx(made.base_height, abs=0.01 * made.wheels.radius)
-    assert read.scan_in_base.position == pytest.approx(made.scan_in_base.position)
+    assert read.scan_height == pytest.approx(made.scan_height, abs=0.01 * made.wheels.radius)
+    assert read.scan_in_base.position[:2] == pytest.approx(made.scan_in_base.position[:2])
+    assert read.frames["base_frame"] == "base_footprint" and read.root == ""
     assert read.outline.min(axis=0) == pytest.approx(made.outline.min(axis=0), abs=0.02 * made.height + 0.005)
     assert read.outline.max(axis=0) == pytest.approx(made.outline.max(axis=0), abs=0.02 * made.height + 0.005)
     assert sum(part.mass for part in read.body) == pytest.approx(sum(part.mass for part in made.body), rel=0.01)
@@ -145,6 +146,23 @@ def test_a_robot_turns_about_its_axle_and_its_description_hangs_where_that_is(ro
     assert plain.root == "" and plain.outline.max(axis=0)[0] == pytest.approx(0.25)
 
 
+def test_ahead_is_where_its_base_looks(robot):
+    """A robot whose base_link looks back drove into what stood before it, its lidar turned away."""
+    turned = """
+  <link name="base_footprint"/>
+  <joint name="base_joint" type="fixed"><parent link="base_footprint"/><child link="base_link"/>
+    <origin xyz="0 0 0.06" rpy="0 0 3.14159265"/></joint>"""
+    read = robot(turned, BODY, WHEELS, lidar())
+    assert read.scan_in_base.position[:2] == pytest.approx([-0.1, 0.0], abs=1e-6)
+    assert abs(read.scan_in_base.flat().theta) == pytest.approx(math.pi)
+    assert read.joints == ("right_wheel_joint", "left_wheel_joint"), "what is to the left, whatever it is called"
+    said = DIFF_DRIVE.replace("<leftJoint>", "<robotBaseFrame>base_link</robotBaseFrame><leftJoint>")
+    read = robot(turned, BODY, WHEELS, lidar(), said, name="said")
+    assert read.scan_in_base.position[:2] == pytest.approx([0.1, 0.0], abs=1e-6)
+    assert read.frames["base_frame"] == "turning_center" and read.root == "base_footprint"
+    assert abs(read.root_in_base.flat().theta) == pytest.approx(math.pi)
+
+
 def test_what_moves_sideways_in_gazebo_does_so_here_without_wheels_too(robot):
     for wheels in ("", "".join(wheel(n, x, y) for n, x, y in (
             ("fl", 0.2, 0.17), ("fr", 0.2, -0.17), ("rl", -0.2, 0.17), ("rr", -0.2, -0.17)))):
@@ -167,6 +185,19 @@ def test_a_lidar_without_a_sensor_of_gazebo_is_known_by_its_name(robot):
         '<link name="my_laser"/>'
         '<joint name="m" type="fixed"><parent link="base_link"/><child link="my_laser"/></joint>')
     assert robot(BODY, WHEELS, named).frames["scan_frame"] == "my_laser"
+    mount = (
+        '<link name="laser_mount"/>'
+        '<joint name="n" type="fixed"><parent link="base_link"/><child link="laser_mount"/>')
+    on_it = named.replace('parent link="base_link"', 'parent link="laser_mount"').replace("<joint", "<joint ")
+    read = robot(BODY, WHEELS, f'{mount}<origin xyz="0.1 0 0"/></joint>', on_it, name="mounted")
+    assert read.frames["scan_frame"] == "my_laser" and read.scan_in_base.position[0] == pytest.approx(0.1)
+
+
+def test_a_simulated_link_is_no_inertial_sensor(robot):
+    """Its name was taken for one with an imu in it."""
+    link = '<link name="{0}"/><joint name="{0}_j" type="fixed"><parent link="base_link"/><child link="{0}"/></joint>'
+    read = robot(BODY, WHEELS, lidar(), link.format("simulated_part"), link.format("my_imu_link"))
+    assert read.frames["imu_frame"] == "my_imu_link"
 
 
 def test_a_cliff_sensor_is_no_lidar_and_a_wheel_in_the_middle_no_driven_one(robot):
