@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Container, Dict, Iterator, List, NamedTuple
+from typing import Container, Dict, Iterator, List, NamedTuple, Optional
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -100,6 +100,8 @@ class Description:
     def _solids(self, link: Element, folder: str) -> Iterator[Solid]:
         name = link.get("name", "link")
         for element in link.findall("collision") or link.findall("visual"):
+            if _is_point(element.find("geometry")):
+                continue
             try:
                 shape = shape_of(element.find("geometry"), folder)
             except (ValueError, OSError) as error:  # left out, the robot would be taken for a smaller one
@@ -108,3 +110,12 @@ class Description:
                 raise ValueError(f"link '{name}': a <{element.tag}> has a geometry that is not understood")
             place = self.places[name].compose(origin_of(element))
             yield Solid(name, place.transform_points(shape.triangles().reshape(-1, 3)))
+
+
+def _is_point(geometry: Optional[Element]) -> bool:
+    """Return whether a shape has no extent, as people give one to what is only to be there."""
+    shape = next(iter(geometry), None) if geometry is not None else None
+    if shape is None:
+        return False
+    words = [word for name in ("size", "radius", "length") for word in shape.get(name, "").split()]
+    return any(word.strip("0.") == "" for word in words)

@@ -234,6 +234,15 @@ def test_a_robot_is_not_taken_for_a_smaller_one_where_a_mesh_is_missing(robot):
         robot(BODY.replace('<box size="0.5 0.3 0.12"/>', '<capsule radius="0.2" length="0.3"/>'), WHEELS, lidar())
 
 
+def test_a_shape_without_extent_is_none(robot):
+    """A sonar that was only to be there, as a box of 0 0 0, had the robot refused."""
+    sonar = (
+        '<link name="sonar"><collision><geometry><box size="0 0 0"/></geometry></collision></link>'
+        '<joint name="s" type="fixed"><parent link="base_link"/><child link="sonar"/></joint>')
+    read = robot(BODY, WHEELS, sonar, lidar())
+    assert len(read.body) == 1 and read.outline.ptp(axis=0) == pytest.approx([0.5, 0.37], abs=0.001)
+
+
 def test_a_lidar_that_looks_to_one_side_is_told_of(robot):
     read = robot(BODY, WHEELS, lidar(first=-0.5, last=2.0))
     assert read.warnings == ("its lidar looks from -0.50 to 2.00 rad; as far to both sides is simulated",)
