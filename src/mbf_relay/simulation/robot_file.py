@@ -9,9 +9,7 @@
     lidar: {at: [-0.03, 0.0, 0.17], yaw: 0.0}
     footprint: [[-0.1, -0.1], [-0.1, 0.1], [0.04, 0.1], [0.04, -0.1]]
 
-What else may stand there: mass of a part, inertia, outline, imu, frames (base_frame, scan_frame, imu_frame: how the
-robot's own description calls them), root (its description's first link, as frame, and where that is in base_frame, if
-base_frame is none of its links), joints (of the driven wheels), still_joints, and every parameter of the simulator.
+What else may stand there: mass of a part, inertia, outline, imu, and every parameter of the simulator.
 """
 
 from __future__ import annotations
@@ -34,10 +32,8 @@ from mbf_relay.simulation.urdf_robot import robot_values
 
 URDF = ".urdf"
 OWN_NAMES = (
-    "drive", "base_height", "body", "inertia", "outline", "footprint", "wheels", "casters", "lidar", "imu", "frames",
-    "root", "joints", "still_joints",
+    "drive", "base_height", "body", "inertia", "outline", "footprint", "wheels", "casters", "lidar", "imu"
 )
-FRAMES = ("base_frame", "scan_frame", "imu_frame")
 """What a robot's file says beside the simulator's parameters."""
 
 
@@ -96,8 +92,8 @@ def _robot_of_text(name: str, text: str) -> RobotModel:
 @lru_cache(maxsize=16)
 def _robot_of_urdf(name: str, text: str, folder: str) -> RobotModel:
     """Return the robot that a URDF in a folder describes; its meshes take long to read."""
-    values, warnings = robot_values(files.parse_xml(text, "it"), folder)
-    return replace(robot_of(name, values), warnings=tuple(warnings))
+    values, names = robot_values(files.parse_xml(text, "it"), folder)
+    return replace(robot_of(name, values), **names)
 
 
 def robot_of(name: str, values: Mapping[str, Any]) -> RobotModel:
@@ -128,14 +124,8 @@ def robot_of(name: str, values: Mapping[str, Any]) -> RobotModel:
         casters=tuple(_caster(entry) for entry in _listed(values, "casters")), outline=np.empty((0, 2)),
         footprint=np.empty((0, 2)), scan_in_base=_place(values, "lidar"), imu_in_base=_place(values, "imu"),
         settings={key: value for key, value in values.items() if key not in OWN_NAMES},
-        frames=_group(values, "frames"), root=str(_group(values, "root").get("frame", "")),
-        root_in_base=_place(values, "root"), still_joints=_names(values, "still_joints"),
     )
-    _refuse_unknown("frames", made["frames"], FRAMES)
-    model, names = RobotModel(**made), _names(values, "joints")
-    if names and len(names) != len(model.joints):
-        raise ValueError(f"joints is {list(names)}; {len(model.joints)} wheels are told of with a {drive} drive")
-    made["joint_names"], places = names, model.wheel_places()
+    places = RobotModel(**made).wheel_places()
     made["outline"] = _polygon(values, "outline", robots.seen_from_above(parts, wheels, places))
     made["footprint"] = _polygon(values, "footprint", made["outline"])
     return RobotModel(**made)
@@ -181,13 +171,6 @@ def _listed(values: Mapping[str, Any], name: str) -> List[Mapping[str, Any]]:
     if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
         raise ValueError(f"{name} is {entries!r}; it must be a list of groups of names and values")
     return entries
-
-
-def _names(values: Mapping[str, Any], name: str) -> Tuple[str, ...]:
-    names = values.get(name, [])
-    if not isinstance(names, list) or not all(isinstance(entry, str) for entry in names):
-        raise ValueError(f"{name} is {names!r}; it must be a list of names")
-    return tuple(names)
 
 
 def _polygon(values: Mapping[str, Any], name: str, default: np.ndarray) -> np.ndarray:

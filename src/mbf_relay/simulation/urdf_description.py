@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Container, Dict, Iterator, List, NamedTuple, Optional
+from typing import Container, Dict, Iterator, List, NamedTuple, Optional, Tuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -73,12 +73,12 @@ class Description:
             for link in robot.findall("link") for mass in link.iterfind("inertial/mass")}
         self.solids = [solid for link in robot.findall("link") for solid in self._solids(link, folder)]
 
-    def movable(self, but: Container[str]) -> List[str]:
+    def movable(self, but: Container[str]) -> Tuple[str, ...]:
         """Return the names of all joints that may move, but of some."""
         names = [
             joint.get("name", "") for joint in self.joints.values()
             if joint.get("type") in ("continuous", "revolute", "prismatic") and joint.find("mimic") is None]
-        return [name for name in names if name not in but]
+        return tuple(name for name in names if name not in but)
 
     def axis(self, link: str) -> np.ndarray:
         """Return the axis of the joint that moves a link, shape (3,), in the base."""

@@ -49,8 +49,8 @@ LIDAR = re.compile(r"laser|lidar|scan|sick|hokuyo|velodyne|(?:^|_)lds", re.IGNOR
 IMU = re.compile(r"(?:^|_)imu", re.IGNORECASE)
 
 
-def robot_values(robot: Element, folder: str) -> Tuple[Dict[str, Any], List[str]]:
-    """Return what a URDF says of a robot, as `robot_file.robot_of` takes it, and what is not as it says.
+def robot_values(robot: Element, folder: str) -> Tuple[Dict[str, Any], Dict[str, Any]]:
+    """Return what a URDF says of a robot, as `robot_file.robot_of` takes it, and attributes of RobotModel beside that.
 
     Args:
         robot: The URDF's root.
@@ -84,13 +84,15 @@ def robot_values(robot: Element, folder: str) -> Tuple[Dict[str, Any], List[str]
         drive=drive, base_height=-ground, wheels=group, body=parts, max_speed=speed,
         max_turn_rate=min(TURN, 2.0 * speed / group["separation"]),
         wheel_torque=max(0.5, 2.0 * sum(part["mass"] for part in parts) * group["radius"]),
-        joints=[wheel.joint for wheel in told], still_joints=said.movable({wheel.joint for wheel in told}),
     )
-    values.update(_base(said, ground, middle))
     if drive == DIFFERENTIAL:
         values["casters"] = _casters(under, group, parts, middle)
-    _add_sensors(said, values, middle)
-    return values, said.warnings
+    sensors, scan_frame, imu_frame = _sensors_of(said, middle)
+    names = _base(said, ground, middle)
+    names["frames"].update(scan_frame=scan_frame, **({"imu_frame": imu_frame} if imu_frame else {}))
+    joints = tuple(wheel.joint for wheel in told)
+    return {**values, **sensors}, {
+        **names, "joint_names": joints, "still_joints": said.movable(joints), "warnings": tuple(said.warnings)}
 
 
 def _base(said: Description, ground: float, middle: np.ndarray) -> Dict[str, Any]:
@@ -100,10 +102,10 @@ def _base(said: Description, ground: float, middle: np.ndarray) -> Dict[str, Any
     robot swings aside.
     """
     first = said.places[said.first]
-    at = (first.position - (*middle, ground)).tolist()
-    if math.hypot(*at[:2]) < ASIDE and abs(first.flat().theta) < ASIDE:
+    place = Frame(first.position - (*middle, ground), first.rotation)
+    if math.hypot(*place.position[:2]) < ASIDE and abs(first.flat().theta) < ASIDE:
         return {"frames": {"base_frame": said.first}}
-    return {"frames": {"base_frame": TURNS}, "root": {"frame": said.first, "at": at, "yaw": first.flat().theta}}
+    return {"frames": {"base_frame": TURNS}, "root": said.first, "root_in_base": place}
 
 
 def _checked(said: Description, drive: str, wheels: List[Wheel], others: List[Solid]) -> np.ndarray:
@@ -164,19 +166,18 @@ def _casters(
     return [{"at": place, "radius": CASTER * wheels["radius"], "mass": CASTER_MASS} for place in places]
 
 
-def _add_sensors(said: Description, values: Dict[str, Any], middle: np.ndarray) -> None:
-    """Add where lidar and inertial sensor are, what they are called and what the lidar measures."""
+def _sensors_of(said: Description, middle: np.ndarray) -> Tuple[Dict[str, Any], str, str]:
+    """Return where lidar and inertial sensor are and what the lidar measures, and the frames of both, or one empty."""
     link, sensor = _lidar(said)
-    frame = said.places[link]
+    frame, told, values = said.places[link], "", {}
     if sensor is not None:
-        frame = frame.compose(_pose(sensor))
-        values.update(_beams(said, sensor))
+        frame, told = frame.compose(_pose(sensor)), sensor.findtext("plugin/frameName", "").strip(" /")
+        values = _beams(said, sensor)
     values["lidar"] = _place(frame, middle)
-    told = "" if sensor is None else sensor.findtext("plugin/frameName", "")
-    values["frames"]["scan_frame"] = told.strip(" /") or link
     felt = [name for name, _ in _sensors(said, ("imu",))] + [name for name in said.places if IMU.search(name)]
     if felt:
-        values["imu"], values["frames"]["imu_frame"] = _place(said.places[felt[0]], middle), felt[0]
+        values["imu"] = _place(said.places[felt[0]], middle)
+    return values, told or link, felt[0] if felt else ""
 
 
 def _sensors(said: Description, kinds: Tuple[str, ...]) -> Iterator[Tuple[str, Element]]:
