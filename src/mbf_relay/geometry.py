@@ -128,6 +128,12 @@ class Twist2D(NamedTuple):
 STOP = Twist2D(0.0, 0.0, 0.0)
 
 
+def polygon_area(corners: np.ndarray) -> float:
+    """Return the area (m^2) of an outline, shape (K, 2), that does not cross itself."""
+    x, y = corners.T
+    return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
+
+
 def convex_hull(points: np.ndarray) -> np.ndarray:
     """Return the corners of the convex hull of points (N, 2), counter-clockwise, shape (K, 2).
 

@@ -7,6 +7,8 @@ from typing import Optional, Tuple
 
 import numpy as np
 
+from mbf_relay.geometry import polygon_area
+
 LEAST_AREA = 1e-6
 """Square metres below which corners lie on a line: what they stand for would fit anywhere."""
 ON_OUTLINE = 1e-9
@@ -19,17 +21,11 @@ def footprint_trouble(corners: np.ndarray, inscribed: float) -> str:
     It must not cross itself. costmap_2d takes its inner radius for that of a circle round the base frame: where the
     frame lies outside, the robot would be taken for one that fits nowhere or everywhere.
     """
-    if _area(corners) < LEAST_AREA:
+    if polygon_area(corners) < LEAST_AREA:
         return "encloses no area: its corners lie on a line"
     if inscribed > ON_OUTLINE and not _holds_origin(corners):
         return "does not hold the base frame's origin, round which the robot turns"
     return ""
-
-
-def _area(corners: np.ndarray) -> float:
-    """Return the area (m^2) of an outline that does not cross itself."""
-    x, y = corners.T
-    return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
 
 
 def _holds_origin(corners: np.ndarray) -> bool:

@@ -116,7 +116,7 @@ class SdfReader:
         top = worlds[0] if worlds else root
         if not worlds and not root.findall("model"):
             raise ValueError(f"world file {self._path} holds neither a <world> nor a <model>")
-        saved = {m.get("name", ""): _pose(m) for m in top.findall("state/model") if m.find("pose") is not None}
+        saved = {m.get("name", ""): pose_of(m) for m in top.findall("state/model") if m.find("pose") is not None}
         self._children(top, Frame.of(0.0, 0.0), os.path.dirname(os.path.abspath(self._path)), saved, "")
         name = top.get("name") or os.path.splitext(os.path.basename(self._path))[0]
         lost = [*self._left_out, *self._missing_in_a_line()]
@@ -199,7 +199,7 @@ class SdfReader:
         except KeyError as error:
             self._warn("pose of {} is relative to what is not known, and taken as relative to its parent",
                        f"'{element.get('name', element.tag)}' ({error})")
-            return frames.parent.compose(_pose(element))
+            return frames.parent.compose(pose_of(element))
 
     def _include(
         self, include: Element, frames: _Frames, folder: str, saved: Dict[str, Frame], prefix: str
@@ -335,10 +335,10 @@ class _Frames:
         if not reference:
             reference = element.get("attached_to", "")
         if not reference or reference in ("__model__", "world"):
-            return self.parent.compose(_pose(element))
+            return self.parent.compose(pose_of(element))
         if depth > 50 or reference not in self._named:
             raise KeyError(reference)
-        return self.placed(self._named[reference], depth + 1).compose(_pose(element))
+        return self.placed(self._named[reference], depth + 1).compose(pose_of(element))
 
 
 def _list(names: List[str]) -> str:
@@ -363,8 +363,8 @@ def _letters(plugin: Element) -> str:
     return "".join(letter for letter in (plugin.get("filename") or "").lower() if letter.isalpha())
 
 
-def _pose(element: Element) -> Frame:
-    """Return an element's own pose as it is written."""
+def pose_of(element: Element) -> Frame:
+    """Return an element's own pose as it is written; ValueError where it is malformed."""
     pose = element.find("pose")
     text = (pose.text or "").strip() if pose is not None else ""
     if not text:

@@ -18,9 +18,10 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from mbf_relay.geometry import convex_hull
+from mbf_relay.geometry import convex_hull, polygon_area
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.robot import CAR, DIFFERENTIAL, OMNIDIRECTIONAL
+from mbf_relay.simulation.sdf import pose_of
 from mbf_relay.simulation.urdf_description import Description, Solid
 from mbf_relay.simulation.urdf_wheels import NEAR_GROUND, Wheel, axles, find_wheels, in_order, steering_link, two_sides
 
@@ -138,8 +139,7 @@ def _parts(said: Description, solids: List[Solid], ground: float, middle: np.nda
     for solid in solids:
         hull = convex_hull(solid.corners[:, :2] - middle)
         low, high = max(solid.low, ground + NEAR_GROUND), float(solid.corners[:, 2].max())
-        x, y = hull.T
-        area = 0.5 * abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))))
+        area = polygon_area(hull)
         if len(hull) >= 3 and area > SMALLEST and high > low:
             height = max(THINNEST, high - low)
             mass = said.masses.get(solid.link, 0.0) / of_link[solid.link]
@@ -171,7 +171,7 @@ def _sensors_of(said: Description, middle: np.ndarray) -> Tuple[Dict[str, Any], 
     link, sensor = _lidar(said)
     frame, told, values = said.places[link], "", {}
     if sensor is not None:
-        frame, told = frame.compose(_pose(sensor)), sensor.findtext("plugin/frameName", "").strip(" /")
+        frame, told = frame.compose(pose_of(sensor)), sensor.findtext("plugin/frameName", "").strip(" /")
         values = _beams(said, sensor)
     values["lidar"] = _place(frame, middle)
     felt = [name for name, _ in _sensors(said, ("imu",))] + [name for name in said.places if IMU.search(name)]
@@ -237,16 +237,6 @@ def _number(element: Element, path: str, default: float) -> float:
     except ValueError:
         return default
     return value if math.isfinite(value) else default
-
-
-def _pose(sensor: Element) -> Frame:
-    """Return where a sensor is in its link."""
-    found = sensor.find("pose")
-    words = ((found.text or "") if found is not None else "").split()
-    try:
-        return Frame.of(*(float(word) for word in words)) if len(words) == 6 else Frame.of(0.0, 0.0)
-    except ValueError:
-        return Frame.of(0.0, 0.0)
 
 
 def _place(frame: Frame, middle: np.ndarray) -> Dict[str, Any]:
