@@ -23,7 +23,7 @@ from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.robot import CAR, DIFFERENTIAL, OMNIDIRECTIONAL
 from mbf_relay.simulation.sdf import pose_of
 from mbf_relay.simulation.urdf_description import Description, Solid
-from mbf_relay.simulation.urdf_wheels import NEAR_GROUND, Wheel, axles, find_wheels, in_order, steering_link, two_sides
+from mbf_relay.simulation.urdf_wheels import NEAR_GROUND, Wheel, axles, find_wheels, in_order, two_sides
 
 SPEED, TURN = 0.5, 3.0
 """Top speed (m/s) and turn rate (rad/s) among people, where no wheel turns slower at most."""
@@ -62,24 +62,25 @@ def robot_values(robot: Element, folder: str) -> Tuple[Dict[str, Any], Dict[str,
     """
     said = Description(robot, folder)
     wheels = find_wheels(said)
-    steered = {wheel.link for wheel in wheels if steering_link(said, wheel.link)}
-    drive = OMNIDIRECTIONAL if SIDEWAYS.search(said.plugins) else CAR if steered else DIFFERENTIAL
-    others = [solid for solid in said.solids if solid.link not in {wheel.link for wheel in wheels}]
+    is_car = any(wheel.steering for wheel in wheels)
+    drive = OMNIDIRECTIONAL if SIDEWAYS.search(said.plugins) else CAR if is_car else DIFFERENTIAL
+    rolling = {wheel.link for wheel in wheels}
+    others = [solid for solid in said.solids if solid.link not in rolling]
     size = _checked(said, drive, wheels, others)
     group, middle = axles(said, drive, wheels, size)
     ground = min([wheel.place[2] - wheel.radius for wheel in wheels] or [solid.low for solid in others])
-    feet = {
-        index for index, solid in enumerate(others) if solid.low < ground + NEAR_GROUND
-        and np.ptp(solid.corners[:, :2], axis=0).max() < FOOT * group["radius"]}
-    body = [solid for index, solid in enumerate(others) if index not in feet or len(feet) == len(others)]
-    under = [others[index].middle for index in sorted(feet)]
+    stand = [
+        solid.low < ground + NEAR_GROUND and np.ptp(solid.corners[:, :2], axis=0).max() < FOOT * group["radius"]
+        for solid in others]
+    solids = [solid for solid, stands in zip(others, stand) if not stands] or others
+    under = [solid.middle for solid, stands in zip(others, stand) if stands]
     if len(wheels) > 2:  # those beside the two of the physics
-        body += [solid for solid in said.solids if solid.link not in {other.link for other in others}]
+        solids = solids + [solid for solid in said.solids if solid.link in rolling]
         under += [wheel.place for wheel in wheels]
-    parts = list(_parts(said, body, ground, middle))
+    parts = list(_parts(said, solids, ground, middle))
     if not parts:
         raise ValueError("nothing of its body has a length, a width and a height")
-    told = in_order(drive, [wheel for wheel in wheels if drive != CAR or wheel.link not in steered])
+    told = in_order(drive, [wheel for wheel in wheels if drive != CAR or not wheel.steering])
     speed = min([SPEED] + [wheel.limit * wheel.radius for wheel in wheels if wheel.limit > 0.0])
     values: Dict[str, Any] = dict(
         drive=drive, base_height=-ground, wheels=group, body=parts, max_speed=speed,

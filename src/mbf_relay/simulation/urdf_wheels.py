@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Dict, Iterator, List, NamedTuple, Tuple
+from typing import Dict, List, NamedTuple, Tuple
 
 import numpy as np
 
@@ -25,7 +25,14 @@ WHEEL = re.compile(r"wheel|tyre|tire", re.IGNORECASE)
 
 
 class Wheel(NamedTuple):
-    """A link that rolls: middle in the base, shape (3,), radius and width (m), its joint and that one's limit (rad/s).
+    """A link that rolls.
+
+    Attributes:
+        link, joint: Their names.
+        place: Its middle in the base, shape (3,).
+        radius, width: Metres.
+        limit: The joint's (rad/s), 0 for none.
+        steering: The link that swings it within limits, empty where none does.
     """
 
     link: str
@@ -34,6 +41,7 @@ class Wheel(NamedTuple):
     radius: float
     width: float
     limit: float
+    steering: str
 
 
 def find_wheels(said: Description) -> List[Wheel]:
@@ -41,7 +49,7 @@ def find_wheels(said: Description) -> List[Wheel]:
     found = []
     for link, joint in said.joints.items():
         solids = [solid.corners for solid in said.solids if solid.link == link]
-        if not solids or _swivels(said, link):
+        if not solids or _upright(said, link, "continuous"):  # what swings freely is a caster's
             continue
         corners = np.concatenate(solids)
         length, width, height = (float(side) for side in np.ptp(corners, axis=0))
@@ -49,7 +57,8 @@ def find_wheels(said: Description) -> List[Wheel]:
         if not rolls and not (WHEEL.search(link) and abs(length - height) < ROUND * height):  # one that is only shown
             continue
         middle = Solid(link, corners).middle
-        found.append(Wheel(link, joint.get("name", ""), middle, 0.5 * height, width, said.limit(link, "velocity")))
+        limit, steering = said.limit(link, "velocity"), _upright(said, link, "revolute")
+        found.append(Wheel(link, joint.get("name", ""), middle, 0.5 * height, width, limit, steering))
     ground = min((wheel.place[2] - wheel.radius for wheel in found), default=0.0)
     aside = max((abs(wheel.place[1]) for wheel in found), default=0.0)
     found = [
@@ -57,7 +66,7 @@ def find_wheels(said: Description) -> List[Wheel]:
         and abs(wheel.place[1]) > BESIDE * aside]
     for named in (said.words, {element.get("name", "") for element in said.root.iterfind("transmission/joint")}):
         if all(two_sides([wheel for wheel in found if wheel.joint in named])):
-            return [wheel for wheel in found if wheel.joint in named or steering_link(said, wheel.link)]
+            return [wheel for wheel in found if wheel.joint in named or wheel.steering]
     return found
 
 
@@ -75,24 +84,14 @@ def in_order(drive: str, wheels: List[Wheel]) -> List[Wheel]:
     return [wheel for pair in pairs for wheel in pair] if len(left) == len(right) == 2 else []
 
 
-def _ancestors(said: Description, link: str) -> Iterator[str]:
-    while said.parent(link):
+def _upright(said: Description, link: str, kind: str) -> str:
+    """Return the next link above another that a joint of a kind turns about an upright axis; empty for none."""
+    link = said.parent(link)
+    while link in said.joints:
+        if said.joints[link].get("type") == kind and abs(said.axis(link)[2]) > ALONG:
+            return link
         link = said.parent(link)
-        yield link
-
-
-def steering_link(said: Description, link: str) -> str:
-    """Return the link that swings a wheel about an upright axis within limits; empty where none does."""
-    return next((
-        name for name in _ancestors(said, link) if name in said.joints
-        and said.joints[name].get("type") == "revolute" and abs(said.axis(name)[2]) > ALONG), "")
-
-
-def _swivels(said: Description, link: str) -> bool:
-    """Return whether a wheel turns freely about an upright axis, as a caster's does."""
-    return any(
-        name in said.joints and said.joints[name].get("type") == "continuous" and abs(said.axis(name)[2]) > ALONG
-        for name in _ancestors(said, link))
+    return ""
 
 
 def axles(said: Description, drive: str, wheels: List[Wheel], size: np.ndarray) -> Tuple[Dict[str, float], np.ndarray]:
@@ -104,8 +103,8 @@ def axles(said: Description, drive: str, wheels: List[Wheel], size: np.ndarray) 
         wheels: Driven or steered.
         size: Of the rest, shape (3,) in metres; tells the wheels of what drives sideways and has none.
     """
-    steered = [wheel for wheel in wheels if steering_link(said, wheel.link)]
-    rolling = [wheel for wheel in wheels if not steering_link(said, wheel.link)] if drive == CAR else wheels
+    steered = [wheel for wheel in wheels if wheel.steering]
+    rolling = [wheel for wheel in wheels if not wheel.steering] if drive == CAR else wheels
     left, right = two_sides(rolling)
     ends = [wheel.place[0] for wheel in wheels]
     if drive == OMNIDIRECTIONAL and not (left and right and np.ptp(ends) > 0.0):
@@ -125,7 +124,7 @@ def axles(said: Description, drive: str, wheels: List[Wheel], size: np.ndarray) 
         group["base"] = float(np.mean([wheel.place[0] for wheel in steered])) - behind
         if group["base"] <= 0.0:
             raise ValueError(f"its wheels that steer are {-group['base']:.3g} m behind the others; cars steer in front")
-        swing = min(said.limit(steering_link(said, wheel.link), "upper") for wheel in steered)
+        swing = min(said.limit(wheel.steering, "upper") for wheel in steered)
         group["turning_radius"] = group["base"] / math.tan(swing if 0.0 < swing < 1.5 else STEERS)
     elif drive == OMNIDIRECTIONAL:
         group["base"] = float(np.ptp(ends))

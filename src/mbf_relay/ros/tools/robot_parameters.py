@@ -41,8 +41,9 @@ def parameters_for(robot: RobotModel) -> Dict[str, Any]:
 def _name_frames(robot: RobotModel, settings: Settings, guard: Dict[str, Any]) -> None:
     """Have nodes and guard call a robot's frames as its own description does."""
     base, scan = robot.frames.get("base_frame", FOOTPRINT_FRAME), robot.frames.get("scan_frame", SCAN_FRAME)
+    settings["amcl"]["base_frame_id"] = settings[SERVER]["robot_frame"] = base
     if base != FOOTPRINT_FRAME:
-        settings["amcl"]["base_frame_id"] = settings[SERVER]["robot_frame"] = guard["base_frame"] = base
+        guard["base_frame"] = base
     for side in ("global_costmap", "local_costmap"):
         settings[SERVER][side]["robot_base_frame"] = base
         settings[SERVER][side]["scan"]["sensor_frame"] = scan
