@@ -18,13 +18,14 @@ import time
 from mbf_relay.ros.compose.node import MEMBERS, Member, live, preload
 
 PLACES = {
+    "fake_localization": "mbf_relay.ros.fake_localization.node.main",
     "simulator": "mbf_relay.ros.simulator.node.main", "velocity_guard": "mbf_relay.ros.velocity_guard.node.main",
     "waypoint_follower": "mbf_relay.ros.waypoint_follower.node.main", "web_view": "mbf_relay.ros.web.node.main",
     "move_base": "mbf_relay.ros.move_base.node.main",
 }
 UP = re.compile(
     "serving a map|localizing on a map|move_base_flex is ready|move_base is here|move_base waits|simulating world|"
-    "see the robot at|waypoint_follower is ready|velocity_guard is ready")
+    "see the robot at|waypoint_follower is ready|velocity_guard is ready|fake_localization is ready")
 """What nodes say when they have read their parameters and offer what they have."""
 PATIENCE = 30.0
 """Wall seconds a node gets to come up or to end, and to end after a signal, on a machine that is busy."""

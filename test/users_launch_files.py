@@ -9,7 +9,7 @@ ARGUMENTS = {"initial_pose_x": "-1.990", "initial_pose_y": "-0.508"}
 """Where the robot is believed to stand at first, for the files that ask."""
 SERVERS = {"flex": "/move_base_flex", "fleet": "/robot1/move_base", "other_name": "/move_base_node"}
 """Nodes that plan and drive, where they are called otherwise than /move_base."""
-OURS = re.compile(r'pkg="(?:move_base|amcl|map_server)"')
+OURS = re.compile(r'pkg="(?:move_base|amcl|fake_localization|map_server)"')
 
 
 def swapped_into(folder):

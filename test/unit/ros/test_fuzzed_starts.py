@@ -22,6 +22,7 @@ from mbf_relay.costmap.layer import Layer  # noqa: E402
 from mbf_relay.costmap.observation_source import SourceParameters  # noqa: E402
 from mbf_relay.costmap.parameters import CostmapParameters  # noqa: E402
 from mbf_relay.localization.cloud_scan import CloudParameters  # noqa: E402
+from mbf_relay.localization.fake_localization import FakeLocalizationParameters  # noqa: E402
 from mbf_relay.localization.node_parameters import INITIAL, AmclParameters  # noqa: E402
 from mbf_relay.navigation.move_base_parameters import MoveBaseParameters  # noqa: E402
 from mbf_relay.navigation.parameters import NavigatorParameters  # noqa: E402
@@ -74,6 +75,7 @@ def declared():
     sets += [("simulator", "", SimulatorParameters.types()), ("simulator", "faults", Faults.types())]
     sets += [("velocity_guard", "", VelocityGuardParameters.types()), ("web_view", "", WebViewParameters.types())]
     sets += [("waypoint_follower", "", WaypointFollowerParameters.types())]
+    sets += [("fake_localization", "", FakeLocalizationParameters.types())]
     for node, group, types in sets:
         for name, hint in types.items():
             yield node, group, name, hint

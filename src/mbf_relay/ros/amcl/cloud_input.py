@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Callable
+from typing import Callable, NamedTuple, Union
 
 import numpy as np
 import rospy
+from sensor_msgs.msg import LaserScan as LaserScanMessage
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.cloud_scan import CloudParameters, scan_of_points
-from mbf_relay.ros.amcl.scan_queue import CloudScan, ScanQueue
 from mbf_relay.ros.common.checks import check_frames
 from mbf_relay.ros.common.clouds import cloud_points, rigid
+from mbf_relay.ros.common.message_queue import MessageQueue
 from mbf_relay.ros.common.transforms import Transforms
+from mbf_relay.scan import LaserScan
 
 BUFFER_BYTES = 1 << 24
+
+
+class CloudScan(NamedTuple):
+    """What a point cloud came to: its header, a scan, and the pose of the scan's frame in the base's."""
+
+    header: Header
+    scan: LaserScan
+    laser_pose: Pose2D
+
+
+AnyScan = Union[LaserScanMessage, CloudScan]
 
 
 class CloudInput:
@@ -26,7 +40,7 @@ class CloudInput:
     """
 
     def __init__(
-        self, values: CloudParameters, queue: ScanQueue, transforms: Transforms, base_frame: Callable[[], str]
+        self, values: CloudParameters, queue: MessageQueue, transforms: Transforms, base_frame: Callable[[], str]
     ) -> None:
         """Subscribe.
 

@@ -12,10 +12,11 @@ import rospy
 from mbf_relay.localization.distance_field import DOUBTFUL
 from mbf_relay.localization.node_parameters import AmclParameters
 from mbf_relay.outcomes import TransformError
-from mbf_relay.ros.amcl.scan_queue import AnyScan, ScanQueue
+from mbf_relay.ros.amcl.cloud_input import AnyScan
 from mbf_relay.ros.common import diagnostics
 from mbf_relay.ros.common.checks import shown
 from mbf_relay.ros.common.lidar_timings import LidarTimings
+from mbf_relay.ros.common.message_queue import MessageQueue
 from mbf_relay.ros.common.transforms import Transforms
 
 SILENCE = 15.0
@@ -135,7 +136,7 @@ class ScanWatch:
             )
         return diagnostics.OK, "scans are used", values
 
-    def look(self, queue: ScanQueue, why: Callable[[AnyScan], str]) -> None:
+    def look(self, queue: MessageQueue, why: Callable[[AnyScan], str]) -> None:
         """Warn where it is time to; call it often.
 
         Args:

@@ -26,20 +26,20 @@ from mbf_relay.maps import OccupancyMap
 from mbf_relay.outcomes import TransformError
 from mbf_relay.parameters import convert
 from mbf_relay.ros.amcl.belief import BeliefPublisher, describe_places
-from mbf_relay.ros.amcl.cloud_input import CloudInput
+from mbf_relay.ros.amcl.cloud_input import AnyScan, CloudInput, CloudScan
 from mbf_relay.ros.amcl.health import ScanWatch, deviation_report, missing_transform, stands_in_the_world
 from mbf_relay.ros.amcl.initial_pose import check_frame, initial_pose_from_message, motion_since
 from mbf_relay.ros.amcl.map_client import request_map, warn_of_frame
 from mbf_relay.ros.amcl.map_to_odom import MapToOdom
 from mbf_relay.ros.amcl.particle_cloud import ParticleCloud
 from mbf_relay.ros.amcl.saved_pose import SavedPose, SavedStart
-from mbf_relay.ros.amcl.scan_queue import AnyScan, CloudScan, ScanQueue
 from mbf_relay.ros.amcl.usage import USAGE as USAGE  # run_node looks for it here
 from mbf_relay.ros.amcl.usage import check_arguments
 from mbf_relay.ros.common import diagnostics, parameters
 from mbf_relay.ros.common.conversions import header, map_from_message, pose_to_message
 from mbf_relay.ros.common.lidar_geometry import scan_in_base
 from mbf_relay.ros.common.lidar_timings import LidarTimings
+from mbf_relay.ros.common.message_queue import MessageQueue
 from mbf_relay.ros.common.node import spare_what_stays
 from mbf_relay.ros.common.transforms import TransformPublisher, Transforms
 from mbf_relay.scan import LaserScan
@@ -74,7 +74,7 @@ class AmclNode:
         self._newest_scan: Optional[Tuple[LaserScan, Pose2D]] = None
         self._update_seconds = 0.0
         self._reliability: Optional[float] = None
-        self._queue = ScanQueue()
+        self._queue = MessageQueue()
         self.transforms = Transforms(changed=self._queue.look_again)
         self._timings = LidarTimings(self.transforms, self._frames)
         self._map_to_odom = MapToOdom(TransformPublisher())

@@ -13,9 +13,9 @@ from std_msgs.msg import Header  # noqa: E402
 from mbf_relay.localization.node_parameters import AmclParameters  # noqa: E402
 from mbf_relay.ros.amcl import health  # noqa: E402
 from mbf_relay.ros.amcl.health import ScanWatch, missing_transform  # noqa: E402
-from mbf_relay.ros.amcl.scan_queue import ScanQueue  # noqa: E402
 from mbf_relay.ros.common import diagnostics  # noqa: E402
 from mbf_relay.ros.common.lidar_timings import LidarTimings  # noqa: E402
+from mbf_relay.ros.common.message_queue import MessageQueue  # noqa: E402
 from mbf_relay.ros.common.transforms import Transforms  # noqa: E402
 from mbf_relay.scan_sweep import BACKWARDS  # noqa: E402
 from mbf_relay.scan_timing import ScanTiming  # noqa: E402
@@ -76,7 +76,7 @@ def what_is_told(monkeypatch, frame, *known):
     monkeypatch.setattr(health.rospy, "logwarn_throttle", lambda _period, text: told.append(text))
     monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
     monkeypatch.setattr(rospy.rostime, "_rostime_current", rospy.Time(10.0))
-    queue = ScanQueue()
+    queue = MessageQueue()
     queue.put(LaserScan(header=Header(frame_id=frame, stamp=rospy.Time(10.0))))
     made.look(queue, lambda message: missing_transform(transforms, AmclParameters(), message))
     return told

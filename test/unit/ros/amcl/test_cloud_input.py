@@ -12,8 +12,8 @@ from sensor_msgs.msg import PointCloud2, PointField  # noqa: E402
 
 from mbf_relay.localization.cloud_scan import CloudParameters  # noqa: E402
 from mbf_relay.ros.amcl.cloud_input import scan_of_cloud  # noqa: E402
-from mbf_relay.ros.amcl.scan_queue import ScanQueue  # noqa: E402
 from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
+from mbf_relay.ros.common.message_queue import MessageQueue  # noqa: E402
 
 VALUES = CloudParameters(angle_increment=math.pi / 4.0, min_height=0.2, max_height=0.8)
 
@@ -65,7 +65,7 @@ def test_what_cannot_be_read_is_refused_in_a_sentence():
 
 def test_two_cameras_count_as_two_lidars():
     """Each has seen something else; neither must be taken for a newer look of the other."""
-    queue = ScanQueue()
+    queue = MessageQueue()
     for frame in ("front", "rear", "front"):
         queue.put(scan_of_cloud(cloud([(0.0, 0.0, 1.0)], frame=frame), VALUES, Tilted(), "base_link"))
     assert sorted(one.header.frame_id for one in queue.take(lambda _: True, 0.0)) == ["front", "rear"]

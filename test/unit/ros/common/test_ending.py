@@ -21,7 +21,8 @@ from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[4]
 NODES = {
-    "amcl": [], "map_server": [str(ROOT / "config" / "maps" / "turtlebot3_world.yaml")], "mb_relay_server.py": [],
+    "amcl": [], "fake_localization": [], "map_server": [str(ROOT / "config" / "maps" / "turtlebot3_world.yaml")],
+    "mb_relay_server.py": [],
     "mb_relay_subscriber.py": [], "move_base_flex": [], "move_base_relay": [], "simulator": [], "velocity_guard": [],
     "map_saver": [], "waypoint_follower": [], "web_view": ["_port:=0"],
 }

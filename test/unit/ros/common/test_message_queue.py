@@ -15,9 +15,9 @@ from hypothesis import strategies as st  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 from sensor_msgs.msg import LaserScan as LaserScanMessage  # noqa: E402
 
-from mbf_relay.ros.amcl.scan_queue import ScanQueue  # noqa: E402
 from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
 from mbf_relay.ros.common.lidar_geometry import mounting_of, scan_in_base, seen_from_above  # noqa: E402
+from mbf_relay.ros.common.message_queue import MessageQueue  # noqa: E402
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings  # noqa: E402
 from mbf_relay.scan import LaserScan  # noqa: E402
 
@@ -33,7 +33,7 @@ def stamps(messages):
 
 
 def filled(*scans, length=100):
-    queue = ScanQueue(length)
+    queue = MessageQueue(length)
     for stamp, frame in scans:
         queue.put(message(stamp, frame))
     return queue
@@ -89,7 +89,7 @@ def test_a_scan_that_comes_while_others_are_looked_at_is_kept():
 @given(st.lists(st.tuples(st.integers(0, 20), st.sampled_from(["front", "rear"]), st.booleans()), max_size=30))
 def test_every_scan_is_given_once_at_most_and_never_an_older_one_after_a_newer(steps):
     """Whatever comes when: of each lidar, what is given has ever newer stamps."""
-    queue, given_out = ScanQueue(), {"front": [-1.0], "rear": [-1.0]}
+    queue, given_out = MessageQueue(), {"front": [-1.0], "rear": [-1.0]}
     clock = 0.0
     for ahead, frame, look in steps:
         clock += ahead * 0.01
@@ -172,7 +172,7 @@ def test_a_scan_is_given_as_soon_as_its_transform_has_come():
 
 def test_a_scan_that_comes_before_the_clock_is_worth_no_warning_but_wrong_stamps_that_go_on_are():
     told, wall = [], [0.0]
-    queue = ScanQueue(warnings=ThrottledWarnings(lambda: wall[0], lambda _, text: told.append(text)))
+    queue = MessageQueue(warnings=ThrottledWarnings(lambda: wall[0], lambda _, text: told.append(text)))
     queue.offer(message(2.6), 0.0)
     queue.offer(message(3.0), 3.0)
     assert not told and stamps(queue.take(lambda _: True, 0.0)) == [("front", 3.0)]

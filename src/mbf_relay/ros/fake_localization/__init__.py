@@ -1,0 +1,1 @@
+"""The node that tells what a simulator knows as if it had been localized."""
