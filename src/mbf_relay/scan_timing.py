@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import collections
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Callable, Deque, NamedTuple, Optional
 
 import numpy as np
@@ -91,17 +92,25 @@ class _Dated(NamedTuple):
     heading: float
 
 
-class _Taken(NamedTuple):
-    """A scan, what it reads in DIRECTIONS (m), and of odometry: its headings (rad) at each of OFFSETS before the stamp.
+@dataclass(frozen=True)
+class _Taken:
+    """A scan, and of odometry its headings (rad) at each of OFFSETS before the stamp.
 
-    And where the lidar was when the middle beam was taken, and how it moves while a turning sensor looks round once.
+    And where the lidar was when the middle beam was taken, how it moves while a turning sensor looks round once, and
+    the order in which it takes its beams as far as that is known.
     """
 
     scan: LaserScan
-    readings: np.ndarray
     headings: np.ndarray
     pose: Pose2D
     moved: Pose2D
+    order: Order
+
+    @cached_property
+    def readings(self) -> np.ndarray:
+        """What it reads in DIRECTIONS (m), as if all at once; of most scans nobody asks for it."""
+        return _readings(
+            self.scan if self.order == AT_ONCE else seen_at_once(self.scan, self.order, self.moved))
 
 
 class ScanTiming:
@@ -194,7 +203,10 @@ class ScanTiming:
         if len(self._stamps) < 2:
             return 0.0
         share = len(scan.ranges) * abs(scan.angle_increment) / (2.0 * math.pi)
-        return min(1.0, share) * float(np.median(np.diff(np.array(self._stamps))))
+        stamps = list(self._stamps)
+        spacings = sorted(after - before for before, after in zip(stamps, stamps[1:]))
+        middle = len(spacings) // 2  # NumPy's median takes longer than all else that most scans need
+        return min(1.0, share) * 0.5 * (spacings[middle] + spacings[~middle])
 
     def _compare(self, scan: LaserScan) -> None:
         """Hold a scan against those before it."""
@@ -208,9 +220,7 @@ class ScanTiming:
         moved = pose_at(middle + half).relative_to(pose_at(middle - half))
         if np.isnan(turned).any() or not (pose.is_finite() and moved.is_finite()):
             return
-        order = self.order or AT_ONCE
-        at_once = scan if order == AT_ONCE else seen_at_once(scan, order, moved)
-        taken = _Taken(scan, _readings(at_once), turned, pose, moved)
+        taken = _Taken(scan, turned, pose, moved, self.order or AT_ONCE)
         if self._taken:
             self._compare_turns(self._taken[-1], taken)
             self._compare_orders(max(self._taken, key=lambda other: _contrast(other, taken)), taken)
