@@ -8,6 +8,7 @@ from typing import Optional, Tuple
 import numpy as np
 
 from mbf_relay.geometry import Pose2D, angle_between
+from mbf_relay.near_things import NearThings
 from mbf_relay.scan import LaserScan
 
 LARGEST_GAP = 0.35
@@ -37,7 +38,8 @@ class ScanMonitor:
 
     A beam measured something where it reads range_min or more, infinity included: that says nothing is there. Drivers
     that have no such word, as that of a TurtleBot3's LDS-01, which sends 0, leave gaps wherever it is far to the next
-    wall; move_base drives on in them, and so it is here, while the scan has several and has never read infinity.
+    wall; move_base drives on in them, and so it is here, while the scan has several and has never read infinity. Nor is
+    there a gap where the lidar has seen something that is now nearer than it can measure: costmaps keep that.
 
     Args:
         largest_gap: See LARGEST_GAP; 0 for a lidar whose zeros say that nothing is there. Its gaps are then not looked
@@ -50,6 +52,7 @@ class ScanMonitor:
     def __init__(self, largest_gap: float = LARGEST_GAP) -> None:
         self._largest_gap = largest_gap
         self._first: Optional[Tuple[LaserScan, Pose2D]] = None  # of those with the same readings, and from where
+        self._near_things = NearThings()
         self._seen = 0.0  # radians full of returns in the last scan that was believed
         self.takes_gaps_for_far = False
         self._says_nothing_is_there = False  # by infinity, as REP 117 asks for; in any scan so far
@@ -64,8 +67,8 @@ class ScanMonitor:
         """
         with np.errstate(invalid="ignore"):
             usable = scan.ranges >= scan.range_min
-        hit = scan.hit
-        found = self._frozen(scan, hit, sensor_pose) or self._blind(scan, usable, forward)
+        hit, hidden = scan.hit, self._near_things.hides(scan, sensor_pose)
+        found = self._frozen(scan, hit, sensor_pose) or self._blind(scan, usable | hidden, forward)
         seen = float(np.count_nonzero(hit)) * abs(scan.angle_increment)
         if found is None and seen == 0.0 and self._seen >= SEEN_BEFORE:
             found = "the lidar sees nothing at all any more, and there were walls in the last scan"
@@ -103,7 +106,7 @@ class ScanMonitor:
         is_its_word = len(unseen) >= SCATTERED and not self._says_nothing_is_there
         allowed = math.floor(self._largest_gap / step) if step > 0.0 else len(usable)
         for first, count in unseen:
-            if count <= allowed or _explained(scan, usable, first, count):
+            if count <= allowed or _explained(scan, first, count):
                 continue
             middle = scan.angle_min + scan.angle_increment * (first + (count - 1) / 2.0)
             off = abs(math.remainder(middle - forward, 2.0 * math.pi))
@@ -132,8 +135,8 @@ def gaps(usable: np.ndarray, closed: bool) -> list[tuple[int, int]]:
     return [((int(first) + start) % size, int(end - first)) for first, end in zip(firsts, ends)]
 
 
-def _explained(scan: LaserScan, usable: np.ndarray, first: int, count: int) -> bool:
+def _explained(scan: LaserScan, first: int, count: int) -> bool:
     """Return whether a gap lies between beams that see something near: then it hides what is nearer than range_min."""
-    size, limit = len(usable), scan.range_min + NEAR
+    size, limit = len(scan.ranges), scan.range_min + NEAR
     sides = [scan.ranges[index % size] for index in (first - 1, first + count)]
-    return bool(all(side <= limit for side in sides))
+    return bool(all(scan.range_min <= side <= limit for side in sides))  # whose own beam is no gap that is hidden

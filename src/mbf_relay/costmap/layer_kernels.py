@@ -160,6 +160,35 @@ def clear_rays(costs, origin_x, origin_y, resolution, sensor_x, sensor_y, ends, 
         cells[np.uint64(cell)] = _FREE
 
 
+@kernel("int64(uint8[:,::1], float64, float64, float64, float64, float64, float64[:,::1], int64[::1])")
+def lift_lethal(costs, origin_x, origin_y, resolution, sensor_x, sensor_y, ends, found):
+    """Free the lethal cells from a sensor to a cell beyond each end point; return how many there were.
+
+    Args:
+        costs: Shape (height, width).
+        origin_x, origin_y, resolution: The grid (m).
+        sensor_x, sensor_y: Position of the sensor (m).
+        ends: Shape (N, 2) in metres.
+        found: Filled from the front with their indices in the flattened grid; must have room for them.
+    """
+    height, width = costs.shape
+    number = 0
+    for index in range(ends.shape[0]):
+        dx, dy = ends[index, 0] - sensor_x, ends[index, 1] - sensor_y
+        length = math.hypot(dx, dy)
+        if length == 0.0:
+            continue
+        for step in range(int(math.ceil(2.0 * length / resolution)) + 3):
+            share = min(0.5 * resolution * step, length + resolution) / length
+            column = math.floor((sensor_x + dx * share - origin_x) / resolution)
+            row = math.floor((sensor_y + dy * share - origin_y) / resolution)
+            if 0 <= column < width and 0 <= row < height and costs[int(row), int(column)] == _LETHAL:
+                costs[int(row), int(column)] = _FREE
+                found[number] = int(row) * width + int(column)
+                number += 1
+    return number
+
+
 @kernel("void(uint8[:,::1], float64, float64, float64, float64[:,::1])")
 def mark_points(costs, origin_x, origin_y, resolution, points):
     """Make the cells of points, shape (N, 2) in metres, lethal; points outside the grid are passed over."""

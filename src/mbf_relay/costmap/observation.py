@@ -32,6 +32,8 @@ class Observation:
             where others of its topic do.
         heading: Which way (rad) the sensor faces in the costmap's frame; None where that is not known.
         base: The robot's base in the costmap's frame when it was measured; None where that is not known.
+        unseen: Where beams that measured nothing, as at what is nearer than range_min, begin to see: shape (M, 2) in
+            metres, in the costmap's frame. None where there are none.
     """
 
     origin: Tuple[float, ...]
@@ -42,6 +44,7 @@ class Observation:
     rides: bool = True
     heading: Optional[float] = None
     base: Optional[Pose2D] = None
+    unseen: Optional[np.ndarray] = None
 
     def dated(self, now: Optional[float]) -> Observation:
         """Return it as measured `now` (s), where that is told and it has no stamp, as from a sensor without a clock."""
@@ -65,7 +68,9 @@ def observation_from_scan(scan: LaserScan, sensor_pose: Pose2D, height: Optional
         sensor_pose: The sensor in the costmap's frame when the scan was taken.
         height: The sensor's height (m) in the costmap's frame; without it, heights are not looked at.
     """
-    return observation_from_level_points(*scan_points(scan), sensor_pose, scan.stamp, height)
+    seen = observation_from_level_points(*scan_points(scan), sensor_pose, scan.stamp, height)
+    unseen = unseen_points(scan)
+    return seen if unseen is None else replace(seen, unseen=sensor_pose.transform_points(unseen))
 
 
 def observation_from_level_points(
@@ -100,6 +105,16 @@ def scan_points(scan: LaserScan, inf_is_valid: bool = True) -> Tuple[np.ndarray,
     lengths = np.where(misses, scan.range_max, ranges)[kept]
     angles = scan.angles[kept]
     return np.column_stack((lengths * np.cos(angles), lengths * np.sin(angles))), hits[kept]
+
+
+def unseen_points(scan: LaserScan) -> Optional[np.ndarray]:
+    """Return where beams that measured nothing begin to see, shape (M, 2) in metres in the sensor's frame, or None."""
+    with np.errstate(invalid="ignore"):
+        failed = ~(scan.ranges >= scan.range_min)  # NaN as well
+    if not failed.any():
+        return None
+    angles = scan.angles[failed]
+    return scan.range_min * np.column_stack((np.cos(angles), np.sin(angles)))
 
 
 def observation_from_points(

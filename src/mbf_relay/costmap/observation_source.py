@@ -22,6 +22,7 @@ RANGE = "Range"
 """What comes from a sonar or an infrared ranger."""
 LEVEL = 0.02
 """Rise over distance up to which beams count as level; such a lidar's plane stays at its own height."""
+NOTHING = np.empty((0, 2))
 ROUNDING = 1e-6
 """Height (m) that counts as none: transforms round, and a lidar may sit right at the lowest or highest that counts."""
 
@@ -73,7 +74,10 @@ class SourceParameters(ParameterSet):
 
 @dataclass(frozen=True, eq=False)
 class RayBundle:
-    """An observation made ready for the kernels: where its rays end, which ends are obstacles, how far it reaches."""
+    """An observation made ready for the kernels: where its rays end, which ends are obstacles, how far it reaches.
+
+    And how far beams reach that measured nothing, shape (M, 2): what is there is left as it is.
+    """
 
     x: float
     y: float
@@ -83,6 +87,7 @@ class RayBundle:
     high: Tuple[float, float]
     reach: float
     stamp: float
+    unseen: np.ndarray
 
 
 class Sensor:
@@ -223,4 +228,5 @@ def prepare(observation: Observation, source: SourceParameters, max_height: floa
         source.max_obstacle_height + ROUNDING, max_height + ROUNDING, source.obstacle_range, ends, marked, box)
     left, bottom, right, top = box.tolist()
     low, high = (min(x - reach, left), min(y - reach, bottom)), (max(x + reach, right), max(y + reach, top))
-    return RayBundle(x, y, ends[:number], marked[:marks], low, high, reach, observation.stamp)
+    unseen = NOTHING if observation.unseen is None else np.ascontiguousarray(observation.unseen[:, :2])
+    return RayBundle(x, y, ends[:number], marked[:marks], low, high, reach, observation.stamp, unseen)

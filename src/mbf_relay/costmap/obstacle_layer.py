@@ -9,7 +9,7 @@ from typing import Any, Dict, List, Mapping, Optional, Tuple, Type, TypeVar
 import numpy as np
 
 from mbf_relay.costmap import footprint, layer_kernels
-from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, NO_INFORMATION, Window
+from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, LETHAL, NO_INFORMATION, Window
 from mbf_relay.costmap.layer import CellLayer, LayerContext, changed_window
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.observation_source import RANGE, ObservationSource, RayBundle, SourceParameters
@@ -150,13 +150,30 @@ class ObstacleLayer(CellLayer):
         grid = (self.grid.origin_x, self.grid.origin_y, self.grid.resolution)
         for rays in clearing:
             reach = math.ceil(rays.reach / self.grid.resolution)
+            unseen = self._lift_unseen(rays)
             layer_kernels.clear_rays(self.costs, *grid, rays.x, rays.y, rays.ends, float(reach))
+            self.costs.ravel()[unseen] = LETHAL
         for rays in marking:
             layer_kernels.mark_points(self.costs, *grid, rays.marks)
         if stands:  # last: what a lidar sees of the robot's own mast is no obstacle
             footprint.free_within(self.grid, self.costs, context.footprint, context.robot_pose)
         self.touch(changed_window(before, self.costs, touched))
         return window.union(self.take_pending())
+
+    def _lift_unseen(self, rays: RayBundle) -> np.ndarray:
+        """Take out the obstacles that beams without a measurement may look at, and return which, to be put back.
+
+        What is nearer than range_min is not seen, and would go ray by ray that passes beside it. They are indices of
+        the flattened cells.
+        """
+        if len(rays.unseen) == 0:
+            return np.empty(0, np.int64)
+        grid = self.grid
+        longest = float(np.hypot(rays.unseen[:, 0] - rays.x, rays.unseen[:, 1] - rays.y).max())
+        found = np.empty(min(self.costs.size, (2 * math.ceil(longest / grid.resolution) + 5) ** 2), np.int64)
+        number = layer_kernels.lift_lethal(
+            self.costs, grid.origin_x, grid.origin_y, grid.resolution, rays.x, rays.y, rays.unseen, found)
+        return found[:number]
 
     def _stood_on(self, context: LayerContext) -> Window:
         """Return a window that holds every cell the robot may stand on."""

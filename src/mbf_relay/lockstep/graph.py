@@ -14,7 +14,7 @@ from mbf_relay.control.state import GoalTolerance
 from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.costmap.freshness import FIRST_TRIES
-from mbf_relay.costmap.observation import observation_from_level_points, scan_points
+from mbf_relay.costmap.observation import observation_from_level_points, scan_points, unseen_points
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.node_parameters import AmclParameters, initial_pose_from
@@ -250,6 +250,7 @@ class Graph:
                 self._localizer.process(odom_pose, scan, self.laser_in_base)
                 self.robot.map_from_odom = self._localizer.map_from_odom
         points: Dict[bool, Tuple[np.ndarray, np.ndarray]] = {}  # of the scan; by whether infinity shows free space
+        unseen_at = unseen_points(scan)
         with self._stages.stage("costmaps"):
             for costmap in reversed(tuple(self.costmaps.values())):  # the local one first, see _share_scans
                 try:
@@ -269,7 +270,8 @@ class Graph:
                             points[source.inf_is_valid] = scan_points(scan, source.inf_is_valid)
                         seen = observation_from_level_points(
                             *points[source.inf_is_valid], laser, scan.stamp, self._scan_height)
-                        costmap.observe(name, replace(seen, base=base), self.now)
+                        unseen = None if unseen_at is None else laser.transform_points(unseen_at)
+                        costmap.observe(name, replace(seen, base=base, unseen=unseen), self.now)
 
     def _laser_at(self, time: float) -> Pose2D:
         return self.robot.odometry_at(time).compose(self.laser_in_base)

@@ -57,6 +57,29 @@ def test_rays_free_the_cells_costmap_2d_frees(seed):
     assert (costs == expected).all()
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_what_beams_without_a_measurement_pass_is_lifted_and_nothing_else(seed):
+    rng = np.random.default_rng(seed)
+    height, width, resolution = *(int(size) for size in rng.integers(1, 50, 2)), rng.choice([0.05, 0.1, 0.025])
+    origin = rng.uniform(-3.0, 1.0, 2)
+    costs = rng.choice([0, 254, 255], (height, width)).astype(np.uint8)
+    sensor = origin + rng.uniform(-0.1, 1.1, 2) * np.array([width, height]) * resolution
+    ends = np.ascontiguousarray(sensor + rng.uniform(-0.5, 0.5, (5, 2)))
+    passed = set()
+    for end in ends:
+        length = np.hypot(*(end - sensor))
+        for reach in np.arange(0.0, length + resolution, 0.001):
+            column, row = np.floor((sensor + reach / length * (end - sensor) - origin) / resolution).astype(int)
+            if 0 <= column < width and 0 <= row < height and costs[row, column] == 254:
+                passed.add(row * width + column)
+    before, found = costs.copy(), np.full(costs.size, -1)
+    lifted = found[:layer_kernels.lift_lethal(costs, *origin, resolution, *sensor, ends, found)]
+    assert len(set(lifted)) == len(lifted) and set(lifted) <= passed
+    assert len(passed - set(lifted)) <= 2 + 0.25 * len(passed)  # cells of which a beam cuts a corner
+    costs.ravel()[lifted] = 254
+    assert (costs == before).all()
+
+
 def test_points_are_marked_in_the_cells_that_hold_them():
     rng = np.random.default_rng(1)
     costs = np.zeros((30, 20), dtype=np.uint8)

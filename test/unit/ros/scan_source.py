@@ -25,11 +25,11 @@ class StillFrames:
         return IDENTITY
 
 
-def scan_source(frames, patience):
+def scan_source(frames, patience, **source):
     """Return a costmap of 2 m and the source "scan" that feeds it, whose messages wait so long (s) for frames."""
     costmap = build_costmap("local_costmap", {
         "rolling_window": True, "width": 2.0, "height": 2.0, "plugins": [{"name": "o", "type": "ObstacleLayer"}],
-        "o": {"observation_sources": "scan", "scan": {"data_type": "LaserScan", "marking": True}}})
+        "o": {"observation_sources": "scan", "scan": {"data_type": "LaserScan", "marking": True, **source}}})
     return costmap, inputs.SensorInput(
         "scan", costmap.sources["scan"], costmap, frames, patience, max_age=1.0,
         timings=LidarTimings(frames, lambda: (costmap.robot_frame, costmap.frame)))

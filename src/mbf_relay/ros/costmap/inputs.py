@@ -16,7 +16,7 @@ from sensor_msgs.msg import PointCloud, PointCloud2, Range
 
 from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.layer import MapSource
-from mbf_relay.costmap.observation import Observation, observation_from_points, scan_points
+from mbf_relay.costmap.observation import Observation, observation_from_points, scan_points, unseen_points
 from mbf_relay.costmap.observation_source import SourceParameters
 from mbf_relay.costmap.outline import MOST_CORNERS, check_padded, parse_footprint
 from mbf_relay.outcomes import TransformError
@@ -177,8 +177,11 @@ class SensorInput:
             self._require_sight(scan, sensor, mount, rides)
         rotation, translation = rigid(sensor)
         seen = observation_from_points(points, hits, rotation, translation, stamp)
+        unseen = None if at_once is None else unseen_points(at_once)
+        if unseen is not None:
+            unseen = unseen @ rotation[:, :2].T + translation
         base = self._transforms.lookup(self._costmap.frame, self._costmap.robot_frame, when) if rides else None
-        seen = replace(seen, frame=frame.lstrip("/"), rides=rides, base=base)
+        seen = replace(seen, frame=frame.lstrip("/"), rides=rides, base=base, unseen=unseen)
         origin_frame = self._parameters.sensor_frame
         if not origin_frame or origin_frame == frame.lstrip("/"):
             return seen

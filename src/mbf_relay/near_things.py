@@ -1,0 +1,76 @@
+"""What a lidar has seen that has since come nearer to it than it can measure."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mbf_relay.geometry import Pose2D
+from mbf_relay.scan import LaserScan
+
+SOON = 0.5
+"""Metres beyond range_min within which what is seen may be nearer than that by the next scan."""
+APART = 0.1
+"""Metres by which a beam must read more than the way to a thing to have looked past it, and by which the way may have
+grown since nobody saw it."""
+SIZE = 0.05
+"""Metres to either side of a point that was seen which are the same thing's."""
+CELL = 0.02
+"""Metres within which points are one, where there are many."""
+MANY = 1000
+"""Points from which on those are left out."""
+
+
+class NearThings:
+    """Remembers the points of a lidar's scans that are about to become too near, until a beam looks past them."""
+
+    def __init__(self) -> None:
+        self._points = np.empty((0, 2))  # in a frame that stands (m)
+
+    def hides(self, scan: LaserScan, sensor_pose: Pose2D) -> np.ndarray:
+        """Take the next scan and return which of its beams look at such a thing, bool of shape (B,).
+
+        Args:
+            scan: It, seen from above.
+            sensor_pose: The lidar in a frame that stands.
+        """
+        hidden = self._hidden(scan, sensor_pose)
+        soon = scan.hit & (scan.ranges < scan.range_min + SOON)
+        ranges, angles = scan.ranges[soon], scan.angles[soon]
+        seen = sensor_pose.transform_points(np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles))))
+        self._points = np.concatenate((self._points, seen))
+        if len(self._points) > MANY:
+            _, first = np.unique(np.round(self._points / CELL), axis=0, return_index=True)
+            self._points = self._points[np.sort(first)[-MANY:]]
+        return hidden
+
+    def _hidden(self, scan: LaserScan, sensor_pose: Pose2D) -> np.ndarray:
+        """Forget what is not there any more, or not that near, and return which beams look at the rest."""
+        size, step = len(scan.ranges), abs(scan.angle_increment)
+        with np.errstate(invalid="ignore"):
+            failed = ~(scan.ranges >= scan.range_min)  # NaN as well
+        if len(self._points) == 0 or step == 0.0 or not failed.any():
+            self._points = self._points[:0]
+            return np.zeros(size, dtype=bool)
+        local = sensor_pose.inverse().transform_points(self._points)
+        near = np.hypot(local[:, 0], local[:, 1]) <= scan.range_min + APART
+        if not near.any():  # as nearly always
+            self._points = self._points[:0]
+            return np.zeros(size, dtype=bool)
+        x, y = np.ascontiguousarray(local[near].T)
+        away, bearings = np.hypot(x, y), np.arctan2(y, x)
+        with np.errstate(invalid="ignore"):
+            there = ~(scan.readings_at(bearings) > away + APART)
+        self._points, away, bearings = self._points[near][there], away[there], bearings[there]
+        turn = int(round(2.0 * math.pi / step))  # beams of a whole one
+        middle = np.round((bearings - scan.angle_min) / scan.angle_increment).astype(np.int64) % turn
+        aside = (np.arctan2(SIZE, away) / step).astype(np.int64) + 1
+        edges = np.zeros(3 * turn + 1, dtype=np.int64)  # one turn before and one behind, for what lies over the ends
+        np.add.at(edges, turn + middle - aside, 1)
+        np.add.at(edges, turn + middle + aside + 1, -1)
+        looked_at = np.cumsum(edges)[:-1].reshape(3, turn).any(axis=0)
+        hidden: np.ndarray = failed.copy()
+        hidden[:turn] &= looked_at[:size]
+        hidden[turn:] = False
+        return hidden
