@@ -80,19 +80,20 @@ class CostmapParameters(ParameterSet):
 
     @classmethod
     def read(cls: Type[T], values: Mapping[str, Any]) -> Tuple[T, List[str]]:
-        """As ParameterSet.read; a window that does not hold the robot is taken as wide as twice the robot.
+        """As ParameterSet.read; a window that moves with the robot is taken at least twice as wide as that.
 
-        costmap_2d leaves it, and whoever drives with it sees nothing of what the robot reaches.
+        costmap_2d leaves it, and whoever drives with it sees nothing of what the robot reaches; or hardly more, and
+        creeps, for beyond it nobody has looked.
         """
         parameters, notes = super().read(values)
         footprint = footprints.padded(parameters.outline(), parameters.footprint_padding)
         across = 2.0 * footprints.radii(footprint)[1]
-        width, height = (side if side >= across else 2.0 * across for side in (parameters.width, parameters.height))
+        width, height = (max(side, 2.0 * across) for side in (parameters.width, parameters.height))
         if not parameters.rolling_window or (width, height) == (parameters.width, parameters.height):
             return parameters, notes
         notes.append(
             f"parameters width and height are {parameters.width:g} m and {parameters.height:g} m; a window that moves "
-            f"with the robot must hold its footprint, {across:.2f} m across: {width:.2f} m and {height:.2f} m are used")
+            f"with the robot, {across:.2f} m across, must be twice as wide: {width:.2f} m and {height:.2f} m are used")
         return parameters.replace(width=width, height=height), notes
 
     def read_as(self) -> List[str]:

@@ -105,15 +105,17 @@ CAR = [[-0.1, -0.125], [0.5, -0.125], [0.5, 0.125], [-0.1, 0.125]]
 @pytest.mark.parametrize("sides, footprint, used", [
     ((0.5, 0.5), CAR, (2.1, 2.1)),  # a car of 0.6 m, which would reach out of it everywhere
     ((4.0, 1.0), CAR, (4.0, 2.1)),
-    ((1.1, 1.1), CAR, (1.1, 1.1)),
-    ((0.5, 0.5), [[0.1, 0.1], [0.1, -0.1], [-0.1, -0.1], [-0.1, 0.1]], (0.5, 0.5)),
+    ((1.1, 1.1), CAR, (2.1, 2.1)),
+    ((2.2, 2.2), CAR, (2.2, 2.2)),
+    ((0.5, 0.5), [[0.1, 0.1], [0.1, -0.1], [-0.1, -0.1], [-0.1, 0.1]], (0.6, 0.6)),  # it saw a centimetre ahead
+    ((1.0, 1.0), [[0.1, 0.1], [0.1, -0.1], [-0.1, -0.1], [-0.1, 0.1]], (1.0, 1.0)),
 ])
-def test_a_robot_longer_than_its_window_sees_what_it_reaches(sides, footprint, used):
-    """Nothing but its own length stood in its way, and it was told that it stood on an obstacle."""
+def test_a_robot_nearly_as_long_as_its_window_sees_what_it_reaches_and_where_it_drives(sides, footprint, used):
+    """Nothing but its own length stood in its way: it was told that it stood on an obstacle, or gave up at a bend."""
     given = {"width": sides[0], "height": sides[1], "footprint": footprint, "resolution": 0.05}
     costmap = build_costmap("local_costmap", {**given, "rolling_window": True})
     assert (costmap.parameters.width, costmap.parameters.height) == pytest.approx(used, abs=0.05)
-    told = [note for note in costmap.notes if "must hold its footprint" in note]
+    told = [note for note in costmap.notes if "must be twice as wide" in note]
     assert len(told) == (used != sides)
     fixed = build_costmap("global_costmap", given)
     assert (fixed.parameters.width, fixed.parameters.height) == pytest.approx(sides, abs=0.05)

@@ -149,7 +149,7 @@ def test_a_robot_without_size_or_room_is_told(tmp_path, old, new, said):
 def test_a_window_that_does_not_hold_the_robot_is_told_and_so_is_the_one_it_gets(tmp_path):
     status, told = check(tmp_path, GOOD.replace("rolling_window: true", "rolling_window: true, width: 0.3, height: 1"))
     assert status == 0 and "changed: local_costmap: parameters width and height are 0.3 m and 1 m" in told
-    assert "0.43 m across: 0.86 m and 1.00 m are used" in told and "params.yaml:3]" in told
+    assert "0.43 m across, must be twice as wide: 0.86 m and 1.00 m are used" in told and "params.yaml:3]" in told
 
 
 def test_of_a_name_that_stands_twice_both_lines_are_told(tmp_path):
