@@ -46,7 +46,7 @@ class Evasion:
 
     What stands may be nearer than the robot can brake within that moment. So none is begun, but to stand, from which it
     could not brake before that, or by which it could run into somebody, and none at all where nobody comes near any
-    place that it could be at.
+    place that it could be at. Nor does a robot flee backwards that does not look there.
 
     What moves does not stand in the way where it is marked: it will have gone.
 
@@ -71,7 +71,8 @@ class Evasion:
         self._parameters, self._foresight, self._state, self._pose = parameters, foresight, state, state.pose
         self._checker = FootprintChecker(without_tracks(state.costmap, state.now))
         width = state.costmap.width
-        self._manoeuvres = _manoeuvres(width, parameters.min_vel_x < 0.0, turning_radius == 0.0)
+        backwards = parameters.min_vel_x < 0.0 and state.costmap.sees_all_round
+        self._manoeuvres = _manoeuvres(width, backwards, turning_radius == 0.0)
         self._turning_radius = turning_radius
         speed, self._turn = limit.of(parameters.max_vel_trans, parameters.max_vel_theta)
         self._speed = max(LEAST_SPEED, speed)

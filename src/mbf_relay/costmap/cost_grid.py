@@ -87,6 +87,7 @@ class CostGrid:
         tracks: What moves, in `frame`; None where no layer looks for that.
         side_cost, turning_cost: Costs that stand where an obstacle is so near that the robot's sides touch it, and so
             near that a corner does where the robot turns; INSCRIBED where costs do not tell.
+        sees_all_round: Whether sensors look in all directions at once, where something moves; else nobody has asked.
     """
 
     grid: Grid
@@ -102,6 +103,7 @@ class CostGrid:
     tracks: Optional[Tuple[Track, ...]] = None
     side_cost: int = INSCRIBED
     turning_cost: int = INSCRIBED
+    sees_all_round: bool = True
 
     @cached_property
     def half_width(self) -> float:

@@ -335,7 +335,8 @@ class Costmap:
             self._shown = self._shown or CostGrid(
                 self._grid, self._copy, self.frame, self._footprint, self._inscribed_radius, self._circumscribed_radius,
                 self._history[-1][0], self._freshness.updated or 0.0, tuple(self._history),
-                self.parameters.obstacle_overlap, tracks_of(self.layers), *self._near_costs())
+                self.parameters.obstacle_overlap, (tracks := tracks_of(self.layers)), *self._near_costs(),
+                not tracks or self.sees_all_round)
             return self._shown
 
     def _near_costs(self) -> Tuple[int, int]:

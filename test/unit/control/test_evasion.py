@@ -204,3 +204,16 @@ def test_a_robot_whose_file_asks_for_gentle_braking_is_told_to_stand_before_some
     evasion = Evasion(
         gentle, Foresight(costmap, START, 0.0, gentle), state, SpeedLimit(), 0.0, tracker.cut(state, 0.5, 1.5, 1.0))
     assert evasion.command(velocity, velocity) == STOP
+
+
+@pytest.mark.parametrize("sees", [True, False])
+def test_one_that_does_not_look_behind_itself_does_not_flee_there(sees):
+    """A robot with a depth camera, which took the end of a wall for somebody, backed into a box at its top speed."""
+    track = Track(1, 0.0, 0.4, 0.0, -0.3, 0.0, 0.2, 1e-4, 0.0, 1e-4)
+    sides = boxes((-2.0, 0.25, 2.0, 0.35), (-2.0, -0.35, 2.0, -0.25))  # a corridor
+    costmap = dataclasses.replace(costmap_round(START, sides, now=0.0), tracks=(track,), sees_all_round=sees)
+    state, tracker = ControlState(0.0, START, STANDS, costmap, IDENTITY, 0.1), PathTracker()
+    tracker.set_path(path_through((0.0, 0.0), (2.0, 0.0)))
+    evasion = Evasion(
+        FAST, Foresight(costmap, START, 0.0, FAST), state, SpeedLimit(), 0.0, tracker.cut(state, 0.5, 1.5, 1.0))
+    assert (evasion.command(STANDS, STOP).x < 0.0) is sees

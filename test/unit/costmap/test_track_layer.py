@@ -89,6 +89,17 @@ def test_who_walks_by_is_no_wall_to_who_plans_and_a_post_is_one(seconds):
     assert not is_marked(snapshot, 1.0, -1.0 + 0.25 * seconds, 0.12) and is_marked(snapshot, -1.0, 0.5, 0.1)
 
 
+def test_a_snapshot_with_somebody_in_it_tells_whether_the_robot_looks_all_round():
+    """By that it flees backwards, or does not."""
+    costmap = costmap_of()
+    assert watch(costmap, crossing, 4.0).sees_all_round
+    ahead = scan(crossing(4.2), 14.2)
+    points = ahead.points[ahead.points[:, 0] > 0.0]
+    costmap.observe("scan", Observation((0.0, 0.0), points, np.hypot(*points.T) < REACH, 14.2), 14.2)
+    costmap.update(14.2, Pose2D(0.0, 0.0, 0.0))
+    assert costmap.snapshot().tracks and not costmap.snapshot().sees_all_round
+
+
 @pytest.mark.parametrize("late", [0.0, 0.05])
 def test_who_walks_by_is_no_wall_where_two_lidars_share_a_topic(late):
     """They shared a tracker: it broke off at scans of one moment, and began anew at each older than the other's."""
