@@ -87,7 +87,7 @@ class DwaController(PathFollower):
                 return instead
         winner = self.explanation.winner
         if cycle.window.can_stand:
-            self.explanation = self._that_gets_on(self.explanation, turns, data.width)
+            self.explanation = self._that_gets_on(self.explanation, turns, cycle)
             winner = self.explanation.winner if self._is_worthwhile(self.explanation, data.width) else None
         once_passed = self.explanation.once_passed()
         if winner is None:
@@ -145,17 +145,27 @@ class DwaController(PathFollower):
             return cycle.window.still
         return None
 
-    def _that_gets_on(self, explanation: Explanation, turns: bool, width: float) -> Explanation:
-        """Return the explanation that a standing robot of some `width` (m) goes by.
+    def _that_gets_on(self, explanation: Explanation, turns: bool, cycle: ControlCycle) -> Explanation:
+        """Return the explanation that a standing robot goes by.
 
         Where all critics together would have it stay, or just turn (`turns`), those that yield where they hold it are
-        left out: the winner is then what gets it on.
+        left out: the winner is then what gets it on. Where it still would just turn, though it faces its path, because
+        it is narrower there than here, but free, the winner is the best of what gets it on: base_local_planner's robot
+        would not have that choice.
         """
+        width = cycle.checker.costmap.width
         is_worthwhile = self._is_worthwhile(explanation, width)
         if is_worthwhile and not turns:
             return explanation
         getting_on = explanation.where_held()
+        if not self._is_worthwhile(getting_on, width) and self._is_free_ahead(cycle):
+            gaining = getting_on.of_those_that_gain(self._least_gain(getting_on, width))
+            getting_on = getting_on if gaining.winner is None else gaining
         return getting_on if self._is_worthwhile(getting_on, width) or not is_worthwhile else explanation
+
+    def _is_free_ahead(self, cycle: ControlCycle) -> bool:
+        """Return whether nothing stands on the path, and the robot faces it or can turn to it."""
+        return cycle.path.first_blocked(cycle.checker) is None and not self._no_room_to_turn(cycle)
 
     def _is_worthwhile(self, explanation: Explanation, width: float) -> bool:
         """Return whether the winner ends at a better place than the robot is at, by the critics that judge places.
@@ -169,12 +179,14 @@ class DwaController(PathFollower):
         """
         if explanation.winner is None:
             return False
-        costs = explanation.scores[explanation.judges_place]
-        if len(costs) == 0:
+        if not explanation.judges_place.any():
             return True
-        gain = costs[:, -1].sum() - costs[:, explanation.winner].sum()
+        return bool(explanation.gains[explanation.winner] > self._least_gain(explanation, width))
+
+    def _least_gain(self, explanation: Explanation, width: float) -> float:
+        """Return by how much a place must be better than the robot's, of some `width` (m), to be worth driving to."""
         reach = float(np.hypot(*explanation.velocities[:, :2].T).max()) * self.parameters.sim_time
-        return bool(gain > min(LEAST_GAIN * width, LEAST_SHARE * reach) * self.parameters.path_distance_bias)
+        return min(LEAST_GAIN * width, LEAST_SHARE * reach) * self.parameters.path_distance_bias
 
     def report(self, cycle: ControlCycle, drove: bool) -> CycleReport:
         """Return the batch of trajectories, their costs and why the winner won."""

@@ -55,6 +55,19 @@ class Explanation:
         """Return what it would be without the critics whose objections pass by themselves."""
         return self._without(critic.passes_by_itself for critic in self.critics)
 
+    @property
+    def gains(self) -> np.ndarray:
+        """By how much each trajectory ends at a better place than standing does, shape (N,), by those that judge that.
+        """
+        costs = self.scores[self.judges_place].sum(axis=0)
+        return np.where(np.isfinite(costs), costs[-1] - costs, -np.inf)
+
+    def of_those_that_gain(self, least: float) -> Explanation:
+        """Return what it would be were all ruled out but standing and what gains more than `least` by its place."""
+        scores = self.scores.copy()
+        scores[:, np.flatnonzero(self.gains[:-1] <= least)] = np.inf
+        return Explanation.of(self.critics, scores, self.velocities)
+
     def _without(self, left_out: Iterable[bool]) -> Explanation:
         out = np.fromiter(left_out, dtype=bool, count=len(self.critics))
         if not self.scores[out].any():  # they said nothing: most of the time nobody comes, and nothing holds the robot

@@ -316,3 +316,15 @@ def test_who_asks_why_a_long_robot_stands_at_a_turning_is_told_that_it_cannot_tu
         costmap=functools.partial(costmap_round, footprint=long), footprint=long)
     told = driven.error.message
     assert "and there is no room to turn there" in told and ("it may not drive backwards" in told) is (backwards == 0.0)
+
+
+@pytest.mark.parametrize("occdist_scale", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("start", [0.0, 0.25, 0.4])
+def test_a_robot_whose_file_weighs_obstacles_much_drives_into_a_narrower_place_that_is_free(occdist_scale, start):
+    """By a TurtleBot 2's own file it stood before it, nothing ruled out: to stand cost less than to come nearer."""
+    parameters = DwaParameters(
+        max_vel_x=0.22, max_vel_trans=0.22, min_vel_x=0.0, path_distance_bias=64.0, goal_distance_bias=24.0,
+        occdist_scale=occdist_scale, sim_time=1.0, vx_samples=6, vth_samples=20, foresight=False)
+    gap = boxes((0.6, 0.2, 1.0, 2.0), (0.6, -2.0, 1.0, -0.2))
+    result = drive(DwaController("DWA", parameters), path_through((0, 0), (1.5, 0)), Pose2D(start, 0.0, 0.0), gap)
+    assert result.reached and result.contacts == 0, result.error
