@@ -149,9 +149,8 @@ class DwaController(PathFollower):
         """Return the explanation that a standing robot goes by.
 
         Where all critics together would have it stay, or just turn (`turns`), those that yield where they hold it are
-        left out: the winner is then what gets it on. Where it still would just turn, though it faces its path, because
-        it is narrower there than here, but free, the winner is the best of what gets it on: base_local_planner's robot
-        would not have that choice.
+        left out: the winner is then what gets it on. Where it still would, though it faces its path, because that is
+        narrower than where it is, but free, so is what the way costs: base_local_planner's robot has no choice to stay.
         """
         width = cycle.checker.costmap.width
         is_worthwhile = self._is_worthwhile(explanation, width)
@@ -159,8 +158,7 @@ class DwaController(PathFollower):
             return explanation
         getting_on = explanation.where_held()
         if not self._is_worthwhile(getting_on, width) and self._is_free_ahead(cycle):
-            gaining = getting_on.of_those_that_gain(self._least_gain(getting_on, width))
-            getting_on = getting_on if gaining.winner is None else gaining
+            getting_on = getting_on.without_charges_for_the_way()
         return getting_on if self._is_worthwhile(getting_on, width) or not is_worthwhile else explanation
 
     def _is_free_ahead(self, cycle: ControlCycle) -> bool:
@@ -179,14 +177,12 @@ class DwaController(PathFollower):
         """
         if explanation.winner is None:
             return False
-        if not explanation.judges_place.any():
+        costs = explanation.scores[explanation.judges_place]
+        if len(costs) == 0:
             return True
-        return bool(explanation.gains[explanation.winner] > self._least_gain(explanation, width))
-
-    def _least_gain(self, explanation: Explanation, width: float) -> float:
-        """Return by how much a place must be better than the robot's, of some `width` (m), to be worth driving to."""
+        gain = costs[:, -1].sum() - costs[:, explanation.winner].sum()
         reach = float(np.hypot(*explanation.velocities[:, :2].T).max()) * self.parameters.sim_time
-        return min(LEAST_GAIN * width, LEAST_SHARE * reach) * self.parameters.path_distance_bias
+        return bool(gain > min(LEAST_GAIN * width, LEAST_SHARE * reach) * self.parameters.path_distance_bias)
 
     def report(self, cycle: ControlCycle, drove: bool) -> CycleReport:
         """Return the batch of trajectories, their costs and why the winner won."""

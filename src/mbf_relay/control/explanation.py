@@ -55,17 +55,12 @@ class Explanation:
         """Return what it would be without the critics whose objections pass by themselves."""
         return self._without(critic.passes_by_itself for critic in self.critics)
 
-    @property
-    def gains(self) -> np.ndarray:
-        """By how much each trajectory ends at a better place than standing does, shape (N,), by those that judge that.
-        """
-        costs = self.scores[self.judges_place].sum(axis=0)
-        return np.where(np.isfinite(costs), costs[-1] - costs, -np.inf)
-
-    def of_those_that_gain(self, least: float) -> Explanation:
-        """Return what it would be were all ruled out but standing and what gains more than `least` by its place."""
+    def without_charges_for_the_way(self) -> Explanation:
+        """Return what it would be did critics of the way charge nothing; what they rule out stays so."""
         scores = self.scores.copy()
-        scores[:, np.flatnonzero(self.gains[:-1] <= least)] = np.inf
+        for critic, row in zip(self.critics, scores):
+            if critic.judges_way:
+                row[np.isfinite(row)] = 0.0
         return Explanation.of(self.critics, scores, self.velocities)
 
     def _without(self, left_out: Iterable[bool]) -> Explanation:

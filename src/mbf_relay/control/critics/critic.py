@@ -58,6 +58,8 @@ class Critic(Plugin, abc.ABC):
     Attributes:
         judges_place: Whether its scores tell how good a place a trajectory ends at. A winner that is no better there
             than standing still is not driven: the robot would creep to and fro.
+        judges_way: Whether its scores tell what a trajectory passes. Who stands passes nothing, and would never come to
+            a narrower place: where that holds a robot whose path is free, only what is ruled out counts.
         yields_where_held: Whether it is left out where its scores hold the robot that could get on: at a bend the
             forward point may be as near to the path as it gets where the robot stands.
         passes_by_itself: Whether what it objects to goes away in time: a robot that it alone holds waits.
@@ -66,6 +68,7 @@ class Critic(Plugin, abc.ABC):
     Parameters = DwaParameters
     parameters: DwaParameters
     judges_place: ClassVar[bool] = False
+    judges_way: ClassVar[bool] = False
     yields_where_held: ClassVar[bool] = False
     passes_by_itself: ClassVar[bool] = False
 

@@ -22,6 +22,8 @@ class ObstacleCost(Critic):
     left.
     """
 
+    judges_way = True
+
     @property
     def scale(self) -> float:
         """occdist_scale, and above 0 in any case: safety has no switch."""
