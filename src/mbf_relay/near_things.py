@@ -39,10 +39,10 @@ class NearThings:
         soon = scan.hit & (scan.ranges < scan.range_min + SOON)
         ranges, angles = scan.ranges[soon], scan.angles[soon]
         seen = sensor_pose.transform_points(np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles))))
-        self._points = np.concatenate((self._points, seen))
         if len(self._points) > MANY:
             _, first = np.unique(np.round(self._points / CELL), axis=0, return_index=True)
             self._points = self._points[np.sort(first)[-MANY:]]
+        self._points = np.concatenate((self._points, seen))
         return hidden
 
     def _hidden(self, scan: LaserScan, sensor_pose: Pose2D) -> np.ndarray:
@@ -63,14 +63,16 @@ class NearThings:
         with np.errstate(invalid="ignore"):
             there = ~(scan.readings_at(bearings) > away + APART)
         self._points, away, bearings = self._points[near][there], away[there], bearings[there]
-        turn = int(round(2.0 * math.pi / step))  # beams of a whole one
-        middle = np.round((bearings - scan.angle_min) / scan.angle_increment).astype(np.int64) % turn
-        aside = (np.arctan2(SIZE, away) / step).astype(np.int64) + 1
-        edges = np.zeros(3 * turn + 1, dtype=np.int64)  # one turn before and one behind, for what lies over the ends
-        np.add.at(edges, turn + middle - aside, 1)
-        np.add.at(edges, turn + middle + aside + 1, -1)
-        looked_at = np.cumsum(edges)[:-1].reshape(3, turn).any(axis=0)
-        hidden: np.ndarray = failed.copy()
-        hidden[:turn] &= looked_at[:size]
-        hidden[turn:] = False
+        middle = np.remainder((bearings - scan.angle_min) * math.copysign(1.0, scan.angle_increment), 2.0 * math.pi)
+        aside = np.arctan2(SIZE, away) + step
+        begins = np.zeros(size + 1, dtype=np.int64)
+        for turn in (-2.0 * math.pi, 0.0):  # what lies over the ends of a scan that goes round is looked at from both
+            np.add.at(begins, _beams(middle - aside + turn, step, size), 1)
+            np.add.at(begins, _beams(middle + aside + turn, step, size), -1)
+        hidden: np.ndarray = failed & (np.cumsum(begins)[:-1] > 0)
         return hidden
+
+
+def _beams(angles: np.ndarray, step: float, size: int) -> np.ndarray:
+    """Return the first beam behind each of some angles (rad) from the first beam, of `size` that are `step` apart."""
+    return np.clip(np.ceil(angles / step), 0, size).astype(np.int64)

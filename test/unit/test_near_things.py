@@ -101,3 +101,11 @@ def test_it_holds_no_more_than_so_many_points_however_long_a_robot_stands_before
         seen.ranges[:] += rng.normal(0.0, 0.03, len(seen.ranges))
         things.hides(seen, Pose2D(WALL - 0.5, 0.001 * step, 0.0))
         assert len(things._points) <= MANY + len(seen.ranges)
+
+
+@pytest.mark.parametrize("increment", [1e-12, 1e-3, -1e-12, 0.05])
+def test_beams_as_near_to_each_other_as_can_be_take_no_more_memory(increment):
+    things = NearThings()
+    for ranges in (np.full(100, 0.5), np.where(np.arange(100) % 2, 0.5, 0.0)):
+        hidden = things.hides(LaserScan(ranges, 0.0, increment, LEAST, 4.0, 1.0), Pose2D(0.0, 0.0, 0.0))
+    assert (hidden == (np.arange(100) % 2 == 0)).all()
