@@ -72,7 +72,7 @@ class RobotView:
         self._diagnostics: Dict[str, Dict[str, Any]] = {}
         self._fit: Optional[str] = None
         self._status_time = 0.0
-        self._ended_goal = ""
+        self._ended_goal: Optional[str] = None
         self._others: List[str] = []
 
     def update(self, now: float) -> None:
@@ -217,7 +217,8 @@ class RobotView:
 
     def _take_status(self, message: Any, now: float) -> None:
         self._status_time = now
-        if any(status.status in RUNNING for status in message.read().status_list):
+        running = [status for status in message.read().status_list if status.status in RUNNING]
+        if any(status.goal_id.id != self._ended_goal for status in running):  # a result may come before older news
             self.story.began(None)
 
     def _take_goal(self, message: Any, _now: float) -> None:

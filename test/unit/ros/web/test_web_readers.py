@@ -221,6 +221,21 @@ def test_a_person_reads_why_a_goal_failed_whichever_topic_tells_its_end_first(fi
     assert view.ended == [("mine", "failed")], "one end"
 
 
+def test_a_goal_that_was_cancelled_is_not_shown_as_driven_for_by_older_news():
+    """Result and status come by two ways: the page told of a robot that drives until the next goal ended."""
+    inbox, cancelled = Inbox({}), GoalID(id="mine")
+    view = viewed(inbox)
+    ended = MoveBaseActionResult(status=GoalStatus(goal_id=cancelled, status=GoalStatus.PREEMPTED))
+    older = GoalStatusArray(status_list=[GoalStatus(goal_id=cancelled, status=GoalStatus.PREEMPTING)])
+    next_one = GoalStatusArray(status_list=[GoalStatus(goal_id=GoalID(id="next"), status=GoalStatus.ACTIVE)])
+    for key, message, state in (
+            ("status", older, "active"), ("result", ended, "cancelled"), ("status", older, "cancelled"),
+            ("status", next_one, "active")):
+        inbox.put(key, received(message), every=True)
+        view.update(1.0)
+        assert view.story.state == state
+
+
 def test_a_message_that_cannot_be_read_takes_no_other_from_the_page(monkeypatch):
     told = []
     monkeypatch.setattr(robot_view.rospy, "logwarn_throttle", lambda _period, text: told.append(text))
