@@ -75,4 +75,5 @@ class NearThings:
 
 def _beams(angles: np.ndarray, step: float, size: int) -> np.ndarray:
     """Return the first beam behind each of some angles (rad) from the first beam, of `size` that are `step` apart."""
-    return np.clip(np.ceil(angles / step), 0, size).astype(np.int64)
+    beams: np.ndarray = np.clip(np.ceil(angles / step), 0, size).astype(np.int64)
+    return beams
