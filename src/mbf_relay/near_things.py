@@ -36,9 +36,7 @@ class NearThings:
             sensor_pose: The lidar in a frame that stands.
         """
         hidden = self._hidden(scan, sensor_pose)
-        soon = scan.hit & (scan.ranges < scan.range_min + SOON)
-        ranges, angles = scan.ranges[soon], scan.angles[soon]
-        seen = sensor_pose.transform_points(np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles))))
+        seen = sensor_pose.transform_points(scan.hit_points[scan.ranges[scan.hit] < scan.range_min + SOON])
         if len(self._points) > MANY:
             _, first = np.unique(np.round(self._points / CELL), axis=0, return_index=True)
             self._points = self._points[np.sort(first)[-MANY:]]
@@ -48,9 +46,7 @@ class NearThings:
     def _hidden(self, scan: LaserScan, sensor_pose: Pose2D) -> np.ndarray:
         """Forget what is not there any more, or not that near, and return which beams look at the rest."""
         size, step = len(scan.ranges), abs(scan.angle_increment)
-        with np.errstate(invalid="ignore"):
-            failed = ~(scan.ranges >= scan.range_min)  # NaN as well
-        if len(self._points) == 0 or step == 0.0 or not failed.any():
+        if len(self._points) == 0 or step == 0.0 or scan.measured.all():
             self._points = self._points[:0]
             return np.zeros(size, dtype=bool)
         local = sensor_pose.inverse().transform_points(self._points)
@@ -69,7 +65,7 @@ class NearThings:
         for turn in (-2.0 * math.pi, 0.0):  # what lies over the ends of a scan that goes round is looked at from both
             np.add.at(begins, _beams(middle - aside + turn, step, size), 1)
             np.add.at(begins, _beams(middle + aside + turn, step, size), -1)
-        hidden: np.ndarray = failed & (np.cumsum(begins)[:-1] > 0)
+        hidden: np.ndarray = ~scan.measured & (np.cumsum(begins)[:-1] > 0)
         return hidden
 
 

@@ -50,10 +50,18 @@ class LaserScan:
         return len(self.ranges) * step > 2.0 * math.pi - 1.5 * step
 
     @cached_property
+    def measured(self) -> np.ndarray:
+        """Which beams measured something, or that nothing is there, bool of shape (B,): not those of NaN or too near.
+        """
+        with np.errstate(invalid="ignore"):
+            enough: np.ndarray = self.ranges >= self.range_min
+        return enough
+
+    @cached_property
     def hit(self) -> np.ndarray:
         """Which beams came back from something within the lidar's reach, bool of shape (B,)."""
         with np.errstate(invalid="ignore"):
-            within: np.ndarray = (self.ranges >= self.range_min) & (self.ranges < self.range_max)
+            within: np.ndarray = self.measured & (self.ranges < self.range_max)
         return within
 
     def readings_at(self, angles: np.ndarray) -> np.ndarray:

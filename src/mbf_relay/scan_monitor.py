@@ -65,10 +65,8 @@ class ScanMonitor:
             forward: Direction (rad) of the robot's front among the scan's angles.
             sensor_pose: The sensor in a frame that stands, which tells whether it has moved.
         """
-        with np.errstate(invalid="ignore"):
-            usable = scan.ranges >= scan.range_min
         hit, hidden = scan.hit, self._near_things.hides(scan, sensor_pose)
-        found = self._frozen(scan, hit, sensor_pose) or self._blind(scan, usable | hidden, forward)
+        found = self._frozen(scan, hit, sensor_pose) or self._blind(scan, scan.measured | hidden, forward)
         seen = float(np.count_nonzero(hit)) * abs(scan.angle_increment)
         if found is None and seen == 0.0 and self._seen >= SEEN_BEFORE:
             found = "the lidar sees nothing at all any more, and there were walls in the last scan"

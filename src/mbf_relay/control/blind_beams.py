@@ -23,9 +23,7 @@ def blind_points(scan: LaserScan, laser_in_base: Pose2D, width: float, outline: 
         width: From which angle (rad) on neighbouring beams count; 0 for never, but for those that read minus infinity.
         outline: The footprint, shape (K, 2) in metres in the base frame.
     """
-    with np.errstate(invalid="ignore"):
-        failed = ~(scan.ranges >= scan.range_min)  # NaN as well
-    blind = _in_long_runs(failed, width, scan) | np.isneginf(scan.ranges)
+    blind = _in_long_runs(~scan.measured, width, scan) | np.isneginf(scan.ranges)
     if not blind.any():
         return np.empty((0, 2))
     angles = scan.angles[blind] + laser_in_base.theta

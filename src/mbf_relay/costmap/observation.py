@@ -100,7 +100,7 @@ def scan_points(scan: LaserScan, inf_is_valid: bool = True) -> Tuple[np.ndarray,
     ranges = scan.ranges
     with np.errstate(invalid="ignore"):  # False for NaN, of which numpy 1.17 warns
         misses = ranges >= scan.range_max - MISS_MARGIN
-        hits = (ranges >= scan.range_min) & ~misses
+        hits = scan.measured & ~misses
     kept = hits | misses if inf_is_valid else hits
     lengths = np.where(misses, scan.range_max, ranges)[kept]
     angles = scan.angles[kept]
@@ -109,11 +109,9 @@ def scan_points(scan: LaserScan, inf_is_valid: bool = True) -> Tuple[np.ndarray,
 
 def unseen_points(scan: LaserScan) -> Optional[np.ndarray]:
     """Return where beams that measured nothing begin to see, shape (M, 2) in metres in the sensor's frame, or None."""
-    with np.errstate(invalid="ignore"):
-        failed = ~(scan.ranges >= scan.range_min)  # NaN as well
-    if not failed.any():
+    if scan.measured.all():
         return None
-    angles = scan.angles[failed]
+    angles = scan.angles[~scan.measured]
     return scan.range_min * np.column_stack((np.cos(angles), np.sin(angles)))
 
 
