@@ -8,8 +8,8 @@ import collections
 import threading
 from typing import Any, Callable, Deque, Optional
 
-LINGER = 5.0
-"""Seconds an idle thread waits for its next task before it ends."""
+READY = 2
+"""Threads made before the first task: a planner's and a controller's. A new one can take a busy system its time."""
 
 
 class Job:
@@ -74,9 +74,9 @@ class InlineWorker(Worker):
 
 
 class ThreadWorker(Worker):
-    """Runs tasks on daemon threads that wait a while for the next one.
+    """Runs tasks on daemon threads that wait for the next one.
 
-    A task that hangs keeps its thread and harms no other; there are as many threads as tasks at one time.
+    A task that hangs keeps its thread and harms no other; there are as many threads as there were tasks at one time.
 
     Args:
         on_done: Called on the task's thread after each one; must be quick.
@@ -86,7 +86,9 @@ class ThreadWorker(Worker):
         self._on_done = on_done
         self._condition = threading.Condition()  # guards the two below; never held while a task runs
         self._waiting: Deque[Job] = collections.deque()
-        self._idle = 0
+        self._idle = READY  # threads that run no task
+        for _ in range(READY):
+            self._start_thread()
 
     def start(self, task: Callable[[], Any], kind: str = "") -> Job:
         """Hand `task` to an idle thread, or to a new one; where the system has none left, it is done with an error."""
@@ -96,28 +98,28 @@ class ThreadWorker(Worker):
             if self._idle >= len(self._waiting):
                 self._condition.notify()
                 return job
+            self._idle += 1
         try:
-            threading.Thread(target=self._loop, name="plugin", daemon=True).start()
+            self._start_thread()
         except RuntimeError as error:
             with self._condition:
+                self._idle -= 1
                 if job in self._waiting:  # else a thread has come by
                     self._waiting.remove(job)
                     job.fail(error)
             self._on_done()
         return job
 
+    def _start_thread(self) -> None:
+        threading.Thread(target=self._loop, name="plugin", daemon=True).start()
+
     def _loop(self) -> None:
         while True:
-            job = self._next()
-            if job is None:
-                return
-            job.run()
-            self._on_done()
-
-    def _next(self) -> Optional[Job]:
-        with self._condition:
-            if not self._waiting:
-                self._idle += 1
-                self._condition.wait_for(lambda: bool(self._waiting), LINGER)
+            with self._condition:
+                self._condition.wait_for(lambda: bool(self._waiting))
                 self._idle -= 1
-            return self._waiting.popleft() if self._waiting else None
+                job = self._waiting.popleft()
+            job.run()
+            with self._condition:
+                self._idle += 1
+            self._on_done()

@@ -4,6 +4,7 @@ import threading
 
 import pytest
 
+from mbf_relay.navigation import worker as worker_module
 from mbf_relay.navigation.worker import InlineWorker, ThreadWorker
 
 WAIT = 10.0
@@ -54,11 +55,27 @@ def test_threads_are_used_again():
     for _ in range(50):
         worker.start(lambda: threads.add(threading.current_thread()))
         assert done.acquire(timeout=WAIT)
-    assert len(threads) <= 3
+    assert len(threads) <= 2
+
+
+def test_a_plan_and_a_velocity_wait_for_no_thread_that_a_busy_system_is_slow_to_make(monkeypatch):
+    """The first goal beside RViz's start ended: making the planner's thread took the system more than a second."""
+    done, both = threading.Semaphore(0), threading.Barrier(2)
+    worker = ThreadWorker(done.release)
+
+    def hangs(_thread):
+        raise AssertionError("a thread was made for it")
+
+    monkeypatch.setattr(threading.Thread, "start", hangs)
+    jobs = [worker.start(lambda: both.wait(WAIT)) for _ in range(2)]
+    for _ in jobs:
+        assert done.acquire(timeout=WAIT)
+    assert sorted(job.result() for job in jobs) == [0, 1]
 
 
 def test_a_goal_that_no_thread_is_left_for_ends_and_the_next_is_driven(monkeypatch):
     done, ran = threading.Semaphore(0), []
+    monkeypatch.setattr(worker_module, "READY", 0)
     worker = ThreadWorker(done.release)
 
     def fails(_thread):

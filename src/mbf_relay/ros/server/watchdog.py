@@ -12,14 +12,18 @@ from mbf_relay.ros.server.robot import RosRobot
 
 PERIOD = 0.1
 """Wall seconds between two looks at the stepper."""
+LOOKS = 9
+"""Looks in a row at a step that goes on, after which it hangs; a process that was not run itself has not looked."""
 
 
 class Watchdog:
     """Stops the robot and ends the goals in pursuit where one step takes longer than a second of the wall clock.
 
     A thread of its own, which waits for no lock that navigation or a costmap holds. What the step still commands is
-    dropped until the next step begins, and that one starts from nothing (`settle`). While the simulated clock stands,
-    no step comes that could send another velocity: the wheels stand, and the drive goes on with the clock.
+    dropped until the next step begins, and that one starts from nothing (`settle`). A step that took so long because
+    nothing ran, the watchdog neither, as where the computer was busy or asleep, only stops the robot until the next
+    one. While the simulated clock stands, no step comes that could send another velocity: the wheels stand, and the
+    drive goes on with the clock.
 
     Args:
         stepper: The stepping thread.
@@ -54,19 +58,21 @@ class Watchdog:
         """Let the robot drive again, at the beginning of a step; returns what was wrong with the last one, or empty."""
         with self._lock:
             trouble, self.trouble = self.trouble, ""
-            if trouble:
-                self._robot.release()
+            self._robot.release()
             return trouble
 
     def _loop(self) -> None:
+        looks = 0
         while not self._stop.wait(PERIOD):
+            looks = looks + 1 if self._stepper.step_time > PERIOD else 0
             with self._lock:
                 if not self.is_alive():
-                    self._bark()
+                    self._robot.block()
+                    if looks >= LOOKS:
+                        self._bark()
             self._robot.hold(self._stepper.clock_stands)
 
     def _bark(self) -> None:
-        self._robot.block()
         if not self.trouble:
             where = "; ".join([f"navigation hangs in {self._stepper.hangs_in or 'what has just ended'}", *self._hung()])
             self.trouble = f"{where}: a step has taken more than {STEP_PATIENCE:g} s; the robot was stopped"

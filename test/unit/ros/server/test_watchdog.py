@@ -60,6 +60,19 @@ def test_a_step_that_takes_too_long_stops_the_robot_and_ends_goals_until_the_nex
     assert dog.settle() == ""
 
 
+def test_a_computer_that_did_nothing_for_a_while_stops_the_robot_and_the_drive_goes_on(watched):
+    """A process that was not run for 2 s, in the middle of a step, ended its goals as if that step hung."""
+    stepping, robot, ended, dog = watched
+
+    def goes_on():
+        stepping.step_time = 0.0
+
+    robot.before_block = goes_on
+    stepping.step_time = stepper.STEP_PATIENCE + 1.0
+    wait_until(lambda: robot.blocked, "the robot to be stopped")
+    assert dog.settle() == "" and not ended and not robot.blocked
+
+
 def test_a_layer_that_blocks_for_ever_is_named_by_file_and_line(monkeypatch):
     """The client heard that navigation hangs, /diagnostics fell silent, and which of ten plugins it was nobody told."""
     monkeypatch.setattr(stepper, "STEP_PATIENCE", 0.0)
@@ -84,7 +97,8 @@ def test_a_layer_that_blocks_for_ever_is_named_by_file_and_line(monkeypatch):
     costmap._stepper.stop()
 
 
-def test_a_robot_let_go_by_a_new_step_is_not_stopped_for_the_old_one(watched):
+def test_a_robot_let_go_by_a_new_step_is_not_stopped_for_the_old_one(watched, monkeypatch):
+    monkeypatch.setattr(watchdog, "LOOKS", 1)
     stepping, robot, _, dog = watched
     settled = []
 
