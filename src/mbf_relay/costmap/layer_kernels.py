@@ -14,6 +14,27 @@ _LETHAL = 254
 _NO_INFORMATION = 255
 
 
+@kernel("int64(float64[:,::1], float64[:,::1], float64[::1], float64[:,::1])")
+def turn_cloud(points, rotation, translation, ends):
+    """Take points, shape (N, 3) in metres, to another frame, but those that are not finite; return how many are left.
+
+    Args:
+        points: Where they are.
+        rotation, translation: Shapes (3, 3) and (3,).
+        ends: Shape (N, 3), filled from the front.
+    """
+    number = 0
+    for n in range(points.shape[0]):
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+            continue
+        for axis in range(3):
+            turned = rotation[axis, 0] * x + rotation[axis, 1] * y + rotation[axis, 2] * z
+            ends[number, axis] = turned + translation[axis]
+        number += 1
+    return number
+
+
 @kernel(
     "UniTuple(int64, 2)(float64[:,::1], boolean[::1], float64, float64, float64, float64, float64, float64, float64,"
     " float64[:,::1], float64[:,::1], float64[::1])")

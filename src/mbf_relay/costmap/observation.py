@@ -8,6 +8,7 @@ from typing import Optional, Tuple
 
 import numpy as np
 
+from mbf_relay.costmap import layer_kernels
 from mbf_relay.costmap.outline import are_own
 from mbf_relay.geometry import Pose2D
 from mbf_relay.scan import LaserScan
@@ -54,7 +55,7 @@ class Observation:
         """Return it without what the sensor saw of the robot itself, whose outline is (K, 2) in metres, base frame."""
         if self.base is None:
             return self
-        own = are_own(self.base.inverse().transform_points(self.points[:, :2]), outline)
+        own = are_own(self.points, self.base, outline)
         if not own.any():
             return self
         return replace(self, points=self.points[~own], hits=None if self.hits is None else self.hits[~own])
@@ -126,6 +127,12 @@ def observation_from_points(
         rotation, translation: Shapes (3, 3) and (3,): take points of the sensor's frame to the costmap's frame.
         stamp: Time (s) of measurement.
     """
-    ends = points @ rotation[:, :points.shape[1]].T + translation
+    if hits is None and points.shape[1] == 3:
+        ends = np.empty((len(points), 3))
+        ends = ends[:layer_kernels.turn_cloud(
+            np.ascontiguousarray(points, float), np.ascontiguousarray(rotation), np.ascontiguousarray(translation),
+            ends)]
+    else:
+        ends = points @ rotation[:, :points.shape[1]].T + translation
     x, y, z = map(float, translation)
     return Observation((x, y, z), ends, hits, stamp, heading=math.atan2(rotation[1, 0], rotation[0, 0]))

@@ -9,7 +9,7 @@ from typing import Any, List, Tuple
 import numpy as np
 
 from mbf_relay.costmap.outline_checks import first_crossing, footprint_trouble
-from mbf_relay.geometry import convex_hull
+from mbf_relay.geometry import Pose2D, convex_hull
 
 LARGEST_ROBOT = 100.0
 """Metres from the base frame to a corner; an outline is followed cell by cell."""
@@ -140,15 +140,24 @@ OWN_DEPTH = 0.03
 """Metres inside of the footprint from which on a reading is the robot's own; nearer to its edge it may be a contact."""
 
 
-def are_own(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
-    """Return which points, shape (N, 2) in metres in the base frame, are of the robot itself: bool of shape (N,).
+def are_own(points: np.ndarray, base: Pose2D, outline: np.ndarray) -> np.ndarray:
+    """Return which points are of the robot itself: bool of shape (N,).
 
     A mast or pillars in a lidar's view are no obstacles, and do not move about the robot, but with it.
+
+    Args:
+        points: Shape (N, 2) or more, in metres, as seen from some frame.
+        base: The robot in that frame.
+        outline: Its own, shape (K, 2) in metres, in its frame.
     """
     reach = np.hypot(outline[:, 0], outline[:, 1]).max(initial=0.0)
-    own: np.ndarray = np.hypot(points[:, 0], points[:, 1]) < reach  # False for what is no number
+    squared, y = points[:, 0] - base.x, points[:, 1] - base.y
+    squared *= squared
+    y *= y
+    squared += y
+    own: np.ndarray = squared < reach * reach  # False for what is no number
     if own.any():
-        own[own] = clearances(points[own], outline) <= -OWN_DEPTH
+        own[own] = clearances(base.inverse().transform_points(points[own]), outline) <= -OWN_DEPTH
     return own
 
 

@@ -272,6 +272,18 @@ def test_a_tilted_sensors_points_are_turned_in_space():
     assert seen.origin == (0.2, 0.0, 0.4) and seen.points[0] == pytest.approx([1.2, -0.5, 0.4])
 
 
+def test_a_cloud_is_turned_in_space_point_by_point_and_what_is_no_number_is_left_out():
+    rng = np.random.default_rng(3)
+    rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    points, place = rng.normal(0.0, 3.0, (500, 3)), np.array([0.1, -2.0, 0.4])
+    points[rng.random(points.shape) < 0.1] = np.nan
+    points[rng.random(points.shape) < 0.02] = np.inf
+    seen = observation_from_points(points[::2, :], None, rotation.T[:, ::-1], place, 1.0)
+    finite = points[::2][np.isfinite(points[::2]).all(axis=1)]
+    assert 0 < len(finite) < 250 and seen.hits is None
+    assert seen.points == pytest.approx(finite @ rotation.T[:, ::-1].T + place)
+
+
 def test_a_level_scan_is_the_same_by_either_way():
     rng = np.random.default_rng(0)
     scan = LaserScan(rng.uniform(0.2, 3.0, 50), -1.0, 0.05, 0.12, 3.5, 1.0)

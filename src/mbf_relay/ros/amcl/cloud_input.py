@@ -15,6 +15,7 @@ from mbf_relay.localization.cloud_scan import CloudParameters, scan_of_points
 from mbf_relay.ros.common.checks import check_frames
 from mbf_relay.ros.common.clouds import cloud_points, rigid
 from mbf_relay.ros.common.message_queue import MessageQueue
+from mbf_relay.ros.common.quick_clouds import QuickCloud
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.scan import LaserScan
 
@@ -52,7 +53,7 @@ class CloudInput:
         """
         self._values, self._queue, self._transforms, self._base_frame = values, queue, transforms, base_frame
         self._subscriber = rospy.Subscriber(
-            "cloud_in", PointCloud2, self._take, queue_size=1, buff_size=BUFFER_BYTES, tcp_nodelay=True
+            "cloud_in", QuickCloud, self._take, queue_size=1, buff_size=BUFFER_BYTES, tcp_nodelay=True
         )
 
     def _take(self, message: PointCloud2) -> None:

@@ -43,11 +43,9 @@ def cloud_points(message: PointCloud2) -> np.ndarray:
             raise InvalidMessage(f"field {name} of a point cloud has type {fields[name].datatype}; it must be a float")
         formats.append(order + FLOATS[fields[name].datatype])
     checks.check_cloud(message)
-    point = np.dtype({
-        "names": list("xyz"), "formats": formats, "offsets": [fields[name].offset for name in "xyz"],
-        "itemsize": message.point_step})
-    rows = [
-        np.frombuffer(message.data, point, message.width, row * message.row_step) for row in range(message.height)
-    ] if message.width else []
-    points = np.concatenate(rows) if rows else np.zeros(0, point)
-    return np.column_stack([points[name].astype(np.float64) for name in "xyz"])
+    shape, strides = (message.height, message.width), (message.row_step, message.point_step)
+    points = np.empty((*shape, 3))
+    if points.size:
+        for column, (name, kind) in enumerate(zip("xyz", formats)):
+            points[..., column] = np.ndarray(shape, kind, message.data, fields[name].offset, strides)
+    return points.reshape(-1, 3)

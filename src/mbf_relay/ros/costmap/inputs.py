@@ -6,13 +6,13 @@ import math
 import threading
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import Any, Callable, Deque, Dict, List, Optional, Tuple
+from typing import Any, Callable, Deque, Dict, List, Optional, Set, Tuple
 
 import numpy as np
 import rospy
 from geometry_msgs.msg import Polygon, Transform, TransformStamped
 from sensor_msgs.msg import LaserScan as LaserScanMessage
-from sensor_msgs.msg import PointCloud, PointCloud2, Range
+from sensor_msgs.msg import PointCloud, Range
 
 from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.layer import MapSource
@@ -26,6 +26,7 @@ from mbf_relay.ros.common.clouds import cloud_points, rigid
 from mbf_relay.ros.common.conversions import map_from_message, scan_from_message
 from mbf_relay.ros.common.lidar_geometry import mounting_of, seen_from_above
 from mbf_relay.ros.common.lidar_timings import LidarTimings
+from mbf_relay.ros.common.quick_clouds import QuickCloud
 from mbf_relay.ros.common.quick_grids import QuickGrid, QuickGridUpdate
 from mbf_relay.ros.common.range_readings import range_points
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
@@ -40,7 +41,8 @@ MOST_WAITING, MOST_OF_ONE = 50, 5
 WARN_PERIOD = 5.0
 """Seconds between two warnings about the same source."""
 
-MESSAGE_TYPES = {"LaserScan": LaserScanMessage, "PointCloud": PointCloud, "PointCloud2": PointCloud2, "Range": Range}
+MESSAGE_TYPES = {"LaserScan": LaserScanMessage, "PointCloud": PointCloud, "PointCloud2": QuickCloud, "Range": Range}
+CLOUDS = ("PointCloud", "PointCloud2")
 
 
 @dataclass(eq=False)
@@ -77,6 +79,7 @@ class SensorInput:
         self._patience, self._max_age = patience, max_age or None
         self._lock = threading.Lock()  # guards the messages that wait; nothing else is locked while it is held
         self._waiting: Deque[Waiting] = deque(maxlen=MOST_WAITING)
+        self._newest_alone = parameters.data_type in CLOUDS and parameters.observation_persistence == 0.0
         self._most = MOST_WAITING if parameters.observation_persistence > 0.0 else MOST_OF_ONE
         self._trouble: Optional[str] = None
         self._warnings = ThrottledWarnings()
@@ -120,16 +123,27 @@ class SensorInput:
             self._waiting.append(Waiting(now, message))
 
     def feed(self, now: float) -> None:
-        """Hand the costmap every message whose transform is there; drop those that waited too long."""
+        """Hand the costmap every message whose transform is there; drop those that waited too long.
+
+        Of clouds, where only a sensor's newest counts, each is megabytes of which the costmap would forget all.
+        """
         with self._lock:
             waiting = list(self._waiting)
+        if self._newest_alone:
+            waiting.reverse()
         done: List[Waiting] = []
+        newer: Set[str] = set()
         for entry in waiting:
             arrived, message = entry.arrived, entry.message
+            if message.header.frame_id in newer:
+                done.append(entry)
+                continue
             try:
                 observation = self._observation(message)
                 measured = min(observation.stamp, arrived) if observation.stamp > 0.0 else arrived
                 self._costmap.observe(self._name, replace(observation, stamp=measured), now)
+                if self._newest_alone:
+                    newer.add(message.header.frame_id)
                 self._trouble = None
                 self._used_since = min(self._used_since, arrived)
                 self._used_last = measured
@@ -170,9 +184,9 @@ class SensorInput:
             if rides and stamp > 0.0:
                 at_once = self._set_right(scan, mount)
                 stamp = at_once.stamp
-        points, hits = points_from(message, at_once, self._parameters.inf_is_valid)
         when = stamp if stamp > 0.0 else None
         sensor = self._transforms.lookup_message(self._costmap.frame, frame, when)
+        points, hits = points_from(message, at_once, self._parameters.inf_is_valid)
         if scan is not None:
             self._require_sight(scan, sensor, mount, rides)
         rotation, translation = rigid(sensor)

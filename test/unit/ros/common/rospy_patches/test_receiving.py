@@ -15,6 +15,8 @@ from rosgraph_msgs.msg import Clock  # noqa: E402
 from rospy.exceptions import TransportException, TransportTerminated  # noqa: E402
 from rospy.impl.tcpros_base import TCPROSTransport  # noqa: E402
 from rospy.impl.tcpros_pubsub import TCPROSSub  # noqa: E402
+from rospy.impl.tcpros_service import TCPROSServiceClient  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
 
 from mbf_relay.ros.common.rospy_patches import receiving  # noqa: E402
 
@@ -94,6 +96,56 @@ def test_however_a_stream_is_cut_up_nothing_is_lost_or_changed(monkeypatch, seed
     sender.join()
     assert received == names
     connection.close()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_cloud_of_megabytes_comes_whole_though_it_is_cut_up(monkeypatch, seed):
+    chance, connection, received = random.Random(seed), Connection(monkeypatch), []
+    names = ["a" * chance.randint(1, 9_000_000), "b", "c" * 300_000, "d"]
+    connection.transport.protocol.buff_size = chance.choice((65536, 1 << 24))
+    sender = threading.Thread(target=lambda: connection.far.sendall(framed(*names)))
+    sender.start()
+    while len(received) < len(names):
+        received += connection.receive()
+    sender.join()
+    assert received == names
+    connection.close()
+
+
+@pytest.mark.parametrize("size", [0, 1, 300, 200_000, 3_000_000])
+def test_a_service_s_answer_comes_whole_though_a_byte_stands_before_it(monkeypatch, size):
+    """amcl asked for its map for ever: the byte that says that all is well was taken for a part of the length."""
+    connection, received = Connection(monkeypatch), []
+    connection.transport.protocol = TCPROSServiceClient("/trigger", Trigger)
+    body = struct.pack("<BI", 1, size) + b"x" * size
+    reader = threading.Thread(target=lambda: received.extend(receiving.receive_once(connection.transport)))
+    reader.start()
+    connection.far.sendall(b"\x01" + struct.pack("<I", len(body)) + body)
+    reader.join(20.0)
+    connection.far.close()
+    assert [(answer.success, answer.message) for answer in received] == [(True, "x" * size)]
+    connection.close()
+
+
+def test_a_publisher_that_is_gone_in_the_middle_of_a_cloud_ends_the_connection(connection):
+    connection.far.sendall(framed("x" * 10_000)[:5000])
+    connection.far.close()
+    with pytest.raises(TransportTerminated, match="middle"):
+        connection.receive()
+
+
+def test_a_message_that_says_it_were_huge_takes_no_memory_before_it_is_there(connection):
+    connection.far.sendall(struct.pack("<I", 0xFFFFFFF0) + b"abc")
+    connection.far.close()
+    with pytest.raises(TransportTerminated):
+        connection.receive()
+
+
+def test_a_message_that_came_in_pieces_and_cannot_be_read_is_refused_as_rospy_refuses_it(connection):
+    connection.transport.protocol.buff_size = 5
+    connection.far.sendall(struct.pack("<I", 3) + b"abc")
+    with pytest.raises(TransportException, match="DeserializationError"):
+        connection.receive()
 
 
 def test_a_publisher_that_is_gone_ends_the_connection(connection):

@@ -1,0 +1,68 @@
+"""Point clouds read from where they lie are the messages that were sent."""
+
+import io
+import struct
+
+import numpy as np
+import pytest
+
+pytest.importorskip("sensor_msgs")
+
+from sensor_msgs.msg import PointCloud2, PointField  # noqa: E402
+
+from mbf_relay.ros.common.clouds import cloud_points  # noqa: E402
+from mbf_relay.ros.common.quick_clouds import QuickCloud  # noqa: E402
+
+
+def cloud(rows, columns, frame="camera", gap=0, spare=0, order="<", kind="f4"):
+    """Return the bytes of a cloud with so many bytes between its rows and behind its points, and the points."""
+    rng = np.random.default_rng(rows + columns)
+    points = rng.normal(0.0, 2.0, (rows, columns, 3)).astype(order + kind)
+    width = points.itemsize
+    step = 2 + 3 * width + spare
+    data = np.zeros((rows, columns * step + gap), np.uint8)
+    if points.size:
+        cells = np.ndarray((rows, columns, step), np.uint8, data, strides=(data.shape[1], step, 1))
+        cells[:, :, 2:2 + 3 * width] = points.view(np.uint8).reshape(rows, columns, -1)
+    message = PointCloud2(height=rows, width=columns, point_step=step, row_step=data.shape[1], data=data.tobytes())
+    message.fields = [PointField(name, 2 + index * width, PointField.FLOAT32 if kind == "f4" else PointField.FLOAT64, 1)
+                      for index, name in enumerate("xyz")] + [PointField("intensity", 0, PointField.UINT8, 1)]
+    message.is_bigendian, message.is_dense = order == ">", True
+    message.header.frame_id, message.header.stamp.secs = frame, 1700000000
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    return buffer.getvalue(), points.reshape(-1, 3).astype(float)
+
+
+@pytest.mark.parametrize("form", [
+    {}, {"gap": 5}, {"spare": 17}, {"frame": ""}, {"order": ">"}, {"kind": "f8", "gap": 3},
+    {"order": ">", "kind": "f8"}])
+@pytest.mark.parametrize("rows, columns", [(1, 7), (4, 3), (0, 0), (3, 0), (0, 3)])
+@pytest.mark.parametrize("wrapped", [bytes, bytearray, lambda text: memoryview(bytearray(text))])
+def test_what_was_sent_is_what_is_read(form, rows, columns, wrapped):
+    text, points = cloud(rows, columns, **form)
+    read, plain = QuickCloud().deserialize(wrapped(text)), PointCloud2().deserialize(text)
+    assert read.header == plain.header and read.fields == plain.fields and bytes(read.data) == plain.data
+    for name in ("height", "width", "is_bigendian", "point_step", "row_step", "is_dense", "_md5sum", "_type"):
+        assert getattr(read, name) == getattr(plain, name)
+    assert (cloud_points(read) == points).all() and (cloud_points(plain) == points).all()
+
+
+def test_its_points_are_no_copy():
+    text = bytearray(cloud(4, 3)[0])
+    read = QuickCloud().deserialize(memoryview(text))
+    before = cloud_points(read)
+    text[-60:-1] = bytes(59)
+    assert (cloud_points(read) != before).any()
+
+
+def test_bytes_that_are_no_cloud_are_refused_as_upstream_refuses_them():
+    text, _ = cloud(4, 3)
+    for wrong in (b"", text[:10], text[:40], text[:-1], text[:16 + 6] + struct.pack("<I", 0xFFFFFFFF) + text[26:]):
+        results = []
+        for kind in (PointCloud2, QuickCloud):
+            try:
+                results.append(kind().deserialize(wrong).data)
+            except Exception as error:
+                results.append(type(error))
+        assert results[0] == results[1]
