@@ -265,7 +265,9 @@ class PathFollower(Controller, abc.ABC):
     def _velocity_now(self, state: ControlState, parameters: FollowerParameters) -> Twist2D:
         """Return the last command where the robot is on its way to it, component by component, else what was measured.
 
-        Odometry lags; a window built on it alone makes every acceleration come late and every stop overshoot.
+        Odometry lags; a window built on it alone makes every acceleration come late and every stop overshoot. One that
+        does more than it is told is told less and less: from what it does, slower by what it can brake would be more
+        than it was told last, and one that turns 1.4 times as fast as it is told would turn for good.
         """
         if state.delay > 0.0 and state.commanded is not None:
             return commandable(parameters, state.commanded, state.commanded)
@@ -279,7 +281,8 @@ class PathFollower(Controller, abc.ABC):
         limits = (parameters.acc_lim_x, parameters.acc_lim_y, parameters.acc_lim_theta)
         late = max(2.0 * state.period, ODOMETRY_LAG)
         values = [
-            commanded if abs(commanded - measured) <= limit * late else measured
+            commanded if abs(commanded - measured) <= limit * late or commanded * measured > commanded * commanded
+            else measured
             for commanded, measured, limit in zip(last, measured_now, limits)
         ]
         return Twist2D(*values)

@@ -61,6 +61,19 @@ def follower(name, **changes):
     return kind(name, parameters)
 
 
+@pytest.mark.parametrize("gain", [1.3, 1.5])
+def test_a_robot_that_does_more_than_it_is_told_faces_its_path_and_drives(name, gain):
+    """A wheel separation in a driver's file that is too large: it turned on the spot for ever, as fast as it could."""
+
+    class Eager(PaperRobot):
+        def move(self, command, seconds, step=0.01):
+            super().move(Twist2D(command.x, command.y, max(-2.84, min(2.84, gain * command.theta))), seconds, step)
+
+    start = Pose2D(0.0, 0.0, math.pi)
+    ended = drive(make(name), path_through((0.0, 0.0), (1.5, 0.0)), start, robot=Eager(start, turn_acceleration=20.0))
+    assert ended.reached, ended.error
+
+
 def test_an_obstacle_appears_ahead_and_goes_away(name):
     """It stands before the obstacle, and drives on when the way is free again."""
     robot, gone_at = PaperRobot(START), 8.0
