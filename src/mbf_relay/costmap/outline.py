@@ -152,9 +152,10 @@ def are_own(points: np.ndarray, base: Pose2D, outline: np.ndarray) -> np.ndarray
     """
     reach = np.hypot(outline[:, 0], outline[:, 1]).max(initial=0.0)
     squared, y = points[:, 0] - base.x, points[:, 1] - base.y
-    squared *= squared
-    y *= y
-    squared += y
+    with np.errstate(over="ignore"):  # of what is as far away as no number tells; hypot would take its time for it
+        squared *= squared
+        y *= y
+        squared += y
     own: np.ndarray = squared < reach * reach  # False for what is no number
     if own.any():
         own[own] = clearances(base.inverse().transform_points(points[own]), outline) <= -OWN_DEPTH

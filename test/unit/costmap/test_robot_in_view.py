@@ -9,6 +9,7 @@ from mbf_relay.costmap.cost_grid import LETHAL
 from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.costmap.footprint import IN_COLLISION, footprint_cost
 from mbf_relay.costmap.observation import Observation
+from mbf_relay.costmap.outline import are_own
 from mbf_relay.geometry import IDENTITY, Pose2D
 
 FOOTPRINT = [[0.14, 0.13], [-0.14, 0.13], [-0.14, -0.13], [0.14, -0.13]]
@@ -85,3 +86,10 @@ def test_what_lies_under_the_robot_s_edge_is_free_after_the_scan_that_shows_it()
     snapshot = costmap.snapshot()
     costs = [snapshot.costs[snapshot.grid.cell_at(*point)[::-1]] for point in edge]
     assert costs[0] < LETHAL and costs[1] == LETHAL
+
+
+@pytest.mark.filterwarnings("error")
+def test_points_as_far_away_as_numbers_go_are_not_the_robot_s_own_and_nothing_is_said_of_them():
+    points = np.array([[1e300, 0.0], [0.0, -1e308], [math.inf, 0.0], [math.nan, 0.0], [1.0, 2.0]])
+    own = are_own(points, Pose2D(1.0, 2.0, 0.5), np.array(FOOTPRINT))
+    assert own.tolist() == [False, False, False, False, True]
