@@ -332,11 +332,13 @@ class Costmap:
         with self._lock:
             if self._copy is None:
                 self._copy = self._costs.copy()
-            self._shown = self._shown or CostGrid(
-                self._grid, self._copy, self.frame, self._footprint, self._inscribed_radius, self._circumscribed_radius,
-                self._history[-1][0], self._freshness.updated or 0.0, tuple(self._history),
-                self.parameters.obstacle_overlap, (tracks := tracks_of(self.layers)), *self._near_costs(),
-                not tracks or self.sees_all_round)
+            if self._shown is None:
+                tracks = tracks_of(self.layers)
+                self._shown = CostGrid(
+                    self._grid, self._copy, self.frame, self._footprint, self._inscribed_radius,
+                    self._circumscribed_radius, self._history[-1][0], self._freshness.updated or 0.0,
+                    tuple(self._history), self.parameters.obstacle_overlap, tracks, *self._near_costs(),
+                    sees_all_round=not tracks or self.sees_all_round)
             return self._shown
 
     def _near_costs(self) -> Tuple[int, int]:
