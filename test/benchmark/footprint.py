@@ -1,12 +1,14 @@
 """What the demo's nodes take of the robot's own computer: memory, processor time and time to start.
 
-Memory is taken at rest, half-way round the tutorial's circle and after it; what processes share counts once in the
-proportional set size (PSS). The graph runs at real time, with all its nodes, once with a process started for each and
-once with the navigation's forked from one. The navigation is all but simulator, robot_state_publisher and guard.
+Memory is taken half-way round the tutorial's circle, after it and after ten of them; what processes share counts once
+in the proportional set size (PSS). The graph has all its nodes, once with a process started for each and once with the
+navigation's forked from one; the first circle is driven at real time. The navigation is all but simulator,
+robot_state_publisher and guard.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import multiprocessing
 import os
@@ -18,7 +20,7 @@ import threading
 import time
 from collections import defaultdict
 from pathlib import Path
-from typing import Any, Dict, Iterator, List, Mapping
+from typing import Any, Dict, Iterator, List, Mapping, Tuple
 
 import psutil
 
@@ -43,7 +45,9 @@ STAGES = 6
 SETTLED = 5.0
 """Wall time (s) from the first plan until a graph that has just come up only does what it does for ever."""
 PATIENCE = 300.0
-"""Wall time (s) after which a circle counts as not driven."""
+"""Wall time (s) after which what was asked for counts as not driven."""
+CIRCLES, FACTOR = 10, 4.0
+"""Circles, and simulated seconds per second of them, after which memory is taken again."""
 REFERENCE = {
     "RSS": {"map_server": 17, "amcl": 22, "move_base_flex": 29, "sum": 68},
     "CPU of a circle": {"navigation": 8.5, "amcl": 2.7, "map_server": 0.5, "sum": 11.6},
@@ -53,40 +57,57 @@ REFERENCE = {
 
 
 def metrics(quick: bool) -> Iterator[Metric]:
-    """Measure imports, then a graph that is sent off at once, then one that rests, drives the circle and rests again.
-    """
+    """Measure imports, then a graph that is sent off at once and drives a circle, then one that drives many."""
     if shutil.which("roslaunch") is None:
         raise NotMeasurable("there is no ROS here")
     for node, module in MODULES.items():
         yield from _imports(node, module, QUICK_IMPORTS if quick else IMPORTS)
-    for composed in (False, True):  # each in a process of its own, since rospy knows one master in its life
-        with multiprocessing.get_context("spawn").Pool(1) as pool:
-            yield from pool.apply(_graph, (composed,))
+    for composed in (False, True):
+        for measure in (_one_circle,) if quick else (_one_circle, _many_circles):
+            with multiprocessing.get_context("spawn").Pool(1) as pool:  # rospy knows one master in a process' life
+                yield from pool.apply(measure, (composed,))
 
 
-def _graph(composed: bool) -> List[Metric]:
+def _one_circle(composed: bool) -> List[Metric]:
     """Measure a graph that is sent off at once, drives the circle and rests."""
+    with _graph(composed, 1, 1.0) as (watch, began):
+        first = Metric(
+            "launch to first velocity", watch.wait_for_velocity() - began, "s",
+            parameters={"reference": REFERENCE["launch to first velocity"]},
+        )
+        return [_composed(metric, composed) for metric in (first, *_drive(watch))]
+
+
+def _many_circles(composed: bool) -> List[Metric]:
+    """Measure what a graph holds after many circles, which it drives faster than real time."""
+    with _graph(composed, CIRCLES, FACTOR) as (watch, _):
+        watch.wait_for_velocity()
+        pids = _pids(watch)
+        watch.wait_for_goals(CIRCLES * len(CIRCLE))
+        time.sleep(SETTLED)
+        return [_composed(metric, composed) for metric in _memory(f"at rest after {CIRCLES} circles", pids)]
+
+
+@contextlib.contextmanager
+def _graph(composed: bool, laps: int, factor: float) -> Iterator[Tuple[Watch, float]]:
+    """Yield who watches a demo that is sent off at once, and the wall time (s) at which it was launched."""
     from mbf_relay.ros.tools.demo_graph import DemoGraph
 
-    found: List[Metric] = []
-    launch = ["mbf_relay", "demo.launch", f"composed:={str(composed).lower()}"]
+    launch = ["mbf_relay", "demo.launch", f"composed:={str(composed).lower()}", f"real_time_factor:={factor:g}"]
     with tempfile.TemporaryDirectory() as folder, DemoGraph(launch, folder) as graph:
         began = time.monotonic()
         graph.wait_for_parameter("/use_sim_time", 60.0)
         os.environ.update(graph.environment)
         watch = Watch()
         try:
-            client = [str(CLIENT), "--laps", "1"]
-            graph.start(client, os.path.join(folder, "client.log"))
-            moved = watch.wait_for_velocity()
-            found.append(Metric(
-                "launch to first velocity", moved - began, "s",
-                parameters={"reference": REFERENCE["launch to first velocity"]},
-            ))
-            found.extend(_drive(watch))
+            graph.start([str(CLIENT), "--laps", str(laps)], os.path.join(folder, "client.log"))
+            yield watch, began
         finally:
             watch.close()
-    return [dataclasses.replace(metric, parameters={**metric.parameters, "composed": composed}) for metric in found]
+
+
+def _composed(metric: Metric, composed: bool) -> Metric:
+    return dataclasses.replace(metric, parameters={**metric.parameters, "composed": composed})
 
 
 def _imports(node: str, module: str, repeats: int) -> Iterator[Metric]:
@@ -112,10 +133,7 @@ def _imports(node: str, module: str, repeats: int) -> Iterator[Metric]:
 
 def _drive(watch: Watch) -> Iterator[Metric]:
     """Yield what nodes take while the client, which has just set out, drives its circle, and afterwards."""
-    pids = {node: node_pid(f"/{node}", watch.name) for node in NAVIGATION + OTHERS}
-    parent = psutil.Process(pids[NAVIGATION[0]]).parent()
-    if parent is not None and any(os.path.basename(word) == PARENT for word in parent.cmdline()):
-        pids[PARENT] = parent.pid
+    pids = _pids(watch)
     started = {node: cpu_seconds(pid) for node, pid in pids.items()}
     for node in pids:
         yield Metric("CPU until the first velocity", started[node], "s", parameters={"node": node})
@@ -132,6 +150,15 @@ def _drive(watch: Watch) -> Iterator[Metric]:
     yield Metric("CPU of a circle", total, "s", parameters=_with_reference("sum", reference))
     time.sleep(SETTLED)
     yield from _memory("at rest after a circle", pids)
+
+
+def _pids(watch: Watch) -> Dict[str, int]:
+    """Return the nodes' processes, and that of who watches them where there is one."""
+    pids = {node: node_pid(f"/{node}", watch.name) for node in NAVIGATION + OTHERS}
+    parent = psutil.Process(pids[NAVIGATION[0]]).parent()
+    if parent is not None and any(os.path.basename(word) == PARENT for word in parent.cmdline()):
+        pids[PARENT] = parent.pid
+    return pids
 
 
 def _memory(when: str, pids: Mapping[str, int]) -> Iterator[Metric]:
