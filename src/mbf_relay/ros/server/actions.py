@@ -163,7 +163,11 @@ class Action:
         with self._lock:
             begun = [request for request in self._requests.values() if request.cancelled or request not in self._inbox]
         for request in begun:
-            if request.task is None:
+            task = request.task
+            if task is not None and task.ending is not None:  # a moment ago; one that is refused cannot be aborted
+                self._end(request, task.ending, self._result(task.result, self._ros_now()))
+                continue
+            if task is None:
                 request.handle.set_accepted()
             self._end(request, Ending.ABORTED, self._failure(self._outcomes[outcome], message))
 

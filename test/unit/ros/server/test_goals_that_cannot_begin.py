@@ -212,3 +212,16 @@ def test_a_goal_in_whose_beginning_navigation_fails_ends_with_all_others_and_the
         if "third" not in action.server.told:
             step(bench, actions)
     assert action.server.told["third"][0] == GoalStatus.SUCCEEDED
+
+
+def test_a_goal_refused_in_a_step_that_fails_or_hangs_afterwards_is_refused_all_the_same(served):
+    """Refused and not told so yet, it was to be aborted, which no goal can be that was not accepted: it never ended."""
+    _, actions = served
+    action = actions["get_path"]
+    for name, end_all in ("failed", action.abort_all), ("hung", action.abort_running):
+        send(action, name, GetPathGoal(target_pose=goal_at(1.0), planner="unknown"))
+        action.take_up()
+        end_all("INTERNAL_ERROR", "navigation stands still")
+        action.report()
+        status, result = action.server.told[name]
+        assert (status, result.outcome) == (GoalStatus.REJECTED, GetPathResult.INVALID_PLUGIN)
