@@ -95,7 +95,7 @@ class MoveBaseSettings:
         self._wake = threading.Event()
         self._dynamic: Any = None
         self._plugins: Dict[str, List[Mapping[str, str]]] = {}
-        self._plugins_wanted = False
+        self._plugins_wanted = self._learning = False  # that they are to be asked for, and that they are just now
 
     def serve(self) -> None:
         """Offer the parameters for change and follow the server's."""
@@ -119,7 +119,10 @@ class MoveBaseSettings:
     @property
     def knows_server(self) -> bool:
         """Whether plugins that were asked for are known by the server's names, so that a goal can be composed."""
-        return not any(self._asked.values()) or bool(self._plugins and not self._plugins_wanted)
+        asked = [kind for kind, wanted in self._asked.items() if wanted]
+        if asked and (self._plugins_wanted or self._learning):
+            return False
+        return all(kind in self._plugins for kind in asked)
 
     def plugin_names(self) -> Tuple[str, str]:
         """Return the server's names of the planner and controller to use, empty for its first; asks nobody."""
@@ -238,10 +241,12 @@ class MoveBaseSettings:
         """
         with self._lock:
             changes, self._to_send = self._to_send, {}
-            learn, self._plugins_wanted = self._plugins_wanted, False
+            learn = self._learning = self._plugins_wanted
+            self._plugins_wanted = False
         try:
             if learn:
                 self._learn_plugins()
+                self._learning = False
             if changes:
                 self._send(service, changes)
         except (rospy.ServiceException, rospy.ROSException, *NO_ANSWER):

@@ -101,6 +101,28 @@ def test_goals_are_sent_though_the_master_could_not_say_at_first_what_plugins_th
     worker.join(5.0)
 
 
+def test_no_goal_is_composed_while_the_server_s_plugins_are_being_learned(monkeypatch):
+    """Sent between the two lists, a goal that waited for the server was driven to by another controller than asked for.
+    """
+    composed = []
+
+    def get_param(name, _default):
+        if settings.knows_server:
+            composed.append(settings.plugin_names())
+        return PLUGINS if name.endswith("planners") else [
+            {"name": "first", "type": "eband/EBand"}, {"name": controller, "type": "dwa_local_planner/DWAPlannerROS"}]
+
+    monkeypatch.setattr("rospy.resolve_name", lambda name: "/" + name)
+    monkeypatch.setattr("rospy.get_param", get_param)
+    settings = MoveBaseSettings("move_base_flex", MoveBaseParameters(
+        base_global_planner="global_planner/GlobalPlanner", base_local_planner="dwa_local_planner/DWAPlannerROS"))
+    for controller in "DWAPlannerROS", "dwa":  # a server that takes the place of another has names of its own
+        settings.server_came()
+        settings.send_wishes(lambda _config: pytest.fail("nothing was wished for"))
+        assert settings.knows_server and settings.plugin_names() == ("other", controller)
+    assert composed == []
+
+
 class PaperServer:
     """The server's set_parameters: takes what is within its ranges or, as ours, nothing of what comes together."""
 
