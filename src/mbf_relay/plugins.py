@@ -26,12 +26,15 @@ class Plugin:
             dynamic_reconfigure, such as "mbf_relay.cfg.DwaConfig"; empty where none may.
         stands_in: What a class that takes the place of another's plugin keeps of it, one sentence; empty for the thing
             itself.
+        reads_also: Name of a group beside its own, in which upstream's class looks for what its own lacks here; empty
+            for none.
         notes: What was made of the user's type and values, one line each, where they could not be taken as they are.
     """
 
     Parameters: ClassVar[Type[ParameterSet]] = ParameterSet
     dynamic_config: ClassVar[str] = ""
     stands_in: ClassVar[str] = ""
+    reads_also: ClassVar[str] = ""
     notes: Tuple[str, ...] = ()
 
     def __init__(self, name: str, parameters: Any) -> None:

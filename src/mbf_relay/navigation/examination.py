@@ -12,10 +12,10 @@ from mbf_relay.navigation.move_base_files import recovery_notes, server_config
 from mbf_relay.navigation.move_base_parameters import OTHER_MOVE_BASE_NAMES, MoveBaseParameters
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS, PluginList
-from mbf_relay.navigation.registry import entries_of, group_of
+from mbf_relay.navigation.registry import entries_of, values_of
 from mbf_relay.navigation.sanity import doubts
 from mbf_relay.parameters import ParameterSet, did_you_mean, nearest_of
-from mbf_relay.plugins import PluginError, create
+from mbf_relay.plugins import PluginError, create, find_class
 
 USED, STOOD_IN, CLAMPED, IGNORED, DOUBTFUL, REFUSED = KINDS = (
     "used", "stood in for", "changed", "ignored", "doubtful", "refused"
@@ -172,9 +172,9 @@ def _examine_plugins(found: Examination, listed: PluginList[Any]) -> List[str]:
         return []
     for name, (type_name, _costmap) in entries.items():
         try:
-            values = group_of(found.config, name)
             with warnings.catch_warnings(record=True) as said:
                 warnings.simplefilter("always")
+                values = values_of(found.config, name, find_class(type_name, listed.base, listed.known))
                 plugin = create(name, type_name, values, listed.base, listed.known)
         except PluginError as error:
             found.add(REFUSED, _named_in(str(error), name), str(error))

@@ -82,7 +82,7 @@ def server_config(namespace: Mapping[str, Any], values: Any) -> Dict[str, Any]:
     Raises:
         ValueError: The local costmap's circumscribed_radius is no number.
     """
-    config = dict(namespace)
+    config = {"recovery_patience": 0.0, **namespace}  # move_base lets each end by itself
     for name, server_name in SERVER_NAMES.items():
         config[server_name] = getattr(values, name)
     for kind, parameter in (("planners", "base_global_planner"), ("controllers", "base_local_planner")):

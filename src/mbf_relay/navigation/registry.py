@@ -129,12 +129,8 @@ class Registry(Generic[P]):
         return [name for name in self._entries if name not in self.failed]
 
     def values(self, name: str) -> Mapping[str, Any]:
-        """Return a plugin's own parameters as the user gave them.
-
-        Raises:
-            PluginError: What stands under its name is no group.
-        """
-        return group_of(self._config, name)
+        """Return a plugin's parameters as the user gave them; see `values_of`, with its errors."""
+        return values_of(self._config, name, self.class_of(name))
 
     def type_of(self, name: str) -> str:
         """Return the type a plugin was asked for by."""
@@ -250,6 +246,20 @@ def group_of(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:
             raise PluginError(f"parameter {name} is {found!r}; it must be the group of plugin '{name}''s parameters")
         values = {**values, **(found or {})}
     return values
+
+
+def values_of(config: Mapping[str, Any], name: str, kind: Type[Plugin]) -> Mapping[str, Any]:
+    """Return the parameters under a plugin's name, and what they lack of its class's that the group beside has.
+
+    Raises:
+        PluginError: What stands under its name is no group.
+    """
+    own, beside = group_of(config, name), config.get(kind.reads_also)
+    if not isinstance(beside, Mapping):
+        return own
+    lacking = {key: value for key, value in kind.Parameters.known(beside).items()
+               if key not in kind.Parameters.known(own)}
+    return {**lacking, **own}
 
 
 def _descend(config: Any, names: List[str]) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Iterator
+from typing import ClassVar, Iterator, Tuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ FULL = 2.0 * math.pi
 
 @dataclass(frozen=True)
 class RotateParameters(ParameterSet):
-    """Parameters of Rotate, by rotate_recovery's names and defaults."""
+    """Parameters of Rotate, by rotate_recovery's names and defaults; as there, what lacks is TrajectoryPlannerROS's."""
 
     sim_granularity: float = parameter(0.017, "turn between checked headings", "rad", above=0.0)
     frequency: float = parameter(20.0, "read, and without effect: steps come at the server's rate", "Hz", above=0.0)
@@ -35,13 +35,7 @@ class RotateParameters(ParameterSet):
     )
     yaw_goal_tolerance: float = parameter(0.1, "how exactly it comes back to its first heading", "rad", above=0.0)
 
-    def check(self) -> None:
-        """Refuse speeds that contradict each other."""
-        if self.min_in_place_vel_theta > self.max_vel_theta:
-            raise ValueError(
-                f"parameter min_in_place_vel_theta is {self.min_in_place_vel_theta}; it must be at most max_vel_theta, "
-                f"which is {self.max_vel_theta}"
-            )
+    ORDERED: ClassVar[Tuple[Tuple[str, str], ...]] = (("min_in_place_vel_theta", "max_vel_theta"),)
 
 
 class Rotate(Recovery):
@@ -56,6 +50,7 @@ class Rotate(Recovery):
     Parameters = RotateParameters
     parameters: RotateParameters
     only_looks_round = True
+    reads_also = "TrajectoryPlannerROS"
 
     def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
         """Yield the turn.

@@ -83,6 +83,12 @@ def test_a_distance_the_file_gives_a_default_recovery_holds():
     assert config(conservative_reset_dist=1.0)["conservative_reset"]["reset_distance"] == 1.0
 
 
+def test_a_robot_that_turns_slowly_comes_round():
+    """move_base knows no patience with a recovery: at 0.3 rad/s a turn takes 21 s."""
+    assert NavigatorParameters.read(config())[0].recovery_patience == 0.0
+    assert NavigatorParameters.read(config(recovery_patience=30.0))[0].recovery_patience == 30.0
+
+
 def test_frames_are_the_global_costmap_s_without_a_slash():
     made = config(global_costmap={"global_frame": "/odom", "robot_base_frame": "/base_footprint"})
     read = NavigatorParameters.from_mapping(made)

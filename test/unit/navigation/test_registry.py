@@ -10,6 +10,8 @@ from mbf_relay.navigation.worker import InlineWorker, ThreadWorker
 from mbf_relay.planning import PLANNERS
 from mbf_relay.planning.planner import Planner
 from mbf_relay.plugins import PluginError
+from mbf_relay.recovery import RECOVERIES
+from mbf_relay.recovery.recovery import Recovery
 
 TYPE = "scripted.ScriptedPlanner"
 WAIT = 10.0
@@ -64,6 +66,22 @@ def test_each_plugin_gets_its_own_parameters():
     made = registry([{"name": "N1", "type": "navfn/NavfnROS"}, {"name": "N2", "type": "navfn/NavfnROS"}],
                     N2={"allow_unknown": False})
     assert made.plugin("N1").parameters.allow_unknown and not made.plugin("N2").parameters.allow_unknown
+
+
+@pytest.mark.parametrize("own, beside, fastest, slowest", [
+    ({}, {"max_vel_theta": 0.3, "max_vel_x": 0.2}, 0.3, 0.3),
+    ({}, {"max_rotational_vel": 0.5, "min_in_place_rotational_vel": 0.2}, 0.5, 0.2),
+    ({"max_rotational_vel": 0.8}, {"max_vel_theta": 0.3, "min_in_place_vel_theta": 0.1}, 0.8, 0.1),
+    ({}, {}, 1.0, 0.4),
+])
+def test_a_robot_that_looks_round_turns_no_faster_than_upstream_s_by_the_same_file(own, beside, fastest, slowest):
+    """rotate_recovery reads the limits of TrajectoryPlannerROS: a robot of 0.1 rad/s was turned at 1 rad/s."""
+    config = {"recovery_behaviors": [{"name": "turn", "type": "rotate_recovery/RotateRecovery"}], "turn": own,
+              "TrajectoryPlannerROS": beside}
+    made = Registry("recovery_behaviors", config, Recovery, RECOVERIES, InlineWorker(), "local")
+    parameters = made.plugin("turn").parameters
+    assert (parameters.max_vel_theta, parameters.min_in_place_vel_theta) == (fastest, slowest)
+    assert not made.class_of("turn").Parameters.unknown_names(made.values("turn"))
 
 
 def test_names_are_kept_in_order_and_the_first_is_the_default():
