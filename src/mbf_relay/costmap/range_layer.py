@@ -38,7 +38,7 @@ class RangeSensorLayerParameters(ParameterSet):
     """Parameters of the range sensor layer, by range_sensor_layer's names."""
 
     enabled: bool = parameter(True, "take part in the costmap")
-    ns: str = parameter("", "put before each topic")
+    ns: str = parameter("", "namespace of the topics, put before each with a slash between")
     topics: Tuple[str, ...] = parameter((), "topics of sensor_msgs/Range; several rangers may share one")
     input_sensor_type: str = parameter(
         "ALL", "read for range_sensor_layer's sake: a message with a min_range of its max_range is a fixed ranger's",
@@ -57,6 +57,10 @@ class RangeSensorLayerParameters(ParameterSet):
             raise ValueError(
                 f"parameter mark_threshold is {self.mark_threshold}; it must not be below clear_threshold, "
                 f"{self.clear_threshold}")
+
+    def full_topics(self) -> List[str]:
+        """Return the topics with their namespace before them."""
+        return [f"{self.ns.rstrip('/')}/{topic.lstrip('/')}" if self.ns else topic for topic in self.topics]
 
     def read_as(self) -> List[str]:
         """Return a note where nothing is listened to."""
@@ -81,9 +85,8 @@ class RangeSensorLayer(CellLayer):
         self._heard: Dict[str, float] = {}
         self._refused: Dict[str, str] = {}
         self._sources = {
-            f"{parameters.ns}{topic}": SourceParameters(
-                topic=f"{parameters.ns}{topic}", data_type=RANGE, inf_is_valid=parameters.clear_on_max_reading)
-            for topic in parameters.topics}
+            topic: SourceParameters(topic=topic, data_type=RANGE, inf_is_valid=parameters.clear_on_max_reading)
+            for topic in parameters.full_topics()}
 
     @property
     def sources(self) -> Mapping[str, SourceParameters]:

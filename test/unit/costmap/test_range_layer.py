@@ -157,7 +157,16 @@ def test_a_layer_whose_numbers_contradict_each_other_or_that_hears_nothing_is_na
     with pytest.raises(ValueError, match="mark_threshold is 0.1; it must not be below clear_threshold, 0.2"):
         costmap_with(mark_threshold=0.1)
     assert any("topics is empty" in note for note in costmap_with(topics=[]).notes)
-    assert list(costmap_with(ns="/robot", topics=["/left", "/right"]).sources) == ["/robot/left", "/robot/right"]
+
+
+@pytest.mark.parametrize("ns, topic, listens_to", [
+    ("/robot", "/left", "/robot/left"), ("/robot", "left", "/robot/left"),
+    ("/robot/", "sonar/left", "/robot/sonar/left"),
+    ("robot/sonar", "left", "robot/sonar/left"), ("/", "left", "/left"), ("", "left", "left"), ("", "/left", "/left"),
+])
+def test_topics_are_below_the_layer_s_namespace_with_one_slash_between(ns, topic, listens_to):
+    source = costmap_with(ns=ns, topics=[topic]).sources[listens_to]
+    assert source.topic == listens_to
 
 
 def test_a_sonar_in_an_obstacle_layer_is_refused_by_where_it_belongs():
