@@ -184,8 +184,8 @@ def open_study(options: argparse.Namespace, space: Space, setup: Setup, tasks: S
 
 
 def changes_of(parameters: Parameters) -> List[str]:
-    """Return parameters as changes to settings."""
-    return [f"{name}={value!r}" for name, value in parameters.items()]
+    """Return parameters as changes to settings, written as YAML has them: Python's 1e-05 is a text there."""
+    return [f"{name}={yaml.safe_dump(value).split()[0]}" for name, value in parameters.items()]
 
 
 def write_best(folder: Path, setup: Setup) -> None:

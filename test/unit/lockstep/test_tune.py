@@ -17,7 +17,7 @@ from tally import LONG  # noqa: E402
 
 from mbf_relay.lockstep import batch, compare, tune, tune_picture  # noqa: E402
 from mbf_relay.lockstep.result import EpisodeResult  # noqa: E402
-from mbf_relay.lockstep.settings import config_folder  # noqa: E402
+from mbf_relay.lockstep.settings import config_folder, parse_change  # noqa: E402
 from mbf_relay.lockstep.setup import make_setup  # noqa: E402
 from mbf_relay.lockstep.smoothness import Smoothness  # noqa: E402
 from mbf_relay.lockstep.trials import value_of  # noqa: E402
@@ -73,6 +73,14 @@ def test_a_whole_number_is_tuned_in_whole_numbers(tmp_path):
     assert all(isinstance(value, int) and 3 <= value <= 5 for value in found)
     best = yaml.safe_load((tmp_path / "out" / "best" / "move_base_flex.yaml").read_text())
     assert isinstance(best["DWAPlannerROS"]["vx_samples"], int)
+
+
+@pytest.mark.parametrize("value", [1e-05, 1e-07, 2.5e-09, 1e16, -3e-05, 0.1, 40, True])
+def test_a_number_is_driven_with_however_python_writes_it(value):
+    """To YAML 1e-05 is a text: amcl's recovery_alpha_slow could not be tuned from there on, "must be of type float"."""
+    (change,) = tune.changes_of({"amcl.recovery_alpha_slow": value})
+    name, read = parse_change(change)
+    assert name == "amcl.recovery_alpha_slow" and read == value and type(read) is type(value)
 
 
 
