@@ -18,7 +18,7 @@ from mbf_relay.lockstep.results_file import WORLDS, ResultsFile
 from mbf_relay.lockstep.settings import config_folder, flatten
 from mbf_relay.lockstep.setup import Setup, make_setup, named_robot
 from mbf_relay.lockstep.sources import plugins_of, sources
-from mbf_relay.lockstep.tasks import EpisodeTask, have_maps, load_tasks
+from mbf_relay.lockstep.tasks import EpisodeTask, have_maps, load_tasks, not_understood
 from mbf_relay.lockstep.workers import workers_for
 from mbf_relay.simulation.robot_file import robot_text
 
@@ -38,7 +38,7 @@ def main(arguments: Optional[Sequence[str]] = None, clock: Callable[[], float] =
             have_maps(tasks, bool(options.map)), options.config, options.map_resolution, options.robot,
             options.after_contact,
         )
-        for note in setup.notes:
+        for note in [*setup.notes, *not_understood(tasks)]:
             print(f"batch.py: {note}", file=sys.stderr)
         folder = options.out or Path(f"batch-{Path(options.worlds).stem}")
         results = ResultsFile(folder, settings_of(Path(options.worlds).name, all_tasks, setup))

@@ -53,7 +53,8 @@ class Setup:
         map_resolution: Metres per cell of maps drawn from a world.
         robot: What drives; the one the simulator's parameters name where None.
         after_contact: Whether a drive goes on after a contact, which fails it all the same.
-        notes: What of a user's own parameters has no effect, or another one than he wrote; for people.
+        notes: What of a user's own parameters has no effect, or another one than he wrote, and what of the robot is not
+            as its file says; for people.
     """
 
     settings: Settings
@@ -109,8 +110,10 @@ def make_setup(
     for kind, name in (("controllers", controller), ("planners", planner)):
         _check_listed(settings[SERVER].get(kind, []), kind, name)
     model = load_robot(named_robot(settings))  # here: a worker elsewhere has not this file
-    notes = tuple(_notes_on(settings, packages)) if settings != packages else ()
-    return Setup(settings, localization, prior_map, controller, planner, map_resolution, model, after_contact, notes)
+    notes = _notes_on(settings, packages) if settings != packages else []
+    notes += [f"robot '{model.name}': {warning}" for warning in model.warnings]
+    return Setup(
+        settings, localization, prior_map, controller, planner, map_resolution, model, after_contact, tuple(notes))
 
 
 def _notes_on(settings: Settings, packages: Settings) -> List[str]:

@@ -26,6 +26,9 @@ CIRCLE_TIME_LIMIT = 300.0
 MAP_RESOLUTION = 0.05
 """Metres per cell of maps drawn from a world, where nothing else is asked for."""
 
+MOST_TOLD = 5
+"""Lines on what worlds files say that is not understood: a slip in one is often one in all of a thousand."""
+
 
 @dataclass(frozen=True)
 class EpisodeTask:
@@ -118,6 +121,14 @@ def load_tasks(source: str) -> List[EpisodeTask]:
     if source == CIRCLE:
         return [circle()]
     return [task_of(world) for world in load_worlds_file(Path(source))]
+
+
+def not_understood(tasks: Sequence[EpisodeTask]) -> List[str]:
+    """Return what of the worlds' files is not understood, for people; beyond MOST_TOLD lines, how many more there are.
+    """
+    lines = [line for task in tasks for line in task.world.warnings]
+    more = len(lines) - MOST_TOLD
+    return lines[:MOST_TOLD] + ([f"and {more} more of the worlds' entries are not understood"] if more > 0 else [])
 
 
 def have_maps(tasks: Sequence[EpisodeTask], is_said: bool) -> bool:

@@ -7,7 +7,7 @@ import json
 import math
 import sys
 from pathlib import Path
-from typing import Any, Dict, Optional, Sequence
+from typing import Any, Callable, Dict, Optional, Sequence
 
 import numpy as np
 
@@ -32,7 +32,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     options = _parse(sys.argv[1:] if arguments is None else arguments)
     try:
         if options.worlds:
-            entries = [barn_entry(path, options.start, options.goal) for path in options.worlds]
+            entries = [barn_entry(path, options.start, options.goal, _tell) for path in options.worlds]
         else:
             entries = [generate(options.kind, options.seed + number) for number in range(options.count)]
         write_whole(options.out, json.dumps({"worlds": entries}) + "\n")
@@ -46,14 +46,20 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     return 0
 
 
+def _tell(line: str) -> None:
+    print(f"make_worlds.py: {line}", file=sys.stderr)
+
+
 def barn_entry(
-    path: Path, start: Sequence[float] = BARN_START, goal: Sequence[float] = BARN_GOAL
+    path: Path, start: Sequence[float] = BARN_START, goal: Sequence[float] = BARN_GOAL,
+    tell: Callable[[str], None] = lambda line: None,
 ) -> Dict[str, Any]:
     """Return an entry of a worlds file for a Gazebo world of upright cylinders and boxes.
 
     Args:
         path: The world's file; its name becomes the world's.
         start, goal: x, y, yaw in metres and radians.
+        tell: Takes a line on each thing of the file that is left out, or taken otherwise.
 
     Raises:
         ValueError: It holds another shape, or one that is tilted or hangs in the air, or has no way through; the text
@@ -61,6 +67,8 @@ def barn_entry(
         OSError: It cannot be opened.
     """
     world = read_sdf(str(path))
+    for warning in world.warnings:
+        tell(f"{path}: {warning}")
     entry: Dict[str, Any] = {
         "name": path.stem, "start": list(start), "goal": list(goal), "goal_radius": 1.0, "time_limit": BARN_TIME,
         "cylinders": [], "boxes": [],

@@ -24,7 +24,7 @@ from mbf_relay.lockstep.episodes import EpisodeJob, drive  # noqa: E402
 from mbf_relay.lockstep.results_file import LINES, read_lines  # noqa: E402
 from mbf_relay.lockstep.settings import config_folder  # noqa: E402
 from mbf_relay.lockstep.setup import make_setup  # noqa: E402
-from mbf_relay.lockstep.tasks import load_tasks  # noqa: E402
+from mbf_relay.lockstep.tasks import load_tasks, not_understood  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[3]
 SCRIPT = ROOT / "scripts" / "batch.py"
@@ -301,6 +301,18 @@ def test_what_is_wrong_is_named_before_anything_is_driven(tmp_path, capsys, argu
     assert batch.main([worlds, "--out", str(tmp_path / "out"), *arguments]) == 1
     assert words in capsys.readouterr().err
     assert not (tmp_path / "out" / LINES).exists()
+
+
+def test_what_is_misspelt_in_a_worlds_file_is_told(tmp_path, capsys):
+    """With "goal_raduis" goals counted as reached a metre away, and nobody was told."""
+    misspelt = {**small_worlds.FREE, "goal_raduis": 0.1, "time_limit": 0.1}
+    worlds = small_worlds.write(tmp_path / "worlds.json", *({**misspelt, "name": f"w{i}"} for i in range(7)))
+    assert batch.main([worlds, "--out", str(tmp_path / "out"), "--only", "w6", "--jobs", "1"]) == 0
+    told = capsys.readouterr().err.splitlines()
+    assert [line for line in told if "batch.py" in line] == ["batch.py: 'goal_raduis' of world w6 is not understood"]
+    assert not_understood(load_tasks(worlds)) == [
+        *(f"'goal_raduis' of world w{i} is not understood" for i in range(5)),
+        "and 2 more of the worlds' entries are not understood"]
 
 
 def test_a_batch_of_one_world_can_be_widened(tmp_path, capsys):

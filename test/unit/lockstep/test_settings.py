@@ -43,6 +43,21 @@ def test_the_end_of_a_name_is_enough():
     assert full_name("DWA.sim_time", KNOWN) == "move_base_flex.DWA.sim_time"
 
 
+def test_what_of_a_robot_is_not_as_its_file_says_is_told(tmp_path):
+    shape = '<geometry><box size="0.3 0.3 0.1"/></geometry>'
+    wheel = """<joint name="{0}" type="continuous"><parent link="base_link"/><child link="{0}"/>
+      <origin xyz="0 {1} 0" rpy="-1.57 0 0"/><axis xyz="0 0 1"/></joint><link name="{0}"><collision><geometry>
+      <cylinder radius="0.05" length="0.02"/></geometry></collision></link>"""
+    (tmp_path / "own.urdf").write_text(f"""<robot name="own"><link name="base_link"><collision>{shape}</collision>
+      </link>{wheel.format("left", 0.15)}{wheel.format("right", -0.15)}<link name="scan"/>
+      <joint name="up" type="fixed"><parent link="base_link"/><child link="scan"/><origin xyz="0 0 0.1"/></joint>
+      <gazebo reference="scan"><sensor type="ray" name="s"><ray><scan><horizontal><samples>90</samples>
+      <min_angle>-0.5</min_angle><max_angle>2.0</max_angle></horizontal></scan></ray></sensor></gazebo></robot>""")
+    setup = make_setup(config_folder(), robot=str(tmp_path / "own.urdf"))
+    assert setup.notes == (
+        "robot 'own': its lidar looks from -0.50 to 2.00 rad; as far to both sides is simulated",)
+
+
 def test_an_ambiguous_name_is_refused():
     with pytest.raises(ValueError, match="amcl.update_rate or simulator.odometry.update_rate"):
         full_name("update_rate", KNOWN)

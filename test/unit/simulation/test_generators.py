@@ -88,6 +88,17 @@ def test_a_blocked_or_missing_world_is_named(tmp_path, capsys):
     assert f"make_worlds.py: {tmp_path / 'none.world'}: No such file or directory" in capsys.readouterr().err
 
 
+def test_what_a_gazebo_world_loses_on_the_way_is_told(tmp_path, capsys):
+    """Of a yard with a ramp the ramp was left out, and whoever compared planners there was not told."""
+    path = tmp_path / "yard.world"
+    ramp = ('<model name="ramp"><static>1</static><link name="l"><collision name="c"><geometry><heightmap/></geometry>'
+            "</collision></link></model>")
+    path.write_text(BARN.format(models=MODEL.format(i=0) + ramp, states=STATE.format(i=0, x=0.0, y=0.0)))
+    assert make_worlds.main([str(path), "--out", str(tmp_path / "made.json")]) == 0
+    assert capsys.readouterr().err.splitlines() == [
+        f"make_worlds.py: {path}: <heightmap> of model 'ramp' is not understood; it is left out"]
+
+
 @pytest.mark.parametrize("x, y, z, tilt, is_refused", [
     (0.0, 0.0, 0.5, 0.0, False), (0.0, 0.0, 0.0, 0.0, False), (0.0, 0.0, 1.5, 0.0, True), (0.0, 0.0, 0.5, 1.57, True),
     (0.0, 0.0, -2.0, 0.0, True)], ids=["on the ground", "half in it", "in the air", "lying", "under the ground"])
