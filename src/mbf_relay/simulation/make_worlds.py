@@ -6,6 +6,7 @@ import argparse
 import json
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Callable, Dict, Optional, Sequence
 
@@ -69,6 +70,7 @@ def barn_entry(
     world = read_sdf(str(path))
     for warning in world.warnings:
         tell(f"{path}: {warning}")
+    world = replace(world, bodies=tuple(replace(body, mass=0.0) for body in world.bodies))  # as in a worlds file
     entry: Dict[str, Any] = {
         "name": path.stem, "start": list(start), "goal": list(goal), "goal_radius": 1.0, "time_limit": BARN_TIME,
         "cylinders": [], "boxes": [],

@@ -88,6 +88,19 @@ def test_a_blocked_or_missing_world_is_named(tmp_path, capsys):
     assert f"make_worlds.py: {tmp_path / 'none.world'}: No such file or directory" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("static", [0, 1])
+def test_the_way_leads_round_what_could_be_pushed_in_gazebo(tmp_path, static):
+    """In a worlds file all stands fast. The way to score by led through crates, and no robot got full marks."""
+    path = tmp_path / "crate.world"
+    path.write_text(BARN.format(models=f"""<model name="crate"><static>{static}</static><pose>0 2 0.5 0 0 0</pose>
+        <link name="l"><collision name="c"><geometry><box><size>4 0.2 1</size></box></geometry></collision></link>
+        </model>""", states=""))
+    ends = ["--start", "0", "0", "0", "--goal", "0", "4", "0"]
+    assert make_worlds.main([str(path), *ends, "--out", str(tmp_path / "made.json")]) == 0
+    entry, = json.loads((tmp_path / "made.json").read_text())["worlds"]
+    assert entry["reference_path_length"] > 6.0 and entry["difficulty"]["mean_clearance"] < 1.2
+
+
 def test_what_a_gazebo_world_loses_on_the_way_is_told(tmp_path, capsys):
     """Of a yard with a ramp the ramp was left out, and whoever compared planners there was not told."""
     path = tmp_path / "yard.world"
