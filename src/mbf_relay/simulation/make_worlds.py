@@ -33,6 +33,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     options = _parse(sys.argv[1:] if arguments is None else arguments)
     try:
         if options.worlds:
+            _check_names(options.worlds)
             entries = [barn_entry(path, options.start, options.goal, _tell) for path in options.worlds]
         else:
             entries = [generate(options.kind, options.seed + number) for number in range(options.count)]
@@ -45,6 +46,15 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         return 1
     print(f"{len(entries)} worlds are in {options.out}")
     return 0
+
+
+def _check_names(paths: Sequence[Path]) -> None:
+    """Raise ValueError where worlds of two files would have one name, which nobody reads from a worlds file."""
+    known: Dict[str, Path] = {}
+    for path in paths:
+        if path.stem in known:
+            raise ValueError(f"{known[path.stem]} and {path} would both be the world '{path.stem}'; rename one")
+        known[path.stem] = path
 
 
 def _tell(line: str) -> None:
@@ -63,8 +73,8 @@ def barn_entry(
         tell: Takes a line on each thing of the file that is left out, or taken otherwise.
 
     Raises:
-        ValueError: It holds another shape, or one that is tilted or hangs in the air, or has no way through; the text
-            names it.
+        ValueError: It holds another shape, or one that is tilted or hangs in the air, or has no way through, or start
+            and goal are one place; the text names it.
         OSError: It cannot be opened.
     """
     world = read_sdf(str(path))
@@ -87,6 +97,8 @@ def barn_entry(
             raise ValueError(f"{path}: '{body.name}' is a {type(body.shape).__name__.lower()}, no cylinder and no box")
         if abs(body.frame.rotation[2, 2]) < UPRIGHT or not 0.0 < middle + height / 2.0 <= height + ABOVE_GROUND:
             raise ValueError(f"{path}: '{body.name}' does not stand upright on the ground, as all in worlds files does")
+    if math.dist(start[:2], goal[:2]) < CELL:
+        raise ValueError(f"{path}: start and goal, {tuple(start[:2])} and {tuple(goal[:2])}, are one place")
     measured = _measured(world, start, goal)
     if measured is None:
         raise ValueError(f"{path}: no way for the robot leads from {tuple(start[:2])} to {tuple(goal[:2])}")

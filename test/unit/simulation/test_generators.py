@@ -101,6 +101,20 @@ def test_the_way_leads_round_what_could_be_pushed_in_gazebo(tmp_path, static):
     assert entry["reference_path_length"] > 6.0 and entry["difficulty"]["mean_clearance"] < 1.2
 
 
+def test_two_files_of_one_name_and_a_goal_at_the_start_are_refused(tmp_path, capsys):
+    """Of two folders of Gazebo worlds a file was made that batch.py refuses; a goal at the start showed a traceback."""
+    paths = [tmp_path / folder / "hall.world" for folder in ("one", "two")]
+    for path in paths:
+        path.parent.mkdir()
+        path.write_text(BARN.format(models=MODEL.format(i=0), states=STATE.format(i=0, x=0.0, y=0.0)))
+    out = tmp_path / "made.json"
+    assert make_worlds.main([*map(str, paths), "--out", str(out)]) == 1
+    assert f"{paths[0]} and {paths[1]} would both be the world 'hall'" in capsys.readouterr().err
+    assert make_worlds.main([str(paths[0]), "--goal", "-2.25", "3", "0", "--out", str(out)]) == 1
+    assert "hall.world: start and goal, (-2.25, 3.0) and (-2.25, 3.0), are one place" in capsys.readouterr().err
+    assert not out.exists()
+
+
 def test_what_a_gazebo_world_loses_on_the_way_is_told(tmp_path, capsys):
     """Of a yard with a ramp the ramp was left out, and whoever compared planners there was not told."""
     path = tmp_path / "yard.world"
