@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Dict, Sequence
 
 from mbf_relay.lockstep import tables
-from mbf_relay.lockstep.command import Progress, finite
+from mbf_relay.lockstep.command import Progress, finite, say
 from mbf_relay.lockstep.episodes import Lost
 from mbf_relay.lockstep.options import TIME_LIMIT
 from mbf_relay.lockstep.result import ERROR, EpisodeResult
@@ -42,7 +42,7 @@ def leave(
     done = sorted(results, key=lambda result: (result.world, result.seed))
     if not done:
         return
-    print(as_text(done))
+    say(as_text(done))
     write_whole(folder / "summary.json", as_json(done))
     tables.write(folder, done, trajectories)
     by_name = {task.name: task for task in tasks}
@@ -52,7 +52,7 @@ def leave(
     except ValueError as error:  # of the cluster, as where the package's files were edited meanwhile
         print(f"no pictures: {error}", file=sys.stderr)
         made = "results and summary"
-    print(f"{made} are in {folder}")
+    say(f"{made} are in {folder}")
 
 
 def draw(folder: Path, shown: Sequence[pictures.Shown], processes: int) -> None:

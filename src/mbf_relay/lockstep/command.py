@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 from typing import List, Optional, Sequence, TextIO
 
@@ -15,6 +16,16 @@ def without_remappings(arguments: Sequence[str]) -> List[str]:
 def finite(values: Sequence[float]) -> List[Optional[float]]:
     """Return the values with None for what JSON has no number for."""
     return [value if math.isfinite(value) else None for value in values]
+
+
+def say(text: str) -> None:
+    """Print a text; where its reader has gone (`| head`), nothing is printed any more, and the work goes on."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        gone = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(gone, sys.stdout.fileno())  # else Python would fail over what is left once more, at its end
+        os.close(gone)
 
 
 class Progress:

@@ -15,7 +15,7 @@ from mbf_relay.commands import positive
 from mbf_relay.files import parse_yaml, read_text
 from mbf_relay.lockstep import tune_picture
 from mbf_relay.lockstep.batch import settings_of
-from mbf_relay.lockstep.command import without_remappings
+from mbf_relay.lockstep.command import say, without_remappings
 from mbf_relay.lockstep.compare_many import contrasts
 from mbf_relay.lockstep.options import add_setup_options, add_worker_options, seeds
 from mbf_relay.lockstep.settings import config_folder, full_name, load_settings, own_part
@@ -68,8 +68,8 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
                  if trial.value is not None and math.isfinite(trial.value)],
                 better,
             )
-            print("\n".join(f"{name}: {value:g}" for name, value in best.items()))
-            print(verdict(unseen, best, drive, options.metric, is_unseen=len(seen) < len(tasks)))
+            say("\n".join(f"{name}: {value:g}" for name, value in best.items()))
+            say(verdict(unseen, best, drive, options.metric, is_unseen=len(seen) < len(tasks)))
     except (OSError, ValueError) as error:
         print(f"tune.py: {error}", file=sys.stderr)
         return 1

@@ -315,6 +315,16 @@ def test_what_is_misspelt_in_a_worlds_file_is_told(tmp_path, capsys):
         "and 2 more of the worlds' entries are not understood"]
 
 
+def test_a_reader_of_the_summary_that_has_gone_costs_no_result(tmp_path):
+    """`batch.py … | head` ended with "Broken pipe" before summary, table and pictures were written."""
+    worlds = small_worlds.write(tmp_path / "worlds.json", {**small_worlds.FREE, "time_limit": 0.1})
+    process = start(worlds, "--out", str(tmp_path / "out"), "--jobs", "1")
+    process.stdout.close()
+    told = process.stderr.read()
+    assert process.wait() == 0 and "roken" not in told
+    assert {"summary.json", "results.csv", "contact_sheet.png"} <= {path.name for path in (tmp_path / "out").iterdir()}
+
+
 def test_a_batch_of_one_world_can_be_widened(tmp_path, capsys):
     worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE, small_worlds.BENT)
     assert batch.main([worlds, "--out", str(tmp_path / "out"), "--only", "bent"]) == 0
