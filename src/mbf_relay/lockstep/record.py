@@ -89,7 +89,7 @@ class Record:
         errors = np.hypot(*(believed - truth)[:, :2].T)
         reference = task.reference_path_length
         near = clearances(task.world, times - self._start_time, truth, self._robot)
-        period = driven[-1] / max(1, len(times) - 1)
+        periods = np.diff(times)  # up to each sample but the first
         around = near.to_any[np.isfinite(near.to_any)]
         to_movers = near.to_movers.min(axis=0, initial=np.inf)
         return EpisodeResult(
@@ -100,10 +100,10 @@ class Record:
             time_limit=task.time_limit, path_length=length,
             smallest_clearance=smallest(near.to_any),
             mean_clearance=float(around.mean()) if len(around) else None,
-            close_time=float(period * np.count_nonzero(near.to_any < outcomes.CLOSE)),
+            close_time=float(periods @ (near.to_any[1:] < outcomes.CLOSE)),
             closest_approach=smallest(to_movers),
             time_to_collision=smallest_time_to_collision(times, near.to_movers),
-            personal_space_time=float(period * np.count_nonzero(to_movers < outcomes.PERSONAL_SPACE)),
+            personal_space_time=float(periods @ (to_movers[1:] < outcomes.PERSONAL_SPACE)),
             recoveries=self.recoveries, reference_path_length=reference,
             score=None if reference is None else outcomes.score(success, float(driven[-1]), reference, top_speed),
             localization_error_mean=float(errors.mean()), localization_error_max=float(errors.max()),

@@ -9,7 +9,7 @@ import pytest
 from mbf_relay.geometry import Pose2D
 from mbf_relay.lockstep.clearance import smallest_clearance
 from mbf_relay.lockstep.clearance_kernels import hull_clearances
-from mbf_relay.lockstep.record import velocities
+from mbf_relay.lockstep.record import Record, velocities
 from mbf_relay.lockstep.tasks import EpisodeTask
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.robot_file import load_robot
@@ -114,3 +114,15 @@ def test_a_task_is_told_from_others_by_what_is_in_it():
     moved = dataclasses.replace(task, world=World("a", (pillar(1.01, 0.0),)))
     later = dataclasses.replace(task, time_limit=31.0)
     assert len({task.digest(), moved.digest(), later.digest()}) == 3
+
+
+def test_whoever_stands_beside_somebody_all_the_time_does_so_for_as_long_as_the_drive_lasts():
+    """It was told as 12.407 s of a drive of 12.308: a share above 1."""
+    man = Mover(Body("man", Cylinder(0.05, 1.0), Frame.of(0.0, 0.0, 0.5)), np.zeros(1), np.array([[0.15, 0.0, 0.0]]))
+    goal = Pose2D(1.0, 0.0, 0.0)
+    record = Record(EpisodeTask("beside", World("beside", (), movers=(man,)), (goal,), 9.0), 1, 5.0, BURGER)
+    for time in (5.0, 5.1, 5.2, 5.21):
+        record.note(time, Pose2D(0.0, 0.0, 0.0), Pose2D(0.0, 0.0, 0.0))
+    result = record.result("TIMEOUT", "", 0.22, [], None, {})
+    assert result.personal_space_time == pytest.approx(0.21) and result.close_time == pytest.approx(0.21)
+    assert result.time == pytest.approx(0.21)
