@@ -6,8 +6,9 @@ import argparse
 import json
 import math
 import sys
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, List, Optional, Sequence, Tuple
+from typing import Any, Iterator, List, Optional, Sequence, Tuple
 
 import yaml
 
@@ -47,14 +48,15 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
             tell(f"tune.py: {note}")
         space = read_space(options.param, options.space, setup)
         _check_ends(options, tasks, space, setup)
-        study = open_study(options, space, setup, tasks)
+        with _errors_of_study_in(options.out):
+            study = open_study(options, space, setup, tasks)
         count = len(seen) * len(options.seeds) * options.together
         where = options.scheduler, options.scheduler_file
 
         def setup_of(parameters: Parameters) -> Setup:
             return _setup(options, tasks, changes_of(parameters))
 
-        with workers_for(count, options.jobs, plugins_of(setup), *where) as workers:
+        with workers_for(count, options.jobs, plugins_of(setup), *where) as workers, _errors_of_study_in(options.out):
             drive = TrialDrives(workers, options.seeds, options.time_limit, setup_of)
             plan = Plan(options.trials, options.together, options.seed, options.metric)
             search(study, space, plan, seen, drive, tell)
@@ -151,6 +153,20 @@ def _check_ends(options: argparse.Namespace, tasks: Sequence[EpisodeTask], space
             others = [note for note in found.notes if note not in setup.notes]
             if others:
                 raise ValueError(f"the range of {name} goes beyond what is driven with: {others[0]}")
+
+
+@contextmanager
+def _errors_of_study_in(folder: Path) -> Iterator[None]:
+    """Turn what its data base raises, where a study cannot be read or written, into a ValueError of one line."""
+    try:
+        yield
+    except Exception as error:
+        known = ("optuna", "sqlalchemy")  # neither need be installed
+        if type(error).__module__.partition(".")[0] not in known:
+            raise
+        reason = error if getattr(error, "orig", None) else error.__cause__ or error
+        text = str(getattr(reason, "orig", reason)).partition("\n")[0]
+        raise ValueError(f"the study in {folder} cannot be read or written: {text}") from error
 
 
 def open_study(options: argparse.Namespace, space: Space, setup: Setup, tasks: Sequence[EpisodeTask]) -> Any:

@@ -141,6 +141,34 @@ def test_a_study_of_other_parameters_is_not_continued(tmp_path, capsys):
     assert "holds a study with other ranges" in capsys.readouterr().err
 
 
+def broken_at_first(folder, monkeypatch):
+    (folder / "study.db").write_text("no database, by any means; what was saved here is gone")
+
+
+def full_at_the_end_of_a_trial(folder, monkeypatch):
+    import optuna
+    import sqlalchemy
+
+    full = sqlalchemy.exc.OperationalError("INSERT", {}, OSError("database or disk is full"))
+    failed = optuna.exceptions.StorageInternalError("An exception is raised during the commit.")
+    failed.__cause__ = full
+    monkeypatch.setattr(optuna.Study, "add_trial", lambda study, trial: (_ for _ in ()).throw(failed))
+
+
+@pytest.mark.parametrize("breaks, words", [
+    (broken_at_first, "file is not a database"), (full_at_the_end_of_a_trial, "database or disk is full")])
+def test_a_study_that_cannot_be_kept_is_told_in_a_line(tmp_path, capsys, monkeypatch, breaks, words):
+    """A folder that cannot be written, or a full disk, showed some fifty lines of a traceback."""
+    out = tmp_path / "out"
+    out.mkdir()
+    breaks(out, monkeypatch)
+    common = [worlds(tmp_path, 1), *SLOW, "--trials", "1", "--param", "mine.pace=0.1:0.2"]
+    assert tune.main([*common, "--out", str(out)]) == 1
+    told = capsys.readouterr().err.splitlines()
+    assert told[-1] == f"tune.py: the study in {out} cannot be read or written: {words}"
+    assert not any("Traceback" in line for line in told)
+
+
 def test_what_matters_is_told_from_what_does_not():
     tried = [({"a.much": float(i), "a.none": float((i * 7) % 10)}, 2.0 * i) for i in range(10)]
     found = tune_picture.importances(tried)
