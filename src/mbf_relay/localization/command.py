@@ -62,7 +62,7 @@ def describe_stresses() -> List[str]:
 
 
 def pair_up(paths: Sequence[str]) -> List[Tuple[str, str]]:
-    """Return each log with the map that follows it.
+    """Return each log with the map that follows it, each such pair once.
 
     Raises:
         ValueError: A log has no map after it, or there is no log.
@@ -79,7 +79,7 @@ def pair_up(paths: Sequence[str]) -> List[Tuple[str, str]]:
         raise ValueError(
             f"log {waiting[0]} has no map; name its MAP.yaml after it" if waiting else f"there is no log in {paths[0]}"
         )
-    return pairs
+    return list(dict.fromkeys(pairs))
 
 
 def read_parameters(path: Optional[str]) -> Tuple[AmclParameters, Mapping[str, Any]]:
@@ -153,7 +153,8 @@ def main(arguments: Optional[List[str]] = None) -> int:
     """Run the command; return its exit status."""
     options = parse_arguments(arguments)
     try:
-        pairs, stresses = pair_up(options.files), [Stress()] + [parse_stress(text) for text in options.stress]
+        pairs = pair_up(options.files)
+        stresses = list(dict.fromkeys([Stress(), *map(parse_stress, options.stress)]))
         if options.seeds < 1:
             raise ValueError(f"--seeds is {options.seeds}; it must be at least 1")
         many = len(pairs) > 1 or options.seeds > 1 or len(stresses) > 1
@@ -187,10 +188,12 @@ def try_all(options: argparse.Namespace, pairs: Sequence[Tuple[str, str]], stres
     """Try all logs with all seeds under all stresses, and return a table; it is written where --out says so."""
     parameters, values = read_parameters(options.params)
     seeds, done = range(options.seed, options.seed + options.seeds), []
+    names = [log_path for log_path, _ in pairs]
     for log_path, map_path in pairs:
         log, occupancy = load_log(log_path), load_map(map_path)
         start, covariance = choose_start(options, values, log)
-        task = LogTask(log_path, log, occupancy, start, covariance)
+        name = log_path if names.count(log_path) == 1 else f"{log_path} on {map_path}"
+        task = LogTask(name, log, occupancy, start, covariance)
         done += list(run(task, parameters, stresses, seeds))
     rows = summarize_trials(done)
     if options.out:

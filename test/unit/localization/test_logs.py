@@ -128,6 +128,23 @@ def test_many_logs_seeds_and_stresses_give_a_table_with_intervals(tmp_path, caps
     assert recorded > 0.9 > stressed
 
 
+def test_a_log_on_two_maps_has_a_row_for_each_and_what_is_asked_for_twice_counts_once(tmp_path, monkeypatch):
+    """Both maps went into one row by the log's name, half right, and which of them was the better was not to be seen.
+
+    A stress that was given twice counted as twice as many trials, with an interval to match.
+    """
+    monkeypatch.chdir(tmp_path)
+    made = make_drive("hall", 12, Rough(beams=60), np.random.default_rng(1))
+    save_log("one.npz", made.log)
+    save_map("right", made.occupancy)
+    save_map("bare", replace(made.occupancy, data=np.zeros_like(made.occupancy.data)))
+    files = ["one.npz", "right.yaml", "one.npz", "bare.yaml", "one.npz", "right.yaml"]
+    assert main([*files, "--stress", "every=2", "--stress", "every=2", "--out", "out"]) == 0
+    rows = json.loads((tmp_path / "out" / "trials.json").read_text())
+    assert [(row["log"], row["trials"]) for row in rows] == 2 * [
+        ("one.npz on right.yaml", 1), ("one.npz on bare.yaml", 1), ("all", 2)]
+
+
 def test_a_truth_that_is_not_known_everywhere_judges_where_it_is(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     made = make_drive("hall", 8, Rough(), np.random.default_rng(1))
