@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import fcntl
 import json
 import math
+import os
 import sys
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Iterator, List, Optional, Sequence, Tuple
 
@@ -48,7 +50,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
             tell(f"tune.py: {note}")
         space = read_space(options.param, options.space, setup)
         _check_ends(options, tasks, space, setup)
-        with _errors_of_study_in(options.out):
+        with _study_in(options.out):
             study = open_study(options, space, setup, tasks)
         count = len(seen) * len(options.seeds) * options.together
         where = options.scheduler, options.scheduler_file
@@ -56,7 +58,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         def setup_of(parameters: Parameters) -> Setup:
             return _setup(options, tasks, changes_of(parameters))
 
-        with workers_for(count, options.jobs, plugins_of(setup), *where) as workers, _errors_of_study_in(options.out):
+        with workers_for(count, options.jobs, plugins_of(setup), *where) as workers, _study_in(options.out):
             drive = TrialDrives(workers, options.seeds, options.time_limit, setup_of)
             plan = Plan(options.trials, options.together, options.seed, options.metric)
             search(study, space, plan, seen, drive, tell)
@@ -155,10 +157,22 @@ def _check_ends(options: argparse.Namespace, tasks: Sequence[EpisodeTask], space
                 raise ValueError(f"the range of {name} goes beyond what is driven with: {others[0]}")
 
 
-@contextmanager
-def _errors_of_study_in(folder: Path) -> Iterator[None]:
-    """Turn what its data base raises, where a study cannot be read or written, into a ValueError of one line."""
+@contextlib.contextmanager
+def _study_in(folder: Path) -> Iterator[None]:
+    """Have a folder alone for a while, and what the data base raises there as a ValueError of one line.
+
+    Raises:
+        ValueError: Another search is at work there, or the study cannot be read or written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    descriptor = os.open(str(folder), os.O_RDONLY)
     try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise ValueError(f"another search is at work in {folder}; wait for it or choose another --out") from error
+        except OSError:
+            pass  # a file system that has no locks, or none of a folder
         yield
     except Exception as error:
         known = ("optuna", "sqlalchemy")  # neither need be installed
@@ -167,6 +181,8 @@ def _errors_of_study_in(folder: Path) -> Iterator[None]:
         reason = error if getattr(error, "orig", None) else error.__cause__ or error
         text = str(getattr(reason, "orig", reason)).partition("\n")[0]
         raise ValueError(f"the study in {folder} cannot be read or written: {text}") from error
+    finally:
+        os.close(descriptor)
 
 
 def open_study(options: argparse.Namespace, space: Space, setup: Setup, tasks: Sequence[EpisodeTask]) -> Any:
@@ -180,7 +196,6 @@ def open_study(options: argparse.Namespace, space: Space, setup: Setup, tasks: S
     except ImportError as error:
         raise ValueError(f"tuning needs Optuna (python3-optuna): {error}") from error
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    options.out.mkdir(parents=True, exist_ok=True)
     about = {
         "ranges": {name: list(bounds) for name, bounds in space.items()}, "metric": options.metric,
         "seeds": options.seeds, "seed": options.seed, "together": options.together,

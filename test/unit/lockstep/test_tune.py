@@ -169,6 +169,25 @@ def test_a_study_that_cannot_be_kept_is_told_in_a_line(tmp_path, capsys, monkeyp
     assert not any("Traceback" in line for line in told)
 
 
+def test_two_searches_in_one_folder_do_not_write_each_other_s_trials(tmp_path, capsys, monkeypatch):
+    """Both drove the same trials and noted them twice: of four asked for there were five, and no resuming such a study.
+    """
+    out = tmp_path / "out"
+    common = [worlds(tmp_path, 1), *SLOW, "--trials", "1", "--param", "mine.pace=0.1:0.2", "--out", str(out)]
+    told, search = [], tune.search
+
+    def search_beside(*arguments):
+        monkeypatch.setattr(tune, "search", search)
+        assert tune.main(common) == 1
+        told.extend(capsys.readouterr().err.splitlines())
+        search(*arguments)
+
+    monkeypatch.setattr(tune, "search", search_beside)
+    assert tune.main(common) == 0
+    assert told == [f"tune.py: another search is at work in {out}; wait for it or choose another --out"]
+    assert len(trials(out)) == 1
+
+
 def test_what_matters_is_told_from_what_does_not():
     tried = [({"a.much": float(i), "a.none": float((i * 7) % 10)}, 2.0 * i) for i in range(10)]
     found = tune_picture.importances(tried)
