@@ -286,6 +286,8 @@ def connected(
                     n_workers=processes, threads_per_worker=1, processes=False, memory_limit=0,
                     dashboard_address="127.0.0.1:0", silence_logs=50,
                 ))
+            link = dask.config.get("distributed.dashboard.link", "").replace("{host}", "127.0.0.1")  # it has no other
+            stack.enter_context(dask.config.set({"distributed.dashboard.link": link}))
             client = stack.enter_context(distributed.Client(local, set_as_default=False))
             stack.callback(driver.end_all)
         dashboard = getattr(client, "dashboard_link", "")  # which Noetic's does not tell

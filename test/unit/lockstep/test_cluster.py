@@ -247,6 +247,15 @@ def test_a_worker_of_other_sources_and_one_without_the_package_get_no_work(tmp_p
     assert "has other sources of version" in text and "cannot work: No module named 'mbf_relay'" in text
 
 
+def test_the_dashboard_that_is_told_is_there():
+    """Told was the machine's address in its network, where nothing listens: the dashboard is this machine's alone."""
+    told = []
+    with connected(sources([]), 1, say=told.append):
+        for line in told:  # Noetic's Dask tells none
+            host, port = line.partition("//")[2].partition("/")[0].split(":")
+            socket.create_connection((host, int(port)), PATIENCE).close()
+
+
 def test_a_machine_that_slept_has_lost_none_of_its_own_workers():
     with connected(sources([]), 1, say=lambda line: None) as cluster:
         scheduler = cluster._client.cluster.scheduler
