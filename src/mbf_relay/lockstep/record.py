@@ -17,7 +17,7 @@ from mbf_relay.lockstep.smoothness import path_length, smoothness
 from mbf_relay.lockstep.tasks import EpisodeTask
 from mbf_relay.lockstep.touches import Touches
 from mbf_relay.simulation.contacts import Contact
-from mbf_relay.simulation.robot import RobotModel
+from mbf_relay.simulation.robot import OMNIDIRECTIONAL, RobotModel
 
 SAMPLING = 10.0
 """Hz at which the drive is noted."""
@@ -86,6 +86,7 @@ class Record:
         driven = times - times[0]
         linear, angular = velocities(times, truth)
         length = path_length(truth)
+        along = speeds(times, truth) if self._robot.drive == OMNIDIRECTIONAL else linear
         errors = np.hypot(*(believed - truth)[:, :2].T)
         reference = task.reference_path_length
         near = clearances(task.world, times - self._start_time, truth, self._robot)
@@ -109,7 +110,7 @@ class Record:
             localization_error_mean=float(errors.mean()), localization_error_max=float(errors.max()),
             heading_error_mean=float(np.abs(normalize_angles(believed[:, 2] - truth[:, 2])).mean()),
             final_error=float(np.hypot(*(truth[-1, :2] - np.array(task.goals[-1][:2])))),
-            smoothness=smoothness(times, linear, angular, length),
+            smoothness=smoothness(times, along, angular, length),
             goal_times=tuple(time - self._times[0] for time in reached),
             goal_waits=() if tolerance is None else waits(times, believed, task.goals, reached, tolerance),
             trajectory=np.round(np.column_stack((driven, truth, linear, angular)), 4).tolist(),
@@ -130,6 +131,12 @@ def velocities(times: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.nda
     forward = (steps[:, 0] * np.cos(middle) + steps[:, 1] * np.sin(middle)) / periods
     angular = normalize_angles(np.diff(poses[:, 2])) / periods
     return np.concatenate(([0.0], forward)), np.concatenate(([0.0], angular))
+
+
+def speeds(times: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """Return speeds (m/s) between poses, whichever way they lead; arguments and shape as for `velocities`."""
+    steps = np.diff(poses[:, :2], axis=0)
+    return np.concatenate(([0.0], np.hypot(steps[:, 0], steps[:, 1]) / np.diff(times)))
 
 
 def waits(

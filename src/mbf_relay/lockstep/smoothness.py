@@ -53,7 +53,7 @@ def smoothness(times: np.ndarray, linear: np.ndarray, angular: np.ndarray, lengt
     Args:
         times: Shape (N,), seconds, rising. A drive begins and ends between two samples: one that came sooner than half
             the longest period after the one before is left out, for the slightest change in so little time is a jerk.
-        linear: Forward velocities (m/s), shape (N,).
+        linear: Forward velocities (m/s), shape (N,); speeds, of a robot that goes sideways as well.
         angular: Angular velocities (rad/s), shape (N,).
         length: How far it drove (m).
     """

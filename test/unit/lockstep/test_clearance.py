@@ -126,3 +126,15 @@ def test_whoever_stands_beside_somebody_all_the_time_does_so_for_as_long_as_the_
     result = record.result("TIMEOUT", "", 0.22, [], None, {})
     assert result.personal_space_time == pytest.approx(0.21) and result.close_time == pytest.approx(0.21)
     assert result.time == pytest.approx(0.21)
+
+
+@pytest.mark.parametrize("heading", [0.0, math.pi / 2, 2.0])
+def test_an_omnidirectional_robot_drives_as_calmly_whichever_way_it_looks(heading):
+    """One that went sideways all the way was told to stand all the time, and without any acceleration."""
+    goal = Pose2D(1.0, 0.0, heading)
+    record = Record(EpisodeTask("aside", World("aside", ()), (goal,), 9.0), 1, 0.0, load_robot("omni"))
+    for time in np.arange(0.0, 2.05, 0.1):
+        pose = Pose2D(0.1 * time ** 2, 0.0, heading)
+        record.note(float(time), pose, pose)
+    figures = record.result("TIMEOUT", "", 0.5, [], None, {}).smoothness
+    assert figures.mean_acceleration == pytest.approx(0.2, rel=0.06) and figures.standing_share < 0.1
