@@ -246,6 +246,10 @@ def answer(work: bytes) -> Answer:
                 return REFUSED, difference.encode()
         return DONE, pickle.dumps(call(argument), protocol=4)
     except Exception as error:  # whatever a plugin throws must not end the batch
+        from mbf_relay.plugins import PluginFailure
+
+        if isinstance(error, PluginFailure):  # it says where
+            return THREW, str(error).encode()
         last = traceback.extract_tb(error.__traceback__)[-1]
         return THREW, f"{type(error).__name__}: {error} ({last.name}, line {last.lineno})".encode()
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbf_relay.control.controller import Controller
+from mbf_relay.costmap.layer import Layer
 from mbf_relay.geometry import STOP, Twist2D
 from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.parameters import ParameterSet, parameter
@@ -113,6 +114,16 @@ class Trembling(Throwing):
 
     def compute_velocity(self, state):
         return Twist2D(0.15 + 0.02 * np.random.randn(), 0.0, random.uniform(-0.1, 0.1))
+
+
+class Forgetful(Layer):
+    """A layer with a mistake in it."""
+
+    def update_bounds(self, context, window):
+        return {}["size"]
+
+    def update_costs(self, costs, window):
+        pass
 
 
 class Never(Planner):

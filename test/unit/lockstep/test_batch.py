@@ -113,6 +113,18 @@ def test_what_crashes_is_one_failed_line_that_scores_nothing(tmp_path):
     assert "exit status 9" in messages["free"] and "choose a free place" in messages["blocked_start"]
 
 
+def test_a_mistake_in_a_layer_is_told_by_its_own_line(tmp_path):
+    """The line that was told last was one of the package's: "(__exit__, line 87)"."""
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE)
+    own = tmp_path / "own.yaml"
+    own.write_text("move_base_flex: {local_costmap: {plugins: [{name: own, type: small_worlds.Forgetful}]}}")
+    assert batch.main([worlds, "--out", str(tmp_path / "out"), "--jobs", "1", "--config", str(own)]) == 0
+    (result,), _ = read_lines(tmp_path / "out" / LINES)
+    line = next(number for number, text in enumerate(Path(small_worlds.__file__).read_text().splitlines(), 1)
+                if '{}["size"]' in text)
+    assert result.message == f"layer 'own' failed with KeyError: 'size' (small_worlds.py, line {line})"
+
+
 def test_an_episode_that_computes_for_ever_is_ended_and_driven_again_on_request(tmp_path, capsys):
     worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE, small_worlds.BENT)
     hang = "controllers=[{name: own, type: small_worlds.Hanging}]"
