@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import fcntl
 import math
 import os
 import sys
+from pathlib import Path
 from typing import List, Optional, Sequence, TextIO
 
 
@@ -16,6 +18,20 @@ def without_remappings(arguments: Sequence[str]) -> List[str]:
 def finite(values: Sequence[float]) -> List[Optional[float]]:
     """Return the values with None for what JSON has no number for."""
     return [value if math.isfinite(value) else None for value in values]
+
+
+def have_alone(descriptor: int, folder: Path, whose: str) -> None:
+    """Lock an open file or folder against others until it is closed; a file system without locks has none.
+
+    Raises:
+        ValueError: Another process has it.
+    """
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise ValueError(f"another {whose} is writing to {folder}; wait for it or choose another --out") from error
+    except OSError:
+        pass
 
 
 def say(text: str) -> None:

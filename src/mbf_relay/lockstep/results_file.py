@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 from pathlib import Path
 from typing import Any, Dict, List, Mapping, Optional, Set, Tuple
 
+from mbf_relay.lockstep.command import have_alone
 from mbf_relay.lockstep.result import ERROR, EpisodeResult
 from mbf_relay.whole_files import write_whole
 
@@ -46,7 +46,7 @@ class ResultsFile:
         self._path = folder / LINES
         self._descriptor = os.open(str(self._path), os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
         try:
-            self._lock(folder)
+            have_alone(self._descriptor, folder, "batch")
             _check_settings(folder, settings)
             self._end_last_line()
             found, self.warnings = read_lines(self._path)
@@ -54,12 +54,6 @@ class ResultsFile:
         except BaseException:
             os.close(self._descriptor)
             raise
-
-    def _lock(self, folder: Path) -> None:
-        try:
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise ValueError(f"another batch is writing to {folder}; wait for it or choose another --out") from error
 
     def _end_last_line(self) -> None:
         """End a line that a kill cut short, so that the next one starts on its own."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import fcntl
 import json
 import math
 import os
@@ -18,7 +17,7 @@ from mbf_relay.commands import positive
 from mbf_relay.files import parse_yaml, read_text
 from mbf_relay.lockstep import tune_picture
 from mbf_relay.lockstep.batch import settings_of
-from mbf_relay.lockstep.command import say, without_remappings
+from mbf_relay.lockstep.command import have_alone, say, without_remappings
 from mbf_relay.lockstep.compare_many import contrasts
 from mbf_relay.lockstep.options import add_setup_options, add_worker_options, seeds
 from mbf_relay.lockstep.settings import config_folder, full_name, load_settings, own_part
@@ -50,30 +49,30 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
             tell(f"tune.py: {note}")
         space = read_space(options.param, options.space, setup)
         _check_ends(options, tasks, space, setup)
-        with _study_in(options.out):
-            study = open_study(options, space, setup, tasks)
         count = len(seen) * len(options.seeds) * options.together
         where = options.scheduler, options.scheduler_file
 
         def setup_of(parameters: Parameters) -> Setup:
             return _setup(options, tasks, changes_of(parameters))
 
-        with workers_for(count, options.jobs, plugins_of(setup), *where) as workers, _study_in(options.out):
-            drive = TrialDrives(workers, options.seeds, options.time_limit, setup_of)
-            plan = Plan(options.trials, options.together, options.seed, options.metric)
-            search(study, space, plan, seen, drive, tell)
-            if not math.isfinite(study.best_value):
-                raise ValueError("no trial could drive every world, so that none is the best; batch.py tells why")
-            best, better = dict(study.best_params), measure_of(options.metric).better
-            write_best(options.out, setup_of(best))
-            tune_picture.draw(
-                options.out / "study.png",
-                [(trial.params, better * trial.value) for trial in study.get_trials()
-                 if trial.value is not None and math.isfinite(trial.value)],
-                better,
-            )
-            say("\n".join(f"{name}: {value:g}" for name, value in best.items()))
-            say(verdict(unseen, best, drive, options.metric, is_unseen=len(seen) < len(tasks)))
+        with _study_in(options.out):
+            study = open_study(options, space, setup, tasks)
+            with workers_for(count, options.jobs, plugins_of(setup), *where) as workers:
+                drive = TrialDrives(workers, options.seeds, options.time_limit, setup_of)
+                plan = Plan(options.trials, options.together, options.seed, options.metric)
+                search(study, space, plan, seen, drive, tell)
+                if not math.isfinite(study.best_value):
+                    raise ValueError("no trial could drive every world, so that none is the best; batch.py tells why")
+                best, better = dict(study.best_params), measure_of(options.metric).better
+                write_best(options.out, setup_of(best))
+                tune_picture.draw(
+                    options.out / "study.png",
+                    [(trial.params, better * trial.value) for trial in study.get_trials()
+                     if trial.value is not None and math.isfinite(trial.value)],
+                    better,
+                )
+                say("\n".join(f"{name}: {value:g}" for name, value in best.items()))
+                say(verdict(unseen, best, drive, options.metric, is_unseen=len(seen) < len(tasks)))
     except (OSError, ValueError) as error:
         print(f"tune.py: {error}", file=sys.stderr)
         return 1
@@ -167,12 +166,7 @@ def _study_in(folder: Path) -> Iterator[None]:
     folder.mkdir(parents=True, exist_ok=True)
     descriptor = os.open(str(folder), os.O_RDONLY)
     try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise ValueError(f"another search is at work in {folder}; wait for it or choose another --out") from error
-        except OSError:
-            pass  # a file system that has no locks, or none of a folder
+        have_alone(descriptor, folder, "search")
         yield
     except Exception as error:
         known = ("optuna", "sqlalchemy")  # neither need be installed

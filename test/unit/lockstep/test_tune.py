@@ -184,7 +184,7 @@ def test_two_searches_in_one_folder_do_not_write_each_other_s_trials(tmp_path, c
 
     monkeypatch.setattr(tune, "search", search_beside)
     assert tune.main(common) == 0
-    assert told == [f"tune.py: another search is at work in {out}; wait for it or choose another --out"]
+    assert told == [f"tune.py: another search is writing to {out}; wait for it or choose another --out"]
     assert len(trials(out)) == 1
 
 
