@@ -17,6 +17,7 @@ from mbf_relay.costmap.layer import Layer, LayerContext, ZoneLimit, changed_wind
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.outline import check_padded
 from mbf_relay.costmap.parameters import CostmapParameters
+from mbf_relay.costmap.shared_inputs import inputs_of
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.maps import OccupancyMap
@@ -81,8 +82,8 @@ class Costmap:
 
     @property
     def sources(self) -> Dict[str, Any]:
-        """All layers' sensors by name, with their parameters (SourceParameters)."""
-        return {name: source for layer in self.layers for name, source in layer.sources.items()}
+        """All layers' sensors by the names of `inputs_of`, with their parameters (SourceParameters)."""
+        return {key: layer.sources[name] for key, [(layer, name), *_] in inputs_of(self.layers).items()}
 
     @property
     def footprint(self) -> np.ndarray:
@@ -150,23 +151,22 @@ class Costmap:
         Raises:
             ValueError: There is no such source.
         """
-        takers = [layer for layer in self.layers if source in layer.sources]
+        takers = inputs_of(self.layers).get(source)
         if not takers:
             raise ValueError(
                 f"{self.name} has no observation source '{source}'; it has: {', '.join(self.sources) or 'none'}")
         observation = observation.dated(now).without_robot(self._footprint)
         with self._lock:
             self._shown = None
-            for layer in sorted(takers, key=lambda taker: taker.tracks is None):
-                rest = layer.observe(source, observation, observation.stamp if now is None else now)
+            for layer, name in sorted(takers, key=lambda taker: taker[0].tracks is None):
+                rest = layer.observe(name, observation, observation.stamp if now is None else now)
                 observation = observation if rest is None or not layer.enabled else rest
 
     def refuse(self, source: str, reason: str, is_blind: bool = True) -> None:
         """Take note why a message of a sensor, one of `sources`, is not used; see Layer.refuse."""
         with self._lock:
-            for layer in self.layers:
-                if source in layer.sources:
-                    layer.refuse(source, reason, is_blind)
+            for layer, name in inputs_of(self.layers).get(source, ()):
+                layer.refuse(name, reason, is_blind)
 
     @property
     def zone_limit(self) -> ZoneLimit:

@@ -10,6 +10,7 @@ from geometry_msgs.msg import Polygon
 from mbf_relay.costmap import factory
 from mbf_relay.costmap.freshness import next_update
 from mbf_relay.costmap.layer import tracks_of
+from mbf_relay.costmap.shared_inputs import inputs_of
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common import parameters as ros_parameters
@@ -76,12 +77,11 @@ class CostmapNode:
         for layer in self.costmap.layers:
             if layer.map_source is not None:
                 self._maps.append(MapInput(layer.name, layer.map_source, self.costmap, self._stepper.wake))
-            for source, parameters in layer.sources.items():
-                if source in self._sensors:  # another layer's as well; the costmap hands what comes to both
-                    continue
-                patience = max(layer.sensor_patience, self.costmap.parameters.transform_tolerance)
-                self._sensors[source] = SensorInput(
-                    source, parameters, self.costmap, self._transforms, patience, layer.max_age(source), self.timings)
+        for name, [(layer, source), *_] in inputs_of(self.costmap.layers).items():
+            patience = max(layer.sensor_patience, self.costmap.parameters.transform_tolerance)
+            self._sensors[name] = SensorInput(
+                name, layer.sources[source], self.costmap, self._transforms, patience, layer.max_age(source),
+                self.timings)
         topic = rospy.resolve_name(f"~{self._name}/{self.costmap.parameters.footprint_topic}")
         if topic != self._publisher.footprint_topic:  # costmap_2d's default names both alike, with different types
             self._outline = rospy.Subscriber(topic, Polygon, self._take_footprint, queue_size=1)
