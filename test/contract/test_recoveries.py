@@ -277,6 +277,17 @@ def test_move_slow_limits_the_controller_that_failed_for_a_while():
     assert controller.speed_limit_at(Pose2D(0.31, 0.0, 0.0)) == SpeedLimit()
 
 
+@pytest.mark.parametrize("values, cleared", [
+    ({}, ("laserobstacles", "obstacles_rgbd", "obstacle_layer")), ({"layer_names": ["sonar"]}, ("sonar",)),
+])
+def test_move_slow_clears_all_layers_of_obstacles_as_upstream_s_does(values, cleared):
+    world = PaperWorld()
+    layers = ("static_layer", "laserobstacles", "obstacles_rgbd", "obstacle_layer", "sonar")
+    world.costmaps["local"].layers = [PaperLayer(name) for name in layers]
+    world.run(make(SLOW, **values))
+    assert world.costmaps["local"].cleared[0][0] == cleared
+
+
 def test_wait_stands_for_its_time():
     world = PaperWorld().run(make("wait", duration=1.5))
     assert world.now - 100.0 == pytest.approx(1.5, abs=0.06) and set(world.commands) == {Twist2D(0.0, 0.0, 0.0)}

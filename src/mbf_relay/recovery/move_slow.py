@@ -20,7 +20,8 @@ class MoveSlowParameters(ParameterSet):
     limited_trans_speed: float = parameter(0.25, "top translational speed for a while", "m/s", minimum=0.0)
     limited_rot_speed: float = parameter(0.45, "top rotational speed for a while", "rad/s", minimum=0.0)
     limited_distance: float = parameter(0.3, "distance after which the limits are lifted", "m", minimum=0.0)
-    layer_names: Tuple[str, ...] = parameter(NAMES_BY_DEFAULT, "layers to clear")
+    layer_names: Tuple[str, ...] = parameter(
+        (), "layers to clear; empty for obstacle_layer and all with 'obstacles' in their names")
     max_trans_param_name: str = parameter("max_trans_vel", "read, and without effect: the controller is told directly")
     max_rot_param_name: str = parameter("max_rot_vel", "read, and without effect: the controller is told directly")
     planner_namespace: str = parameter(
@@ -46,7 +47,14 @@ class MoveSlowAndClear(Recovery):
         p = self.parameters
         costmaps = [costmap for costmap in context.costmaps.values() if costmap is not None]
         for costmap in costmaps:
-            clear_round_robot(context, costmap, p.layer_names, 2.0 * p.clearing_distance, True)
+            usual = tuple(layer.name for layer in costmap.layers if _is_usual(layer.name))
+            clear_round_robot(context, costmap, p.layer_names or usual, 2.0 * p.clearing_distance, True)
         if context.controller is not None:
             context.controller.limit_speed(SpeedLimit(p.limited_trans_speed, p.limited_rot_speed, p.limited_distance))
         yield from stand_until_updated(context, costmaps, context.now)
+
+
+def _is_usual(layer: str) -> bool:
+    """Return whether a layer of that name is cleared where the user names none; upstream looks for "obstacles" in it.
+    """
+    return "obstacles" in layer or layer in NAMES_BY_DEFAULT
