@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -30,6 +30,7 @@ KNOWN = {
     "difficulty",
     "map",
 }
+KNOWN_OF_MOVERS = {"name", "radius", "height", "box", "waypoints", "loop"}
 ORANGE = (0.85, 0.45, 0.20, 1.0)
 
 
@@ -112,11 +113,19 @@ def world_of(path: Path, index: int, entry: Any) -> World:
             _positive(entry, "goal_radius") or 1.0,
             _positive(entry, "reference_path_length"),
             _positive(entry, "time_limit"),
-            tuple(f"'{key}' of world {name} is not understood" for key in entry if key not in KNOWN),
+            tuple(_not_understood(name, entry)),
             _map_file(path, entry.get("map")),
         )
     except (ValueError, TypeError) as error:
         raise ValueError(f"{where}: {error}") from error
+
+
+def _not_understood(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a line for each thing that an entry, or a mover of it, says and nobody reads."""
+    yield from (f"'{key}' of world {name} is not understood" for key in entry if key not in KNOWN)
+    for index, mover in enumerate(entry.get("movers", [])):
+        unknown = (key for key in mover if key not in KNOWN_OF_MOVERS)
+        yield from (f"'{key}' of mover {index} of world {name} is not understood" for key in unknown)
 
 
 def _map_file(path: Path, name: Any) -> Optional[str]:
@@ -153,9 +162,11 @@ def _mover(index: int, entry: Any) -> Mover:
     rows[:, :count] = [_numbers(f"a waypoint of mover {index}", row, count) for row in waypoints] or np.empty(
         (0, count)
     )
-    name = str(entry.get("name", f"mover_{index}"))
+    name, loop = str(entry.get("name", f"mover_{index}")), entry.get("loop", True)
+    if not isinstance(loop, bool):
+        raise ValueError(f"loop of mover {index} is {loop!r}; it must be true or false")
     body = Body(name, shape, Frame.of(0.0, 0.0, height / 2.0), colour=ORANGE)
-    return Mover(body, rows[:, 0], rows[:, 1:], bool(entry.get("loop", True)))
+    return Mover(body, rows[:, 0], rows[:, 1:], loop)
 
 
 def _pose(entry: Mapping[str, Any], name: str) -> Pose2D:

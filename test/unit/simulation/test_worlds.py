@@ -343,6 +343,16 @@ def test_worlds_files(tmp_path):
         load_world(path, "u")
 
 
+def test_a_mover_s_slips_are_told_as_a_world_s_are(tmp_path):
+    """Who was to walk by once ("loop": "false") came round for ever, and "loops" was passed over in silence."""
+    mover = {"radius": 0.2, "height": 1.7, "waypoints": [[0, 1, 1], [2, 3, 1]]}
+    world = load_world(write(tmp_path / "w.json", worlds_json(movers=[mover, {**mover, "loops": False}])))
+    assert world.warnings == ("'loops' of mover 1 of world w is not understood",)
+    path = write(tmp_path / "w.json", worlds_json(movers=[{**mover, "loop": "false"}]))
+    with pytest.raises(ValueError, match="world w: loop of mover 0 is 'false'; it must be true or false"):
+        load_world(path)
+
+
 @pytest.mark.parametrize(
     "text, said",
     [
