@@ -74,8 +74,7 @@ def serve(action: bool = True, topic: bool = True, side: Optional[ServerSide] = 
     if server is not None:
         server.start()
         check_alone("move_base")
-    if topic:
-        SimpleGoals(relay, through_action=action)
+    poses = SimpleGoals(relay, through_action=action) if topic else None
     rospy.loginfo("move_base is here, carried out by %s", rospy.resolve_name(parameters.server))
     was_up = False
     # nothing here may wait for anybody: it renews the lease of what the robot drives for
@@ -86,6 +85,8 @@ def serve(action: bool = True, topic: bool = True, side: Optional[ServerSide] = 
             side.came()
         was_up = is_up
         relay.check()
+        if poses is not None:
+            poses.check()
         time.sleep(CHECK_PERIOD)
 
 
@@ -175,19 +176,26 @@ class SimpleGoals:
     """move_base_simple/goal: poses that become goals."""
 
     def __init__(self, relay: Relay, through_action: bool) -> None:
-        """Subscribe.
+        """Make ready for them; `check` begins to listen.
 
         Args:
             relay: Who pursues them where there is no action.
             through_action: Publish them as action goals, for everyone to see and cancel, as move_base does.
         """
         self._relay, self._count = relay, 0
-        self._goals = None
+        self._goals: Optional[rospy.Publisher] = None
+        self._poses: Optional[rospy.Subscriber] = None
         if through_action:
             self._goals = rospy.Publisher(
                 "move_base/goal", move_base_msgs.MoveBaseActionGoal, queue_size=10, tcp_nodelay=True
             )
-        rospy.Subscriber("move_base_simple/goal", PoseStamped, self._take, queue_size=10, tcp_nodelay=True)
+
+    def check(self) -> None:
+        """Listen once this node hears its own goals: a latched pose comes at once, and its goal would be lost before.
+        """
+        if self._poses is None and (self._goals is None or self._goals.impl.has_connection(rospy.get_name())):
+            self._poses = rospy.Subscriber(
+                "move_base_simple/goal", PoseStamped, self._take, queue_size=10, tcp_nodelay=True)
 
     def _take(self, pose: PoseStamped) -> None:
         if self._goals is not None:

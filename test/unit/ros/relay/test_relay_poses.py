@@ -1,0 +1,50 @@
+"""Clicked poses on their way to the relay, as goals of the node's own action."""
+
+import pytest
+
+rospy = pytest.importorskip("rospy")
+pytest.importorskip("mbf_msgs.msg")
+
+from geometry_msgs.msg import PoseStamped  # noqa: E402
+
+from mbf_relay.ros.relay import node  # noqa: E402
+
+
+class PaperTopic:
+    """A publisher by rospy's rules: what goes out before somebody is connected is lost."""
+
+    def __init__(self, *_arguments, **_options):
+        self.listeners, self.heard, self.impl = [], [], self
+
+    def has_connection(self, listener):
+        return listener in self.listeners
+
+    def publish(self, message):
+        self.heard += [(listener, message) for listener in self.listeners]
+
+
+def latched(pose):
+    """Return a Subscriber to which a pose comes as soon as it is made."""
+    return lambda topic, kind, callback, **_options: callback(pose)
+
+
+@pytest.mark.parametrize("through_action", [True, False])
+def test_a_latched_pose_becomes_a_goal_however_early_it_is_there(monkeypatch, through_action):
+    """It was published to nobody where the node did not hear itself yet: the robot stood, and nobody was told why."""
+    pose, pursued = PoseStamped(), []
+    relay = type("Relay", (), {"take_goal": lambda self, goal, now: pursued.append(goal)})()
+    for name, stand_in in {"Publisher": PaperTopic, "Subscriber": latched(pose), "get_name": lambda: "/move_base",
+                           "get_rostime": lambda: rospy.Time(1), "get_time": lambda: 0.0}.items():
+        monkeypatch.setattr(f"rospy.{name}", stand_in)
+    poses = node.SimpleGoals(relay, through_action)
+    poses.check()
+    if through_action:
+        goals = poses._goals
+        goals.listeners.append("/rostopic")  # whoever else listens carries nothing out
+        poses.check()
+        goals.listeners.append("/move_base")
+        poses.check()
+        pursued = [message.goal.target_pose for listener, message in goals.heard if listener == "/move_base"]
+        assert pursued == [pose]
+    else:
+        assert len(pursued) == 1
