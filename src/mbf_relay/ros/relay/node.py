@@ -44,7 +44,7 @@ def serve(action: bool = True, topic: bool = True, side: Optional[ServerSide] = 
     client = ActionClient(
         f"{parameters.server}/move_base",
         MoveBaseAction,
-        parameters.server_timeout,
+        parameters.acknowledge_timeout,
         parameters.silence_timeout,
         leased=True,
     )

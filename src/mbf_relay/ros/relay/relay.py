@@ -35,7 +35,7 @@ from actionlib_msgs.msg import GoalID
 from move_base_msgs.msg import MoveBaseFeedback, MoveBaseGoal
 
 from mbf_relay.parameters import ParameterSet, parameter
-from mbf_relay.ros.common.actions.client_goals import ActionEnding
+from mbf_relay.ros.common.actions.client_goals import RESEND_AFTER, ActionEnding
 from mbf_relay.ros.relay import answers
 from mbf_relay.ros.relay.answers import Answer
 
@@ -68,6 +68,11 @@ class RelayParameters(ParameterSet):
     stop_on_server_loss: bool = parameter(
         True, "send zero velocity when a goal has ended and none follows, also where its server was lost")
     global_frame: str = parameter("map", "frame of ~current_goal", is_frame=True)
+
+    @property
+    def acknowledge_timeout(self) -> float:
+        """How long (s) a server that is there may take to tell of a goal, which may get lost and be sent again."""
+        return max(self.server_timeout, 3.0 * RESEND_AFTER)
 
 
 class ClientGoal(Protocol):
@@ -229,7 +234,8 @@ class Relay:
             if active is None:
                 pass
             elif active.sent is None and now - active.waits_since > parameters.server_timeout:
-                self._end(answers.server_absent(parameters))
+                if not self._server.server_is_up:  # else it waits for a predecessor's end, and not for long
+                    self._end(answers.server_absent(parameters))
             elif active.cancelled_at is not None and now - active.cancelled_at > parameters.cancel_timeout:
                 self._end(answers.preempted(reason="the server did not answer the cancel"))
             for sent in list(self._at_server):

@@ -382,3 +382,19 @@ def test_a_lost_goal_keeps_its_reason_in_the_text(setup):
     goal = setup.goal()
     setup.server.sent[0].end(LOST, text="action server /mbf/move_base was restarted or dropped the goal")
     assert goal.text == "Action server /mbf/move_base was restarted or dropped the goal"
+
+
+def test_who_does_not_wait_for_a_server_waits_for_one_that_is_there():
+    """By server_timeout: 0 a goal was aborted for want of a server that was still ending the one before it."""
+    setup = Setup(server_timeout=0.0)
+    setup.cancel(setup.goal())
+    goal = setup.goal()
+    setup.wait(0.1)
+    assert goal.state == ACTIVE
+    setup.server.sent[0].end(PREEMPTED, MoveBaseResult.CANCELED)
+    setup.server.sent[1].end(SUCCEEDED, MoveBaseResult.SUCCESS)
+    assert goal.state == SUCCEEDED
+    setup.server.die()
+    goal = setup.goal()
+    setup.wait(0.1)
+    assert goal.state == ABORTED

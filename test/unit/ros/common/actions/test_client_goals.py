@@ -11,7 +11,8 @@ from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray  # noqa: E402
 from genpy import Time  # noqa: E402
 from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult, MoveBaseGoal  # noqa: E402
 
-from mbf_relay.ros.common.actions.client_goals import ClientGoals  # noqa: E402
+from mbf_relay.ros.common.actions.client_goals import RESEND_AFTER, ClientGoals  # noqa: E402
+from mbf_relay.ros.relay.relay import RelayParameters  # noqa: E402
 
 
 class Links:
@@ -28,13 +29,13 @@ class Links:
         self.renewed.append(goal_id.id)
 
 
-def make(links, life="00000002"):
+def make(links, life="00000002", acknowledge_timeout=10.0):
     return ClientGoals(
         "/server/drive",
         "/relay",
         MoveBaseActionGoal,
         links,
-        10.0,
+        acknowledge_timeout,
         lambda: links.now,
         lambda: Time.from_sec(links.now),
         life=life,
@@ -150,3 +151,20 @@ def test_an_end_comes_once_whatever_arrives_twice_or_not_at_all():
         GoalStatus.SUCCEEDED,
         GoalStatus.ABORTED,
     ] and goals.open_goals == []
+
+
+@pytest.mark.parametrize("server_timeout", [0.0, 0.5, 20.0])
+def test_a_server_that_is_there_is_given_time_to_tell_of_a_goal_however_short_an_absent_one_is_waited_for(
+    server_timeout
+):
+    """By server_timeout: 0 the next look, a tenth of a second after the goal had left, took it for lost."""
+    links = Links()
+    goals = make(links, acknowledge_timeout=RelayParameters(server_timeout=server_timeout).acknowledge_timeout)
+    sent = goals.send(MoveBaseGoal())
+    links.now += RESEND_AFTER + 0.1
+    goals.check()
+    assert sent.ending is None and len(links.goals) == 2
+    goals.take_status(status((sent.goal_id, GoalStatus.ACTIVE)))
+    links.now += 100.0
+    goals.check()
+    assert sent.ending is None
