@@ -10,6 +10,8 @@ from typing import Callable, Dict, List, Mapping, Optional, Tuple
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from mbf_relay.outcomes import as_told
+
 OK = DiagnosticStatus.OK
 WARN = DiagnosticStatus.WARN
 ERROR = DiagnosticStatus.ERROR
@@ -48,9 +50,10 @@ class Diagnostics:
                 level, message, values = reporter()
             except Exception as error:  # one part's mistake must silence neither the others nor itself
                 level, message, values = ERROR, f"cannot be told: {type(error).__name__}: {error}", {}
-            pairs = [KeyValue(key, str(value)) for key, value in {**values, "cpu [%]": f"{share:.1f}"}.items()]
+            told = {**values, "cpu [%]": f"{share:.1f}"}
+            pairs = [KeyValue(as_told(key), as_told(value)) for key, value in told.items()]
             statuses.append(
-                DiagnosticStatus(level, f"{rospy.get_name().lstrip('/')}: {name}", message, "mbf_relay", pairs)
+                DiagnosticStatus(level, f"{rospy.get_name().lstrip('/')}: {name}", as_told(message), "mbf_relay", pairs)
             )
         if statuses and not rospy.is_shutdown():
             array = DiagnosticArray(status=statuses)

@@ -1,11 +1,13 @@
 """What diagnostics tell: rates, and that something cannot be told."""
 
+import io
 from types import SimpleNamespace
 
 import pytest
 
 rospy = pytest.importorskip("rospy")
 
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 
 from mbf_relay.ros.common.diagnostics import ERROR, OK, Diagnostics, RateMeter  # noqa: E402
@@ -62,3 +64,26 @@ def test_a_robot_one_part_of_which_cannot_be_asked_still_tells_of_the_others(mon
         diagnostics._thread.join()
     assert told[-1]["node: scans"].level == OK
     assert told[-1]["node: map"].level == ERROR and "ZeroDivisionError" in told[-1]["node: map"].message
+
+
+def test_a_node_one_of_whose_texts_no_message_can_hold_goes_on_telling_of_itself(monkeypatch):
+    """The name of a file in an internal error was no UTF-8, and the node was silent from then on."""
+    sent = []
+
+    def publish(array):
+        buffer = io.BytesIO()
+        array.serialize(buffer)
+        sent.append(DiagnosticArray().deserialize(buffer.getvalue()).status)
+
+    monkeypatch.setattr(rospy, "Publisher", lambda *_args, **_options: SimpleNamespace(publish=publish))
+    monkeypatch.setattr(rospy, "get_rostime", lambda: rospy.Time(1))
+    monkeypatch.setattr(rospy, "is_shutdown", lambda: False)
+    monkeypatch.setattr(rospy, "get_name", lambda: "/node")
+    diagnostics = Diagnostics(period=1e6)
+    diagnostics.add("navigation", lambda: (ERROR, "no map: caf\udce9.yaml", {"file": "caf\udce9.yaml"}))
+    try:
+        diagnostics._publish()
+    finally:
+        diagnostics._stop.set()
+    (status,), = sent
+    assert status.message == "no map: caf\\udce9.yaml" and status.values[0].value == "caf\\udce9.yaml"
