@@ -303,19 +303,19 @@ class AmclNode:
                 rospy.logwarn_throttle(5.0, f"scan ignored: {error}")
                 return
             map_from_odom, particles = self._localizer.map_from_odom, self._localizer.poses
+            taken = stamp + rospy.Duration.from_sec(scan.stamp - stamp.to_sec())
             if map_from_odom is not None:
-                self._map_to_odom.update(map_from_odom, stamp)
+                self._map_to_odom.update(map_from_odom, max(stamp, taken))  # dated early, it would be too old to use
             if estimate is not None:
                 self._update_seconds = time.perf_counter() - began
                 self._covariance = estimate.covariance
                 belief = self._belief_publisher.take(self._localizer)
                 self._reliability = belief.reliability
         self._scan_watch.warn_of_dates(self._timings)
-        stamp += rospy.Duration.from_sec(scan.stamp - stamp.to_sec())
         if estimate is not None:
-            self._publish(estimate, particles, stamp)
-            self._belief_publisher.publish(belief, values.global_frame_id, stamp)
-        if self._saved_pose.is_due(stamp.to_sec(), values.save_pose_rate):
+            self._publish(estimate, particles, taken)
+            self._belief_publisher.publish(belief, values.global_frame_id, taken)
+        if self._saved_pose.is_due(taken.to_sec(), values.save_pose_rate):
             self._save_pose(self._saved_pose.save_soon)
 
     def _resume(self) -> None:

@@ -1,11 +1,22 @@
 """map -> odom is dated ahead, no two have one stamp, and it goes on where scans do not."""
 
+import threading
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 rospy = pytest.importorskip("rospy")
 
-from mbf_relay.geometry import Pose2D  # noqa: E402
+from sensor_msgs.msg import LaserScan as LaserScanMessage  # noqa: E402
+
+from mbf_relay.geometry import IDENTITY, Pose2D  # noqa: E402
+from mbf_relay.localization.node_parameters import AmclParameters  # noqa: E402
+from mbf_relay.ros.amcl import node as amcl  # noqa: E402
 from mbf_relay.ros.amcl.map_to_odom import PAUSE, MapToOdom  # noqa: E402
+from mbf_relay.ros.amcl.saved_pose import SavedPose  # noqa: E402
+from mbf_relay.scan import LaserScan  # noqa: E402
 
 POSE = Pose2D(1.0, 2.0, 0.3)
 
@@ -126,3 +137,23 @@ def test_its_age_is_that_of_the_scan(sender, monkeypatch):
     update(10.0, 10.25)
     monkeypatch.setattr(rospy, "get_rostime", lambda: rospy.Time.from_sec(12.5))
     assert sender.age() == 2.5
+
+
+@pytest.mark.parametrize("late, dated", [(-0.5, 10.5), (0.0, 10.0), (0.5, 10.0)])
+def test_it_is_as_young_as_the_scan_where_a_lidar_s_clock_is_behind(monkeypatch, late, dated):
+    """Once known to be half a second behind, scans were set right and map -> odom was not: too old to drive by."""
+    updates, node = [], amcl.AmclNode.__new__(amcl.AmclNode)
+    scan = LaserScan(np.full(8, 2.0), 0.0, 0.7, 0.1, 3.0, 10.0, "laser")
+    monkeypatch.setattr(amcl, "scan_in_base", lambda *_: (scan, IDENTITY, True))
+    node.__dict__.update(
+        _parameters=AmclParameters(save_pose_rate=0.0), _lock=threading.RLock(), _kept=None,
+        _scan_watch=SimpleNamespace(saw=lambda _now: None, warn_of_dates=lambda _timings: None),
+        _timings=SimpleNamespace(corrected=lambda scan, _pose: replace(scan, stamp=scan.stamp - late)),
+        _localizer=SimpleNamespace(process=lambda *_: None, map_from_odom=POSE, poses=None),
+        _map_to_odom=SimpleNamespace(update=lambda pose, stamp: updates.append((pose, stamp.to_sec()))),
+        _saved_pose=SavedPose.__new__(SavedPose),
+        transforms=SimpleNamespace(lookup=lambda *_: IDENTITY, frames_above=lambda *_: {}))
+    message = LaserScanMessage()
+    message.header.frame_id, message.header.stamp = "laser", rospy.Time(10)
+    node.process(message)
+    assert updates == [(POSE, pytest.approx(dated))]
