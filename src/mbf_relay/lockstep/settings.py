@@ -45,12 +45,16 @@ def load_own(path: Path) -> Settings:
     values = _read(path)
     if path.stem in FILES:
         return {path.stem: values}
-    strange = sorted(set(values) - set(FILES))
-    if strange or not all(isinstance(group, dict) for group in values.values()):
+    strange = sorted(map(str, set(values) - set(FILES)))
+    if strange:
         raise ValueError(
-            f"parameter file {path} has '{strange[0] if strange else next(iter(values))}' at its first level; it must "
-            f"be named after a node ({', '.join(FILES)}), or hold their names with parameters under them"
+            f"parameter file {path} has '{strange[0]}' at its first level; it must be named after a node "
+            f"({', '.join(FILES)}), or hold their names with parameters under them"
         )
+    values = {name: group for name, group in values.items() if group is not None}  # of which all is commented out
+    for name, group in values.items():
+        if not isinstance(group, dict):
+            raise ValueError(f"parameter file {path} has {group!r} under '{name}'; it must have names and values there")
     return values
 
 

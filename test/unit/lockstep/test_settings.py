@@ -1,8 +1,12 @@
 """Parameter files and changes to them."""
 
+import re
+
 import pytest
 
-from mbf_relay.lockstep.settings import change, config_folder, flatten, full_name, load_settings, parse_change
+from mbf_relay.lockstep.settings import (
+    change, config_folder, flatten, full_name, load_own, load_settings, parse_change,
+)
 from mbf_relay.lockstep.setup import make_setup
 
 SETTINGS = {
@@ -89,6 +93,23 @@ def test_missing_and_malformed_files_are_named(tmp_path):
     (tmp_path / "simulator.yaml").write_text("3")
     with pytest.raises(ValueError, match="holds no parameters"):
         load_settings(tmp_path)
+
+
+@pytest.mark.parametrize("text, words", [
+    ("move_base_flex: {}\namcl: 3", "has 3 under 'amcl'; it must have names and values there"),
+    ("move_base_flex: {}\nDWA: {}", "has 'DWA' at its first level"),
+    ("3: {}\nDWA: {}", "has '3' at its first level"),
+])
+def test_what_is_wrong_at_a_file_s_first_level_is_named_and_nothing_else(tmp_path, text, words):
+    """Told was the first name there, though it is a node's; and a number among the names showed a traceback."""
+    (tmp_path / "own.yaml").write_text(text)
+    with pytest.raises(ValueError, match=re.escape(words)):
+        load_own(tmp_path / "own.yaml")
+
+
+def test_a_node_of_which_all_is_commented_out_has_no_parameters(tmp_path):
+    (tmp_path / "own.yaml").write_text("amcl:\n  # min_particles: 3\nsimulator: {scan_noise: 0.1}\n")
+    assert load_own(tmp_path / "own.yaml") == {"simulator": {"scan_noise": 0.1}}
 
 
 @pytest.mark.parametrize("text, words", [
