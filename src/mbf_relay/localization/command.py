@@ -17,7 +17,7 @@ import numpy as np
 from mbf_relay import files
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.logs import RecordedLog, load_log
-from mbf_relay.localization.node_parameters import AmclParameters, initial_pose_from
+from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters, initial_pose_from
 from mbf_relay.localization.replay import Replay, replay, summarize
 from mbf_relay.localization.stress import Stress, parse_stress
 from mbf_relay.localization.trials import LogTask, as_json, run, summarize_trials, table
@@ -83,7 +83,7 @@ def pair_up(paths: Sequence[str]) -> List[Tuple[str, str]]:
 
 
 def read_parameters(path: Optional[str]) -> Tuple[AmclParameters, Mapping[str, Any]]:
-    """Return amcl's parameters from a YAML file, flat or under `amcl:`, and the file's values.
+    """Return amcl's parameters from a YAML file, flat or under `amcl:`, and the file's values; tell what is not known.
 
     Raises:
         OSError: The file cannot be opened.
@@ -95,9 +95,14 @@ def read_parameters(path: Optional[str]) -> Tuple[AmclParameters, Mapping[str, A
         values = files.parse_yaml(files.read_text(path)) or {}
     except ValueError as error:
         raise ValueError(f"parameter file {path} is no YAML: {error}") from error
+    if isinstance(values, dict):
+        values = values.get("amcl", values.get("/amcl", values)) or {}
     if not isinstance(values, dict):
         raise ValueError(f"parameter file {path} holds {type(values).__name__}; it must hold names and values")
-    values = values.get("amcl", values.get("/amcl", values))
+    for name in AmclParameters.unknown_names(values):
+        if name not in (*INITIAL, *NODE_ONLY):
+            hint = AmclParameters.hint(name)
+            print(f"localize_log.py: parameter file {path}: {name} is not known here{hint}", file=sys.stderr)
     try:
         return AmclParameters.from_mapping(values), values
     except ValueError as error:

@@ -103,7 +103,8 @@ def load_log(path: str) -> RecordedLog:
             raise LogError(f"array '{name}' of log {path} has shape {arrays[name].shape}; it must have {shape}")
     if arrays["ranges"].ndim != 2 or len(arrays["ranges"]) != count or arrays["ranges"].size == 0:
         raise LogError(
-            f"array 'ranges' of log {path} has shape {arrays['ranges'].shape}; it must have ({count}, beams)"
+            f"array 'ranges' of log {path} has shape {arrays['ranges'].shape}; it must have "
+            + (f"({count}, beams)" if count else "a scan")
         )
     _check_numbers(path, arrays)
     laser = arrays.get("laser_pose", np.zeros(3)).ravel()

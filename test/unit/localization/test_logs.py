@@ -128,6 +128,33 @@ def test_many_logs_seeds_and_stresses_give_a_table_with_intervals(tmp_path, caps
     assert recorded > 0.9 > stressed
 
 
+def test_a_log_without_a_scan_is_told_so(tmp_path):
+    """It had shape (0, 5) and was to have (0, beams)."""
+    np.savez(tmp_path / "none.npz", **{name: value[:0] if np.shape(value)[:1] == (4,) else value
+                                       for name, value in arrays().items()})
+    with pytest.raises(LogError, match=r"has shape \(0, 5\); it must have a scan"):
+        load_log(str(tmp_path / "none.npz"))
+
+
+@pytest.mark.parametrize("text, status, told", [
+    ("amcl: {min_particels: 50, seed: 3, initial_pose_x: 0.0}", 0,
+     "parameter file amcl.yaml: min_particels is not known here; did you mean 'min_particles'?"),
+    ("move_base_flex: {odom_topic: odom}", 0, "parameter file amcl.yaml: move_base_flex is not known here"),
+    ("amcl:  # {min_particles: 50}", 0, ""),
+    ("amcl: 3", 1, "parameter file amcl.yaml holds int; it must hold names and values"),
+])
+def test_what_a_parameter_file_says_in_vain_is_told(tmp_path, capsys, monkeypatch, text, status, told):
+    """A slip in a name left the default, and two filters that were compared were one; an empty group was a traceback.
+    """
+    monkeypatch.chdir(tmp_path)
+    made = make_drive("hall", 5, Rough(beams=60), np.random.default_rng(1))
+    save_log("one.npz", made.log)
+    save_map("one", made.occupancy)
+    (tmp_path / "amcl.yaml").write_text(text)
+    assert main(["one.npz", "one.yaml", "--params", "amcl.yaml", "--seeds", "2"]) == status
+    assert capsys.readouterr().err == (f"localize_log.py: {told}\n" if told else "")
+
+
 def test_a_log_on_two_maps_has_a_row_for_each_and_what_is_asked_for_twice_counts_once(tmp_path, monkeypatch):
     """Both maps went into one row by the log's name, half right, and which of them was the better was not to be seen.
 
