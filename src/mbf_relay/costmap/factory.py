@@ -25,7 +25,9 @@ PARENT_NAMES = {
     "costmap_2d::VoxelLayer": VOXEL_NAMES,
     "costmap_2d::InflationLayer": INFLATION_NAMES,
 }
-"""What costmap_2d takes for a layer from the costmap's own level where the layer's group lacks it."""
+"""What costmap_2d takes for a layer from the costmap's own level."""
+WHERE_LACKING = {"costmap_2d::VoxelLayer": OBSTACLE_NAMES}
+"""What of it gives way to the layer's group; of all else costmap_2d copies the costmap's value over the group's."""
 
 COSTMAPS = ("global_costmap", "local_costmap")
 """Names of a server's costmaps."""
@@ -65,7 +67,7 @@ def build_costmap(name: str, values: Mapping[str, Any], above: Optional[Mapping[
                 layers.append(_layer(layer_name, type_name, group))
             except _UnknownLayer as error:
                 failed[layer_name] = str(error)
-        notes += _groups_in_vain(values)
+        notes += _groups_in_vain(values) + _overruled(values)
         notes += [f"layer '{layer.name}': {note}" for layer in layers for note in layer.notes]
         return Costmap(name, parameters, layers, notes, failed)
     except ValueError as error:
@@ -78,6 +80,16 @@ def _groups_in_vain(values: Mapping[str, Any]) -> List[str]:
         f"parameter {name} is {values[name]!r} and no group; layer '{name}' takes its defaults, as costmap_2d's does"
         for name, _type_name, _group in (layer_groups(values) if values.get("plugins") is not None else [])
         if not isinstance(values.get(name, {}), Mapping)
+    ]
+
+
+def _overruled(values: Mapping[str, Any]) -> List[str]:
+    """Return a note on each value in a layer's group that gives way to another at the costmap's level."""
+    return [
+        f"layer '{layer}': parameter {name} is {values[layer][name]!r}, and {used[name]!r} at the costmap's level; the "
+        "latter is used, as by costmap_2d"
+        for layer, kind, used in layer_groups(values) if isinstance(values.get(layer), Mapping)
+        for name in PARENT_NAMES.get(kind, ()) if name in values[layer] and values[layer][name] != used[name]
     ]
 
 
@@ -101,7 +113,8 @@ def layer_groups(values: Mapping[str, Any]) -> List[Tuple[str, str, Dict[str, An
         own = values.get(entry["name"], {})
         own = own if isinstance(own, Mapping) else {}  # Fetch's static_map: true, which costmap_2d passes over as well
         parent = {key: values[key] for key in PARENT_NAMES.get(entry["type"], ()) if key in values}
-        result.append((entry["name"], entry["type"], {**parent, **own}))
+        lacking = {key: own[key] for key in WHERE_LACKING.get(entry["type"], ()) if key in own}
+        result.append((entry["name"], entry["type"], {**own, **parent, **lacking}))
     return result
 
 

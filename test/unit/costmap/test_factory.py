@@ -66,6 +66,25 @@ def test_values_out_of_range_are_taken_to_it_wherever_they_stand():
         assert any(all(word in note for word in words) for note in costmap.notes), words
 
 
+@pytest.mark.parametrize("kind, name, holds", [
+    ("costmap_2d::InflationLayer", "inflation_radius", "costmap"),
+    ("costmap_2d::InflationLayer", "cost_scaling_factor", "costmap"),
+    ("costmap_2d::StaticLayer", "lethal_cost_threshold", "costmap"),
+    ("costmap_2d::VoxelLayer", "z_voxels", "costmap"),
+    ("costmap_2d::ObstacleLayer", "max_obstacle_height", "costmap"),
+    ("costmap_2d::VoxelLayer", "max_obstacle_height", "layer"),
+    ("costmap_2d::InflationLayer", "enabled", "layer"),
+])
+def test_what_stands_at_both_levels_is_the_costmap_s_where_costmap_2d_copies_it(kind, name, holds):
+    """A robot was tuned by its costmap's inflation_radius, which copies over that of a group nobody looks at."""
+    values = {"costmap": 4, "layer": 2} if name != "enabled" else {"costmap": True, "layer": False}
+    costmap = build_costmap(
+        "local_costmap", {"plugins": listed(a=kind), name: values["costmap"], "a": {name: values["layer"]}})
+    assert getattr(costmap.layers[0].parameters, name) == values[holds]
+    told = [note for note in costmap.notes if f"layer 'a': parameter {name} is" in note]
+    assert len(told) == (holds == "costmap")
+
+
 def test_a_costmap_that_could_not_see_is_refused():
     """A known layer with a value nobody can make sense of: without it the robot would drive blind."""
     with pytest.raises(ValueError, match="local_costmap.*obstacles.*data_type"):
