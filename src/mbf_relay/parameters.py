@@ -42,6 +42,7 @@ def parameter(
     choices: Optional[Sequence[Any]] = None,
     aliases: Sequence[str] = (),
     clamped: bool = True,
+    else_default: bool = False,
     is_frame: bool = False,
     is_topic: bool = False,
 ) -> Any:
@@ -56,12 +57,13 @@ def parameter(
         choices: The allowed values.
         aliases: Older names still read, with one warning.
         clamped: False where a user's value out of range is refused, not taken to it: where a guess could hurt.
+        else_default: True where a text that is none of the choices stands for the default, as upstream has it.
         is_frame: It names a frame, as tf2 does: the slash is taken off with which tf's names began.
         is_topic: It names a topic, and cannot be empty.
     """
     metadata = dict(
         description=description, unit=unit, minimum=minimum, maximum=maximum, above=above, choices=choices,
-        aliases=tuple(aliases), clamped=clamped, is_frame=is_frame, is_topic=is_topic,
+        aliases=tuple(aliases), clamped=clamped, else_default=else_default, is_frame=is_frame, is_topic=is_topic,
         largest=math.inf if default == math.inf else LARGEST,
     )
     if isinstance(default, (list, dict)):
@@ -296,6 +298,8 @@ def _nearest_allowed(value: Any, field: Any) -> Any:
 
     A rate that is none says nothing of how low it is to be: at the lowest one a robot would drive unseen for seconds.
     """
+    if isinstance(value, str) and field.metadata.get("else_default"):
+        return field.default
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not field.metadata.get("clamped", True):
         return None
     if field.metadata.get("unit") in SPEED_UNITS and abs(value) > LARGEST:

@@ -254,6 +254,13 @@ def test_clear_clears_only_the_map_asked_for(values, cleared):
     assert world.costmaps[cleared[0]].updates == 1 and world.costmaps[cleared[0]].cleared[0][3] is True
 
 
+def test_clear_clears_both_maps_where_there_is_no_map_of_that_name_as_upstream_s_does():
+    behavior = make(CLEAR, affected_maps="all")
+    world = PaperWorld().run(behavior)
+    assert all(costmap.cleared for costmap in world.costmaps.values())
+    assert any("'all'" in note and "both is used" in note for note in behavior.notes)
+
+
 def test_clear_says_what_layers_there_are():
     with pytest.raises(RecoveryError, match="static_layer") as refused:
         PaperWorld().run(make(CLEAR, layer_names=["voxels"]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar, Tuple
 
 from mbf_relay.parameters import ParameterSet, parameter
 
@@ -48,7 +49,8 @@ class LocalizerParameters(ParameterSet):
         2.0, "distance to the nearest obstacle counts up to here", unit="m", above=0.0
     )
     laser_model_type: str = parameter(
-        "likelihood_field", "how a scan is weighed", choices=("beam", "likelihood_field", "likelihood_field_prob")
+        "likelihood_field", "how a scan is weighed", choices=("beam", "likelihood_field", "likelihood_field_prob"),
+        else_default=True,
     )
     do_beamskip: bool = parameter(False, "leave out beams that few particles explain (likelihood_field_prob)")
     beam_skip_distance: float = parameter(
@@ -77,7 +79,8 @@ class LocalizerParameters(ParameterSet):
         False, "leave beams that end in changed blocks out when the robot is placed (robust); for maps that lack much"
     )
     odom_model_type: str = parameter(
-        "diff", "how odometry errs", choices=("diff", "omni", "diff-corrected", "omni-corrected")
+        "diff", "how odometry errs", choices=("diff", "omni", "diff-corrected", "omni-corrected"),
+        else_default=True,
     )
     odom_alpha1: float = parameter(0.2, "rotation error from rotation", minimum=0.0)
     odom_alpha2: float = parameter(0.2, "rotation error from translation", minimum=0.0)
@@ -85,9 +88,4 @@ class LocalizerParameters(ParameterSet):
     odom_alpha4: float = parameter(0.2, "translation error from rotation", minimum=0.0)
     odom_alpha5: float = parameter(0.2, "sideways error from translation (omni models)", minimum=0.0)
 
-    def check(self) -> None:
-        if self.min_particles > self.max_particles:
-            raise ValueError(
-                f"parameter min_particles is {self.min_particles}; it must not be above max_particles "
-                f"{self.max_particles}"
-            )
+    ORDERED: ClassVar[Tuple[Tuple[str, str], ...]] = (("min_particles", "max_particles"),)
