@@ -30,7 +30,8 @@ class CostmapParameters(ParameterSet):
     robot_base_frame: str = parameter("base_link", "frame of the robot's base", is_frame=True)
     update_frequency: float = parameter(5.0, "updates per second", unit="Hz", minimum=0.0, maximum=100.0)
     publish_frequency: float = parameter(
-        0.0, "publications per second; 0 for none", unit="Hz", minimum=0.0, maximum=100.0
+        0.0, "publications per second; 0 for the one alone that whoever begins to listen gets", unit="Hz", minimum=0.0,
+        maximum=100.0
     )
     transform_tolerance: float = parameter(0.3, "oldest robot pose to update with", unit="s", minimum=0.0, maximum=10.0)
     rolling_window: bool = parameter(False, "the costmap is a window that moves with the robot")

@@ -65,7 +65,8 @@ class CostmapNode:
         self.timings = timings or LidarTimings(transforms, lambda: (self.costmap.robot_frame, self.costmap.frame))
         parameters = self.costmap.parameters
         self._publisher = CostmapPublisher(
-            name, parameters.published_footprint_topic, parameters.always_send_full_costmap
+            name, parameters.published_footprint_topic, parameters.always_send_full_costmap,
+            lambda: self.costmap.snapshot() if self.costmap.updates else None,
         )
         self._tracks = TracksPublisher(name)
         self._maps: List[MapInput] = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Optional
+from typing import Any, Callable, Optional
 
 import numpy as np
 import rospy
@@ -31,10 +31,20 @@ OCCUPANCY = occupancy_table()
 class CostmapPublisher:
     """Publishes one costmap under `~NAME/`, as costmap_2d does; nothing is converted while nobody listens."""
 
-    def __init__(self, name: str, footprint_topic: str, always_full: bool) -> None:
-        self._always_full = always_full
+    def __init__(
+        self, name: str, footprint_topic: str, always_full: bool, latest: Callable[[], Optional[CostGrid]]
+    ) -> None:
+        """Advertise.
+
+        Args:
+            name: The costmap's.
+            footprint_topic: Below it.
+            always_full: Send the whole costmap each time.
+            latest: Gives the costmap as it is, None before its first update: for whoever comes, from rospy's threads,
+                be it published at a rate or not.
+        """
+        self._always_full, self._latest = always_full, latest
         self._sent: Optional[CostGrid] = None
-        self._latest: Optional[CostGrid] = None
         self._updates = rospy.Publisher(f"~{name}/costmap_updates", OccupancyGridUpdate, queue_size=10)
         self._costmap = rospy.Publisher(
             f"~{name}/costmap", OccupancyGrid, subscriber_listener=_Greeter(self._greet), queue_size=1)
@@ -46,12 +56,12 @@ class CostmapPublisher:
         return str(self._footprint.resolved_name)
 
     def _greet(self, publish: Any) -> None:
-        if self._latest is not None:
-            publish(grid_message(self._latest))
+        latest = self._latest()
+        if latest is not None:
+            publish(grid_message(latest))
 
     def publish(self, snapshot: CostGrid) -> None:
         """Send what changed since the last call, or everything where that is not a part of the same grid."""
-        self._latest = snapshot
         if self._costmap.get_num_connections() + self._updates.get_num_connections() == 0:
             self._sent = None
             return
