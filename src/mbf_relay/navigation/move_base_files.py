@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Dict, List, Mapping, Tuple
 
+from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.registry import entries_of
 from mbf_relay.parameters import convert
 from mbf_relay.plugins import PluginError
@@ -72,6 +73,19 @@ def recovery_notes(namespace: Mapping[str, Any]) -> List[str]:
     return []
 
 
+def server_values(values: Any) -> Dict[str, Any]:
+    """Return the server's parameters for move_base's own, MoveBaseParameters, by the server's names.
+
+    No patience is one try to move_base, and for a Move Base Flex server patience for ever.
+    """
+    result = {server_name: getattr(values, name) for name, server_name in SERVER_NAMES.items()}
+    for kind in ("planner", "controller"):
+        patience = f"{kind}_patience"
+        if result[patience] == 0.0:
+            result.update({patience: getattr(NavigatorParameters(), patience), f"{kind}_max_retries": 0})
+    return result
+
+
 def server_config(namespace: Mapping[str, Any], values: Any) -> Dict[str, Any]:
     """Return the server's parameters for what stands under the node move_base.
 
@@ -83,8 +97,7 @@ def server_config(namespace: Mapping[str, Any], values: Any) -> Dict[str, Any]:
         ValueError: The local costmap's circumscribed_radius is no number.
     """
     config = {"recovery_patience": 0.0, **namespace}  # move_base lets each end by itself
-    for name, server_name in SERVER_NAMES.items():
-        config[server_name] = getattr(values, name)
+    config.update(server_values(values))
     for kind, parameter in (("planners", "base_global_planner"), ("controllers", "base_local_planner")):
         given = getattr(values, parameter)
         type_name = adapted(given, namespace)

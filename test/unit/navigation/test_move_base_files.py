@@ -102,6 +102,15 @@ def test_rates_and_patience_go_by_the_server_s_names():
     assert "max_planning_retries" not in made and "base_local_planner" not in made
 
 
+@pytest.mark.parametrize("kind", ["planner", "controller"])
+def test_no_patience_is_one_try_and_not_patience_for_ever(kind):
+    """A goal that cannot be reached never ended: 0 is for ever to a Move Base Flex server, and at once to move_base."""
+    made = NavigatorParameters.read(config(**{f"{kind}_patience": 0.0}))[0]
+    assert getattr(made, f"{kind}_patience") > 0.0 and getattr(made, f"{kind}_max_retries") == 0
+    made = NavigatorParameters.read(config(controller_max_retries=3))[0]
+    assert (made.controller_max_retries, made.planner_max_retries) == (3, -1)
+
+
 @pytest.mark.parametrize("type_name, name", [
     ("navfn/NavfnROS", "NavfnROS"), ("SBPLLatticePlanner", "SBPLLatticePlanner"), ("my_planner::Planner", "Planner"),
 ])

@@ -7,11 +7,11 @@ from typing import Any, Mapping, Tuple
 import rospy
 
 from mbf_relay.navigation.move_base_files import (
-    SERVER_NAMES,
     adapted,
     default_recoveries,
     lists_recoveries,
     plugin_name,
+    server_values,
 )
 from mbf_relay.navigation.move_base_parameters import MoveBaseParameters
 from mbf_relay.ros.common import reconfigure
@@ -68,10 +68,9 @@ class OwnSettings:
         for name in WITHOUT_COUNTERPART:
             if getattr(new, name) != getattr(old, name):
                 rospy.logwarn("%s holds from the next start on", name)
-        changes = {
-            server_name: getattr(new, name) for name, server_name in SERVER_NAMES.items()
-            if getattr(new, name) != getattr(old, name)
-        }
+        retries = {"controller_max_retries": self._namespace.get("controller_max_retries", -1)}
+        before, wanted = ({**retries, **server_values(values)} for values in (old, new))
+        changes = {name: value for name, value in wanted.items() if value != before[name]}
         if changes:
             parameters, _notes = type(self._server.navigator.parameters).read(
                 {**self._server.navigator.parameters.as_dict(), **changes})

@@ -1,11 +1,14 @@
 """What the one-process move_base tells its relay of the plugins in use."""
 
+from types import SimpleNamespace
+
 import pytest
 
 pytest.importorskip("dynamic_reconfigure", reason="there is no ROS for this interpreter")
 
 from mbf_relay.navigation.move_base_files import server_config  # noqa: E402
 from mbf_relay.navigation.move_base_parameters import MoveBaseParameters  # noqa: E402
+from mbf_relay.navigation.parameters import NavigatorParameters  # noqa: E402
 from mbf_relay.ros.move_base.node import with_own_server  # noqa: E402
 from mbf_relay.ros.move_base.settings import OwnSettings  # noqa: E402
 from mbf_relay.ros.relay.relay import RelayParameters  # noqa: E402
@@ -27,3 +30,16 @@ def test_goals_name_plugins_as_the_server_beside_loads_them(namespace):
 def test_a_robot_with_a_goal_tolerance_of_a_metre_is_told_to_have_arrived_as_by_move_base():
     """Each of its goals was aborted as not reached: the relay knew better than the controller of its own process."""
     assert with_own_server(RelayParameters(), "map").arrival_tolerance >= 1000.0
+
+
+def test_patience_that_is_taken_away_at_run_time_is_one_try_and_comes_back():
+    settings = OwnSettings(MoveBaseParameters(), {"controller_max_retries": 7})
+    server = SimpleNamespace(navigator=SimpleNamespace(parameters=NavigatorParameters(controller_max_retries=7)))
+    server.reconfigure = lambda parameters: setattr(server.navigator, "parameters", parameters)
+    settings._server = server
+    none = {"planner_patience": 0.0, "controller_patience": 0.0}
+    for changes, patience, retries in ((none, (5.0, 5.0), (0, 0)), ({}, (5.0, 5.0), (-1, 7))):
+        settings._change(MoveBaseParameters(**changes))
+        made = server.navigator.parameters
+        assert (made.planner_patience, made.controller_patience) == patience
+        assert (made.planner_max_retries, made.controller_max_retries) == retries
