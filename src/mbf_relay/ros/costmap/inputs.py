@@ -319,14 +319,19 @@ class MapInput:
         self._on_map()
 
     def _frame_of(self, message: Any) -> str:
-        """Return where a map lies, and warn where that is a surprise; a costmap that rolls may well be in another."""
+        """Return where a map lies, and warn where that is a surprise; a costmap that rolls may well be in another.
+
+        One that takes its size of the map takes it to lie in its own frame, as costmap_2d's do.
+        """
         said, frame = message.header.frame_id.lstrip("/"), self._costmap.frame
-        lies = said or frame
-        if said != frame and lies != self.frame and not (said and self._costmap.parameters.rolling_window):
+        rolls = self._costmap.parameters.rolling_window
+        sizes = not rolls and next((layer.name for layer in self._costmap.layers if layer.maps_floor), "") == self.layer
+        lies = frame if sizes or not said else said
+        if said != frame and lies != self.frame and not (said and rolls):
             rospy.logwarn(
                 "%s: the map on topic '%s' is in frame '%s', not in '%s'; %s", self._costmap.name, self._source.topic,
                 checks.shown(said), frame,
-                "it is placed by their transform" if said else f"it is taken to lie in '{frame}'",
+                f"it is taken to lie in '{frame}'" if lies == frame else "it is placed by their transform",
             )
         return lies
 

@@ -30,11 +30,12 @@ def map_in(frame):
     return map_to_message(ROOM, frame, 0.0)
 
 
-def costmap_input(**values):
+def costmap_input(layer="static", **values):
     costmap = build_costmap("global_costmap", {
-        "global_frame": "map", "robot_radius": 0.1, "plugins": [{"name": "static", "type": "costmap_2d::StaticLayer"}],
+        "global_frame": "map", "robot_radius": 0.1, "plugins": [
+            {"name": name, "type": "costmap_2d::StaticLayer"} for name in ("static", "another")],
         **values})
-    return MapInput("static", costmap.layers[0].map_source, costmap, lambda: None)
+    return MapInput(layer, costmap.layers[0].map_source, costmap, lambda: None)
 
 
 @pytest.mark.parametrize("frame", ["odom", ""])
@@ -49,11 +50,13 @@ def test_localization_says_so_as_upstream_s_does(said, frame, monkeypatch):
     assert len(said) == 2 and all(f"frame '{frame}', not in global_frame_id 'map'" in line for line in said)
 
 
-@pytest.mark.parametrize("frame, words, lies", [
-    ("odom", "placed by their transform", "odom"), ("", "taken to lie in 'map'", "map"),
+@pytest.mark.parametrize("frame, layer, words, lies", [
+    ("odom", "static", "taken to lie in 'map'", "map"), ("", "static", "taken to lie in 'map'", "map"),
+    ("odom", "another", "placed by their transform", "odom"), ("", "another", "taken to lie in 'map'", "map"),
 ])
-def test_a_costmap_says_so_once(said, frame, words, lies):
-    given = costmap_input()
+def test_a_costmap_says_so_once(said, frame, layer, words, lies):
+    """One that takes its size of the map lies where that does: no transform between the two is looked for."""
+    given = costmap_input(layer)
     for _ in range(2):
         given._take_map(map_in(frame))
     assert len(said) == 1 and words in said[0]
