@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Dict, FrozenSet, Mapping, Optional
 
-from roslaunch.substitution_args import ArgException, SubstitutionException, resolve_args
+from roslaunch.substitution_args import ArgException, resolve_args
 from rospkg import ResourceNotFound, RosPack
 
 from mbf_relay import files
@@ -68,7 +68,7 @@ class Substitution:
         except ResourceNotFound as error:
             raise ValueError(f"{text}: there is no package {error.args[0]} in ROS_PACKAGE_PATH or beside "
                              f"{self._path}") from error
-        except (SubstitutionException, ValueError) as error:
+        except Exception as error:  # whatever Python has to say of an expression, too
             raise ValueError(f"{self._path}: {text!r} cannot be resolved: {error}") from error
 
     def _package(self, find: re.Match[str]) -> str:

@@ -200,3 +200,18 @@ def test_a_name_that_begins_with_a_tilde_within_its_node_is_the_node_s(tmp_path)
 def test_a_value_that_roslaunch_refuses_is_refused_with_its_line(tmp_path, capsys):
     assert check(tmp_path, NODE % '<param name="a" value="yes" type="bool"/>', name="nav.launch")[0] == 2
     assert "nav.launch:6: roslaunch refuses 'yes'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("wanted, status", [("0.3", 0), ("$(arg speed)", 2)])
+@pytest.mark.parametrize("expression", ["model.split('_')[1]", "1.0 / int(model or 0)", "{}[model]", "0.1 +"])
+def test_an_expression_that_python_cannot_evaluate_is_told_where_its_value_is_wanted(
+        tmp_path, capsys, expression, wanted, status):
+    """It ended in Python's words, without file or text, also where nothing of a server came of it."""
+    text = f"""<launch><arg name="model" default=""/><arg name="speed" default="$(eval {expression})"/>
+      <node pkg="move_base" type="move_base" name="move_base">
+        <rosparam ns="local_costmap">{{observation_sources: scan, scan: {{topic: scan}}}}</rosparam>
+        <param name="TrajectoryPlannerROS/max_vel_x" value="{wanted}"/>
+      </node></launch>"""
+    assert check(tmp_path, text, name="nav.launch")[0] == status
+    said = capsys.readouterr().err
+    assert (f"$(eval {expression})" in said and "nav.launch" in said) == bool(status), said
