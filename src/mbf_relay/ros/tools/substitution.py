@@ -102,7 +102,7 @@ def _packages_below(folder: str) -> Dict[str, str]:
     """
     found: Dict[str, str] = {}
     for path, folders, names in os.walk(folder):
-        if "CATKIN_IGNORE" in names:
+        if "CATKIN_IGNORE" in names or ".catkin" in names:  # what catkin makes of a workspace has the latter
             folders.clear()
         elif "package.xml" in names:
             folders.clear()

@@ -83,6 +83,18 @@ def test_a_neighbour_that_is_no_package_hides_none_of_the_others(tmp_path):
         assert status == 0 and line_about(told, "controler_frequency").endswith(f"{name}/speeds.yaml:1]")
 
 
+def test_a_package_is_read_where_it_is_written_not_where_the_workspace_installs_it(tmp_path):
+    """A workspace that is a repository has what was installed of its packages once, without the files made since."""
+    (tmp_path / ".git").mkdir()
+    for folder in ("install/share/robot", "src/robot"):
+        (tmp_path / folder).mkdir(parents=True)
+        (tmp_path / folder / "package.xml").write_text("<package><name>robot</name></package>")
+    (tmp_path / "install" / ".catkin").write_text("")
+    (tmp_path / "src" / "robot" / "speeds.yaml").write_text("controler_frequency: 5\n")
+    status, told = check(tmp_path, NODE % '<rosparam file="$(find robot)/speeds.yaml"/>', name="src/robot/nav.launch")
+    assert status == 0 and line_about(told, "controler_frequency").endswith("src/robot/speeds.yaml:1]")
+
+
 @pytest.mark.parametrize("group", ["", "  scan: {topic: front_scan, data_type: LaserScan}\n"])
 def test_a_sensor_of_which_only_the_name_is_told_is_doubted(tmp_path, group):
     """It is a point cloud on a topic of that name, which nobody publishes: the robot saw nothing, and nobody was told.
