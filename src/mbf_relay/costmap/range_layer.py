@@ -39,7 +39,7 @@ class RangeSensorLayerParameters(ParameterSet):
 
     enabled: bool = parameter(True, "take part in the costmap")
     ns: str = parameter("", "namespace of the topics, put before each with a slash between")
-    topics: Tuple[str, ...] = parameter((), "topics of sensor_msgs/Range; several rangers may share one")
+    topics: Tuple[str, ...] = parameter(("/sonar",), "topics of sensor_msgs/Range; several rangers may share one")
     input_sensor_type: str = parameter(
         "ALL", "read for range_sensor_layer's sake: a message with a min_range of its max_range is a fixed ranger's",
         choices=("VARIABLE", "FIXED", "ALL"))

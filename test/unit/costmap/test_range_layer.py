@@ -169,6 +169,12 @@ def test_topics_are_below_the_layer_s_namespace_with_one_slash_between(ns, topic
     assert source.topic == listens_to
 
 
+def test_without_topics_the_layer_listens_to_the_one_that_upstream_s_does():
+    costmap = build_costmap("local_costmap", {
+        "robot_radius": 0.1, "plugins": [{"name": "sonar", "type": "range_sensor_layer::RangeSensorLayer"}]})
+    assert list(costmap.sources) == ["/sonar"] and not any("topics" in note for note in costmap.notes)
+
+
 def test_a_sonar_in_an_obstacle_layer_is_refused_by_where_it_belongs():
     with pytest.raises(ValueError, match="'sonar': its data_type is Range, which range_sensor_layer::RangeSensorLayer"):
         build_costmap("local_costmap", {
