@@ -23,7 +23,7 @@ UNREAD_UPSTREAM = {
     "vy_samples", "z_resolution", "z_voxels",
 }
 """Names that the C++ components they stand under do not read either: misspelt, misplaced, or of others."""
-INFLATED_TOO_LITTLE = ("limo_ackermann", "ridgeback", "summit_xl_eband", "summit_xl_omni", "summit_xl_teb")
+INFLATED_TOO_LITTLE = ("limo_ackermann", "limo_diff", "ridgeback", "summit_xl_eband", "summit_xl_omni", "summit_xl_teb")
 """Robots whose files inflate obstacles by less than the inscribed radius of their own footprint."""
 SEE_NOTHING = ("evarobot", "kobuki", "rosbot")
 """Robots whose files name no sensor for the local costmap's obstacles."""

@@ -5,7 +5,13 @@ import re
 import pytest
 
 from mbf_relay.lockstep.settings import (
-    change, config_folder, flatten, full_name, load_own, load_settings, parse_change,
+    change,
+    config_folder,
+    flatten,
+    full_name,
+    load_own,
+    load_settings,
+    parse_change,
 )
 from mbf_relay.lockstep.setup import make_setup
 

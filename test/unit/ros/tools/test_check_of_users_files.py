@@ -148,10 +148,10 @@ AMCL = """<launch>
 
 def test_of_amcl_s_parameters_is_told_as_of_move_base_s(tmp_path):
     """A launch file with amcl alone was refused, and beside move_base nothing was told of it."""
-    status, told = check(tmp_path, AMCL % '<param name="odom_model_type" value="differential"/>', name="amcl.launch")
+    status, told = check(tmp_path, AMCL % '<param name="laser_z_hit" value="much"/>', name="amcl.launch")
     assert status == 1 and told.startswith("amcl (amcl)")
     assert "laser_max_beans: is not known here; did you mean 'laser_max_beams'?" in told and "amcl.launch:4]" in told
-    assert "refused: parameter odom_model_type is 'differential'" in told and "amcl.launch:8]" in told
+    assert "refused: parameter laser_z_hit is 'much'" in told and "amcl.launch:8]" in told
     status, told = check(tmp_path, AMCL % "", name="amcl.launch")
     assert status == 0 and line_about(told, "update_min_d is").endswith("amcl.launch:6]")
     assert "used: initial_pose_x: 1.0" in told
