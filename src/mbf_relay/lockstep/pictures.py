@@ -67,7 +67,7 @@ def tile(task: EpisodeTask, result: EpisodeResult) -> np.ndarray:
         cv2.polylines(
             image, [view.pixels(mover.poses[:, :2])], mover.loop, (170, 170, 220), 1, cv2.LINE_AA, _View.SHIFT
         )
-    track = np.array(result.trajectory)
+    track = result.trajectory
     if len(track):
         cv2.polylines(image, [view.pixels(track[:, 1:3])], False, TRACK, 2, cv2.LINE_AA, _View.SHIFT)
         _dot(image, view, Pose2D(*track[-1, 1:4]), _colour(result))
@@ -94,8 +94,7 @@ def failure(shown: Sequence[Shown]) -> bytes:
 
 def drive_of(task: EpisodeTask, result: EpisodeResult) -> Drive:
     """Return an episode as the report's record of a drive."""
-    rows = np.array(result.trajectory).reshape(-1, 6)
-    believed = np.array(result.believed).reshape(-1, 3)
+    rows = result.trajectory
     starts = (0.0,) + result.goal_times
     goals = [
         GoalRecord(goal, start, end, SUCCEEDED if index < result.goals_reached else result.outcome)
@@ -106,8 +105,8 @@ def drive_of(task: EpisodeTask, result: EpisodeResult) -> Drive:
         row = rows[min(int(np.searchsorted(rows[:, 0], time)), len(rows) - 1)]
         contacts.append(ContactRecord(time, float(row[1]), float(row[2]), result.message))
     return Drive(
-        truth=rows[:, :4], estimate=np.column_stack((rows[:, 0], believed)), measured=rows[:, (0, 4, 5)], goals=goals,
-        contacts=contacts, map=task.occupancy(), seed=result.seed, goals_asked=len(task.goals),
+        truth=rows[:, :4], estimate=np.column_stack((rows[:, 0], result.believed)), measured=rows[:, (0, 4, 5)],
+        goals=goals, contacts=contacts, map=task.occupancy(), seed=result.seed, goals_asked=len(task.goals),
         wall_time=result.machine.get("wall"),
     )
 

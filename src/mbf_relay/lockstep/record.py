@@ -113,8 +113,8 @@ class Record:
             smoothness=smoothness(times, along, angular, length),
             goal_times=tuple(time - self._times[0] for time in reached),
             goal_waits=() if tolerance is None else waits(times, believed, task.goals, reached, tolerance),
-            trajectory=np.round(np.column_stack((driven, truth, linear, angular)), 4).tolist(),
-            believed=np.round(believed, 4).tolist(), digest=self._hash.hexdigest(), machine=machine,
+            trajectory=np.round(np.column_stack((driven, truth, linear, angular)), 4),
+            believed=np.round(believed, 4), digest=self._hash.hexdigest(), machine=machine,
         )
 
 

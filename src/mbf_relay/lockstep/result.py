@@ -6,7 +6,9 @@ import dataclasses
 import hashlib
 import json
 import re
-from typing import Any, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Dict, Mapping, Optional, Tuple
+
+import numpy as np
 
 from mbf_relay.lockstep.smoothness import Smoothness
 
@@ -65,8 +67,9 @@ class EpisodeResult:
         goal_times: Seconds at which each goal was reached.
         goal_waits: Seconds for which it had believed itself within the controller's tolerance of each by then; empty
             where the task's radius decides.
-        trajectory: Rows (time, x, y, theta, forward velocity, angular velocity) of the truth, rounded for the file.
-        believed: Rows (x, y, theta) of what the robot believed at the same times.
+        trajectory: Shape (N, 6): time, x, y, theta, forward and angular velocity of the truth (s, m, rad, m/s, rad/s),
+            rounded for the file. Of two results that are compared the digest tells whether they differ in it.
+        believed: Shape (N, 3): x, y, theta of what the robot believed at the same times.
         digest: Hash over the unrounded trajectory and every velocity commanded: equal digests are equal drives.
         machine: What depends on the machine and the day: seconds per stage, wall time, memory.
     """
@@ -100,15 +103,14 @@ class EpisodeResult:
     smoothness: Smoothness = Smoothness()
     goal_times: Tuple[float, ...] = ()
     goal_waits: Tuple[float, ...] = ()
-    trajectory: List[List[float]] = dataclasses.field(default_factory=list)
-    believed: List[List[float]] = dataclasses.field(default_factory=list)
+    trajectory: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 6)), compare=False)
+    believed: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 3)), compare=False)
     digest: str = ""
     machine: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def drive(self) -> Dict[str, Any]:
         """Return what equal seeds must give equally: everything but the texts and the machine's times."""
-        fields = dataclasses.asdict(self)
-        return {name: value for name, value in fields.items() if name not in ("message", "machine")}
+        return {name: value for name, value in self._fields().items() if name not in ("message", "machine")}
 
     @property
     def stem(self) -> str:
@@ -121,7 +123,11 @@ class EpisodeResult:
 
     def to_line(self) -> str:
         """Return the result as one line of JSON."""
-        return json.dumps(dataclasses.asdict(self), separators=(",", ":"))
+        return json.dumps(self._fields(), separators=(",", ":"))
+
+    def _fields(self) -> Dict[str, Any]:
+        return {
+            **dataclasses.asdict(self), "trajectory": self.trajectory.tolist(), "believed": self.believed.tolist()}
 
     @classmethod
     def from_line(cls, line: str) -> EpisodeResult:
@@ -142,6 +148,8 @@ class EpisodeResult:
             values["smoothness"] = Smoothness(**values.get("smoothness", {}))
             for name in ("contact_times", "goal_times", "goal_waits"):
                 values[name] = tuple(values.get(name, ()))
+            for name, columns in (("trajectory", 6), ("believed", 3)):  # thousands of results are held at once
+                values[name] = np.array(values.get(name, ()), dtype=float).reshape(-1, columns)
             return cls(**values)
         except TypeError as error:
             raise ValueError(str(error)) from error

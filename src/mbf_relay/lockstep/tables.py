@@ -65,7 +65,7 @@ def _ratio(result: EpisodeResult) -> Optional[float]:
 
 
 def _peak(result: EpisodeResult) -> Optional[float]:
-    return max((abs(row[4]) for row in result.trajectory), default=None)
+    return float(np.abs(result.trajectory[:, 4]).max()) if len(result.trajectory) else None
 
 
 COLUMNS: Sequence[Column] = (
@@ -175,9 +175,7 @@ def _write_parquet(path: Path, results: Sequence[EpisodeResult]) -> None:
 
 
 def _write_trajectory(path: Path, result: EpisodeResult) -> None:
-    rows = np.array(result.trajectory, dtype=float).reshape(-1, 6)
+    rows = result.trajectory
     with whole_file(path) as stream:
         np.savez_compressed(
-            stream, time=rows[:, 0], truth=rows[:, 1:4], velocity=rows[:, 4:6],
-            believed=np.array(result.believed, dtype=float).reshape(-1, 3),
-        )
+            stream, time=rows[:, 0], truth=rows[:, 1:4], velocity=rows[:, 4:6], believed=result.believed)

@@ -1,7 +1,9 @@
 """Results on disk: kills, broken lines, other settings, two writers."""
 
 import dataclasses
+import tracemalloc
 
+import numpy as np
 import pytest
 
 from mbf_relay.lockstep import results_file
@@ -11,12 +13,27 @@ from mbf_relay.lockstep.smoothness import Smoothness
 
 RESULT = EpisodeResult(
     "barn_001", 3, True, "SUCCEEDED", goals=1, goals_reached=1, time=12.5, smallest_clearance=0.1, score=0.4,
-    smoothness=Smoothness(0.5, 0.1), goal_times=(12.5,), trajectory=[[0.1, 0.2, 0.3, 0.0, 0.1, 0.2]],
+    smoothness=Smoothness(0.5, 0.1), goal_times=(12.5,),
+    trajectory=np.array([[0.1, 0.2, 0.3, 0.0, 0.1, 0.2]]), believed=np.array([[0.2, 0.4, 0.1]]),
 )
 
 
 def test_a_line_keeps_everything():
-    assert EpisodeResult.from_line(RESULT.to_line()) == RESULT
+    read = EpisodeResult.from_line(RESULT.to_line())
+    assert read == RESULT and read.drive() == RESULT.drive()
+
+
+def test_a_batch_of_thousands_of_drives_holds_them_all_in_little_memory():
+    """Lists of lists of numbers took 0.3 MB a drive: 10 000 drives 3 GB, and to go on with them as much again."""
+    rows = np.random.default_rng(1).normal(size=(600, 9)).round(4)
+    line = dataclasses.replace(RESULT, trajectory=rows[:, :6], believed=rows[:, 6:]).to_line()
+    tracemalloc.start()
+    try:
+        held = [EpisodeResult.from_line(line) for _ in range(20)]
+        taken = tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+    assert np.array_equal(held[-1].believed, rows[:, 6:]) and taken < 20 * 1.5 * rows.nbytes
 
 
 def test_drive_leaves_out_what_the_machine_did():

@@ -13,8 +13,8 @@ from mbf_relay.lockstep.tables import COLUMNS, spl, write
 
 DRIVEN = EpisodeResult(
     "a, quoted", 3, True, "SUCCEEDED", time=20.0, path_length=5.0, reference_path_length=4.0, score=0.4,
-    trajectory=[[0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.1, 0.02, 0.0, 0.0, -0.2, 0.1]],
-    believed=[[0.0, 0.0, 0.0], [0.03, 0.0, 0.0]],
+    trajectory=np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.1, 0.02, 0.0, 0.0, -0.2, 0.1]]),
+    believed=np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0]]),
 )
 
 
