@@ -134,7 +134,7 @@ class PathTracker:
         self._robot_arc = None
 
     def cut(self, state: ControlState, behind: float, ahead: float, extension: float) -> LocalPath:
-        """Return the stretch round the robot.
+        """Return the stretch round the robot; for one beyond the end of the path, the straight way back to the goal.
 
         Args:
             state: Where the robot is.
@@ -145,11 +145,15 @@ class PathTracker:
         robot, width = state.pose.relative_to(state.costmap_from_path), state.costmap.width
         distance, arc = self._locate(robot, width)
         self._robot_arc = arc
-        first = max(0, int(self._arcs.searchsorted(arc - behind)) - 1)
-        last = min(len(self._arcs), int(self._arcs.searchsorted(arc + ahead)) + 1)
-        points, arcs = self._points[first:last], self._arcs[first:last]
+        if arc >= self._arcs[-1] and distance > self._spacing:
+            points, arcs = self._way_back(robot, distance)
+            arc = float(arcs[0])
+        else:
+            first = max(0, int(self._arcs.searchsorted(arc - behind)) - 1)
+            last = min(len(self._arcs), int(self._arcs.searchsorted(arc + ahead)) + 1)
+            points, arcs = self._points[first:last], self._arcs[first:last]
         assert self.path is not None
-        if last == len(self._arcs):
+        if arcs[-1] == self._arcs[-1]:
             points, arcs = self._extended(points, arcs, robot, extension, width)
         return LocalPath(
             np.ascontiguousarray(state.costmap_from_path.transform_points(points)), np.ascontiguousarray(arcs), arc,
@@ -183,12 +187,19 @@ class PathTracker:
         path_kernels.project(place, self._points[first:last], self._arcs[first:last], result)
         return float(result[0, 0]), float(result[0, 1])
 
+    def _way_back(self, robot: Pose2D, distance: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the straight line to the goal of a robot that is `distance` (m) beyond it or beside."""
+        shares = np.linspace(0.0, 1.0, 2 + int(distance / self._spacing))
+        place = np.array([robot.x, robot.y])
+        points = place + shares[:, np.newaxis] * (self._points[-1] - place)
+        return points, self._arcs[-1] + distance * (shares - 1.0)
+
     def _extended(
         self, points: np.ndarray, arcs: np.ndarray, robot: Pose2D, extension: float, width: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Lengthen a stretch beyond the goal the way the path arrives there, or from the robot where it is too short.
         """
-        start = self._points[max(0, int(self._arcs.searchsorted(self._arcs[-1] - ARRIVAL * width)))]
+        start = points[max(0, int(arcs.searchsorted(arcs[-1] - ARRIVAL * width)))]
         direction = self._points[-1] - start
         if np.hypot(*direction) < 0.7 * ARRIVAL * width:
             direction = self._points[-1] - (robot.x, robot.y)

@@ -47,6 +47,20 @@ def test_the_stretch_reaches_as_far_as_asked_and_straight_beyond_the_goal():
     assert end.point_at(2.5) == pytest.approx([2.5, 0.0])
 
 
+@pytest.mark.parametrize("there", [(2.3, 0.0), (2.1, 0.4), (2.02, -0.2)])
+def test_a_robot_beyond_the_goal_is_led_back_to_it_and_straight_on(there):
+    transform = Pose2D(1.0, -2.0, 0.7)
+    robot, goal = transform.compose(Pose2D(*there, 1.0)), transform.compose(Pose2D(2.0, 0.0, 0.0))
+    way = np.array([goal.x - robot.x, goal.y - robot.y])
+    path = tracker_on(line((0, 0), (2, 0))).cut(state(robot.x, robot.y, robot.theta, transform), 0.3, 0.6, 1.0)
+    assert path.remaining == pytest.approx(np.hypot(*way)) == pytest.approx(path.robot_distance)
+    assert path.goal_arc == pytest.approx(2.0) and path.goal.distance_to(goal) < 1e-9
+    assert path.point_at(path.robot_arc) == pytest.approx([robot.x, robot.y])
+    assert path.point_at(2.0) == pytest.approx([goal.x, goal.y])
+    assert path.point_at(2.5) == pytest.approx([goal.x, goal.y] + 0.5 * way / np.hypot(*way))
+    assert len(path.points) > 5, "an obstacle between is to be found"
+
+
 def test_frames_are_related_by_the_transform():
     transform = Pose2D(1.0, -2.0, 0.7)
     robot = transform.compose(Pose2D(0.4, 0.05, 0.0))

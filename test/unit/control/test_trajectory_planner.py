@@ -110,6 +110,15 @@ def test_a_robot_that_drives_sideways_does():
     assert ended.reached and np.abs(commands[:, 1]).max() > 0.05 and np.abs(commands[:, 1]).max() <= 0.3 + 1e-9
 
 
+@pytest.mark.parametrize("dwa", [False, True])
+@pytest.mark.parametrize("x, y, theta", [(1.56, 0.1, 3.1), (1.6, -0.12, -2.6), (1.58, 0.07, 1.6)])
+def test_a_robot_that_drives_sideways_comes_back_to_a_goal_it_has_overshot(dwa, x, y, theta):
+    controller = made(holonomic_robot=True, y_vels="-0.3, -0.1, 0.1, 0.3", acc_lim_y=2.5, acc_lim_x=2.5, dwa=dwa)
+    robot = PaperRobot(Pose2D(x, y, theta))
+    ended = drive(controller, path_through((0, 0), (1.5, 0.0)), robot.pose, seconds=12.0, robot=robot)
+    assert ended.reached, ended.error
+
+
 @pytest.mark.parametrize("listed, told", [([-0.3, -0.1, 0.1, -0.3], "-0.3,-0.1,0.1,-0.3"), ([], ""), (0.25, "0.25")])
 def test_velocities_sideways_that_are_a_list_leave_no_robot_without_a_controller(listed, told):
     controller = made(holonomic_robot=True, y_vels=listed, acc_lim_y=1.0)
