@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-import queue
 import threading
-from typing import Optional, Tuple
+from collections import deque
+from typing import Deque, Optional, Tuple
 
 import numpy as np
 import rospy
@@ -29,7 +29,8 @@ class SavedPose:
 
     def __init__(self) -> None:
         self._saved_at = -math.inf
-        self._waiting: queue.Queue[Tuple[KeptPose, np.ndarray]] = queue.Queue()
+        self._newest: Deque[Tuple[KeptPose, np.ndarray]] = deque(maxlen=1)  # until it is written
+        self._there = threading.Event()
         threading.Thread(target=self._work, name="saved_pose", daemon=True).start()
 
     @staticmethod
@@ -52,12 +53,16 @@ class SavedPose:
         return True
 
     def save_soon(self, kept: KeptPose, covariance: np.ndarray) -> None:
-        """Hand a pose and its covariance, shape (3, 3), to the thread that writes."""
-        self._waiting.put((kept, covariance))
+        """Hand a pose and its covariance, shape (3, 3), to the thread that writes; one that still waits is forgotten."""
+        self._newest.append((kept, covariance))
+        self._there.set()
 
     def _work(self) -> None:
         while True:
-            self.save(*self._waiting.get())
+            self._there.wait()
+            self._there.clear()
+            if self._newest:
+                self.save(*self._newest.pop())
 
     @staticmethod
     def save(kept: KeptPose, covariance: np.ndarray) -> None:
