@@ -24,7 +24,6 @@ WRONG = [
     ("simulator", ["_world:=/nowhere/map.yaml"], ["/nowhere/map.yaml"]),
     ("simulator", ["_max_speed:=fast"], ["max_speed", "fast"]),
     ("simulator", ["_scan_rate:=7.0"], ["scan_rate", "7", "divide", "120"]),
-    ("amcl", ["_laser_model_type:=sonar"], ["laser_model_type", "sonar", "likelihood_field", "beam"]),
     ("amcl", ["_min_particles:=many"], ["min_particles", "many"]),
     ("move_base_flex", ["_controller_frequency:=often"], ["controller_frequency", "often"]),
     ("move_base_flex", ["_global_costmap:={resolution: -1.0}"], ["resolution", "-1"]),
@@ -35,6 +34,7 @@ TAKEN = [
     # what a human would start with all the same: executable, arguments, words of the one line that says so
     ("simulator", ["_max_speed:=-1.0"], ["max_speed", "-1"]),
     ("amcl", ["_min_particles:=-5"], ["min_particles", "-5"]),
+    ("amcl", ["_laser_model_type:=sonar"], ["laser_model_type", "sonar", "likelihood_field", "beam"]),
     ("move_base_flex", [NO_PLANNER], ["Pathfinder", "atlantis/Pathfinder", "navfn/NavfnROS"]),
     ("move_base_flex", [NO_CONTROLLER], ["Pilot", "atlantis.pilot.Pilot", "dwa_local_planner/DWAPlannerROS"]),
     ("move_base_relay", ["_server_timeout:=-1.0"], ["server_timeout", "-1"]),
