@@ -60,7 +60,8 @@ def _entries(path: Path) -> List[Any]:
     except OSError as error:
         raise ValueError(f"worlds file {path} cannot be read: {error.strerror}") from error
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"worlds file {path} is no JSON: {error}") from error
+        hint = "; make_worlds.py makes worlds files of Gazebo's worlds" if path.suffix in (".world", ".sdf") else ""
+        raise ValueError(f"worlds file {path} is no JSON: {error}{hint}") from error
     entries = content.get("worlds") if isinstance(content, Mapping) else None
     if not isinstance(entries, list) or not entries:
         raise ValueError(f"worlds file {path} holds no list 'worlds'")

@@ -14,6 +14,7 @@ from mbf_relay.simulation.node_parameters import SimulatorParameters
 from mbf_relay.simulation.shapes import Body, Box, Cylinder, Sphere
 from mbf_relay.simulation.world import World
 from mbf_relay.simulation.worlds import load_world
+from mbf_relay.simulation.worlds_file import load_worlds_file
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 SHARED = Path(os.environ.get("MBF_RELAY_SHARED", str(REPOSITORY.parent / "shared")))
@@ -373,6 +374,12 @@ def test_malformed_worlds_files_are_refused(tmp_path, text, said):
     with pytest.raises(ValueError) as caught:
         load_world(path)
     assert said in str(caught.value) and path in str(caught.value)
+
+
+def test_who_gives_batch_a_gazebo_world_is_told_what_makes_a_worlds_file_of_it(tmp_path):
+    path = write(tmp_path / "yard.world", "<sdf/>")
+    with pytest.raises(ValueError, match="yard.world is no JSON: .*; make_worlds.py makes worlds files of Gazebo's"):
+        load_worlds_file(Path(path))
 
 
 @pytest.mark.skipif(not BARN.exists(), reason="the shared data is not here")
