@@ -53,7 +53,7 @@ class SavedPose:
         return True
 
     def save_soon(self, kept: KeptPose, covariance: np.ndarray) -> None:
-        """Hand a pose and its covariance, shape (3, 3), to the thread that writes; one that still waits is forgotten."""
+        """Hand a pose and its covariance, shape (3, 3), to the thread that writes, in place of one that waits."""
         self._newest.append((kept, covariance))
         self._there.set()
 
