@@ -155,7 +155,7 @@ class Costmap:
         if not takers:
             raise ValueError(
                 f"{self.name} has no observation source '{source}'; it has: {', '.join(self.sources) or 'none'}")
-        observation = observation.dated(now).without_robot(self._footprint)
+        observation = observation.dated(now).without_robot(self._outline)
         with self._lock:
             self._shown = None
             for layer, name in sorted(takers, key=lambda taker: taker[0].tracks is None):
@@ -263,7 +263,7 @@ class Costmap:
                 self._due_grid = None
             if self.parameters.rolling_window:
                 self._follow(robot_pose)
-            context = LayerContext(now, robot_pose, self._footprint)
+            context = LayerContext(now, robot_pose, self._outline)
             active = [layer for layer in self.layers if layer.enabled]
             window = Window.of(self._grid) if self._redo_due else EMPTY
             self._redo_due = True  # again, where a layer breaks off what others have begun

@@ -108,14 +108,16 @@ class FootprintChecker:
     def depths_at(self, pose: Pose2D) -> np.ndarray:
         """Return how deep (cells) the footprint reaches into what it touches, shape (2,): the deepest, and the sum.
 
-        Both are below 0 where it touches nothing, or so much that it takes too long to tell.
+        Both are below 0 where it touches nothing, or so much that it takes too long to tell. What lies within it is
+        touched, though no side is: in its padding something may stand.
         """
-        found = np.full(2, -1.0)
-        if self.contacts_at(pose):
-            footprint_checker_kernels.depths(
-                self._costs, *self._place, self._corners, self._radius, self._overlap, self._highest,
-                pose.x, pose.y, pose.theta, 1.0, found)
-        return found if math.isfinite(found[0]) else np.full(2, -1.0)
+        found, nothing = np.empty(2), np.full(2, -1.0)
+        footprint_checker_kernels.depths(
+            self._costs, *self._place, self._corners, self._radius, self._overlap, self._highest,
+            pose.x, pose.y, pose.theta, 1.0, found)
+        if not math.isfinite(found[0]):
+            return nothing
+        return found if found[0] > 0.5 - self._overlap or self.contacts_at(pose) else nothing
 
     def first_contacts(
         self, poses: np.ndarray, counts: np.ndarray, scales: np.ndarray, begin: Optional[Pose2D] = None

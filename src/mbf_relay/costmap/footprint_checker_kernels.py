@@ -312,19 +312,24 @@ def first_contacts(
                     if found > 0:
                         break
                 room -= reach * 2.0 * math.pi / outlines.shape[0]  # the nearest heading drawn may be half as far off
-            if found == 0:
-                deepest = total = -1.0
-            elif deepest < 0.0 or looked_at >= may_look_at:
+            if deepest < 0.0:
+                if found > 0:
+                    free[n] = i
+                    break
+            elif looked_at >= may_look_at:
                 free[n] = i
                 break
             else:
                 looked_at += depths(
                     costs, origin_x, origin_y, resolution, corners, circumscribed, overlap, in_way, poses[n, i, 0],
                     poses[n, i, 1], poses[n, i, 2], scales[n], entered)
-                if entered[0] > deepest + _HAIR or entered[1] > total + deepest + _HAIR:
+                if found == 0 and entered[0] <= 0.5 - overlap:  # no side touches, and nothing is within them
+                    deepest = total = -1.0
+                elif entered[0] > deepest + _HAIR or entered[1] > total + deepest + _HAIR:
                     free[n] = i
                     break
-                deepest, total = min(deepest, entered[0]), min(total, entered[1])
+                else:
+                    deepest, total = min(deepest, entered[0]), min(total, entered[1])
             column, row = int(math.floor(across)), int(math.floor(up))
             if column < 0 or row < 0 or column >= width or row >= height:
                 free[n] = i

@@ -26,7 +26,7 @@ class LayerContext:
     Attributes:
         now: Time (s).
         robot_pose: The robot's base in the costmap's frame.
-        footprint: The padded outline in the base frame, shape (K, 2) in metres.
+        footprint: What the robot takes up: its outline without padding, shape (K, 2) in metres in the base frame.
     """
 
     now: float

@@ -256,11 +256,24 @@ def test_how_deep_a_footprint_is_in_something_is_the_way_back_out():
     checker = with_overlap(costmap, 0.2)
     for heading in (0.0, 0.3, 1.0):
         for entered in (0.1, 0.2, 0.5, 1.2):
-            centre, before = Pose2D(0.625, 0.025, heading), 0.041 + 0.05 * (0.3 - entered)
-            deepest, total = checker.depths_at(centre.compose(Pose2D(-before, 0.02, 0.0)))
-            assert deepest == total == pytest.approx(entered if checker.contacts_at(
-                centre.compose(Pose2D(-before, 0.02, 0.0))) else -1.0)
+            before = 0.041 + 0.05 * (0.3 - entered)
+            pose = Pose2D(0.625, 0.025, heading).compose(Pose2D(-before, 0.02, 0.0))
+            deepest, total = checker.depths_at(pose)
+            touches = checker.contacts_at(pose) or entered > 0.3  # its centre is within the footprint
+            assert deepest == total == pytest.approx(entered if touches else -1.0)
     assert (checker.depths_at(Pose2D(0.0, 0.0, 0.0)) < 0.0).all()
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.3])
+def test_what_stands_within_the_outline_is_left_and_not_entered_deeper(heading):
+    """No side touches it, and it was driven through from within."""
+    costmap = empty_costmap()
+    costmap.costs[30, 42] = 254  # its centre at (0.625, 0.025), 3 cm behind the front edge
+    checker, begin = with_overlap(costmap, 0.2), Pose2D(0.625, 0.025, heading).compose(Pose2D(-0.011, 0.0, 0.0))
+    assert checker.contacts_at(begin) == 0
+    for direction, free in (1.0, 0), (-1.0, 40):
+        poses = np.array([begin.compose(Pose2D(0.005 * direction * step, 0.0, 0.0)) for step in range(1, 41)])
+        assert checker.free_steps(poses, begin) == free
 
 
 def test_distances_are_to_the_nearest_lethal_or_unknown_cell():

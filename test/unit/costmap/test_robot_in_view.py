@@ -8,6 +8,7 @@ import pytest
 from mbf_relay.costmap.cost_grid import LETHAL
 from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.costmap.footprint import IN_COLLISION, footprint_cost
+from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.outline import are_own
 from mbf_relay.geometry import IDENTITY, Pose2D
@@ -69,6 +70,19 @@ def test_what_is_at_the_robots_edge_or_beyond_is_an_obstacle(thing):
     beyond = np.maximum(np.abs(seen.points[:, 0]) - 0.14, np.abs(seen.points[:, 1]) - 0.13) > 0.0
     cells = snapshot.grid.cells_at(seen.points[beyond])
     assert beyond.any() and (snapshot.costs[cells[:, 1], cells[:, 0]] == LETHAL).all()
+
+
+def test_what_stands_in_the_padding_is_an_obstacle_and_no_part_of_the_robot():
+    """It was taken for the robot's own and its cells for free, and the robot drove into what stood right before it."""
+    costmap = local_costmap(footprint_padding=0.1)
+    near = np.array([[0.19, y] for y in np.linspace(-0.1, 0.1, 21)])
+    costmap.observe("scan", Observation((0.0, 0.0), near, None, 1.0, base=IDENTITY), 1.0)
+    costmap.update(1.0, IDENTITY)
+    snapshot = costmap.snapshot()
+    cells = snapshot.grid.cells_at(near)
+    assert (snapshot.costs[cells[:, 1], cells[:, 0]] == LETHAL).all()
+    assert FootprintChecker(snapshot).free_steps(np.array([[0.02, 0.0, 0.0]]), IDENTITY) == 0
+    assert FootprintChecker(snapshot).free_steps(np.array([[-0.02, 0.0, 0.0]]), IDENTITY) == 1
 
 
 def test_a_lidar_that_stands_in_the_world_may_look_at_the_robot():

@@ -2,6 +2,7 @@
 
 import math
 import random
+from pathlib import Path
 
 import pytest
 
@@ -11,8 +12,12 @@ from faulty_drive import FaultyDrive  # noqa: E402
 from tally import how_many, trial  # noqa: E402
 
 from mbf_relay.geometry import Pose2D  # noqa: E402
-from mbf_relay.lockstep.tasks import circle  # noqa: E402
+from mbf_relay.lockstep.episode import Episode  # noqa: E402
+from mbf_relay.lockstep.settings import config_folder  # noqa: E402
+from mbf_relay.lockstep.setup import make_setup  # noqa: E402
+from mbf_relay.lockstep.tasks import circle, task_of  # noqa: E402
 from mbf_relay.simulation.shapes import Box, Cylinder  # noqa: E402
+from mbf_relay.simulation.worlds_file import world_of  # noqa: E402
 
 
 def in_front(robot, chance):
@@ -80,3 +85,18 @@ def test_a_rod_that_no_more_than_a_beam_or_two_hit_is_not_run_over(radius, dista
         drive.arrive()
     finally:
         drive.close()
+
+
+@pytest.mark.parametrize("place, goal", [
+    ([0.35, 0.0, 0.0, 0.04, 0.5, 0.5], [2.0, 0.0, 0.0]),  # 4 cm before its front
+    ([0.32, 0.0, 0.0, 0.02, 0.5, 0.5], [2.0, 0.0, 0.0]),
+    ([0.0, 0.32, 0.0, 0.5, 0.04, 0.5], [0.0, 2.0, 1.57]),  # beside it
+])
+def test_a_robot_does_not_run_into_what_stands_within_its_padding(place, goal):
+    """Files of a Husky or a Jackal have a padding of 0.1 m; what stood in it was taken for the robot's own."""
+    world = {"name": "within the padding", "boxes": [place], "start": [0.0, 0.0, 0.0], "goal": goal, "goal_radius": 0.3,
+             "time_limit": 40.0}
+    changes = [f"{costmap}.footprint_padding=0.1" for costmap in ("local_costmap", "global_costmap")]
+    setup = make_setup(config_folder(), robot="medium", changes=changes, has_map=False)
+    result = Episode(task_of(world_of(Path("worlds"), 0, world)), setup, 1).run()
+    assert result.success, (result.outcome, result.message)
