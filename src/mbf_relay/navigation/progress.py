@@ -15,6 +15,10 @@ STOPPED = 1e-3
 """m/s and rad/s below which a robot counts as standing and a command as zero."""
 MOVED = 0.02, 0.05
 """Metres and radians by which a robot that stands is somewhere else: more than its poses differ while it does."""
+ONE_WAY = 0.5
+"""Radians of a turn that is progress, however slow, where it went one way: a robot that oscillates turns back."""
+MOSTLY = 0.9
+"""Share of all its turning that such a turn is at least."""
 
 
 class OscillationDetector:
@@ -23,7 +27,7 @@ class OscillationDetector:
     def __init__(self) -> None:
         self._reference: Optional[Pose2D] = None
         self._heading = 0.0
-        self._turned = 0.0
+        self._turned = self._turned_in_all = 0.0
         self._since, self._asked = Stopwatch(), Stopwatch()
 
     @property
@@ -45,7 +49,8 @@ class OscillationDetector:
     def progressed(self, now: float, pose: Pose2D, parameters: NavigatorParameters) -> bool:
         """Take a pose; return whether it is far enough from the last one that counted.
 
-        Turns are summed up, as the angle between two headings never says how often a robot went round.
+        Turns are summed up, as the angle between two headings never says how often a robot went round. Whoever has not
+        turned far enough in time may be slow to turn: then what counts is whether that went one way.
         """
         self._asked.start(now)
         if self._reference is None:
@@ -53,17 +58,21 @@ class OscillationDetector:
             if not self._since.running:
                 self._since.start(now)
             return False
-        self._turned += angle_between(self._heading, pose.theta)
+        turn = angle_between(self._heading, pose.theta)
+        self._turned += turn
+        self._turned_in_all += abs(turn)
         self._heading = pose.theta
         moved = self._reference.distance_to(pose) >= parameters.oscillation_distance
-        turned = abs(self._turned) >= parameters.oscillation_angle
+        turned = abs(self._turned) >= parameters.oscillation_angle or (
+            self.stuck_for(now, parameters) is not None
+            and abs(self._turned) >= max(ONE_WAY, MOSTLY * self._turned_in_all))
         if moved or turned:
             self.restart(now)
             self._take_as_reference(pose)
         return moved or turned
 
     def _take_as_reference(self, pose: Pose2D) -> None:
-        self._reference, self._heading, self._turned = pose, pose.theta, 0.0
+        self._reference, self._heading, self._turned, self._turned_in_all = pose, pose.theta, 0.0, 0.0
 
     def stuck_for(self, now: float, parameters: NavigatorParameters) -> Optional[float]:
         """Return for how long (s) there was no progress where that is too long, otherwise None."""

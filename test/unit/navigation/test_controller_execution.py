@@ -334,6 +334,21 @@ def test_turning_on_the_spot_is_progress(make_bench):
     assert not task.done
 
 
+@pytest.mark.parametrize("timeout, rate, turns_back, gives_up", [
+    (10.0, 0.1, 0.0, False), (10.0, 0.3, 0.0, False), (3.0, 0.2, 0.0, False), (10.0, 0.3, 3.0, True),
+    (10.0, 0.1, 15.0, True), (10.0, 0.01, 0.0, True),
+])
+def test_a_robot_slow_to_turn_that_turns_one_way_does_not_oscillate(make_bench, timeout, rate, turns_back, gives_up):
+    """At 0.3 rad/s no robot turns by 3.14 rad in 10 s; it was given up while it turned to its goal's heading."""
+    bench = make_bench(oscillation_timeout=timeout, oscillation_distance=0.2)
+    bench.script.velocity = lambda state: Twist2D(
+        0.0, 0.0, -rate if turns_back and bench.now % (2.0 * turns_back) > turns_back else rate)
+    task = bench.navigator.exe_path(FollowGoal(PATH))
+    for _ in range(260):
+        bench.step()
+    assert task.done == gives_up
+
+
 def test_new_rates_hold_from_the_next_cycle_on(bench):
     bench.navigator.exe_path(FollowGoal(PATH))
     bench.navigator.update(bench.now)
