@@ -155,6 +155,16 @@ class FootprintChecker:
         )
         return way
 
+    def meets_something(self, poses: np.ndarray, counts: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Tell of each trajectory of `first_contacts`, which found its free steps, whether something ends it, (N,).
+
+        Where the grid ends nothing is: a robot whose costmap ends a few hand's breadths ahead would stand before that.
+        """
+        found = steps < counts
+        cut = np.flatnonzero(found)
+        found[cut] = ~self.leaves_grid(poses[cut, steps[cut]])
+        return np.asarray(found)
+
     def free_steps(self, poses: np.ndarray, begin: Optional[Pose2D] = None) -> int:
         """Return how many of consecutive poses, shape (S, 3), come before the first contact; see `first_contacts`."""
         if len(poses) == 0:

@@ -1,5 +1,6 @@
 """MPPI: imagined drives against plain references, its critics, its motion models, and Nav2's names."""
 
+import functools
 import math
 from types import SimpleNamespace
 
@@ -214,6 +215,15 @@ def test_no_command_is_given_from_which_the_robot_could_not_brake():
 def _starts_inside(walls):
     x, y = np.meshgrid(np.linspace(-0.17, 0.17, 30), np.linspace(-0.17, 0.17, 30))
     return bool(walls(x, y).any())
+
+
+@pytest.mark.parametrize("critic", ["CostCritic", "ObstaclesCritic"])
+def test_a_robot_whose_costmap_ends_a_few_hand_s_breadths_ahead_drives_on(critic):
+    """Each imagined drive that led out of it counted as one into an obstacle: it crept, or stood where it is fast."""
+    controller = make(critics=[critic if name == "CostCritic" else name for name in BURGER["critics"]])
+    small = functools.partial(costmap_round, size=0.8, resolution=0.05)
+    driven = drive(controller, path_through((0.0, 0.0), (4.0, 0.0)), START, seconds=23.0, costmap=small)
+    assert driven.reached, driven.error
 
 
 def test_where_every_drive_is_worse_than_standing_the_reason_is_told():

@@ -15,8 +15,7 @@ class ObstacleCost(Critic):
     Source: base_local_planner's ObstacleCostFunction. Where that discards every trajectory that touches anything within
     sim_time, this one discards those that touch before the robot could have stopped, with stop_time_buffer to spare;
     one that touches later is worth what it reaches until then, at the cost of an inscribed cell. Where the costmap ends
-    nothing is touched: one that leads on from there is worth what it reaches on it, at no cost. A robot whose costmap
-    ends a few hand's breadths ahead would rather stand than near that.
+    nothing is touched: one that leads on from there is worth what it reaches on it, at no cost.
 
     Where the footprint touches already, for an obstacle came near or was seen late, what touches no more than now is
     left.
@@ -32,8 +31,6 @@ class ObstacleCost(Critic):
     def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
         """Return the highest cost passed (or their sum, with sum_scores)."""
         costs = trajectories.summed_costs if self.parameters.sum_scores else trajectories.highest_costs
-        touches = trajectories.free < trajectories.counts
-        cut = np.flatnonzero(touches)
-        touches[cut] = ~data.checker.leaves_grid(trajectories.poses[cut, trajectories.free[cut]])
+        touches = data.checker.meets_something(trajectories.poses, trajectories.counts, trajectories.free)
         costs = np.where(touches, np.maximum(costs, INSCRIBED), costs)
         return np.where(trajectories.free < trajectories.needed, RULED_OUT, costs)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,12 @@ class Rollouts:
     halfway: np.ndarray
     ends: np.ndarray
     furthest: int
+
+    @cached_property
+    def touches(self) -> np.ndarray:
+        """Which drives touch something, bool of shape (B,)."""
+        return self.checker.meets_something(
+            self.poses, np.full(len(self.poses), self.poses.shape[1]), self.way.steps)
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ class CostCritic(CriticFunction):
         p, count = self.parameters, data.poses.shape[1]
         costs = np.zeros(len(data.poses)) if data.goal_distance < p.near_goal_distance else data.way.summed_costs
         costs = np.where(data.way.highest_costs >= INSCRIBED, costs + p.critical_cost, costs)
-        return np.where(data.way.steps < count, p.collision_cost, costs) / (LETHAL * count)
+        return np.where(data.touches, p.collision_cost, costs) / (LETHAL * count)
 
 
 @dataclass(frozen=True)
@@ -66,13 +66,13 @@ class ObstaclesCritic(CriticFunction):
 
     def score(self, data: Rollouts) -> Any:
         """Return the weighted sum of both charges; far more for a drive that touches."""
-        p, count = self.parameters, data.poses.shape[1]
+        p = self.parameters
         distances = np.maximum(0.0, data.checker.clearances_at(data.poses) - data.checker.costmap.inscribed_radius)
         critical = np.maximum(0.0, p.collision_margin_distance - distances).sum(axis=1)
         costs = p.critical_weight * critical
         if data.goal_distance >= p.near_goal_distance:
             costs = costs + p.repulsion_weight * np.maximum(0.0, p.inflation_radius - distances).mean(axis=1)
-        return np.where(data.way.steps < count, p.collision_cost, costs)
+        return np.where(data.touches, p.collision_cost, costs)
 
 
 @dataclass(frozen=True)
