@@ -222,16 +222,6 @@ def test_bad_ends_are_told_apart(planner):
     assert outcome_of(planner, costmap, inside, nowhere) is PlanOutcome.INVALID_GOAL
 
 
-@pytest.mark.parametrize("past", [(-0.25, 0.0), (0.0, 5.25), (5.2, -0.2)])
-def test_a_robot_that_got_a_little_past_the_edge_of_its_map_comes_back(planner, past):
-    """It cut a corner along the edge, and its goal was given up."""
-    costmap = snapshot(np.zeros((5, 5)))
-    middle = at(costmap, 2, 2)
-    start = Pose2D(costmap.grid.origin_x + past[0] * RESOLUTION, costmap.grid.origin_y + past[1] * RESOLUTION, 0.3)
-    path = planner.plan(costmap, start, middle, 0.0, Cancellation())
-    assert path.poses[0, :2] == pytest.approx(start[:2]) and path.poses[-1, :2] == pytest.approx(middle[:2])
-    assert all(costmap.grid.contains_point(*point) for point in path.poses[1:, :2])
-
 
 def test_start_equal_to_goal_is_a_path(planner):
     costmap = snapshot(np.zeros((5, 5)))
@@ -300,16 +290,6 @@ def test_tolerance_agrees_with_a_search_of_all_cells(planner):
             best = min(near[cell] for cell in near if steps[cell] - first <= 2.0 * math.pi * tolerance / RESOLUTION)
             path = plan(planner, costmap, at(costmap, 0, 0), goal, tolerance=tolerance)
             assert path.goal.distance_to(goal) == pytest.approx(best, abs=1e-9)
-
-
-def test_a_robot_too_near_an_obstacle_may_leave(planner):
-    costs = np.zeros((9, 9))
-    costs[4, 3:6] = costs[3:6, 4] = 253
-    costs[4, 4] = LETHAL
-    costmap = snapshot(costs)
-    path = plan(planner, costmap, at(costmap, 4, 3), at(costmap, 0, 0))
-    assert tuple(path.poses[0, :2]) == pytest.approx(at(costmap, 4, 3)[:2])
-    assert outcome_of(planner, costmap, at(costmap, 4, 4), at(costmap, 0, 0)) is PlanOutcome.BLOCKED_START
 
 
 @pytest.mark.parametrize("allowed", [True, False])

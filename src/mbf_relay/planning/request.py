@@ -7,7 +7,7 @@ from typing import Optional, Tuple
 
 import numpy as np
 
-from mbf_relay.costmap.cost_grid import LETHAL, NO_INFORMATION, CostGrid, Window
+from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION, CostGrid, Window
 from mbf_relay.distances import distances_to_zeros
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import PlanningError, PlanOutcome
@@ -17,6 +17,9 @@ from mbf_relay.planning.search import reach_kernels
 
 Cell = Tuple[int, int]
 
+OUT_OF_A_DOCK = 4.0
+"""Times its width: how far a robot is led between walls too near for its inscribed circle, whose footprint may fit."""
+_COSTS = np.arange(256)
 DETOUR = 2.0 * math.pi
 """Tolerances by which the way to a place near the goal may be longer than to the first: once round the goal."""
 
@@ -60,7 +63,8 @@ def unreachable_error(start: Pose2D, goal: Pose2D, tolerance: float) -> Planning
 def departure(costmap: CostGrid, weights: np.ndarray, start: Pose2D) -> np.ndarray:
     """Return the cells from the start's own to the first free one: (N, 2), the start's cell alone where it is free.
 
-    A robot that stands too near an obstacle, or where nothing is known, may drive off within its inscribed radius. One
+    A robot that stands too near an obstacle, or where nothing is known, may drive off within its inscribed radius; over
+    cells that are only too near an obstacle, as between the walls of a dock, within OUT_OF_A_DOCK times its width. One
     that got past the edge of the map, by no more than its width, comes back over the cell that is nearest.
 
     Raises:
@@ -77,11 +81,10 @@ def departure(costmap: CostGrid, weights: np.ndarray, start: Pose2D) -> np.ndarr
     cost = costmap.costs[row, column]
     if weights[cost] > 0.0:
         return np.array([[column, row]], dtype=np.int32)
-    if cost != LETHAL:
-        reach = max(1, math.ceil(costmap.inscribed_radius / grid.resolution))
+    may_leave_over = (costmap.inscribed_radius, _COSTS != LETHAL), (OUT_OF_A_DOCK * costmap.width, _COSTS == INSCRIBED)
+    for distance, passable in may_leave_over if cost != LETHAL else ():
+        reach = max(1, math.ceil(distance / grid.resolution))
         path = np.empty(((2 * reach + 1) ** 2, 2), dtype=np.int32)
-        passable = np.ones(256, dtype=np.bool_)
-        passable[LETHAL] = False
         count = reach_kernels.way_out(costmap.costs, weights > 0.0, passable, column, row, reach, path)
         if count > 0:
             return path[:count]
