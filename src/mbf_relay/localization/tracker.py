@@ -150,7 +150,9 @@ class HypothesisTracker:
         self._doubt = Doubt()
         self._anywhere = anywhere
         self._ways: Dict[str, float] = {}  # since the last scan of each lidar that told something
-        self._way = self._since_nearby = self._since_anywhere = 0.0
+        self._looked: Dict[str, float] = {}  # since the last scan of each lidar, be it that it saw nothing
+        self._way = 0.0  # since the last scan of any that told something
+        self._since_nearby = self._since_anywhere = 0.0
         self.blocks.forget()
 
     def predict(self, step: Pose2D, noise: np.ndarray, shown: float = 0.0) -> None:
@@ -163,8 +165,9 @@ class HypothesisTracker:
         """
         way = max(shown, float(np.hypot(step.x, step.y)) + METRES_PER_RADIAN * abs(step.theta))
         self._way += way
-        for lidar in self._ways:
-            self._ways[lidar] += way
+        for ways in (self._ways, self._looked):
+            for lidar in ways:
+                ways[lidar] += way
         self._since_nearby += way
         self._since_anywhere += way
         if self._told is not None:
@@ -187,10 +190,11 @@ class HypothesisTracker:
             weigh: Weighs particles by the scan; by the tempered likelihood field where None.
         """
         seen = Seen.of(beams)
-        way, self._way = self._way, 0.0
-        if len(seen.ends) < FEWEST_BEAMS:
+        way, self._looked[lidar] = min(self._way, self._looked.get(lidar, self._way)), 0.0
+        if len(seen.ends) < FEWEST_BEAMS:  # the way is left to another lidar that sees something
             self._look_at_silence(poses, log_weights, seen, way)
             return Corrected(poses, *normalized(log_weights), None, min(1.0, way / VIEW))
+        self._way = 0.0
         is_news = is_news or lidar not in self._ways
         news = 1.0 if is_news else min(1.0, max(self._ways[lidar], STANDING) / VIEW)
         since, self._ways[lidar] = self._ways.get(lidar, 0.0), 0.0

@@ -1,4 +1,4 @@
-"""Lidars whose motor is not held to the beams: each turn has a few more or fewer, as an RPLidar's or an LD19's."""
+"""Lidars whose scans vary: by a few beams from turn to turn, as an RPLidar's or an LD19's, or down to none at all."""
 
 import numpy as np
 from synthetic_room import room, scan_at
@@ -6,6 +6,7 @@ from synthetic_room import room, scan_at
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.parameters import LocalizerParameters
+from mbf_relay.scan import LaserScan
 
 START = Pose2D(1.5, 0.5, 0.3)
 STEP = Pose2D(0.3, 0.0, 0.5)
@@ -42,3 +43,17 @@ def test_a_robot_that_stands_is_not_taken_to_move():
     rng = np.random.default_rng(3)
     made, truth, odom = driven(rng)
     assert not any(made.process(odom, turn_of(truth, rng), IDENTITY) for _ in range(40))
+
+
+def test_a_lidar_that_sees_nothing_does_not_keep_another_from_finding_the_robot():
+    """A camera before which nothing stands: its cloud has no point, and each time it took the way for itself."""
+    empty = LaserScan(np.full(90, np.nan), -0.5, 1.0 / 90.0, 0.1, 6.0, 0.0, "camera")
+    made, rng = Localizer(LocalizerParameters(), room(), np.random.default_rng(1)), np.random.default_rng(3)
+    truth, odom = START, Pose2D(5.0, 5.0, 1.0)
+    made.set_initial_pose(Pose2D(3.0, 2.5, -2.0), np.diag([0.02, 0.02, 0.01]))
+    for _ in range(40):
+        truth, odom = truth.compose(STEP), odom.compose(STEP)
+        made.process(odom, empty, IDENTITY)
+        estimate = made.process(odom, turn_of(truth, rng), IDENTITY)
+    assert estimate.pose.distance_to(truth) < 0.1
+    assert made.reliability() > 0.8
