@@ -77,6 +77,11 @@ class OccupancyMap:
         height, width = self.data.shape
         return Grid(self.resolution, 0.0, 0.0, width, height)
 
+    def is_same(self, other: OccupancyMap) -> bool:
+        """Return whether another map says the same of the same places."""
+        return (self.resolution, self.origin) == (other.resolution, other.origin) and np.array_equal(
+            self.data, other.data)
+
     def contains_point(self, x: float, y: float) -> bool:
         """Return whether a point of the map's frame (m) lies on the map."""
         local = Pose2D(x, y, 0.0).relative_to(self.origin)

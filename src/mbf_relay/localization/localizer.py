@@ -33,8 +33,6 @@ STANDS = 0.1
 FEWEST_PREDICTED = 1500
 """Particles that odometry moves at least, in the robust form: kept in few, the belief would still leave in few places.
 """
-
-
 NO_NOISE = np.zeros((3, 3))
 """Of a step where no rival takes it; particles have their own."""
 
@@ -122,11 +120,14 @@ class Localizer:
     def set_map(self, occupancy: OccupancyMap) -> None:
         """Take another map; the particles stay where they are, and the next scan updates them.
 
-        amcl starts again at the pose of the parameter server, which is seconds old or that of the launch file.
+        amcl starts again at the pose of the parameter server, which is seconds old or that of the launch file. The map
+        there is, as some nodes send it every second, changes nothing: rivals on it would be forgotten.
 
         Raises:
             ValueError: The map has no cell. The old one stays.
         """
+        if occupancy.is_same(self.field.occupancy):
+            return
         self.field = DistanceField(occupancy, self.parameters.laser_likelihood_max_dist)
         self._averages.reset()
         self._make_models()
