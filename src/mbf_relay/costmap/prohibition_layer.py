@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, List, Tuple
+from typing import Any, List, Optional, Tuple
 
 import numpy as np
 
@@ -65,7 +65,10 @@ class ProhibitionLayer(PlacedLayer):
         """Mark an area by its corners, (K, 2) in the costmap's frame: one for a point, two for a line."""
         grid = self.grid
         for begin, end in zip(corners, np.roll(corners, -1, axis=0)):
-            begin, end = clipped(begin, end, grid)
+            ends = clipped(begin, end, grid)
+            if ends is None:
+                continue
+            begin, end = ends
             steps = 2 + int(2.0 * float(np.hypot(*(end - begin))) / grid.resolution)
             cells = grid.cells_at(begin + np.linspace(0.0, 1.0, steps)[:, None] * (end - begin))
             inside = ((cells >= 0) & (cells < (grid.width, grid.height))).all(axis=1)
@@ -85,8 +88,8 @@ class ProhibitionLayer(PlacedLayer):
         self.costs[window.slices][within] = LETHAL
 
 
-def clipped(begin: np.ndarray, end: np.ndarray, grid: Grid) -> Tuple[np.ndarray, np.ndarray]:
-    """Return the part of a line that lies in the box of a grid; a point of it where none does."""
+def clipped(begin: np.ndarray, end: np.ndarray, grid: Grid) -> Optional[Tuple[np.ndarray, np.ndarray]]:
+    """Return the part of a line that lies in the box of a grid; None where it passes beside it or ends before it."""
     low = np.array([grid.origin_x, grid.origin_y])
     high, way = low + grid.resolution * np.array([grid.width, grid.height]), end - begin
     first, last = 0.0, 1.0
@@ -94,7 +97,7 @@ def clipped(begin: np.ndarray, end: np.ndarray, grid: Grid) -> Tuple[np.ndarray,
         if way[axis] != 0.0:
             shares = sorted(((low[axis] - begin[axis]) / way[axis], (high[axis] - begin[axis]) / way[axis]))
             first, last = max(first, shares[0]), min(last, shares[1])
-    return begin + first * way, begin + max(first, last) * way
+    return (begin + first * way, begin + last * way) if first <= last else None
 
 
 def areas_of(listed: Any) -> List[np.ndarray]:

@@ -75,6 +75,13 @@ def test_areas_far_larger_than_the_costmap_are_drawn_at_once():
     assert is_lethal(costmap, 2.0, -1.0) and is_lethal(costmap, -2.9, 1.0) and not is_lethal(costmap, 2.0, 2.0)
 
 
+@pytest.mark.parametrize("area", [
+    [[-5.0, 0.5], [-4.0, 0.5]], [[0.5, -5.0], [0.5, -3.5]], [[-8.0, -6.0], [-6.0, -5.0], [-7.0, -4.5]],
+    [[-5.0, -2.0], [-2.0, -5.0]], [[-4.0, -4.0]]])
+def test_what_lies_beside_the_costmap_marks_nothing_on_it(area):
+    assert not (costmap_with([area]).snapshot().costs == LETHAL).any()
+
+
 @pytest.mark.parametrize("areas, words", [
     ("garden", "is 'garden'; it must be a list"), ([POINT, "x"], r"prohibition_areas\[1\] is 'x'"),
     ([[]], r"prohibition_areas\[0\] is \[\]"), ([[[1.0], [2.0]]], "must be a point"), ([7], r"\[0\] is 7"),
