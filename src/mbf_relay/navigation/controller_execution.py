@@ -397,4 +397,4 @@ class ControllerExecution:
 
 def _same_end(old: Path, new: Path) -> bool:
     """Return whether two paths lead to one goal."""
-    return old.frame == new.frame and bool(np.allclose(old.poses[-1], new.poses[-1], atol=1e-3))
+    return old.frame == new.frame and bool(np.allclose(old.poses[-1], new.poses[-1], rtol=0.0, atol=1e-3))

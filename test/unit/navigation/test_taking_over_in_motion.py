@@ -27,6 +27,15 @@ def test_a_robot_that_another_controller_takes_over_in_motion_does_not_drive_on_
     assert bench.robot.sent[-1] == STOP
 
 
+def test_a_goal_metres_away_is_another_goal_also_in_utm_coordinates(bench):
+    """What a controller had reached of the first one counted for the next, half a metre or 50 m away."""
+    for y in (5.1e6, 5.1e6 + 0.5, 5.1e6 + 5.0):
+        bench.navigator.exe_path(FollowGoal(scripted.straight_path(end_y=y)))
+        bench.step()
+        bench.step(0.0)
+    assert [new for _path, new in bench.script.paths] == [True, True, True]
+
+
 def test_what_a_recovery_drives_ends_where_another_goal_takes_over(make_bench):
     """The robot drove on as the behaviour had said last, until the new goal had a path."""
     worker = scripted.HeldWorker()
