@@ -47,10 +47,15 @@ class CarrotPlanner(Planner):
         self, costmap: CostGrid, start: Pose2D, goal: Pose2D, tolerance: float, cancelled: Cancellation
     ) -> Path:
         request.require_finite(start, goal)
+        grid = costmap.grid
+        if math.dist(grid.center_of(*grid.nearest_cell(start.x, start.y)), start[:2]) > costmap.width:
+            raise request.outside_error(costmap, "start", start)
         distance = start.distance_to(goal)
-        step = self.parameters.step_size or costmap.grid.resolution
+        step = self.parameters.step_size or grid.resolution
         nearest = min(distance, self.parameters.min_dist_from_robot)  # the goal itself is tried however near it is
-        tried = np.arange(distance, nearest - 1e-9, -step)
+        reach = math.hypot(grid.width, grid.height) * grid.resolution + costmap.width  # no place on the grid is farther
+        beyond = max(0, math.ceil((distance - reach) / step))  # places not tried: a goal may be 10000 km away
+        tried = np.arange(distance - beyond * step, nearest - 1e-9, -step)
         heading = math.atan2(goal.y - start.y, goal.x - start.x)
         line = np.column_stack((
             start.x + tried * math.cos(heading), start.y + tried * math.sin(heading), np.full(len(tried), goal.theta)))
@@ -60,12 +65,12 @@ class CarrotPlanner(Planner):
                 PlanOutcome.NO_PATH_FOUND,
                 f"the robot's footprint lies free nowhere on the line from ({start.x:.2f}, {start.y:.2f}) to "
                 f"({goal.x:.2f}, {goal.y:.2f}) in {costmap.frame}")
-        reach = float(tried[free[0]])
-        ways = np.linspace(0.0, reach, max(2, int(reach / costmap.grid.resolution) + 1))
+        way = float(tried[free[0]])
+        ways = np.linspace(0.0, way, max(2, int(way / grid.resolution) + 1))
         poses = np.column_stack((
             start.x + ways * math.cos(heading), start.y + ways * math.sin(heading), np.full(len(ways), heading)))
         poses[-1, 2] = goal.theta
-        return Path(poses, costmap.frame, reach)
+        return Path(poses, costmap.frame, way)
 
 
 def _lies_within(costmap: CostGrid, poses: np.ndarray) -> np.ndarray:

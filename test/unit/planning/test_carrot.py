@@ -1,5 +1,7 @@
 """The carrot planner goes straight, and as near as the robot fits."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -37,6 +39,17 @@ def test_a_goal_in_a_wall_is_approached_until_the_footprint_would_touch():
 
 def test_a_goal_off_the_costmap_is_approached_to_its_edge():
     assert 5.0 < plan(Pose2D(9.0, 1.0, 0.0)).poses[-1, 0] <= 5.9
+
+
+def test_poses_in_utm_coordinates_take_no_gigabytes():
+    tracemalloc.start()
+    try:
+        assert plan(Pose2D(9e5, 1.0, 0.0)).poses[-1, 0] > 5.6
+        with pytest.raises(PlanningError, match="the start .* lies outside"):
+            plan(Pose2D(1.0, 1.0, 0.0), start=Pose2D(9e5, 1.0, 0.0))
+        assert tracemalloc.get_traced_memory()[1] < 10e6
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_robot_that_fits_nowhere_on_the_line_is_told():
