@@ -9,8 +9,8 @@ from typing import Any, Optional, Tuple
 import numpy as np
 
 from mbf_relay.costmap import inflation_kernels
-from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION, Window
-from mbf_relay.costmap.layer import Layer, LayerContext
+from mbf_relay.costmap.cost_grid import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION, Window
+from mbf_relay.costmap.layer import Layer, LayerContext, shifted
 from mbf_relay.distances import distances_to_zeros
 from mbf_relay.grid import Grid
 from mbf_relay.parameters import ParameterSet, parameter
@@ -33,7 +33,11 @@ class InflationLayerParameters(ParameterSet):
 
 
 class InflationLayer(Layer):
-    """Raises the costs round lethal cells; it keeps nothing of its own."""
+    """Raises the costs round lethal cells of the layers listed before it.
+
+    What later layers write is not inflated. So the costs as earlier layers left them are kept: beside a window the
+    costmap's own show what later ones have made of them, and what is inflated of that stayed when it was gone.
+    """
 
     Parameters = InflationLayerParameters
     parameters: InflationLayerParameters
@@ -44,6 +48,7 @@ class InflationLayer(Layer):
         self._inscribed_radius = 0.0
         self._table, self._radius = np.zeros(1, dtype=np.uint8), 0
         self._redo = True
+        self._costs = np.zeros((0, 0), dtype=np.uint8)  # as earlier layers left them, and inflated
 
     def _rebuild(self) -> None:
         self._table, self._radius = cost_table(
@@ -57,7 +62,12 @@ class InflationLayer(Layer):
 
     def resize(self, grid: Grid) -> None:
         super().resize(grid)
+        self._costs = np.zeros(grid.shape, dtype=np.uint8)
         self._rebuild()
+
+    def shift(self, grid: Grid, columns: int, rows: int) -> None:
+        super().shift(grid, columns, rows)
+        self._costs = shifted(self._costs, columns, rows, FREE_SPACE)
 
     def set_footprint(self, inscribed_radius: float) -> None:
         if inscribed_radius != self._inscribed_radius:
@@ -75,10 +85,14 @@ class InflationLayer(Layer):
         return window.grown(self._radius)
 
     def update_costs(self, costs: np.ndarray, window: Window) -> None:
+        if self._radius == 0:
+            return
+        self._costs[window.slices] = costs[window.slices]
         if self._radius > MAXIMUM_CELLS:
-            inflate_far(costs, window, self._table, self._radius, self.parameters.inflate_unknown)
-        elif self._radius > 0:
-            inflation_kernels.inflate(costs, *window, self._table, self._radius, self.parameters.inflate_unknown)
+            inflate_far(self._costs, window, self._table, self._radius, self.parameters.inflate_unknown)
+        else:
+            inflation_kernels.inflate(self._costs, *window, self._table, self._radius, self.parameters.inflate_unknown)
+        costs[window.slices] = self._costs[window.slices]
 
 
 def inflate_far(costs: np.ndarray, window: Window, table: np.ndarray, radius: int, inflate_unknown: bool) -> None:

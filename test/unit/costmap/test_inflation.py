@@ -7,8 +7,10 @@ import pytest
 
 from mbf_relay.costmap import inflation_kernels
 from mbf_relay.costmap.cost_grid import EMPTY, Window
+from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.costmap.inflation_layer import InflationLayer, InflationLayerParameters, cost_table
 from mbf_relay.costmap.layer import LayerContext
+from mbf_relay.costmap.observation import Observation
 from mbf_relay.geometry import IDENTITY
 from mbf_relay.grid import Grid
 
@@ -105,3 +107,23 @@ def test_a_changed_footprint_has_everything_inflated_again():
     assert layer.update_bounds(context, EMPTY).is_empty
     layer.set_footprint(0.2)
     assert layer.update_bounds(context, EMPTY) == Window.of(grid)
+
+
+def test_nothing_stays_of_what_a_layer_listed_after_it_no_longer_sees():
+    """Cells beside which somebody else changed were inflated by a door as well, and stayed so when it was open."""
+    costmap = build_costmap("global_costmap", {
+        "global_frame": "map", "width": 4.0, "height": 4.0, "resolution": 0.1, "origin_x": -2.0, "origin_y": -2.0,
+        "robot_radius": 0.2, "plugins": [
+            {"name": "inflation", "type": "costmap_2d::InflationLayer"},
+            {"name": "obstacles", "type": "costmap_2d::ObstacleLayer"}],
+        "obstacles": {"observation_sources": "scan", "scan": {
+            "data_type": "LaserScan", "clearing": True, "marking": True, "obstacle_range": 3.0, "raytrace_range": 3.0}},
+    })
+    (scan,) = costmap.sources
+    door, beside, beyond = (1.05, 0.05), (1.05, 0.35), (1.55, 0.05)
+    for now, seen in enumerate((door, beside, beyond, (1.55, 0.5), (-1.0, 0.0)), start=1):
+        costmap.observe(scan, Observation((0.0, 0.0), np.array([seen]), None, float(now)))
+        costmap.update(float(now), IDENTITY)
+    shown = costmap.snapshot()
+    assert set(np.unique(shown.costs)) <= {0, 254}
+    assert (shown.costs == 254).any() and shown.costs[shown.grid.cell_at(*door)[::-1]] == 0
