@@ -9,11 +9,12 @@ rosbag = pytest.importorskip("rosbag")
 
 import rospy
 from actionlib_msgs.msg import GoalStatus
-from geometry_msgs.msg import PoseStamped, TransformStamped, Twist
+from geometry_msgs.msg import PoseStamped, TransformStamped, Twist, TwistStamped
 from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult
 from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PathMessage
-from sensor_msgs.msg import LaserScan
+from sensor_msgs.msg import LaserScan, PointCloud2
+from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from mbf_relay.geometry import IDENTITY, Pose2D
@@ -96,6 +97,22 @@ def test_a_drive_of_a_robot_whose_base_is_base_link_is_shown():
     drive = events.drive()
     assert drive.path[:, 1] == pytest.approx([1.0, 2.0, 3.0])
     assert drive.seen[:, 0] == pytest.approx([2.0, 3.0, 4.0])
+
+
+@pytest.mark.parametrize("topic, message", [
+    ("/cmd_vel", TwistStamped()), ("/odom", PoseStamped()), ("/contacts", String()), ("/map", PointCloud2()),
+    ("/ground_truth", PoseStamped()), ("/move_base/goal", PoseStamped()), ("/move_base/result", String()),
+    ("/scan", PointCloud2(header=conversions.header("base_scan", 3.0))), ("/tf_static", String()),
+    ("/planner/plan", String()),
+])
+def test_another_robot_s_topic_of_another_type_is_left_out_of_the_report(tmp_path, topic, message):
+    """One TwistStamped on cmd_vel, or Gazebo's own contacts, ended the report with a traceback."""
+    path = str(tmp_path / "drive.bag")
+    write_bag(path)
+    with rosbag.Bag(path, "a") as bag:
+        bag.write(topic, message, rospy.Time.from_sec(3.0))
+    drive, _ = read_bag(path)
+    assert drive.summary()["success"] is True and len(drive.commands) == 51
 
 
 def test_without_ground_truth_the_estimate_is_the_path(tmp_path):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from functools import partial
 from typing import Any, Callable, Dict, List, Optional, Tuple
 
@@ -57,6 +56,8 @@ class DriveEvents:
     def handle(self, topic: str, message: Any, now: float) -> None:
         """Take one message that came at `now` (s); topics it does not know and messages that mean nothing are left out.
 
+        So is another system's topic of one of these names, with messages of another type.
+
         Where the clock was set back the drive begins anew, with the goals that run: to one time belong two places.
         """
         if now < self._now:
@@ -68,8 +69,12 @@ class DriveEvents:
         self._now = now
         handler = self.handlers.get(topic.lstrip("/"), self._plan if topic.endswith("/plan") else None)
         if handler is not None:
-            with contextlib.suppress(InvalidMessage):
+            try:
                 handler(message, now)
+            except InvalidMessage:
+                pass
+            except AttributeError as error:
+                rospy.logwarn_once(f"left out {topic}: nothing is told by messages of {message._type}, as {error}")
 
     def drive(self) -> Drive:
         """Return the drive so far."""
