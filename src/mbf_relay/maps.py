@@ -327,7 +327,7 @@ def save_map(stem: str, occupancy: OccupancyMap, occupied: int = 65, free: int =
     origin = ", ".join(repr(float(value)) for value in occupancy.origin)
     write_whole(  # the image stands beside the YAML file, so its name alone finds it from any working directory
         yaml_path,
-        f"image: {yaml.safe_dump(os.path.basename(image_path), default_style=None).splitlines()[0]}\n"
+        f"image: {yaml.safe_dump(os.path.basename(image_path), width=math.inf).splitlines()[0]}\n"
         f"resolution: {occupancy.resolution!r}\norigin: [{origin}]\nnegate: 0\n"
         "occupied_thresh: 0.65\nfree_thresh: 0.196\n\n",
     )

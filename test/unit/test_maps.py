@@ -123,6 +123,13 @@ def test_saved_maps_come_back_the_same(tmp_path, yaw):
     assert again.resolution == occupancy.resolution
 
 
+@pytest.mark.parametrize("name", ["ü" * 30, "ground floor, " * 10, "1.0", "#a: b", "- it's \"one\""])
+def test_a_map_of_any_name_is_found_again(tmp_path, name):
+    """The name was cut off after 80 characters with a blank, or 20 of a script that YAML escapes."""
+    occupancy = OccupancyMap(np.zeros((2, 3), dtype=np.int8), 0.05, Pose2D(0.0, 0.0, 0.0))
+    assert load_map(save_map(str(tmp_path / name), occupancy)[0]).data.shape == (2, 3)
+
+
 def test_saving_keeps_to_the_thresholds(tmp_path):
     data = np.array([[0, 25, 26, 64, 65, 100, -1]], dtype=np.int8)
     yaml_path, _ = save_map(str(tmp_path / "m"), OccupancyMap(data, 0.05, Pose2D(0.0, 0.0, 0.0)))
