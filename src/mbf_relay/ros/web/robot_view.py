@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from functools import partial
 from typing import Any, Dict, List, Optional, Tuple
@@ -71,7 +72,7 @@ class RobotView:
         self._error: Optional[float] = None
         self._diagnostics: Dict[str, Dict[str, Any]] = {}
         self._fit: Optional[str] = None
-        self._status_time = 0.0
+        self._status_time = -math.inf
         self._ended_goal: Optional[str] = None
         self._others: List[str] = []
 
@@ -85,7 +86,8 @@ class RobotView:
                     10.0, f"{key} of {self.listening.namespace} is not shown: {readers.short(str(error), 200)}"
                 )
         self._look_for_robot()
-        if self.story.state == "active" and now - self._status_time > SILENCE:
+        # a relay that takes goals from the topic alone tells no status
+        if self.story.state == "active" and math.inf > now - self._status_time > SILENCE:
             self.story.ended("failed", "move_base has fallen silent")
 
     def _look_for_robot(self) -> None:
