@@ -74,15 +74,24 @@ class Hands:
             publisher.unregister()
         self._services.shutdown(wait=False)
 
-    def goal(self, pose: Pose2D) -> str:
-        """Send the robot somewhere and return the goal's id, empty where move_base takes goals from the topic alone."""
+    def goal(self, pose: Pose2D, has_action: bool) -> str:
+        """Send the robot somewhere and return the goal's id, empty where move_base takes goals from the topic alone.
+
+        Args:
+            pose: Where to, in the map.
+            has_action: Whether move_base is known to take goals of the action; who listens there may be a recorder.
+
+        Raises:
+            Refused: Nobody takes goals.
+        """
         message = pose_stamped(pose, self._map_frame, rospy.Time())
         action, topic = self._publishers.get("move_base/goal"), self._publishers.get("move_base_simple/goal")
-        if action is not None and action.get_num_connections():
+        by_topic = topic is not None and topic.get_num_connections()
+        if action is not None and action.get_num_connections() and (has_action or not by_topic):
             goal_id = f"{rospy.get_name()}-{uuid.uuid4().hex[:12]}"
             action.publish(MoveBaseActionGoal(header("", rospy.Time()), GoalID(id=goal_id), MoveBaseGoal(message)))
             return goal_id
-        if topic is not None and topic.get_num_connections():
+        if topic is not None and by_topic:
             topic.publish(message)
             return ""
         raise Refused(f"nobody takes goals: no node listens to {self._namespace}move_base/goal")

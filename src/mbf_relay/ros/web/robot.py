@@ -115,7 +115,7 @@ class ViewedRobot:
     def _do_goal(self, _who: Hashable, x: float, y: float, theta: float) -> None:
         self._need_place()
         self._tour = None
-        self.hands.goal(Pose2D(x, y, theta))
+        self.hands.goal(Pose2D(x, y, theta), self.view.tells_status)
 
     def _do_tour(self, _who: Hashable, waypoints: List[Pose2D], loop: bool, pause: float) -> None:
         self._need_place()
@@ -193,7 +193,7 @@ class ViewedRobot:
         goal = self._tour.next_goal(now)
         if goal is not None:
             try:
-                self._tour_goal = self.hands.goal(goal)
+                self._tour_goal = self.hands.goal(goal, self.view.tells_status)
             except Refused as error:
                 self._tour = None
                 self._told(str(error))

@@ -87,7 +87,7 @@ class RobotView:
                 )
         self._look_for_robot()
         # a relay that takes goals from the topic alone tells no status
-        if self.story.state == "active" and math.inf > now - self._status_time > SILENCE:
+        if self.story.state == "active" and self.tells_status and now - self._status_time > SILENCE:
             self.story.ended("failed", "move_base has fallen silent")
 
     def _look_for_robot(self) -> None:
@@ -109,6 +109,11 @@ class RobotView:
     def has_map(self) -> bool:
         """Whether a map has come."""
         return self._grids["map"].shape is not None
+
+    @property
+    def tells_status(self) -> bool:
+        """Whether move_base has told its status, as one with an action does."""
+        return self._status_time > -math.inf
 
     def look_for_others(self) -> None:
         """Find the frames of other robots: those of our base frame's name under another prefix."""

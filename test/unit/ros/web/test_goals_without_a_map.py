@@ -16,8 +16,8 @@ def robot(has_map, pose):
     """Return a robot of which this much is known, and where it was sent."""
     made, sent = ViewedRobot.__new__(ViewedRobot), []
     made.namespace, made._settings, made._tour = "/", WebViewParameters(), None
-    made.view = SimpleNamespace(has_map=has_map, pose=pose)
-    made.hands = SimpleNamespace(goal=sent.append)
+    made.view = SimpleNamespace(has_map=has_map, pose=pose, tells_status=True)
+    made.hands = SimpleNamespace(goal=lambda goal, _has_action: sent.append(goal))
     return made, sent
 
 

@@ -12,6 +12,7 @@ from geometry_msgs.msg import PoseStamped  # noqa: E402
 
 from mbf_relay.geometry import IDENTITY  # noqa: E402
 from mbf_relay.ros.common.unread import unread  # noqa: E402
+from mbf_relay.ros.web.hands import Hands  # noqa: E402
 from mbf_relay.ros.web.inbox import Inbox  # noqa: E402
 from mbf_relay.ros.web.robot_view import RobotView  # noqa: E402
 
@@ -53,3 +54,27 @@ def test_a_move_base_that_has_told_its_status_and_tells_none_any_more_has_fallen
     assert view.story.state == "active"
     view.update(1003.5)
     assert (view.story.state, view.story.outcome) == ("failed", "move_base has fallen silent")
+
+
+def hands(*heard):
+    """Return hands with these topics listened to, and the list of those they publish on."""
+    made, sent = Hands("/", "map", lambda _words: None), []
+    for name in ("move_base/goal", "move_base_simple/goal"):
+        made._publishers[name] = SimpleNamespace(
+            get_num_connections=lambda name=name: int(name in heard),
+            publish=lambda _message, name=name: sent.append(name))
+    return made, sent
+
+
+@pytest.mark.parametrize("heard, has_action, taken", [
+    (["move_base/goal", "move_base_simple/goal"], False, "move_base_simple/goal"),
+    (["move_base/goal", "move_base_simple/goal"], True, "move_base/goal"),
+    (["move_base/goal"], False, "move_base/goal"),
+    (["move_base_simple/goal"], True, "move_base_simple/goal"),
+])
+def test_a_goal_goes_to_it_though_a_recorder_listens_to_the_action(monkeypatch, heard, has_action, taken):
+    """Once Record was pressed, or somebody echoed move_base/goal, goals went to the recorder alone, without a word."""
+    monkeypatch.setattr("rospy.get_name", lambda: "/web_view")
+    made, sent = hands(*heard)
+    goal_id = made.goal(IDENTITY, has_action)
+    assert sent == [taken] and bool(goal_id) == (taken == "move_base/goal")
