@@ -68,6 +68,7 @@ class ViewedRobot:
         self.lookers: Set[Onlooker] = set()
         self._tour: Optional[Tour] = None
         self._tour_goal: Optional[str] = None
+        self._overtakes = False  # whether the tour's goal, that bears no id, was sent while another one ran
         self._tell_at = 0.0
         self.needed_at = 0.0
 
@@ -174,6 +175,9 @@ class ViewedRobot:
     def _end_waypoint(self, goal_id: str, state: str, now: float) -> None:
         if self._tour is None or self._tour_goal is None or self._tour_goal not in ("", goal_id):
             return
+        if self._overtakes and state == "cancelled":  # the other one
+            self._overtakes = False
+            return
         self._tour_goal = None
         if state == "reached":
             self._tour.reached(now)
@@ -194,6 +198,7 @@ class ViewedRobot:
         if goal is not None:
             try:
                 self._tour_goal = self.hands.goal(goal, self.view.tells_status)
+                self._overtakes = not self._tour_goal and self.view.story.state == "active"
             except Refused as error:
                 self._tour = None
                 self._told(str(error))

@@ -7,14 +7,18 @@ import pytest
 
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
-from actionlib_msgs.msg import GoalStatus, GoalStatusArray  # noqa: E402
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray  # noqa: E402
 from geometry_msgs.msg import PoseStamped  # noqa: E402
+from mbf_msgs.msg import MoveBaseActionResult  # noqa: E402
 
-from mbf_relay.geometry import IDENTITY  # noqa: E402
+from mbf_relay.geometry import IDENTITY, Pose2D  # noqa: E402
 from mbf_relay.ros.common.unread import unread  # noqa: E402
 from mbf_relay.ros.web.hands import Hands  # noqa: E402
 from mbf_relay.ros.web.inbox import Inbox  # noqa: E402
+from mbf_relay.ros.web.robot import ViewedRobot  # noqa: E402
 from mbf_relay.ros.web.robot_view import RobotView  # noqa: E402
+from mbf_relay.view.parameters import WebViewParameters  # noqa: E402
+from mbf_relay.view.wishes import Wish  # noqa: E402
 
 
 def viewed():
@@ -78,3 +82,33 @@ def test_a_goal_goes_to_it_though_a_recorder_listens_to_the_action(monkeypatch, 
     made, sent = hands(*heard)
     goal_id = made.goal(IDENTITY, has_action)
     assert sent == [taken] and bool(goal_id) == (taken == "move_base/goal")
+
+
+def ending(number, status):
+    return MoveBaseActionResult(status=GoalStatus(goal_id=GoalID(id=f"/move_base-topic-{number}"), status=status))
+
+
+@pytest.mark.parametrize("ends", [
+    [GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED], [GoalStatus.PREEMPTED, GoalStatus.PREEMPTED], [GoalStatus.ABORTED],
+])
+def test_a_list_of_waypoints_goes_on_though_its_first_goal_takes_another_s_place(ends):
+    """It ended with the goal whose place it took, and the robot drove to its first waypoint alone."""
+    told = []
+    robot = ViewedRobot("/", WebViewParameters(), None, lambda: None, told.append)
+    robot.hands, sent = hands("move_base_simple/goal")
+    robot.view, put = viewed()
+    put("goal", goal())
+    robot.update(1000.0)
+    waypoints = [Pose2D(1.0, 0.0, 0.0), Pose2D(2.0, 0.0, 0.0)]
+    robot.do(None, Wish("tour", {"waypoints": waypoints, "loop": False, "pause": 0.0}))
+    robot.update(1000.1)
+    assert len(sent) == 1
+    for number, status in enumerate(ends):
+        put("outcome", ending(number, status))
+        if number == 0:
+            put("goal", goal())
+        robot.update(1001.0 + number)
+    if ends[-1] == GoalStatus.SUCCEEDED:
+        assert len(sent) == 2 and not told
+    else:
+        assert len(sent) == 1 and told[0].startswith("the list of waypoints ends here")
