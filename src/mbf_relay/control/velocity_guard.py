@@ -9,7 +9,7 @@ nearer than the margin already may not come nearer still, so a robot may always 
 the topic, told apart by their frames, each must be fresh, and the newest scan of each counts. Where odometry shows that
 the wheels hear late, the arc begins where the robot will be by then: what has passed cannot be taken back. Nor may it
 meet anything from where it is, for that is only believed, and late odometry or wheels that hear in time again leave it
-believed for a while.
+believed for a while; nor from where it is if the wheels hear so little late that odometry does not show it.
 (The idea is that of Nav2's collision monitor, here with the footprint on the braking arc in place of zones.)
 """
 
@@ -22,7 +22,7 @@ from typing import Deque, Dict, Iterable, Iterator, List, NamedTuple, Optional, 
 import numpy as np
 
 from mbf_relay.control.blind_beams import blind_points
-from mbf_relay.control.command_delay import LONGEST, CommandDelay, held_between, way_held
+from mbf_relay.control.command_delay import LATE, LONGEST, CommandDelay, held_between, way_held
 from mbf_relay.control.stopping import seconds_to_brake, way_to_a_stand
 from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
 from mbf_relay.costmap.observation import scan_points
@@ -225,13 +225,15 @@ class VelocityGuard:
 
         Braking, the robot's middle is nowhere faster than before.
         """
-        p = self._parameters
+        p, late = self._parameters, max(LATE, self.delay.seconds)
         braking = seconds_to_brake(velocity, p.acc_lim_x, p.acc_lim_theta, p.wheel_separation)
         if self._way(velocity, p.reaction_time + 0.5 * braking) > self._longest:
             return False
         reach = velocity.speed() * (p.reaction_time + braking) + self._radius + p.margin
         return all(
-            sight.nearest - sum(passed.speed() * duration for passed, duration in self._held(sight, now)) > reach
+            sight.nearest - sum(
+                passed.speed() * seconds for passed, seconds in self._passed_between(sight.scan.stamp - late, now)
+            ) > reach
             for sight in sights)
 
     def _way(self, velocity: Twist2D, seconds: float) -> float:
@@ -241,11 +243,11 @@ class VelocityGuard:
     def _points_ahead(self, sights: List[Sight], now: float) -> np.ndarray:
         """Return the points of scans from where the robot does what passes now, shape (N, 2) in metres.
 
-        Twice where it is thought late: as it is, and as it is not.
+        As it is where it is late by nothing, by as little as nobody can tell, and by what it is thought to be.
         """
         return np.vstack([
             _moved(self._passed_between(sight.scan.stamp - delay, now)).inverse().transform_points(sight.points)
-            for sight in sights for delay in {0.0, self.delay.seconds}])
+            for sight in sights for delay in {0.0, LATE, self.delay.seconds}])
 
     def _met_before(self, sight: Sight, now: float) -> Optional[np.ndarray]:
         """Return a scan's first point (m) that the robot runs into on its way there; None for none."""

@@ -2,8 +2,9 @@
 
 import math
 
+import numpy as np
 import pytest
-from guarded import AHEAD, LASER, guard_that_saw, judged, parameters, scan_with
+from guarded import AHEAD, BEAMS, LASER, guard_that_saw, judged, parameters, scan_of, scan_with
 
 from mbf_relay.control import velocity_guard as guards
 from mbf_relay.control.velocity_guard import VelocityGuard
@@ -63,3 +64,57 @@ def test_a_late_robot_goes_no_faster_than_it_can_stop_where_its_lidar_looks(spee
     else:
         room = 3.5 - 0.032 - 0.041
         assert late < prompt and late * 1.2 + late * late / 2.0 == pytest.approx(room, rel=0.02)
+
+
+TICK, WALL, FRONT = 0.01, 0.6, 0.041
+
+
+def scan_of_wall(x, stamp):
+    """Return what a lidar sees of a wall across the way, 0.3 m wide, with the robot at x (m)."""
+    distance, angles = WALL - x - LASER.x, 2.0 * math.pi / BEAMS * np.arange(BEAMS)
+    faces = (np.cos(angles) > 0.1) & (np.abs(distance * np.tan(angles)) <= 0.15)
+    ranges = np.full(BEAMS, np.inf)
+    ranges[faces] = distance / np.cos(angles[faces])
+    return scan_of(np.where(ranges < 0.12, 0.0, ranges), stamp)
+
+
+def least_room(speed, scan_age, look, delay, start):
+    """Return how near (m) a robot comes to the wall that is asked to drive on into it, a tick after the other.
+
+    It brakes as hard as the guard counts on, and no harder.
+
+    Args:
+        speed: What is asked for (m/s), and what it drives at first.
+        scan_age: Of a scan when it comes (s); one is taken every 0.2 s.
+        look: From one look of the guard to the next (s).
+        delay: From a look to when the wheels hear of it (s).
+        start: Where it is at first (m).
+    """
+    guard = VelocityGuard(parameters())
+    x, v, told, coming, scans, least = start, speed, speed, [], [], math.inf
+    guard.take_scan(scan_of_wall(x, 0.0), LASER)
+    for tick in range(400):
+        now = TICK * tick
+        if tick % 20 == 0:
+            scans.append((now + scan_age, scan_of_wall(x, now)))
+        while scans and scans[0][0] <= now + 1e-9:
+            guard.take_scan(scans.pop(0)[1], LASER)
+        if tick % round(look / TICK) == 0:
+            coming.append((now + delay, judged(guard, Twist2D(speed, 0.0, 0.0), now).velocity.x))
+        while coming and coming[0][0] <= now + 1e-9:
+            told = coming.pop(0)[1]
+        v = min(told, v + 1.0 * TICK) if told > v else max(told, v - 1.0 * TICK)
+        x += v * TICK
+        least = min(least, WALL - x - FRONT)
+    return least
+
+
+@pytest.mark.parametrize("look, delay", [(0.2, 0.0), (0.1, 0.1), (0.05, 0.14)])
+@pytest.mark.parametrize("speed, start, scan_age", [(0.22, 0.0, 0.0), (0.22, 0.0, 0.4), (1.0, -1.0, 0.2)])
+def test_a_robot_touches_nothing_where_looks_and_delay_keep_within_the_reaction_time(
+    speed, start, scan_age, look, delay
+):
+    """With a delay too short to be told, what was under way to the wheels counted as done: they touched, braking."""
+    for along in (0.0, 0.013, 0.027):
+        room = least_room(speed, scan_age, look, delay, start + along)
+        assert 0.0 < room < 0.1, (along, room)
