@@ -13,7 +13,7 @@ import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from dynamic_reconfigure.client import Client
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Point32, Polygon, Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
@@ -87,7 +87,8 @@ class TestVelocityGuard(unittest.TestCase):
         wait_until(lambda: self.passed.last == STILL, "the zero")
         wait_until(lambda: self.states.last.data.startswith("standing"), "the guard to say that the robot stands")
 
-    def test_a_box_in_the_way_is_not_touched_and_may_be_backed_away_from(self):
+    def put_box(self):
+        """Put a box before the robot, its front 0.35 m away."""
         box = Marker(
             header=header("map", 0.0),
             ns="test",
@@ -98,6 +99,9 @@ class TestVelocityGuard(unittest.TestCase):
         box.scale.x = box.scale.y = box.scale.z = 0.3
         box.pose.position.z = 0.15  # up to where the lidar sees it
         self.set_obstacles.publish([box])
+
+    def test_a_box_in_the_way_is_not_touched_and_may_be_backed_away_from(self):
+        self.put_box()
         self.start_driving()
         self.drive_until(lambda: self.passed.last == STILL, "the robot to be stopped")
         self.drive_until(lambda: self.states.last.data.startswith("stopped: something at"), "the reason")
@@ -108,6 +112,27 @@ class TestVelocityGuard(unittest.TestCase):
         status = DiagnosticStatus.WARN
         self.drive_until(lambda: self.passed.last == STILL, "the robot to be stopped again")
         self.drive_until(lambda: self.guards_report(status, "something at"), "a warning in diagnostics")
+
+    def test_a_robot_that_takes_up_a_load_keeps_it_off_the_box(self):
+        """Its costmaps were told of it, and the guard went on by the robot alone."""
+        footprints = connected_publisher("velocity_guard/footprint", Polygon)
+
+        def reaches(front):
+            corners = ((-0.105, -0.105), (-0.105, 0.105), (front, 0.105), (front, -0.105))
+            footprints.publish(Polygon([Point32(x, y, 0.0) for x, y in corners]))
+
+        self.put_box()
+        try:
+            reaches(0.3)
+            self.drive_until(lambda: self.states.last.data.startswith("stopped: something at"), "the robot to stop")
+            self.assertLess(self.x(), -1.65 - 0.3, "its load, 0.3 m before it, is off the box")
+            reaches(float("nan"))
+            footprints.publish(Polygon())
+        finally:
+            reaches(0.041)
+            footprints.unregister()
+        start = self.x()
+        self.drive_until(lambda: self.x() > start + 0.1, "the robot to drive on without its load")
 
     def guards_report(self, level, words):
         statuses = [s for m in self.diagnostics.messages[-5:] for s in m.status if s.name.startswith("velocity_guard")]

@@ -93,14 +93,18 @@ class VelocityGuard:
 
     def __init__(self, parameters: VelocityGuardParameters) -> None:
         self._parameters = parameters
-        self._outline = parameters.outline()
-        self._inscribed_radius, self._radius = radii(self._outline)
-        self._longest = MOST_STEPS * max(STEP, 0.5 * float(np.ptp(self._outline, axis=0).min()))  # way to a stop (m)
+        self.set_outline(parameters.outline())
         self._asked, self._asked_at = STOP, -math.inf
         self.delay, self.time_stands = CommandDelay(), False
         self._seen: Dict[str, Sight] = {}  # by the lidar's frame
         self._lidars = Senders()
         self._passed: Deque[Tuple[float, Twist2D]] = deque([(-math.inf, STOP)])
+
+    def set_outline(self, outline: np.ndarray) -> None:
+        """Take the robot's outline, padded, shape (K, 2) in metres, from now on."""
+        self._outline = outline
+        self._inscribed_radius, self._radius = radii(outline)
+        self._longest = MOST_STEPS * max(STEP, 0.5 * float(np.ptp(outline, axis=0).min()))  # way to a stop (m)
 
     def take_command(self, now: float, velocity: Twist2D, moving: Optional[Twist2D] = None) -> None:
         """Take what is asked for at `now` (s), and how the robot moves, where odometry tells."""

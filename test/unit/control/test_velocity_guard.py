@@ -42,6 +42,13 @@ def test_a_robot_before_a_wall_is_slowed_and_then_stopped_but_may_back_away():
     assert shares[0] == 1.0 and 0.0 < shares[1] < 1.0 and shares[-1] == 0.0 and shares == sorted(shares, reverse=True)
 
 
+def test_a_robot_that_took_up_a_load_keeps_it_off_what_is_ahead():
+    guard = guard_that_saw(scan_with(0.5, -40, 41))
+    assert judged(guard, AHEAD).velocity == AHEAD
+    guard.set_outline(np.array([(10.0 * x if x > 0.0 else x, y) for x, y in BURGER]))
+    assert judged(guard, AHEAD).velocity.x < 0.7 * AHEAD.x
+
+
 def test_a_slowed_arc_is_the_same_arc():
     asked = Twist2D(0.22, 0.0, 0.9)
     slowed = judged(guard_that_saw(scan_with(0.16, -60, 60)), asked).velocity

@@ -3,7 +3,8 @@
 import pytest
 from geometry_msgs.msg import Point32, Polygon
 
-from mbf_relay.ros.costmap.inputs import outline_from_message
+from mbf_relay.costmap.outline import check_padded
+from mbf_relay.ros.common.outlines import outline_from_message
 
 
 @pytest.mark.parametrize("corners, said", [
@@ -18,9 +19,9 @@ from mbf_relay.ros.costmap.inputs import outline_from_message
 def test_no_message_makes_the_robot_a_point_or_a_line(corners, said):
     """One without corners made the robot a point, which fits between any two things."""
     with pytest.raises(ValueError, match=said):
-        outline_from_message(Polygon([Point32(x, y, 0.0) for x, y in corners]), 0.0, 0.05)
+        check_padded(outline_from_message(Polygon([Point32(x, y, 0.0) for x, y in corners])), 0.0, 0.05)
 
 
 def test_an_outline_comes_through():
     message = Polygon([Point32(0.5, 0.0, 0.0), Point32(-0.5, 0.25, 0.0), Point32(-0.5, -0.25, 0.0)])
-    assert outline_from_message(message, 0.0, 0.05).tolist() == [[0.5, 0.0], [-0.5, 0.25], [-0.5, -0.25]]
+    assert outline_from_message(message).tolist() == [[0.5, 0.0], [-0.5, 0.25], [-0.5, -0.25]]

@@ -10,7 +10,7 @@ from typing import Any, Callable, Deque, Dict, List, Optional, Set, Tuple
 
 import numpy as np
 import rospy
-from geometry_msgs.msg import Polygon, Transform, TransformStamped
+from geometry_msgs.msg import Transform, TransformStamped
 from sensor_msgs.msg import LaserScan as LaserScanMessage
 from sensor_msgs.msg import PointCloud, Range
 
@@ -18,7 +18,6 @@ from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.layer import MapSource
 from mbf_relay.costmap.observation import Observation, observation_from_points, scan_points, unseen_points
 from mbf_relay.costmap.observation_source import SourceParameters
-from mbf_relay.costmap.outline import MOST_CORNERS, check_padded, parse_footprint
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common import checks
 from mbf_relay.ros.common.checks import InvalidMessage
@@ -261,22 +260,6 @@ def points_from(
         checks.check_count(len(message.points), checks.MOST_POINTS, "points in a cloud")
         return np.array([(point.x, point.y, point.z) for point in message.points]).reshape(-1, 3), None
     return cloud_points(message), None
-
-
-def outline_from_message(message: Polygon, padding: float, resolution: float) -> np.ndarray:
-    """Return the outline of a robot, shape (K, 2) in metres, for a costmap that pads it by `padding` (m).
-
-    Its cells have a side of `resolution` (m).
-
-    Raises:
-        ValueError: No robot can have it, or it is too large for the costmap's cells.
-    """
-    checks.check_count(len(message.points), MOST_CORNERS, "corners")
-    if not message.points:
-        raise InvalidMessage("0 corners; a footprint must have at least 3")
-    outline = parse_footprint([(point.x, point.y) for point in message.points])
-    check_padded(outline, padding, resolution)
-    return outline
 
 
 class MapInput:

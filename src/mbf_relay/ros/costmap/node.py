@@ -10,6 +10,7 @@ from geometry_msgs.msg import Polygon
 from mbf_relay.costmap import factory
 from mbf_relay.costmap.freshness import next_update
 from mbf_relay.costmap.layer import tracks_of
+from mbf_relay.costmap.outline import check_padded
 from mbf_relay.costmap.shared_inputs import inputs_of
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
@@ -17,10 +18,11 @@ from mbf_relay.ros.common import parameters as ros_parameters
 from mbf_relay.ros.common.diagnostics import ERROR, OK, WARN, RateMeter, Report
 from mbf_relay.ros.common.lidar_timings import LidarTimings
 from mbf_relay.ros.common.node import one_line
+from mbf_relay.ros.common.outlines import outline_from_message
 from mbf_relay.ros.common.stepper import Stepper
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 from mbf_relay.ros.common.transforms import Transforms
-from mbf_relay.ros.costmap.inputs import WARN_PERIOD, MapInput, SensorInput, outline_from_message
+from mbf_relay.ros.costmap.inputs import WARN_PERIOD, MapInput, SensorInput
 from mbf_relay.ros.costmap.publisher import CostmapPublisher
 from mbf_relay.ros.costmap.reconfigure import serve_costmap
 from mbf_relay.ros.costmap.tracks import TracksPublisher
@@ -156,8 +158,9 @@ class CostmapNode:
 
     def _take_footprint(self, message: Polygon) -> None:
         try:
-            asked = self.costmap.parameters
-            self.costmap.set_footprint(outline_from_message(message, asked.footprint_padding, asked.resolution))
+            asked, outline = self.costmap.parameters, outline_from_message(message)
+            check_padded(outline, asked.footprint_padding, asked.resolution)
+            self.costmap.set_footprint(outline)
         except ValueError as error:
             rospy.logerr_throttle(WARN_PERIOD, f"{self._name}: footprint refused: {one_line(error)}")
 

@@ -7,14 +7,16 @@ import time
 from collections import deque
 from typing import Deque, Dict, List, Optional
 
+import numpy as np
 import rospy
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Polygon, Twist
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
 from mbf_relay.control.steering import Steering
 from mbf_relay.control.velocity_guard import NO_SCAN, PASSING, STANDING, VelocityGuard, Verdict
 from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
+from mbf_relay.costmap.outline import padded
 from mbf_relay.geometry import STOP, Twist2D
 from mbf_relay.outcomes import StaleDataError, TransformError
 from mbf_relay.ros.common import diagnostics, parameters
@@ -22,8 +24,9 @@ from mbf_relay.ros.common.checks import InvalidMessage, shown
 from mbf_relay.ros.common.clock_watch import ClockWatch
 from mbf_relay.ros.common.conversions import dated, twist_to_message
 from mbf_relay.ros.common.lidar_geometry import scan_in_base
-from mbf_relay.ros.common.node import on_shutdown, spare_what_stays
+from mbf_relay.ros.common.node import on_shutdown, one_line, spare_what_stays
 from mbf_relay.ros.common.odometry import OdometryInput
+from mbf_relay.ros.common.outlines import outline_from_message
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.senders import AT_ONCE
 
@@ -59,6 +62,7 @@ class VelocityGuardNode:
         self._woken = threading.Event()
         self._commanded: Deque[Twist] = deque(maxlen=1)  # the newest, until it is judged
         self._scans: Deque[LaserScan] = deque(maxlen=MOST_SCANS)
+        self._outlines: Deque[np.ndarray] = deque(maxlen=1)  # the newest, as of a robot that took up a load
         self._sending = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
         self._closed = False
         self._verdict = Verdict(STOP, STANDING, "standing: no velocity is asked for")
@@ -69,6 +73,7 @@ class VelocityGuardNode:
         on_shutdown(self.close)
         self._commands = rospy.Subscriber("cmd_vel_raw", Twist, self._take_command, queue_size=1, tcp_nodelay=True)
         rospy.Subscriber("scan", LaserScan, self._take_scan, queue_size=MOST_SCANS, buff_size=1 << 18, tcp_nodelay=True)
+        rospy.Subscriber("~footprint", Polygon, self._take_footprint, queue_size=1)
         self._odometry = OdometryInput("odom")
         self._alone_since = time.monotonic()
         self._diagnostics = diagnostics.Diagnostics()
@@ -79,6 +84,8 @@ class VelocityGuardNode:
         while not rospy.is_shutdown():
             self._woken.wait(IDLE_PERIOD if self._verdict.velocity == STOP else LOOK_PERIOD)
             self._woken.clear()
+            if self._outlines:
+                self._guard.set_outline(self._outlines.pop())
             self._step(rospy.get_time())
 
     def close(self) -> None:
@@ -94,6 +101,13 @@ class VelocityGuardNode:
     def _take_scan(self, message: LaserScan) -> None:
         self._scans.append(dated(message))
         self._woken.set()
+
+    def _take_footprint(self, message: Polygon) -> None:
+        try:
+            self._outlines.append(padded(outline_from_message(message), self._settings.footprint_padding))
+            self._woken.set()
+        except ValueError as error:
+            rospy.logerr_throttle(WARN_PERIOD, f"footprint refused: {one_line(error)}")
 
     def _step(self, now: float) -> None:
         """Judge what came; publish each velocity that was asked for, and what becomes of the last one."""
