@@ -6,12 +6,15 @@ from typing import Any, Dict, Iterable, List, Tuple
 
 from mbf_relay.costmap.layer import Layer
 
+READ_BY = ("topic", "data_type", "sensor_frame", "inf_is_valid", "largest_gap", "observation_persistence")
+"""Parameters of a sensor that its messages are taken and read by; the others each layer keeps to by itself."""
+
 
 def inputs_of(layers: Iterable[Layer]) -> Dict[str, List[Tuple[Layer, str]]]:
     """Return which layers take what each sensor sees, and what they call it, by the sensors' names.
 
-    Layers that give one name to what comes on one topic share it. A name that an earlier layer has for another topic
-    is told as LAYER/NAME.
+    Layers that give one name to what comes on one topic, and read it alike, share it. A name that an earlier layer has
+    for something else is told as LAYER/NAME.
     """
     result: Dict[str, List[Tuple[Layer, str]]] = {}
     for layer in layers:
@@ -24,4 +27,4 @@ def inputs_of(layers: Iterable[Layer]) -> Dict[str, List[Tuple[Layer, str]]]:
 
 
 def _comes_with(source: Any, other: Any) -> bool:
-    return bool((source.topic, source.data_type) == (other.topic, other.data_type))
+    return all(getattr(source, name) == getattr(other, name) for name in READ_BY)

@@ -13,10 +13,17 @@ from mbf_relay.geometry import IDENTITY
 @pytest.mark.parametrize("rear, names", [
     ({"data_type": "LaserScan", "topic": "rear"}, ["scan", "second/scan"]),
     ({"data_type": "PointCloud2", "topic": "front"}, ["scan", "second/scan"]),
+    ({"data_type": "LaserScan", "topic": "front", "inf_is_valid": False}, ["scan", "second/scan"]),
+    ({"data_type": "LaserScan", "topic": "front", "sensor_frame": "laser"}, ["scan", "second/scan"]),
+    ({"data_type": "LaserScan", "topic": "front", "observation_persistence": 2.0}, ["scan", "second/scan"]),
     ({"data_type": "LaserScan", "topic": "front"}, ["scan"]),
+    ({"data_type": "LaserScan", "topic": "front", "obstacle_range": 2.0}, ["scan"]),
 ])
 def test_two_layers_that_give_their_sensors_one_name_see_by_both(rear, names):
-    """The second layer's sensor was never listened to: what the first one's saw was put in its place."""
+    """The second layer's sensor was never listened to: what the first one's saw was put in its place.
+
+    Nor did it read by its own `inf_is_valid`: what it had once marked in the open stayed for ever.
+    """
     layers = {"first": {"data_type": "LaserScan", "topic": "front"}, "second": rear}
     costmap = factory.build_costmap("costmap", {
         **STILL, "plugins": [{"name": name, "type": "costmap_2d::ObstacleLayer"} for name in layers],
