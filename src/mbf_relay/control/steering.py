@@ -31,5 +31,10 @@ class Steering(NamedTuple):
         return velocity._replace(theta=math.atan(self.wheelbase / radius))
 
     def turning(self, command: Twist2D) -> Twist2D:
-        """Return what a command with a steering angle comes to as a velocity: the reverse of `steered`."""
+        """Return what a command with a steering angle comes to as a velocity: the reverse of `steered`.
+
+        One that is not finite stays so; of an infinite angle there is no tangent.
+        """
+        if not command.is_finite():
+            return command
         return command._replace(theta=command.x * math.tan(command.theta) / self.wheelbase)

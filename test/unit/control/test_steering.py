@@ -42,6 +42,12 @@ def test_what_is_told_with_an_angle_is_understood_as_the_velocity_it_was():
         assert steering.turning(steering.steered(velocity)) == pytest.approx(velocity)
 
 
+@pytest.mark.parametrize("angle", [math.inf, -math.inf, math.nan])
+def test_an_angle_that_is_no_number_comes_to_no_velocity(angle):
+    """An infinite one ended the guard of a car: it has no tangent."""
+    assert not Steering(0.27).turning(Twist2D(0.1, 0.0, angle)).is_finite()
+
+
 def test_a_car_by_its_planner_s_file_takes_angles_where_the_file_says_so():
     assert create("planner", TEB, CAR, Controller, CONTROLLERS).steering == Steering(0.4, 0.6)
     assert create("planner", TEB, {**CAR, "cmd_angle_instead_rotvel": False}, Controller, CONTROLLERS).steering is None
