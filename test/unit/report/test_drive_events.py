@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from readmes import ROOT
 
 rosbag = pytest.importorskip("rosbag")
 
@@ -21,6 +22,7 @@ from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.ros.common import conversions
 from mbf_relay.ros.tools import drive_report
 from mbf_relay.ros.tools.drive_events import DriveEvents, read_bag
+from mbf_relay.ros.web import recording
 
 
 def transform(parent, child, pose, stamp):
@@ -113,6 +115,14 @@ def test_another_robot_s_topic_of_another_type_is_left_out_of_the_report(tmp_pat
         bag.write(topic, message, rospy.Time.from_sec(3.0))
     drive, _ = read_bag(path)
     assert drive.summary()["success"] is True and len(drive.commands) == 51
+
+
+@pytest.mark.parametrize("recorded", [
+    (ROOT / "launch" / "record.launch").read_text().split(), recording.TOPICS], ids=["launch file", "browser"])
+def test_all_that_a_report_tells_is_recorded(recorded):
+    """The goals of a client that has paths followed, as mbf_path_client.py does, were not, and the drive had none."""
+    topics = {topic.lstrip("/").rstrip('"/>') for topic in recorded}
+    assert set(DriveEvents().handlers) <= topics
 
 
 def test_without_ground_truth_the_estimate_is_the_path(tmp_path):

@@ -28,6 +28,8 @@ TOPICS = (
     "move_base/recovery_status",
     "move_base_flex/move_base/goal",
     "move_base_flex/move_base/result",
+    "move_base_flex/exe_path/goal",
+    "move_base_flex/exe_path/result",
 )
 """What drive_report.py needs, and what a person did; those without a slash are the robot's own."""
 PLANS = "move_base(_flex)?/[^/]+/plan"
