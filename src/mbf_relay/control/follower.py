@@ -30,6 +30,8 @@ from mbf_relay.planning.path import Path
 
 TURNED = 0.15  # rad: a turn towards the path ends here
 LEAST_HORIZON_SCALE = 0.4
+ROUND_GOAL = 2.0 * math.pi
+"""Tolerances, and the robot's width, that a path may be longer than the way straight to the goal which counts as it."""
 
 # in robot's widths
 # between the sides of the footprint and obstacles: where the horizon scale is least, and where 1
@@ -127,7 +129,13 @@ class PathFollower(Controller, abc.ABC):
             return False
         self._goal_checker.tolerance = tolerance
         goal = state.costmap_from_path.compose(self._tracker.path.goal)
-        return self._goal_checker.is_reached(state, goal, self.parameters)
+        return self._goal_checker.is_reached(state, goal, self.parameters) and self._ends_here(
+            state, self._tracker.remaining(state))
+
+    def _ends_here(self, state: ControlState, remaining: float) -> bool:
+        """Return whether what is left (m) of the path leads no farther than round the goal: some come by it before."""
+        tolerance = self._goal_checker.tolerance_of(self.parameters).distance
+        return self._goal_checker.turns or remaining <= ROUND_GOAL * tolerance + state.costmap.width
 
     def compute_velocity(self, state: ControlState) -> Twist2D:
         """Return the velocity to command; see Controller."""
@@ -183,7 +191,8 @@ class PathFollower(Controller, abc.ABC):
         self._stuck_checker.check(state, self.command, parameters.stuck_timeout)
         tolerance = self._goal_checker.tolerance_of(parameters).distance
         is_occupied = self._blocked_goal_checker.check(state, cycle.path, cycle.checker, parameters, tolerance)
-        if self._goal_checker.is_turning(state, cycle.path.goal, parameters, is_occupied):
+        if self._ends_here(state, cycle.path.remaining) and self._goal_checker.is_turning(
+                state, cycle.path.goal, parameters, is_occupied):
             self._turn_left = None
             return self._turn_at_goal(cycle)
         farthest = max(parameters.missed_path_distance, MISSED * state.costmap.width)

@@ -96,12 +96,14 @@ class PathTracker:
         self.path: Optional[Path] = None
         self._points = np.zeros((0, 2))
         self._arcs = np.zeros(0)
-        self._robot_arc: Optional[float] = None
+        self._robot_arc = 0.0
         self._spacing = 0.0  # m between the points; 0 where they are still to be made
         self._length = 0.0  # m along the path as it was given
 
     def set_path(self, path: Path) -> None:
-        """Follow another path; the robot's place on it is found anew.
+        """Follow another path; the robot's place on it is found anew, at its beginning where it may be that.
+
+        A path that comes back to where it began is driven, not ended there.
 
         Raises:
             ControlError: INVALID_PATH; the path is empty or longer than LONGEST, or a pose is not finite or beyond
@@ -131,7 +133,7 @@ class PathTracker:
             )
         self.path = path
         self._spacing = 0.0
-        self._robot_arc = None
+        self._robot_arc = 0.0
 
     def cut(self, state: ControlState, behind: float, ahead: float, extension: float) -> LocalPath:
         """Return the stretch round the robot; for one beyond the end of the path, the straight way back to the goal.
@@ -141,10 +143,8 @@ class PathTracker:
             behind, ahead: How far (m) it reaches from the robot's place on the path.
             extension: How far (m) it goes on beyond the goal, straight.
         """
-        self._prepare(SPACING * state.costmap.grid.resolution)
         robot, width = state.pose.relative_to(state.costmap_from_path), state.costmap.width
-        distance, arc = self._locate(robot, width)
-        self._robot_arc = arc
+        distance, arc = self._locate(state, robot)
         if arc >= self._arcs[-1] and distance > self._spacing:
             points, arcs = self._way_back(robot, distance)
             arc = float(arcs[0])
@@ -169,14 +169,20 @@ class PathTracker:
         poses = np.asarray(self.path.poses, dtype=float)
         self._points, self._arcs = _thin(poses, max(spacing, self._length / MOST_POINTS))
 
-    def _locate(self, robot: Pose2D, width: float) -> tuple[float, float]:
+    def remaining(self, state: ControlState) -> float:
+        """Return how much (m) of the path is left from the robot's place on it."""
+        _distance, arc = self._locate(state, state.pose.relative_to(state.costmap_from_path))
+        return float(self._arcs[-1]) - arc
+
+    def _locate(self, state: ControlState, robot: Pose2D) -> tuple[float, float]:
         """Return distance to and arc length of the robot's place: near the last one, or wherever that is far off."""
-        place = np.array([[robot.x, robot.y]])
-        if self._robot_arc is not None:
-            distance, arc = self._nearest(place, self._robot_arc - NEARBY * width, self._robot_arc + FORWARD * width)
-            if distance < NEARBY * width:
-                return distance, arc
-        return self._nearest(place, 0.0, math.inf)
+        self._prepare(SPACING * state.costmap.grid.resolution)
+        place, width = np.array([[robot.x, robot.y]]), state.costmap.width
+        distance, arc = self._nearest(place, self._robot_arc - NEARBY * width, self._robot_arc + FORWARD * width)
+        if distance >= NEARBY * width:
+            distance, arc = self._nearest(place, 0.0, math.inf)
+        self._robot_arc = arc
+        return distance, arc
 
     def _nearest(self, place: np.ndarray, start: float, end: float) -> tuple[float, float]:
         if len(self._points) == 1:

@@ -78,6 +78,15 @@ def test_a_path_that_comes_back_beside_itself_is_followed_in_order():
     assert tracker.cut(state(0.8, 0.1), 0.1, 0.1, 0.1).robot_arc == pytest.approx(1.3, abs=0.06)
 
 
+def test_a_path_that_comes_back_to_where_it_began_is_begun_there():
+    tracker = tracker_on(line((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)))
+    here = state(0.01, 0.05)  # nearer to its end
+    assert tracker.cut(here, 0.3, 1.0, 0.5).robot_arc < 0.1 and tracker.remaining(here) > 3.7
+    for place in ((1.0, 0.3), (0.5, 1.0), (0.01, 0.05)):
+        there = tracker.cut(state(*place), 0.3, 1.0, 0.5)
+    assert there.remaining < 0.1 and tracker.remaining(here) < 0.1
+
+
 def test_a_robot_set_down_elsewhere_is_found_again():
     tracker = tracker_on(line((0, 0), (5, 0)))
     tracker.cut(state(0.1, 0.0), 0.1, 0.1, 0.1)

@@ -74,6 +74,15 @@ def test_a_robot_that_does_more_than_it_is_told_faces_its_path_and_drives(name, 
     assert ended.reached, ended.error
 
 
+@pytest.mark.parametrize("start", [START, Pose2D(0.02, 0.06, 0.0)], ids=["on it", "beside its end"])
+def test_a_path_that_ends_where_it_began_is_driven(name, start):
+    """A round of a guard or a mower ended at once, well done: its goal was where the robot stood."""
+    corners = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0))
+    ended = drive(make(name), path_through(*corners), start)
+    assert ended.reached, ended.error
+    assert all(min(math.dist(pose[:2], corner) for pose in ended.poses) < 0.45 for corner in corners)
+
+
 def test_an_obstacle_appears_ahead_and_goes_away(name):
     """It stands before the obstacle, and drives on when the way is free again."""
     robot, gone_at = PaperRobot(START), 8.0
