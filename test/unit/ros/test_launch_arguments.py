@@ -102,3 +102,12 @@ def started(work, folder):
         except AssertionError as error:
             found.append(str(error))
     return found
+
+
+@pytest.mark.parametrize("name", ["12", "1e3", "true"])
+@pytest.mark.parametrize("file", ["simulator.launch", "turtlebot3_world.launch", "demo.launch"])
+def test_a_world_may_be_called_by_a_number(monkeypatch, file, name):
+    """roslaunch made one of its name, and the simulator ended: it must be of type str."""
+    read = Loader.param_value
+    monkeypatch.setattr(Loader, "param_value", lambda *given: "" if given[-1] else read(*given))  # no programs
+    assert launched(ROOT / "launch" / file, f"world_name:={name}")["/simulator"][3]["world_name"] == name
