@@ -29,6 +29,8 @@ from mbf_relay.simulation.parameters import SimulationParameters
 GOALS_PER_LAP = 8
 START_PATIENCE = 60.0
 PROGRESS_PERIOD = 0.2
+LARGEST_SEED = 2 ** 31 - 1
+"""A parameter's largest whole number."""
 NODES = ("simulator", "map_server", "amcl", "move_base_flex", "move_base")
 
 
@@ -73,8 +75,8 @@ def parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:
         parser.error(f"--laps is {options.laps}; it must be at least 1")
     if not (math.isfinite(options.speed) and options.speed > 0.0):
         parser.error(f"--speed is {options.speed}; it must be above 0")
-    if options.seed < 0:
-        parser.error(f"--seed is {options.seed}; it must not be below 0")
+    if not 0 <= options.seed <= LARGEST_SEED:
+        parser.error(f"--seed is {options.seed}; it must be 0 to {LARGEST_SEED}")
     if options.rviz and not has_display():
         parser.error("--rviz needs a display, and neither DISPLAY nor WAYLAND_DISPLAY is set")
     if options.rviz is None:

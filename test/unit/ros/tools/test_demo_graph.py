@@ -10,7 +10,7 @@ pytest.importorskip("rospy")
 
 from ros_testing import wait_until  # noqa: E402
 
-from mbf_relay.ros.tools.demo import versions  # noqa: E402
+from mbf_relay.ros.tools.demo import parse, versions  # noqa: E402
 
 PARENT_THAT_DIES = """
 import os, subprocess, sys
@@ -142,3 +142,11 @@ def test_whoever_interrupts_while_nodes_start_does_not_wait_for_a_roslaunch_that
     with Starting(["mbf_relay", "demo.launch"], str(tmp_path)) as graph:
         wait_until(lambda: descendants(graph._processes[0].pid), "the first node")
     assert graph._processes[0].returncode == 0
+
+
+@pytest.mark.parametrize("seed", ["-1", "3000000000"])
+def test_a_seed_that_no_parameter_holds_is_refused_at_once(seed, capsys):
+    """It started roslaunch, which ended with an OverflowError's last lines."""
+    with pytest.raises(SystemExit):
+        parse(["--no-rviz", "--seed", seed])
+    assert f"--seed is {seed}; it must be 0 to 2147483647" in capsys.readouterr().err
