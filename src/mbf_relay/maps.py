@@ -146,6 +146,11 @@ def read_map_file(yaml_path: str) -> MapFileParameters:
 
 def _plain(name: str, value: Any) -> Any:
     """Return a YAML value as map_server understands it: `negate: 0` is a switch and 5e-2 a number, not a text."""
+    if isinstance(value, str) and name not in ("image", "mode"):
+        try:
+            value = float(value)
+        except ValueError:
+            return value
     if name == "negate" and value in (0, 1):
         return bool(value)
     if name == "origin" and isinstance(value, list):
@@ -153,11 +158,6 @@ def _plain(name: str, value: Any) -> Any:
         if len(numbers) == 3 and isinstance(numbers[2], float) and math.isnan(numbers[2]):
             numbers[2] = 0.0  # an old map_saver's: it wrote so of maps that were not turned
         return numbers
-    if isinstance(value, str) and name not in ("image", "mode"):
-        try:
-            return float(value)
-        except ValueError:
-            return value
     return value
 
 

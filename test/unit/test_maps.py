@@ -28,8 +28,9 @@ def test_trinary_knows_free_occupied_and_between_and_turns_the_image(tmp_path):
     assert occupancy.origin == Pose2D(2.0, 3.0, 1.0)
 
 
-def test_negate_swaps_black_and_white(tmp_path):
-    occupancy = load_map(write(tmp_path, np.array([[0, 255]], dtype=np.uint8), negate=1))
+@pytest.mark.parametrize("negate", [1, "'1'", '"1"', "true"])  # yaml-cpp does not care for quotes
+def test_negate_swaps_black_and_white(tmp_path, negate):
+    occupancy = load_map(write(tmp_path, np.array([[0, 255]], dtype=np.uint8), negate=negate))
     assert occupancy.data.tolist() == [[0, 100]]
 
 
