@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import rospy
-from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, Twist, Vector3
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Twist, Vector3
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from nav_msgs.msg import Path as PathMessage
 from sensor_msgs.msg import LaserScan as LaserScanMessage
@@ -71,6 +71,18 @@ def dated(message: Any) -> Any:
 def header(frame: str, stamp: Any) -> Header:
     """Return a header; `stamp` in seconds or as rospy.Time."""
     return Header(frame_id=frame, stamp=rospy.Time.from_sec(stamp) if isinstance(stamp, (int, float)) else stamp)
+
+
+def take_transform(message: TransformStamped) -> None:
+    """Refuse a message as `checks.check_transform` does, and give its rotation length 1.
+
+    tf2 takes what is nearly a rotation and hands it out as it came: as a matrix it stretches all that is seen.
+    """
+    checks.check_transform(message)
+    turned = message.transform.rotation
+    length = math.sqrt(turned.x * turned.x + turned.y * turned.y + turned.z * turned.z + turned.w * turned.w)
+    message.transform.rotation = Quaternion(
+        turned.x / length, turned.y / length, turned.z / length, turned.w / length)
 
 
 def transform_from_message(transform: Transform) -> Pose2D:

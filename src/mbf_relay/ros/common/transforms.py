@@ -21,12 +21,11 @@ from mbf_relay.ros.common.checks import (
     InvalidMessage,
     check_frames,
     check_stamp,
-    check_transform,
     shown,
     why_old,
 )
 from mbf_relay.ros.common.connected_nodes import connected_nodes
-from mbf_relay.ros.common.conversions import header, transform_from_message, transform_to_message
+from mbf_relay.ros.common.conversions import header, take_transform, transform_from_message, transform_to_message
 from mbf_relay.ros.common.frame_tree import ContestedFrame, FrameTree
 from mbf_relay.ros.common.tf_core import TransformCore
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
@@ -220,7 +219,7 @@ class CheckedListener:
     def _is_sound(self, message: TransformStamped, sender: str, now: float, max_age: Optional[float]) -> bool:
         parent, child = message.header.frame_id, message.child_frame_id
         try:
-            check_transform(message)
+            take_transform(message)
             if max_age is not None:
                 check_stamp(message.header.stamp.to_sec(), now, max_age)
             elif message.header.stamp.to_sec() >= TF2_END:
