@@ -3,6 +3,7 @@
     localizer.py       the filter's life: when to update, in which order the stages run
     motion_models.py   propagate        (sample_motion_model_odometry and its omnidirectional sister)
     laser_models.py    reweight         (beam_range_finder_model, likelihood_field_range_finder_model)
+    odometry_watch.py  odometry that begins anew while the robot goes on
     resampling.py      resample         (KLD-adaptive, with random poses where the fit has dropped)
     cloud_scan.py      a scan out of a point cloud
     estimate.py        estimate         (clusters, mean and covariance)
@@ -29,6 +30,7 @@ With ``robust`` off the filter does as amcl (navigation, noetic-devel), but for 
     beams       count from where the lidar was when it took each, once it is known which came first; amcl takes them all
                 from where it was at the scan's stamp (mbf_relay/scan_timing.py; with ``robust``, too)
     new maps    and new parameters leave the particles where they are; amcl starts again at the last saved pose
+    odometry    that begins anew (odometry_watch.py) leaves the robot where its scan fits; amcl goes where that leads
     bad input   (poses off the map, scans and odometry that are no numbers) is refused; amcl takes it
 
 The chapters, tables and pages cited are those of Thrun, Burgard, Fox: Probabilistic Robotics (2005).

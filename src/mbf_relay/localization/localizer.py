@@ -17,8 +17,9 @@ from mbf_relay.localization.gaussians import log_sum_exp
 from mbf_relay.localization.laser_models import is_converged, make_laser_model
 from mbf_relay.localization.lever_arm import spread
 from mbf_relay.localization.motion_models import make_motion_model
+from mbf_relay.localization.odometry_watch import OdometryWatch
 from mbf_relay.localization.parameters import LocalizerParameters
-from mbf_relay.localization.resampling import AverageLikelihood, particle_limits, resample
+from mbf_relay.localization.resampling import AverageLikelihood, particle_limits, replicate, resample
 from mbf_relay.localization.scan_search import Places
 from mbf_relay.localization.tracker import FEWEST_BEAMS, Corrected, HypothesisTracker
 from mbf_relay.maps import OccupancyMap
@@ -70,6 +71,7 @@ class Localizer:
         self.poses: np.ndarray
         self.log_weights: np.ndarray
         self._odom_pose: Optional[Pose2D] = None
+        self._odometry = OdometryWatch()
         self._awaited: Dict[str, bool] = {}
         self._stood: Dict[str, Tuple[Pose2D, LaserScan]] = {}  # where odometry stands, and each lidar's scan there
         self._updates = 0.0
@@ -187,8 +189,7 @@ class Localizer:
         """
         values = self.parameters
         return self._tracker.find(
-            pick_beams(scan, laser_pose_in_base, 1, values.laser_min_range, values.laser_max_range).hits
-        )
+            pick_beams(scan, laser_pose_in_base, 1, values.laser_min_range, values.laser_max_range).hits)
 
     # --- the filter -----------------------------------------------------------------------------------------------
 
@@ -212,6 +213,7 @@ class Localizer:
         """
         if not odom_pose.is_finite():
             raise ValueError(f"odometry pose {tuple(odom_pose)} is not finite")
+        self._follow_odometry(odom_pose, scan, laser_pose_in_base)
         shown = 0.0
         if not self._is_due(odom_pose, scan.frame):
             shown = self._shown_way(odom_pose, scan)
@@ -242,6 +244,14 @@ class Localizer:
         self.map_from_odom = self.last_estimate.pose.compose(odom_pose.inverse())
         self._stood[scan.frame] = odom_pose, scan
         return self.last_estimate
+
+    def _follow_odometry(self, odom_pose: Pose2D, scan: LaserScan, laser_pose: Pose2D) -> None:
+        moved = self._odometry.moved_frame(
+            odom_pose, scan.stamp, self.map_from_odom,
+            lambda pose: self.field.share_on_map(pose, self._pick(scan, laser_pose).hits))
+        if moved is not None and self.map_from_odom is not None:
+            self.map_from_odom, self._stood = self.map_from_odom.compose(moved.inverse()), {}
+            self._odom_pose = None if self._odom_pose is None else moved.compose(self._odom_pose)
 
     def _is_due(self, odom_pose: Pose2D, frame: str) -> bool:
         self._awaited.setdefault(frame, True)
@@ -317,9 +327,7 @@ class Localizer:
         self.log_weights = log_weights - log_average
         return log_average
 
-    def _estimate(
-        self, weights: np.ndarray, pose: Optional[np.ndarray], moments: Optional[Moments]
-    ) -> Estimate:
+    def _estimate(self, weights: np.ndarray, pose: Optional[np.ndarray], moments: Optional[Moments]) -> Estimate:
         """Return where the robot is by the hypothesis the particles hold, as surely as its rivals leave it.
 
         Args:
@@ -338,8 +346,7 @@ class Localizer:
         weights = np.concatenate((weights * self._tracker.hypotheses.share_held, shares))
         _, covariance = mean_and_covariance(everything, weights)
         return Estimate(
-            own.pose, covariance, own.weight * self._tracker.hypotheses.share_held, own.clusters + len(rivals)
-        )
+            own.pose, covariance, own.weight * self._tracker.hypotheses.share_held, own.clusters + len(rivals))
 
     def _resample(self, weights: np.ndarray) -> None:
         """Draw a new set by weights, shape (N,) (table 8.3, lines 11 to 17), unless that can wait."""
@@ -347,8 +354,7 @@ class Localizer:
         if values.selective_resampling and 1.0 / np.square(weights).sum() > 0.5 * len(weights):
             return
         limits = particle_limits(
-            values.max_particles, values.min_particles, values.kld_err, values.kld_z, values.robust
-        )
+            values.max_particles, values.min_particles, values.kld_err, values.kld_z, values.robust)
         share = self._averages.random_share() if self.field.has_free_cells else 0.0
         self.poses = resample(self.poses, weights, limits, self._rng, share, self._random_poses)
         self.log_weights = np.full(len(self.poses), -math.log(len(self.poses)))
@@ -391,9 +397,3 @@ def check_initial_pose(pose: Pose2D, covariance: np.ndarray, occupancy: Occupanc
             "corner to corner; global_localization is for a robot that may be anywhere")
     if not occupancy.contains_point(pose.x, pose.y):
         raise ValueError(f"initial pose ({pose.x:.3f}, {pose.y:.3f}) is not on the map; choose a place on it")
-
-
-def replicate(poses: np.ndarray, log_weights: np.ndarray, fewest: int) -> Tuple[np.ndarray, np.ndarray]:
-    """Return particles and log-weights with each repeated as often as it takes to have `fewest`."""
-    times = -(-fewest // len(poses))
-    return np.repeat(poses, times, axis=0), np.repeat(log_weights, times) - math.log(times)

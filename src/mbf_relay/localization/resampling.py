@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Callable, Optional
+from typing import Callable, Optional, Tuple
 
 import numpy as np
 
@@ -68,6 +68,12 @@ def resample(
         np.ascontiguousarray(poses), np.ascontiguousarray(weights), rng.random(), fresh_index, fresh, limits, drawn,
     )
     return drawn[:count].copy()
+
+
+def replicate(poses: np.ndarray, log_weights: np.ndarray, fewest: int) -> Tuple[np.ndarray, np.ndarray]:
+    """Return particles and log-weights with each repeated as often as it takes to have `fewest`."""
+    times = -(-fewest // len(poses))
+    return np.repeat(poses, times, axis=0), np.repeat(log_weights, times) - math.log(times)
 
 
 class AverageLikelihood:

@@ -23,6 +23,26 @@ def test_a_robot_whose_odometry_comes_in_another_frame_from_now_on_stays_where_i
     assert made.map_from_odom.compose(odom).distance_to(estimate.pose) < 1e-9
 
 
+@pytest.mark.parametrize("robust", [False, True])
+def test_a_robot_whose_odometry_begins_anew_stays_where_it_is(robust):
+    """A base's driver that was restarted sent it 8 m off, where no scan fits, and it was sure of that for metres."""
+    made, truth, odom = localizer(robust=robust), START, Pose2D(5.0, 5.0, 1.0)
+    for index in range(30):
+        step = Pose2D(0.1, 0.0, 0.2) if index != 15 else IDENTITY
+        truth, odom = truth.compose(step), odom.compose(step) if index != 15 else IDENTITY
+        made.process(odom, scan_at(room(), truth, stamp=0.2 * index), IDENTITY)
+        assert made.map_from_odom.compose(odom).distance_to(truth) < (0.15 if robust else 0.3)
+
+
+def test_a_robot_that_is_put_elsewhere_in_a_simulation_and_its_odometry_with_it_is_there():
+    made, there = localizer(), Pose2D(-2.0, 2.0, 1.0)
+    truth, odom, _ = drive(made, room())
+    made.process(odom, scan_at(room(), truth, stamp=7.0), IDENTITY)
+    odom = odom.compose(there.relative_to(truth))
+    estimate = made.process(odom, scan_at(room(), there, stamp=7.2), IDENTITY)
+    assert estimate.pose.distance_to(there) < 0.1
+
+
 @pytest.mark.parametrize("change", ["parameter", "map"])
 def test_a_robot_that_may_be_anywhere_still_may_when_something_changes_before_it_looks(change):
     """It was looked for by its particles alone, and found in one of the places that look alike."""
