@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from dataclasses import dataclass
 from typing import Any, Dict, List, Mapping, Optional, Tuple
@@ -77,6 +78,7 @@ class TrackLayer(Layer):
         super().__init__(name, parameters)
         self._lidars: Dict[str, Senders] = {source: Senders() for source in parameters.source_parameters}
         self._trackers: Dict[_Lidar, Tracker] = {}
+        self._numbers = itertools.count(1)  # of all of them: what one lidar sees is not what another does
         self._other: Optional[TrackLayer] = None  # see `share`
         self._frame = IDENTITY
         self._shown: Dict[_Lidar, Tuple[Tracker, Pose2D]] = {}  # who looked for what moves in the last scan, and where
@@ -121,7 +123,7 @@ class TrackLayer(Layer):
             self._shown[lidar] = tracker, self._frame
         else:
             if lidar not in self._trackers:
-                self._trackers[lidar] = Tracker(self.parameters)
+                self._trackers[lidar] = Tracker(self.parameters, self._numbers)
             tracker = self._trackers[lidar]
             tracker.update(
                 float(x), float(y), ends[finite], hits[finite], observation.stamp, observation.heading)

@@ -14,7 +14,7 @@ class Track(NamedTuple):
     """One moving thing, taken for a disc, in the frame of the scans it was seen in.
 
     Attributes:
-        number: Tells the tracks of one tracker apart; never used twice.
+        number: Tells apart the tracks of one tracker, and of those it shares numbers with; never used twice.
         stamp: Time (s) of what follows.
         x, y: Its centre (m).
         vx, vy: Its velocity (m/s).

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
-from typing import Deque, NamedTuple, Optional, Tuple
+from typing import Deque, Iterator, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -72,9 +73,10 @@ class Tracker:
         moving: Shape (N,), bool: which rays of the last scan end on what moves.
     """
 
-    def __init__(self, parameters: TrackerParameters) -> None:
+    def __init__(self, parameters: TrackerParameters, numbers: Optional[Iterator[int]] = None) -> None:
+        """Follow nothing yet; `numbers` of tracks are shared by trackers whose tracks must not be confused."""
         self.parameters = parameters
-        self._next_number = 1
+        self._numbers = itertools.count(1) if numbers is None else numbers
         self.reset()
 
     def reset(self) -> None:
@@ -228,8 +230,7 @@ class Tracker:
         rows[:, :2], rows[:, RADIUS] = discs[new, :2], discs[new, 2]
         rows[:, POSITION], rows[:, VELOCITY] = noises[new], FIRST_SPEED ** 2
         rows[:, SEEN] = stamp
-        rows[:, NUMBER] = np.arange(self._next_number, self._next_number + len(new))
-        self._next_number += len(new)
+        rows[:, NUMBER] = list(itertools.islice(self._numbers, len(new)))
         self._things = np.concatenate((self._things, rows))
 
     def _forget(self, rays: Rays, stamp: float) -> None:

@@ -209,6 +209,19 @@ def test_a_small_computer_looks_for_nobody_where_the_layer_is_disabled_and_knows
     assert len(costmap.snapshot().tracks) == 1
 
 
+def test_two_whom_two_lidars_see_have_numbers_of_their_own():
+    """They were one in `tracks` and in RViz, where each took the other's place."""
+    costmap, numbers = costmap_of(), []
+    for step in range(21):
+        now = 10.0 + 0.2 * step
+        for frame, x in (("front", 1.0), ("rear", -1.0)):
+            seen = scan([(x, -1.0 + 0.05 * step, 0.12)], now)
+            costmap.observe("scan", dataclasses.replace(seen, frame=frame), now)
+        costmap.update(now, Pose2D(0.0, 0.0, 0.0))
+        numbers.append([track.number for track in costmap.snapshot().tracks])
+    assert len(numbers[-1]) == 2 and all(len(set(each)) == len(each) for each in numbers)
+
+
 def test_who_stops_is_a_wall_again():
     assert is_marked(watch(costmap_of(mark_movers=False), crossing, 10.0), 1.0, 0.5, 0.12)
 
