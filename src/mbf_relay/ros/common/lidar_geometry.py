@@ -6,17 +6,21 @@ import math
 from dataclasses import replace
 from typing import NamedTuple, Optional, Tuple
 
-from geometry_msgs.msg import Transform
+import numpy as np
+from geometry_msgs.msg import Transform, TransformStamped
 from sensor_msgs.msg import LaserScan as LaserScanMessage
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.ros.common.checks import InvalidMessage, shown
+from mbf_relay.ros.common.clouds import rigid
 from mbf_relay.ros.common.conversions import scan_from_message
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.scan import LaserScan
 
 LEAST_LEVEL = 0.5
 """Cosine of the tilt beyond which a lidar stands on edge: its beams meet floor and ceiling, few walls."""
+LEVEL = 0.9994
+"""Cosine of the tilt up to which a lidar looks level: 2 degrees, which are not a millimetre in a metre."""
 
 
 class MountedScan(NamedTuple):
@@ -51,6 +55,8 @@ def scan_in_base(
         raise InvalidMessage(
             f"the lidar in frame {shown(scan.frame)} is tilted by {math.degrees(math.acos(upright)):.0f} degrees "
             f"against {base_frame} and does not look round it, as one in a camera's optical frame")
+    if abs(upright) < LEVEL:
+        scan = _seen_along_the_floor(scan, placed)
     pose, upside_down = mounting_of(placed.transform)
     is_fixed = placed.header.stamp.to_sec() == 0.0 or scan.frame.lstrip("/") == base_frame.lstrip("/")
     return MountedScan(seen_from_above(scan, upside_down), pose, is_fixed)
@@ -63,6 +69,15 @@ def mounting_of(transform: Transform) -> Tuple[Pose2D, bool]:
     forward_x = 1.0 - 2.0 * (q.y * q.y + q.z * q.z)
     forward_y = 2.0 * (q.x * q.y + q.w * q.z)
     return Pose2D(p.x, p.y, math.atan2(forward_y, forward_x)), _upright(transform) < 0.0
+
+
+def _seen_along_the_floor(scan: LaserScan, placed: TransformStamped) -> LaserScan:
+    """Return what a tilted lidar hit as far away as it is on the floor, which is less than along the beam."""
+    beams = np.stack((np.cos(scan.angles), np.sin(scan.angles)))
+    shares = np.hypot(*(rigid(placed)[0][:2, :2] @ beams))
+    return replace(
+        scan, ranges=np.where(scan.hit, shares * scan.ranges, scan.ranges),
+        range_min=float(shares.min()) * scan.range_min)
 
 
 def _upright(transform: Transform) -> float:
