@@ -132,3 +132,15 @@ def test_cells_of_no_size_are_refused_in_one_line(tmp_path, capsys, resolution, 
     assert main(["arena", str(tmp_path / "map"), "--resolution", resolution]) == 1
     assert words in (said := capsys.readouterr().err) and said.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("options, words", [
+    (["--origin", "inf", "0", "--size", "10", "10"], "--origin: 'inf' is no number"),
+    (["--height", "nan"], "--height: 'nan' is no number"), (["--start", "here", "0"], "--start: 'here' is no number"),
+    (["--size", "0", "10"], "--size: 0 is below 1"),
+])
+def test_what_is_no_number_draws_no_map(tmp_path, capsys, options, words):
+    """An endless origin ended in a traceback, and a height that is none drew an empty map."""
+    with pytest.raises(SystemExit):
+        main(["arena", str(tmp_path / "map"), *options])
+    assert words in capsys.readouterr().err and not list(tmp_path.iterdir())
