@@ -116,6 +116,7 @@ class TestVelocityGuard(unittest.TestCase):
     def test_a_robot_that_takes_up_a_load_keeps_it_off_the_box(self):
         """Its costmaps were told of it, and the guard went on by the robot alone."""
         footprints = connected_publisher("velocity_guard/footprint", Polygon)
+        self.addCleanup(footprints.unregister)  # not before the last has arrived
 
         def reaches(front):
             corners = ((-0.105, -0.105), (-0.105, 0.105), (front, 0.105), (front, -0.105))
@@ -130,7 +131,6 @@ class TestVelocityGuard(unittest.TestCase):
             footprints.publish(Polygon())
         finally:
             reaches(0.041)
-            footprints.unregister()
         start = self.x()
         self.drive_until(lambda: self.x() > start + 0.1, "the robot to drive on without its load")
 

@@ -309,9 +309,10 @@ class WebViewTest(WebViewCase):
         listeners = [Listener(f"{action}/cancel", GoalID) for action in actions]
         for listener in listeners:  # another test's node may be there a little longer
             wait_until(lambda: "/open_view" in connected_nodes(listener._subscriber), "this node's publisher")
-        client.send(do="cancel")
-        for listener in listeners:
-            listener.wait_for(lambda _: True, "a cancel")
+        for listener in listeners:  # whom the node itself may not have seen yet, so that it is told again
+            wait_until(
+                lambda told=listener: client.send(do="cancel") or told.messages, f"a cancel on {listener.topic}",
+                period=0.1)
 
     def test_two_hands_do_not_drive_at_once(self):
         one, two = self.driver(), self.connect()
