@@ -42,12 +42,12 @@ def positive(text: str) -> int:
     return value
 
 
-def number(text: str) -> float:
-    """Return what an option says, a number that is finite."""
+def finite(text: str) -> float:
+    """Return what an option says, a finite number."""
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"'{text}' is no number")
+        raise argparse.ArgumentTypeError(f"'{text}' is no finite number")
     return value

@@ -8,7 +8,7 @@ import sys
 from dataclasses import replace
 from typing import List, Optional
 
-from mbf_relay.commands import number, positive
+from mbf_relay.commands import finite, positive
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.maps import COARSEST, FINEST, MOST_CELLS, save_map
@@ -53,13 +53,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("output", help="the map's path without ending; NAME.yaml and NAME.pgm are written")
     parser.add_argument("--world-name", default="", help="which world, in a file of several")
     parser.add_argument(
-        "--start", type=number, nargs=2, metavar=("X", "Y"),
+        "--start", type=finite, nargs=2, metavar=("X", "Y"),
         help="where the robot starts in metres, with free space round it; without it, where the world says, or 0 0",
     )
     parser.add_argument("--resolution", type=float, default=0.05, help="side of a cell in metres (0.05)")
     parser.add_argument(
         "--origin",
-        type=number,
+        type=finite,
         nargs=2,
         default=(-10.0, -10.0),
         metavar=("X", "Y"),
@@ -70,7 +70,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--height",
-        type=number,
+        type=finite,
         default=SCAN_HEIGHT,
         help=f"of the cut in metres ({SCAN_HEIGHT:.3f}, the burger's lidar)",
     )

@@ -135,8 +135,9 @@ def test_cells_of_no_size_are_refused_in_one_line(tmp_path, capsys, resolution, 
 
 
 @pytest.mark.parametrize("options, words", [
-    (["--origin", "inf", "0", "--size", "10", "10"], "--origin: 'inf' is no number"),
-    (["--height", "nan"], "--height: 'nan' is no number"), (["--start", "here", "0"], "--start: 'here' is no number"),
+    (["--origin", "inf", "0", "--size", "10", "10"], "--origin: 'inf' is no finite number"),
+    (["--height", "nan"], "--height: 'nan' is no finite number"),
+    (["--start", "here", "0"], "--start: 'here' is no finite number"),
     (["--size", "0", "10"], "--size: 0 is below 1"),
 ])
 def test_what_is_no_number_draws_no_map(tmp_path, capsys, options, words):

@@ -9,7 +9,6 @@ mbf_path_client.py   the circle through Move Base Flex's get_path and exe_path
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 import time
 from typing import Any, Callable, List, NoReturn, Optional, Sequence
@@ -21,6 +20,7 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from mbf_msgs import msg as mbf_msgs
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 
+from mbf_relay.commands import finite
 from mbf_relay.ros.common.actions.action_client import ActionClient
 from mbf_relay.ros.common.actions.client_goals import ActionEnding
 from mbf_relay.ros.common.conversions import quaternion_from_yaw
@@ -240,17 +240,6 @@ def _wait_for_master(timeout: float) -> None:
             said = True
             time.sleep(0.1)
     sys.exit(130)
-
-
-def finite(text: str) -> float:
-    """Return a finite number."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"'{text}' is no finite number")
-    return value
 
 
 def not_negative(text: str) -> float:
