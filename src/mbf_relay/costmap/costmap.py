@@ -41,6 +41,7 @@ class Costmap:
         parameters: The values in force; they change only by `reconfigure`.
         layers: In the order in which they write.
         notes: What was made of the user's values, one line each, where they could not be taken as they are.
+        inputs: Which layers take what each sensor sees; see `inputs_of`.
         failed: Why a layer the user listed is not there, by its name.
     """
 
@@ -48,10 +49,10 @@ class Costmap:
         self, name: str, parameters: CostmapParameters, layers: Sequence[Layer], notes: Sequence[str] = (),
         failed: Optional[Mapping[str, str]] = None,
     ) -> None:
-        self.name = name
+        self.name, self.parameters = name, parameters
         self.notes, self.failed = tuple(notes), dict(failed or {})
-        self.parameters = parameters
         self.layers: List[Layer] = list(layers)
+        self.inputs = inputs_of(self.layers)
         # the only lock: held for an update, for a copy of the snapshot, and while input is handed to the layers
         self._lock = threading.RLock()
         self._grid = parameters.grid()
@@ -82,8 +83,8 @@ class Costmap:
 
     @property
     def sources(self) -> Dict[str, Any]:
-        """All layers' sensors by the names of `inputs_of`, with their parameters (SourceParameters)."""
-        return {key: layer.sources[name] for key, [(layer, name), *_] in inputs_of(self.layers).items()}
+        """All sensors by their names in `inputs`, with their parameters (SourceParameters)."""
+        return {key: layer.sources[name] for key, [(layer, name), *_] in self.inputs.items()}
 
     @property
     def footprint(self) -> np.ndarray:
@@ -151,7 +152,7 @@ class Costmap:
         Raises:
             ValueError: There is no such source.
         """
-        takers = inputs_of(self.layers).get(source)
+        takers = self.inputs.get(source)
         if not takers:
             raise ValueError(
                 f"{self.name} has no observation source '{source}'; it has: {', '.join(self.sources) or 'none'}")
@@ -165,7 +166,7 @@ class Costmap:
     def refuse(self, source: str, reason: str, is_blind: bool = True) -> None:
         """Take note why a message of a sensor, one of `sources`, is not used; see Layer.refuse."""
         with self._lock:
-            for layer, name in inputs_of(self.layers).get(source, ()):
+            for layer, name in self.inputs.get(source, ()):
                 layer.refuse(name, reason, is_blind)
 
     @property

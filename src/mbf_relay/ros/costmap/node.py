@@ -11,7 +11,6 @@ from mbf_relay.costmap import factory
 from mbf_relay.costmap.freshness import next_update
 from mbf_relay.costmap.layer import tracks_of
 from mbf_relay.costmap.outline import check_padded
-from mbf_relay.costmap.shared_inputs import inputs_of
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common import parameters as ros_parameters
@@ -80,7 +79,7 @@ class CostmapNode:
         for layer in self.costmap.layers:
             if layer.map_source is not None:
                 self._maps.append(MapInput(layer.name, layer.map_source, self.costmap, self._stepper.wake))
-        for name, [(layer, source), *_] in inputs_of(self.costmap.layers).items():
+        for name, [(layer, source), *_] in self.costmap.inputs.items():
             patience = max(layer.sensor_patience, self.costmap.parameters.transform_tolerance)
             self._sensors[name] = SensorInput(
                 name, layer.sources[source], self.costmap, self._transforms, patience, layer.max_age(source),
