@@ -95,7 +95,7 @@ class MoveBaseSettings:
         self._wake = threading.Event()
         self._dynamic: Any = None
         self._plugins: Dict[str, List[Mapping[str, str]]] = {}
-        self._plugins_wanted = self._learning = False  # that they are to be asked for, and that they are just now
+        self._plugins_wanted = False
 
     def serve(self) -> None:
         """Offer the parameters for change and follow the server's."""
@@ -120,9 +120,7 @@ class MoveBaseSettings:
     def knows_server(self) -> bool:
         """Whether plugins that were asked for are known by the server's names, so that a goal can be composed."""
         asked = [kind for kind, wanted in self._asked.items() if wanted]
-        if asked and (self._plugins_wanted or self._learning):
-            return False
-        return all(kind in self._plugins for kind in asked)
+        return not asked or not self._plugins_wanted and all(kind in self._plugins for kind in asked)
 
     def plugin_names(self) -> Tuple[str, str]:
         """Return the server's names of the planner and controller to use, empty for its first; asks nobody."""
@@ -147,11 +145,11 @@ class MoveBaseSettings:
     def _learn_plugins(self) -> None:
         """Ask the master what plugins the server has; here alone, as a master that hangs must not keep a goal waiting.
         """
+        found = {kind: server_plugins(self._server, kind) for kind in self._asked}
         for kind, wanted in self._asked.items():
-            plugins = server_plugins(self._server, kind)
-            if wanted and name_at_server(wanted, plugins) is None:
-                rospy.logwarn("%s", _no_such_plugin(wanted, plugins, self._server))
-            self._plugins[kind] = plugins
+            if wanted and name_at_server(wanted, found[kind]) is None:
+                rospy.logwarn("%s", _no_such_plugin(wanted, found[kind], self._server))
+        self._plugins = found
 
     def _change(self, new: MoveBaseParameters) -> None:
         """Take new values from dynamic_reconfigure.
@@ -241,12 +239,12 @@ class MoveBaseSettings:
         """
         with self._lock:
             changes, self._to_send = self._to_send, {}
-            learn = self._learning = self._plugins_wanted
-            self._plugins_wanted = False
+            learn = self._plugins_wanted
+            if learn:  # those of a server of before are not known for this one's until all are
+                self._plugins, self._plugins_wanted = {}, False
         try:
             if learn:
                 self._learn_plugins()
-                self._learning = False
             if changes:
                 self._send(service, changes)
         except (rospy.ServiceException, rospy.ROSException, *NO_ANSWER):
