@@ -47,9 +47,8 @@ class CarrotPlanner(Planner):
         self, costmap: CostGrid, start: Pose2D, goal: Pose2D, tolerance: float, cancelled: Cancellation
     ) -> Path:
         request.require_finite(start, goal)
+        request.start_cell(costmap, start)  # refuses one that is off the map
         grid = costmap.grid
-        if math.dist(grid.center_of(*grid.nearest_cell(start.x, start.y)), start[:2]) > costmap.width:
-            raise request.outside_error(costmap, "start", start)
         distance = start.distance_to(goal)
         step = self.parameters.step_size or grid.resolution
         nearest = min(distance, self.parameters.min_dist_from_robot)  # the goal itself is tried however near it is

@@ -60,6 +60,18 @@ def unreachable_error(start: Pose2D, goal: Pose2D, tolerance: float) -> Planning
     )
 
 
+def start_cell(costmap: CostGrid, start: Pose2D) -> Cell:
+    """Return the cell of the costmap that is nearest to a start: its own, or one at the edge it got past.
+
+    Raises:
+        PlanningError: OUT_OF_MAP, where it is past the edge by more than the robot's width.
+    """
+    column, row = costmap.grid.nearest_cell(start.x, start.y)
+    if math.dist(costmap.grid.center_of(column, row), start[:2]) > costmap.width:  # which is a cell at least
+        raise outside_error(costmap, "start", start)
+    return column, row
+
+
 def departure(costmap: CostGrid, weights: np.ndarray, start: Pose2D) -> np.ndarray:
     """Return the cells from the start's own to the first free one: (N, 2), the start's cell alone where it is free.
 
@@ -72,10 +84,8 @@ def departure(costmap: CostGrid, weights: np.ndarray, start: Pose2D) -> np.ndarr
     """
     grid = costmap.grid
     own = grid.cell_at(start.x, start.y)
-    column, row = grid.nearest_cell(start.x, start.y)
+    column, row = start_cell(costmap, start)
     if (column, row) != own:
-        if math.dist(grid.center_of(column, row), start[:2]) > costmap.width:
-            raise outside_error(costmap, "start", start)
         inside = departure(costmap, weights, Pose2D(*grid.center_of(column, row), start.theta))
         return np.vstack((np.array([own], dtype=np.int32), inside))
     cost = costmap.costs[row, column]
