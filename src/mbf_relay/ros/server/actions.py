@@ -166,10 +166,10 @@ class Action:
             task = request.task
             if task is not None and task.ending is not None:  # a moment ago; one that is refused cannot be aborted
                 self._end(request, task.ending, self._result(task.result, self._ros_now()))
-                continue
-            if task is None:
-                request.handle.set_accepted()
-            self._end(request, Ending.ABORTED, self._failure(self._outcomes[outcome], message))
+            else:
+                if task is None:
+                    request.handle.set_accepted()
+                self._end(request, Ending.ABORTED, self._failure(self._outcomes[outcome], message))
 
     def _begin(self, request: Request) -> None:
         if request.reading is None or request.cancelled:
