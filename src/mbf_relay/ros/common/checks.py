@@ -185,9 +185,21 @@ def check_cloud(message: Any) -> None:
     ]
     if step < max(ends, default=1):
         raise InvalidMessage(f"point cloud of {step} bytes a point with coordinates up to byte {max(ends, default=1)}")
-    if message.row_step * message.height > len(message.data) or step * message.width > message.row_step:
+    rows = row_step(message)
+    if rows * message.height > len(message.data) or step * message.width > rows:
         raise InvalidMessage(
-            f"point cloud of {message.height} rows of {message.row_step} bytes with {len(message.data)} bytes of data")
+            f"point cloud of {message.height} rows of {rows} bytes with {len(message.data)} bytes of data; "
+            f"its {message.width} points a row take {step * message.width}")
+
+
+def row_step(message: Any) -> int:
+    """Return the bytes from one row of a PointCloud2 to the next.
+
+    No gap is told by a row_step left at 0, and none follows the only row of a cloud: there costmap_2d, which never
+    looks at it, sees with whatever the driver wrote.
+    """
+    packed: int = message.point_step * message.width
+    return packed if message.height == 1 else message.row_step or packed
 
 
 def check_map(info: Any, cells: int) -> None:

@@ -43,7 +43,7 @@ def cloud_points(message: PointCloud2) -> np.ndarray:
             raise InvalidMessage(f"field {name} of a point cloud has type {fields[name].datatype}; it must be a float")
         formats.append(order + FLOATS[fields[name].datatype])
     checks.check_cloud(message)
-    shape, strides = (message.height, message.width), (message.row_step, message.point_step)
+    shape, strides = (message.height, message.width), (checks.row_step(message), message.point_step)
     points = np.empty((*shape, 3))
     if points.size:
         for column, (name, kind) in enumerate(zip("xyz", formats)):

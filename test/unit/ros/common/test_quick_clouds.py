@@ -10,6 +10,7 @@ pytest.importorskip("sensor_msgs")
 
 from sensor_msgs.msg import PointCloud2, PointField  # noqa: E402
 
+from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
 from mbf_relay.ros.common.clouds import cloud_points  # noqa: E402
 from mbf_relay.ros.common.quick_clouds import QuickCloud  # noqa: E402
 
@@ -46,6 +47,23 @@ def test_what_was_sent_is_what_is_read(form, rows, columns, wrapped):
     for name in ("height", "width", "is_bigendian", "point_step", "row_step", "is_dense", "_md5sum", "_type"):
         assert getattr(read, name) == getattr(plain, name)
     assert (cloud_points(read) == points).all() and (cloud_points(plain) == points).all()
+
+
+@pytest.mark.parametrize("rows, columns, told", [(1, 7, 0), (1, 7, 20), (1, 7, 1000), (4, 3, 0)])
+def test_a_robot_is_not_blind_with_a_camera_whose_driver_leaves_row_step_alone(rows, columns, told):
+    """costmap_2d never looks at it; here each cloud was refused, and what the camera alone saw was driven into."""
+    text, points = cloud(rows, columns)
+    read = QuickCloud().deserialize(text)
+    read.row_step = told
+    assert (cloud_points(read) == points).all()
+
+
+def test_a_cloud_with_fewer_bytes_than_its_rows_take_is_refused_with_both():
+    read = QuickCloud().deserialize(cloud(4, 3)[0])
+    for rows, told in ((4, 40), (4, 1000), (5, 0)):
+        read.height, read.row_step = rows, told
+        with pytest.raises(InvalidMessage, match=f"{rows} rows of {told or 42} bytes with 168 bytes"):
+            cloud_points(read)
 
 
 def test_its_points_are_no_copy():
