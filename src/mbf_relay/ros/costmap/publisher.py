@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import threading
 from typing import Any, Callable, Optional
 
 import numpy as np
@@ -45,6 +47,8 @@ class CostmapPublisher:
         """
         self._always_full, self._latest = always_full, latest
         self._sent: Optional[CostGrid] = None
+        self._lock = threading.Lock()  # guards what follows; nothing else is locked while it is held
+        self._greeted_with = sys.maxsize  # the oldest revision that somebody got alone since the last publication
         self._updates = rospy.Publisher(f"~{name}/costmap_updates", OccupancyGridUpdate, queue_size=10)
         self._costmap = rospy.Publisher(
             f"~{name}/costmap", OccupancyGrid, subscriber_listener=_Greeter(self._greet), queue_size=1)
@@ -57,18 +61,26 @@ class CostmapPublisher:
 
     def _greet(self, publish: Any) -> None:
         latest = self._latest()
-        if latest is not None:
-            publish(grid_message(latest))
+        if latest is None:
+            return
+        publish(grid_message(latest))
+        with self._lock:  # a large map takes long to send, and an update that came before it was lost on who got it
+            self._greeted_with = min(self._greeted_with, latest.revision)
 
     def publish(self, snapshot: CostGrid) -> None:
-        """Send what changed since the last call, or everything where that is not a part of the same grid."""
+        """Send what changed since the last call, or everything where that is not a part of the same grid.
+
+        And what changed since whoever came meanwhile was sent all of it.
+        """
         if self._costmap.get_num_connections() + self._updates.get_num_connections() == 0:
             self._sent = None
             return
+        with self._lock:
+            greeted_with, self._greeted_with = self._greeted_with, sys.maxsize
         before, self._sent = self._sent, snapshot
         changed = None
         if before is not None and before.grid == snapshot.grid and not self._always_full:
-            changed = snapshot.changed_since(before.revision)
+            changed = snapshot.changed_since(min(before.revision, greeted_with))
         if changed is None:
             self._costmap.publish(grid_message(snapshot))
         elif not changed.is_empty:
