@@ -113,12 +113,15 @@ def check_transform(message: Any) -> None:
     check_frames(message.header.frame_id, message.child_frame_id)
     moved, turned = message.transform.translation, message.transform.rotation
     check_place(moved.x, moved.y, moved.z)
-    squared = sum(min(abs(part), 1e9) ** 2 for part in (turned.x, turned.y, turned.z, turned.w))
-    if not abs(squared - 1.0) <= 0.01:  # tf2's own limit; there the reason goes to a stream nobody reads
+    length = quaternion_length(turned)
+    if not abs(length * length - 1.0) <= 0.01:  # tf2's own limit; there the reason goes to a stream nobody reads
         raise InvalidMessage(
-            f"quaternion ({turned.x}, {turned.y}, {turned.z}, {turned.w}) has length {math.sqrt(squared):.3g}; a "
-            "rotation's is 1"
-        )
+            f"quaternion ({turned.x}, {turned.y}, {turned.z}, {turned.w}) has length {length:.3g}; a rotation's is 1")
+
+
+def quaternion_length(quaternion: Any) -> float:
+    """Return the length of a quaternion, 1 where it is a rotation; infinite or NaN where a component is."""
+    return math.hypot(quaternion.x, quaternion.y, quaternion.z, quaternion.w)
 
 
 def check_scan(message: Any) -> None:

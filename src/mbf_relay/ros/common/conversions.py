@@ -29,7 +29,7 @@ def yaw_from_quaternion(quaternion: Quaternion) -> float:
         InvalidMessage: A component is not finite, or all are zero.
     """
     x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
-    norm = math.sqrt(x * x + y * y + z * z + w * w)
+    norm = checks.quaternion_length(quaternion)
     if not math.isfinite(norm) or norm < 1e-6:
         raise InvalidMessage(f"quaternion ({x}, {y}, {z}, {w}) is no rotation: it must be finite and not all zero")
     x, y, z, w = x / norm, y / norm, z / norm, w / norm
@@ -80,7 +80,7 @@ def take_transform(message: TransformStamped) -> None:
     """
     checks.check_transform(message)
     turned = message.transform.rotation
-    length = math.sqrt(turned.x * turned.x + turned.y * turned.y + turned.z * turned.z + turned.w * turned.w)
+    length = checks.quaternion_length(turned)
     message.transform.rotation = Quaternion(
         turned.x / length, turned.y / length, turned.z / length, turned.w / length)
 
