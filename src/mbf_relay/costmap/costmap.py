@@ -43,6 +43,7 @@ class Costmap:
         notes: What was made of the user's values, one line each, where they could not be taken as they are.
         inputs: Which layers take what each sensor sees; see `inputs_of`.
         failed: Why a layer the user listed is not there, by its name.
+        sizing_layer: Whose map gives it size, resolution and place; None where none does, as of a window that rolls.
     """
 
     def __init__(
@@ -52,6 +53,8 @@ class Costmap:
         self.name, self.parameters = name, parameters
         self.notes, self.failed = tuple(notes), dict(failed or {})
         self.layers: List[Layer] = list(layers)
+        self._floor_layer = next((each for each in self.layers if each.maps_floor), None)
+        self.sizing_layer = None if parameters.rolling_window else self._floor_layer
         self.inputs = inputs_of(self.layers)
         # the only lock: held for an update, for a copy of the snapshot, and while input is handed to the layers
         self._lock = threading.RLock()
@@ -196,8 +199,7 @@ class Costmap:
         height, width = occupancy.data.shape
         grid = Grid(occupancy.resolution, occupancy.origin.x, occupancy.origin.y, width, height)
         takers = self._takers_of_map(layer)
-        is_first = next((each for each in self.layers if each.maps_floor), None) in takers
-        sizes = is_first and not self.parameters.rolling_window
+        is_first, sizes = self._floor_layer in takers, self.sizing_layer in takers
         notice = None
         if is_first and abs(grid.resolution - self.parameters.resolution) > 1e-6:
             taken = "replaces the costmap's" if sizes else "is sampled at the costmap's"
@@ -208,8 +210,7 @@ class Costmap:
                 if abs(occupancy.origin.theta) > 1e-6:
                     raise ValueError(
                         f"{self.name}: the map is turned by {occupancy.origin.theta:.6g} rad; a costmap lies along "
-                        "the axes, so the third number of the map's origin must be 0"
-                    )
+                        "the axes, so the third number of the map's origin must be 0")
                 self._sized_by_map, self._due_grid = True, grid if grid != self._grid else None
             for taker in takers:
                 taker.set_map(occupancy)
@@ -392,8 +393,7 @@ class Costmap:
         """Return why the snapshot must not be planned on, or None: sensors may be silent, but it must have a map."""
         with self._lock:
             if self._freshness.updated is None:
-                missing = self._freshness.never(missing_inputs(self.layers))
-                return PlanningError(PlanOutcome.NOT_INITIALIZED, missing)
+                return PlanningError(PlanOutcome.NOT_INITIALIZED, self._freshness.never(missing_inputs(self.layers)))
             if self._missing:  # at that update: a map that has come since is not in the snapshot
                 return PlanningError(PlanOutcome.MAP_ERROR, f"{self.name}: {self._missing}")
             trouble = self._freshness.trouble(now, self.parameters.update_frequency, math.inf)

@@ -307,8 +307,8 @@ class MapInput:
         One that takes its size of the map takes it to lie in its own frame, as costmap_2d's do.
         """
         said, frame = message.header.frame_id.lstrip("/"), self._costmap.frame
-        rolls = self._costmap.parameters.rolling_window
-        sizes = not rolls and next((layer.name for layer in self._costmap.layers if layer.maps_floor), "") == self.layer
+        rolls, sizing = self._costmap.parameters.rolling_window, self._costmap.sizing_layer
+        sizes = sizing is not None and sizing.name == self.layer
         lies = frame if sizes or not said else said
         if said != frame and lies != self.frame and not (said and rolls):
             rospy.logwarn(
