@@ -10,6 +10,7 @@ import numpy as np
 from mbf_relay.costmap import layer_kernels
 from mbf_relay.costmap.cost_grid import FREE_SPACE, LETHAL, NO_INFORMATION, Window
 from mbf_relay.costmap.layer import LayerContext, MapSource, PlacedLayer
+from mbf_relay.geometry import IDENTITY
 from mbf_relay.grid import Grid
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.parameters import ParameterSet, parameter
@@ -110,7 +111,7 @@ class StaticLayer(PlacedLayer):
 
     def _lies_on_grid(self) -> bool:
         """Return whether the map's cells are the costmap's, as where the costmap took its size of this map."""
-        if self.rolling or self._map is None:
+        if self.rolling or self._map is None or self.own_from_costmap != IDENTITY:
             return False
         height, width = self._map_costs.shape
         origin = self._map.origin
