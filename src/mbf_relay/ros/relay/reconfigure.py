@@ -83,6 +83,7 @@ class MoveBaseSettings:
         """
         defaults = MoveBaseParameters()
         self.values = self._started_with = values
+        self._offered = values  # as dynamic_reconfigure has them, which is told late of what the server changes
         self._server = rospy.resolve_name(server)
         # what was asked for, by the server's lists; empty for the first of a list
         self._asked = {
@@ -159,10 +160,10 @@ class MoveBaseSettings:
         Raises:
             ValueError: The server has no such plugin; move_base too refuses one it cannot load.
         """
-        old = self.values
+        asked = {name: value for name, value in vars(new).items() if value != getattr(self._offered, name)}
         for kind, name in PLUGIN_PARAMETERS.items():
-            wanted = getattr(new, name)
-            if wanted != getattr(old, name):
+            if name in asked:
+                wanted = asked[name]
                 plugins = server_plugins(self._server, kind)
                 if name_at_server(wanted, plugins) is None:
                     if wanted != getattr(self._started_with, name):
@@ -170,13 +171,14 @@ class MoveBaseSettings:
                     wanted = ""
                 self._plugins[kind], self._asked[kind] = plugins, wanted
         for name in WITHOUT_COUNTERPART:
-            if getattr(new, name) != getattr(old, name):
+            if name in asked:
                 rospy.logwarn("%s has no counterpart at the server; configure its recovery behaviours instead", name)
-        changes = server_changes(old, new)
         with self._lock:
-            self.values = new
+            old, self.values = self.values, self.values.replace(**asked)
+            changes = server_changes(old, self.values)
             self._wanted.update(changes)
             self._to_send.update(changes)
+        self._offered = new
         self._wake.set()
 
     def _mirror(self, message: Config) -> None:

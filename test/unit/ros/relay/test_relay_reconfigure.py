@@ -165,3 +165,27 @@ def test_a_rate_the_server_refuses_keeps_no_other_wish_from_it_at_its_next_start
     server.values = NavigatorParameters()
     settings.send_wishes(server)
     assert not server.values.recovery_enabled and server.values.controller_frequency == 20.0
+
+
+def test_a_rate_somebody_changes_takes_back_nothing_the_server_was_given_meanwhile(monkeypatch):
+    """It was first undone at the server, and then the relay's wish, by which the server's file meant nothing any more.
+    """
+    monkeypatch.setattr("rospy.resolve_name", lambda name: "/" + name)
+    monkeypatch.setattr("rospy.set_param", lambda *_: None)
+    settings, front = MoveBaseSettings("move_base_flex", MoveBaseParameters()), MoveBaseParameters()
+    asked = []
+
+    class LateFront:
+        """A reconfigure server that is busy with a request when it is told of the server's values."""
+
+        @staticmethod
+        def update_configuration(values):
+            settings._change(front.replace(controller_frequency=15.0))
+            settings._change(front.replace(controller_frequency=15.0, **values))
+
+    settings._dynamic = LateFront()
+    settings._mirror(encode_config({"planner_frequency": 2.0}))
+    monkeypatch.setattr("rospy.loginfo", lambda *_: None)
+    settings.send_wishes(lambda config: asked.append(decode_config(config)) or ReconfigureResponse(config))
+    assert asked == [{"controller_frequency": 15.0}]
+    assert (settings.values.planner_frequency, settings.values.controller_frequency) == (2.0, 15.0)
