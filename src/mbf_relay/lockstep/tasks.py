@@ -93,6 +93,9 @@ class EpisodeTask:
         parts = [self.name, world.start, self.goals, self.time_limit, self.goal_radius, self.reference_path_length]
         known = hashlib.sha256(repr(parts).encode())
         known.update(world.fixed_triangles()[0].tobytes())
+        for body in world.bodies:
+            if body.mass:  # it is pushed, and not among what never moves
+                known.update(body.triangles().tobytes() + repr(body.mass).encode())
         if self.given_map is not None:
             given = self.given_map
             known.update(given.data.tobytes() + repr((given.resolution, given.origin)).encode())

@@ -116,6 +116,16 @@ def test_a_task_is_told_from_others_by_what_is_in_it():
     assert len({task.digest(), moved.digest(), later.digest()}) == 3
 
 
+def test_a_batch_does_not_go_on_in_a_world_whose_loose_things_were_moved_or_made_heavier():
+    """A box on the robot's way was put aside, and the same command said that all was driven already."""
+    def task(*bodies):
+        return EpisodeTask("a", World("a", bodies), (Pose2D(2.0, 0.0, 0.0),), 30.0)
+
+    bodies = [dataclasses.replace(pillar(x, 0.0), mass=mass) for x, mass in ((1.0, 2.0), (1.5, 2.0), (1.0, 3.0))]
+    assert len({task(body).digest() for body in bodies} | {task().digest()}) == 4
+    assert task(bodies[0]).digest() == task(bodies[0]).digest()
+
+
 def test_whoever_stands_beside_somebody_all_the_time_does_so_for_as_long_as_the_drive_lasts():
     """It was told as 12.407 s of a drive of 12.308: a share above 1."""
     man = Mover(Body("man", Cylinder(0.05, 1.0), Frame.of(0.0, 0.0, 0.5)), np.zeros(1), np.array([[0.15, 0.0, 0.0]]))
