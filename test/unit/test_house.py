@@ -162,3 +162,22 @@ def test_what_answers_yes_or_no_returns_whether():
         for node in ast.walk(parsed(path)):
             if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
                 assert not (ast.get_docstring(node) or "").startswith("Tell whether"), f"{path.name}: {node.name}"
+
+
+def told_arguments(docstring):
+    """Return the names under `Args:`, where "x, y: …" says two in one line."""
+    section = re.search(r"^Args:\n((?:(?: .*)?\n)*)", docstring + "\n", re.MULTILINE)
+    items = re.split(r"\n    (?=\S)", "\n" + section.group(1))[1:]
+    return {name for item in items for name in re.findall(r"\w+", item.split(":")[0])}
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
+def test_a_docstring_tells_of_the_arguments_there_are(path):
+    for node in ast.walk(parsed(path)):
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and "Args:\n" in (ast.get_docstring(node) or ""):
+            made = [each for each in node.body if getattr(each, "name", "") == "__init__"]
+            function = node if isinstance(node, ast.FunctionDef) else made[0]
+            taken, told = function.args, told_arguments(ast.get_docstring(node))
+            several = [each for each in (taken.vararg, taken.kwarg) if each is not None]
+            names = {each.arg for each in (*taken.args, *taken.kwonlyargs, *several) if not each.arg.startswith("_")}
+            assert told - {"self", "cls"} == names - {"self", "cls"}, f"{path.name}:{node.lineno} {node.name}"

@@ -43,13 +43,13 @@ SEARCHED_NAMES = (
 def build_costmap(name: str, values: Mapping[str, Any], above: Optional[Mapping[str, Any]] = None) -> Costmap:
     """Make a costmap from its part of a parameter file.
 
+    A layer of a type that is C++'s and unknown here is left out, and named in the costmap's `failed`: the others do
+    their work without it. One of Python was written for this costmap, which is none where it cannot be loaded.
+
     Args:
         name: For messages, e.g. "local_costmap".
         values: Names and values as costmap_2d reads them, groups as mappings.
         above: The namespace the costmap's own stands in, where it looks for a footprint and for ranges too.
-
-    A layer of a type that is C++'s and unknown here is left out, and named in the costmap's `failed`: the others do
-    their work without it. One of Python was written for this costmap, which is none where it cannot be loaded.
 
     Raises:
         ValueError: A value is wrong, or a layer in Python cannot be loaded; the text names costmap, parameter, value

@@ -288,11 +288,10 @@ def invalidate(costs, halves, field, changed, unsupported):
         costs, halves: The map as it is now.
         field: Changed in place.
         changed: Shape (N, 2): columns and rows of the cells whose costs changed.
-        unsupported: Scratch, longer than 9 N.
-        apart_cells, apart_keys, state: The store; entries are added to it.
+        unsupported: Filled with the cells that were forgotten, row * 65536 + column; longer than 9 N.
 
     Returns:
-        How many cells were forgotten, or -1 where the scratch or the store is too small: the field is lost then.
+        How many cells were forgotten, or -1 where `unsupported` is too short: the field is lost then.
     """
     height, width = costs.shape
     count = 0

@@ -232,7 +232,7 @@ def requeue(field, changed, forgotten, count, apart_cells, apart_keys, state):
     Args:
         field: The field, forgotten cells holding 0.
         changed: Shape (N, 2): columns and rows of cells whose costs changed.
-        forgotten: The first `count` are cells that lost their value, row * 65536 + column.
+        forgotten, count: The first `count` are cells that lost their value, row * 65536 + column.
         apart_cells, apart_keys, state: The store, with room for 9 entries for each of these cells, and the counters.
     """
     height, width = field.shape
