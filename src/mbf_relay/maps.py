@@ -77,6 +77,19 @@ class OccupancyMap:
         height, width = self.data.shape
         return Grid(self.resolution, 0.0, 0.0, width, height)
 
+    @property
+    def upright_grid(self) -> Grid:
+        """Cells of the same size along the axes of the map's frame: the map's own, or all it covers where it is turned.
+        """
+        height, width = self.data.shape
+        if self.origin.theta == 0.0:
+            return Grid(self.resolution, self.origin.x, self.origin.y, width, height)
+        corners = np.array([(0, 0), (width, 0), (0, height), (width, height)]) * self.resolution
+        corners = self.origin.transform_points(corners)
+        left, bottom = corners.min(axis=0).tolist()
+        columns, rows = np.ceil(np.ptp(corners, axis=0) / self.resolution - 1e-6).astype(int).tolist()
+        return Grid(self.resolution, left, bottom, columns, rows)
+
     def is_same(self, other: OccupancyMap) -> bool:
         """Return whether another map says the same of the same places."""
         return (self.resolution, self.origin) == (other.resolution, other.origin) and np.array_equal(

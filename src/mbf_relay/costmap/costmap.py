@@ -20,7 +20,7 @@ from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.costmap.shared_inputs import inputs_of
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
-from mbf_relay.maps import OccupancyMap
+from mbf_relay.maps import LARGEST_SIDE, MOST_CELLS, OccupancyMap
 from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.parameters import ParameterSet
 from mbf_relay.plugins import PluginFailure, failures_of
@@ -194,10 +194,9 @@ class Costmap:
             What the user should know of it, or None.
 
         Raises:
-            ValueError: The map is turned, which only a rolling window can take.
+            ValueError: The map is turned, and the costmap that holds all of it would have too many cells.
         """
-        height, width = occupancy.data.shape
-        grid = Grid(occupancy.resolution, occupancy.origin.x, occupancy.origin.y, width, height)
+        grid = occupancy.upright_grid
         takers = self._takers_of_map(layer)
         is_first, sizes = self._floor_layer in takers, self.sizing_layer in takers
         notice = None
@@ -205,12 +204,12 @@ class Costmap:
             taken = "replaces the costmap's" if sizes else "is sampled at the costmap's"
             notice = (f"{self.name}: the map's resolution of {grid.resolution:.6g} m {taken} resolution of "
                       f"{self.parameters.resolution:.6g} m")
+        if sizes and (max(grid.shape) > LARGEST_SIDE or grid.width * grid.height > MOST_CELLS):
+            raise ValueError(
+                f"the map is turned by {occupancy.origin.theta:.6g} rad, and {grid.width} x {grid.height} cells along "
+                f"the axes would hold it; at most {LARGEST_SIDE} each way and {MOST_CELLS} in all are taken")
         with self._lock:
             if sizes:
-                if abs(occupancy.origin.theta) > 1e-6:
-                    raise ValueError(
-                        f"{self.name}: the map is turned by {occupancy.origin.theta:.6g} rad; a costmap lies along "
-                        "the axes, so the third number of the map's origin must be 0")
                 self._sized_by_map, self._due_grid = True, grid if grid != self._grid else None
             for taker in takers:
                 taker.set_map(occupancy)

@@ -35,7 +35,8 @@ class StaticLayerParameters(ParameterSet):
 class StaticLayer(PlacedLayer):
     """Turns a map's values into costs.
 
-    A costmap that is not a rolling window takes the size and resolution of its first static layer's map.
+    A costmap that is not a rolling window takes the size and resolution of its first static layer's map. Of a map
+    that its origin turns it holds all; what lies beside that is as unknown as what the map does not know.
     """
 
     maps_floor = True
@@ -103,6 +104,8 @@ class StaticLayer(PlacedLayer):
         else:
             at = self.own_from_costmap
             origin = self._map.origin
+            if self._spans_costmap() and not self.parameters.use_maximum:
+                costs[window.slices] = self._table[self.parameters.unknown_cost_value % 256]
             # the map's own origin may be turned; its cells are then looked up in the map's axes
             in_cells = origin.inverse().compose(at)
             layer_kernels.sample_map(
@@ -111,11 +114,12 @@ class StaticLayer(PlacedLayer):
 
     def _lies_on_grid(self) -> bool:
         """Return whether the map's cells are the costmap's, as where the costmap took its size of this map."""
-        if self.rolling or self._map is None or self.own_from_costmap != IDENTITY:
-            return False
-        height, width = self._map_costs.shape
-        origin = self._map.origin
-        return self.grid == Grid(self._map.resolution, origin.x, origin.y, width, height) and origin.theta == 0.0
+        return self._map is not None and self._map.origin.theta == 0.0 and self._spans_costmap()
+
+    def _spans_costmap(self) -> bool:
+        """Return whether the costmap is just so large that it holds this map, as where it took its size of it."""
+        return (self._map is not None and self.grid == self._map.upright_grid
+                and not self.rolling and self.own_from_costmap == IDENTITY)
 
     def stale_reason(self, now: float) -> Optional[str]:
         return self.missing_input()

@@ -86,11 +86,6 @@ def test_a_map_gives_the_costmap_its_size_and_a_notice_of_another_resolution():
     assert np.argwhere(snapshot.costs == LETHAL).tolist() == [[3, 4]]
 
 
-def test_a_turned_map_is_refused_with_its_angle():
-    with pytest.raises(ValueError, match="0.3 rad"):
-        with_map().set_map(OccupancyMap(np.zeros((5, 5), np.int8), 0.1, Pose2D(0.0, 0.0, 0.3)))
-
-
 def test_map_updates_change_their_window_alone():
     costmap = with_map(subscribe_to_updates=True)
     data = np.zeros((40, 40), np.int8)
