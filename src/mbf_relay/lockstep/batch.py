@@ -61,13 +61,20 @@ def settings_of(worlds: str, tasks: Sequence[EpisodeTask], setup: Setup) -> Dict
     digests = {task.name: task.digest()[:16] for task in tasks}
     digest = hashlib.sha256("\n".join(digests.values()).encode()).hexdigest()[:16]
     code = sources(plugins_of(setup))
-    robot = hashlib.sha256(robot_text(named_robot(setup.settings)).encode()).hexdigest()[:16]
     return {
         "worlds": worlds, "worlds_digest": digest, WORLDS: digests, "localization": setup.localization,
         "map": setup.map, "map_resolution": setup.map_resolution, "controller": setup.controller,
-        "planner": setup.planner, "after_contact": setup.after_contact, "robot_digest": robot,
+        "planner": setup.planner, "after_contact": setup.after_contact, "robot_digest": _robot_digest(setup),
         "version": code.version, "sources": code.package, "plugins": code.plugins, **flatten(setup.settings),
     }
+
+
+def _robot_digest(setup: Setup) -> str:
+    """Return a hash over what the robot's file says, and over its solids, whose meshes lie in files of their own."""
+    known = hashlib.sha256(robot_text(named_robot(setup.settings)).encode())
+    for part in setup.robot.body if setup.robot is not None else ():
+        known.update(part.shape.triangles().tobytes())
+    return known.hexdigest()[:16]
 
 
 def _drive(

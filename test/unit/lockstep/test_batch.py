@@ -25,6 +25,9 @@ from mbf_relay.lockstep.results_file import LINES, read_lines  # noqa: E402
 from mbf_relay.lockstep.settings import config_folder  # noqa: E402
 from mbf_relay.lockstep.setup import make_setup  # noqa: E402
 from mbf_relay.lockstep.tasks import load_tasks, not_understood  # noqa: E402
+from mbf_relay.simulation.description import urdf_of  # noqa: E402
+from mbf_relay.simulation.robot_file import load_robot  # noqa: E402
+from mbf_relay.simulation.shapes import Box  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[3]
 SCRIPT = ROOT / "scripts" / "batch.py"
@@ -205,6 +208,23 @@ def test_a_robot_of_ones_own_goes_with_the_work_and_an_edited_one_is_another(tmp
     result = drive(pickle.loads(sent))
     assert result.success, result.message
     assert result.digest == read_lines(tmp_path / "out" / LINES)[0][0].digest
+
+
+def test_a_robot_whose_mesh_was_edited_is_another(tmp_path):
+    """Its description names the mesh and stays as it was: the narrower robot's drives counted for the wider one."""
+    def digest(folder, width):
+        corners = Box((width, width, 0.1)).triangles().reshape(-1, 3).tolist()
+        lines = ["v {} {} {}".format(*corner) for corner in corners]
+        lines += [f"f {first} {first + 1} {first + 2}" for first in range(1, len(corners), 3)]
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "hull.obj").write_text("\n".join(lines))
+        robot = tmp_path / folder / "mine.urdf"
+        robot.write_text(described.replace(hull, '<mesh filename="file://hull.obj"/>'))
+        return batch.settings_of("x", [], make_setup(config_folder(), has_map=False, robot=str(robot)))["robot_digest"]
+
+    described, hull = urdf_of(load_robot("small")), '<cylinder radius="0.1" length="0.11" />'
+    assert hull in described
+    assert digest("as_it_was", 0.2) == digest("elsewhere", 0.2) != digest("wider", 0.24)
 
 
 def test_parameters_of_ones_own_that_mean_nothing_are_told_before_a_night_is_driven_without_them(tmp_path, capsys):
