@@ -20,7 +20,7 @@ from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.node_parameters import AmclParameters, initial_pose_from
 from mbf_relay.lockstep.rate import Rate
 from mbf_relay.lockstep.robot import LockstepRobot
-from mbf_relay.lockstep.setup import AMCL, KNOWN, ODOMETRY, SERVER, TRUTH, Setup, without_map
+from mbf_relay.lockstep.setup import AMCL, KNOWN, ODOMETRY, SERVER, TRUTH, Setup, faults_in, without_map
 from mbf_relay.lockstep.stages import Stages, TimedWorker
 from mbf_relay.lockstep.tasks import EpisodeTask
 from mbf_relay.maps import OccupancyMap
@@ -92,6 +92,7 @@ class Graph:
         needs_map = setup.map == KNOWN or setup.localization == AMCL
         self.map_frame, self._odom_frame = amcl.global_frame_id, amcl.odom_frame_id
         self.simulation = Simulation(task.world, _simulation_parameters(setup), seed, robot=setup.robot)
+        self.simulation.faults = faults_in(setup.settings)
         self.laser_in_base = self.simulation.robot.scan_in_base.flat()
         self._scan_height = self.simulation.robot.scan_height
         known = task.occupancy(setup.map_resolution, self._scan_height) if needs_map else None

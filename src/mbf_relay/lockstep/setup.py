@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Dict, Iterable, List, Optional, Tuple, Type
+from typing import Any, Dict, Iterable, List, Mapping, Optional, Tuple, Type
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from mbf_relay.navigation.registry import entries_of
 from mbf_relay.navigation.worker import InlineWorker
 from mbf_relay.parameters import ParameterSet
 from mbf_relay.plugins import find_class
+from mbf_relay.simulation.faults import Faults
 from mbf_relay.simulation.node_parameters import SimulatorParameters
 from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.robot import RobotModel
@@ -130,10 +131,14 @@ def _notes_on(settings: Settings, packages: Settings) -> List[str]:
         name = f"{SERVER}.{finding.name.replace('/', '.')}"
         if finding not in before and not (finding.kind == IGNORED and name in theirs):
             notes.append(f"{name}: {finding.text}")
-    for node, kind in (("simulator", SimulatorParameters), ("amcl", AmclParameters)):
-        known = {*packages[node], *INITIAL, *NODE_ONLY}
-        unknown = [name for name in kind.unknown_names(settings[node]) if name not in known]
-        notes += [f"{node}.{name}: is not known here{kind.hint(name)}" for name in unknown]
+    simulator, amcl = settings["simulator"], settings["amcl"]
+    for name, kind, values, known in (
+        ("simulator", SimulatorParameters, simulator, {*packages["simulator"], "faults"}),
+        ("simulator.faults", Faults, simulator.get("faults", {}), set()),
+        ("amcl", AmclParameters, amcl, {*packages["amcl"], *INITIAL, *NODE_ONLY}),
+    ):
+        unknown = [own for own in kind.unknown_names(values) if own not in known]
+        notes += [f"{name}.{own}: is not known here{kind.hint(own)}" for own in unknown]
     return notes
 
 
@@ -142,9 +147,18 @@ def named_robot(settings: Settings) -> str:
     return str(settings["simulator"].get("robot", SimulationParameters.robot))
 
 
+def faults_in(settings: Settings) -> Faults:
+    """Return what the simulator's parameters ask to go wrong; raise ValueError where they are wrong."""
+    group = settings["simulator"].get("faults", {})
+    if not isinstance(group, Mapping):
+        raise ValueError(f"simulator.faults is {group!r}; it must be a group, as {{slip: 0.3}}")
+    return Faults.from_mapping(group)
+
+
 def _check_values(settings: Settings) -> None:
     """Raise ValueError where a parameter has a wrong value, before any world is built."""
     SimulationParameters.from_mapping(settings["simulator"])
+    faults_in(settings)
     AmclParameters.from_mapping(settings["amcl"])
     server = settings[SERVER]
     for name in ("global_costmap", "local_costmap"):
@@ -165,6 +179,7 @@ def known_types(settings: Settings) -> Dict[str, Any]:
         found.update({f"{prefix}.{name}": declared for name, declared in parameters.types().items()})
 
     declare("simulator", SimulationParameters)
+    declare("simulator.faults", Faults)
     declare("amcl", AmclParameters)
     declare(SERVER, NavigatorParameters)
     for listed in PLUGIN_LISTS:
