@@ -171,6 +171,18 @@ class WaypointFollowerTest(unittest.TestCase):
         self.shown.wait_for(lambda m: not m.poses, "no waypoints any more", since=since)
         self.assertEqual(self.move_base.goals, [1.0, SLOW])
 
+    def test_of_poses_that_a_program_sends_at_once_none_is_left_out(self):
+        """Of sixty 38 were taken, the last ones: the robot skipped a third of its round, and nothing said so."""
+        poses = connected_publisher("addpose", PoseWithCovarianceStamped, queue_size=1000)
+        self.addCleanup(connected_publisher("path_reset", Empty).publish, Empty())
+        since = len(self.shown.messages)
+        for x in range(500):
+            pose = PoseWithCovarianceStamped()
+            pose.header.frame_id, pose.pose.pose.position.x = "map", x
+            poses.publish(pose)
+        shown = self.shown.wait_for(lambda m: m.poses and m.poses[-1].position.x == 499, "the last pose", since=since)
+        self.assertEqual([pose.position.x for pose in shown.poses], list(range(500)))
+
 
 if __name__ == "__main__":
     rostest.rosrun("mbf_relay", "waypoint_follower_test", WaypointFollowerTest)

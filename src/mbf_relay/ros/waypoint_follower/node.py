@@ -166,7 +166,8 @@ class WaypointTopics:
         self._goals = rospy.Publisher("follow_waypoints/goal", FollowWaypointsActionGoal, queue_size=1)
         self._cancels = rospy.Publisher("follow_waypoints/cancel", GoalID, queue_size=1)
         self.show([])
-        rospy.Subscriber(parameters.addpose_topic, PoseWithCovarianceStamped, self._add, queue_size=10)
+        # no queue_size: of poses that a program sends at once rospy would keep the last ones alone
+        rospy.Subscriber(parameters.addpose_topic, PoseWithCovarianceStamped, self._add)
         rospy.Subscriber("path_ready", Empty, self._start, queue_size=1)
         rospy.Subscriber("path_reset", Empty, self._reset, queue_size=1)
 
