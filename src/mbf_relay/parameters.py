@@ -17,6 +17,8 @@ import re
 import typing
 from typing import Any, ClassVar, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Type, TypeVar
 
+from mbf_relay.misspelling import did_you_mean, nearest_of
+
 T = TypeVar("T", bound="ParameterSet")
 
 LARGEST = 1e9
@@ -69,35 +71,6 @@ def parameter(
     if isinstance(default, (list, dict)):
         return dataclasses.field(default_factory=lambda: type(default)(default), metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
-
-
-WORDS_ALIKE = 0.6
-"""Share of letters (difflib's ratio) two words must have in common to be one word misspelt."""
-NAMES_ALIKE = 0.75
-"""The same of two names of unlike numbers of words, such as footprint and robot_footprint."""
-
-
-def nearest_of(name: str, known: Iterable[str]) -> Optional[str]:
-    """Return the known name that `name` is most likely a slip for, None where none is.
-
-    Names are words joined by underscores; where as many stand in both, each must look like its counterpart, or
-    max_vel_rot would be taken for max_vel_y; else the whole must look much alike.
-    """
-    import difflib  # for the few files that have a slip
-
-    for match in difflib.get_close_matches(name, list(known), n=5):
-        words, others = name.split("_"), match.split("_")
-        pairs, least = zip(words, others), WORDS_ALIKE
-        if len(words) != len(others):
-            pairs, least = zip([name], [match]), NAMES_ALIKE
-        if all(difflib.SequenceMatcher(None, *pair).ratio() >= least for pair in pairs):
-            return match
-    return None
-
-
-def did_you_mean(nearest: Optional[str]) -> str:
-    """Return the end of a message about an unknown name, given the nearest known one; empty where there is none."""
-    return f"; did you mean '{nearest}'?" if nearest else ""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -213,14 +186,9 @@ class ParameterSet:
         return {name: hints[name] for name in cls.names()}
 
     @classmethod
-    def nearest_name(cls, name: str) -> Optional[str]:
-        """Return the parameter whose name looks most like `name`, for error messages."""
-        return nearest_of(name, cls.names())
-
-    @classmethod
     def hint(cls, name: str) -> str:
         """Return the end of a message about the unknown `name`; empty where no parameter looks like it."""
-        return did_you_mean(cls.nearest_name(name))
+        return did_you_mean(nearest_of(name, cls.names()))
 
     def replace(self: T, **changes: Any) -> T:
         """Return a copy with some parameters changed, validated anew."""

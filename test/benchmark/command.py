@@ -16,7 +16,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tu
 from benchmark import NAMES, ONLY_BY_NAME
 from benchmark.metric import Metric, NotMeasurable, describe_machine, machine_line, table
 from benchmark.report import HEADLINES, write_sections
-from mbf_relay.parameters import did_you_mean, nearest_of
+from mbf_relay.misspelling import did_you_mean, nearest_of
 
 Results = List[Tuple[str, Metric]]
 

@@ -11,7 +11,7 @@ from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.costmap.static_layer import StaticLayerParameters
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.waypoints import WaypointFollowerParameters
-from mbf_relay.parameters import ParameterSet, nearest_of, parameter
+from mbf_relay.parameters import ParameterSet, parameter
 
 
 @dataclass(frozen=True)
@@ -142,17 +142,6 @@ def test_what_nobody_can_make_sense_of_is_refused_all_the_same(values):
         Example.read(values)
 
 
-@pytest.mark.parametrize("name, nearest", [
-    ("max_vel_rot", None), ("max_vel_xx", "max_vel_x"), ("inflation_radus", "inflation_radius"),
-    ("goal_tolerance", "xy_goal_tolerance"), ("alow_unknown", "allow_unknown"),
-    ("linear_spd_incre", None), ("number_of_recovery_behaviors", None), ("planner_patience_time", "planner_patience"),
-])
-def test_a_slip_of_the_pen_is_known_from_another_name(name, nearest):
-    known = ["max_vel_x", "max_vel_y", "inflation_radius", "xy_goal_tolerance", "allow_unknown", "planner_patience",
-             "recovery_behavior_enabled"]
-    assert nearest_of(name, known) == nearest
-
-
 def test_an_old_name_is_read_and_reported_and_the_present_one_wins():
     assert Example.from_mapping({"max_speed": 0.5}).speed == 0.5
     assert Example.from_mapping({"max_speed": 0.5, "speed": 0.4}).speed == 0.4
@@ -168,7 +157,7 @@ def test_unknown_names_are_told_of_groups_as_well_but_of_those_that_are_read():
     values = {"sped": 1, "max_speed": 0.5, "perod": {"a": 1}, "sensor": {"topic": "scan"}}
     assert Example.unknown_names(values) == ["sped", "perod", "sensor"]
     assert WithAGroup.unknown_names(values) == ["sped", "perod"]
-    assert Example.nearest_name("sped") == "speed"
+    assert Example.hint("sped") == "; did you mean 'speed'?"
 
 
 def test_a_changed_copy_is_checked_too():

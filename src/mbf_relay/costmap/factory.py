@@ -12,7 +12,8 @@ from mbf_relay.costmap.layer import Layer
 from mbf_relay.costmap.observation_source import SourceParameters
 from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters
 from mbf_relay.costmap.parameters import CostmapParameters
-from mbf_relay.parameters import ParameterSet, did_you_mean, nearest_of
+from mbf_relay.misspelling import did_you_mean, nearest_of
+from mbf_relay.parameters import ParameterSet
 
 STATIC_NAMES = ("map_topic", "unknown_cost_value", "lethal_cost_threshold", "track_unknown_space")
 OBSTACLE_NAMES = ("max_obstacle_height", "raytrace_range", "obstacle_range", "track_unknown_space")

@@ -9,7 +9,7 @@ from typing import Any, Dict, Iterable, Mapping, Optional, Sequence, Tuple
 
 from mbf_relay import files
 from mbf_relay.files import config_folder as config_folder  # where users of this room look for it
-from mbf_relay.parameters import did_you_mean, nearest_of
+from mbf_relay.misspelling import did_you_mean, nearest_of
 
 FILES = ("simulator", "amcl", "move_base_flex")
 """The nodes that a lockstep episode stands in for; each has its file config/NAME.yaml."""

@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Sequence, Type
 
 from mbf_relay.costmap.factory import SEARCHED_NAMES, build_costmap, unknown_names
+from mbf_relay.misspelling import did_you_mean, nearest_of
 from mbf_relay.navigation.move_base_files import recovery_notes, server_config
 from mbf_relay.navigation.move_base_parameters import OTHER_MOVE_BASE_NAMES, MoveBaseParameters
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS, PluginList
 from mbf_relay.navigation.registry import entries_of, values_of
 from mbf_relay.navigation.sanity import doubts
-from mbf_relay.parameters import ParameterSet, did_you_mean, nearest_of
+from mbf_relay.parameters import ParameterSet
 from mbf_relay.plugins import PluginError, create, find_class
 
 USED, STOOD_IN, CLAMPED, IGNORED, DOUBTFUL, REFUSED = KINDS = (

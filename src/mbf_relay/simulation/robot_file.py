@@ -23,7 +23,7 @@ import numpy as np
 
 from mbf_relay import files
 from mbf_relay.geometry import convex_hull
-from mbf_relay.parameters import did_you_mean, nearest_of
+from mbf_relay.misspelling import did_you_mean, nearest_of
 from mbf_relay.simulation import robot as robots
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.robot import CAR, DIFFERENTIAL, DRIVES, Caster, Part, RobotModel, Wheels

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 import yaml
 
 from mbf_relay import files
-from mbf_relay.parameters import did_you_mean, nearest_of
+from mbf_relay.misspelling import did_you_mean, nearest_of
 
 if TYPE_CHECKING:
     from mbf_relay.ros.tools.substitution import Substitution
