@@ -28,6 +28,8 @@ FAR_BEYOND = 10 ** 18
 """What a whole number beyond it is taken for: out of every range as well, and one that a float can be."""
 SPEED_UNITS = ("m/s", "rad/s")
 """Units of what is refused beyond LARGEST and not taken to a nearer end: who writes that wants no limit at all."""
+WITHOUT_EFFECT = "read, and without effect"
+"""How the description begins of a parameter that upstream's files have and nothing here depends on."""
 TOPIC = re.compile(r"[~/a-zA-Z][\w/]*", re.ASCII)
 """What may name a topic."""
 SWITCHES = {True: ("true", "yes", "on", "1", "1.0"), False: ("false", "no", "off", "0", "0.0")}
@@ -163,6 +165,14 @@ class ParameterSet:
     def groups(cls, values: Mapping[str, Any]) -> Iterable[str]:
         """Return the names under which a group of further parameters is read. Override where there are such."""
         return ()
+
+    def set_in_vain(self) -> Dict[str, str]:
+        """Return the parameters that are not at their defaults and without effect, each with its description."""
+        told = {field: field.metadata.get("description", "") for field in dataclasses.fields(self)}
+        return {
+            field.name: description for field, description in told.items()
+            if description.startswith(WITHOUT_EFFECT) and getattr(self, field.name) != field.default
+        }
 
     @classmethod
     def deprecated_names(cls, values: Mapping[str, Any]) -> Dict[str, str]:

@@ -242,10 +242,10 @@ class VoxelLayerParameters(ObstacleLayerParameters):
     z_resolution: float = parameter(0.2, "height of a voxel", unit="m", above=0.0, maximum=50.0)
     z_voxels: int = parameter(10, "how many voxels; points above the highest do not become obstacles", minimum=0)
     unknown_threshold: int = parameter(
-        15, "read for costmap_2d's sake; cells here are known or not, whatever the height", minimum=0)
+        15, "read, and without effect: cells here are known or not, whatever the height", minimum=0)
     mark_threshold: int = parameter(
-        0, "read for costmap_2d's sake; here one point makes an obstacle, as with 0 there", minimum=0)
-    publish_voxel_map: bool = parameter(False, "read for costmap_2d's sake; there are no voxels to publish")
+        0, "read, and without effect: one point makes an obstacle, as with 0 in costmap_2d", minimum=0)
+    publish_voxel_map: bool = parameter(False, "read, and without effect: there are no voxels to publish")
 
 
 class VoxelLayer(ObstacleLayer):

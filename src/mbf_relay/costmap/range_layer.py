@@ -41,7 +41,7 @@ class RangeSensorLayerParameters(ParameterSet):
     ns: str = parameter("", "namespace of the topics, put before each with a slash between")
     topics: Tuple[str, ...] = parameter(("/sonar",), "topics of sensor_msgs/Range; several rangers may share one")
     input_sensor_type: str = parameter(
-        "ALL", "read for range_sensor_layer's sake: a message with a min_range of its max_range is a fixed ranger's",
+        "ALL", "read, and without effect: a message with a min_range of its max_range is a fixed ranger's",
         choices=("VARIABLE", "FIXED", "ALL"))
     no_readings_timeout: float = parameter(
         0.0, "longest time between two readings of a topic before the costmap is stale; 0 for ever", "s", minimum=0.0)

@@ -21,7 +21,7 @@ class AmclParameters(LocalizerParameters):
     transform_tolerance: float = parameter(
         0.1, "how far map -> odom is dated ahead", unit="s", minimum=0.0, maximum=2.0
     )
-    gui_publish_rate: float = parameter(-1.0, "kept for amcl's files; nothing depends on it", unit="Hz")
+    gui_publish_rate: float = parameter(-1.0, "read, and without effect: amcl's files have it", unit="Hz")
     save_pose_rate: float = parameter(
         0.5, "how often the pose is kept on the parameter server; -1 for never", unit="Hz"
     )

@@ -123,9 +123,10 @@ def examine_set(
             _note_unknown(found, name, kind)
     for old, new in kind.deprecated_names(namespace).items():
         found.add(CLAMPED, old, f"has an old name; '{new}' is the present one")
-    if _read(found, "", kind, namespace, None) is not None:
+    made = _read(found, "", kind, namespace, None)
+    if made is not None:
         for name in namespace:
-            if name in known or name in known_elsewhere:
+            if (name in known or name in known_elsewhere) and name not in made.set_in_vain():
                 found.add(USED, name, f"{namespace[name]}")
     return found
 
@@ -162,6 +163,7 @@ def _examine_costmap(found: Examination, side: str) -> None:
         found.add(REFUSED, f"{side}/{name}", f"the layer is left out: {reason}")
     for layer in costmap.layers:
         found.add(USED, f"{side}/{layer.name}", f"{type(layer).__name__}")
+        _note_in_vain(found, f"{side}/{layer.name}/", layer.parameters)
 
 
 def _examine_plugins(found: Examination, listed: PluginList[Any]) -> List[str]:
@@ -187,6 +189,7 @@ def _examine_plugins(found: Examination, listed: PluginList[Any]) -> List[str]:
             found.add(STOOD_IN if "not available here" in note else CLAMPED, _named_in(note, name), note)
         for unknown in plugin.Parameters.unknown_names(values):
             _note_unknown(found, f"{name}/{unknown}", plugin.Parameters)
+        _note_in_vain(found, f"{name}/", plugin.parameters)
         for old, new in plugin.Parameters.deprecated_names(values).items():
             found.add(CLAMPED, f"{name}/{old}", f"has an old name; '{new}' is the present one")
     return list(entries)
@@ -240,7 +243,13 @@ def _read(
         return None
     for note in notes:
         found.add(CLAMPED, _named_in(note, where), note)
+    _note_in_vain(found, prefix, made)
     return made
+
+
+def _note_in_vain(found: Examination, prefix: str, parameters: ParameterSet) -> None:
+    for name, description in parameters.set_in_vain().items():
+        found.add(IGNORED, prefix + name, f"is {description}")
 
 
 def _named_in(note: str, where: str, group: Mapping[str, Any] = NOTHING) -> str:

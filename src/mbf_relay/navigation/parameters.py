@@ -52,7 +52,7 @@ class NavigatorParameters(ParameterSet):
         None, "Age beyond which a pose is not driven on; 1, or a costmap's transform_tolerance if longer, by default",
         "s", above=0.0)
     odom_timeout: float = parameter(1.0, "Age beyond which odometry is not driven on", "s", above=0.0)
-    force_stop_at_goal: bool = parameter(False, "Kept for its name: driving always ends with a zero velocity")
+    force_stop_at_goal: bool = parameter(False, "read, and without effect: driving always ends with a zero velocity")
     force_stop_on_retry: bool = parameter(True, "Stop while a failed cycle is tried again; else slow down")
     force_stop_on_cancel: bool = parameter(
         False, "Stop also where another goal takes over at once; a cancel always stops"

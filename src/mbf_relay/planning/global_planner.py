@@ -32,13 +32,13 @@ class GlobalPlannerParameters(ParameterSet):
     )
     use_dijkstra: bool = parameter(True, "where the potential is published, fill it all around; paths are the same")
     use_quadratic: bool = parameter(
-        True, "interpolate the potential; read for global_planner's sake, as slopes need it"
+        True, "read, and without effect: the potential is always interpolated, as slopes need it"
     )
     use_grid_path: bool = parameter(
         False, "go from cell to cell by 8-connected steps; otherwise down the potential's slope"
     )
-    old_navfn_behavior: bool = parameter(False, "read for global_planner's sake; paths are right without")
-    outline_map: bool = parameter(True, "read for global_planner's sake; nothing leaves the map without")
+    old_navfn_behavior: bool = parameter(False, "read, and without effect: paths are right without")
+    outline_map: bool = parameter(True, "read, and without effect: nothing leaves the map without")
     lethal_cost: int = parameter(
         253, "costs from one below it on are not entered, weights end below it", minimum=1, maximum=255
     )
@@ -54,8 +54,8 @@ class GlobalPlannerParameters(ParameterSet):
     orientation_window_size: int = parameter(
         1, "points before and after over which headings are taken", minimum=1, maximum=255
     )
-    planner_window_x: float = parameter(0.0, "read for global_planner's sake; without effect there, too", unit="m")
-    planner_window_y: float = parameter(0.0, "read for global_planner's sake; without effect there, too", unit="m")
+    planner_window_x: float = parameter(0.0, "read, and without effect, as in global_planner", unit="m")
+    planner_window_y: float = parameter(0.0, "read, and without effect, as in global_planner", unit="m")
 
 
 class GlobalPlanner(GridPlanner):

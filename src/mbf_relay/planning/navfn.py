@@ -24,8 +24,8 @@ class NavfnParameters(ParameterSet):
         0.0, "how far the goal may be missed, where a request says no more", unit="m", minimum=0.0
     )
     visualize_potential: bool = parameter(False, "publish the potential as a point cloud")
-    planner_window_x: float = parameter(0.0, "read for navfn's sake; without effect there, too", unit="m")
-    planner_window_y: float = parameter(0.0, "read for navfn's sake; without effect there, too", unit="m")
+    planner_window_x: float = parameter(0.0, "read, and without effect, as in navfn", unit="m")
+    planner_window_y: float = parameter(0.0, "read, and without effect, as in navfn", unit="m")
 
 
 class NavfnPlanner(GridPlanner):

@@ -4,6 +4,7 @@ import copy
 
 import pytest
 
+from mbf_relay.localization.node_parameters import AmclParameters
 from mbf_relay.navigation.examination import (
     CLAMPED,
     DOUBTFUL,
@@ -14,6 +15,7 @@ from mbf_relay.navigation.examination import (
     USED,
     examine_move_base,
     examine_server,
+    examine_set,
     names_a_plugin,
     stray_groups,
 )
@@ -84,6 +86,26 @@ def test_what_keeps_it_from_starting_is_refused_by_name(changes, name, text):
 def test_what_is_taken_to_a_range_and_what_is_stood_in_for_is_told(changes, name, kind, text):
     known = told_of(changes)
     assert known[name][0] == kind and text in known[name][1], known
+
+
+@pytest.mark.parametrize("changes, name, kind", [
+    ({"dwa/prune_plan": True}, "dwa/prune_plan", IGNORED),
+    ({"dwa/prune_plan": False}, "dwa/prune_plan", None),  # the default: nothing is lost
+    ({"navfn/planner_window_x": 10.0}, "navfn/planner_window_x", IGNORED),
+    ({"force_stop_at_goal": True}, "force_stop_at_goal", IGNORED),
+    ({"local_costmap/plugins": [{"name": "sonar", "type": "range_sensor_layer::RangeSensorLayer"}],
+      "local_costmap/sonar": {"input_sensor_type": "FIXED"}}, "local_costmap/sonar/input_sensor_type", IGNORED),
+])
+def test_who_sets_what_is_without_effect_is_told(changes, name, kind):
+    told = told_of(changes).get(name)
+    assert (None if told is None else told[0]) == kind
+    assert told is None or told[1].startswith("is read, and without effect")
+
+
+def test_of_amcl_s_parameters_none_is_called_used_that_is_without_effect():
+    found = examine_set(AmclParameters, {"gui_publish_rate": 50.0, "max_particles": 300})
+    kinds = {each.name: each.kind for each in found.findings}
+    assert kinds == {"gui_publish_rate": IGNORED, "max_particles": USED}
 
 
 def test_an_old_name_is_told_with_the_present_one():
