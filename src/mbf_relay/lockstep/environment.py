@@ -26,7 +26,7 @@ from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.lockstep.driver import path_of_processes
 from mbf_relay.lockstep.environment_parameters import EnvironmentParameters
 from mbf_relay.lockstep.settings import config_folder
-from mbf_relay.lockstep.setup import ODOMETRY, TRUTH, make_setup
+from mbf_relay.lockstep.setup import ODOMETRY, TRUTH, faults_in, make_setup
 from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks, task_of
 from mbf_relay.scan import LaserScan
 from mbf_relay.simulation import Simulation
@@ -96,6 +96,7 @@ class NavigationEnvironment(gymnasium.Env):
         )
         if not self._simulator.scan_rate or not self._simulator.odom_rate:
             raise ValueError("the simulator's scan_rate or odom_rate is 0 Hz; the environment needs lidar and odometry")
+        self._faults = faults_in(settings)
         self._steps = steps_between("control_rate", self.parameters.control_rate, self._simulator.physics_rate)
         self._worlds = _Worlds(worlds, seeds)
         self._follows_truth = localization == TRUTH
@@ -143,6 +144,7 @@ class NavigationEnvironment(gymnasium.Env):
         self._odometry: Optional[Odometry] = None
         while self._scan is None or self._odometry is None:
             self._take(self._simulation.step())
+        self._simulation.faults = self._faults  # from here on: of a lidar that was always silent nothing could be shown
         self._distance = self._distance_to_goal()
         return self._observed(), self._info(False)
 

@@ -51,6 +51,14 @@ def run(environment, action, seed=1, **options):
             return rewards, terminated, truncated, info
 
 
+def test_a_policy_meets_the_faults_that_are_asked_for(made):
+    ways = [run(made(NEAR, changes=changes), AHEAD)[3]["time"] for changes in ([], ["simulator.faults.slip=0.5"])]
+    assert ways[1] > 1.5 * ways[0]
+    blind = made(NEAR, changes=["simulator.faults.lidar_silent=true"])
+    seen, _ = blind.reset(seed=1)
+    assert np.array_equal(blind.step(AHEAD)[0]["scan"], seen["scan"])
+
+
 @pytest.mark.parametrize("robot", ["", "omni", "car"])
 def test_gymnasium_has_nothing_to_object_to(robot):
     environment = gymnasium.make(f"mbf_relay.lockstep.environment:{ID}", worlds="corridor", robot=robot).unwrapped
