@@ -229,6 +229,14 @@ def test_the_tolerance_of_the_action_holds(name):
     assert not controller.is_goal_reached(state(robot.pose, Twist2D(0.2, 0.0, 0.0)), GoalTolerance(0.3, 1.0))
 
 
+def test_a_tolerance_of_the_action_of_which_only_a_part_is_filled_in_lets_the_robot_arrive(name):
+    """It circled on the spot for as long as it was let: no heading is ever the goal's exactly."""
+    controller = make(name)
+    controller.set_path(path_through((0, 0), (1, 0)), True)
+    assert controller.is_goal_reached(state(Pose2D(0.8, 0.0, 0.01)), GoalTolerance(0.3, 0.0))
+    assert controller.is_goal_reached(state(Pose2D(0.99, 0.0, 0.8)), GoalTolerance(0.0, 1.0))
+
+
 def test_a_goal_somebody_stands_on_is_reached_as_far_off_as_its_tolerance_allows(name):
     """It was given up from a metre off, as soon as it was seen."""
     ended = drive(make(name, xy_goal_tolerance=0.4), STRAIGHT, START, discs((1.55, 0.0, 0.1)), seconds=30.0)

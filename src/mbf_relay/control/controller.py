@@ -95,5 +95,5 @@ class Controller(Plugin, abc.ABC):
 
         Args:
             state: As for `compute_velocity`.
-            tolerance: From the action; the controller's own where None.
+            tolerance: From the action; the controller's own where None, and in the place of a part that is 0.
         """

@@ -64,7 +64,7 @@ class FollowGoal:
         path: The path.
         controller: Name of the controller; the first one where empty.
         slot: Goals in one slot replace each other.
-        tolerance: When to call it arrived; the controller's own judgement where None.
+        tolerance: When to call it arrived; the controller's own judgement where None, and where a part of it is 0.
         same_goal: The path leads where the replaced one did; found out by comparing their ends where None.
     """
 

@@ -113,6 +113,16 @@ def test_an_action_s_own_tolerance_holds_till_the_goal_changes():
     assert checker.tolerance_of(PLAIN) == GoalTolerance(0.1, 0.2)
 
 
+@pytest.mark.parametrize("given, expected", [
+    (GoalTolerance(0.5, 0.0), GoalTolerance(0.5, 0.2)), (GoalTolerance(0.0, 1.0), GoalTolerance(0.1, 1.0)),
+    (GoalTolerance(0.0, 0.0), GoalTolerance(0.1, 0.2)),
+])
+def test_a_part_of_an_action_s_tolerance_that_nobody_filled_in_sends_no_robot_round_its_goal_for_ever(given, expected):
+    checker = GoalChecker()
+    checker.tolerance = given
+    assert checker.tolerance_of(PLAIN) == expected
+
+
 def stuck_after(moved, command, timeout=2.0, period=0.1, seconds=6.0, start=5.0):
     """Return how long (s) a robot of 0.4 m width is told a command before it counts as stuck; None for never.
 
