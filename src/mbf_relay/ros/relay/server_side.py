@@ -78,9 +78,10 @@ class RemoteServer(ServerSide):
 
     def start(self) -> None:
         """Read move_base's own parameters; the server may come later."""
-        values = ros_parameters.fill(MoveBaseParameters, MoveBaseParameters.known(self._namespace), "~")
+        given = MoveBaseParameters.known(self._namespace)
+        values = ros_parameters.fill(MoveBaseParameters, given, "~")
         tell_of_misplaced(self._namespace, self._parameters.server)
-        self.settings: MoveBaseSettings = MoveBaseSettings(self._parameters.server, values)
+        self.settings: MoveBaseSettings = MoveBaseSettings(self._parameters.server, values, given)
 
     def offer(self, where: Callable[[], PoseStamped]) -> None:
         """Offer move_base's services, topics and reconfigure server; see ServerSide."""
