@@ -10,6 +10,7 @@ import os
 import sys
 from pathlib import Path
 from typing import Any, Iterator, List, Optional, Sequence, Tuple
+from urllib.parse import quote
 
 import yaml
 
@@ -195,10 +196,9 @@ def open_study(options: argparse.Namespace, space: Space, setup: Setup, tasks: S
         "seeds": options.seeds, "seed": options.seed, "together": options.together,
         **settings_of(Path(options.worlds).name, tasks, setup),
     }
+    file = quote(str((options.out / "study.db").resolve()))  # a name may hold what an address has a meaning for
     study = optuna.create_study(
-        storage=f"sqlite:///{(options.out / 'study.db').resolve()}", study_name="mbf_relay", load_if_exists=True,
-        direction="maximize",
-    )
+        storage=f"sqlite:///file:{file}?uri=true", study_name="mbf_relay", load_if_exists=True, direction="maximize")
     before, now = study.user_attrs.get("about"), json.loads(json.dumps(about))
     if before is None:
         study.set_user_attr("about", now)

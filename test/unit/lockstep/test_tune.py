@@ -169,6 +169,15 @@ def test_a_study_that_cannot_be_kept_is_told_in_a_line(tmp_path, capsys, monkeyp
     assert not any("Traceback" in line for line in told)
 
 
+@pytest.mark.parametrize("name", ["DWA or MPPI?", "{burger,waffle}", "50%20"])
+def test_a_study_lies_in_its_folder_whatever_that_is_called(tmp_path, name):
+    """Behind a question mark all were one file beside it, where studies mixed; a brace ended in a traceback."""
+    out = tmp_path / name
+    arguments = [worlds(tmp_path, 1), *SLOW, "--param", "mine.pace=0.03:0.2", "--trials", "1", "--out", str(out)]
+    assert tune.main(arguments) == 0
+    assert (out / "study.db").stat().st_size and {path.name for path in tmp_path.iterdir()} == {name, "worlds.json"}
+
+
 def test_two_searches_in_one_folder_do_not_write_each_other_s_trials(tmp_path, capsys, monkeypatch):
     """Both drove the same trials and noted them twice: of four asked for there were five, and no resuming such a study.
     """
