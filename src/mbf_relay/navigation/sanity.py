@@ -34,6 +34,8 @@ NEVER_MOVES = {
 SEE = ("costmap_2d::ObstacleLayer", "costmap_2d::VoxelLayer")
 """Layers that know only what their sensors see."""
 
+BLIND = "so that nothing is seen there: the robot drives into what is not on the map"
+
 Doubt = Tuple[str, str]
 """Name of the parameter below the node, and what there is to say of it."""
 
@@ -41,6 +43,8 @@ Doubt = Tuple[str, str]
 def doubts(config: Mapping[str, Any]) -> List[Doubt]:
     """Return what can hardly be meant in a server's parameters."""
     found: List[Doubt] = []
+    if "local_costmap" not in config:
+        found.append(("local_costmap", f"is not given, {BLIND}"))
     for name, group in config.items():
         if isinstance(group, Mapping):
             if name in ("global_costmap", "local_costmap"):
@@ -103,7 +107,7 @@ def _of_what_is_driven_by(group: Mapping[str, Any]) -> Iterator[Doubt]:
         sources = str(values.get("observation_sources", "")).split()
         if kind in SEE and values.get("enabled") is not False and not sources:
             at = f"{name}/observation_sources" if "plugins" in group else "observation_sources"
-            text = "is not given, so that nothing is seen there: the robot drives into what is not on the map"
+            text = f"is not given, {BLIND}"
             if "observation_sources" in group:
                 text += "; the costmap's own are not read for layers it lists"
             yield at, text

@@ -108,6 +108,15 @@ def test_of_amcl_s_parameters_none_is_called_used_that_is_without_effect():
     assert kinds == {"gui_publish_rate": IGNORED, "max_particles": USED}
 
 
+@pytest.mark.parametrize("examine", [examine_server, examine_move_base])
+def test_a_robot_whose_local_costmap_s_file_was_not_loaded_is_not_called_sound(examine):
+    """It saw nothing and drove into what was not on the map; of a file that lacked its sensors alone that was told."""
+    found = examine({name: values for name, values in SERVER.items() if name != "local_costmap"})
+    (text,) = [finding.text for finding in found.of(DOUBTFUL) if finding.name == "local_costmap"]
+    assert "is not given, so that nothing is seen there" in text
+    assert not [finding for finding in examine(SERVER).of(DOUBTFUL) if finding.name == "local_costmap"]
+
+
 def test_an_old_name_is_told_with_the_present_one():
     values = {**copy.deepcopy(SERVER), "dwa": {"max_trans_vel": 0.3}}
     told = [(each.kind, each.text) for each in examine_server(values).findings if each.name == "dwa/max_trans_vel"]
