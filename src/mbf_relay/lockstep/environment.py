@@ -25,7 +25,7 @@ from gymnasium import spaces
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.lockstep.driver import path_of_processes
 from mbf_relay.lockstep.environment_parameters import EnvironmentParameters
-from mbf_relay.lockstep.settings import config_folder
+from mbf_relay.lockstep.settings import config_folder, own_part
 from mbf_relay.lockstep.setup import ODOMETRY, TRUTH, faults_in, make_setup
 from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks, task_of
 from mbf_relay.scan import LaserScan
@@ -91,6 +91,10 @@ class NavigationEnvironment(gymnasium.Env):
             raise ValueError(f"localization is '{localization}'; it must be '{TRUTH}' or '{ODOMETRY}'")
         self.parameters = EnvironmentParameters.from_mapping(parameters)
         settings = make_setup(config_folder(), localization, changes=changes, robot=robot, has_map=False).settings
+        if changes:
+            plain = make_setup(config_folder(), localization, robot=robot, has_map=False).settings
+            for node in sorted(set(own_part(settings, plain)) - {"simulator"}):
+                raise ValueError(f"changes are of {node}, which takes no part here; only the simulator's are used")
         self._simulator = SimulationParameters.from_mapping(settings["simulator"]).replace(
             imu_rate=0.0, joint_state_rate=0.0, cmd_vel_timeout=0.0  # an action holds until the next one
         )
@@ -244,8 +248,13 @@ class _Worlds:
         """Return the task asked for, else one by chance.
 
         Raises:
-            ValueError: There is none.
+            ValueError: There is none, or it is asked for in a way that means nothing for these worlds.
         """
+        known = "world_seed" if self._kind else "world"
+        strange = sorted(map(str, set(options) - {known}))
+        if strange:
+            worlds = "worlds that are generated" if self._kind else "the worlds of a file"
+            raise ValueError(f"reset() knows no option '{strange[0]}' of {worlds}; one is chosen by '{known}'")
         if self._kind:
             seed = options.get("world_seed", int(chance.integers(*self._seeds)))
             return _generated(self._kind, int(seed))

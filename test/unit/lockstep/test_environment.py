@@ -51,6 +51,17 @@ def run(environment, action, seed=1, **options):
             return rewards, terminated, truncated, info
 
 
+def test_an_episode_that_was_not_asked_for_is_not_driven_in_its_place(made):
+    """A policy was judged in worlds by chance, where its author had misspelt the one, or asked for a number of a file.
+    """
+    with pytest.raises(ValueError, match="no option 'wrold' of the worlds of a file; one is chosen by 'world'"):
+        made(NEAR, WALL).reset(seed=1, options={"wrold": "wall"})
+    with pytest.raises(ValueError, match="no option 'world' of worlds that are generated; .* by 'world_seed'"):
+        made(worlds="corridor").reset(seed=1, options={"world": "wall"})
+    with pytest.raises(ValueError, match="changes are of move_base_flex, which takes no part here"):
+        made(NEAR, changes=["DWAPlannerROS.sim_time=2.5"])
+
+
 def test_a_policy_meets_the_faults_that_are_asked_for(made):
     ways = [run(made(NEAR, changes=changes), AHEAD)[3]["time"] for changes in ([], ["simulator.faults.slip=0.5"])]
     assert ways[1] > 1.5 * ways[0]
