@@ -18,6 +18,7 @@ from mbf_relay.lockstep.stages import Stages
 from mbf_relay.lockstep.tasks import EpisodeTask
 from mbf_relay.navigation.goals import FramedPose, NavigateGoal, NavigateResult
 from mbf_relay.navigation.task import Ending, Task
+from mbf_relay.outcomes import ControlOutcome
 
 WARM_UP = 5.0
 """Seconds of the simulation within which scans, pose and costmaps must be there."""
@@ -121,7 +122,11 @@ class Episode:
             result = assigned.ended_with()
             return result.outcome.name, result.message
         if graph.now > self._deadline:
-            return outcomes.TIMEOUT, f"goal {len(self._reached) + 1} of {len(self.task.goals)} not reached in time"
+            late = f"goal {len(self._reached) + 1} of {len(self.task.goals)} not reached in time"
+            refusals = [told for told in assigned.take_feedback() if told.outcome is not ControlOutcome.SUCCESS]
+            for refusal in refusals[-1:]:
+                late += f"; the controller last said {refusal.outcome.name}: {refusal.message}"
+            return outcomes.TIMEOUT, late
         return None
 
     def _is_within_radius(self) -> bool:

@@ -96,6 +96,13 @@ class Hanging(Throwing):
             pass
 
 
+class Undecided(Throwing):
+    """A controller that divides nothing by nothing, as NumPy does without a word."""
+
+    def compute_velocity(self, state):
+        return Twist2D(float("nan"), 0.0, 0.0)
+
+
 class Slow(Throwing):
     """A controller with a parameter of its own: straight ahead."""
 

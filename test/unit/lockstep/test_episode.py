@@ -59,6 +59,15 @@ def test_a_robot_whose_global_costmap_is_hardly_ever_updated_drives_at_once(tmp_
     assert result.success, (result.outcome, result.message)
 
 
+def test_of_a_controller_that_gives_no_number_the_result_says_so(tmp_path):
+    """All of a night's drives had timed out, and no line said why the robot had stood."""
+    short = task(tmp_path, {**small_worlds.FREE, "time_limit": 3.0})
+    result = Episode(short, with_controller(BLIND, "Undecided"), seed=1).run()
+    assert result.outcome == "TIMEOUT" and result.message == (
+        "goal 1 of 1 not reached in time; the controller last said NO_VALID_CMD: controller 'own' returned velocity "
+        "(nan, 0.0, 0.0), which no robot drives")
+
+
 @pytest.mark.parametrize("controller", ["DWAPlannerROS", "PurePursuit", "MPPI"])
 def test_a_robot_that_navigates_in_utm_arrives(tmp_path, controller):
     """Its goals and plans were taken, and its controller held the path to be farther away than anything driven to."""
