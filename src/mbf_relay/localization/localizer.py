@@ -45,6 +45,7 @@ class Localizer:
 
     Attributes:
         parameters: The values in force; change them by `reconfigure`.
+        odometry: Whether it goes on, or began anew.
         field: The map as the filter sees it; change it by `set_map`.
         poses: Particles, shape (N, 3) as x, y (m), theta (rad), in the map's frame.
         log_weights: Shape (N,), logarithms of weights that sum to one.
@@ -71,7 +72,7 @@ class Localizer:
         self.poses: np.ndarray
         self.log_weights: np.ndarray
         self._odom_pose: Optional[Pose2D] = None
-        self._odometry = OdometryWatch()
+        self.odometry = OdometryWatch()
         self._awaited: Dict[str, bool] = {}
         self._stood: Dict[str, Tuple[Pose2D, LaserScan]] = {}  # where odometry stands, and each lidar's scan there
         self._updates = 0.0
@@ -246,7 +247,7 @@ class Localizer:
         return self.last_estimate
 
     def _follow_odometry(self, odom_pose: Pose2D, scan: LaserScan, laser_pose: Pose2D) -> None:
-        moved = self._odometry.moved_frame(
+        moved = self.odometry.moved_frame(
             odom_pose, scan.stamp, self.map_from_odom,
             lambda pose: self.field.share_on_map(pose, self._pick(scan, laser_pose).hits))
         if moved is not None and self.map_from_odom is not None:

@@ -9,9 +9,11 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.distance_field import DOUBTFUL
 
 JUMP = 0.5
-"""Metres, and radians, that odometry comes from one scan to the next beyond what the fastest robot does meanwhile."""
+"""Metres, and radians, that odometry comes from one scan to the next beyond what any robot does meanwhile."""
 FASTEST = 10.0
-"""Metres, and radians, a second: what is slower is never taken for a jump, even if no scan fits where it leads."""
+"""Metres, and radians, a second: what is slower is no jump, unless the robot cannot have got so fast since."""
+LIVELIEST = 10.0
+"""Metres, and radians, a second that a robot gets faster in a second: as much as it weighs would push no wheel."""
 
 
 class OdometryWatch:
@@ -19,10 +21,15 @@ class OdometryWatch:
 
     It may not where it comes farther than any robot does. It is not believed then if the scan fits where the robot was,
     and not as well where odometry leads: a robot may be put elsewhere in a simulation, and its odometry with it.
+
+    Attributes:
+        jumps: How often it did not go on.
     """
 
     def __init__(self) -> None:
         self._last: Optional[Tuple[Pose2D, float]] = None
+        self.jumps = 0
+        self._pace = FASTEST  # of the last step, in metres or radians a second
 
     def moved_frame(
         self, odom_pose: Pose2D, now: float, map_from_odom: Optional[Pose2D],
@@ -39,11 +46,16 @@ class OdometryWatch:
         last, self._last = self._last, (odom_pose, now)
         if last is None or map_from_odom is None:
             return None
-        before, then = last
-        step, usual = odom_pose.relative_to(before), JUMP + FASTEST * (now - then)
-        if now <= then or max(math.hypot(step.x, step.y), abs(step.theta)) <= usual:
+        (before, then), fastest, self._pace = last, self._pace, FASTEST
+        if now <= then:
+            return None
+        step, elapsed = odom_pose.relative_to(before), now - then
+        way = max(math.hypot(step.x, step.y), abs(step.theta))
+        if way <= JUMP + elapsed * min(FASTEST, fastest + LIVELIEST * elapsed):
+            self._pace = way / elapsed
             return None
         here, there = fit(map_from_odom.compose(before)), fit(map_from_odom.compose(odom_pose))
         if here is None or there is None or here < DOUBTFUL or there >= here:
             return None
+        self.jumps += 1
         return odom_pose.compose(before.inverse())

@@ -1,5 +1,7 @@
 """What becomes of what is believed and known where parameters, map or frames change while the robot drives."""
 
+import functools
+
 import numpy as np
 import pytest
 from synthetic_room import ORIGIN, room, scan_at
@@ -32,6 +34,30 @@ def test_a_robot_whose_odometry_begins_anew_stays_where_it_is(robust):
         truth, odom = truth.compose(step), odom.compose(step) if index != 15 else IDENTITY
         made.process(odom, scan_at(room(), truth, stamp=0.2 * index), IDENTITY)
         assert made.map_from_odom.compose(odom).distance_to(truth) < (0.15 if robust else 0.3)
+
+
+@pytest.mark.parametrize("robust", [False, True])
+@pytest.mark.parametrize("came, seconds", [
+    (Pose2D(1.5, 0.0, 0.0), 0.2), (Pose2D(0.0, 2.0, 1.0), 0.2), (Pose2D(1.0, 0.0, 0.0), 0.1),
+    (Pose2D(0.0, 0.3, 2.0), 0.2), (Pose2D(0.0, 0.0, 1.2), 0.1)])
+def test_a_robot_that_has_not_come_far_when_its_odometry_begins_anew_stays_where_it_is(robust, came, seconds):
+    """It was sent where that led, up to 2.5 m off: for two seconds, and by amcl's own form for as long as it drove."""
+    made, truth, step = localizer(robust=robust), START, Pose2D(0.1, 0.0, 0.2)
+    odom = came.compose(functools.reduce(Pose2D.compose, [step] * 15).inverse())
+    for index in range(30):
+        truth, odom = (truth.compose(step), odom.compose(step)) if index != 15 else (truth, IDENTITY)
+        made.process(odom, scan_at(room(), truth, stamp=seconds * index), IDENTITY)
+        assert made.map_from_odom.compose(odom).distance_to(truth) < (0.15 if robust else 0.3)
+    assert made.odometry.jumps == 1
+
+
+def test_a_robot_that_starts_and_stops_as_hard_as_one_can_is_where_it_drove():
+    """Odometry that leads beside the walls for a moment, as wheels that spin do, is not one that began anew."""
+    made, truth, odom = localizer(), START, IDENTITY
+    for index, way in enumerate([0.02, 0.3, 0.5, 0.5, 0.05, -0.3, -0.5, -0.02, 0.0]):
+        truth, odom = truth.compose(Pose2D(0.7 * way, 0.0, 0.3)), odom.compose(Pose2D(way, 0.0, 0.3))
+        made.process(odom, scan_at(room(), truth, stamp=0.2 * index), IDENTITY)
+    assert made.odometry.jumps == 0
 
 
 def test_a_robot_that_is_put_elsewhere_in_a_simulation_and_its_odometry_with_it_is_there():

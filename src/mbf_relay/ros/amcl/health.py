@@ -9,6 +9,7 @@ from typing import Callable, List, Mapping, Optional, Set, Tuple
 import numpy as np
 import rospy
 
+from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.distance_field import DOUBTFUL
 from mbf_relay.localization.node_parameters import AmclParameters
 from mbf_relay.outcomes import TransformError
@@ -86,11 +87,21 @@ class ScanWatch:
         self._last = time.monotonic()
         self._scans = diagnostics.RateMeter()
         self._warned_of: Set[str] = set()  # lidars that are dated otherwise, by frame; once
+        self._jumps = 0  # of odometry that were told
 
     def saw(self, now: float) -> None:
         """Note that a scan came through at `now` (s, ROS time)."""
         self._last = time.monotonic()
         self._scans.tick(now)
+
+    def warn_of_jumps(self, jumps: int, odom_pose: Pose2D) -> None:
+        """Say where odometry has begun anew at `odom_pose`, once for each of its jumps so far."""
+        if jumps > self._jumps:
+            rospy.logwarn(
+                "odometry is at x %.2f, y %.2f, yaw %.2f all at once, farther than the robot can have come since the "
+                "last scan, and the scan fits where it was: odometry began anew, and the robot is left where it was",
+                *odom_pose)
+        self._jumps = jumps
 
     def warn_of_dates(self, timings: LidarTimings) -> None:
         """Say of each lidar that is dated otherwise than odometry that it is, once."""

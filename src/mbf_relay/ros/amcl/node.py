@@ -299,6 +299,7 @@ class AmclNode:
                 self._newest_scan = scan, laser_pose
                 self._resume()
                 estimate = self._localizer.process(self._odom_pose, scan, laser_pose)
+                self._scan_watch.warn_of_jumps(self._localizer.odometry.jumps, self._odom_pose)
             except (ValueError, TransformError) as error:
                 rospy.logwarn_throttle(5.0, f"scan ignored: {error}")
                 return

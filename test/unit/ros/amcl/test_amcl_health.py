@@ -10,6 +10,7 @@ from geometry_msgs.msg import TransformStamped  # noqa: E402
 from sensor_msgs.msg import LaserScan  # noqa: E402
 from std_msgs.msg import Header  # noqa: E402
 
+from mbf_relay.geometry import Pose2D  # noqa: E402
 from mbf_relay.localization.node_parameters import AmclParameters  # noqa: E402
 from mbf_relay.ros.amcl import health  # noqa: E402
 from mbf_relay.ros.amcl.health import ScanWatch, missing_transform  # noqa: E402
@@ -54,6 +55,15 @@ def test_values_are_told_whatever_the_level():
     _, _, values = watch(0.0, 0.2, 0.4).report(0.5, True, 0.914, False, no_timings())
     assert values["share of the scan on the map's walls [%]"] == "91"
     assert values["scans [Hz]"] == "5.0" and values["age of the last scan [s]"] == "0.10"
+
+
+def test_it_is_told_once_where_odometry_begins_anew(monkeypatch):
+    """A robot whose base's driver was restarted again and again drove on, and nothing said so."""
+    told, made = [], ScanWatch()
+    monkeypatch.setattr(rospy, "logwarn", lambda text, *values: told.append(text % values))
+    for jumps in 0, 1, 1, 2:
+        made.warn_of_jumps(jumps, Pose2D(0.1, 0.0, -0.3))
+    assert len(told) == 2 and "odometry is at x 0.10, y 0.00, yaw -0.30 all at once" in told[0]
 
 
 def transforms_of(*known):
