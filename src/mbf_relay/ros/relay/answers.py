@@ -23,6 +23,10 @@ NODE_KILLED = "Aborting on the goal because the node has been killed"
 ACCEPTED = "This goal has been accepted by the simple action server"
 REPLACED = "This goal was canceled because another goal was recieved by the simple action server"
 """actionlib's text, misspelt as there."""
+SHORTEST_QUATERNION = 1e-3
+"""Length below which a quaternion is no rotation, as in move_base."""
+MOST_TILT = 1e-3
+"""How far the cosine of the angle between a goal's z axis and the vertical may be from 1, as in move_base."""
 
 
 class Answer(NamedTuple):
@@ -166,9 +170,9 @@ def outcome_name(outcome: int) -> str:
 def is_upright(quaternion: Any) -> bool:
     """Return whether move_base takes a quaternion for a goal: finite, not zero, and turning about the vertical."""
     length = math.hypot(quaternion.x, quaternion.y, quaternion.z, quaternion.w)
-    if not math.isfinite(length) or length < 1e-3:
+    if not math.isfinite(length) or length < SHORTEST_QUATERNION:
         return False
-    return 2.0 * math.hypot(quaternion.x / length, quaternion.y / length) ** 2 <= 1e-3
+    return 2.0 * math.hypot(quaternion.x / length, quaternion.y / length) ** 2 <= MOST_TILT
 
 
 def _code(kind: Any, name: str) -> Optional[int]:

@@ -108,15 +108,11 @@ class ServerGoal(Protocol):
 
 
 class ServerClient(Protocol):
-    """The way to the server.
-
-    Attributes:
-        server_is_up: Whether a goal sent now will arrive.
-    """
+    """The way to the server."""
 
     @property
     def server_is_up(self) -> bool:
-        """See above."""
+        """Whether a goal sent now will arrive."""
 
     def send(
         self, goal: Any, on_feedback: Callable[[Any], None], on_end: Callable[[ActionEnding], None]
@@ -178,8 +174,8 @@ class Relay:
             now: ROS time (s), to know a clock that was set back.
         """
         with self._lock:
-            stamp, pose = client_goal.get_goal_id().stamp.to_sec(), client_goal.get_goal().target_pose
-            if stamp < self._newest_stamp <= now:  # a newest stamp in the future is of before the clock was set back
+            pose = client_goal.get_goal().target_pose
+            if self._is_outdated(client_goal, now):
                 client_goal.set_canceled(None, answers.REPLACED)
                 return
             refusal = self._over or answers.not_finite(pose.pose)
@@ -187,8 +183,7 @@ class Relay:
                 client_goal.set_accepted(answers.ACCEPTED)
                 self._give(client_goal, refusal)
                 return
-            self._newest_stamp = stamp
-            self._end(answers.preempted(answers.REPLACED))
+            self._replace_by(client_goal)
             client_goal.set_accepted(answers.ACCEPTED)
             self._current = _ActiveGoal(client_goal, self._clock())
             self._observer.goal_taken(pose)
@@ -206,10 +201,9 @@ class Relay:
             now: ROS time (s), to know a clock that was set back.
         """
         with self._lock:
-            stamp, pose = client_goal.get_goal_id().stamp.to_sec(), client_goal.get_goal().target_pose
-            if not stamp < self._newest_stamp <= now and answers.not_finite(pose.pose) is None:
-                self._newest_stamp = stamp
-                self._end(answers.preempted(answers.REPLACED))
+            pose = client_goal.get_goal().target_pose
+            if not self._is_outdated(client_goal, now) and answers.not_finite(pose.pose) is None:
+                self._replace_by(client_goal)
                 self._advance()
 
     def take_cancel(self, client_goal: ClientGoal) -> None:
@@ -226,20 +220,15 @@ class Relay:
     def check(self) -> None:
         """Let time pass: give up waiting where it took too long. Call a few times a second."""
         with self._lock:
-            active, now, parameters = self._current, self._clock(), self._parameters
+            active, now = self._current, self._clock()
             if now >= self._zero_due_at:
                 self._zero_due_at = math.inf
                 self._observer.stop_robot()
             self._advance()
-            if active is None:
-                pass
-            elif active.sent is None and now - active.waits_since > parameters.server_timeout:
-                if not self._server.server_is_up:  # else it waits for a predecessor's end, and not for long
-                    self._end(answers.server_absent(parameters))
-            elif active.cancelled_at is not None and now - active.cancelled_at > parameters.cancel_timeout:
-                self._end(answers.preempted(reason="the server did not answer the cancel"))
+            if active is not None:
+                self._lose_patience(active, now)
             for sent in list(self._at_server):
-                if sent.is_given_up(now, parameters.cancel_timeout) and not sent.cancel_is_under_way(now):
+                if sent.is_given_up(now, self._parameters.cancel_timeout) and not sent.cancel_is_under_way(now):
                     self._leave(sent)
             self._advance()
 
@@ -254,6 +243,24 @@ class Relay:
     def is_pursuing(self) -> bool:
         """Whether there is a goal without its answer."""
         return self._current is not None
+
+    def _is_outdated(self, client_goal: ClientGoal, now: float) -> bool:
+        """Return whether a newer goal came before; one dated ahead of `now` is of before the clock was set back."""
+        return bool(client_goal.get_goal_id().stamp.to_sec() < self._newest_stamp <= now)
+
+    def _replace_by(self, client_goal: ClientGoal) -> None:
+        """End the goal pursued, if there is one, because this newer one has come."""
+        self._newest_stamp = client_goal.get_goal_id().stamp.to_sec()
+        self._end(answers.preempted(answers.REPLACED))
+
+    def _lose_patience(self, active: _ActiveGoal, now: float) -> None:
+        """End a goal that has waited too long for a server, or for the server's answer to its cancel."""
+        parameters = self._parameters
+        if active.sent is None and now - active.waits_since > parameters.server_timeout:
+            if not self._server.server_is_up:  # else it waits for a predecessor's end, and not for long
+                self._end(answers.server_absent(parameters))
+        elif active.cancelled_at is not None and now - active.cancelled_at > parameters.cancel_timeout:
+            self._end(answers.preempted(reason="the server did not answer the cancel"))
 
     def _advance(self) -> None:
         """Do what follows from the goal pursued and the goals at the server: cancel them, send it, or neither."""
@@ -288,12 +295,12 @@ class Relay:
             active = self._current
             self._leave(sent)
             if active is not None and sent is active.sent:
-                target = active.client_goal.get_goal().target_pose
+                target, cancelled = active.client_goal.get_goal().target_pose, active.cancelled_at is not None
                 doubt = answers.doubt_of_arrival(ending, target, self._parameters.arrival_tolerance)
                 if not doubt:
-                    self._end(answers.answer_to(ending, active.cancelled_at is not None), ending.result)
-                elif active.was_doubted or active.cancelled_at is not None:
-                    self._end(answers.not_arrived(doubt, active.cancelled_at is not None))
+                    self._end(answers.answer_to(ending, cancelled), ending.result)
+                elif active.was_doubted or cancelled:
+                    self._end(answers.not_arrived(doubt, cancelled))
                 else:
                     # The C++ server credits a new goal with the arrival of the one it replaced. Sent once more, the
                     # goal replaces none, and what the server claims then is this goal's own.
@@ -345,27 +352,27 @@ class _SentGoal:
 
     Attributes:
         goal: To cancel it by; None until the client of the server has returned from sending it.
-        cancelled_at: When its cancel was first sent (s), None before.
+        first_cancel_at: When its cancel was sent for the first time (s), None before.
     """
 
     def __init__(self) -> None:
         self.goal: Optional[ServerGoal] = None
-        self.cancelled_at: Optional[float] = None
-        self._cancel_sent_at = 0.0  # last
+        self.first_cancel_at: Optional[float] = None
+        self._last_cancel_at = -math.inf
 
     def press_cancel(self, now: float) -> None:
         """Send its cancel, and again where the server has not answered the last one for long."""
-        if self.goal is None or (self.cancelled_at is not None and now - self._cancel_sent_at <= CANCEL_REPEATED_AFTER):
+        if self.goal is None or now - self._last_cancel_at <= CANCEL_REPEATED_AFTER:
             return
-        self._cancel_sent_at = now
-        if self.cancelled_at is None:
-            self.cancelled_at = now
+        self._last_cancel_at = now
+        if self.first_cancel_at is None:
+            self.first_cancel_at = now
         self.goal.cancel()
 
     def is_given_up(self, now: float, timeout: float) -> bool:
         """Return whether its first cancel is more than `timeout` seconds old: no further one is sent then."""
-        return self.cancelled_at is not None and now - self.cancelled_at > timeout
+        return self.first_cancel_at is not None and now - self.first_cancel_at > timeout
 
     def cancel_is_under_way(self, now: float) -> bool:
         """Return whether its last cancel is so young that the server may still act on it."""
-        return self.cancelled_at is not None and now - self._cancel_sent_at < SUCCESSOR_PATIENCE
+        return now - self._last_cancel_at < SUCCESSOR_PATIENCE

@@ -20,14 +20,13 @@ class Settings(Protocol):
 
     Attributes:
         recoveries: The order of recovery behaviours; empty for the server's own.
-        knows_server: Whether it is known what the server calls the plugins that were asked for.
     """
 
     recoveries: Tuple[str, ...]
 
     @property
     def knows_server(self) -> bool:
-        """See above."""
+        """Whether it is known what the server calls the plugins that were asked for."""
 
     def plugin_names(self) -> Tuple[str, str]:
         """Return the server's names of the planner and the controller to use, empty for its first; asks nobody."""
