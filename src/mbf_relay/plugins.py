@@ -144,11 +144,13 @@ def _full_name(type_name: str, known: Mapping[str, str]) -> str:
     """Return the known name that `type_name` is, or has the last part of; itself where there is none or several."""
     if type_name in known or "." in type_name:
         return type_name
-    matches = [name for name in known if _last_part(name) == _last_part(type_name)]
+    matches = [name for name in known if plugin_name(name) == plugin_name(type_name)]
     return matches[0] if len({known[name] for name in matches}) == 1 else type_name
 
 
-def _last_part(type_name: str) -> str:
+def plugin_name(type_name: str) -> str:
+    """Return the name move_base gives a plugin: the last part of its type, under which its parameters and topics stand.
+    """
     return type_name.replace("::", "/").rpartition("/")[2]
 
 
@@ -176,7 +178,7 @@ def create(name: str, type_name: str, values: Mapping[str, Any], base: Type[P], 
         )
     stands_in = found.stands_in
     meant = _full_name(type_name, known)
-    if not stands_in and meant != type_name and type_name != _last_part(meant):
+    if not stands_in and meant != type_name and type_name != plugin_name(meant):
         stands_in = f"{meant} does its job"
     plugin.notes = (*([f"{type_name} is not available here; {stands_in}"] if stands_in else []), *notes)
     return plugin

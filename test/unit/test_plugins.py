@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from mbf_relay.parameters import ParameterSet, parameter
-from mbf_relay.plugins import Plugin, PluginError, create
+from mbf_relay.plugins import Plugin, PluginError, create, plugin_name
 
 
 class Tool(Plugin):
@@ -128,3 +128,10 @@ def test_a_file_that_is_no_python_is_named_with_the_line(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(PluginError, match=r"half_written_tools\.Saw.*half_written_tools\.py, line 2"):
         create("mine", "half_written_tools.Saw", {}, Tool, KNOWN)
+
+
+@pytest.mark.parametrize("type_name, name", [
+    ("navfn/NavfnROS", "NavfnROS"), ("SBPLLatticePlanner", "SBPLLatticePlanner"), ("my_planner::Planner", "Planner"),
+])
+def test_plugins_are_named_as_move_base_names_them(type_name, name):
+    assert plugin_name(type_name) == name

@@ -7,7 +7,7 @@ from typing import Any, Dict, List, Mapping, Tuple
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.registry import entries_of
 from mbf_relay.parameters import convert
-from mbf_relay.plugins import PluginError
+from mbf_relay.plugins import PluginError, plugin_name
 
 CONSERVATIVE, ROTATE, AGGRESSIVE = "conservative_reset", "rotate_recovery", "aggressive_reset"
 CLEAR_TYPE, ROTATE_TYPE = "clear_costmap_recovery/ClearCostmapRecovery", "rotate_recovery/RotateRecovery"
@@ -29,11 +29,8 @@ SERVER_NAMES: Mapping[str, str] = {
 }
 """move_base's parameters that the server has, with the server's names."""
 
-
-def plugin_name(type_name: str) -> str:
-    """Return the name move_base gives a plugin: the last part of its type, under which its parameters and topics stand.
-    """
-    return type_name.replace("::", "/").rpartition("/")[2]
+PLUGIN_PARAMETERS: Mapping[str, str] = {"planners": "base_global_planner", "controllers": "base_local_planner"}
+"""The server's lists of plugins, and the parameter by which move_base names the one of each that it uses."""
 
 
 def adapted(type_name: str, namespace: Mapping[str, Any]) -> str:
@@ -98,7 +95,7 @@ def server_config(namespace: Mapping[str, Any], values: Any) -> Dict[str, Any]:
     """
     config = {"recovery_patience": 0.0, **namespace}  # move_base lets each end by itself
     config.update(server_values(values))
-    for kind, parameter in (("planners", "base_global_planner"), ("controllers", "base_local_planner")):
+    for kind, parameter in PLUGIN_PARAMETERS.items():
         given = getattr(values, parameter)
         type_name = adapted(given, namespace)
         if type_name != given:

@@ -7,7 +7,7 @@ import pytest
 
 from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.navigation.examination import CLAMPED, examine_move_base
-from mbf_relay.navigation.move_base_files import default_recoveries, plugin_name, server_config
+from mbf_relay.navigation.move_base_files import default_recoveries, server_config
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.parameters import ParameterSet, parameter
 
@@ -114,13 +114,6 @@ def test_no_patience_is_one_try_and_not_patience_for_ever(kind):
     assert getattr(made, f"{kind}_patience") > 0.0 and getattr(made, f"{kind}_max_retries") == 0
     made = NavigatorParameters.read(config(controller_max_retries=3))[0]
     assert (made.controller_max_retries, made.planner_max_retries) == (3, -1)
-
-
-@pytest.mark.parametrize("type_name, name", [
-    ("navfn/NavfnROS", "NavfnROS"), ("SBPLLatticePlanner", "SBPLLatticePlanner"), ("my_planner::Planner", "Planner"),
-])
-def test_plugins_are_named_as_move_base_names_them(type_name, name):
-    assert plugin_name(type_name) == name
 
 
 @pytest.mark.parametrize("radius", [[], "wide", math.nan])

@@ -7,15 +7,16 @@ from typing import Any, Mapping, Tuple
 import rospy
 
 from mbf_relay.navigation.move_base_files import (
+    PLUGIN_PARAMETERS,
     adapted,
     default_recoveries,
     lists_recoveries,
-    plugin_name,
     server_values,
 )
 from mbf_relay.navigation.move_base_parameters import MoveBaseParameters
+from mbf_relay.plugins import plugin_name
 from mbf_relay.ros.common import reconfigure
-from mbf_relay.ros.relay.reconfigure import PLUGIN_PARAMETERS, WITHOUT_COUNTERPART
+from mbf_relay.ros.relay.reconfigure import WITHOUT_COUNTERPART
 from mbf_relay.ros.server.node import MoveBaseFlex
 
 

@@ -15,17 +15,15 @@ from dynamic_reconfigure.encoding import decode_config, encode_config
 from dynamic_reconfigure.msg import Config
 from dynamic_reconfigure.srv import Reconfigure
 
-from mbf_relay.navigation.move_base_files import SERVER_NAMES
+from mbf_relay.navigation.move_base_files import PLUGIN_PARAMETERS, SERVER_NAMES
 from mbf_relay.navigation.move_base_parameters import MoveBaseParameters
 from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.plugins import plugin_name
 from mbf_relay.ros.common import reconfigure
 from mbf_relay.ros.common.impatient_proxy import NO_ANSWER
 
 WITHOUT_COUNTERPART = ("conservative_reset_dist", "clearing_rotation_allowed", "make_plan_clear_costmap")
 """move_base's parameters that the server has nothing like; its recovery behaviours are configured on the server."""
-
-PLUGIN_PARAMETERS: Mapping[str, str] = {"planners": "base_global_planner", "controllers": "base_local_planner"}
-"""The server's lists of plugins, and the parameter by which move_base names the one of each that it uses."""
 
 MIRRORED = "mirrored"
 """Parameter that holds what others hold only because the server has it so: nobody's wish, whoever reads them next."""
@@ -140,7 +138,7 @@ class MoveBaseSettings:
         """
         plugins = server_plugins(self._server, kind)
         for plugin in plugins:
-            if plugin["type"].rsplit("/", 1)[-1] == name:
+            if plugin_name(plugin["type"]) == name:
                 return plugin["name"]
         return name
 

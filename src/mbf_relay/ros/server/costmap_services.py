@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from typing import Any, Callable, List, Mapping
@@ -17,6 +16,7 @@ from mbf_relay.costmap.costmap import Costmap
 from mbf_relay.costmap.footprint import padded
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.common.checks import check_finite
 from mbf_relay.ros.common.conversions import pose_from_message, pose_stamped
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.ros.costmap.node import CostmapNode
@@ -71,7 +71,7 @@ class CostmapServices:
     def _check_point(self, request: Any) -> Any:
         costmap = self._costmap(request.costmap)
         point = request.point.point
-        _require_finite(x=point.x, y=point.y)
+        check_finite(x=point.x, y=point.y)
         x, y = self._to_costmap(costmap, request.point.header).transform_points(np.array([[point.x, point.y]]))[0]
         verdict = inspection.check_point(costmap.snapshot(), x, y)
         return srv.CheckPointResponse(state=int(verdict.state), cost=_cost(verdict.cost))
@@ -99,7 +99,7 @@ class CostmapServices:
     def _find_valid_pose(self, request: Any) -> Any:
         costmap = self._costmap(request.costmap)
         tolerances = {"dist_tolerance": request.dist_tolerance, "angle_tolerance": request.angle_tolerance}
-        _require_finite(**tolerances)
+        check_finite(**tolerances)
         for name, value in tolerances.items():
             if value < 0.0:
                 raise ValueError(f"{name} is {value}; it must be 0 or above")
@@ -166,7 +166,7 @@ class CostmapServices:
 
 
 def _outline(costmap: Costmap, request: Any) -> np.ndarray:
-    _require_finite(safety_dist=request.safety_dist)
+    check_finite(safety_dist=request.safety_dist)
     return padded(
         costmap.footprint if getattr(request, "use_padded_fp", False) else costmap.outline, request.safety_dist
     )
@@ -174,14 +174,8 @@ def _outline(costmap: Costmap, request: Any) -> np.ndarray:
 
 def _multipliers(request: Any) -> inspection.Multipliers:
     values = (request.lethal_cost_mult, request.inscrib_cost_mult, request.unknown_cost_mult)
-    _require_finite(lethal_cost_mult=values[0], inscrib_cost_mult=values[1], unknown_cost_mult=values[2])
+    check_finite(lethal_cost_mult=values[0], inscrib_cost_mult=values[1], unknown_cost_mult=values[2])
     return inspection.Multipliers(*values)
-
-
-def _require_finite(**values: float) -> None:
-    for name, value in values.items():
-        if not math.isfinite(value):
-            raise ValueError(f"{name} is {value}; it must be finite")
 
 
 def _cost(cost: float) -> int:

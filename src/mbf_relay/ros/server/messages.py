@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from enum import Enum
-from typing import Any, Optional
+from typing import Any, Optional, Union
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped
@@ -131,10 +131,7 @@ def plan_result(result: PlanResult, stamp: Any) -> GetPathResult:
 
 def follow_result(result: FollowResult, stamp: Any) -> ExePathResult:
     """Return what exe_path answers."""
-    return ExePathResult(
-        outcome=code_of(result.outcome, ExePathResult), message=result.message, final_pose=_pose(result.pose, stamp),
-        dist_to_goal=_float32(result.distance), angle_to_goal=_float32(result.angle),
-    )
+    return _result_of_a_drive(result, stamp, ExePathResult)
 
 
 def recover_result(result: RecoverResult, _stamp: Any) -> RecoveryResult:
@@ -147,8 +144,13 @@ def recover_result(result: RecoverResult, _stamp: Any) -> RecoveryResult:
 
 def navigate_result(result: NavigateResult, stamp: Any) -> MoveBaseResult:
     """Return what move_base answers."""
-    return MoveBaseResult(
-        outcome=outcome_code(result.outcome, MoveBaseResult),
+    return _result_of_a_drive(result, stamp, MoveBaseResult)
+
+
+def _result_of_a_drive(result: Union[FollowResult, NavigateResult], stamp: Any, result_type: Any) -> Any:
+    """Return how a drive ended as the result of exe_path, or of move_base, which has the same fields."""
+    return result_type(
+        outcome=outcome_code(result.outcome, result_type),
         message=result.message,
         final_pose=_pose(result.pose, stamp),
         dist_to_goal=_float32(result.distance),
