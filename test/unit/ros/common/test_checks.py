@@ -67,6 +67,17 @@ def test_a_scan_that_no_lidar_makes_is_not_driven_by(beams, first, step, words):
         checks.check_scan(message)
 
 
+@pytest.mark.parametrize("width, height, is_taken", [
+    (32767, 8192, True), (8192, 32767, True), (32768, 1, False), (1, 32768, False), (32767, 8193, False),
+])
+def test_a_map_too_long_or_too_large_for_planners_is_refused(width, height, is_taken):
+    if is_taken:
+        checks.check_cells(width, height)
+    else:
+        with pytest.raises(InvalidMessage, match=f"map of {width} x {height} cells"):
+            checks.check_cells(width, height)
+
+
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_a_number_that_is_none_is_refused_by_its_name(value):
     checks.check_finite(x=0.0, y=-1e300)

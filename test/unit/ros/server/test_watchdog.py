@@ -15,10 +15,10 @@ from mbf_relay.ros.server.watchdog import Watchdog
 
 
 class PaperStepper:
-    step_time, clock_stands, hangs_in = 0.0, False, "planner.py, line 3"
+    step_time, clock_stands, hangs_in, woken = 0.0, False, "planner.py, line 3", False
 
     def wake(self):
-        pass
+        self.woken = True
 
 
 class PaperRobot:
@@ -55,6 +55,7 @@ def test_a_step_that_takes_too_long_stops_the_robot_and_ends_goals_until_the_nex
     assert not dog.is_alive()
     wait_until(lambda: robot.blocked and ended, "the robot to be stopped")
     assert ended[0].startswith("navigation hangs in planner.py, line 3; local costmap hangs in my_layer.py, line 7: ")
+    wait_until(lambda: stepping.woken, "the next step, in which everything begins anew, to be called for")
     stepping.step_time = 0.0
     assert "hangs" in dog.settle() and not robot.blocked
     assert dog.settle() == ""

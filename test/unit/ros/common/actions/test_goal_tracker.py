@@ -196,6 +196,15 @@ def test_cancels_by_stamp_hit_what_is_as_old_now_and_later():
     assert server.goal("anew", stamp=19.0) is not None
 
 
+def test_a_cancel_up_to_the_moment_a_goal_was_sent_leaves_no_robot_driving():
+    """A simulation's clock stands for 33 ms: the goal and the cancel that follows it are of one time."""
+    server = Server()
+    server.goal("before", stamp=95.0)
+    server.tracker.take_cancel(GoalID(stamp=Time.from_sec(95.0)))
+    assert server.state("before") == RECALLING
+    assert server.goal("overtaken", stamp=95.0) is None and server.state("overtaken") == RECALLED
+
+
 def test_a_cancel_ends_the_goal_it_names_and_nobody_else_s_and_one_that_names_none_ends_all():
     server = Server()
     goals = {name: server.goal(name) for name in "abc"}

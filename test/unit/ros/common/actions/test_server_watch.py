@@ -14,8 +14,8 @@ NODE = "/move_base_flex"
 class Link(SimpleNamespace):
     """A connection to a node that publishes the status."""
 
-    def __init__(self, address):
-        super().__init__(callerid_pub=NODE, endpoint_id=address)
+    def __init__(self, address, node=NODE):
+        super().__init__(callerid_pub=node, endpoint_id=address)
 
 
 class Subscriber:
@@ -242,8 +242,8 @@ def test_only_who_takes_goals_and_tells_of_them_speaks_for_the_server_and_one_th
     takes_goals = {NODE, "/recorder"}
     monkeypatch.setattr(world.watch, "_takes_goals", takes_goals.__contains__)
     server, *strangers = (
-        SimpleNamespace(_connection_header={"callerid": name}) for name in (NODE, "/recorder", "/stranger"))
-    world.links.append(Link("http://here:1"))
+        SimpleNamespace(_connection_header={"callerid": name}) for name in (NODE, "/recorder", "/player", "/stranger"))
+    world.links += [Link("http://here:1"), Link("http://here:2", "/player")]  # of a bag, which tells a status, too
     assert world.watch.is_from_server(server) and not any(map(world.watch.is_from_server, strangers))
     world.watch._subscriber.hear()
     takes_goals.clear()
