@@ -132,6 +132,14 @@ def test_a_link_leads_to_a_file_and_a_heading_of_the_repository(path, target):
         assert heading in {re.sub(r"[^\w -]", "", words.lower()).replace(" ", "-") for words in headings}
 
 
+def test_who_looks_for_a_room_of_the_house_finds_it_in_the_table():
+    source = ROOT / "src" / "mbf_relay"
+    rooms = [path.parent.relative_to(source).as_posix() for folder in ("*", "ros/*") for path in source.glob(
+        f"{folder}/__init__.py") if path.parent.name != "ros"]
+    table = (source / "README.md").read_text(encoding="utf-8")
+    assert [room for room in sorted(rooms) if f"`{room}/`" not in table] == []
+
+
 def test_the_first_readme_is_read_in_ten_minutes():
     assert len(texts()[ROOT / "README.md"].splitlines()) <= 250
 
