@@ -147,9 +147,11 @@ def test_it_is_as_young_as_the_scan_where_a_lidar_s_clock_is_behind(monkeypatch,
     monkeypatch.setattr(amcl, "scan_in_base", lambda *_: (scan, IDENTITY, True))
     node.__dict__.update(
         _parameters=AmclParameters(save_pose_rate=0.0), _lock=threading.RLock(), _kept=None,
-        _scan_watch=SimpleNamespace(saw=lambda _now: None, warn_of_dates=lambda _timings: None),
+        _scan_watch=SimpleNamespace(
+            saw=lambda _now: None, warn_of_dates=lambda _timings: None, warn_of_jumps=lambda _jumps, _pose: None),
         _timings=SimpleNamespace(corrected=lambda scan, _pose: replace(scan, stamp=scan.stamp - late)),
-        _localizer=SimpleNamespace(process=lambda *_: None, map_from_odom=POSE, poses=None),
+        _localizer=SimpleNamespace(
+            process=lambda *_: None, odometry=SimpleNamespace(jumps=0), map_from_odom=POSE, poses=None),
         _map_to_odom=SimpleNamespace(update=lambda pose, stamp: updates.append((pose, stamp.to_sec()))),
         _saved_pose=SavedPose.__new__(SavedPose),
         transforms=SimpleNamespace(lookup=lambda *_: IDENTITY, frames_above=lambda *_: {}))
