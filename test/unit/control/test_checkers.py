@@ -187,16 +187,20 @@ def test_one_that_was_not_looked_at_for_a_second_or_before_time_was_set_back_is_
     checker.check(SimpleNamespace(now=7.0, pose=IDENTITY, costmap=WIDE, **IN_TIME), AHEAD, 0.1)
 
 
-def test_who_is_stuck_is_told_for_how_long_and_by_how_much_it_was_to_move():
+@pytest.mark.parametrize("command, words, is_hinted", [
+    (Twist2D(0.2, 0.0, -0.5), "for 2.0 s, though 0.40 m and 1.00 rad were commanded", False),
+    (LEFT, "for 2.0 s, though 0.00 m and 1.00 rad were commanded", True),  # on the spot, as no car can turn
+])
+def test_who_is_stuck_is_told_for_how_long_and_by_how_much_it_was_to_move(command, words, is_hinted):
     checker, told = StuckChecker(), None
     for cycle in range(40):
         state = SimpleNamespace(now=0.1 * cycle, pose=IDENTITY, costmap=WIDE, **IN_TIME)
         try:
-            checker.check(state, Twist2D(0.2, 0.0, -0.5), 2.0)
+            checker.check(state, command, 2.0)
         except ControlError as error:
             told = error.message
             break
-    assert "for 2.0 s, though 0.40 m and 1.00 rad were commanded" in told
+    assert words in told and ("Ackermann" in told) is is_hinted
 
 
 class Goal:
