@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 FINEST, COARSEST = 0.001, 50.0
 """Metres a cell may measure; in a finer one every radius would be a loop over millions of cells."""
 LARGEST_SIDE = 32767
-"""Cells each way that a map may have, as planners take no more."""
+"""Cells each way that a map may have: in planners' queues rows and columns share one 32-bit number."""
 MOST_CELLS = 1 << 28
 """Cells of a map: 800 m x 800 m at 5 cm; a costmap and a plan over them take ten bytes each."""
 

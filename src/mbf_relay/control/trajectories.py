@@ -272,13 +272,14 @@ def _scales(p: DwaParameters, speeds: np.ndarray) -> np.ndarray:
     return 1.0 + p.max_scaling_factor * np.clip((speeds - p.scaling_speed) / span, 0.0, 1.0)
 
 
-def stopping_distance(speed: float, acceleration: float, delay: float) -> float:
-    """Return the distance (m) covered from `speed` (m/s) when braking begins after `delay` (s)."""
-    return speed * delay + speed * speed / (2.0 * acceleration)
-
-
 def speed_to_stop_within(distance: float, acceleration: float, delay: float) -> float:
-    """Return the highest speed from which `stopping_distance` is at most `distance`; works for angles as well."""
+    """Return the highest speed (m/s) from which braking that begins after a delay ends within a distance.
+
+    Args:
+        distance: In metres; with radians in place of all metres it is for turns.
+        acceleration: How fast the robot slows down (m/s^2).
+        delay: Until it begins to (s).
+    """
     if distance <= 0.0:
         return 0.0
     return acceleration * (math.sqrt(delay * delay + 2.0 * distance / acceleration) - delay)

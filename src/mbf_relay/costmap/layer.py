@@ -188,10 +188,6 @@ class Layer(Plugin, abc.ABC):
     def clear(self, window: Window, inside: bool) -> None:
         """Forget what was observed inside of a window, or outside of it; what a map says stays."""
 
-    def reset(self) -> None:
-        """Forget everything observed."""
-        self.clear(Window.of(self.grid), inside=True)
-
     def max_age(self, source: str) -> float:
         """Return the age (s) from which what one of `sources` measured says nothing any more; 0 for never."""
         return 0.0

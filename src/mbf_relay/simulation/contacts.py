@@ -21,13 +21,11 @@ class Contact(NamedTuple):
     Attributes:
         name: Of the other body.
         position: Where (m), in the world.
-        force: How hard (N), along the surface's normal.
         normal: Of the surface, from it to the robot, of length 1.
     """
 
     name: str
     position: Tuple[float, float, float]
-    force: float
     normal: Tuple[float, float, float]
 
 
@@ -63,7 +61,7 @@ class Contacts:
         touching = [p for p in points if p[2] != physics.ground and (p[8] <= 0.0 or p[9] > 0.0)]
         if not touching:
             return ()
-        return tuple(Contact(loose.get(p[2]) or self.owner_at(p[6]), p[6], p[9], p[7]) for p in touching)
+        return tuple(Contact(loose.get(p[2]) or self.owner_at(p[6]), p[6], p[7]) for p in touching)
 
     def owner_at(self, position: Tuple[float, float, float]) -> str:
         """Return the name of the fixed body whose surface is nearest to a point (m) on or very near to it."""

@@ -65,7 +65,7 @@ def test_areas_stay_in_the_map_while_odometry_drifts():
 
 def test_what_is_prohibited_is_not_forgotten_where_costmaps_are_cleared():
     costmap = costmap_with([POINT])
-    costmap.layers[0].reset()
+    costmap.clear()
     costmap.update(1.1, IDENTITY)
     assert is_lethal(costmap, *POINT)
 

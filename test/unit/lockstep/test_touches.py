@@ -23,8 +23,8 @@ from mbf_relay.lockstep.tasks import load_tasks  # noqa: E402
 from mbf_relay.lockstep.touches import Touches  # noqa: E402
 from mbf_relay.simulation.contacts import Contact  # noqa: E402
 
-AHEAD = Contact("post", (0.04, 0.0, 0.1), 1.0, (-1.0, 0.0, 0.0))
-FROM_BEHIND = Contact("walker", (-0.1, 0.0, 0.1), 5.0, (1.0, 0.0, 0.0))
+AHEAD = Contact("post", (0.04, 0.0, 0.1), (-1.0, 0.0, 0.0))
+FROM_BEHIND = Contact("walker", (-0.1, 0.0, 0.1), (1.0, 0.0, 0.0))
 HERE = Pose2D(0.0, 0.0, 0.0)
 
 
@@ -46,7 +46,7 @@ def test_a_robot_that_is_walked_into_is_not_at_fault(came_from):
 
 
 def test_a_corner_swung_into_a_wall_is_the_robots_fault():
-    beside = Contact("wall", (0.04, 0.105, 0.1), 1.0, (0.0, -1.0, 0.0))
+    beside = Contact("wall", (0.04, 0.105, 0.1), (0.0, -1.0, 0.0))
     assert noted(beside, Pose2D(0.0, 0.0, -0.1)).at_fault == 1
     assert noted(beside, Pose2D(0.0, 0.0, 0.1)).at_fault == 0
 

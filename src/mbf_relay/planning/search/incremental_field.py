@@ -8,15 +8,13 @@ from typing import Any, ClassVar, Optional, Tuple
 
 import numpy as np
 
+from mbf_relay.maps import LARGEST_SIDE
 from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.planning.planner import Cancellation
 from mbf_relay.planning.search import cost_to_go_kernels, descent_kernels, fast_marching_kernels, queue_kernels
 
 Cell = Tuple[int, int]
 """Column and row."""
-
-LARGEST_SIDE = 32767
-"""Cells: rows and columns share one 32-bit number in the queue."""
 
 WORTH_UPDATING = 0.1
 """Share of the cells looked at whose change is worked in; where more changed, a new field is quicker."""

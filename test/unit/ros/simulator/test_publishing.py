@@ -63,7 +63,7 @@ def test_who_comes_later_hears_all_that_is_read_from_then_on(made, monkeypatch):
 def test_a_collision_is_told_of_once_and_again_after_the_clock_was_set_back(made, monkeypatch):
     monkeypatch.setattr(topics.rospy, "logwarn", lambda *_: None)
     of_simulator = topics.SimulatorTopics(SimulatorParameters())
-    touch = Observations(contacts=(Contact("wall", (1.0, 2.0, 0.1), 1.0, (1.0, 0.0, 0.0)),))
+    touch = Observations(contacts=(Contact("wall", (1.0, 2.0, 0.1), (1.0, 0.0, 0.0)),))
     told = []
     for now in (500.0, 500.05, 500.1, 1.0):
         of_simulator.publish(SimpleNamespace(now=now), touch, steps=1)
