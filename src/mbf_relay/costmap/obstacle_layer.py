@@ -100,6 +100,7 @@ class ObstacleLayer(CellLayer):
         self.default_cost = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
         self._sources = {key: ObservationSource(value) for key, value in parameters.source_parameters.items()}
         self._drawn: List[RayBundle] = []  # what the cells show, but for what the robot stood on since
+        self._freed = EMPTY  # where the robot stood at the last update
         self._outline, self._outline_reach = np.zeros((0, 2)), 0.0  # the footprint, and how far (m) it reaches
 
     @property
@@ -143,7 +144,8 @@ class ObstacleLayer(CellLayer):
             observed = clearing = []  # they would free again what is free; only the robot may have moved
         else:
             self._drawn = observed
-        touched = self._touched(observed, self._stood_on(context) if stands else EMPTY)
+        left, self._freed = self._freed, self._stood_on(context) if stands else EMPTY
+        touched = self._touched(observed, left.union(self._freed))  # what was seen where it stood shows again
         if touched.is_empty:
             return window.union(self.take_pending())
         before = self.costs[touched.slices].copy()
