@@ -15,7 +15,7 @@ from dynamic_reconfigure.encoding import decode_config, encode_config
 from dynamic_reconfigure.msg import Config
 from dynamic_reconfigure.srv import Reconfigure
 
-from mbf_relay.navigation.move_base_files import PLUGIN_PARAMETERS, SERVER_NAMES
+from mbf_relay.navigation.move_base_files import PLUGIN_PARAMETERS, SERVER_NAMES, server_values
 from mbf_relay.navigation.move_base_parameters import MoveBaseParameters
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.plugins import plugin_name
@@ -43,11 +43,10 @@ def wishes(values: Mapping[str, Any]) -> Dict[str, Any]:
 
 def server_changes(old: MoveBaseParameters, new: MoveBaseParameters) -> Dict[str, Any]:
     """Return what to change at the server, by its names, when move_base's parameters go from `old` to `new`."""
-    return {
-        server_name: getattr(new, name)
-        for name, server_name in SERVER_NAMES.items()
-        if getattr(old, name) != getattr(new, name)
-    }
+    retries = {"controller_max_retries": NavigatorParameters.controller_max_retries}  # which move_base has no name for
+    before, wanted = ({**retries, **server_values(values)} for values in (old, new))
+    changed = {SERVER_NAMES[name] for name in SERVER_NAMES if getattr(old, name) != getattr(new, name)}
+    return {name: value for name, value in wanted.items() if name in changed or value != before[name]}
 
 
 def name_at_server(wanted: str, plugins: Sequence[Mapping[str, str]]) -> Optional[str]:
@@ -198,9 +197,10 @@ class MoveBaseSettings:
             for name, value in refused.items():
                 if name not in self._to_send and self._wanted.get(name) == value:
                     del self._wanted[name]
+            asked_for = server_values(self.values)  # what stands for ours there is ours: no patience is one try
             shown = {
-                name: theirs[server_name] for name, server_name in SERVER_NAMES.items()
-                if server_name in theirs and server_name not in self._to_send
+                name: theirs[their] if theirs[their] != asked_for[their] else getattr(self.values, name)
+                for name, their in SERVER_NAMES.items() if their in theirs and their not in self._to_send
             }
             try:
                 values = self.values.replace(**shown)

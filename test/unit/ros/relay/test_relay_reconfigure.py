@@ -155,6 +155,28 @@ class PaperFront:
         self.shown.update(values)
 
 
+def test_no_patience_is_one_try_at_the_server_and_not_patience_for_ever(monkeypatch):
+    """A robot whose goal lay in a wall stood there for good: none is endless to the server, and one plan to move_base.
+    """
+    server = PaperServer()
+    for name, stand_in in {"resolve_name": lambda name: "/" + name, "loginfo": lambda *_: None,
+                           "set_param": lambda *_: None, "get_param": lambda _name, default: default}.items():
+        monkeypatch.setattr(f"rospy.{name}", stand_in)
+    none = MoveBaseParameters(planner_patience=0.0, controller_patience=0.0)
+    settings = MoveBaseSettings("move_base_flex", none)
+    settings._dynamic = PaperFront()
+    settings.server_came()
+    settings.send_wishes(server)
+    for wish, retries in ((none, 0), (MoveBaseParameters(), -1), (none, 0)):
+        settings._change(wish)
+        settings.send_wishes(server)
+        made = server.values
+        assert (made.planner_max_retries, made.controller_max_retries) == (retries, retries)
+        assert made.planner_patience > 0.0 and made.controller_patience > 0.0
+        settings._show({name: getattr(made, name) for name in DYNAMIC})
+        assert settings.values == wish, "it shows as it was set"
+
+
 def test_a_rate_the_server_refuses_keeps_no_other_wish_from_it_at_its_next_start(monkeypatch):
     """A robot whose server was started again recovered, though that was switched off: 0 Hz came with it each time."""
     server, mirrored = PaperServer(), []
