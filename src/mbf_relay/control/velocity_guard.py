@@ -316,14 +316,15 @@ class VelocityGuard:
         near, before = near[before > -OWN_DEPTH], before[before > -OWN_DEPTH]
         if not len(near):
             return None
-        seen = np.vstack([Pose2D(*pose).inverse().transform_points(near) for pose in poses])
-        after = clearances(seen, self._outline).reshape(len(poses), len(near))
-        too_near = after < np.minimum(margin, before) - TOUCH
-        blocked = too_near.any(axis=1)
-        if not blocked.any():
+        off, reach = near - poses[:, None, :2], self._radius + margin + TOUCH  # what lies beyond is not too near there
+        which, point = np.nonzero(off[..., 0] ** 2 + off[..., 1] ** 2 <= reach * reach)
+        (x, y), cosine, sine = off[which, point].T, np.cos(poses[which, 2]), np.sin(poses[which, 2])
+        after = clearances(np.column_stack((cosine * x + sine * y, cosine * y - sine * x)), self._outline)
+        too_near = after < np.minimum(margin, before[point]) - TOUCH
+        if not too_near.any():
             return None
-        point: np.ndarray = near[int(np.argmax(too_near[int(np.argmax(blocked))]))]
-        return point
+        first: np.ndarray = near[point[np.argmax(too_near)]]
+        return first
 
     def _share_in_sight(self, asked: Twist2D, sight: Sight) -> Tuple[float, str]:
         """Return the largest share of a velocity with which the robot can stop where a lidar looks, and what limits it.

@@ -165,16 +165,17 @@ def are_own(points: np.ndarray, base: Pose2D, outline: np.ndarray) -> np.ndarray
 def clearances(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
     """Return how far each point lies from an outline, below zero for points inside of it: (N, 2) in, (N,) metres out.
     """
-    starts, ends = outline, np.roll(outline, -1, axis=0)
-    edges, to_points = ends - starts, points[:, None, :] - starts
-    squared_lengths = np.maximum(np.einsum("ij,ij->i", edges, edges), 1e-18)
-    along = np.clip(np.einsum("nij,ij->ni", to_points, edges) / squared_lengths, 0.0, 1.0)
-    away = to_points - along[:, :, None] * edges
-    distances = np.sqrt(np.einsum("nij,nij->ni", away, away).min(axis=1))
+    (x, y), starts = points[:, :2].T, outline[:, :, None]  # an edge a row, for points are many
+    edges = np.roll(starts, -1, axis=0) - starts
+    to_x, to_y = x - starts[:, 0], y - starts[:, 1]
+    squared_lengths = np.maximum(edges[:, 0] * edges[:, 0] + edges[:, 1] * edges[:, 1], 1e-18)
+    along = (to_x * edges[:, 0] + to_y * edges[:, 1]) / squared_lengths
+    along = np.minimum(np.maximum(along, 0.0, out=along), 1.0, out=along)
+    away_x, away_y = to_x - along * edges[:, 0], to_y - along * edges[:, 1]
+    distances = np.sqrt((away_x * away_x + away_y * away_y).min(axis=0))
     # A point is inside where a ray from it to the right crosses an odd number of edges.
-    height = points[:, 1:2]
-    crosses = (starts[:, 1] > height) != (ends[:, 1] > height)
+    crosses = (to_y < 0.0) != (np.roll(starts[:, 1], -1, axis=0) > y)
     rises = np.where(edges[:, 1] == 0.0, 1.0, edges[:, 1])
-    crossed_at = starts[:, 0] + (height - starts[:, 1]) * edges[:, 0] / rises
-    inside = (crosses & (points[:, 0:1] < crossed_at)).sum(axis=1) % 2 == 1
+    crossed_at = starts[:, 0] + to_y * edges[:, 0] / rises
+    inside = (crosses & (x < crossed_at)).sum(axis=0) % 2 == 1
     return np.where(inside, -distances, distances)
