@@ -101,7 +101,7 @@ class DistanceField:
     def share_on_map(self, pose: Pose2D, endpoints: np.ndarray) -> Optional[float]:
         """Return which share of a scan's ends the map explains, 0 to 1; None where the scan has no end.
 
-        For people and for starts; the filter itself does not use it.
+        For people, for starts, and to know odometry that begins anew; particles are not weighed by it.
 
         Args:
             pose: Of the base, in the map's frame.

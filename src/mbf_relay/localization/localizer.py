@@ -14,6 +14,7 @@ from mbf_relay.localization.beams import Beams, is_hit, limits_of, pick_beams
 from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.estimate import Estimate, Moments, estimate, mean_and_covariance
 from mbf_relay.localization.gaussians import log_sum_exp
+from mbf_relay.localization.initial_pose import check_initial_pose
 from mbf_relay.localization.laser_models import is_converged, make_laser_model
 from mbf_relay.localization.lever_arm import spread
 from mbf_relay.localization.motion_models import make_motion_model
@@ -188,9 +189,20 @@ class Localizer:
         Raises:
             ValueError: The scan's limits leave nothing.
         """
-        values = self.parameters
-        return self._tracker.find(
-            pick_beams(scan, laser_pose_in_base, 1, values.laser_min_range, values.laser_max_range).hits)
+        return self._tracker.find(self._all_beams(scan, laser_pose_in_base).hits)
+
+    def fit(self, pose: Pose2D, scan: LaserScan, laser_pose_in_base: Pose2D) -> Optional[float]:
+        """Return which share of a scan, 0 to 1, the map explains from a pose; None where nothing came back.
+
+        Args:
+            pose: Of the base, in the map's frame.
+            scan: The scan.
+            laser_pose_in_base: Pose of the scan's frame in the base's frame.
+
+        Raises:
+            ValueError: The scan's limits leave nothing.
+        """
+        return self.field.share_on_map(pose, self._all_beams(scan, laser_pose_in_base).hits)
 
     # --- the filter -----------------------------------------------------------------------------------------------
 
@@ -304,8 +316,9 @@ class Localizer:
 
     def _pick(self, scan: LaserScan, laser_pose: Pose2D) -> Beams:
         """Return the beams the filter looks at: all in the robust form."""
-        if not self.parameters.robust:
-            return self._laser_model.pick(scan, laser_pose)
+        return (self._all_beams if self.parameters.robust else self._laser_model.pick)(scan, laser_pose)
+
+    def _all_beams(self, scan: LaserScan, laser_pose: Pose2D) -> Beams:
         return pick_beams(scan, laser_pose, 1, self.parameters.laser_min_range, self.parameters.laser_max_range)
 
     def _correct(self, scan: LaserScan, laser_pose: Pose2D, beams: Beams) -> Corrected:
@@ -381,20 +394,3 @@ class Localizer:
     def _make_models(self) -> None:
         self._laser_model = make_laser_model(self.field, self.parameters)
         self._motion_model = make_motion_model(self.parameters)
-
-
-def check_initial_pose(pose: Pose2D, covariance: np.ndarray, occupancy: OccupancyMap) -> None:
-    """Raise ValueError where a robot cannot be started at a pose with a covariance, shape (3, 3), on a map."""
-    covariance = np.asarray(covariance, dtype=float)
-    if not pose.is_finite():
-        raise ValueError(f"initial pose {tuple(pose)} is not finite")
-    if covariance.shape != (3, 3) or not np.isfinite(covariance).all():
-        raise ValueError(f"covariance of the initial pose {covariance.tolist()} is no finite 3 x 3 matrix")
-    deviation = math.sqrt(max(0.0, float(np.linalg.eigvalsh(covariance[:2, :2])[-1])))
-    widest = occupancy.resolution * math.hypot(*occupancy.data.shape)
-    if deviation > widest:
-        raise ValueError(
-            f"covariance of the initial pose has a deviation of {deviation:.3g} m, and the map is {widest:.1f} m from "
-            "corner to corner; global_localization is for a robot that may be anywhere")
-    if not occupancy.contains_point(pose.x, pose.y):
-        raise ValueError(f"initial pose ({pose.x:.3f}, {pose.y:.3f}) is not on the map; choose a place on it")

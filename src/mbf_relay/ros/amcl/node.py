@@ -16,11 +16,11 @@ from sensor_msgs.msg import LaserScan as LaserScanMessage
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse, Trigger, TriggerRequest, TriggerResponse
 
 from mbf_relay.geometry import Pose2D
-from mbf_relay.localization.beams import pick_beams
 from mbf_relay.localization.cloud_scan import CloudParameters
 from mbf_relay.localization.estimate import Estimate
+from mbf_relay.localization.initial_pose import check_initial_pose
 from mbf_relay.localization.kept_pose import KeptPose
-from mbf_relay.localization.localizer import Localizer, check_initial_pose
+from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters, seed_from
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.outcomes import TransformError
@@ -371,14 +371,11 @@ class AmclNode:
         """Return which share of the newest scan, 0 to 1, the map explains from a pose; None where there is none."""
         if self._newest_scan is None:
             return None
-        scan, laser_pose = self._newest_scan
-        values = self._parameters
+        assert self._localizer is not None
         try:
-            hits = pick_beams(scan, laser_pose, 1, values.laser_min_range, values.laser_max_range).hits
+            return self._localizer.fit(pose, *self._newest_scan)
         except ValueError:
             return None
-        assert self._localizer is not None
-        return self._localizer.field.share_on_map(pose, hits)
 
 
 def main() -> None:
