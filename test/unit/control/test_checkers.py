@@ -239,6 +239,8 @@ def test_who_comes_onto_a_goal_anew_is_waited_for_anew():
         assert goal.check(3.0) and goal.check(4.9)
     goal = Goal()
     assert goal.check(9.0) and goal.check(5.0) and goal.check(6.9), "time was set back"
+    with pytest.raises(ControlError):
+        goal.check(7.0)
 
 
 def test_a_goal_is_not_blocked_where_the_path_is_free_as_near_as_its_tolerance_asks():

@@ -41,12 +41,15 @@ class Broadcast:
         assert self.now - told <= max_age
         return message
 
-    def seen(self, seconds, speed=0.2, late=0, asked=True):
-        """Return the velocities a controller gets where `asked`; odometry comes with a delay of `late` messages."""
+    def seen(self, seconds, speed=0.2, late=0, asked=True, share=1.0):
+        """Return the velocities a controller gets where `asked`.
+
+        Odometry comes with a delay of `late` messages, and its poses tell of a share of the way.
+        """
         velocities = []
         for _ in range(round(20 * seconds)):
             self.now += 0.05
-            self.x += 0.05 * speed
+            self.x += 0.05 * speed * share
             odometry = Odometry()
             odometry.header.stamp = rospy.Time.from_sec(self.now)
             odometry.pose.pose.position.x, odometry.twist.twist.linear.x = self.x, speed
@@ -66,6 +69,13 @@ def test_a_robot_is_not_driven_by_a_transform_that_repeats_itself_while_odometry
         broadcast.seen(0.5)
     with pytest.raises(StaleDataError, match="repeats itself"):
         broadcast.seen(2.0, speed=0.0)  # nor does it set out again once it stands
+
+
+def test_a_robot_is_not_driven_by_odometry_that_repeats_a_pose_and_tells_of_motion(monkeypatch):
+    broadcast = Broadcast(monkeypatch, goes_on=False)
+    assert len(broadcast.seen(0.3)) == 6
+    with pytest.raises(StaleDataError, match="odometry repeats the same pose for .*/odom"):
+        broadcast.seen(0.7, share=0.0)
 
 
 def test_a_robot_whose_transform_comes_late_is_not_taken_for_one_that_contradicts_itself(monkeypatch):
