@@ -13,6 +13,7 @@ from move_base_msgs.msg import RecoveryStatus
 from nav_msgs.msg import OccupancyGrid, Path
 from sensor_msgs.msg import PointCloud2
 
+from mbf_relay.ros.common.unread import unread
 from mbf_relay.ros.relay.reconfigure import server_plugins
 
 PLANNER, CONTROLLER = "planners", "controllers"
@@ -69,17 +70,17 @@ class LazyTopic(rospy.SubscribeListener):
             message: Its type.
             source: Gives the topic to fetch from, asked each time the first listener comes.
         """
-        self._raw, self._source = raw(message), source
+        self._unread, self._source = unread(message), source
         self._lock = threading.Lock()
         self._subscriber: Optional[rospy.Subscriber] = None
-        self._publisher = rospy.Publisher(name, self._raw, subscriber_listener=self, queue_size=5, tcp_nodelay=True)
+        self._publisher = rospy.Publisher(name, self._unread, subscriber_listener=self, queue_size=5, tcp_nodelay=True)
 
     def peer_subscribe(self, _name: str, _publish: Any, _peer_publish: Any) -> None:
         """Fetch, from now on or anew."""
         with self._lock:
             self._leave()
             self._subscriber = rospy.Subscriber(
-                self._source(), self._raw, lambda message: self._publisher.publish(message),
+                self._source(), self._unread, lambda message: self._publisher.publish(message),
                 buff_size=1 << 22, tcp_nodelay=True,
             )
 
@@ -93,30 +94,6 @@ class LazyTopic(rospy.SubscribeListener):
         if self._subscriber is not None:
             self._subscriber.unregister()
             self._subscriber = None
-
-
-def raw(message: Any) -> Any:
-    """Return a message class that is `message` on the wire and never takes it apart."""
-
-    class Raw(message):
-        """Serialized bytes under the name of their type."""
-
-        __slots__ = ["bytes"]
-        _has_header = False  # rospy would number it, in a field it does not have
-
-        def __init__(self, *_args: Any, **_fields: Any) -> None:
-            self.bytes = b""
-
-        def serialize(self, buff: Any) -> None:
-            """Write the bytes."""
-            buff.write(self.bytes)
-
-        def deserialize(self, data: bytes) -> Raw:
-            """Keep the bytes."""
-            self.bytes = bytes(data)
-            return self
-
-    return Raw
 
 
 def pass_through(server: str, plugin_name: Callable[[str, str], str]) -> List[LazyTopic]:
