@@ -27,7 +27,7 @@ from mbf_relay.ros.common.checks import (
 from mbf_relay.ros.common.connected_nodes import connected_nodes
 from mbf_relay.ros.common.conversions import header, take_transform, transform_from_message, transform_to_message
 from mbf_relay.ros.common.frame_tree import ContestedFrame, FrameTree
-from mbf_relay.ros.common.tf_core import TransformCore
+from mbf_relay.ros.common.tf_buffer import AttentiveBuffer, UnreadTransforms
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 
 MOST_PENDING = 50
@@ -36,65 +36,6 @@ CONTENTION_PERIOD = 10.0
 """Seconds between two warnings that more than one node tells of a frame."""
 MOST_TROUBLES = 64
 """Frames whose refused transforms are warned of each by itself; a flood of names is warned of as one."""
-
-
-class UnreadTransforms(TFMessage):
-    """A TFMessage that is read where somebody asks for its transforms."""
-
-    _bytes = b""
-    _read: Optional[List[TransformStamped]] = None
-
-    def deserialize(self, text: bytes) -> UnreadTransforms:
-        """Keep what came and return the message."""
-        self._bytes, self._read = text, None
-        return self
-
-    @property
-    def transforms(self) -> List[TransformStamped]:
-        """The transforms; raises genpy.DeserializationError where they cannot be read."""
-        if self._read is None:
-            self._read = TFMessage().deserialize(self._bytes).transforms if self._bytes else []
-        return self._read
-
-    @transforms.setter
-    def transforms(self, transforms: List[TransformStamped]) -> None:
-        self._read = transforms
-
-
-class AttentiveBuffer(tf2_ros.Buffer):
-    """A tf2 buffer that takes in what has come before it answers.
-
-    Attributes:
-        attend: Takes it in.
-        known: What has been taken in.
-    """
-
-    def __init__(self, cache_time: rospy.Duration) -> None:
-        self.attend: Callable[[], None] = lambda: None
-        self.known = TransformCore(cache_time)
-        super().__init__(cache_time)
-
-    def can_transform_core(self, *arguments: Any) -> Any:
-        """Answer as tf2 does."""
-        self.attend()
-        return self.known.core.can_transform_core(*arguments)
-
-    def lookup_transform_core(self, *arguments: Any) -> Any:
-        """Answer as tf2 does."""
-        self.attend()
-        return self.known.core.lookup_transform_core(*arguments)
-
-    def set_transform(self, transform: TransformStamped, sender: str) -> None:
-        """Take a relation of /tf."""
-        self.known.set_transform(transform, sender)
-
-    def set_transform_static(self, transform: TransformStamped, sender: str) -> None:
-        """Take a relation of /tf_static."""
-        self.known.set_transform_static(transform, sender)
-
-    def all_frames_as_yaml(self, *arguments: Any) -> Any:
-        """Answer as tf2 does."""
-        return self.known.core.all_frames_as_yaml(*arguments)
 
 
 class CheckedListener:

@@ -20,6 +20,7 @@ from mbf_relay.ros.common import transforms  # noqa: E402
 from mbf_relay.ros.common.clouds import rigid  # noqa: E402
 from mbf_relay.ros.common.conversions import header, transform_to_message  # noqa: E402
 from mbf_relay.ros.common.lidar_geometry import mounting_of  # noqa: E402
+from mbf_relay.ros.common.tf_buffer import UnreadTransforms  # noqa: E402
 
 
 class Robot:
@@ -182,9 +183,9 @@ def test_a_sensor_whose_place_was_told_by_two_digits_sees_nothing_farther_away_t
 
 def test_others_in_the_process_read_the_same_message_as_ever():
     sent = TFMessage([TransformStamped(header("odom", 3.0), "base", transform_to_message(Pose2D(1.0, 2.0, 0.5)))])
-    read = transforms.UnreadTransforms().deserialize(written(sent))
+    read = UnreadTransforms().deserialize(written(sent))
     assert read.transforms == sent.transforms and written(read) == written(sent)
-    assert transforms.UnreadTransforms().transforms == []
+    assert UnreadTransforms().transforms == []
 
 
 def test_a_robot_knows_its_place_after_one_message_hung_its_odometry_on_it(robot):
