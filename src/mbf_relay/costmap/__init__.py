@@ -8,6 +8,8 @@ LAYERS = {
     "rtabmap_costmap_plugins::StaticLayer": "mbf_relay.costmap.static_layer.StaticLayer",
     "nav2_costmap_2d::KeepoutFilter": "mbf_relay.costmap.costmap_filter.KeepoutFilter",
     "nav2_costmap_2d::SpeedFilter": "mbf_relay.costmap.costmap_filter.SpeedFilter",
+    "spatio_temporal_voxel_layer/SpatioTemporalVoxelLayer":
+        "mbf_relay.costmap.spatio_temporal_layer.SpatioTemporalLayer",
     "range_sensor_layer::RangeSensorLayer": "mbf_relay.costmap.range_layer.RangeSensorLayer",
     "costmap_prohibition_layer_namespace::CostmapProhibitionLayer":
         "mbf_relay.costmap.prohibition_layer.ProhibitionLayer",

@@ -19,15 +19,18 @@ STATIC_NAMES = ("map_topic", "unknown_cost_value", "lethal_cost_threshold", "tra
 OBSTACLE_NAMES = ("max_obstacle_height", "raytrace_range", "obstacle_range", "track_unknown_space")
 VOXEL_NAMES = OBSTACLE_NAMES + (
     "origin_z", "z_resolution", "z_voxels", "unknown_threshold", "mark_threshold", "publish_voxel_map")
+SPATIO_TEMPORAL_NAMES = ("obstacle_range", "track_unknown_space")
 INFLATION_NAMES = ("cost_scaling_factor", "inflation_radius")
+SPATIO_TEMPORAL = "spatio_temporal_voxel_layer/SpatioTemporalVoxelLayer"
 PARENT_NAMES = {
+    SPATIO_TEMPORAL: SPATIO_TEMPORAL_NAMES,
     "costmap_2d::StaticLayer": STATIC_NAMES,
     "costmap_2d::ObstacleLayer": OBSTACLE_NAMES,
     "costmap_2d::VoxelLayer": VOXEL_NAMES,
     "costmap_2d::InflationLayer": INFLATION_NAMES,
 }
 """What costmap_2d takes for a layer from the costmap's own level."""
-WHERE_LACKING = {"costmap_2d::VoxelLayer": OBSTACLE_NAMES}
+WHERE_LACKING = {"costmap_2d::VoxelLayer": OBSTACLE_NAMES, SPATIO_TEMPORAL: SPATIO_TEMPORAL_NAMES}
 """What of it gives way to the layer's group; of all else costmap_2d copies the costmap's value over the group's."""
 
 COSTMAPS = ("global_costmap", "local_costmap")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, Optional, Tuple, Type, TypeVar
+from typing import Any, ClassVar, Dict, List, Mapping, Optional, Tuple, Type, TypeVar
 
 import numpy as np
 
@@ -48,6 +48,9 @@ class ObstacleLayerParameters(ParameterSet):
         "and after this at the latest; 0 for never", unit="s", minimum=0.0)
     source_parameters: Mapping[str, SourceParameters] = parameter({}, "sources by name; filled from the groups beside")
 
+    source_defaults: ClassVar[Mapping[str, Any]] = {}
+    """What a source of such a layer has where its group does not say, and SourceParameters has otherwise."""
+
     @classmethod
     def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
         """Return the layer's own values, and its sources' parameters out of their groups."""
@@ -70,7 +73,8 @@ class ObstacleLayerParameters(ParameterSet):
     @classmethod
     def _sources_in(cls, values: Mapping[str, Any]) -> Dict[str, Tuple[SourceParameters, List[str]]]:
         """Return each source's parameters, out of its group, and the notes on them."""
-        inherited = {key: values[key] for key in ("obstacle_range", "raytrace_range") if key in values}
+        above = {key: values[key] for key in ("obstacle_range", "raytrace_range") if key in values}
+        inherited = {**cls.source_defaults, **above}
         sources = {}
         for name in cls.groups(values):
             group = values.get(name, {})

@@ -7,7 +7,7 @@ from typing import Any, Iterator, List, Mapping, Tuple
 
 import numpy as np
 
-from mbf_relay.costmap.factory import layer_groups
+from mbf_relay.costmap.factory import SPATIO_TEMPORAL, layer_groups
 from mbf_relay.costmap.outline import parse_footprint, radii
 from mbf_relay.costmap.parameters import CostmapParameters
 
@@ -31,8 +31,9 @@ NEVER_MOVES = {
 }
 """Top speeds, and what a robot never does where they are 0."""
 
-SEE = ("costmap_2d::ObstacleLayer", "costmap_2d::VoxelLayer")
-"""Layers that know only what their sensors see."""
+SEE = {
+    "costmap_2d::ObstacleLayer": "PointCloud", "costmap_2d::VoxelLayer": "PointCloud", SPATIO_TEMPORAL: "PointCloud2"}
+"""Layers that know only what their sensors see, and what messages those are by default."""
 
 BLIND = "so that nothing is seen there: the robot drives into what is not on the map"
 
@@ -125,7 +126,7 @@ def _of_sources(group: Mapping[str, Any]) -> Iterator[Doubt]:
             if source in values:
                 continue
             at = f"{name}/{source}" if "plugins" in group else source
-            text = f"is not given, so that source '{source}' is a PointCloud on topic '{source}'"
+            text = f"is not given, so that source '{source}' is a {SEE[kind]} on topic '{source}'"
             if source in group:
                 text += "; the costmap's own group of that name is not read for layers it lists"
             yield at, text

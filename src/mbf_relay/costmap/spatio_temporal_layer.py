@@ -1,0 +1,102 @@
+"""What sensors see, forgotten after a time (for spatio_temporal_voxel_layer's SpatioTemporalVoxelLayer)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Dict, Mapping
+
+import numpy as np
+
+from mbf_relay.costmap.cost_grid import LETHAL, Window
+from mbf_relay.costmap.layer import LayerContext, shifted
+from mbf_relay.costmap.obstacle_layer import ObstacleLayer, ObstacleLayerParameters
+from mbf_relay.grid import Grid
+from mbf_relay.parameters import parameter
+
+LINEAR, EXPONENTIAL, PERSISTENT = 0, 1, -1
+NEVER = -np.inf
+
+
+@dataclass(frozen=True)
+class SpatioTemporalLayerParameters(ObstacleLayerParameters):
+    """Parameters of the spatio-temporal layer, by spatio_temporal_voxel_layer's names; each source has its own group.
+    """
+
+    source_defaults: ClassVar[Mapping[str, Any]] = {
+        "data_type": "PointCloud2", "obstacle_range": 3.0, "max_obstacle_height": 3.0}
+
+    voxel_decay: float = parameter(
+        -1.0, "how long an obstacle stays that is seen no more, where decay_model is 0; below 0 until a ray frees it",
+        unit="s")
+    decay_model: int = parameter(
+        LINEAR, "0 forgets after voxel_decay; 1 and -1 until a ray frees it", choices=(LINEAR, EXPONENTIAL, PERSISTENT))
+    footprint_clearing_enabled: bool = parameter(
+        True, "free the cells the robot stands on", aliases=("update_footprint_enabled",))
+    max_obstacle_height: float = parameter(
+        50.0, "points above do not become obstacles; sources have a limit each", unit="m", minimum=0.0, maximum=50.0)
+    voxel_size: float = parameter(0.05, "read for the C++ layer's sake; cells have the costmap's size", unit="m")
+    mark_threshold: int = parameter(
+        0, "read for the C++ layer's sake; here one point makes an obstacle, as with 0 there", minimum=0)
+    publish_voxel_map: bool = parameter(False, "read for the C++ layer's sake; there are no voxels to publish")
+    mapping_mode: bool = parameter(False, "read for the C++ layer's sake; there are no voxels to save")
+    map_save_duration: float = parameter(60.0, "read for the C++ layer's sake, see mapping_mode", unit="s")
+
+    @classmethod
+    def deprecated_names(cls, values: Mapping[str, Any]) -> Dict[str, str]:
+        """Return nothing: update_footprint_enabled is the C++ layer's own name."""
+        return {}
+
+
+class SpatioTemporalLayer(ObstacleLayer):
+    """Marks what sensors see, and forgets it when none has seen it for `voxel_decay`, wherever they look by then.
+
+    A depth camera that has turned away, or sees nothing where somebody stood, frees nothing by its rays.
+    """
+
+    Parameters = SpatioTemporalLayerParameters
+    parameters: SpatioTemporalLayerParameters
+    notice = (
+        "keeps one plane instead of voxels: rays of sources with clearing free the cells they pass, in the place of "
+        "frustums, and voxel_decay holds for cells")
+
+    def __init__(self, name: str, parameters: Any) -> None:
+        super().__init__(name, parameters)
+        self._seen_at = np.zeros((0, 0))  # s, by cell
+
+    @property
+    def _forgets(self) -> bool:
+        return self.parameters.decay_model == LINEAR and self.parameters.voxel_decay >= 0.0
+
+    def update_bounds(self, context: LayerContext, window: Window) -> Window:
+        window = super().update_bounds(context, window)
+        if self._forgets:
+            self._note_what_is_seen(context.now)
+            self._forget(context.now)
+        return window.union(self.take_pending())
+
+    def _note_what_is_seen(self, now: float) -> None:
+        for source in self._sources.values():
+            for rays in source.kept if source.parameters.marking else ():
+                cells = np.floor((rays.marks - (self.grid.origin_x, self.grid.origin_y)) / self.grid.resolution)
+                columns, rows = cells.astype(np.int64).T
+                height, width = self.grid.shape
+                inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+                at = rows[inside], columns[inside]
+                self._seen_at[at] = np.maximum(self._seen_at[at], min(rays.stamp, now))
+
+    def _forget(self, now: float) -> None:
+        rows, columns = np.nonzero(self.costs == LETHAL)
+        age = np.abs(now - self._seen_at[rows, columns])  # time may have been set back since
+        rows, columns = rows[age > self.parameters.voxel_decay], columns[age > self.parameters.voxel_decay]
+        if len(rows):
+            self.costs[rows, columns] = self.default_cost
+            self._seen_at[rows, columns] = NEVER
+            self.touch(Window(int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1))
+
+    def resize(self, grid: Grid) -> None:
+        super().resize(grid)
+        self._seen_at = np.full(grid.shape if self._forgets else (0, 0), NEVER)
+
+    def shift(self, grid: Grid, columns: int, rows: int) -> None:
+        super().shift(grid, columns, rows)
+        self._seen_at = shifted(self._seen_at, columns, rows, NEVER)

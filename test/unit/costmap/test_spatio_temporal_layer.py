@@ -1,0 +1,110 @@
+"""What a depth camera saw is forgotten after a time, as where files list spatio_temporal_voxel_layer's layer."""
+
+import numpy as np
+import pytest
+
+from mbf_relay.costmap.cost_grid import FREE_SPACE, LETHAL
+from mbf_relay.costmap.factory import build_costmap, unknown_names
+from mbf_relay.costmap.observation import observation_from_points
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.navigation.examination import DOUBTFUL, IGNORED, REFUSED, STOOD_IN, examine_move_base
+
+DECAY = 5.0
+PERSON = (1.0, 0.0)
+FILE = {
+    "robot_radius": 0.2, "rolling_window": True, "width": 6.0, "height": 6.0, "resolution": 0.1,
+    "global_frame": "odom", "footprint_padding": 0.0,
+    "plugins": [
+        {"name": "rgbd", "type": "spatio_temporal_voxel_layer/SpatioTemporalVoxelLayer"},
+        {"name": "inflation", "type": "costmap_2d::InflationLayer"}],
+    "inflation": {"inflation_radius": 0.4},
+    "rgbd": {"voxel_decay": DECAY, "decay_model": 0, "voxel_size": 0.05, "update_footprint_enabled": True,
+             "mark_threshold": 0, "publish_voxel_map": True, "observation_sources": "mark",
+             "mark": {"topic": "/camera/points", "marking": True, "clearing": False}},
+}
+
+
+def costmap_of(**layer):
+    return build_costmap("local_costmap", {**FILE, "rgbd": {**FILE["rgbd"], **layer}})
+
+
+def see(costmap, now, *points):
+    cloud = np.array([(x, y, 0.5) for x, y in points], dtype=float).reshape(-1, 3)
+    costmap.observe("mark", observation_from_points(cloud, None, np.eye(3), np.zeros(3), now), now)
+
+
+def cost(costmap, at=PERSON):
+    snapshot = costmap.snapshot()
+    column, row = snapshot.grid.cell_at(*at)
+    return int(snapshot.costs[row, column])
+
+
+def test_a_person_whom_no_camera_sees_any_more_is_in_the_way_for_voxel_decay_alone():
+    costmap = costmap_of()
+    costmap.update(0.0, IDENTITY)
+    see(costmap, 0.0, PERSON)
+    costmap.update(0.1, IDENTITY)
+    assert cost(costmap) == LETHAL
+    see(costmap, 1.0, (2.0, 2.0))  # turned away
+    costmap.update(DECAY - 0.1, IDENTITY)
+    assert cost(costmap) == LETHAL
+    costmap.update(DECAY + 0.1, IDENTITY)
+    assert cost(costmap) == FREE_SPACE and cost(costmap, (0.8, 0.0)) == FREE_SPACE, "with all round it"
+    assert cost(costmap, (2.0, 2.0)) == LETHAL
+
+
+def test_a_wall_that_is_seen_all_the_time_stays():
+    costmap = costmap_of()
+    costmap.update(0.0, IDENTITY)
+    for now in np.arange(0.0, 4.0 * DECAY, 0.5):
+        see(costmap, now, PERSON)
+        costmap.update(now, IDENTITY)
+        assert cost(costmap) == LETHAL
+
+
+def test_it_fades_where_it_stands_though_the_window_has_moved():
+    costmap = costmap_of()
+    costmap.update(0.0, IDENTITY)
+    see(costmap, 0.0, PERSON)
+    costmap.update(0.1, IDENTITY)
+    costmap.update(2.0, Pose2D(0.0, 1.5, 0.0))
+    assert cost(costmap) == LETHAL
+    costmap.update(DECAY + 0.1, Pose2D(0.0, 1.5, 0.0))
+    assert cost(costmap) == FREE_SPACE
+
+
+@pytest.mark.parametrize("layer", [{"decay_model": -1}, {"decay_model": 1}, {"voxel_decay": -1.0}])
+def test_what_shall_stay_stays_until_a_ray_frees_it(layer):
+    costmap = costmap_of(**layer)
+    costmap.update(0.0, IDENTITY)
+    see(costmap, 0.0, PERSON)
+    costmap.update(0.1, IDENTITY)
+    see(costmap, 1.0, (2.0, 2.0))
+    costmap.update(100.0, IDENTITY)
+    assert cost(costmap) == LETHAL
+
+
+def test_time_set_back_keeps_nobody_in_the_way_for_good():
+    costmap = costmap_of()
+    costmap.update(1000.0, IDENTITY)
+    see(costmap, 1000.0, PERSON)
+    costmap.update(1000.1, IDENTITY)
+    assert cost(costmap) == LETHAL
+    costmap.update(20.0, IDENTITY)
+    assert cost(costmap) == FREE_SPACE
+
+
+def test_it_listens_and_reaches_as_the_layer_in_the_file_does():
+    source = costmap_of().sources["mark"]
+    assert (source.data_type, source.obstacle_range, source.max_obstacle_height) == ("PointCloud2", 3.0, 3.0)
+    nearer = build_costmap("local_costmap", {**FILE, "obstacle_range": 2.0})
+    assert nearer.sources["mark"].obstacle_range == 2.0
+    assert unknown_names(FILE) == {}
+    found = examine_move_base({"local_costmap": FILE, "global_costmap": {"robot_radius": 0.2}})
+    assert [f for f in found.of(REFUSED, STOOD_IN, IGNORED, DOUBTFUL) if f.name.startswith("local_costmap")] == []
+
+
+def test_a_robot_whose_layer_has_no_sensor_is_told_so():
+    blind = {**FILE, "rgbd": {"voxel_decay": DECAY}}
+    found = examine_move_base({"local_costmap": blind, "global_costmap": {"robot_radius": 0.2}})
+    assert "local_costmap/rgbd/observation_sources" in {finding.name for finding in found.of(DOUBTFUL)}
