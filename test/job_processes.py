@@ -12,7 +12,9 @@ import psutil
 NICENESS = 19
 """Of what computes beside robots that drive: an eightieth of their share, where both want the same core."""
 PATIENCE = 10.0
-"""Seconds after a job's end in which what it started may end as well, and which it has to once it is killed."""
+"""Seconds after a job's end in which what it started may end as well."""
+KILLED_WITHIN = 10.0
+"""Seconds in which what was killed is gone, also on a machine that has no time for it."""
 _PAUSE = 0.05
 
 
@@ -44,7 +46,7 @@ def end_what_is_left(group: int) -> str:
     for process in left:
         with contextlib.suppress(psutil.Error):
             process.kill()
-    psutil.wait_procs(left, timeout=PATIENCE)
+    psutil.wait_procs(left, timeout=KILLED_WITHIN)
     return f"it left behind: {', '.join(sorted(left.values()))}" if left else ""
 
 

@@ -318,7 +318,8 @@ class VelocityGuard:
             return None
         off, reach = near - poses[:, None, :2], self._radius + margin + TOUCH  # what lies beyond is not too near there
         which, point = np.nonzero(off[..., 0] ** 2 + off[..., 1] ** 2 <= reach * reach)
-        (x, y), cosine, sine = off[which, point].T, np.cos(poses[which, 2]), np.sin(poses[which, 2])
+        (x, y), turned = off[which, point].T, poses[which, 2]
+        cosine, sine = np.cos(turned), np.sin(turned)
         after = clearances(np.column_stack((cosine * x + sine * y, cosine * y - sine * x)), self._outline)
         too_near = after < np.minimum(margin, before[point]) - TOUCH
         if not too_near.any():

@@ -34,12 +34,12 @@ class SpatioTemporalLayerParameters(ObstacleLayerParameters):
         True, "free the cells the robot stands on", aliases=("update_footprint_enabled",))
     max_obstacle_height: float = parameter(
         50.0, "points above do not become obstacles; sources have a limit each", unit="m", minimum=0.0, maximum=50.0)
-    voxel_size: float = parameter(0.05, "read for the C++ layer's sake; cells have the costmap's size", unit="m")
+    voxel_size: float = parameter(0.05, "read, and without effect: cells have the costmap's size", unit="m")
     mark_threshold: int = parameter(
-        0, "read for the C++ layer's sake; here one point makes an obstacle, as with 0 there", minimum=0)
-    publish_voxel_map: bool = parameter(False, "read for the C++ layer's sake; there are no voxels to publish")
-    mapping_mode: bool = parameter(False, "read for the C++ layer's sake; there are no voxels to save")
-    map_save_duration: float = parameter(60.0, "read for the C++ layer's sake, see mapping_mode", unit="s")
+        0, "read, and without effect: one point makes an obstacle, as with 0 in C++", minimum=0)
+    publish_voxel_map: bool = parameter(False, "read, and without effect: there are no voxels to publish")
+    mapping_mode: bool = parameter(False, "read, and without effect: there are no voxels to save")
+    map_save_duration: float = parameter(60.0, "read, and without effect: there are no voxels to save", unit="s")
 
     @classmethod
     def deprecated_names(cls, values: Mapping[str, Any]) -> Dict[str, str]:

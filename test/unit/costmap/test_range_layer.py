@@ -148,7 +148,7 @@ def test_what_a_sonar_saw_stays_where_it_is_while_the_window_rolls_and_is_forgot
     hear(costmap, 0.8)
     costmap.update(1.1, Pose2D(0.5, 0.3, 0.4))
     assert cost(costmap, 0.8, 0.0) == LETHAL
-    costmap.layers[0].reset()
+    costmap.clear()
     costmap.update(1.2, Pose2D(0.5, 0.3, 0.4))
     assert cost(costmap, 0.8, 0.0) != LETHAL
 

@@ -19,7 +19,7 @@ FILE = {
         {"name": "inflation", "type": "costmap_2d::InflationLayer"}],
     "inflation": {"inflation_radius": 0.4},
     "rgbd": {"voxel_decay": DECAY, "decay_model": 0, "voxel_size": 0.05, "update_footprint_enabled": True,
-             "mark_threshold": 0, "publish_voxel_map": True, "observation_sources": "mark",
+             "mark_threshold": 0, "publish_voxel_map": False, "observation_sources": "mark",
              "mark": {"topic": "/camera/points", "marking": True, "clearing": False}},
 }
 
