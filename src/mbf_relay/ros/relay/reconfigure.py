@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from types import MappingProxyType
-from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import rospy
 from dynamic_reconfigure.encoding import decode_config, encode_config
@@ -72,13 +72,12 @@ class MoveBaseSettings:
     recoveries: Tuple[str, ...] = ()
     """The order of recovery behaviours: that of the server's list."""
 
-    def __init__(self, server: str, values: MoveBaseParameters, given: Iterable[str] = ()) -> None:
+    def __init__(self, server: str, values: MoveBaseParameters) -> None:
         """Start with what the parameter server held; what differs from move_base's defaults was somebody's wish.
 
         Args:
             server: Name of the server's node.
             values: The parameters in force.
-            given: Names of those the parameter server held: a server's own default may differ from move_base's.
         """
         defaults = MoveBaseParameters()
         self.values = self._started_with = values
@@ -90,9 +89,7 @@ class MoveBaseSettings:
             for kind, name in PLUGIN_PARAMETERS.items()
         }
         self._lock = threading.Lock()
-        usual = NavigatorParameters()
-        by_itself = {name: getattr(usual, SERVER_NAMES[name]) for name in given if name in SERVER_NAMES}
-        self._wanted = server_changes(defaults.replace(**by_itself), values)
+        self._wanted = server_changes(defaults, values)
         self._to_send = dict(self._wanted)
         self._wake = threading.Event()
         self._dynamic: Any = None

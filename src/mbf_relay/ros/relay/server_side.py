@@ -77,10 +77,9 @@ class RemoteServer(ServerSide):
 
     def start(self) -> None:
         """Read move_base's own parameters; the server may come later."""
-        given = MoveBaseParameters.known(self._namespace)
-        values = ros_parameters.fill(MoveBaseParameters, given, "~")
+        values = ros_parameters.fill(MoveBaseParameters, MoveBaseParameters.known(self._namespace), "~")
         tell_of_misplaced(self._namespace, self._parameters.server)
-        self.settings: MoveBaseSettings = MoveBaseSettings(self._parameters.server, values, given)
+        self.settings: MoveBaseSettings = MoveBaseSettings(self._parameters.server, values)
 
     def offer(self, where: Callable[[], PoseStamped]) -> None:
         """Offer move_base's services, topics and reconfigure server; see ServerSide."""

@@ -38,7 +38,7 @@ def test_patience_that_is_taken_away_at_run_time_is_one_try_and_comes_back():
     server.reconfigure = lambda parameters: setattr(server.navigator, "parameters", parameters)
     settings._server = server
     none = {"planner_patience": 0.0, "controller_patience": 0.0}
-    for changes, patience, retries in ((none, (5.0, 5.0), (0, 0)), ({}, (5.0, 15.0), (-1, 7))):
+    for changes, patience, retries in ((none, (5.0, 5.0), (0, 0)), ({}, (5.0, 5.0), (-1, 7))):
         settings._change(MoveBaseParameters(**changes))
         made = server.navigator.parameters
         assert (made.planner_patience, made.controller_patience) == patience

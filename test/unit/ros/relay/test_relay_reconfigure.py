@@ -74,14 +74,6 @@ def test_a_master_that_hangs_keeps_no_goal_and_so_no_cancel_waiting(monkeypatch)
     assert MoveBaseSettings("move_base_flex", MoveBaseParameters()).knows_server
 
 
-@pytest.mark.parametrize("given, sent", [({}, {}), ({"controller_patience": 15.0}, {"controller_patience": 15.0}),
-                                         ({"controller_patience": 5.0}, {})])
-def test_a_server_waits_as_long_as_the_file_says_though_move_base_would_by_itself(monkeypatch, given, sent):
-    monkeypatch.setattr("rospy.resolve_name", lambda name: "/" + name)
-    settings = MoveBaseSettings("move_base_flex", MoveBaseParameters(**given), given)
-    assert settings._wanted == sent
-
-
 @pytest.mark.parametrize("answer", [ConnectionRefusedError(), xmlrpc.client.Fault(1, "changed during iteration")])
 def test_goals_are_sent_though_the_master_could_not_say_at_first_what_plugins_the_server_has(monkeypatch, answer):
     answers, ends = [answer], []
