@@ -125,6 +125,44 @@ def test_all_that_a_report_tells_is_recorded(recorded):
     assert set(DriveEvents().handlers) <= topics
 
 
+@pytest.mark.parametrize("planner", ["navfn/NavfnROS", "global_planner/GlobalPlanner"])
+def test_the_plans_of_move_base_s_planners_are_recorded(planner):
+    """A drive planned by GlobalPlanner had no plan in its report, and nothing said that there was one."""
+    recorded = (ROOT / "launch" / "record.launch").read_text().split()
+    assert f"move_base/{planner.rpartition('/')[2]}/plan" in recorded
+
+
+def test_one_of_several_robots_has_a_report_of_its_own_drive(tmp_path, capsys):
+    """Of two burgers in one bag there was none: their odometry was not /odom, nor were their frames."""
+    alone, path, within = (str(tmp_path / f"{name}.bag") for name in ("alone", "drive", "recorded_in_burger1"))
+    write_bag(alone)
+    with rosbag.Bag(alone) as read, rosbag.Bag(path, "w") as bag, rosbag.Bag(within, "w") as recorder:
+        for topic, message, stamp in read.read_messages():
+            for name in ("burger1", "burger2"):
+                for each in getattr(message, "transforms", ()):
+                    for holder, field in ((each.header, "frame_id"), (each, "child_frame_id")):
+                        frame = getattr(holder, field).rpartition("/")[2]
+                        setattr(holder, field, frame if frame == "map" else f"{name}/{frame}")
+                if topic == "/scan":
+                    message.header.frame_id = f"{name}/base_scan"
+                own = topic if topic in ("/tf", "/tf_static") else f"/{name}{topic}"
+                if name == "burger1" or topic != "/move_base/result":  # the other one never arrives
+                    bag.write(own, message, stamp)
+                    if name == "burger1":
+                        recorder.write(own.replace("/burger1/", ""), message, stamp)
+        bag.write("/burger1/odom", Odometry(), stamp)
+        bag.write("/burger2/odom", Odometry(), stamp)
+    whole = read_bag(alone)[0].summary()
+    first, second = (read_bag(path, name)[0].summary() for name in ("burger1", "/burger2/"))
+    for name in ("path_length", "success", "localization_error_max"):
+        assert first[name] == read_bag(within, "burger1")[0].summary()[name] == pytest.approx(whole[name])
+    assert second["path_length"] == pytest.approx(1.0, abs=1e-6) and not second["success"]
+    with pytest.raises(SystemExit, match="choose a robot by --namespace, of burger1, burger2"):
+        drive_report.main([path])
+    drive_report.main([path, "--namespace", "burger1", "--out", str(tmp_path / "out")])
+    assert "report.html" in capsys.readouterr().out
+
+
 def test_without_ground_truth_the_estimate_is_the_path(tmp_path):
     path = str(tmp_path / "drive.bag")
     write_bag(path, with_truth=False)

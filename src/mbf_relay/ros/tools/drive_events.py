@@ -26,13 +26,20 @@ GOAL_ACTIONS = ("move_base", "move_base_flex/move_base", "move_base_flex/exe_pat
 a client's first goal can be gone before a recorder has connected to it."""
 SCAN_PERIOD = 0.5
 MAP, ODOM = "map", "odom"
-"""Frames by the names that REP 105 gives them."""
+"""Frames by the names that REP 105 gives them; a robot in a namespace has its own odom below a prefix of that name."""
+OF_ALL = ("tf", "tf_static", MAP)
+"""Topics that robots in namespaces share."""
 
 
 class DriveEvents:
-    """Turns messages into the events of a drive; `handle` takes them in their order, from one thread at a time."""
+    """Turns messages into the events of a drive; `handle` takes them in their order, from one thread at a time.
 
-    def __init__(self) -> None:
+    Args:
+        namespace: Of the robot, where it is one of several; frames have it for a prefix.
+    """
+
+    def __init__(self, namespace: str = "") -> None:
+        self._odom_frame = f"{namespace}/{ODOM}" if namespace else ODOM
         self._base = ""  # the robot's frame: what odometry tells of first, base_footprint or base_link
         self._log = DriveLog()
         self._goal_logs = {action: DriveLog() for action in GOAL_ACTIONS}
@@ -97,10 +104,10 @@ class DriveEvents:
             # Messages out of a bag are of classes made for it, which tf2 warns of; the planar part is all that is used.
             planar = TransformStamped(conversions.header(parent, stamp), child, conversions.transform_to_message(pose))
             (self._buffer.set_transform_static if static else self._buffer.set_transform)(planar, "drive")
-            if (parent, child) == (MAP, ODOM):
+            if (parent, child) == (MAP, self._odom_frame):
                 # Localization dates its correction ahead; it counts from now on.
                 self._log.add_correction(min(stamp, now), pose)
-            elif parent == ODOM and not static and child == (self._base or child):
+            elif parent == self._odom_frame and not static and child == (self._base or child):
                 self._base = child
                 self._log.add_odometry(stamp, pose)
 
@@ -161,17 +168,41 @@ class DriveEvents:
         return conversions.transform_from_message(found.transform)
 
 
-def read_bag(path: str) -> Tuple[Drive, List[str]]:
+def read_bag(path: str, namespace: str = "") -> Tuple[Drive, List[str]]:
     """Return the drive recorded in a bag and the topics it was made of.
+
+    Args:
+        path: The bag's.
+        namespace: Of the robot, where it is one of several.
 
     Raises:
         OSError, ValueError: The file is missing, or no bag or a broken one.
     """
-    events = DriveEvents()
+    namespace = namespace.strip("/")
+    events = DriveEvents(namespace)
     used = set()
     with open_bag(path) as bag:
         for topic, message, stamp in read_messages(bag):
-            if topic.lstrip("/") in events.handlers or topic.endswith("/plan"):
+            own = _own_name(topic, namespace)
+            if own in events.handlers or own.endswith("/plan"):
                 used.add(topic)
-                events.handle(topic, message, stamp.to_sec())
+                events.handle(own, message, stamp.to_sec())
     return events.drive(), sorted(used)
+
+
+def robots_in(path: str) -> List[str]:
+    """Return the namespaces of the robots in a bag: of whatever there is odometry of."""
+    with open_bag(path) as bag:
+        names = [topic.lstrip("/") for topic in bag.get_type_and_topic_info().topics]
+    return sorted(name[:-len(f"/{ODOM}")] for name in names if name.endswith(f"/{ODOM}"))
+
+
+def _own_name(topic: str, namespace: str) -> str:
+    """Return what a topic is called within a robot's namespace, empty for what is another's.
+
+    A name without a slash is that of a recorder in the robot's namespace.
+    """
+    name = topic.lstrip("/")
+    if not namespace or name == topic or name in OF_ALL:
+        return name
+    return name[len(namespace) + 1:] if name.startswith(f"{namespace}/") else ""

@@ -12,7 +12,7 @@ from typing import List, Optional, Sequence
 
 from mbf_relay.report import page, picture
 from mbf_relay.report.drive import Drive
-from mbf_relay.ros.tools.drive_events import read_bag
+from mbf_relay.ros.tools.drive_events import read_bag, robots_in
 from mbf_relay.whole_files import write_whole
 
 
@@ -24,18 +24,21 @@ def main(arguments: Optional[Sequence[str]] = None) -> None:
         "where it has them."
     )
     parser.add_argument("bag", help="the bag file")
+    parser.add_argument("--namespace", metavar="NAME", default="", help="whose drive, of several robots")
     parser.add_argument("--out", metavar="DIR", help="folder for the report (default: beside the bag)")
     options = parser.parse_args(arguments)
     try:
-        drive, topics = read_bag(options.bag)
+        drive, topics = read_bag(options.bag, options.namespace)
     except OSError as error:
         sys.exit(f"bag {options.bag} cannot be read: {error.strerror}")
     except ValueError as error:
         sys.exit(str(error))
     if not len(drive.path):
+        robots = robots_in(options.bag)
         sys.exit(
             f"{options.bag} shows no drive: it needs /tf with map -> odom and odom -> the robot's base, or "
             f"ground_truth; found {', '.join(topics) or 'nothing known'}"
+            + (f"; choose a robot by --namespace, of {', '.join(robots)}" if robots else "")
         )
     drive.versions = {"python": platform.python_version(), "bag": os.path.basename(options.bag)}
     folder = options.out or os.path.dirname(os.path.abspath(options.bag))
