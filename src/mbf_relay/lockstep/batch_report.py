@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Dict, Sequence
+from typing import TYPE_CHECKING, Any, Dict, List, Sequence
 
 from mbf_relay.lockstep import tables
 from mbf_relay.lockstep.command import Progress, finite, say
@@ -48,15 +48,18 @@ def leave(
     by_name = {task.name: task for task in tasks}
     made = "results, summary and pictures"
     try:
-        draw(folder, [(by_name[result.world], result) for result in done if result.world in by_name], processes)
+        lost = draw(folder, [(by_name[result.world], result) for result in done if result.world in by_name], processes)
+        if lost:
+            print(f"pictures are missing, as {len(lost)} could not be drawn: {lost[0]}", file=sys.stderr)
+            made = "results, summary and what could be drawn"
     except ValueError as error:  # of the cluster, as where the package's files were edited meanwhile
         print(f"no pictures: {error}", file=sys.stderr)
         made = "results and summary"
     say(f"{made} are in {folder}")
 
 
-def draw(folder: Path, shown: Sequence[pictures.Shown], processes: int) -> None:
-    """Draw the contact sheet and a picture of each failure."""
+def draw(folder: Path, shown: Sequence[pictures.Shown], processes: int) -> List[str]:
+    """Draw the contact sheet and a picture of each failure; return why of each piece of that which was lost."""
     from mbf_relay.lockstep import pictures  # not before all is driven: OpenCV takes 75 MiB
 
     failures = [[pair] for pair in shown if not pair[1].success and pair[1].outcome != ERROR]
@@ -64,15 +67,20 @@ def draw(folder: Path, shown: Sequence[pictures.Shown], processes: int) -> None:
     count = len(pieces) + len(failures)
     progress = Progress(count)
     tiles: Dict[int, Any] = {}
+    lost: List[str] = []
     with workers_for(count, min(processes, count // WORTH_A_PROCESS), say=lambda line: None) as workers:
         for piece, drawn in workers.run(pictures.tiles, pieces, TIME_LIMIT):
             tiles[id(piece)] = [] if isinstance(drawn, Lost) else drawn
+            lost += [str(drawn)] if isinstance(drawn, Lost) else []
             progress.show(len(tiles), 0.0, "pictures")
         for number, (((_, result),), drawn) in enumerate(workers.run(pictures.failure, failures, TIME_LIMIT), 1):
-            if not isinstance(drawn, Lost):
+            if isinstance(drawn, Lost):
+                lost.append(str(drawn))
+            else:
                 write_whole(folder / f"failure-{result.stem}.png", drawn)
             progress.show(len(pieces) + number, 0.0, "pictures")
     pictures.contact_sheet([tile for piece in pieces for tile in tiles[id(piece)]], folder / "contact_sheet.png")
+    return lost
 
 
 def as_text(results: Sequence[EpisodeResult]) -> str:

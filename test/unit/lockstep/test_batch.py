@@ -74,6 +74,17 @@ def test_a_batch_leaves_lines_a_summary_and_pictures(tmp_path, capsys):
     assert all((tmp_path / "out" / name).read_bytes().startswith(b"\x89PNG") for name in pictures)
 
 
+def test_pictures_that_could_not_be_drawn_are_not_said_to_be_there(tmp_path, capsys, monkeypatch):
+    """On a machine without matplotlib there was none of any failure, and "pictures are in" their folder."""
+    monkeypatch.setitem(sys.modules, "mbf_relay.report.picture", None)  # as where something that it imports is missing
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.WALLED_IN)
+    assert batch.main([worlds, "--out", str(tmp_path / "out"), "--jobs", "1"]) == 0
+    assert not (tmp_path / "out" / "failure-walled_in-1.png").exists()
+    told = capsys.readouterr()
+    assert "pictures are missing, as 1 could not be drawn: ModuleNotFoundError: " in told.err
+    assert "pictures are in" not in told.out
+
+
 def test_a_killed_batch_goes_on_and_drives_nothing_twice(tmp_path):
     worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE, small_worlds.BENT)
     killed = tmp_path / "killed"
