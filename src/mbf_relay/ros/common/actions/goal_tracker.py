@@ -169,6 +169,7 @@ class GoalTracker:
         self._bygone: Dict[str, float] = {}  # when goals finished of which nothing else is known any more, oldest first
         self._unsaid: Dict[TrackedGoal, List[Callable[[], None]]] = {}  # not spoken of yet, and what is to be said
         self._last_cancel = Time()
+        self._used_id = ""  # that was last told of
         self._numbers = itertools.count(1)
 
     # what arrives
@@ -190,7 +191,10 @@ class GoalTracker:
                 id=goal_id.id or f"{client}-unnamed-{next(self._numbers)}-{now.to_sec():.3f}",
             )
             known = self._goals.get(goal_id.id)
-            if goal_id.id in self._bygone or (known is not None and (known.has_come or known.has_ended)):
+            if goal_id.id in self._bygone:
+                self._tell_of_used_id(goal_id.id)
+                return
+            if known is not None and (known.has_come or known.has_ended):
                 return
             tracked = self._goals[goal_id.id] = TrackedGoal(self, goal_id, goal, client, self._clock())
             if self._first_word and known is None and not is_leased(goal_id.id):
@@ -323,6 +327,14 @@ class GoalTracker:
             tracked.status.status = state
             self._tell_change(tracked)
             self._on_cancel(tracked)
+
+    def _tell_of_used_id(self, name: str) -> None:
+        """Say, once, that a goal is not taken whose id one had before, as of somebody who writes them by hand."""
+        if name != self._used_id:
+            self._used_id = name
+            logging.getLogger("rosout").warning(
+                "refused a goal by the id '%s', which one had that ended %.0f s ago; give each its own, or none",
+                name, self._clock() - self._bygone[name])
 
     def _speak_of(self, tracked: TrackedGoal) -> None:
         for word in self._unsaid.pop(tracked):
