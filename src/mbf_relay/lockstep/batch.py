@@ -17,7 +17,7 @@ from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.results_file import WORLDS, ResultsFile
 from mbf_relay.lockstep.settings import config_folder, flatten
 from mbf_relay.lockstep.setup import Setup, make_setup, named_robot
-from mbf_relay.lockstep.sources import plugins_of, sources
+from mbf_relay.lockstep.sources import files_of, plugins_of, sources
 from mbf_relay.lockstep.tasks import EpisodeTask, have_maps, load_tasks, not_understood
 from mbf_relay.lockstep.workers import workers_for
 from mbf_relay.simulation.robot_file import robot_text
@@ -65,7 +65,8 @@ def settings_of(worlds: str, tasks: Sequence[EpisodeTask], setup: Setup) -> Dict
         "worlds": worlds, "worlds_digest": digest, WORLDS: digests, "localization": setup.localization,
         "map": setup.map, "map_resolution": setup.map_resolution, "controller": setup.controller,
         "planner": setup.planner, "after_contact": setup.after_contact, "robot_digest": _robot_digest(setup),
-        "version": code.version, "sources": code.package, "plugins": code.plugins, **flatten(setup.settings),
+        "version": code.version, "sources": code.package, "plugins": code.plugins,
+        "files": files_of(setup), **flatten(setup.settings),
     }
 
 

@@ -17,9 +17,11 @@ from mbf_relay.control.critics import CRITICS
 from mbf_relay.costmap import LAYERS
 from mbf_relay.costmap.factory import layer_groups
 from mbf_relay.lockstep.own_modules import own_modules
-from mbf_relay.lockstep.settings import config_folder
+from mbf_relay.lockstep.settings import config_folder, flatten
 from mbf_relay.lockstep.setup import SERVER, Setup
 from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS
+from mbf_relay.navigation.registry import entries_of, values_of
+from mbf_relay.plugins import find_class
 
 NOT_DRIVEN = ("ros", "view", "report")
 """Rooms of the package that no lockstep drive enters."""
@@ -59,6 +61,24 @@ def plugins_of(setup: Setup) -> List[str]:
     """Return the types of the plugins in use that are not the package's own."""
     return sorted({name for name in _types(setup) if "." in name and not name.startswith("mbf_relay.")
                    and name not in BUILT_IN})
+
+
+def files_of(setup: Setup) -> Dict[str, str]:
+    """Return a hash of each file that a parameter of a user's own plugin names, by the parameter.
+
+    Of a policy that has learnt, the weights are as much its code as its module is.
+    """
+    server, own = setup.settings[SERVER], plugins_of(setup)
+    found = {}
+    for listed in PLUGIN_LISTS:
+        for name, (type_name, _) in entries_of(listed.kind, server.get(listed.kind, []), listed.costmap).items():
+            if type_name in own:
+                kind = find_class(type_name, listed.base, listed.known)
+                given = kind.Parameters.from_mapping(values_of(server, name, kind)).as_dict()
+                for parameter, value in flatten(given, f"{name}.").items():
+                    if isinstance(value, str) and Path(value).is_file():
+                        found[parameter] = hashlib.sha256(Path(value).read_bytes()).hexdigest()[:16]
+    return found
 
 
 @functools.lru_cache(maxsize=None)

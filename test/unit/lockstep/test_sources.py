@@ -10,8 +10,11 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from odd_work import pace_of  # noqa: E402
 
+from mbf_relay.lockstep.batch import settings_of  # noqa: E402
 from mbf_relay.lockstep.cluster import _sources  # noqa: E402
 from mbf_relay.lockstep.driver import DONE, REFUSED, Driver, packed  # noqa: E402
+from mbf_relay.lockstep.settings import config_folder  # noqa: E402
+from mbf_relay.lockstep.setup import make_setup  # noqa: E402
 
 
 @pytest.fixture
@@ -96,3 +99,27 @@ def test_a_plugin_is_the_same_wherever_its_folder_lies(folder, tmp_path, monkeyp
             patch.syspath_prepend(folder / name)
             found.append(as_batch_sees_them(["moved_package.part.Mine"]))
     assert found[0] == found[1]
+
+
+def test_a_policy_that_was_trained_once_more_is_another(folder):
+    """Its weights lay in the same file, and the same command had the drives of before for those of the new one."""
+    weights = folder / "policy weights.npz"
+    (folder / "learnt_plugin.py").write_text("""
+from dataclasses import dataclass
+from mbf_relay.parameters import ParameterSet, parameter
+from small_worlds import Throwing
+
+class Mine(Throwing):
+    @dataclass(frozen=True)
+    class Parameters(ParameterSet):
+        weights: str = parameter("", "where they are")
+""")
+    changes = ["controllers=[{name: mine, type: learnt_plugin.Mine}]", f"mine.weights='{weights}'"]
+    seen = []
+    for content in (None, b"one", b"another", b"one"):
+        if content:
+            weights.write_bytes(content)
+        setup = make_setup(config_folder(), has_map=False, changes=changes)
+        seen.append(settings_of("worlds.json", [], setup)["files"])
+    assert seen[0] == {} and set(seen[1]) == {"mine.weights"}
+    assert seen[1] == seen[3] != seen[2]
