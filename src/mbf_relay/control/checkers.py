@@ -8,7 +8,7 @@ from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.local_path import LocalPath
 from mbf_relay.control.state import ControlState, GoalTolerance
 from mbf_relay.costmap.footprint_checker import FootprintChecker
-from mbf_relay.geometry import Pose2D, Twist2D, angle_between
+from mbf_relay.geometry import STOP, Pose2D, Twist2D, angle_between
 from mbf_relay.outcomes import ControlError, ControlOutcome
 
 HYSTERESIS = 1.5  # times the tolerance: how far a robot that turns at the goal may drift before it drives again
@@ -101,8 +101,8 @@ class StuckChecker:
 
     def __init__(self) -> None:
         self._reference: Optional[Tuple[float, Pose2D]] = None
-        self._asked_distance = 0.0
-        self._asked_angle = 0.0
+        self._asked_motion = STOP  # m and rad by which it was told to move since then, there and back making nothing
+        self._asked_distance = self._asked_angle = 0.0  # the most it was told to be away
         self._last_time: Optional[float] = None
 
     def reset(self) -> None:
@@ -127,8 +127,10 @@ class StuckChecker:
             return
         elapsed = now - self._last_time
         self._last_time = now
-        self._asked_distance += last_command.speed() * elapsed
-        self._asked_angle += abs(last_command.theta) * elapsed
+        asked = self._asked_motion = Twist2D(
+            *(so_far + part * elapsed for so_far, part in zip(self._asked_motion, last_command)))
+        self._asked_distance = max(self._asked_distance, asked.speed())
+        self._asked_angle = max(self._asked_angle, abs(asked.theta))
         since, pose = self._reference
         least = MOVED_DISTANCE * state.costmap.width
         if pose.is_apart(here, least, MOVED_ANGLE):
@@ -148,7 +150,7 @@ class StuckChecker:
     def _restart(self, state: ControlState) -> None:
         self._reference = (state.now, state.pose_now or state.pose)
         self._last_time = state.now
-        self._asked_distance = self._asked_angle = 0.0
+        self._asked_motion, self._asked_distance, self._asked_angle = STOP, 0.0, 0.0
 
 
 class BlockedGoalChecker:

@@ -40,6 +40,19 @@ def test_a_robot_whose_commands_come_late_is_given_the_time_until_they_move_it()
         checker.check(seen(0.1 * cycle, there, delay=1.5), Twist2D(0.1, 0.0, 0.0), timeout=2.0)
 
 
+@pytest.mark.parametrize("width, speed, turn", [(1.1, 0.12, 0.0), (0.4, 0.043, 0.0), (1.1, 0.0, 0.055)])
+def test_a_car_that_shunts_to_and_fro_as_told_is_not_taken_for_one_whose_wheels_stand(width, speed, turn):
+    """A goal was aborted as of a robot that is stuck: a car 1.1 m wide had gone 10 cm ahead and 10 cm back."""
+    checker, at = StuckChecker(), 0.0
+    for cycle in range(200):
+        way = 1.0 if cycle % 18 < 9 else -1.0
+        there = SimpleNamespace(
+            now=0.1 * cycle, pose=IDENTITY, costmap=SimpleNamespace(width=width), delay=0.0,
+            pose_now=Pose2D(speed * at, 0.0, turn * at))
+        checker.check(there, Twist2D(way * speed, 0.0, way * turn), timeout=2.0)
+        at += way * 0.1
+
+
 @pytest.mark.parametrize("command, is_turn", [
     (Twist2D(0.0, 0.0, 1.0), True), (Twist2D(0.3, 0.0, 0.5), False), (Twist2D(0.3, 0.0, 0.0), False)])
 def test_the_owner_of_a_car_driven_by_turns_on_the_spot_is_told_what_drives_cars(command, is_turn):
