@@ -368,10 +368,13 @@ class PathFollower(Controller, abc.ABC):
         """Return the error for a cycle in which nothing can be driven: COLLISION, BLOCKED_PATH or NO_VALID_CMD."""
         pose: Pose2D = cycle.state.pose
         if cycle.checker.contacts_at(pose):
+            costmap = cycle.state.costmap
+            outline = costmap.grid.cells_at(pose.transform_points(costmap.footprint))
+            where = "lies on an obstacle" if costmap.grid.contains_cells(outline).all() else (
+                "reaches beyond the local costmap, which is to be a rolling_window,")
             return ControlError(
                 ControlOutcome.COLLISION,
-                f"the footprint at ({pose.x:.2f}, {pose.y:.2f}) lies on an obstacle and no velocity leads away from "
-                f"it: {reason}",
+                f"the footprint at ({pose.x:.2f}, {pose.y:.2f}) {where} and no velocity leads away from it: {reason}",
             )
         arc = cycle.path.first_blocked(cycle.checker)
         if arc is not None:

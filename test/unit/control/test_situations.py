@@ -100,6 +100,16 @@ def test_an_obstacle_appears_ahead_and_goes_away(name):
     assert ended.reached and max(before) < 0.8 - 0.041
 
 
+def test_a_robot_at_the_corner_of_a_costmap_that_does_not_roll_is_told_so(name):
+    """Its owner was told of an obstacle, and there was none: the file lacked rolling_window."""
+    still = costmap_round(Pose2D(1.5, 1.5, 0.0))
+    ended = drive(
+        make(name), path_through((0, 0), (1.0, 1.0)), START, costmap=lambda *_, now: still, patience=1.0,
+        seconds=10.0)
+    if not ended.reached:
+        assert "rolling_window" in str(ended.error) and "obstacle" not in str(ended.error).partition(":")[0]
+
+
 def test_a_goal_behind_is_turned_to_first(name):
     ended = drive(make(name), path_through((0, 0), (-1.0, 0)), START)
     assert ended.reached and turns_back(name, ended.commands) <= 1
