@@ -134,6 +134,22 @@ def test_a_waypoint_s_button_can_be_pressed_and_tabbed_to_while_the_robot_tells_
     assert waypoints(page) == [second] != [first]
 
 
+def test_a_waypoint_that_is_not_taken_is_told_of(page):
+    """The 51st place of a round was pressed like all others, and the robot left it out without a word."""
+    resize(page, 1280, 760)
+    page.driver.execute_script("document.querySelector('button[data-tool=waypoint]').click()")
+    for number in range(51):
+        assert page.js("document.querySelectorAll('#toasts > *').length") == 0, f"at number {number + 1}"
+        page._mouse("mousePressed", 200 + 8 * number, 300)
+        page._mouse("mouseReleased", 200 + 8 * number, 300)
+    assert len(waypoints(page)) == 50
+    assert "50 waypoints at most" in page.js("document.getElementById('toasts').textContent")
+    show(page, {**STATE, "tour": {"waypoints": [[0.0, 0.0, 0.0]], "index": 0, "loop": False}})
+    page._mouse("mousePressed", 300, 300)
+    page._mouse("mouseReleased", 300, 300)
+    assert "a list is being driven" in page.js("document.getElementById('toasts').textContent")
+
+
 def test_text_of_the_diagnostics_can_be_selected_while_others_change(page):
     entries = [{"level": 2, "name": "amcl", "text": "no scan"}, {"level": 0, "name": "server", "text": "0.1 s"}]
     show(page, {"layer": "diagnostics", "entries": entries})

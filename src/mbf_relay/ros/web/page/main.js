@@ -70,8 +70,9 @@ function placed(tool, [x, y, theta]) {
   if (tool === "pose") wish({ do: "pose", x, y, theta, spread: Number($("spread").value), turn_spread: 0.26 });
   if (tool === "obstacle") wish({ do: "obstacle", x, y, size: Number($("size").value) });
   if (tool === "waypoint") {
-    if (scene.tour || sketch.waypoints.length >= 50) return;
-    sketch.waypoints.push([x, y, theta]);
+    if (scene.tour) panel.toast("Not added: a list is being driven. Cancel it first.", true);
+    else if (sketch.waypoints.length >= 50) panel.toast("Not added: a list has 50 waypoints at most.", true);
+    else sketch.waypoints.push([x, y, theta]);
     showWaypoints();
   } else choose("look");
 }
