@@ -223,6 +223,17 @@ class TestSimulator(unittest.TestCase):
         self.set_obstacles.publish(MarkerArray([marker(0, action=Marker.DELETEALL)]))
         wait_until(lambda: len(self.standing.last.markers) == 1, "every obstacle to be gone")
 
+    def test_of_obstacles_that_a_program_sends_one_by_one_all_stand(self):
+        """Of those that came at once rospy kept the last hundred, and the world lacked the others."""
+        many = connected_publisher("simulator/set_obstacles", MarkerArray, queue_size=1000)
+        for number in range(250):
+            many.publish(MarkerArray([marker(number, x=3.0 + 0.3 * number)]))
+        self.standing.wait_for(lambda m: any(each.id == 249 for each in m.markers), "the last one")
+        stood = len(self.standing.last.markers)
+        many.publish(MarkerArray([marker(0, action=Marker.DELETEALL)]))
+        wait_until(lambda: len(self.standing.last.markers) == 1, "every obstacle to be gone")
+        self.assertEqual(stood, 1 + 250)
+
     def test_obstacles_without_meaning_are_refused_one_by_one(self):
         self.set_obstacles.publish(
             MarkerArray(

@@ -77,7 +77,7 @@ class Simulator:
 
         rospy.Subscriber("cmd_vel", Twist, self._take_command, queue_size=1, tcp_nodelay=True)
         rospy.Subscriber("~set_pose", PoseStamped, self._take_pose, queue_size=10)
-        rospy.Subscriber("~set_obstacles", MarkerArray, self._take_obstacles, queue_size=100)
+        rospy.Subscriber("~set_obstacles", MarkerArray, self._take_obstacles)  # each counts, however many come at once
         robot = self.simulation.robot
         size = (float(np.ptp(robot.footprint, axis=0).max()), robot.height)  # neighbours are taken for robots like it
         self._neighbours = Neighbours(self._settings.neighbours.split(), size, self._take_obstacles)
