@@ -226,6 +226,16 @@ def test_a_robot_whose_costmap_ends_a_few_hand_s_breadths_ahead_drives_on(critic
     assert driven.reached, driven.error
 
 
+@pytest.mark.parametrize("aside", [0.0, 0.08])
+def test_a_doorway_that_leaves_half_a_centimetre_on_either_side_is_driven_through(aside):
+    """It stood before it, though the path led through the middle: every drive that was imagined touched a jamb."""
+    door, fine = boxes((0.6, 0.111, 0.7, 1.0), (0.6, -1.0, 0.7, -0.111)), functools.partial(
+        costmap_round, size=1.6, resolution=0.005)
+    ended = drive(make(), path_through((0.0, -aside), (0.4, 0.0), (1.1, 0.0)), Pose2D(0.0, -aside, 0.0), door,
+                  seconds=20.0, costmap=fine)
+    assert ended.reached and not ended.contacts, ended.error
+
+
 def test_where_every_drive_is_worse_than_standing_the_reason_is_told():
     controller = make()
     controller.set_path(path_through((0, 0), (1.0, 0.0)), True)
