@@ -77,50 +77,81 @@ def make_ready(points, hits, x, y, z, lowest, highest, highest_mark, obstacle_ra
     return number, marked
 
 
-@kernel("boolean(float64, float64, float64[:,::1], int64, int64, float64)")
-def _passes(x, y, ends, beam, mark, apart):
-    """Return whether a beam from (x, y) passes where another ended, no farther than `apart` beside, and as far beyond.
+@kernel("int64(float64, float64, float64[:,::1], int64, float64, float64, int64)")
+def _side_by_side(x, y, ends, beam, apart, like, needed):
+    """Return how many beams in a row from (x, y) hit what one of them does, `needed` where that cannot be told.
+
+    The row ends where a beam passes no farther than `apart` (m) beside, and goes on `like` (m) beyond. A nearer hit
+    hides that: it counts as one of the row where two are needed, and where it takes more the beam beyond it is asked.
     """
-    own_x, own_y = ends[mark, 0] - x, ends[mark, 1] - y
-    other_x, other_y = ends[beam, 0] - x, ends[beam, 1] - y
-    reach = math.hypot(other_x, other_y)
-    beside = abs(own_x * other_y - own_y * other_x)
-    ahead = own_x * other_x + own_y * other_y > 0.0
-    return ahead and beside <= apart * reach and reach >= math.hypot(own_x, own_y) + apart
+    size, row = ends.shape[0], 1
+    own_x, own_y = ends[beam, 0] - x, ends[beam, 1] - y
+    own = math.hypot(own_x, own_y)
+    for step in (-1, 1):
+        other, is_end = beam, False
+        for _ in range(needed + 1):
+            other = (other + step + size) % size
+            other_x, other_y = ends[other, 0] - x, ends[other, 1] - y
+            reach = math.hypot(other_x, other_y)
+            ahead = own_x * other_x + own_y * other_y > 0.0
+            if not ahead or abs(own_x * other_y - own_y * other_x) > apart * reach:
+                return needed
+            is_end = reach >= own + like
+            if is_end:
+                break
+            if needed == 2 or reach > own - like:
+                row += 1
+            if row >= needed:
+                return needed
+        if not is_end:
+            return needed
+    return row
 
 
-@kernel("int64(float64, float64, float64[:,::1], float64[:,::1], float64[:,::1], float64, float64[:,::1])")
-def without_lone(x, y, ends, marks, before, apart, counted):
-    """Choose the marks that more than one beam hits, or another scan; return how many.
+@kernel("UniTuple(int64, 2)(float64, float64, float64[:,::1], float64[:,::1], float64[:,::1], int64[::1], float64, "
+        "float64, float64, int64, int64, float64[:,::1])")
+def without_lone(x, y, ends, marks, before, scans, apart, like, thin, fewest, most, counted):
+    """Choose the marks that so many beams side by side and other scans hit; return how many, and how many one alone.
 
     Args:
         x, y: Where the lidar was (m).
         ends: Shape (N, 2) in metres: where its beams ended, in their order.
         marks: Shape (M, 2): those of them, in the same order, that become obstacles.
-        before: Shape (K, 2): those of other scans.
-        apart: Metres between what counts as one thing.
+        before: Shape (K, 2): those of other scans, one scan after the other.
+        scans: Where each scan's end in `before`.
+        apart: Metres beside a mark within which a beam tells that the thing ends there.
+        like: Metres within which two beams, or two scans, hit the same.
+        thin: Metres wide is what so many beams hit as it takes.
+        fewest, most: How many it takes at least, 2 or more, and at most.
         counted: Shape (M, 2), filled from the front.
     """
-    size, number, mark = ends.shape[0], 0, 0
+    number, mark, alone, size = 0, 0, 0, ends.shape[0]
     for beam in range(size):
         if mark == marks.shape[0]:
             break
         mark_x, mark_y = marks[mark, 0], marks[mark, 1]
         if ends[beam, 0] != mark_x or ends[beam, 1] != mark_y:
             continue
-        counts = not (
-            _passes(x, y, ends, (beam + size - 1) % size, beam, apart)
-            and _passes(x, y, ends, (beam + 1) % size, beam, apart))
-        other = 0
-        while not counts and other < before.shape[0]:
-            dx, dy = before[other, 0] - mark_x, before[other, 1] - mark_y
-            counts = dx * dx + dy * dy < apart * apart
-            other += 1
-        if counts:
+        beside_x, beside_y, needed = ends[(beam + 1) % size, 0] - x, ends[(beam + 1) % size, 1] - y, fewest
+        pitch = abs((mark_x - x) * beside_y - (mark_y - y) * beside_x)
+        while needed < most and needed * pitch < thin * math.hypot(beside_x, beside_y):
+            needed += 1
+        hits, other = _side_by_side(x, y, ends, beam, apart, like, needed), 0
+        is_lone = hits == 1
+        for scan in range(scans.shape[0]):
+            while hits < needed and other < scans[scan]:
+                dx, dy = before[other, 0] - mark_x, before[other, 1] - mark_y
+                other += 1
+                if dx * dx + dy * dy < like * like:
+                    hits, is_lone = hits + 1, False
+                    break
+            other = scans[scan]
+        alone += is_lone
+        if hits >= needed:
             counted[number, 0], counted[number, 1] = mark_x, mark_y
             number += 1
         mark += 1
-    return number
+    return number, alone
 
 
 @kernel("void(uint8[:,::1], float64, float64, float64, float64, float64, float64[:,::1], float64)")

@@ -58,7 +58,7 @@ class SourceParameters(ParameterSet):
     )
     marking: bool = parameter(
         True, "points become obstacles; what one beam of a LaserScan alone hits, beside none that sees as near, does "
-        "where one of the last two scans hit something there, too")
+        "where one of the last two scans hit something there, too, and two of the last four where dust fills the air")
     clearing: bool = parameter(False, "rays free the cells they pass")
     obstacle_range: float = parameter(
         2.5, "points farther from the sensor do not become obstacles", unit="m", minimum=0.0

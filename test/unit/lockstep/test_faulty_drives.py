@@ -73,7 +73,7 @@ def test_a_robot_whose_lidar_falls_silent_stands_within_half_a_second(drive):
     assert drive.goal.ending is Ending.SUCCEEDED, drive.goal.result
 
 
-@pytest.mark.parametrize("name", ["half the rate", "slip", "a dead rear", "every second beam", "sunlight"])
+@pytest.mark.parametrize("name", ["half the rate", "slip", "a dead rear", "every second beam", "sunlight", "dust"])
 @trial(FAILING)
 def test_a_robot_drives_on_with_what_harms_little(drive, name):
     kept = []
@@ -89,7 +89,7 @@ def test_a_robot_drives_on_with_what_harms_little(drive, name):
 
     drive.simulation.faults = {
         "slip": Faults(slip=0.3), "a dead rear": Faults(dead_beams=0.25, dead_beams_start=2.4),
-        "sunlight": Faults(short_readings=0.01),
+        "sunlight": Faults(short_readings=0.01), "dust": Faults(short_readings=0.1),
     }.get(name, NO_FAULTS)
     drive.change_scan = {"half the rate": every_second, "every second beam": thinned}.get(name, drive.change_scan)
     assert drive.step_until(lambda: drive.goal.done, 120.0)
@@ -170,6 +170,17 @@ def test_a_robot_before_which_something_is_set_down_does_not_push_it(drive, dist
     drive.set_down_ahead(distance)
     drive.step_until(lambda: drive.goal.done, 60.0)
     assert drive.goal.done
+
+
+@pytest.mark.parametrize("distance", [0.35, 0.5, 0.8])
+@trial(FAILING)
+def test_a_robot_before_which_a_table_is_set_down_in_dust_touches_no_leg(drive, distance):
+    drive.simulation.faults = Faults(short_readings=0.1)
+    assert drive.step_until(drive.is_driving, 20.0)
+    for name, aside in (("left", 0.15), ("middle", 0.0), ("right", -0.15)):
+        there = drive.simulation.true_pose.compose(Pose2D(distance, aside, 0.0))
+        drive.set_down(name, Cylinder(0.01, 0.4), there, 0.2)
+    drive.step_until(lambda: drive.goal.done, 40.0)
 
 
 ODOMETRY_FAULTS = {
