@@ -28,8 +28,9 @@ FAR_BEYOND = 10 ** 18
 """What a whole number beyond it is taken for: out of every range as well, and one that a float can be."""
 SPEED_UNITS = ("m/s", "rad/s")
 """Units of what is refused beyond LARGEST and not taken to a nearer end: who writes that wants no limit at all."""
-WITHOUT_EFFECT = "read, and without effect"
-"""How the description begins of a parameter that upstream's files have and nothing here depends on."""
+WITHOUT_EFFECT = "read, and without effect:"
+"""How the description begins of a parameter that has an effect upstream and none here; of one without an effect in
+either it goes on ", as in" and upstream's name."""
 TOPIC = re.compile(r"[~/a-zA-Z][\w/]*", re.ASCII)
 """What may name a topic."""
 SWITCHES = {True: ("true", "yes", "on", "1", "1.0"), False: ("false", "no", "off", "0", "0.0")}

@@ -9,7 +9,7 @@ from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Sequence, Typ
 
 from mbf_relay.costmap.factory import SEARCHED_NAMES, build_costmap, unknown_names
 from mbf_relay.misspelling import did_you_mean, nearest_of
-from mbf_relay.navigation.move_base_files import recovery_notes, server_config
+from mbf_relay.navigation.move_base_files import driven_by, recovery_notes, server_config
 from mbf_relay.navigation.move_base_parameters import OTHER_MOVE_BASE_NAMES, MoveBaseParameters
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS, PluginList
@@ -86,7 +86,7 @@ def examine_move_base(namespace: Mapping[str, Any], known_elsewhere: Iterable[st
     values = _read(found, "", MoveBaseParameters, namespace, elsewhere)
     if values is not None:
         try:
-            found.config = server_config(namespace, values)
+            found.config = server_config(namespace, driven_by(values, namespace))
         except ValueError as error:
             found.add(REFUSED, _named_in(str(error), "local_costmap"), str(error))
             return found

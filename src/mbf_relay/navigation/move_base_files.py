@@ -29,8 +29,22 @@ SERVER_NAMES: Mapping[str, str] = {
 }
 """move_base's parameters that the server has, with the server's names."""
 
+PATIENCE_AT_FIRST = 15.0
+"""Seconds that move_base waits for a velocity where no file says how long, until somebody reconfigures it: its code has
+15, and the 5 of its reconfigure server are shown and not applied before that."""
+
 PLUGIN_PARAMETERS: Mapping[str, str] = {"planners": "base_global_planner", "controllers": "base_local_planner"}
 """The server's lists of plugins, and the parameter by which move_base names the one of each that it uses."""
+
+
+def driven_by(values: Any, namespace: Mapping[str, Any]) -> Any:
+    """Return the parameters a move_base that has just started drives by, which its reconfigure server does not show.
+
+    Args:
+        values: MoveBaseParameters, made of the namespace.
+        namespace: The node's parameters.
+    """
+    return values if "controller_patience" in namespace else values.replace(controller_patience=PATIENCE_AT_FIRST)
 
 
 def adapted(type_name: str, namespace: Mapping[str, Any]) -> str:

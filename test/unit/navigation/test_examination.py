@@ -91,7 +91,7 @@ def test_what_is_taken_to_a_range_and_what_is_stood_in_for_is_told(changes, name
 @pytest.mark.parametrize("changes, name, kind", [
     ({"dwa/prune_plan": True}, "dwa/prune_plan", IGNORED),
     ({"dwa/prune_plan": False}, "dwa/prune_plan", None),  # the default: nothing is lost
-    ({"navfn/planner_window_x": 10.0}, "navfn/planner_window_x", IGNORED),
+    ({"navfn/planner_window_x": 10.0}, "navfn/planner_window_x", None),  # nor is anything lost with it
     ({"force_stop_at_goal": True}, "force_stop_at_goal", IGNORED),
     ({"local_costmap/plugins": [{"name": "sonar", "type": "range_sensor_layer::RangeSensorLayer"}],
       "local_costmap/sonar": {"input_sensor_type": "FIXED"}}, "local_costmap/sonar/input_sensor_type", IGNORED),
@@ -99,7 +99,7 @@ def test_what_is_taken_to_a_range_and_what_is_stood_in_for_is_told(changes, name
 def test_who_sets_what_is_without_effect_is_told(changes, name, kind):
     told = told_of(changes).get(name)
     assert (None if told is None else told[0]) == kind
-    assert told is None or told[1].startswith("is read, and without effect")
+    assert told is None or told[1].startswith("is read, and without effect:")
 
 
 def test_of_amcl_s_parameters_none_is_called_used_that_is_without_effect():

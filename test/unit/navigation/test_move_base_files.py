@@ -48,6 +48,12 @@ def test_a_bare_move_base_has_upstream_s_default_plugins():
     assert made["aggressive_reset"]["reset_distance"] == pytest.approx(4 * 0.46)
 
 
+def test_a_robot_whose_file_gives_no_patience_waits_for_people_as_long_as_with_move_base():
+    """It turned and cleared its costmaps after 5 s, before whoever stood there had gone on."""
+    assert examine_move_base({}).config["controller_patience"] == 15.0
+    assert examine_move_base({"controller_patience": 5.0}).config["controller_patience"] == 5.0
+
+
 def test_the_default_recoveries_are_four_of_which_two_turn():
     assert default_recoveries(Values()) == (
         "conservative_reset",

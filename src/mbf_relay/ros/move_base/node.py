@@ -13,7 +13,7 @@ import rospy
 from geometry_msgs.msg import PoseStamped
 
 from mbf_relay.costmap.factory import SEARCHED_NAMES
-from mbf_relay.navigation.move_base_files import recovery_notes, server_config
+from mbf_relay.navigation.move_base_files import driven_by, recovery_notes, server_config
 from mbf_relay.navigation.move_base_parameters import OTHER_MOVE_BASE_NAMES, MoveBaseParameters
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.ros.common import parameters as ros_parameters
@@ -51,7 +51,7 @@ class MoveBaseServer(ServerSide):
             *OTHER_MOVE_BASE_NAMES, *RelayParameters.names(), *NavigatorParameters.names(), *SEARCHED_NAMES,
             *ros_parameters.groups_in(namespace),
         )
-        values = ros_parameters.fill(MoveBaseParameters, namespace, "~", elsewhere)
+        values = driven_by(ros_parameters.fill(MoveBaseParameters, namespace, "~", elsewhere), namespace)
         self.settings = OwnSettings(values, namespace)
         ros_parameters.warn_of(recovery_notes(namespace), "~")
         relays = set(RelayParameters.names()) - set(NavigatorParameters.names())
