@@ -12,6 +12,7 @@ from mbf_relay.costmap.layer import LayerContext, shifted
 from mbf_relay.costmap.obstacle_layer import ObstacleLayer, ObstacleLayerParameters
 from mbf_relay.grid import Grid
 from mbf_relay.parameters import parameter
+from mbf_relay.timing import SET_BACK
 
 LINEAR, EXPONENTIAL, PERSISTENT = 0, 1, -1
 NEVER = -np.inf
@@ -50,7 +51,8 @@ class SpatioTemporalLayerParameters(ObstacleLayerParameters):
 class SpatioTemporalLayer(ObstacleLayer):
     """Marks what sensors see, and forgets it when none has seen it for `voxel_decay`, wherever they look by then.
 
-    A depth camera that has turned away, or sees nothing where somebody stood, frees nothing by its rays.
+    A depth camera that has turned away, or sees nothing where somebody stood, frees nothing by its rays. What its last
+    picture shows stays, as in C++: no other says that it has gone.
     """
 
     Parameters = SpatioTemporalLayerParameters
@@ -70,27 +72,32 @@ class SpatioTemporalLayer(ObstacleLayer):
     def update_bounds(self, context: LayerContext, window: Window) -> Window:
         window = super().update_bounds(context, window)
         if self._forgets:
-            self._note_what_is_seen(context.now)
-            self._forget(context.now)
+            self._forget(context.now, self._note_what_is_seen(context.now))
         return window.union(self.take_pending())
 
-    def _note_what_is_seen(self, now: float) -> None:
+    def _note_what_is_seen(self, now: float) -> np.ndarray:
+        """Note when what was seen of late was seen, and return its cells, as indices of the flattened ones."""
+        seen = [np.empty(0, np.int64)]
         for source in self._sources.values():
             for rays in source.kept if source.parameters.marking else ():
                 cells = np.floor((rays.marks - (self.grid.origin_x, self.grid.origin_y)) / self.grid.resolution)
                 columns, rows = cells.astype(np.int64).T
                 height, width = self.grid.shape
                 inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-                at = rows[inside], columns[inside]
-                self._seen_at[at] = np.maximum(self._seen_at[at], min(rays.stamp, now))
+                at = rows[inside] * width + columns[inside]
+                self._seen_at.ravel()[at] = np.maximum(self._seen_at.ravel()[at], min(rays.stamp, now))
+                if rays.stamp <= now + SET_BACK:
+                    seen.append(at)
+        return np.concatenate(seen)
 
-    def _forget(self, now: float) -> None:
-        rows, columns = np.nonzero(self.costs == LETHAL)
-        age = np.abs(now - self._seen_at[rows, columns])  # time may have been set back since
-        rows, columns = rows[age > self.parameters.voxel_decay], columns[age > self.parameters.voxel_decay]
-        if len(rows):
-            self.costs[rows, columns] = self.default_cost
-            self._seen_at[rows, columns] = NEVER
+    def _forget(self, now: float, shown: np.ndarray) -> None:
+        lethal = np.flatnonzero(self.costs == LETHAL)
+        age = np.abs(now - self._seen_at.ravel()[lethal])  # time may have been set back since
+        gone = np.setdiff1d(lethal[age > self.parameters.voxel_decay], shown)
+        if len(gone):
+            self.costs.ravel()[gone] = self.default_cost
+            self._seen_at.ravel()[gone] = NEVER
+            rows, columns = np.divmod(gone, self.grid.width)
             self.touch(Window(int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1))
 
     def resize(self, grid: Grid) -> None:

@@ -12,7 +12,7 @@ from mbf_relay.navigation.examination import DOUBTFUL, IGNORED, REFUSED, STOOD_I
 DECAY = 5.0
 PERSON = (1.0, 0.0)
 FILE = {
-    "robot_radius": 0.2, "rolling_window": True, "width": 6.0, "height": 6.0, "resolution": 0.1,
+    "robot_radius": 0.2, "rolling_window": True, "width": 6.0, "height": 5.0, "resolution": 0.1,
     "global_frame": "odom", "footprint_padding": 0.0,
     "plugins": [
         {"name": "rgbd", "type": "spatio_temporal_voxel_layer/SpatioTemporalVoxelLayer"},
@@ -28,9 +28,9 @@ def costmap_of(**layer):
     return build_costmap("local_costmap", {**FILE, "rgbd": {**FILE["rgbd"], **layer}})
 
 
-def see(costmap, now, *points):
+def see(costmap, now, *points, source="mark"):
     cloud = np.array([(x, y, 0.5) for x, y in points], dtype=float).reshape(-1, 3)
-    costmap.observe("mark", observation_from_points(cloud, None, np.eye(3), np.zeros(3), now), now)
+    costmap.observe(source, observation_from_points(cloud, None, np.eye(3), np.zeros(3), now), now)
 
 
 def cost(costmap, at=PERSON):
@@ -62,11 +62,26 @@ def test_a_wall_that_is_seen_all_the_time_stays():
         assert cost(costmap) == LETHAL
 
 
+@pytest.mark.parametrize("decay", [0.5, DECAY])
+def test_a_person_whom_the_last_picture_of_a_camera_shows_is_not_driven_into_however_late_the_next_one_comes(decay):
+    """Of a camera that hangs, or needs longer for a picture than voxel_decay, the C++ layer keeps the last one."""
+    costmap = costmap_of(voxel_decay=decay)
+    costmap.update(0.0, IDENTITY)
+    see(costmap, 0.0, PERSON)
+    for now in (0.7, DECAY + 0.1, DECAY + 0.2, 60.0):
+        costmap.update(now, IDENTITY)
+        assert cost(costmap) == LETHAL, f"after {now} s"
+    see(costmap, 60.0)
+    costmap.update(60.1, IDENTITY)
+    assert cost(costmap) == FREE_SPACE
+
+
 def test_it_fades_where_it_stands_though_the_window_has_moved():
     costmap = costmap_of()
     costmap.update(0.0, IDENTITY)
     see(costmap, 0.0, PERSON)
     costmap.update(0.1, IDENTITY)
+    see(costmap, 1.0)
     costmap.update(2.0, Pose2D(0.0, 1.5, 0.0))
     assert cost(costmap) == LETHAL
     costmap.update(DECAY + 0.1, Pose2D(0.0, 1.5, 0.0))
@@ -91,6 +106,22 @@ def test_time_set_back_keeps_nobody_in_the_way_for_good():
     costmap.update(1000.1, IDENTITY)
     assert cost(costmap) == LETHAL
     costmap.update(20.0, IDENTITY)
+    assert cost(costmap) == FREE_SPACE
+    see(costmap, 21.0, PERSON)
+    costmap.update(21.1, IDENTITY)
+    see(costmap, 22.0)
+    costmap.update(21.0 + DECAY - 0.1, IDENTITY)
+    assert cost(costmap) == LETHAL, "whoever comes then is in the way for as long as ever"
+
+
+def test_a_camera_that_marks_nothing_keeps_nobody_in_the_way():
+    costmap = costmap_of(observation_sources="mark other", other={"marking": False})
+    costmap.update(0.0, IDENTITY)
+    see(costmap, 0.0, PERSON)
+    costmap.update(0.1, IDENTITY)
+    see(costmap, 1.0)
+    see(costmap, DECAY, PERSON, source="other")
+    costmap.update(DECAY + 0.1, IDENTITY)
     assert cost(costmap) == FREE_SPACE
 
 
