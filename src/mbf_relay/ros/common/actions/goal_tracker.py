@@ -191,10 +191,11 @@ class GoalTracker:
                 id=goal_id.id or f"{client}-unnamed-{next(self._numbers)}-{now.to_sec():.3f}",
             )
             known = self._goals.get(goal_id.id)
-            if goal_id.id in self._bygone:
-                self._tell_of_used_id(goal_id.id)
+            ended_at = self._bygone.get(goal_id.id) if known is None else known.finished_at
+            if ended_at is not None and (known is None or known.has_ended):
+                self._tell_of_used_id(goal_id.id, ended_at)
                 return
-            if known is not None and (known.has_come or known.has_ended):
+            if known is not None and known.has_come:
                 return
             tracked = self._goals[goal_id.id] = TrackedGoal(self, goal_id, goal, client, self._clock())
             if self._first_word and known is None and not is_leased(goal_id.id):
@@ -328,13 +329,13 @@ class GoalTracker:
             self._tell_change(tracked)
             self._on_cancel(tracked)
 
-    def _tell_of_used_id(self, name: str) -> None:
+    def _tell_of_used_id(self, name: str, ended_at: float) -> None:
         """Say, once, that a goal is not taken whose id one had before, as of somebody who writes them by hand."""
         if name != self._used_id:
             self._used_id = name
             logging.getLogger("rosout").warning(
                 "refused a goal by the id '%s', which one had that ended %.0f s ago; give each its own, or none",
-                name, self._clock() - self._bygone[name])
+                name, self._clock() - ended_at)
 
     def _speak_of(self, tracked: TrackedGoal) -> None:
         for word in self._unsaid.pop(tracked):

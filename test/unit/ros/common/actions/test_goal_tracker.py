@@ -260,17 +260,20 @@ def test_a_robot_that_a_crowd_of_clients_has_left_holds_little_of_their_goals():
     assert not server.taken and not server.results and not server.tracker.listed(), "it began anew"
 
 
-def test_who_sends_each_goal_by_one_id_is_told_why_the_robot_stands(caplog):
+@pytest.mark.parametrize("seconds", [1.0, LIST_FOR + 1.0])
+def test_who_sends_each_goal_by_one_id_is_told_why_the_robot_stands(caplog, seconds):
     """A script with the id "1" drove once, and then not for a minute, without a word."""
     server = Server()
     first = server.goal("1")
+    server.goal("1")
+    assert not caplog.records, "a goal that comes twice while it is pursued is one"
     first.set_rejected()
-    server.wait(LIST_FOR + 1.0)
+    server.wait(seconds)
     for _ in range(3):
         server.goal("1")
     assert server.taken == [first]
     (said,) = [record.getMessage() for record in caplog.records if "the id '1'" in record.getMessage()]
-    assert "ended 6 s ago" in said
+    assert f"ended {seconds:.0f} s ago" in said
 
 
 def test_goals_without_a_name_are_told_apart():
