@@ -9,6 +9,7 @@ import functools
 import hashlib
 import importlib
 import inspect
+import os
 import re
 from pathlib import Path
 from typing import Dict, Iterator, List, NamedTuple, Sequence
@@ -74,9 +75,9 @@ def files_of(setup: Setup) -> Dict[str, str]:
         for name, (type_name, _) in entries_of(listed.kind, server.get(listed.kind, []), listed.costmap).items():
             if type_name in own:
                 kind = find_class(type_name, listed.base, listed.known)
-                given = kind.Parameters.from_mapping(values_of(server, name, kind)).as_dict()
+                given = kind.Parameters.read(values_of(server, name, kind))[0].as_dict()
                 for parameter, value in flatten(given, f"{name}.").items():
-                    if isinstance(value, str) and Path(value).is_file():
+                    if isinstance(value, str) and os.path.isfile(value):  # of a text too long for a name Path raises
                         found[parameter] = hashlib.sha256(Path(value).read_bytes()).hexdigest()[:16]
     return found
 

@@ -101,9 +101,9 @@ def test_a_plugin_is_the_same_wherever_its_folder_lies(folder, tmp_path, monkeyp
     assert found[0] == found[1]
 
 
-def test_a_policy_that_was_trained_once_more_is_another(folder):
-    """Its weights lay in the same file, and the same command had the drives of before for those of the new one."""
-    weights = folder / "policy weights.npz"
+@pytest.fixture
+def learnt(folder):
+    """Return a function that tells which files are known of a plugin with a parameter given."""
     (folder / "learnt_plugin.py").write_text("""
 from dataclasses import dataclass
 from mbf_relay.parameters import ParameterSet, parameter
@@ -113,13 +113,30 @@ class Mine(Throwing):
     @dataclass(frozen=True)
     class Parameters(ParameterSet):
         weights: str = parameter("", "where they are")
+        gain: float = parameter(1.0, "how much of what they say", maximum=2.0)
 """)
-    changes = ["controllers=[{name: mine, type: learnt_plugin.Mine}]", f"mine.weights='{weights}'"]
+
+    def files(change):
+        changes = ["controllers=[{name: mine, type: learnt_plugin.Mine}]", f"mine.{change}"]
+        return settings_of("worlds.json", [], make_setup(config_folder(), has_map=False, changes=changes))["files"]
+
+    return files
+
+
+def test_a_policy_that_was_trained_once_more_is_another(folder, learnt):
+    """Its weights lay in the same file, and the same command had the drives of before for those of the new one."""
+    weights = folder / "policy weights.npz"
     seen = []
     for content in (None, b"one", b"another", b"one"):
         if content:
             weights.write_bytes(content)
-        setup = make_setup(config_folder(), has_map=False, changes=changes)
-        seen.append(settings_of("worlds.json", [], setup)["files"])
+        seen.append(learnt(f"weights='{weights}'"))
     assert seen[0] == {} and set(seen[1]) == {"mine.weights"}
     assert seen[1] == seen[3] != seen[2]
+
+
+@pytest.mark.parametrize("change", ["gain=7.0", f"weights='{'words ' * 60}'"])
+def test_a_night_is_driven_with_what_a_server_drives_with(learnt, change):
+    """A batch ended in a traceback at a number that is taken to its nearest, and at a text longer than a file's name.
+    """
+    assert learnt(change) == {}
