@@ -271,7 +271,7 @@ class Costmap:
             try:
                 for layer in active:
                     with failures_of(layer, "layer"):
-                        window = Window(*layer.update_bounds(context, window))
+                        window = window.union(Window(*layer.update_bounds(context, window)))
                 window = window.within(self._grid)
                 if not window.is_empty:
                     self._redo(window, active)

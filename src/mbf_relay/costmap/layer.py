@@ -179,7 +179,10 @@ class Layer(Plugin, abc.ABC):
 
     @abc.abstractmethod
     def update_bounds(self, context: LayerContext, window: Window) -> Window:
-        """Bring the layer up to date and return `window` widened by the cells whose costs this may change."""
+        """Bring the layer up to date and return `window` widened by the cells whose costs this may change.
+
+        What `window` holds is redone also where it is not in what is returned: other layers have something there.
+        """
 
     @abc.abstractmethod
     def update_costs(self, costs: np.ndarray, window: Window) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbf_relay.costmap import factory
-from mbf_relay.costmap.cost_grid import LETHAL
+from mbf_relay.costmap.cost_grid import EMPTY, LETHAL, Window
 from mbf_relay.costmap.layer import Layer
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.geometry import IDENTITY
@@ -66,3 +66,33 @@ def test_an_obstacle_stays_where_a_layer_of_one_s_own_breaks_off_and_whoever_ask
     seen = costmap.snapshot()
     column, row = seen.grid.cell_at(1.0, 0.0)
     assert seen.costs[row, column] == LETHAL and (seen.costs == LETHAL).sum() == 1 and costmap.stale_reason(0.3) is None
+
+
+class OwnWindowLayer(Layer):
+    """A user's own, which tells of its own cells alone."""
+
+    window = EMPTY
+
+    def update_bounds(self, context, window):
+        return self.window
+
+    def update_costs(self, costs, window):
+        pass
+
+
+@pytest.mark.parametrize("window", [EMPTY, Window(1, 1, 3, 3)])
+def test_no_robot_runs_into_what_its_lidar_sees_because_a_layer_of_one_s_own_tells_of_its_own_cells_alone(window):
+    mine = {"name": "mine", "type": f"{__name__}.OwnWindowLayer"}
+    costmap = factory.build_costmap("local_costmap", {**VALUES, "plugins": [VALUES["plugins"][0], mine]})
+    costmap.layer("mine").window = window
+    costmap.update(0.0, IDENTITY)
+    costmap.observe("scan", Observation((0.0, 0.0), np.array([[1.0, 0.0]]), None, 0.1))
+    costmap.update(0.1, IDENTITY)
+    seen = costmap.snapshot()
+    column, row = seen.grid.cell_at(1.0, 0.0)
+    assert seen.costs[row, column] == LETHAL
+    costmap.observe("scan", Observation((0.0, 0.0), np.array([[1.0, 0.0], [0.0, 1.0]]), None, 0.2))
+    costmap.update(0.2, IDENTITY)
+    seen = costmap.snapshot()
+    column, row = seen.grid.cell_at(0.0, 1.0)
+    assert seen.costs[row, column] == LETHAL
