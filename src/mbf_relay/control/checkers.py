@@ -44,13 +44,8 @@ class GoalChecker:
         return self._turns
 
     def tolerance_of(self, parameters: FollowerParameters) -> GoalTolerance:
-        """Return the tolerance that holds: the action's where there is one, but for a part of it that is 0.
-
-        No robot stands anywhere that exactly, and in a message that is what nobody filled in.
-        """
-        given = self.tolerance or GoalTolerance(0.0, 0.0)
-        return GoalTolerance(
-            given.distance or parameters.xy_goal_tolerance, given.angle or parameters.yaw_goal_tolerance)
+        """Return the tolerance that holds: the action's where there is one."""
+        return GoalTolerance.of(self.tolerance, parameters.xy_goal_tolerance, parameters.yaw_goal_tolerance)
 
     def is_turning(
         self, state: ControlState, goal: Pose2D, parameters: FollowerParameters, is_occupied: bool

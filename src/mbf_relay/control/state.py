@@ -51,6 +51,14 @@ class GoalTolerance:
     distance: float
     angle: float
 
+    @staticmethod
+    def of(given: Optional[GoalTolerance], distance: float, angle: float) -> GoalTolerance:
+        """Return a goal's own tolerance where it has one, with these (m, rad) in the place of a part that is 0.
+
+        No robot stands anywhere that exactly, and in a message that is what nobody filled in.
+        """
+        return GoalTolerance(*((given.distance or distance, given.angle or angle) if given else (distance, angle)))
+
 
 @dataclass(frozen=True)
 class SpeedLimit:

@@ -281,7 +281,7 @@ class ControllerExecution:
         if not parameters.mbf_tolerance_check:
             return False
         assert self._goal is not None and self._view is not None
-        tolerance = self._goal.tolerance or GoalTolerance(parameters.dist_tolerance, parameters.angle_tolerance)
+        tolerance = GoalTolerance.of(self._goal.tolerance, parameters.dist_tolerance, parameters.angle_tolerance)
         return self._view.distance < tolerance.distance and self._view.angle < tolerance.angle
 
     def _drive(self, now: float, velocity: Twist2D) -> None:
