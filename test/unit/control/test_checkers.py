@@ -171,6 +171,9 @@ def test_one_that_stands_though_it_is_told_to_move_is_stuck_once_time_is_up(comm
     (stays, Twist2D(0.02, 0.0, 0.0), 4.0),  # it must have been told to move by twice as much
     (stays, Twist2D(0.0, 0.0, 0.025), 4.0),
     (stays, lambda t: AHEAD if t % 1.0 < 0.85 else Twist2D(0.0, 0.0, 0.0), None),  # it was told to stand in between
+    (lambda t: Pose2D(min(t, 1.0), 0.0, 0.0), lambda t: AHEAD if t < 1.0 else Twist2D(0.009, 0.0, 0.0), None),
+    (stays, lambda t: Twist2D(0.2 if t % 2.0 < 1.0 else -0.2, 0.0, 0.0), 2.0),  # by as much as it was to come at most
+    (stays, lambda t: Twist2D(0.0, 0.0, 0.2 if t % 2.0 < 1.0 else -0.2), 2.0),
 ])
 def test_one_that_moves_by_as_much_as_it_could_be_taken_for_is_not_stuck(moved, command, expected):
     found = stuck_after(moved, command)

@@ -9,6 +9,7 @@ from test_localizer import START, drive, localizer
 
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.localization.localizer import Localizer
+from mbf_relay.localization.odometry_watch import OdometryWatch
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.maps import OccupancyMap
 
@@ -58,6 +59,22 @@ def test_a_robot_that_starts_and_stops_as_hard_as_one_can_is_where_it_drove():
         truth, odom = truth.compose(Pose2D(0.7 * way, 0.0, 0.3)), odom.compose(Pose2D(way, 0.0, 0.3))
         made.process(odom, scan_at(room(), truth, stamp=0.2 * index), IDENTITY)
     assert made.odometry.jumps == 0
+
+
+@pytest.mark.parametrize("steps, jumps", [
+    ([(0.0, 0.5), (2.0, 0.5)], 0),  # it speeds up between scans that are far apart
+    ([(1.5, 0.2)], 0),  # nobody knows how fast it was when localization began
+    ([(5.0, 0.2), (1.5, 0.2)], 1),  # nor when its odometry did
+    ([(9.0, 1.0), (12.0, 1.0)], 1),  # no robot is as fast
+])
+def test_a_fast_robot_in_a_corridor_is_not_held_back_where_it_was(steps, jumps):
+    """Each place looks much like the one before, and the scan may happen to fit that a little better."""
+    watch, odom, now = OdometryWatch(), IDENTITY, 1.0
+    watch.moved_frame(odom, now, IDENTITY, lambda _: 1.0)
+    for way, seconds in steps:
+        before, odom, now = odom, odom.compose(Pose2D(way, 0.0, 0.0)), now + seconds
+        watch.moved_frame(odom, now, IDENTITY, lambda pose, before=before: 0.9 if pose == before else 0.8)
+    assert watch.jumps == jumps
 
 
 def test_a_robot_that_is_put_elsewhere_in_a_simulation_and_its_odometry_with_it_is_there():
