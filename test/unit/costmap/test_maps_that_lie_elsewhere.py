@@ -59,6 +59,24 @@ def test_a_robot_can_be_sent_about_on_a_map_that_its_origin_turns(turn):
     assert cost_at(4.1, 1.1) == LETHAL
 
 
+@pytest.mark.parametrize("origin, shape, uses_maximum", [
+    (Pose2D(1.0, -2.0, 0.3), (40, 40), True),  # zones drawn over a turned floor plan, as large as that
+    (Pose2D(2.0, -1.0, 0.5), (4, 6), False),  # a part that was mapped anew, and lies askew
+])
+def test_a_turned_map_over_another_leaves_its_walls_standing(origin, shape, uses_maximum):
+    costmap = build_costmap("costmap", {
+        "plugins": [{"name": name, "type": "StaticLayer"} for name in ("floor", "over")],
+        "over": {"use_maximum": uses_maximum}})
+    floor, data = Pose2D(1.0, -2.0, 0.3), np.zeros((40, 40), np.int8)
+    data[30, 10] = 100
+    costmap.set_map(OccupancyMap(data, 0.1, floor), "floor")
+    costmap.set_map(OccupancyMap(np.zeros(shape, np.int8), 0.1, origin), "over")
+    costmap.update(0.0, IDENTITY)
+    seen = costmap.snapshot()
+    column, row = seen.grid.cell_at(*floor.transform_points(np.array([[1.05, 3.05]]))[0])
+    assert seen.costs[row, column] == LETHAL
+
+
 def test_a_map_too_large_to_be_turned_is_refused_with_its_angle():
     with pytest.raises(ValueError, match="0.78 rad, and 22.* cells"):
         map_alone().set_map(OccupancyMap(np.zeros((1, 32000), np.int8), 0.1, Pose2D(0.0, 0.0, 0.78)))
