@@ -30,7 +30,8 @@ class MoveBaseParameters(ParameterSet):
         5.0, "time without a plan before recovery", unit="s", minimum=0.0, maximum=100.0
     )
     controller_patience: float = parameter(
-        5.0, "time without a command before recovery", unit="s", minimum=0.0, maximum=100.0
+        5.0, "time without a command before recovery; the executable move_base starts with 15 where no file gives it",
+        unit="s", minimum=0.0, maximum=100.0
     )
     max_planning_retries: int = parameter(
         -1, "planning retries before recovery, -1 for no limit", minimum=-1, maximum=1000
