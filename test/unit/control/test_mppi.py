@@ -145,6 +145,13 @@ def test_a_car_that_cannot_drive_backwards_drives_a_circle_instead():
     assert circles_kept(ended.commands) and min(command[0] for command in ended.commands) >= 0.0
 
 
+@pytest.mark.parametrize("tolerance", [0.05, 0.02])
+def test_a_robot_that_may_not_drive_backwards_does_not_stand_before_its_goal_for_good(tolerance):
+    controller = make(min_vel_x=0.0, vx_min=0.0, xy_goal_tolerance=tolerance)
+    ended = drive(controller, path_through((0.0, 0.0), (0.8, 0.1), end_heading=1.2), START, seconds=20.0)
+    assert ended.reached, ended.error
+
+
 def test_an_omnidirectional_robot_goes_aside_without_turning():
     controller = make(
         motion_model="Omni", vy_max=0.22, acc_lim_y=2.5, turn_to_path_angle=4.0, PathAngleCritic={"enabled": False}

@@ -226,6 +226,10 @@ class MppiController(PathFollower):
         noises = self._noises.copy()
         if self._is_tight:
             noises[:, :, 2] *= self._turns[:, None]
+        if p.min_vel_x >= 0.0 and p.motion_model != ACKERMANN:
+            # past its goal it cannot come back: imagined as long as ever, nearly all drives end there, and it stands
+            left = max(cycle.path.remaining, cycle.state.pose.distance_to(cycle.path.goal))
+            noises[:, :, 0] *= min(1.0, left / (p.vx_std * p.time_steps * p.model_dt))
         noises[STANDING] = -self.controls
         rollout_kernels.roll_out(
             np.array(cycle.state.pose, dtype=float), np.array(cycle.velocity, dtype=float), self.controls, noises,
