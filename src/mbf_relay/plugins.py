@@ -65,7 +65,11 @@ def failure_text(error: BaseException, module: str) -> str:
         module: Full name of the module; where nothing of it was running, as of a call that it does not take, no place
             is told.
     """
-    text = as_told(f"{type(error).__name__}: {error}")
+    try:
+        said = str(error)
+    except Exception as second:  # an exception is the plugin's as well, and what it says may come of what it lacks
+        said = f"and what it says cannot be told for {type(second).__name__}"
+    text = as_told(f"{type(error).__name__}: {said}")
     places = [
         f"{os.path.basename(frame.f_code.co_filename)}, line {line}"
         for frame, line in traceback.walk_tb(error.__traceback__) if frame.f_globals.get("__name__") == module

@@ -5,8 +5,12 @@ import threading
 import pytest
 import scripted
 
+from mbf_relay.geometry import STOP
+from mbf_relay.navigation.goals import RecoverGoal
 from mbf_relay.navigation.registry import Registry
+from mbf_relay.navigation.task import Ending
 from mbf_relay.navigation.worker import InlineWorker, ThreadWorker
+from mbf_relay.outcomes import RecoveryOutcome
 from mbf_relay.planning import PLANNERS
 from mbf_relay.planning.planner import Planner
 from mbf_relay.plugins import PluginError
@@ -207,3 +211,22 @@ def test_parameters_that_come_in_the_midst_of_a_call_wait_for_its_end():
 
     assert instance.call(meanwhile).result() == before
     assert instance.call(lambda plugin: plugin.parameters).result() == second
+
+
+class Wordless(RuntimeError):
+    """A user's own, whose words come of what it was never given."""
+
+    def __str__(self):
+        return f"motor {self.motor} is off"
+
+
+@pytest.mark.parametrize("what", ["plan", "velocity", "reached"])
+def test_goals_of_other_slots_go_on_where_a_plugin_raises_what_cannot_be_put_in_words(bench, what):
+    slow = bench.navigator.recovery(RecoverGoal("R1"))
+    bench.script.recovery = lambda context: iter([STOP] * 5)
+    setattr(bench.script, what, Wordless())
+    task = bench.navigator.move_base(scripted.GOAL)
+    message = bench.finish(task).message
+    assert task.ending is Ending.ABORTED
+    assert "Wordless: and what it says cannot be told for AttributeError" in message
+    assert bench.finish(slow).outcome is RecoveryOutcome.SUCCESS
