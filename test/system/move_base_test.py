@@ -79,6 +79,7 @@ class TestMoveBase(unittest.TestCase):
         self.assertEqual(rospy.get_param("/move_base/base_local_planner"), "base_local_planner/TrajectoryPlannerROS")
         self.assertEqual(rospy.get_param("/move_base/TrajectoryPlannerROS/max_vel_x"), 0.2)
         self.assertEqual(rospy.get_param("/move_base/planner_frequency"), 1.0)
+        self.assertEqual(rospy.get_param("/move_base/controller_patience"), 15.0, "as where no file gives it")
         changed = dynamic_reconfigure.client.Client("/move_base/TrajectoryPlannerROS").update_configuration(
             {"max_vel_x": 0.15}
         )
