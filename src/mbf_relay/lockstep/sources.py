@@ -12,11 +12,12 @@ import inspect
 import os
 import re
 from pathlib import Path
-from typing import Dict, Iterator, List, NamedTuple, Sequence
+from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
 
 from mbf_relay.control.critics import CRITICS
 from mbf_relay.costmap import LAYERS
-from mbf_relay.costmap.factory import layer_groups
+from mbf_relay.costmap.factory import COSTMAPS, layer_groups
+from mbf_relay.costmap.layer import Layer
 from mbf_relay.lockstep.own_modules import own_modules
 from mbf_relay.lockstep.settings import config_folder, flatten
 from mbf_relay.lockstep.setup import SERVER, Setup
@@ -69,16 +70,11 @@ def files_of(setup: Setup) -> Dict[str, str]:
 
     Of a policy that has learnt, the weights are as much its code as its module is.
     """
-    server, own = setup.settings[SERVER], plugins_of(setup)
     found = {}
-    for listed in PLUGIN_LISTS:
-        for name, (type_name, _) in entries_of(listed.kind, server.get(listed.kind, []), listed.costmap).items():
-            if type_name in own:
-                kind = find_class(type_name, listed.base, listed.known)
-                given = kind.Parameters.read(values_of(server, name, kind))[0].as_dict()
-                for parameter, value in flatten(given, f"{name}.").items():
-                    if isinstance(value, str) and os.path.isfile(value):  # of a text too long for a name Path raises
-                        found[parameter] = hashlib.sha256(Path(value).read_bytes()).hexdigest()[:16]
+    for name, kind, values in _plugins(setup.settings[SERVER], plugins_of(setup)):
+        for parameter, value in flatten(kind.Parameters.read(values)[0].as_dict(), f"{name}.").items():
+            if isinstance(value, str) and os.path.isfile(value):  # of a text too long for a name Path raises
+                found[parameter] = hashlib.sha256(Path(value).read_bytes()).hexdigest()[:16]
     return found
 
 
@@ -124,5 +120,18 @@ def _types(setup: Setup) -> Iterator[str]:
         for entry in server.get(listed.kind, []):
             yield entry["type"]
             yield from map(str, server.get(entry["name"], {}).get("critics", []))
-    for costmap in ("global_costmap", "local_costmap"):
+    for costmap in COSTMAPS:
         yield from (type_name for _, type_name, _ in layer_groups(server.get(costmap, {})))
+
+
+def _plugins(server: Mapping[str, Any], types: Sequence[str]) -> Iterator[Tuple[str, Any, Mapping[str, Any]]]:
+    """Return name, class and parameters of a server's plugins, and of its costmaps' layers, that are of some types."""
+    for listed in PLUGIN_LISTS:
+        for name, (type_name, _) in entries_of(listed.kind, server.get(listed.kind, []), listed.costmap).items():
+            if type_name in types:
+                kind = find_class(type_name, listed.base, listed.known)
+                yield name, kind, values_of(server, name, kind)
+    for costmap in COSTMAPS:
+        for name, type_name, values in layer_groups(server.get(costmap, {})):
+            if type_name in types:
+                yield f"{costmap}.{name}", find_class(type_name, Layer, LAYERS), values

@@ -140,3 +140,25 @@ def test_a_night_is_driven_with_what_a_server_drives_with(learnt, change):
     """A batch ended in a traceback at a number that is taken to its nearest, and at a text longer than a file's name.
     """
     assert learnt(change) == {}
+
+
+def test_a_layer_of_ones_own_whose_zones_were_drawn_anew_is_another(folder):
+    """A batch went on with the drives of before, in which the robot kept out of other places."""
+    (folder / "zones_layer.py").write_text("""
+from dataclasses import dataclass
+from mbf_relay.costmap.prohibition_layer import ProhibitionLayer
+from mbf_relay.parameters import parameter
+
+class Mine(ProhibitionLayer):
+    @dataclass(frozen=True)
+    class Parameters(ProhibitionLayer.Parameters):
+        zones: str = parameter("", "file of the zones")
+""")
+    zones, own, seen = folder / "zones.yaml", folder / "move_base_flex.yaml", []
+    own.write_text(
+        f"local_costmap: {{plugins: [{{name: mine, type: zones_layer.Mine}}], mine: {{zones: '{zones}'}}}}")
+    for content in ("one", "another"):
+        zones.write_text(content)
+        setup = make_setup(config_folder(), has_map=False, config=own)
+        seen.append(settings_of("worlds.json", [], setup)["files"])
+    assert set(seen[0]) == set(seen[1]) == {"local_costmap.mine.zones"} and seen[0] != seen[1]
