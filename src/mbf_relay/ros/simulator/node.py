@@ -252,6 +252,7 @@ class Simulator:
             try:
                 request = self._requests.get_nowait()
             except queue.Empty:
+                self._obstacles.tell()
                 return
             request()
 

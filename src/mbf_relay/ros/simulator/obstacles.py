@@ -31,17 +31,26 @@ class Obstacles:
     def __init__(self, simulation: Simulation, frame: str) -> None:
         self._simulation, self._frame = simulation, frame
         self._ends: Dict[Hashable, float] = {}
+        self._are_told = False
         self._publisher = rospy.Publisher("~obstacles", MarkerArray, queue_size=10, latch=True)
         self.publish()
 
     def take(self, message: MarkerArray) -> None:
-        """Do what each marker says; one that makes no sense is named in a warning and changes nothing."""
+        """Do what each marker says; one that makes no sense is named in a warning and changes nothing.
+
+        What stands then is told by `tell`, once for all messages that came together.
+        """
         for marker in message.markers:
             try:
                 self._take(marker)
             except (InvalidMessage, ValueError) as error:
                 rospy.logwarn("obstacle %s/%d refused: %s", marker.ns, marker.id, error)
-        self.publish()
+        self._are_told = False
+
+    def tell(self) -> None:
+        """Publish the obstacles that stand where that is due."""
+        if not self._are_told:
+            self.publish()
 
     def expire(self) -> None:
         """Take away what has outlived its lifetime."""
@@ -64,6 +73,7 @@ class Obstacles:
 
     def publish(self) -> None:
         """Publish the obstacles that stand, after a marker that clears what RViz showed before."""
+        self._are_told = True
         now = rospy.Time.from_sec(self._simulation.now)
         markers = [Marker(header=header(self._frame, now), action=Marker.DELETEALL)]
         markers += [self._marker(key, body, now) for key, body in self._simulation.scene.obstacles.items()]

@@ -1,5 +1,6 @@
 """What is made of markers that put obstacles into the simulated world."""
 
+import queue
 from types import SimpleNamespace
 
 import pytest
@@ -12,6 +13,7 @@ from visualization_msgs.msg import Marker, MarkerArray  # noqa: E402
 
 from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
 from mbf_relay.ros.simulator import obstacles  # noqa: E402
+from mbf_relay.ros.simulator.node import Simulator  # noqa: E402
 from mbf_relay.ros.simulator.obstacles import obstacle_from_marker  # noqa: E402
 
 
@@ -35,6 +37,22 @@ def test_an_obstacle_stands_for_as_long_as_it_was_put_there_though_the_clock_is_
         simulation.now = now
         placed.expire()
         assert len(simulation.scene.obstacles) == there
+
+
+def test_a_simulation_does_not_stand_while_a_program_sends_many_obstacles_one_by_one(monkeypatch):
+    """With each all were told anew, half a million markers for a thousand: the clock stood for eight seconds."""
+    told = []
+    monkeypatch.setattr(obstacles.rospy, "Publisher", lambda *_, **__: SimpleNamespace(publish=told.append))
+    simulator = Simulator.__new__(Simulator)
+    simulator._requests = queue.Queue()
+    simulator._obstacles = obstacles.Obstacles(SimpleNamespace(now=5.0, true_pose=None, scene=Scene()), "map")
+    for number in range(50):
+        marker = Marker(ns="a", id=number, type=Marker.CUBE)
+        marker.scale.x = marker.scale.y = marker.scale.z = 0.2
+        simulator._take_obstacles(MarkerArray([marker]))
+    for _ in range(2):
+        simulator._do_requests()
+    assert [len(message.markers) for message in told] == [1, 51]
 
 
 class Scene:
