@@ -330,8 +330,11 @@ class GoalTracker:
             self._on_cancel(tracked)
 
     def _tell_of_used_id(self, name: str, ended_at: float) -> None:
-        """Say, once, that a goal is not taken whose id one had before, as of somebody who writes them by hand."""
-        if name != self._used_id:
+        """Say, once, that a goal is not taken whose id one had before, as of somebody who writes them by hand.
+
+        Who leases goals sends one again that was not acknowledged in time.
+        """
+        if name != self._used_id and not is_leased(name):
             self._used_id = name
             logging.getLogger("rosout").warning(
                 "refused a goal by the id '%s', which one had that ended %.0f s ago; give each its own, or none",

@@ -276,6 +276,15 @@ def test_who_sends_each_goal_by_one_id_is_told_why_the_robot_stands(caplog, seco
     assert f"ended {seconds:.0f} s ago" in said
 
 
+@pytest.mark.parametrize("seconds", [0.0, LIST_FOR + 1.0])
+def test_nobody_is_warned_of_a_goal_that_its_client_sent_again_before_it_heard_of_its_end(caplog, seconds):
+    server, name = Server(), "goal" + goal_lease.MARK
+    server.goal(name).set_rejected()
+    server.wait(seconds)
+    server.goal(name)
+    assert not caplog.records
+
+
 def test_goals_without_a_name_are_told_apart():
     server = Server()
     server.tracker.take_goal(GoalID(), "goal"), server.tracker.take_goal(GoalID(), "goal")
