@@ -260,31 +260,6 @@ def test_a_robot_that_a_crowd_of_clients_has_left_holds_little_of_their_goals():
     assert not server.taken and not server.results and not server.tracker.listed(), "it began anew"
 
 
-@pytest.mark.parametrize("seconds", [1.0, LIST_FOR + 1.0])
-def test_who_sends_each_goal_by_one_id_is_told_why_the_robot_stands(caplog, seconds):
-    """A script with the id "1" drove once, and then not for a minute, without a word."""
-    server = Server()
-    first = server.goal("1")
-    server.goal("1")
-    assert not caplog.records, "a goal that comes twice while it is pursued is one"
-    first.set_rejected()
-    server.wait(seconds)
-    for _ in range(3):
-        server.goal("1")
-    assert server.taken == [first]
-    (said,) = [record.getMessage() for record in caplog.records if "the id '1'" in record.getMessage()]
-    assert f"ended {seconds:.0f} s ago" in said
-
-
-@pytest.mark.parametrize("seconds", [0.0, LIST_FOR + 1.0])
-def test_nobody_is_warned_of_a_goal_that_its_client_sent_again_before_it_heard_of_its_end(caplog, seconds):
-    server, name = Server(), "goal" + goal_lease.MARK
-    server.goal(name).set_rejected()
-    server.wait(seconds)
-    server.goal(name)
-    assert not caplog.records
-
-
 def test_goals_without_a_name_are_told_apart():
     server = Server()
     server.tracker.take_goal(GoalID(), "goal"), server.tracker.take_goal(GoalID(), "goal")
