@@ -20,6 +20,7 @@ from mbf_relay.parameters import parameter
 NEARER = (1.0, 0.75, 0.5, 0.35)  # shares of the lookahead distance tried, the farthest carrot first
 SLOWER = (1.0, 0.6, 0.3)  # shares of the regulated speed tried
 TIGHTEST = 0.1  # robot's widths: the least radius of an arc steered along
+STANDS = 0.01  # of the speed on an open path: what is slower, as where nothing of the path is in sight, leads nowhere
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ class RegulatedPurePursuit(PathFollower):
             speed = self._regulated_speed(cycle, curvature)
             for slower in SLOWER:
                 command = self._command_for(cycle, slower * speed, curvature)
-                if self._is_free(cycle, command):
+                if speed > STANDS * self.parameters.desired_linear_vel and self._is_free(cycle, command):
                     self.carrot = carrot
                     return command
         turn = self.turn_to_path(cycle, 0.0)

@@ -110,6 +110,13 @@ def test_a_robot_at_the_corner_of_a_costmap_that_does_not_roll_is_told_so(name):
         assert "rolling_window" in str(ended.error) and "obstacle" not in str(ended.error).partition(":")[0]
 
 
+def test_a_robot_in_the_midst_of_an_obstacle_is_told_of_that(name):
+    """Pure pursuit drove ever slower, down to 1e-16 m/s, and neither reached its goal nor gave it up."""
+    ended = drive(
+        make(name), path_through((0, 0), (1.0, 0)), START, boxes((-0.5, -0.5, 0.5, 0.5)), patience=1.0, seconds=5.0)
+    assert ended.error.outcome == ControlOutcome.COLLISION and "lies on an obstacle" in str(ended.error)
+
+
 def test_a_goal_behind_is_turned_to_first(name):
     ended = drive(make(name), path_through((0, 0), (-1.0, 0)), START)
     assert ended.reached and turns_back(name, ended.commands) <= 1
