@@ -139,23 +139,34 @@ def test_its_age_is_that_of_the_scan(sender, monkeypatch):
     assert sender.age() == 2.5
 
 
-@pytest.mark.parametrize("late, dated", [(-0.5, 10.5), (0.0, 10.0), (0.5, 10.0)])
-def test_it_is_as_young_as_the_scan_where_a_lidar_s_clock_is_behind(monkeypatch, late, dated):
-    """Once known to be half a second behind, scans were set right and map -> odom was not: too old to drive by."""
-    updates, node = [], amcl.AmclNode.__new__(amcl.AmclNode)
+def of_one_scan(monkeypatch, late=0.0, jumps=0):
+    """Return what map -> odom is told of a scan, and what of odometry's jumps; the lidar's clock is off by `late` (s).
+    """
+    updates, told, node = [], [], amcl.AmclNode.__new__(amcl.AmclNode)
     scan = LaserScan(np.full(8, 2.0), 0.0, 0.7, 0.1, 3.0, 10.0, "laser")
     monkeypatch.setattr(amcl, "scan_in_base", lambda *_: (scan, IDENTITY, True))
     node.__dict__.update(
         _parameters=AmclParameters(save_pose_rate=0.0), _lock=threading.RLock(), _kept=None,
         _scan_watch=SimpleNamespace(
-            saw=lambda _now: None, warn_of_dates=lambda _timings: None, warn_of_jumps=lambda _jumps, _pose: None),
+            saw=lambda _now: None, warn_of_dates=lambda _timings: None, warn_of_jumps=lambda *jump: told.append(jump)),
         _timings=SimpleNamespace(corrected=lambda scan, _pose: replace(scan, stamp=scan.stamp - late)),
         _localizer=SimpleNamespace(
-            process=lambda *_: None, odometry=SimpleNamespace(jumps=0), map_from_odom=POSE, poses=None),
+            process=lambda *_: None, odometry=SimpleNamespace(jumps=jumps), map_from_odom=POSE, poses=None),
         _map_to_odom=SimpleNamespace(update=lambda pose, stamp: updates.append((pose, stamp.to_sec()))),
         _saved_pose=SavedPose.__new__(SavedPose),
         transforms=SimpleNamespace(lookup=lambda *_: IDENTITY, frames_above=lambda *_: {}))
     message = LaserScanMessage()
     message.header.frame_id, message.header.stamp = "laser", rospy.Time(10)
     node.process(message)
+    return updates, told
+
+
+@pytest.mark.parametrize("late, dated", [(-0.5, 10.5), (0.0, 10.0), (0.5, 10.0)])
+def test_it_is_as_young_as_the_scan_where_a_lidar_s_clock_is_behind(monkeypatch, late, dated):
+    """Once known to be half a second behind, scans were set right and map -> odom was not: too old to drive by."""
+    updates, _ = of_one_scan(monkeypatch, late)
     assert updates == [(POSE, pytest.approx(dated))]
+
+
+def test_who_reads_the_log_hears_of_odometry_that_began_anew(monkeypatch):
+    assert of_one_scan(monkeypatch, jumps=2)[1] == [(2, IDENTITY)]
