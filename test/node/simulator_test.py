@@ -76,7 +76,7 @@ class TestSimulator(unittest.TestCase):
         cls.standing = Listener("simulator/obstacles", MarkerArray, connected=True)
         cls.drive = connected_publisher("cmd_vel", Twist)
         cls.set_pose = connected_publisher("simulator/set_pose", PoseStamped)
-        cls.set_obstacles = connected_publisher("simulator/set_obstacles", MarkerArray)
+        cls.set_obstacles = connected_publisher("simulator/set_obstacles", MarkerArray, queue_size=1000)
         for name in ("reset", "pause", "unpause"):
             rospy.wait_for_service(f"simulator/{name}", 30.0)
             setattr(cls, name, staticmethod(rospy.ServiceProxy(f"simulator/{name}", Empty)))
@@ -225,12 +225,11 @@ class TestSimulator(unittest.TestCase):
 
     def test_of_obstacles_that_a_program_sends_one_by_one_all_stand(self):
         """Of those that came at once rospy kept the last hundred, and the world lacked the others."""
-        many = connected_publisher("simulator/set_obstacles", MarkerArray, queue_size=1000)
         for number in range(250):
-            many.publish(MarkerArray([marker(number, x=3.0 + 0.3 * number)]))
+            self.set_obstacles.publish(MarkerArray([marker(number, x=3.0 + 0.3 * number)]))
         self.standing.wait_for(lambda m: any(each.id == 249 for each in m.markers), "the last one")
         stood = len(self.standing.last.markers)
-        many.publish(MarkerArray([marker(0, action=Marker.DELETEALL)]))
+        self.set_obstacles.publish(MarkerArray([marker(0, action=Marker.DELETEALL)]))
         wait_until(lambda: len(self.standing.last.markers) == 1, "every obstacle to be gone")
         self.assertEqual(stood, 1 + 250)
 

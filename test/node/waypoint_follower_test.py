@@ -77,6 +77,7 @@ class WaypointFollowerTest(unittest.TestCase):
         wait_until(lambda: cls.client.wait_for_server(0.1), "the action follow_waypoints", 60.0)
         cls.feedback = Listener("follow_waypoints/feedback", FollowWaypointsActionFeedback, connected=True)
         cls.shown = Listener("waypoints", PoseArray, connected=True)
+        cls.poses = connected_publisher("addpose", PoseWithCovarianceStamped, queue_size=1000)
 
     def setUp(self):
         self.move_base.goals.clear()
@@ -86,6 +87,14 @@ class WaypointFollowerTest(unittest.TestCase):
 
     def follow(self, *places, **more):
         return self.end_of(self.client.send(goal_of(*places, **more)))
+
+    def forget_waypoints(self):
+        """Reset the path and wait until that has had its effect, or it would cancel the next test's goal."""
+        sent = self.client.send(goal_of(SLOW))
+        self.wait_on_the_way()
+        connected_publisher("path_reset", Empty).publish(Empty())
+        self.end_of(sent)
+        wait_until(lambda: self.move_base.running is None, "the drive's end after path_reset")
 
     def wait_on_the_way(self):
         wait_until(lambda: self.move_base.running, "the goal at move_base", 30.0)
@@ -148,7 +157,6 @@ class WaypointFollowerTest(unittest.TestCase):
         self.assertEqual(self.move_base.goals, [SLOW])
 
     def test_poses_gathered_by_topic_are_shown_and_followed_when_the_path_is_ready(self):
-        poses = connected_publisher("addpose", PoseWithCovarianceStamped)
         ready, reset = connected_publisher("path_ready", Empty), connected_publisher("path_reset", Empty)
         said = []
         log = rospy.Subscriber("/rosout", Log, lambda m: said.append(m.msg))
@@ -160,7 +168,7 @@ class WaypointFollowerTest(unittest.TestCase):
         for number, x in enumerate((1.0, SLOW), 1):
             pose = PoseWithCovarianceStamped()
             pose.header.frame_id, pose.pose.pose.position.x = "map", x
-            poses.publish(pose)
+            self.poses.publish(pose)
             self.shown.wait_for(lambda m, n=number: len(m.poses) == n, f"{number} waypoints", since=since)
         self.assertEqual(self.move_base.goals, [])
         ready.publish(Empty())
@@ -173,13 +181,12 @@ class WaypointFollowerTest(unittest.TestCase):
 
     def test_of_poses_that_a_program_sends_at_once_none_is_left_out(self):
         """Of sixty 38 were taken, the last ones: the robot skipped a third of its round, and nothing said so."""
-        poses = connected_publisher("addpose", PoseWithCovarianceStamped, queue_size=1000)
-        self.addCleanup(connected_publisher("path_reset", Empty).publish, Empty())
+        self.addCleanup(self.forget_waypoints)
         since = len(self.shown.messages)
         for x in range(500):
             pose = PoseWithCovarianceStamped()
             pose.header.frame_id, pose.pose.pose.position.x = "map", x
-            poses.publish(pose)
+            self.poses.publish(pose)
         shown = self.shown.wait_for(lambda m: m.poses and m.poses[-1].position.x == 499, "the last pose", since=since)
         self.assertEqual([pose.position.x for pose in shown.poses], list(range(500)))
 
