@@ -80,11 +80,9 @@ class SpatioTemporalLayer(ObstacleLayer):
         seen = [np.empty(0, np.int64)]
         for source in self._sources.values():
             for rays in source.kept if source.parameters.marking else ():
-                cells = np.floor((rays.marks - (self.grid.origin_x, self.grid.origin_y)) / self.grid.resolution)
-                columns, rows = cells.astype(np.int64).T
-                height, width = self.grid.shape
-                inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-                at = rows[inside] * width + columns[inside]
+                cells = self.grid.cells_at(rays.marks)
+                columns, rows = cells[self.grid.contains_cells(cells)].T
+                at = rows * self.grid.width + columns
                 self._seen_at.ravel()[at] = np.maximum(self._seen_at.ravel()[at], min(rays.stamp, now))
                 if rays.stamp <= now + SET_BACK:
                     seen.append(at)
