@@ -12,7 +12,7 @@ from mbf_relay.control import CONTROLLERS
 from mbf_relay.control.controller import Controller
 from mbf_relay.control.state import ControlState
 from mbf_relay.costmap.cost_grid import CostGrid
-from mbf_relay.costmap.footprint import padded, radii
+from mbf_relay.costmap.outline import padded, radii
 from mbf_relay.geometry import IDENTITY, Pose2D, Twist2D
 from mbf_relay.grid import Grid
 from mbf_relay.lockstep.settings import config_folder, load_settings

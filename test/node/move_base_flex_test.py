@@ -38,7 +38,7 @@ from tally import LONG
 
 from mbf_relay.costmap import inspection
 from mbf_relay.costmap.cost_grid import CostGrid
-from mbf_relay.costmap.footprint import padded
+from mbf_relay.costmap.outline import padded
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.ros.common.conversions import header, pose_from_message, pose_to_message

@@ -10,12 +10,11 @@ from typing import Any, Collection, Deque, Dict, Iterator, List, Mapping, Option
 
 import numpy as np
 
-from mbf_relay.costmap import footprint as footprints
 from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, INSCRIBED, NO_INFORMATION, CostGrid, Window, half_width_of
 from mbf_relay.costmap.freshness import LEAST_ALLOWED, Freshness
 from mbf_relay.costmap.layer import Layer, LayerContext, ZoneLimit, changed_window, missing_inputs, shifted, tracks_of
 from mbf_relay.costmap.observation import Observation
-from mbf_relay.costmap.outline import check_padded
+from mbf_relay.costmap.outline import check_padded, padded, radii
 from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.costmap.shared_inputs import inputs_of
 from mbf_relay.geometry import Pose2D
@@ -139,8 +138,8 @@ class Costmap:
         """Take another outline of the robot, without padding, as `parse_footprint` gives it, shape (K, 2) in metres."""
         with self._lock:
             self._outline, self._near, self._shown = outline, None, None
-            self._footprint = footprints.padded(outline, self.parameters.footprint_padding)
-            self._inscribed_radius, self._circumscribed_radius = footprints.radii(self._footprint)
+            self._footprint = padded(outline, self.parameters.footprint_padding)
+            self._inscribed_radius, self._circumscribed_radius = radii(self._footprint)
             for layer in self.layers:
                 layer.set_footprint(self._inscribed_radius)
 

@@ -1,8 +1,7 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loops over the outline of a footprint laid on a grid of costs.
+"""Compiled loops over the cells a footprint covers on a grid, and over the points of its outline.
 
-Lines are drawn as costmap_2d draws them (Bresenham, error term started at half the longer side), so that the cells
-under an outline are the same ones its CostmapModel looks at.
+Lines are drawn as costmap_2d draws them (Bresenham, error term started at half the longer side).
 """
 
 from __future__ import annotations
@@ -13,120 +12,28 @@ import numpy as np
 
 from mbf_relay.kernels import kernel
 
-IN_COLLISION = -1.0  # the outline covers a lethal cell
-ON_UNKNOWN = -2.0  # the outline covers a cell nothing is known about
-OUTSIDE = -3.0  # part of the footprint lies outside the grid
-
 _LETHAL = 254
 _NO_INFORMATION = 255
 _FREE = 0
 _INSCRIBED = 253
 
 
-@kernel("float64(uint8[:,::1], int64, int64, int64, int64)")
-def line_cost(costs, column, row, end_column, end_row):
-    """Return the highest cost under a line between two cells of the grid, or IN_COLLISION or ON_UNKNOWN."""
-    step_x = 1 if end_column >= column else -1
-    step_y = 1 if end_row >= row else -1
-    length_x = abs(end_column - column)
-    length_y = abs(end_row - row)
-    along_x = length_x >= length_y
-    longer = length_x if along_x else length_y
-    shorter = length_y if along_x else length_x
-    error = longer // 2
-    highest = 0
-    for _ in range(longer + 1):
-        cost = costs[row, column]
-        if cost == _NO_INFORMATION:
-            return -2.0
-        if cost == _LETHAL:
-            return -1.0
-        if cost > highest:
-            highest = cost
-        error += shorter
-        turn = error >= longer
-        if turn:
-            error -= longer
-        if along_x:
-            column += step_x
-            if turn:
-                row += step_y
-        else:
-            row += step_y
-            if turn:
-                column += step_x
-    return float(highest)
-
-
-@kernel("float64(uint8[:,::1], float64, float64, float64, float64[:,::1], float64, float64, float64)")
-def outline_cost(costs, origin_x, origin_y, resolution, footprint, x, y, theta):
-    """Return the highest cost under a footprint's outline at a pose, or one of the negative verdicts above."""
-    height, width = costs.shape
-    column = int(math.floor((x - origin_x) / resolution))
-    row = int(math.floor((y - origin_y) / resolution))
-    if not (0 <= column < width and 0 <= row < height):
-        return -3.0
-    corners = footprint.shape[0]
-    if corners < 3:
-        cost = costs[row, column]
-        if cost == _NO_INFORMATION:
-            return -2.0
-        return -1.0 if cost >= _INSCRIBED else float(cost)
-    cos, sin = math.cos(theta), math.sin(theta)
-    last = corners - 1
-    column = int(math.floor((x + cos * footprint[last, 0] - sin * footprint[last, 1] - origin_x) / resolution))
-    row = int(math.floor((y + sin * footprint[last, 0] + cos * footprint[last, 1] - origin_y) / resolution))
-    if not (0 <= column < width and 0 <= row < height):
-        return -3.0
-    highest = 0.0
-    for corner in range(corners):
-        end_column = int(
-            math.floor((x + cos * footprint[corner, 0] - sin * footprint[corner, 1] - origin_x) / resolution))
-        end_row = int(
-            math.floor((y + sin * footprint[corner, 0] + cos * footprint[corner, 1] - origin_y) / resolution))
-        if not (0 <= end_column < width and 0 <= end_row < height):
-            return -3.0
-        cost = line_cost(costs, column, row, end_column, end_row)
-        if cost < 0.0:
-            return cost
-        highest = max(highest, cost)
-        column, row = end_column, end_row
-    return highest
-
-
-@kernel("void(uint8[:,::1], float64, float64, float64, float64[:,::1], float64[:,::1], float64[::1])")
-def outline_costs(costs, origin_x, origin_y, resolution, footprint, poses, result):
-    """Fill `result` with the `outline_cost` of each pose; `poses` is (N, 3) as x, y, theta."""
-    for index in range(poses.shape[0]):
-        result[index] = outline_cost(
-            costs, origin_x, origin_y, resolution, footprint, poses[index, 0], poses[index, 1], poses[index, 2])
-
-
-@kernel("int64(int64, int64, int64[::1], int64[::1], int32[:,::1])")
-def polygon_cells(width, height, columns, rows, cells):
-    """Collect the cells of a convex polygon, outline and inside, that lie in the grid.
+@kernel("int64(int64[::1], int64[::1], int32[:,::1])")
+def polygon_cells(columns, rows, cells):
+    """Collect the cells of a convex polygon, outline and inside.
 
     The outline is drawn line by line; each row is then filled between its outermost cells.
 
     Args:
-        width, height: Size of the grid.
-        columns, rows: The corners' cells, in order round the polygon; they may lie outside the grid.
-        cells: Shape (M, 2), int32; filled with columns and rows. M must hold the polygon's part of the grid.
+        columns, rows: The corners' cells, in order round the polygon.
+        cells: Shape (M, 2), int32; filled with columns and rows. M must hold the box round the polygon.
 
     Returns:
         How many cells there are.
     """
-    lowest = rows[0]
-    highest = rows[0]
-    for corner in range(rows.shape[0]):
-        lowest = min(lowest, rows[corner])
-        highest = max(highest, rows[corner])
-    lowest = max(lowest, 0)
-    highest = min(highest, height - 1)
-    if highest < lowest:
-        return 0
-    left = np.full(highest - lowest + 1, width, np.int64)
-    right = np.full(highest - lowest + 1, -1, np.int64)
+    lowest, highest = rows.min(), rows.max()
+    left = np.full(highest - lowest + 1, columns.max(), np.int64)
+    right = np.full(highest - lowest + 1, columns.min(), np.int64)
     corners = columns.shape[0]
     for corner in range(corners):
         column, row = columns[corner - 1], rows[corner - 1]
@@ -140,9 +47,8 @@ def polygon_cells(width, height, columns, rows, cells):
         shorter = length_y if along_x else length_x
         error = longer // 2
         for _ in range(longer + 1):
-            if lowest <= row <= highest:
-                left[row - lowest] = min(left[row - lowest], column)
-                right[row - lowest] = max(right[row - lowest], column)
+            left[row - lowest] = min(left[row - lowest], column)
+            right[row - lowest] = max(right[row - lowest], column)
             error += shorter
             turn = error >= longer
             if turn:
@@ -157,7 +63,7 @@ def polygon_cells(width, height, columns, rows, cells):
                     column += step_x
     count = 0
     for line in range(highest - lowest + 1):
-        for column in range(max(left[line], 0), min(right[line], width - 1) + 1):
+        for column in range(left[line], right[line] + 1):
             cells[count, 0] = column
             cells[count, 1] = lowest + line
             count += 1
@@ -256,7 +162,7 @@ def covered_costs(costs, origin_x, origin_y, resolution, footprint, poses, resul
             result[index, 0] = 1
             continue
         cells = np.empty(((high_column - low_column + 1) * (high_row - low_row + 1), 2), np.int32)
-        for cell in range(polygon_cells(width, height, columns, rows, cells)):
+        for cell in range(polygon_cells(columns, rows, cells)):
             cost = costs[cells[cell, 1], cells[cell, 0]]
             if cost == _LETHAL:
                 result[index, 1] += 1

@@ -8,11 +8,12 @@ from typing import Any, ClassVar, Dict, List, Mapping, Optional, Tuple, Type, Ty
 
 import numpy as np
 
-from mbf_relay.costmap import footprint, layer_kernels
+from mbf_relay.costmap import footprint_kernels, layer_kernels
 from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, LETHAL, NO_INFORMATION, Window
 from mbf_relay.costmap.layer import CellLayer, LayerContext, changed_window
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.observation_source import RANGE, ObservationSource, RayBundle, SourceParameters
+from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.parameters import ParameterSet, parameter
 
@@ -162,7 +163,7 @@ class ObstacleLayer(CellLayer):
         for rays in marking:
             layer_kernels.mark_points(self.costs, *grid, rays.marks)
         if stands:  # last: what a lidar sees of the robot's own mast is no obstacle
-            footprint.free_within(self.grid, self.costs, context.footprint, context.robot_pose)
+            free_within(self.grid, self.costs, context.footprint, context.robot_pose)
         self.touch(changed_window(before, self.costs, touched))
         return window.union(self.take_pending())
 
@@ -233,6 +234,22 @@ class ObstacleLayer(CellLayer):
     def stale_reason(self, now: float) -> Optional[str]:
         reasons = (source.stale_reason(name, self.max_age(name), now) for name, source in self._sources.items())
         return next((reason for reason in reasons if reason is not None), None)
+
+
+def free_within(grid: Grid, costs: np.ndarray, footprint: np.ndarray, pose: Pose2D) -> None:
+    """Free the cells that lie wholly within a convex footprint.
+
+    Nothing but the robot can be there. A cell that the outline only crosses may hold what stands beside the robot; to
+    take it for free, as costmap_2d does, blinds the robot to what it is about to touch.
+
+    Args:
+        grid: Where the cells lie.
+        costs: Shape (height, width), uint8.
+        footprint: Corners in the base frame, shape (K, 2) in metres with K > 2.
+        pose: The base in the grid's frame.
+    """
+    footprint_kernels.free_within(
+        costs, grid.origin_x, grid.origin_y, grid.resolution, np.ascontiguousarray(footprint, dtype=np.float64), *pose)
 
 
 VOXEL_RECONFIGURABLE = RECONFIGURABLE + (

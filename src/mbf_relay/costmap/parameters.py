@@ -7,9 +7,15 @@ from typing import Any, List, Mapping, Tuple, Type, TypeVar
 
 import numpy as np
 
-from mbf_relay.costmap import footprint as footprints
 from mbf_relay.costmap.cost_grid import OBSTACLE_OVERLAP
-from mbf_relay.costmap.outline import check_padded, notes_on
+from mbf_relay.costmap.outline import (
+    check_padded,
+    footprint_from_radius,
+    notes_on,
+    padded,
+    parse_footprint,
+    radii,
+)
 from mbf_relay.grid import Grid
 from mbf_relay.maps import COARSEST, FINEST, LARGEST_SIDE, MOST_CELLS
 from mbf_relay.parameters import ParameterSet, parameter
@@ -62,7 +68,7 @@ class CostmapParameters(ParameterSet):
     )
 
     def check(self) -> None:
-        footprints.parse_footprint(self.footprint)
+        parse_footprint(self.footprint)
         # refused, where a minimum would have dynamic_reconfigure take the finest one instead
         if self.resolution < FINEST:
             raise ValueError(f"parameter resolution is {self.resolution:g} m; it must be at least {FINEST:g} m")
@@ -87,8 +93,8 @@ class CostmapParameters(ParameterSet):
         creeps, for beyond it nobody has looked.
         """
         parameters, notes = super().read(values)
-        footprint = footprints.padded(parameters.outline(), parameters.footprint_padding)
-        across = 2.0 * footprints.radii(footprint)[1]
+        footprint = padded(parameters.outline(), parameters.footprint_padding)
+        across = 2.0 * radii(footprint)[1]
         width, height = (max(side, 2.0 * across) for side in (parameters.width, parameters.height))
         if not parameters.rolling_window or (width, height) == (parameters.width, parameters.height):
             return parameters, notes
@@ -103,8 +109,8 @@ class CostmapParameters(ParameterSet):
 
     def outline(self) -> np.ndarray:
         """Return the robot's outline without padding, shape (K, 2) in metres."""
-        corners = footprints.parse_footprint(self.footprint)
-        return corners if len(corners) else footprints.footprint_from_radius(self.robot_radius)
+        corners = parse_footprint(self.footprint)
+        return corners if len(corners) else footprint_from_radius(self.robot_radius)
 
     def grid(self) -> Grid:
         """Return the grid these parameters ask for."""

@@ -1,4 +1,4 @@
-"""The robot's outline and its cost on a grid."""
+"""The robot's outline, and the cells it frees."""
 
 import math
 
@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
-from mbf_relay.costmap import footprint as fp
-from mbf_relay.costmap.cost_grid import LETHAL, NO_INFORMATION
 from mbf_relay.costmap.factory import build_costmap
-from mbf_relay.costmap.outline import clearances
+from mbf_relay.costmap.obstacle_layer import free_within
+from mbf_relay.costmap.outline import clearances, footprint_from_radius, padded, parse_footprint, radii
 from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
@@ -19,9 +18,9 @@ BURGER = np.array([[-0.105, -0.105], [-0.105, 0.105], [0.041, 0.105], [0.041, -0
 
 def test_reads_lists_and_texts():
     expected = [[-0.1, 0.0], [0.1, 0.1], [0.1, -0.1]]
-    assert fp.parse_footprint(expected).tolist() == expected
-    assert fp.parse_footprint("[[-0.1, 0], [0.1, 0.1], [0.1, -0.1]]").tolist() == expected
-    assert fp.parse_footprint("[]").shape == (0, 2)
+    assert parse_footprint(expected).tolist() == expected
+    assert parse_footprint("[[-0.1, 0], [0.1, 0.1], [0.1, -0.1]]").tolist() == expected
+    assert parse_footprint("[]").shape == (0, 2)
 
 
 @pytest.mark.parametrize(
@@ -38,85 +37,17 @@ def test_reads_lists_and_texts():
 )
 def test_bad_footprints_are_named_with_their_value(value):
     with pytest.raises(ValueError, match="footprint is"):
-        fp.parse_footprint(value)
+        parse_footprint(value)
 
 
 def test_radii_of_the_burger():
-    inscribed, circumscribed = fp.radii(BURGER)
+    inscribed, circumscribed = radii(BURGER)
     assert inscribed == pytest.approx(0.041)
     assert circumscribed == pytest.approx(math.hypot(0.105, 0.105))
 
 
 def test_padding_moves_each_corner_outwards_along_both_axes():
-    assert np.abs(fp.padded(BURGER, 0.01)) == pytest.approx(np.abs(BURGER) + 0.01)
-
-
-def outline_reference(footprint, pose, grid):
-    """Cells under the outline, drawn line by line as costmap_2d does, in plain Python."""
-    corners = grid.cells_at(pose.transform_points(footprint)).tolist()
-    cells = set()
-    for (x0, y0), (x1, y1) in zip(corners, corners[1:] + corners[:1]):
-        dx, dy = abs(x1 - x0), abs(y1 - y0)
-        sx, sy = (1 if x1 >= x0 else -1), (1 if y1 >= y0 else -1)
-        longer, shorter = max(dx, dy), min(dx, dy)
-        for step in range(longer + 1):
-            minor = (longer // 2 + step * shorter) // longer if longer else 0
-            cells.add((x0 + sx * step, y0 + sy * minor) if dx >= dy else (x0 + sx * minor, y0 + sy * step))
-    return cells
-
-
-def test_outline_cost_is_that_of_the_cells_under_the_lines():
-    rng = np.random.default_rng(3)
-    grid = Grid(0.05, -1.0, -2.0, 40, 50)
-    verdicts = set()
-    for _ in range(300):
-        costs = rng.integers(0, 253, grid.shape).astype(np.uint8)
-        costs[tuple(rng.integers(0, 40, (2, 30)))] = rng.choice([LETHAL, NO_INFORMATION])
-        pose = Pose2D(rng.uniform(-1.0, 1.0), rng.uniform(-2.0, 0.5), rng.uniform(-4.0, 4.0))
-        cells = outline_reference(BURGER, pose, grid)
-        found = fp.footprint_cost(grid, costs, BURGER, pose)
-        verdicts.add(min(found, 0.0))
-        if not all(grid.contains_cell(*cell) for cell in cells):
-            assert found == fp.OUTSIDE
-            continue
-        values = {int(costs[row, column]) for column, row in cells}
-        if found == fp.IN_COLLISION:
-            assert LETHAL in values
-        elif found == fp.ON_UNKNOWN:
-            assert NO_INFORMATION in values
-        else:
-            assert found == max(values)
-    assert verdicts == {0.0, fp.IN_COLLISION, fp.ON_UNKNOWN, fp.OUTSIDE}
-
-
-def test_many_poses_cost_what_each_costs_alone():
-    rng = np.random.default_rng(4)
-    grid = Grid(0.05, 0.0, 0.0, 60, 60)
-    costs = rng.integers(0, 256, grid.shape).astype(np.uint8)
-    costs[costs >= 253] = 0
-    poses = rng.uniform(-0.2, 3.2, (200, 3))
-    together = fp.footprint_costs(grid, costs, BURGER, poses)
-    assert together.tolist() == [fp.footprint_cost(grid, costs, BURGER, Pose2D(*pose)) for pose in poses]
-
-
-def test_a_point_robot_collides_where_its_centre_is_inscribed():
-    grid = Grid(1.0, 0.0, 0.0, 3, 1)
-    costs = np.array([[0, 253, 255]], dtype=np.uint8)
-    point = np.zeros((0, 2))
-    assert [fp.footprint_cost(grid, costs, point, Pose2D(x, 0.5, 0.0)) for x in (0.5, 1.5, 2.5, 3.5)] == [
-        0.0, fp.IN_COLLISION, fp.ON_UNKNOWN, fp.OUTSIDE]
-
-
-def test_covered_cells_hold_outline_and_inside():
-    grid = Grid(0.05, -1.0, -1.0, 40, 40)
-    square = np.array([[-0.2, -0.2], [-0.2, 0.2], [0.2, 0.2], [0.2, -0.2]])
-    cells = {tuple(cell) for cell in fp.footprint_cells(grid, square, Pose2D(0.01, 0.01, 0.0)).tolist()}
-    assert cells == {(c, r) for c in range(16, 25) for r in range(16, 25)}
-    turned = {tuple(cell) for cell in fp.footprint_cells(grid, square, Pose2D(0.01, 0.01, 0.6)).tolist()}
-    assert outline_reference(square, Pose2D(0.01, 0.01, 0.6), grid) <= turned
-    corner = fp.footprint_cells(grid, square, Pose2D(-1.0, -1.0, 0.3))
-    assert len(corner) and grid.contains_cells(corner).all()
-    assert len(fp.footprint_cells(grid, square, Pose2D(9.0, 9.0, 0.0))) == 0
+    assert np.abs(padded(BURGER, 0.01)) == pytest.approx(np.abs(BURGER) + 0.01)
 
 
 POSES = [Pose2D(0.013, 0.021, 0.0), Pose2D(0.0, 0.0, 0.7), Pose2D(-0.03, 0.31, -2.2), Pose2D(0.45, 0.4, 1.0)]
@@ -136,11 +67,11 @@ def plainly_within(grid, outline, pose):
 
 
 @pytest.mark.parametrize("pose", POSES)
-@pytest.mark.parametrize("outline", [BURGER, BURGER[::-1], fp.footprint_from_radius(0.2)])
+@pytest.mark.parametrize("outline", [BURGER, BURGER[::-1], footprint_from_radius(0.2)])
 def test_cells_freed_lie_wholly_under_the_robot(pose, outline):
     grid = Grid(0.025, -0.5, -0.5, 40, 40)
     costs = np.full((40, 40), 254, dtype=np.uint8)
-    fp.free_within(grid, costs, outline, pose)
+    free_within(grid, costs, outline, pose)
     freed = {(column, row) for row, column in np.argwhere(costs == 0).tolist()}
     assert freed == plainly_within(grid, outline, pose) != set()
 
@@ -172,12 +103,12 @@ def test_a_rectangle_told_crosswise_is_the_whole_rectangle_and_is_told_of():
 def test_a_star_of_many_corners_is_looked_at_at_once():
     angles = np.arange(1000) * 2.0 * math.pi / 1000
     star = np.column_stack((np.cos(angles), np.sin(angles))) * np.where(np.arange(1000) % 2, 1.0, 0.5)[:, None]
-    assert len(fp.parse_footprint(star)) == 1000
+    assert len(parse_footprint(star)) == 1000
 
 
 @pytest.mark.parametrize("points", [[[math.nan, 0.0]] * 1000, [[0.1, 0.1]] * 1000, [[1e9, 0.0]] * 500, ["x" * 10**6]])
 def test_the_refusal_of_a_long_footprint_does_not_fill_the_log_of_the_robot(points):
     for value in (points, str(points)):
         with pytest.raises(ValueError) as refusal:
-            fp.parse_footprint(value)
+            parse_footprint(value)
         assert len(str(refusal.value)) < 400 and "footprint" in str(refusal.value)

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION, CostGrid
-from mbf_relay.costmap.footprint import footprint_cells
 from mbf_relay.costmap.inspection import (
     POINT,
     Multipliers,
@@ -34,6 +33,21 @@ def random_costmap(seed, free=0.6):
     return CostGrid(grid, costs, "map", BURGER, 0.04, 0.15)
 
 
+def covered_cells(grid, outline, pose):
+    """Cells under an outline, drawn line by line as costmap_2d does, and between them in each row."""
+    corners = grid.cells_at(pose.transform_points(outline) if len(outline) else np.array([pose[:2]])).tolist()
+    drawn = {}
+    for (x0, y0), (x1, y1) in zip(corners, corners[1:] + corners[:1]):
+        dx, dy = abs(x1 - x0), abs(y1 - y0)
+        sx, sy = (1 if x1 >= x0 else -1), (1 if y1 >= y0 else -1)
+        longer, shorter = max(dx, dy), min(dx, dy)
+        for step in range(longer + 1):
+            minor = (longer // 2 + step * shorter) // longer if longer else 0
+            x, y = (x0 + sx * step, y0 + sy * minor) if dx >= dy else (x0 + sx * minor, y0 + sy * step)
+            drawn.setdefault(y, []).append(x)
+    return [(column, row) for row, columns in drawn.items() for column in range(min(columns), max(columns) + 1)]
+
+
 def by_hand(costmap, pose, outline, multipliers=(1.0, 1.0, 1.0)):
     """State and cost of one pose, cell by cell."""
     grid = costmap.grid
@@ -41,7 +55,7 @@ def by_hand(costmap, pose, outline, multipliers=(1.0, 1.0, 1.0)):
     if not all(grid.contains_point(x, y) for x, y in corners):
         return PoseState.OUTSIDE, 0.0
     state, cost = PoseState.FREE, 0.0
-    for column, row in footprint_cells(grid, outline, Pose2D(*pose)):
+    for column, row in covered_cells(grid, outline, Pose2D(*pose)):
         value = int(costmap.costs[row, column])
         kind, factor = {
             LETHAL: (PoseState.LETHAL, multipliers[0]), INSCRIBED: (PoseState.INSCRIBED, multipliers[1]),

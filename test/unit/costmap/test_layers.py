@@ -8,9 +8,9 @@ import pytest
 
 from mbf_relay.costmap import factory
 from mbf_relay.costmap.cost_grid import EMPTY, FREE_SPACE, LETHAL, NO_INFORMATION, Window
-from mbf_relay.costmap.footprint import free_within
 from mbf_relay.costmap.layer import Layer, changed_window, shifted
 from mbf_relay.costmap.observation import Observation, observation_from_points, observation_from_scan, scan_points
+from mbf_relay.costmap.obstacle_layer import free_within
 from mbf_relay.costmap.static_layer import StaticLayerParameters, cost_table
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.grid import Grid

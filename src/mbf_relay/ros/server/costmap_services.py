@@ -13,7 +13,7 @@ from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 
 from mbf_relay.costmap import inspection
 from mbf_relay.costmap.costmap import Costmap
-from mbf_relay.costmap.footprint import padded
+from mbf_relay.costmap.outline import padded
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common.checks import check_finite
