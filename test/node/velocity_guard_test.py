@@ -74,7 +74,7 @@ class TestVelocityGuard(unittest.TestCase):
         return wait_until(driving, what, period=0.02)
 
     def start_driving(self):
-        """Drive until the robot moves and what passes is what is asked for; a late scan or velocity stops it between."""
+        """Drive until the robot moves and what passes is what is asked for: what comes late stops it meanwhile."""
         start = self.x()
         self.drive_until(lambda: self.x() > start + 0.02 and self.passed.last == forward(0.2), "the robot to drive")
 
