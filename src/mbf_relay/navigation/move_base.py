@@ -8,7 +8,7 @@ from enum import Enum
 from typing import Any, Callable, List, Mapping, Optional, Protocol, Tuple, Union
 
 from mbf_relay.control.controller import Controller
-from mbf_relay.geometry import STOP, angle_between
+from mbf_relay.geometry import STOP, Pose2D, angle_between
 from mbf_relay.navigation.goals import (
     FollowFeedback,
     FollowGoal,
@@ -203,8 +203,7 @@ class MoveBase:
             self._replan_pacer.postpone(now, period if math.isfinite(period) else 0.0)
             return
         self._stop(now, at.drive)
-        if not self._recover(result.outcome, result.message, result.cause):
-            self._end(Ending.ABORTED, result.outcome, result.message)
+        self._recover_or_end(result.outcome, result.message, result.cause)
 
     # driving
 
@@ -231,8 +230,8 @@ class MoveBase:
         elif ending is Ending.CANCELED:
             message = f"The path of this goal was taken off the controller: {result.message}"
             self._end(Ending.CANCELED, NavigateOutcome.CANCELED, message)
-        elif not self._recover(result.outcome, result.message, result.cause):
-            self._end(Ending.ABORTED, result.outcome, result.message)
+        else:
+            self._recover_or_end(result.outcome, result.message, result.cause)
 
     def _pass_on_feedback(self, drive: Task[FollowResult]) -> List[FollowFeedback]:
         passed_on = []
@@ -250,8 +249,7 @@ class MoveBase:
         message = self._progress.trouble(now, feedback, self._navigator.parameters)
         if message:
             self._stop_driving(now, at)
-            if not self._recover(NavigateOutcome.OSCILLATION, message):
-                self._end(Ending.ABORTED, NavigateOutcome.OSCILLATION, message)
+            self._recover_or_end(NavigateOutcome.OSCILLATION, message)
 
     # replanning
 
@@ -285,38 +283,41 @@ class MoveBase:
         if self._ways.is_blocked(at.path, self._last.pose):
             self._replan_trouble = ""
             self._stop_driving(now, at)
-            if not self._recover(result.outcome, result.message, result.cause):
-                self._end(Ending.ABORTED, result.outcome, result.message)
+            self._recover_or_end(result.outcome, result.message, result.cause)
 
     # recovering
 
-    def _recover(self, outcome: Enum, message: str, cause: Optional[Enum] = None) -> bool:
-        """Begin the next recovery behaviour that can change a failure; return whether there is one.
+    def _recover_or_end(self, outcome: Enum, message: str, cause: Optional[Enum] = None) -> None:
+        """Begin the next recovery behaviour that can change a failure; end with that where there is none.
 
         Args:
             outcome: How planning or driving ended.
             message: What it said.
             cause: What had failed again and again where it ended because patience was over.
         """
-        navigator = self._navigator
-        change = recoverable(outcome, cause)
-        moves_nothing = outcome is ControlOutcome.ROBOT_STUCK and navigator.robot.unheard
-        if not navigator.parameters.recovery_enabled or change is Recoverable.NO or moves_nothing:
-            return False
-
-        def suits(name: str) -> bool:
-            return can_change(change, navigator.recoveries.plugin(name), navigator.costmaps["global"])
-
-        where, progress = self._where()[0], navigator.parameters.oscillation_distance
-        pose = where.pose if where is not None else None
-        index = self._tried.next(pose, progress, suits, navigator.robot.knows_its_motion)
+        navigator, where = self._navigator, self._where()[0]
+        index = self._next_behavior(outcome, cause, where.pose if where is not None else None)
         if index is None:
-            return False
+            self._end(Ending.ABORTED, outcome, message)
+            return
         name = self._behaviors[index]
         self._at = Recovering(navigator.new_recovery(RecoverGoal(name), self.goal.controller))
         if navigator.recovery_watcher is not None:
             navigator.recovery_watcher(name, index, len(self._behaviors), where, self._why(outcome, message))
-        return True
+
+    def _next_behavior(self, outcome: Enum, cause: Optional[Enum], pose: Optional[Pose2D]) -> Optional[int]:
+        """Return which of the behaviours comes next after a failure of a robot at `pose`, None where none helps."""
+        navigator = self._navigator
+        change = recoverable(outcome, cause)
+        moves_nothing = outcome is ControlOutcome.ROBOT_STUCK and navigator.robot.unheard
+        if not navigator.parameters.recovery_enabled or change is Recoverable.NO or moves_nothing:
+            return None
+
+        def suits(name: str) -> bool:
+            return can_change(change, navigator.recoveries.plugin(name), navigator.costmaps["global"])
+
+        progress = navigator.parameters.oscillation_distance
+        return self._tried.next(pose, progress, suits, navigator.robot.knows_its_motion)
 
     def _why(self, outcome: Enum, message: str) -> str:
         """Return what a failure was: of which plugin, its outcome, and its own words."""
