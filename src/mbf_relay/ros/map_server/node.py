@@ -112,19 +112,38 @@ def check_arguments(arguments: Sequence[str]) -> None:
 def read_arguments(arguments: Sequence[str]) -> OccupancyMap:
     """Load the map the command line names.
 
+    The word that stands for a resolution in the tutorials' launch file is often left there beside a YAML file.
+
     Raises:
         ValueError: The arguments are not understood, or the map is wrong.
         OSError: A file cannot be read.
     """
     check_arguments(arguments)
+    path, given = arguments[0], arguments[-1]
     if len(arguments) == 1:
-        return load_map(arguments[0])
+        return load_map(path)
+    resolution = _number(given)
+    if not resolution:
+        try:
+            occupancy = load_map(path)
+        except MapFileError as error:
+            raise MapFileError(f"resolution '{given}' is no number above 0, and {error}") from error
+        rospy.logwarn("'%s' is no resolution and passed over: the map's YAML file has one", given)
+        return occupancy
     rospy.logwarn("an image with a resolution is the old way to name a map; give a YAML file instead")
     values = dict(rospy.get_param("~", {}) or {})
-    values.update(image=arguments[0], resolution=float(arguments[1]), mode="trinary")
+    values.update(image=path, resolution=resolution, mode="trinary")
     if values.get("negate") in (0, 1):
         values["negate"] = bool(values["negate"])
-    return load_map_image(arguments[0], MapFileParameters.from_mapping(values))
+    return load_map_image(path, MapFileParameters.from_mapping(values))
+
+
+def _number(text: str) -> float:
+    """Return the number that a text is, 0 for what is none, as map_server does."""
+    try:
+        return float(text)
+    except ValueError:
+        return 0.0
 
 
 def main() -> None:
