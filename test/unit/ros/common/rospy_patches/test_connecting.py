@@ -4,6 +4,7 @@ import contextlib
 import io
 import socket
 import threading
+from types import SimpleNamespace
 
 import pytest
 
@@ -37,6 +38,31 @@ def test_a_goal_sent_on_the_first_connection_is_not_lost_to_a_second(monkeypatch
     for thread in threads:
         thread.join()
     assert made == [("/goal", "client")] and not connecting._locks
+
+
+def test_a_driver_that_takes_its_topic_back_and_offers_it_again_at_once_is_heard(monkeypatch):
+    """The master told of it before its connection's end was noticed, which was left alone: the guard heard no more."""
+    ours, theirs = socket.socketpair()
+    kept = SimpleNamespace(endpoint_id="driver", socket=ours, protocol=object())
+    connections, looked, made = [kept], threading.Event(), []
+    manager = SimpleNamespace(get_subscriber_impl=lambda topic: SimpleNamespace(connections=list(connections)))
+    monkeypatch.setattr(connecting, "get_topic_manager", lambda: manager)
+    monkeypatch.setattr(connecting.time, "sleep", lambda _pause: looked.set() or real_pause.wait(0.01))
+    monkeypatch.setattr(connecting, "_connect_as_rospy", lambda *what: connections or made.append(what))
+    real_pause = threading.Event()
+
+    connecting.connect_topic("handler", "/cmd_vel_raw", "driver")
+    assert not made and not looked.is_set(), "what is connected is left alone"
+    theirs.sendall(b"a last velocity")
+    theirs.close()
+    again = threading.Thread(target=connecting.connect_topic, args=("handler", "/cmd_vel_raw", "driver"))
+    again.start()
+    assert looked.wait(10.0)
+    ours.close()  # as rospy does on the way: the socket, then what is kept of it, then the place in the list
+    kept.socket = kept.protocol = None
+    connections.clear()
+    again.join()
+    assert made == [("handler", "/cmd_vel_raw", "driver")]
 
 
 def test_a_publisher_that_does_not_answer_keeps_no_other_waiting(monkeypatch):
