@@ -298,12 +298,14 @@ def _nearest_allowed(value: Any, field: Any) -> Any:
 def _spelt(name: str, value: Any, hint: Any) -> Tuple[Any, str]:
     """Return what a value of another type spells where a number or a switch is wanted, and a note; else itself.
 
-    YAML 1.1 takes 1e-3 for a text, as it wants a point in it; roslaunch's `type="str"` makes texts of all. A number
-    with a fraction is rounded where a whole one is wanted, a half away from 0; roscpp does so, too.
+    YAML 1.1 takes 1e-3 for a text, as it wants a point in it; roslaunch's `type="str"` makes texts of all; and after a
+    full-width blank, as Chinese and Japanese keyboards write it, a # begins no comment and belongs to the value. A
+    number with a fraction is rounded where a whole one is wanted, a half away from 0; roscpp does so, too.
     """
+    spelt = value.partition("#")[0].strip() if isinstance(value, str) else value
     if hint in (bool, Optional[bool]) and not isinstance(value, bool):
         for meant, spellings in SWITCHES.items():
-            if str(value).lower() in spellings:
+            if str(spelt).lower() in spellings:
                 return meant, f"parameter {name} is {value!r}: {str(meant).lower()} is used"
     if hint in (int, Optional[int]) and isinstance(value, float) and math.isfinite(value) and not value.is_integer():
         whole = int(math.copysign(math.floor(abs(value) + 0.5), value))
@@ -311,7 +313,7 @@ def _spelt(name: str, value: Any, hint: Any) -> Tuple[Any, str]:
     if not isinstance(value, str) or hint not in (float, int, Optional[float], Optional[int]):
         return value, ""
     try:
-        number = float(value)
+        number = float(spelt)
     except ValueError:
         return value, ""
     return number, f"parameter {name} is the text {value!r}: the number {number:g} is used"

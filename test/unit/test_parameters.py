@@ -93,6 +93,7 @@ def test_a_refusal_names_parameter_value_and_what_is_allowed(values, words):
     ({"wait": 1e12}, "wait", 1e9, ["wait", "within 1e+09 s of 0", "1000000000.0 is used"]),
     ({"wait": -1e12}, "wait", 1.0, ["wait", "above 0.0 s", "1.0 is used"]),
     ({"samples": "3"}, "samples", 3, ["samples", "'3'", "the number 3 is used"]),
+    ({"speed": "0.5 \u3000# 速度"}, "speed", 0.5, ["speed", "# 速度", "the number 0.5 is used"]),
 ])
 def test_a_value_upstream_takes_is_taken_to_the_range_and_told_of(values, name, taken, words):
     example, notes = Example.read(values)
@@ -110,6 +111,7 @@ def test_a_file_s_number_of_samples_with_a_fraction_is_rounded_as_upstream_round
 
 @pytest.mark.parametrize("given, active", [
     (0, False), (1, True), (1.0, True), ("true", True), ("False", False), ("no", False),
+    ("true\u3000# 障害物", True),
 ])
 def test_a_switch_in_another_spelling_is_taken_and_told_of(given, active):
     example, notes = Example.read({"active": given})
