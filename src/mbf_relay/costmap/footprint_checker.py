@@ -162,7 +162,8 @@ class FootprintChecker:
         """
         found = steps < counts
         cut = np.flatnonzero(found)
-        found[cut] = ~self.leaves_grid(poses[cut, steps[cut]])
+        if len(cut):  # as rarely, and `leaves_grid` takes as long for none as for a few
+            found[cut] = ~self.leaves_grid(poses[cut, steps[cut]])
         return np.asarray(found)
 
     def free_steps(self, poses: np.ndarray, begin: Optional[Pose2D] = None) -> int:

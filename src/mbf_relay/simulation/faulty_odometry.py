@@ -25,7 +25,7 @@ class FaultyOdometry:
             now: Time (s).
             faults: What is made to go wrong.
         """
-        if faults is NO_FAULTS and not self._under_way:
+        if faults == NO_FAULTS and not self._under_way:
             self._last = reading
             return reading
         if faults.odom_frozen and self._last is not None:
