@@ -138,9 +138,9 @@ class Graph:
         if known is not None:
             for costmap in self.costmaps.values():
                 costmap.set_map(known)
-        self._monitors = {
-            (costmap.name, name): ScanMonitor(source.largest_gap)
-            for costmap in self.costmaps.values() for name, source in costmap.sources.items()
+        self._monitors = {  # of the one lidar, by the gaps that its sources allow
+            source.largest_gap: ScanMonitor(source.largest_gap)
+            for costmap in self.costmaps.values() for source in costmap.sources.values()
         }
         self._updated = []
         for costmap in self.costmaps.values():
@@ -253,6 +253,8 @@ class Graph:
         points: Dict[bool, Tuple[np.ndarray, np.ndarray]] = {}  # of the scan; by whether infinity shows free space
         unseen_at = unseen_points(scan)
         with self._stages.stage("costmaps"):
+            forward, laser_in_odom = -self.laser_in_base.theta, odom_pose.compose(self.laser_in_base)
+            troubles = {gap: each.trouble(raw, forward, laser_in_odom) for gap, each in self._monitors.items()}
             for costmap in reversed(tuple(self.costmaps.values())):  # the local one first, see _share_scans
                 try:
                     odom_in_costmap = self.robot.transform(costmap.frame, self._odom_frame)
@@ -263,7 +265,7 @@ class Graph:
                 for name, source in costmap.sources.items():
                     if source.data_type != "LaserScan":
                         continue
-                    trouble = self._monitors[costmap.name, name].trouble(raw, -self.laser_in_base.theta, laser)
+                    trouble = troubles[source.largest_gap]
                     if trouble is not None:
                         costmap.refuse(name, trouble)
                     else:
