@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Dict, Iterable, List, Mapping, Optional, Tuple, Type
 
@@ -15,7 +15,7 @@ from mbf_relay.costmap.layer import Layer
 from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters
 from mbf_relay.lockstep.fitting import fitted
-from mbf_relay.lockstep.settings import Settings, change, flatten, load_own, load_settings, merged
+from mbf_relay.lockstep.settings import Settings, change, flatten, load_own, load_settings, merged, own_part
 from mbf_relay.lockstep.tasks import MAP_RESOLUTION, EpisodeTask
 from mbf_relay.maps import COARSEST, FINEST
 from mbf_relay.navigation.examination import CLAMPED, IGNORED, STOOD_IN, examine_server
@@ -40,6 +40,9 @@ MARGIN = 3.0
 """Metres around start and goals that the global costmap covers at least where there is no map."""
 FARTHEST = 30.0
 """Metres around start and goals beyond which it does not, however large the world is."""
+
+LAID = ("static_map", "rolling_window", "track_unknown_space", "origin_x", "origin_y", "width", "height")
+"""Parameters of the global costmap that are not the user's where there is no map, see `without_map`."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +108,7 @@ def make_setup(
     if config is not None:
         settings = merged(settings, load_own(config))
         _check_values(settings)  # names are looked for in them next
+    files = settings
     for text in changes:  # one by one, for a plugin that one of them brings has parameters of its own
         settings = change(settings, [text], known_names(settings))
     _check_values(settings)
@@ -113,8 +117,24 @@ def make_setup(
     model = load_robot(named_robot(settings))  # here: a worker elsewhere has not this file
     notes = _notes_on(settings, packages) if settings != packages else []
     notes += [f"robot '{model.name}': {warning}" for warning in model.warnings]
-    return Setup(
-        settings, localization, prior_map, controller, planner, map_resolution, model, after_contact, tuple(notes))
+    setup = Setup(settings, localization, prior_map, controller, planner, map_resolution, model, after_contact)
+    return replace(setup, notes=(*notes, *_idle(flatten(own_part(settings, files)), setup)))
+
+
+def _idle(changed: Iterable[str], setup: Setup) -> List[str]:
+    """Return which of the parameters that somebody changed nothing reads in these drives, and why, for people."""
+    reasons = {}
+    if setup.localization != AMCL:
+        reasons["amcl"] = f"the pose comes from {setup.localization}, not from amcl"
+    if setup.map == NONE:
+        why = "without a map the global costmap is laid round start and goals"
+        reasons.update({f"{SERVER}.global_costmap.{name}": why for name in LAID})
+    for kind, asked in (("controllers", setup.controller), ("planners", setup.planner)):
+        first, *others = [entry["name"] for entry in setup.settings[SERVER].get(kind, [])] or [""]
+        chosen = asked or first
+        reasons.update({f"{SERVER}.{name}": f"{chosen} takes its place" for name in (first, *others) if name != chosen})
+    return [f"{name}: has no effect in these drives: {why}" for name in changed for begin, why in reasons.items()
+            if f"{name}.".startswith(f"{begin}.")]
 
 
 def _notes_on(settings: Settings, packages: Settings) -> List[str]:
@@ -211,10 +231,7 @@ def without_map(server: Dict[str, Any], task: EpisodeTask) -> Dict[str, Any]:
     seen = changed.get("local_costmap", {}).get("resolution", CostmapParameters.resolution)
     group.setdefault("resolution", min(seen, CostmapParameters.resolution))
     low, high = _extent(task)
-    group.update(
-        static_map=False, rolling_window=False, track_unknown_space=False, origin_x=low[0], origin_y=low[1],
-        width=high[0] - low[0], height=high[1] - low[1],
-    )
+    group.update(zip(LAID, (False, False, False, *low, high[0] - low[0], high[1] - low[1])))
     if "plugins" in group:
         group["plugins"] = [entry for entry in group["plugins"] if "StaticLayer" not in entry["type"]]
     return changed

@@ -154,7 +154,7 @@ def _check_ends(options: argparse.Namespace, tasks: Sequence[EpisodeTask], space
             found = _setup(options, tasks, changes_of({name: int(end) if between.whole else end}))
             others = [note for note in found.notes if note not in setup.notes]
             if others:
-                raise ValueError(f"the range of {name} goes beyond what is driven with: {others[0]}")
+                raise ValueError(f"{name} cannot be tuned in this range: {others[0]}")
 
 
 @contextlib.contextmanager

@@ -132,3 +132,21 @@ def test_a_list_of_plugins_written_wrongly_is_refused_before_anything_is_driven(
     for changes in ((), ("seed=3",)):
         with pytest.raises(ValueError, match=words):
             make_setup(config_folder(), changes=changes, config=tmp_path / "mine.yaml")
+
+
+@pytest.mark.parametrize("change, options, why", [
+    ("amcl.laser_sigma_hit=0.4", {"has_map": False}, "the pose comes from odometry, not from amcl"),
+    ("global_costmap.width=30", {"has_map": False}, "without a map"),
+    ("DWAPlannerROS.sim_time=3.0", {"controller": "MPPI"}, "MPPI takes its place"),
+    ("PurePursuit.lookahead_dist=0.5", {}, "DWAPlannerROS takes its place"),
+])
+def test_who_changes_what_nothing_reads_is_told_before_a_night_of_equal_drives(change, options, why):
+    """compare.py named the parameter as what two batches differ in, and tune.py looked for the best of equal ones."""
+    (note,) = make_setup(config_folder(), changes=[change], **options).notes
+    assert change.partition("=")[0] in note and "has no effect" in note and why in note
+
+
+@pytest.mark.parametrize(
+    "change", ["amcl.laser_sigma_hit=0.4", "global_costmap.track_unknown_space=true", "sim_time=3.0"])
+def test_of_what_is_read_nothing_is_said(change):
+    assert not make_setup(config_folder(), changes=[change]).notes

@@ -113,6 +113,7 @@ def test_forty_trials_on_the_sample_worlds_beat_a_bad_start_for_certain(tmp_path
         (["--param", "mine.pace=fast"], "it must be two numbers"),
         (["--param", "global_costmap.inflation_radius=-1:1"], "is -1.0; it must be at least 0.0 m: 0.0 is used"),
         (["--param", "amcl.min_particles=-3:9"], "min_particles is -3; it must be at least 1"),
+        (["--param", "amcl.laser_sigma_hit=0.1:0.3"], "the pose comes from odometry, not from amcl"),
         (["--param", "mine.pase=0.1:0.2"], "did you mean 'move_base_flex.mine.pace'"),
     ],
 )
