@@ -159,7 +159,16 @@ def _notes_on(settings: Settings, packages: Settings) -> List[str]:
     ):
         unknown = [own for own in kind.unknown_names(values) if own not in known]
         notes += [f"{name}.{own}: is not known here{kind.hint(own)}" for own in unknown]
-    return notes
+    return notes + _note_on_fit(settings, packages)
+
+
+def _note_on_fit(settings: Settings, packages: Settings) -> List[str]:
+    """Return a note where another robot drives with the footprint of the one the package's parameters are for."""
+    own, theirs = named_robot(settings), named_robot(packages)
+    (before, footprint) = (values[SERVER]["local_costmap"].get("footprint") for values in (packages, settings))
+    if footprint != before or np.array_equal(load_robot(own).footprint, load_robot(theirs).footprint):
+        return []
+    return [f"simulator.robot: {own} drives with the footprint of {theirs}; --robot {own} fits all parameters to it"]
 
 
 def named_robot(settings: Settings) -> str:

@@ -150,3 +150,16 @@ def test_who_changes_what_nothing_reads_is_told_before_a_night_of_equal_drives(c
     "change", ["amcl.laser_sigma_hit=0.4", "global_costmap.track_unknown_space=true", "sim_time=3.0"])
 def test_of_what_is_read_nothing_is_said(change):
     assert not make_setup(config_folder(), changes=[change]).notes
+
+
+def test_who_lets_another_robot_drive_by_a_parameter_alone_is_told_whose_footprint_it_has(tmp_path):
+    """A waffle, half as wide again, passed boxes 2 cm away with the footprint of a burger; nobody was told."""
+    file = tmp_path / "simulator.yaml"
+    file.write_text("robot: waffle\n")
+    for given in ({"changes": ["simulator.robot=waffle"]}, {"config": file}):
+        (note,) = make_setup(config_folder(), **given).notes
+        assert "waffle drives with the footprint of burger; --robot waffle" in note
+    assert not make_setup(config_folder(), robot="waffle").notes
+    assert not make_setup(config_folder(), changes=["simulator.robot=burger", "simulator.scan_noise=0.02"]).notes
+    own = "local_costmap.footprint=[[-0.2, -0.2], [-0.2, 0.2], [0.1, 0.2], [0.1, -0.2]]"
+    assert not make_setup(config_folder(), changes=["simulator.robot=waffle", own]).notes
