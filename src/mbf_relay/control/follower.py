@@ -135,7 +135,8 @@ class PathFollower(Controller, abc.ABC):
     def _ends_here(self, state: ControlState, remaining: float) -> bool:
         """Return whether what is left (m) of the path leads no farther than round the goal: some come by it before."""
         tolerance = self._goal_checker.tolerance_of(self.parameters).distance
-        return self._goal_checker.turns or remaining <= ROUND_GOAL * tolerance + state.costmap.width
+        return self._goal_checker.turns or (
+            self._tracker.is_on_last_leg and remaining <= ROUND_GOAL * tolerance + state.costmap.width)
 
     def compute_velocity(self, state: ControlState) -> Twist2D:
         """Return the velocity to command; see Controller."""
@@ -190,7 +191,8 @@ class PathFollower(Controller, abc.ABC):
         self._back_out.trail.note(state.pose, cycle.checker)
         self._stuck_checker.check(state, self.command, parameters.stuck_timeout)
         tolerance = self._goal_checker.tolerance_of(parameters).distance
-        is_occupied = self._blocked_goal_checker.check(state, cycle.path, cycle.checker, parameters, tolerance)
+        is_occupied = self._tracker.is_on_last_leg and self._blocked_goal_checker.check(
+            state, cycle.path, cycle.checker, parameters, tolerance)
         if self._ends_here(state, cycle.path.remaining) and self._goal_checker.is_turning(
                 state, cycle.path.goal, parameters, is_occupied):
             self._turn_left = None
@@ -234,7 +236,8 @@ class PathFollower(Controller, abc.ABC):
         width = state.costmap.width
         lookahead = max(self.lookahead, width)
         reach = max(parameters.max_vel_trans * self.horizon, lookahead) + BEYOND * width
-        path = self._tracker.cut(state, BEHIND * width, reach, lookahead + EXTENSION * width)
+        path = self._tracker.cut(
+            state, BEHIND * width, reach, lookahead + EXTENSION * width, parameters.xy_goal_tolerance)
         checker = FootprintChecker(state.costmap)
         velocity = self._velocity_now(state, parameters)
         speed, turn = self.speed_limit_at(state.pose).of(*self.top_speeds)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Optional
+from typing import List, NamedTuple, Optional
 
 import numpy as np
 
@@ -24,11 +24,17 @@ MOST_POINTS = 5_000_000  # kept of a path, however long it is and fine the grid
 NEARBY = 1.0  # the robot's place on the path is looked for near the last one while it is no farther away
 FORWARD = 4.5  # how far along the path it is looked for
 ARRIVAL = 0.65  # the end of the path whose direction it goes on in beyond the goal
+FOLD_LEG = 0.5  # the way to a fold, and the way from it, by which it is seen that the path turns back
+
+FOLD = -0.7  # the inner product of both, in squares of FOLD_LEG, below which it does: a corner of more than 135 degrees
 
 
 @dataclass(frozen=True)
 class LocalPath:
-    """What lies ahead.
+    """What lies ahead: up to the path's next fold, if there is one; the goal is that fold then.
+
+    A path that turns back on itself lies beside the robot twice. A controller that saw both ways would stand where it
+    is near both.
 
     Attributes:
         points: Shape (K, 2), K >= 2, metres in the costmap's frame; it goes on straight beyond the goal.
@@ -89,13 +95,26 @@ class LocalPath:
         return None
 
 
+class _Leg(NamedTuple):
+    """A path's points from one fold to the next, and where it ends."""
+
+    part: slice
+    goal: Pose2D
+
+
 class PathTracker:
-    """Holds a path and knows how far along it the robot is."""
+    """Holds a path and knows how far along it the robot is.
+
+    A path that turns back on itself is a row of legs, of which only the one counts that the robot is on; Nav2's
+    `enforce_path_inversion` does so where a car is to change its direction.
+    """
 
     def __init__(self) -> None:
         self.path: Optional[Path] = None
         self._points = np.zeros((0, 2))
         self._arcs = np.zeros(0)
+        self._legs: List[_Leg] = []
+        self._leg = 0  # the number of the one the robot is on
         self._robot_arc = 0.0
         self._spacing = 0.0  # m between the points; 0 where they are still to be made
         self._length = 0.0  # m along the path as it was given
@@ -133,41 +152,65 @@ class PathTracker:
             )
         self.path = path
         self._spacing = 0.0
-        self._robot_arc = 0.0
+        self._robot_arc, self._legs, self._leg = 0.0, [], 0
 
-    def cut(self, state: ControlState, behind: float, ahead: float, extension: float) -> LocalPath:
+    @property
+    def is_on_last_leg(self) -> bool:
+        """Return whether no fold of the path is left to be reached."""
+        return self._leg >= len(self._legs) - 1
+
+    def cut(
+        self, state: ControlState, behind: float, ahead: float, extension: float, tolerance: float = 0.0
+    ) -> LocalPath:
         """Return the stretch round the robot; for one beyond the end of the path, the straight way back to the goal.
 
         Args:
             state: Where the robot is.
             behind, ahead: How far (m) it reaches from the robot's place on the path.
             extension: How far (m) it goes on beyond the goal, straight.
+            tolerance: How much (m) may be left to a fold for it to be reached.
         """
         robot, width = state.pose.relative_to(state.costmap_from_path), state.costmap.width
         distance, arc = self._locate(state, robot)
+        if not self.is_on_last_leg and self._arcs[self._legs[self._leg].part][-1] - arc <= tolerance:
+            self._leg += 1
+            distance, arc = self._locate(state, robot)
+        leg = self._legs[self._leg]
+        points, arcs = self._points[leg.part], self._arcs[leg.part]
+        goal_arc = float(arcs[-1])
         if arc >= self._arcs[-1] and distance > self._spacing:
             points, arcs = self._way_back(robot, distance)
             arc = float(arcs[0])
         else:
-            first = max(0, int(self._arcs.searchsorted(arc - behind)) - 1)
-            last = min(len(self._arcs), int(self._arcs.searchsorted(arc + ahead)) + 1)
-            points, arcs = self._points[first:last], self._arcs[first:last]
-        assert self.path is not None
-        if arcs[-1] == self._arcs[-1]:
+            first = max(0, int(arcs.searchsorted(arc - behind)) - 1)
+            last = min(len(arcs), int(arcs.searchsorted(arc + ahead)) + 1)
+            points, arcs = points[first:last], arcs[first:last]
+        if arcs[-1] == goal_arc:
             points, arcs = self._extended(points, arcs, robot, extension, width)
         return LocalPath(
             np.ascontiguousarray(state.costmap_from_path.transform_points(points)), np.ascontiguousarray(arcs), arc,
-            distance, float(self._arcs[-1]), state.costmap_from_path.compose(self.path.goal),
+            distance, goal_arc, state.costmap_from_path.compose(leg.goal),
         )
 
-    def _prepare(self, spacing: float) -> None:
-        """Thin and smooth a new path for a grid; `spacing` is in metres."""
+    def _prepare(self, spacing: float, width: float) -> None:
+        """Thin and smooth a new path for a grid, leg by leg; `spacing` and the robot's `width` are in metres."""
         if self._spacing == spacing:
             return
         self._spacing = spacing
         assert self.path is not None
         poses = np.asarray(self.path.poses, dtype=float)
-        self._points, self._arcs = _thin(poses, max(spacing, self._length / MOST_POINTS))
+        spacing = max(spacing, self._length / MOST_POINTS)
+        kept = _thinned(poses, spacing)
+        points = np.ascontiguousarray(poses[kept, :2])
+        folds = _folds(points, FOLD_LEG * width)
+        pieces = [
+            _smoothed(points[first:last + 1], spacing) for first, last in zip([0, *folds], [*folds, len(points) - 1])]
+        self._points = np.concatenate(pieces)
+        self._arcs = _arcs_along(self._points)
+        ends = np.cumsum([len(piece) for piece in pieces]).tolist()
+        # the pose before a fold tells the heading it is reached with: its own may be that with which it is left
+        goals = [Pose2D(*points[fold].tolist(), float(poses[kept[fold] - 1, 2])) for fold in folds] + [self.path.goal]
+        self._legs = [_Leg(slice(*part), goal) for part, goal in zip(zip([0, *ends], ends), goals)]
 
     def remaining(self, state: ControlState) -> float:
         """Return how much (m) of the path is left from the robot's place on it."""
@@ -175,22 +218,34 @@ class PathTracker:
         return float(self._arcs[-1]) - arc
 
     def _locate(self, state: ControlState, robot: Pose2D) -> tuple[float, float]:
-        """Return distance to and arc length of the robot's place: near the last one, or wherever that is far off."""
-        self._prepare(SPACING * state.costmap.grid.resolution)
-        place, width = np.array([[robot.x, robot.y]]), state.costmap.width
-        distance, arc = self._nearest(place, self._robot_arc - NEARBY * width, self._robot_arc + FORWARD * width)
-        if distance >= NEARBY * width:
-            distance, arc = self._nearest(place, 0.0, math.inf)
+        """Return distance to and arc length of the robot's place: near the last one, or wherever that is far off.
+
+        It is on another leg only where that is nearer by as much.
+        """
+        width = state.costmap.width
+        self._prepare(SPACING * state.costmap.grid.resolution, width)
+        place, near, part = np.array([[robot.x, robot.y]]), NEARBY * width, self._legs[self._leg].part
+        distance, arc = self._nearest(place, part, self._robot_arc - near, self._robot_arc + FORWARD * width)
+        if distance >= near:
+            distance, arc = self._nearest(place, part)
+            found, elsewhere = self._nearest(place, slice(None)) if len(self._legs) > 1 else (distance, arc)
+            if found < distance - near:
+                distance, arc = found, elsewhere
+                self._leg = int(np.searchsorted([self._arcs[leg.part][-1] for leg in self._legs], arc))
         self._robot_arc = arc
         return distance, arc
 
-    def _nearest(self, place: np.ndarray, start: float, end: float) -> tuple[float, float]:
-        if len(self._points) == 1:
-            return float(np.hypot(*(place[0] - self._points[0]))), 0.0
-        first = max(0, int(self._arcs.searchsorted(start)) - 1)
-        last = max(first + 2, min(len(self._arcs), int(self._arcs.searchsorted(end)) + 1))
+    def _nearest(
+        self, place: np.ndarray, part: slice, start: float = 0.0, end: float = math.inf
+    ) -> tuple[float, float]:
+        """Return distance to and arc length of the point nearest to a place, (1, 2), of a part between arc lengths."""
+        points, arcs = self._points[part], self._arcs[part]
+        if len(points) == 1:
+            return float(np.hypot(*(place[0] - points[0]))), 0.0
+        first = max(0, int(arcs.searchsorted(start)) - 1)
+        last = max(first + 2, min(len(arcs), int(arcs.searchsorted(end)) + 1))
         result = np.empty((1, 2))
-        path_kernels.project(place, self._points[first:last], self._arcs[first:last], result)
+        path_kernels.project(place, points[first:last], arcs[first:last], result)
         return float(result[0, 0]), float(result[0, 1])
 
     def _way_back(self, robot: Pose2D, distance: float) -> tuple[np.ndarray, np.ndarray]:
@@ -205,25 +260,37 @@ class PathTracker:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Lengthen a stretch beyond the goal the way the path arrives there, or from the robot where it is too short.
         """
-        start = points[max(0, int(arcs.searchsorted(arcs[-1] - ARRIVAL * width)))]
-        direction = self._points[-1] - start
+        start, end = points[max(0, int(arcs.searchsorted(arcs[-1] - ARRIVAL * width)))], points[-1]
+        direction = end - start
         if np.hypot(*direction) < 0.7 * ARRIVAL * width:
-            direction = self._points[-1] - (robot.x, robot.y)
+            direction = end - (robot.x, robot.y)
         length = float(np.hypot(*direction))
         if length < 1e-6:
             direction, length = np.array([math.cos(robot.theta), math.sin(robot.theta)]), 1.0
         extension = max(extension, self._spacing)
-        beyond = self._points[-1] + direction * (extension / length)
-        return np.vstack((points, beyond)), np.append(arcs, self._arcs[-1] + extension)
+        beyond = end + direction * (extension / length)
+        return np.vstack((points, beyond)), np.append(arcs, arcs[-1] + extension)
 
 
-def _thin(poses: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions at least `spacing` (m) apart, the last one kept, and their arc lengths."""
-    points = np.ascontiguousarray(poses[:, :2])
-    keep = np.empty(len(points), dtype=np.uint8)
-    path_kernels.thin(points, spacing, keep)
-    points = _smoothed(points[keep.view(bool)], spacing)
-    return points, _arcs_along(points)
+def _thinned(poses: np.ndarray, spacing: float) -> np.ndarray:
+    """Return the numbers of poses at least `spacing` (m) apart, the last one kept."""
+    keep = np.empty(len(poses), dtype=np.uint8)
+    path_kernels.thin(np.ascontiguousarray(poses[:, :2]), spacing, keep)
+    return np.flatnonzero(keep)
+
+
+def _folds(points: np.ndarray, leg: float) -> List[int]:
+    """Return the numbers of the points, of shape (N, 2), at which a path turns back, `leg` (m) or more from its ends.
+    """
+    arcs = _arcs_along(points)
+    inner = np.flatnonzero((arcs >= leg) & (arcs <= arcs[-1] - leg))
+    before, after = (
+        np.column_stack([np.interp(arcs[inner] + way, arcs, points[:, axis]) for axis in (0, 1)])
+        for way in (-leg, leg))
+    products = ((points[inner] - before) * (after - points[inner])).sum(axis=1) / (leg * leg)
+    sharp = np.flatnonzero(products < FOLD)
+    runs = np.split(sharp, np.flatnonzero(np.diff(sharp) > 1) + 1)
+    return [int(inner[run[np.argmin(products[run])]]) for run in runs if len(run)]
 
 
 def _smoothed(points: np.ndarray, spacing: float) -> np.ndarray:

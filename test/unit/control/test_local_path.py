@@ -78,6 +78,44 @@ def test_a_path_that_comes_back_beside_itself_is_followed_in_order():
     assert tracker.cut(state(0.8, 0.1), 0.1, 0.1, 0.1).robot_arc == pytest.approx(1.3, abs=0.06)
 
 
+def test_what_is_shown_of_a_path_that_turns_back_ends_where_it_does_until_the_robot_is_there():
+    poses = [(x, y, 3.0) for x, y in line((0, 0), (1, 0), (0, 0), (0, 1))]  # it backs up to its first end
+    tracker = PathTracker()
+    tracker.set_path(Path(np.array(poses), "odom"))
+    ahead = tracker.cut(state(0.5, 0.05), 0.3, 3.0, 0.2, 0.1)
+    assert (ahead.robot_arc, ahead.remaining) == pytest.approx((0.5, 0.5), abs=0.02) and not tracker.is_on_last_leg
+    assert ahead.goal == pytest.approx((1.0, 0.0, 3.0), abs=0.02)
+    assert ahead.points[-1] == pytest.approx([1.2, 0.0], abs=0.02)
+    assert tracker.cut(state(0.85, 0.0), 0.3, 3.0, 0.2, 0.1).remaining == pytest.approx(0.15, abs=0.02)
+    back = tracker.cut(state(0.95, 0.0), 0.3, 3.0, 0.2, 0.1)
+    assert (back.robot_arc, back.arcs[0], back.remaining) == pytest.approx((1.05, 1.0, 1.95), abs=0.03)
+    assert tracker.is_on_last_leg and back.goal == pytest.approx((0.0, 1.0, 3.0))
+    assert tracker.remaining(state(0.5, 0.0)) == pytest.approx(1.5, abs=0.03)
+
+
+def test_a_robot_that_goes_round_something_on_its_way_back_is_not_taken_for_one_on_its_way_there():
+    tracker = tracker_on(line((0, 0), (1, 0), (0, 0)))
+    tracker.cut(state(1.0, 0.0), 0.3, 3.0, 0.2, 0.1)
+    for there in ((0.8, 0.2), (0.5, 0.4), (0.2, 0.2)):
+        assert tracker.cut(state(*there), 0.3, 3.0, 0.2, 0.1).robot_arc == pytest.approx(2.0 - there[0], abs=0.03)
+
+
+def test_a_robot_set_down_on_another_leg_is_found_there():
+    tracker = tracker_on(line((0, 0), (3, 0), (0, 0.4), (3, 3)))
+    tracker.cut(state(0.5, 0.0), 0.3, 1.0, 0.2, 0.1)
+    assert tracker.cut(state(2.9, 2.9), 0.3, 1.0, 0.2, 0.1).remaining < 0.3 and tracker.is_on_last_leg
+
+
+@pytest.mark.parametrize("corners", [
+    ((0, 0), (1, 0), (1, 1)), ((0, 0), (1, 0), (0.5, 0.6)), ((0, 0), (1, 0), (1, 0.2), (0, 0.2)),
+    ((0, 0), (0.03, 0), (-1, 0)), ((0, 0), (1, 0), (0.97, 0)),
+], ids=["right angle", "sharp corner", "as wide as the robot", "at its beginning", "at its end"])
+def test_other_paths_are_of_one_leg(corners):
+    tracker = tracker_on(line(*corners))
+    whole = tracker.cut(state(0.1, 0.0), 9.0, 9.0, 0.0)
+    assert tracker.is_on_last_leg and whole.goal[:2] == pytest.approx(corners[-1])
+
+
 def test_a_path_that_comes_back_to_where_it_began_is_begun_there():
     tracker = tracker_on(line((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)))
     here = state(0.01, 0.05)  # nearer to its end

@@ -228,6 +228,21 @@ def test_a_path_folded_back_beside_itself_is_driven_to_its_end(name):
     assert ended.seconds < 20.0 and turns_back(name, ended.commands) <= (8 if name in FEELS_ITS_WAY else 4)
 
 
+@pytest.mark.parametrize("corners", [
+    ((0, 0), (1, 0), (0, 0)), ((0, 0), (1, 0), (0.1, 0.2)),
+    ((0, 0), (0.7, 0), (0.2, 0), (1, 0)), ((0, 0), (-0.7, 0.7), (0, 0)),
+], ids=["on itself", "askew", "to and fro", "behind"])
+def test_a_path_that_turns_back_on_itself_is_driven_to_each_of_its_ends(name, corners):
+    """A round to look at something ended before it: a robot stood where it was near both ways, or went back too soon.
+    """
+    ended = drive(make(name), path_through(*corners), START)
+    at = [min(range(len(ended.poses)), key=lambda n: math.dist(ended.poses[n][:2], corner)) for corner in corners]
+    assert ended.reached, ended.error
+    assert all(math.dist(ended.poses[n][:2], corner) < 0.06 for n, corner in zip(at, corners))
+    length = sum(map(math.dist, corners[:-1], corners[1:]))
+    assert ended.seconds < length / 0.22 + 3.0 * len(corners) and turns_back(name, ended.commands) <= 2 * len(corners)
+
+
 def test_a_pillar_that_pops_up_two_hands_ahead_is_stopped_for_and_named(name):
     robot, pillar = PaperRobot(START), boxes((0.66, -0.1, 0.8, 0.1))
 
