@@ -32,7 +32,7 @@ def parse_arguments(arguments: Optional[List[str]] = None) -> argparse.Namespace
         description=__doc__,
         epilog="LOG.npz holds t (N), odom (N, 3: x, y, yaw), ranges (N, B), angle_min, angle_increment, and where "
         "known ref (N, 3), laser_pose (3), range_min and range_max. bag_to_log.py makes one from a bag. With several "
-        "logs or seeds, or under stress, a table with 95 %% intervals is made. Stresses: "
+        "logs or seeds, or under stress, a table with 95 % intervals is made. Stresses: "
         f"{', '.join(describe_stresses())}.",
     )
     parser.add_argument(
@@ -58,7 +58,7 @@ def parse_arguments(arguments: Optional[List[str]] = None) -> argparse.Namespace
 
 def describe_stresses() -> List[str]:
     """Return the names of stresses, each with what it means."""
-    return [f"{field.name} ({field.metadata['description'].replace('%', '%%')})" for field in fields(Stress)]
+    return [f"{field.name} ({field.metadata['description']})" for field in fields(Stress)]
 
 
 def pair_up(paths: Sequence[str]) -> List[Tuple[str, str]]:
@@ -143,6 +143,8 @@ def write_results(
 def describe(figures: Mapping[str, Any]) -> List[str]:
     """Return the figures as lines for a person."""
     lines = [f"{figures['scans']} scans, {figures['updates']} updates"]
+    if figures["unusable"]:
+        lines.append(f"nothing could be used of {figures['unusable']} scans, or of the odometry with them")
     for name, unit, factor in (
         ("translation_error", "m", 1.0), ("rotation_error", "deg", 180.0 / np.pi), ("seconds_per_update", "ms", 1e3),
     ):

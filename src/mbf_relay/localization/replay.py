@@ -25,11 +25,13 @@ class Replay:
         poses: Shape (N, 3): estimate x, y (m), yaw (rad) at each scan.
         updated: Shape (N,): whether the scan updated the filter.
         seconds: Shape (N,): time each scan took, by the clock that was handed in; zero without.
+        unusable: Shape (N,): whether scan or odometry were none, so that the pose before was carried on.
     """
 
     poses: np.ndarray
     updated: np.ndarray
     seconds: np.ndarray
+    unusable: np.ndarray
 
 
 def replay(
@@ -56,18 +58,19 @@ def replay(
     elif not localizer.field.has_free_cells:
         raise ValueError("the map has no free cell; there is nowhere to start")
     poses, updated, seconds = np.empty((len(log), 3)), np.zeros(len(log), dtype=bool), np.zeros(len(log))
+    unusable = np.zeros(len(log), dtype=bool)
     pose = start if start is not None else Pose2D(0.0, 0.0, 0.0)
     for index in range(len(log)):
         odom_pose, began = log.odom_pose(index), clock()
         try:
             updated[index] = localizer.process(odom_pose, log.scan(index), log.laser_pose) is not None
         except ValueError:
-            pass  # a scan or an odometry pose of which nothing can be used; the pose is carried on
+            unusable[index] = True
         seconds[index] = clock() - began
         if localizer.map_from_odom is not None and odom_pose.is_finite():
             pose = localizer.map_from_odom.compose(odom_pose)
         poses[index] = pose
-    return Replay(poses, updated, seconds)
+    return Replay(poses, updated, seconds, unusable)
 
 
 def errors(poses: np.ndarray, reference: np.ndarray) -> Dict[str, np.ndarray]:
@@ -80,7 +83,8 @@ def errors(poses: np.ndarray, reference: np.ndarray) -> Dict[str, np.ndarray]:
 
 def summarize(result: Replay, log: RecordedLog) -> Dict[str, Any]:
     """Return the figures of a replay: errors where there is a reference, and times (s) per update."""
-    figures: Dict[str, Any] = {"scans": len(log), "updates": int(result.updated.sum())}
+    figures: Dict[str, Any] = {
+        "scans": len(log), "updates": int(result.updated.sum()), "unusable": int(result.unusable.sum())}
     if log.reference is not None:
         known = np.isfinite(log.reference).all(axis=1)
         off = errors(result.poses[known], log.reference[known])

@@ -220,3 +220,21 @@ def test_the_command_says_what_was_wrong(tmp_path, capsys, monkeypatch, argument
     assert main(arguments) == 1
     printed = capsys.readouterr().err
     assert complaint in printed and printed.count("\n") == 1
+
+
+def test_scans_of_which_nothing_could_be_used_are_counted(tmp_path, capsys, monkeypatch):
+    """A third of a log without odometry read like a drive in which the filter had little to do."""
+    monkeypatch.chdir(tmp_path)
+    made = make_drive("hall", 9, Rough(), np.random.default_rng(1))
+    made.log.odom[3:6] = np.nan
+    save_log("log.npz", made.log)
+    save_map("map", made.occupancy)
+    assert main(["log.npz", "map.yaml", "--out", "out"]) == 0
+    assert json.loads((tmp_path / "out" / "result.json").read_text())["unusable"] == 3
+    assert "nothing could be used of 3 scans" in capsys.readouterr().out
+
+
+def test_the_help_has_each_sign_once(capsys):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    assert "%%" not in capsys.readouterr().out
