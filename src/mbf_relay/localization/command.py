@@ -18,7 +18,7 @@ from mbf_relay import files
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.logs import RecordedLog, load_log
 from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters, initial_pose_from
-from mbf_relay.localization.replay import Replay, replay, summarize
+from mbf_relay.localization.replay import Replay, replay, require_use, summarize
 from mbf_relay.localization.stress import Stress, parse_stress
 from mbf_relay.localization.trials import LogTask, as_json, run, summarize_trials, table
 from mbf_relay.maps import OccupancyMap, load_map
@@ -181,10 +181,7 @@ def replay_one(options: argparse.Namespace, log_path: str, map_path: str) -> Lis
     result = replay(
         log, occupancy, parameters, np.random.default_rng(options.seed), start, covariance, clock=time.perf_counter
     )
-    if not result.updated.any():
-        raise ValueError(
-            f"none of the {len(log)} scans of log {log_path} could be used; their ranges or the odometry are no numbers"
-        )
+    require_use(result, log_path)
     figures = {**summarize(result, log), "seed": options.seed, "log": log_path, "map": map_path}
     folder = options.out or os.path.splitext(os.path.basename(log_path))[0] + "_localized"
     write_results(folder, log, occupancy, result, figures)

@@ -73,6 +73,13 @@ def replay(
     return Replay(poses, updated, seconds, unusable)
 
 
+def require_use(result: Replay, log: str) -> None:
+    """Raise ValueError where no scan of a log, of that name, could be used: poses are then nothing but the start's."""
+    if not result.updated.any():
+        raise ValueError(f"none of the {len(result.updated)} scans of log {log} could be used; their ranges or the "
+                         "odometry are no numbers")
+
+
 def errors(poses: np.ndarray, reference: np.ndarray) -> Dict[str, np.ndarray]:
     """Return the distances (m) and the turns (rad, positive) between two trajectories, each of shape (N, 3)."""
     return {
