@@ -209,8 +209,8 @@ class PathTracker:
         self._arcs = _arcs_along(self._points)
         ends = np.cumsum([len(piece) for piece in pieces]).tolist()
         # the pose before a fold tells the heading it is reached with: its own may be that with which it is left
-        goals = [Pose2D(*points[fold].tolist(), float(poses[kept[fold] - 1, 2])) for fold in folds] + [self.path.goal]
-        self._legs = [_Leg(slice(*part), goal) for part, goal in zip(zip([0, *ends], ends), goals)]
+        goals = [Pose2D(*[*points[fold].tolist(), float(poses[kept[fold] - 1, 2])]) for fold in folds]
+        self._legs = [_Leg(slice(*part), goal) for part, goal in zip(zip([0, *ends], ends), [*goals, self.path.goal])]
 
     def remaining(self, state: ControlState) -> float:
         """Return how much (m) of the path is left from the robot's place on it."""
