@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, Optional, Tuple
+from typing import NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -32,6 +32,18 @@ class Window(NamedTuple):
     def of(cls, grid: Grid) -> Window:
         """Return the window that holds a whole grid."""
         return cls(0, 0, grid.width, grid.height)
+
+    @classmethod
+    def over(cls, grid: Grid, low: Sequence[float], high: Sequence[float]) -> Window:
+        """Return the cells that a box lies on, by its lower left and upper right corner (m); some may be off the grid.
+        """
+        (x0, y0), (x1, y1) = grid.cell_at(*low), grid.cell_at(*high)
+        return cls(x0, y0, x1 + 1, y1 + 1)
+
+    @classmethod
+    def around(cls, grid: Grid, x: float, y: float, reach: float) -> Window:
+        """Return the cells that a square lies on whose sides are `reach` (m) away from a point; see `over`."""
+        return cls.over(grid, (x - reach, y - reach), (x + reach, y + reach))
 
     @property
     def is_empty(self) -> bool:
@@ -148,9 +160,7 @@ def without_tracks(costmap: CostGrid, now: float) -> CostGrid:
     for track in costmap.tracks or ():
         there = track.at(now)
         reach = there.radius + 2.0 * grid.resolution
-        left, bottom = grid.cell_at(there.x - reach, there.y - reach)
-        right, top = grid.cell_at(there.x + reach, there.y + reach)
-        window = Window(left, bottom, right + 1, top + 1).within(grid)
+        window = Window.around(grid, there.x, there.y, reach).within(grid)
         if window.is_empty:
             continue
         across = grid.origin_x + (np.arange(window.x0, window.x1) + 0.5) * grid.resolution - there.x

@@ -372,9 +372,7 @@ class Costmap:
         with self._lock:
             window = Window.of(self._grid)
             if around is not None and math.isfinite(side):
-                x0, y0 = self._grid.cell_at(around.x - side / 2.0, around.y - side / 2.0)
-                x1, y1 = self._grid.cell_at(around.x + side / 2.0, around.y + side / 2.0)
-                window = Window(x0, y0, x1 + 1, y1 + 1)
+                window = Window.around(self._grid, around.x, around.y, side / 2.0)
             for layer in self.layers:
                 if layers is None or layer.name in layers:
                     layer.clear(window, inside)

@@ -187,16 +187,14 @@ class ObstacleLayer(CellLayer):
         if context.footprint is not self._outline:
             self._outline = context.footprint
             self._outline_reach = float(np.hypot(self._outline[:, 0], self._outline[:, 1]).max(initial=0.0))
-        (x, y, _), reach = context.robot_pose, self._outline_reach
-        (left, bottom), (right, top) = self.grid.cell_at(x - reach, y - reach), self.grid.cell_at(x + reach, y + reach)
-        return Window(left - 1, bottom - 1, right + 2, top + 2)
+        x, y, _ = context.robot_pose
+        return Window.around(self.grid, x, y, self._outline_reach).grown(1)
 
     def _touched(self, observations: List[RayBundle], stood_on: Window) -> Window:
         """Return a window that holds every cell the observations may change and the robot stands on."""
         touched = stood_on
-        for rays in observations:
-            (left, bottom), (right, top) = self.grid.cell_at(*rays.low), self.grid.cell_at(*rays.high)
-            touched = touched.union(Window(left, bottom, right + 1, top + 1).grown(2))  # a ray may end a cell further
+        for rays in observations:  # one may end a cell further
+            touched = touched.union(Window.over(self.grid, rays.low, rays.high).grown(2))
         return touched.within(self.grid)
 
     def update_costs(self, costs: np.ndarray, window: Window) -> None:

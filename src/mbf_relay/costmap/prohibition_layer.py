@@ -75,8 +75,7 @@ class ProhibitionLayer(PlacedLayer):
             self.costs[cells[inside, 1], cells[inside, 0]] = LETHAL
         if len(corners) < 3 or not self.parameters.fill_polygons:
             return
-        (left, low), (right, high) = grid.cells_at(np.stack((corners.min(axis=0), corners.max(axis=0))))
-        window = Window(int(left), int(low), int(right) + 1, int(high) + 1).within(grid)
+        window = Window.over(grid, corners.min(axis=0), corners.max(axis=0)).within(grid)
         if window.is_empty:
             return
         rows, columns = np.ogrid[window.slices]

@@ -151,9 +151,7 @@ class RangeSensorLayer(CellLayer):
         band = self.grid.resolution * max(distance, 1.0)  # of the arc, to either side; a cell at least
         bulge = band + distance * (1.0 - math.cos(0.5 * half))  # of the arc over the lines between the three ends
         corners = np.vstack((origin, origin + edges))
-        x0, y0 = self.grid.cell_at(*(corners.min(axis=0) - bulge))
-        x1, y1 = self.grid.cell_at(*(corners.max(axis=0) + bulge))
-        window = Window(x0, y0, x1 + 1, y1 + 1).within(self.grid)
+        window = Window.over(self.grid, corners.min(axis=0) - bulge, corners.max(axis=0) + bulge).within(self.grid)
         if window.is_empty:
             return
         rows, columns = np.ogrid[window.slices]

@@ -150,10 +150,7 @@ class TrackLayer(Layer):
         return window.union(before).union(self._written)
 
     def _window_of(self, track: Track) -> Window:
-        reach = track.radius + REACH * self._deviation_ahead(track)
-        left, bottom = self.grid.cell_at(track.x - reach, track.y - reach)
-        right, top = self.grid.cell_at(track.x + reach, track.y + reach)
-        return Window(left, bottom, right + 1, top + 1)
+        return Window.around(self.grid, track.x, track.y, track.radius + REACH * self._deviation_ahead(track))
 
     def _deviation_ahead(self, track: Track) -> float:
         return self.parameters.personal_space + self.parameters.personal_space_ahead * track.speed / REACH
