@@ -49,6 +49,13 @@ OCCUPIED = 100
 UNKNOWN = -1
 
 
+def too_large(width: int, height: int, what: str = "cells") -> str:
+    """Return how large a map is and what is taken, for the end of a message; empty where a map may be so large."""
+    if max(width, height) <= LARGEST_SIDE and width * height <= MOST_CELLS:
+        return ""
+    return f"{width} x {height} {what}; at most {LARGEST_SIDE} each way and {MOST_CELLS} in all are taken"
+
+
 class MapFileError(ValueError):
     """A map's YAML file is missing something or holds a wrong value; the text names file, key and value."""
 
@@ -206,8 +213,8 @@ def _read_plain(file: BinaryIO, parameters: MapFileParameters) -> Optional[np.nd
     match = PLAIN_HEAD.match(file.read(LONGEST_HEAD))
     width, height = map(int, match.groups()) if match else (0, 0)
     begin = match.end() if match else 0
-    is_whole = 0 < width * height <= min(MOST_CELLS, file.seek(0, os.SEEK_END) - begin)
-    if not is_whole or max(width, height) > LARGEST_SIDE:
+    is_whole = 0 < width * height <= file.seek(0, os.SEEK_END) - begin
+    if not is_whole or too_large(width, height):
         file.seek(0)
         return None
     file.seek(begin)
@@ -235,11 +242,9 @@ def _read_image(file: BinaryIO, parameters: MapFileParameters) -> np.ndarray:
             if image.format not in IMAGE_FORMATS:
                 raise ValueError(f"it is {image.format}; maps are {', '.join(IMAGE_FORMATS)}")
             width, height = image.size
-            if not 0 < width * height <= MOST_CELLS or max(width, height) > LARGEST_SIDE:
-                raise ValueError(
-                    f"it has {width} x {height} pixels; a map has at most {LARGEST_SIDE} each way and {MOST_CELLS} in "
-                    "all"
-                )
+            trouble = too_large(width, height, "pixels") if width * height else "no pixel"
+            if trouble:
+                raise ValueError(f"it has {trouble}")
             image.load()
     deep = image.mode.startswith("I") or image.mode == "F"  # told by its highest value, which one band may not have
     rows = height if deep else max(1, BAND // width)

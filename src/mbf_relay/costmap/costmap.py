@@ -19,7 +19,7 @@ from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.costmap.shared_inputs import inputs_of
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
-from mbf_relay.maps import LARGEST_SIDE, MOST_CELLS, OccupancyMap
+from mbf_relay.maps import OccupancyMap, too_large
 from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.parameters import ParameterSet
 from mbf_relay.plugins import PluginFailure, failures_of
@@ -203,10 +203,10 @@ class Costmap:
             taken = "replaces the costmap's" if sizes else "is sampled at the costmap's"
             notice = (f"{self.name}: the map's resolution of {grid.resolution:.6g} m {taken} resolution of "
                       f"{self.parameters.resolution:.6g} m")
-        if sizes and (max(grid.shape) > LARGEST_SIDE or grid.width * grid.height > MOST_CELLS):
+        trouble = too_large(grid.width, grid.height) if sizes else ""
+        if trouble:
             raise ValueError(
-                f"the map is turned by {occupancy.origin.theta:.6g} rad, and {grid.width} x {grid.height} cells along "
-                f"the axes would hold it; at most {LARGEST_SIDE} each way and {MOST_CELLS} in all are taken")
+                f"the map is turned by {occupancy.origin.theta:.6g} rad, and upright it takes {trouble}")
         with self._lock:
             if sizes:
                 self._sized_by_map, self._due_grid = True, grid if grid != self._grid else None

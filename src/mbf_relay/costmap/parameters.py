@@ -17,7 +17,7 @@ from mbf_relay.costmap.outline import (
     radii,
 )
 from mbf_relay.grid import Grid
-from mbf_relay.maps import COARSEST, FINEST, LARGEST_SIDE, MOST_CELLS
+from mbf_relay.maps import COARSEST, FINEST, too_large
 from mbf_relay.parameters import ParameterSet, parameter
 
 T = TypeVar("T", bound="CostmapParameters")
@@ -73,16 +73,15 @@ class CostmapParameters(ParameterSet):
         if self.resolution < FINEST:
             raise ValueError(f"parameter resolution is {self.resolution:g} m; it must be at least {FINEST:g} m")
         for name, side in (("width", self.width), ("height", self.height)):
-            if not 1.0 - 1e-9 <= side / self.resolution <= LARGEST_SIDE:
+            if side / self.resolution < 1.0 - 1e-9:
                 raise ValueError(
-                    f"parameter {name} is {side:g} m; it must be 1 to {LARGEST_SIDE} cells of the resolution, "
-                    f"{self.resolution:g} m")
-        if self.width / self.resolution * self.height / self.resolution > MOST_CELLS:
+                    f"parameter {name} is {side:g} m; it must be a cell at least, {self.resolution:g} m")
+        grid = self.grid()
+        trouble = too_large(grid.width, grid.height)
+        if trouble:
             raise ValueError(
-                f"parameters width and height are {self.width:g} m and {self.height:g} m; at {self.resolution:g} m a "
-                "cell "
-                f"they must not hold more than {MOST_CELLS} cells"
-            )
+                f"parameters width and height are {self.width:g} m and {self.height:g} m, at a resolution of "
+                f"{self.resolution:g} m {trouble}")
         check_padded(self.outline(), self.footprint_padding, self.resolution)
 
     @classmethod

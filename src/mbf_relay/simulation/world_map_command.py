@@ -11,7 +11,7 @@ from typing import List, Optional
 from mbf_relay.commands import finite, positive
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
-from mbf_relay.maps import COARSEST, FINEST, MOST_CELLS, save_map
+from mbf_relay.maps import COARSEST, FINEST, save_map, too_large
 from mbf_relay.simulation.floor import leveled
 from mbf_relay.simulation.world_map import SCAN_HEIGHT, grid_around, map_of_world
 from mbf_relay.simulation.worlds import load_world
@@ -31,10 +31,9 @@ def main(arguments: Optional[List[str]] = None) -> int:
             grid = Grid(options.resolution, *options.origin, *options.size)
         else:
             grid = grid_around(world, options.resolution, height=options.height)
-        if grid.width * grid.height > MOST_CELLS:
-            raise ValueError(
-                f"the map would have {grid.width} x {grid.height} cells; at most {MOST_CELLS} are drawn: give a "
-                "coarser --resolution")
+        trouble = too_large(grid.width, grid.height)
+        if trouble:
+            raise ValueError(f"the map would have {trouble}: give a coarser --resolution")
         folder = os.path.dirname(os.path.abspath(options.output))
         os.makedirs(folder, exist_ok=True)
         paths = save_map(options.output, map_of_world(world, grid, options.height))

@@ -78,5 +78,5 @@ def test_a_turned_map_over_another_leaves_its_walls_standing(origin, shape, uses
 
 
 def test_a_map_too_large_to_be_turned_is_refused_with_its_angle():
-    with pytest.raises(ValueError, match="0.78 rad, and 22.* cells"):
+    with pytest.raises(ValueError, match="0.78 rad, and upright it takes 22.* cells"):
         map_alone().set_map(OccupancyMap(np.zeros((1, 32000), np.int8), 0.1, Pose2D(0.0, 0.0, 0.78)))

@@ -134,6 +134,11 @@ def test_cells_of_no_size_are_refused_in_one_line(tmp_path, capsys, resolution, 
     assert not list(tmp_path.iterdir())
 
 
+def test_a_map_longer_than_any_map_server_reads_is_not_drawn(tmp_path, capsys):
+    assert main(["arena", str(tmp_path / "map"), "--size", "32768", "1"]) == 1
+    assert "32768 x 1 cells; at most 32767 each way" in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("options, words", [
     (["--origin", "inf", "0", "--size", "10", "10"], "--origin: 'inf' is no finite number"),
     (["--height", "nan"], "--height: 'nan' is no finite number"),

@@ -12,7 +12,7 @@ from typing import Any, Optional
 import numpy as np
 
 from mbf_relay.geometry import FARTHEST, FASTEST, Twist2D
-from mbf_relay.maps import COARSEST, FINEST, LARGEST_SIDE, MOST_CELLS
+from mbf_relay.maps import COARSEST, FINEST, too_large
 from mbf_relay.scan_monitor import LARGEST_GAP
 
 LONGEST_FRAME = 256
@@ -210,16 +210,11 @@ def check_map(info: Any, cells: int) -> None:
     if info.width == 0 or info.height == 0 or cells != info.width * info.height:
         raise InvalidMessage(
             f"map of {info.width} x {info.height} cells with {cells} values: it must have width x height, and some")
-    check_cells(info.width, info.height)
+    trouble = too_large(info.width, info.height)
+    if trouble:
+        raise InvalidMessage(f"map of {trouble}")
     if not FINEST <= round(info.resolution, 9) <= COARSEST:
         raise InvalidMessage(f"map with a resolution of {info.resolution} m; it must be {FINEST:g} to {COARSEST:g} m")
-
-
-def check_cells(width: int, height: int) -> None:
-    """Refuse a number of cells no planner takes."""
-    if max(width, height) > LARGEST_SIDE or width * height > MOST_CELLS:
-        raise InvalidMessage(
-            f"map of {width} x {height} cells; at most {LARGEST_SIDE} each way and {MOST_CELLS} in all are taken")
 
 
 def check_count(count: int, most: int, what: str) -> None:

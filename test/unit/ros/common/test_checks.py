@@ -7,6 +7,7 @@ import pytest
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
 from geometry_msgs.msg import TransformStamped  # noqa: E402
+from nav_msgs.msg import MapMetaData  # noqa: E402
 from sensor_msgs.msg import LaserScan  # noqa: E402
 
 from mbf_relay.ros.common import checks  # noqa: E402
@@ -71,11 +72,12 @@ def test_a_scan_that_no_lidar_makes_is_not_driven_by(beams, first, step, words):
     (32767, 8192, True), (8192, 32767, True), (32768, 1, False), (1, 32768, False), (32767, 8193, False),
 ])
 def test_a_map_too_long_or_too_large_for_planners_is_refused(width, height, is_taken):
+    info = MapMetaData(width=width, height=height, resolution=0.05)
     if is_taken:
-        checks.check_cells(width, height)
+        checks.check_map(info, width * height)
     else:
         with pytest.raises(InvalidMessage, match=f"map of {width} x {height} cells"):
-            checks.check_cells(width, height)
+            checks.check_map(info, width * height)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
