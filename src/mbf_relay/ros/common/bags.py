@@ -14,7 +14,8 @@ from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from std_msgs.msg import Header
 
 from mbf_relay import files
-from mbf_relay.ros.common.checks import TF2_END, InvalidMessage, check_transform
+from mbf_relay.ros.common.checks import InvalidMessage, check_time
+from mbf_relay.ros.common.conversions import take_transform
 
 
 def open_bag(path: str) -> rosbag.Bag:
@@ -77,11 +78,8 @@ def sound_transforms(transforms: Iterable[Any]) -> Iterator[TransformStamped]:
     """
     for transform in transforms:
         try:
-            check_transform(transform)
-            if transform.header.stamp.to_sec() >= TF2_END:
-                raise InvalidMessage(
-                    f"its stamp {transform.header.stamp.to_sec():.2f} s is no time a clock of ROS shows"
-                )
+            take_transform(transform)
+            check_time(transform.header.stamp.to_sec())
         except InvalidMessage as error:
             rospy.logwarn_once(
                 f"left out a transform from '{transform.header.frame_id}' to '{transform.child_frame_id}': {error}"

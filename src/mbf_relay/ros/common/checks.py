@@ -72,6 +72,12 @@ def why_old(age: float, came: float) -> str:
     return f"; it was so when it came: {CLOCKS_DIFFER}, or the way between them is slow" if came < 0.5 * age else ""
 
 
+def check_time(stamp: float) -> None:
+    """Refuse a stamp (s) that no clock of ROS shows, and tf2 would not survive."""
+    if not 0.0 <= stamp < TF2_END:
+        raise InvalidMessage(f"its stamp {stamp:.2f} s is no time a clock of ROS shows")
+
+
 def check_stamp(stamp: float, now: float, max_age: Optional[float] = None) -> None:
     """Refuse what is not of this time.
 
@@ -80,8 +86,7 @@ def check_stamp(stamp: float, now: float, max_age: Optional[float] = None) -> No
         now: The clock (s).
         max_age: Oldest age (s) that is still news; None where its user judges that.
     """
-    if not 0.0 <= stamp < TF2_END:
-        raise InvalidMessage(f"its stamp {stamp:.2f} s is no time a clock of ROS shows")
+    check_time(stamp)
     if stamp - now > AHEAD:
         raise InvalidMessage(
             f"its stamp {stamp:.2f} s is {stamp - now:.2f} s ahead of the clock; at most {AHEAD} s allowed: "
@@ -106,17 +111,6 @@ def check_frame_is(wanted: str, name: str) -> None:
 def shown(name: str) -> str:
     """Return a frame's name as a line of a log bears it."""
     return name if len(name) <= LONGEST_FRAME else f"{name[:40]}... ({len(name)} characters)"
-
-
-def check_transform(message: Any) -> None:
-    """Refuse a TransformStamped whose numbers mean nothing; its stamp is judged by `check_stamp`."""
-    check_frames(message.header.frame_id, message.child_frame_id)
-    moved, turned = message.transform.translation, message.transform.rotation
-    check_place(moved.x, moved.y, moved.z)
-    length = quaternion_length(turned)
-    if not abs(length * length - 1.0) <= 0.01:  # tf2's own limit; there the reason goes to a stream nobody reads
-        raise InvalidMessage(
-            f"quaternion ({turned.x}, {turned.y}, {turned.z}, {turned.w}) has length {length:.3g}; a rotation's is 1")
 
 
 def quaternion_length(quaternion: Any) -> float:

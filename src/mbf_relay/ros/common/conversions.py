@@ -74,13 +74,20 @@ def header(frame: str, stamp: Any) -> Header:
 
 
 def take_transform(message: TransformStamped) -> None:
-    """Refuse a message as `checks.check_transform` does, and give its rotation length 1.
+    """Refuse a message whose numbers mean nothing, and give its rotation length 1; its stamp is judged elsewhere.
 
     tf2 takes what is nearly a rotation and hands it out as it came: as a matrix it stretches all that is seen.
+
+    Raises:
+        InvalidMessage: A name is none of a frame, a number is not finite or too large, or the rotation is none.
     """
-    checks.check_transform(message)
-    turned = message.transform.rotation
+    checks.check_frames(message.header.frame_id, message.child_frame_id)
+    moved, turned = message.transform.translation, message.transform.rotation
+    checks.check_place(moved.x, moved.y, moved.z)
     length = checks.quaternion_length(turned)
+    if not abs(length * length - 1.0) <= 0.01:  # tf2's own limit; there the reason goes to a stream nobody reads
+        raise InvalidMessage(
+            f"quaternion ({turned.x}, {turned.y}, {turned.z}, {turned.w}) has length {length:.3g}; a rotation's is 1")
     message.transform.rotation = Quaternion(
         turned.x / length, turned.y / length, turned.z / length, turned.w / length)
 

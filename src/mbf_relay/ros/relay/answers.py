@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Optional
 from actionlib_msgs.msg import GoalStatus
 from mbf_msgs.msg import ExePathResult, GetPathResult, MoveBaseResult, RecoveryResult
 
+from mbf_relay.ros.common.checks import quaternion_length
 from mbf_relay.ros.common.outcome_codes import name_of
 
 GOAL_REACHED = "Goal reached."
@@ -169,7 +170,7 @@ def outcome_name(outcome: int) -> str:
 
 def is_upright(quaternion: Any) -> bool:
     """Return whether move_base takes a quaternion for a goal: finite, not zero, and turning about the vertical."""
-    length = math.hypot(quaternion.x, quaternion.y, quaternion.z, quaternion.w)
+    length = quaternion_length(quaternion)
     if not math.isfinite(length) or length < SHORTEST_QUATERNION:
         return False
     return 2.0 * math.hypot(quaternion.x / length, quaternion.y / length) ** 2 <= MOST_TILT

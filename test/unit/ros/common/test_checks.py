@@ -11,7 +11,9 @@ from nav_msgs.msg import MapMetaData  # noqa: E402
 from sensor_msgs.msg import LaserScan  # noqa: E402
 
 from mbf_relay.ros.common import checks  # noqa: E402
+from mbf_relay.ros.common.bags import sound_transforms  # noqa: E402
 from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
+from mbf_relay.ros.common.conversions import take_transform  # noqa: E402
 
 
 def transform(parent="odom", child="base_link", place=(1.0, 2.0, 0.0), turn=(0.0, 0.0, 0.0, 1.0)):
@@ -32,7 +34,7 @@ def transform(parent="odom", child="base_link", place=(1.0, 2.0, 0.0), turn=(0.0
 ])
 def test_a_robot_is_not_where_a_transform_that_means_nothing_puts_it(message, words):
     with pytest.raises(InvalidMessage, match=words):
-        checks.check_transform(message)
+        take_transform(message)
 
 
 @pytest.mark.parametrize("message", [
@@ -40,7 +42,12 @@ def test_a_robot_is_not_where_a_transform_that_means_nothing_puts_it(message, wo
     transform(turn=(0.0, 0.0, 0.0, 1.004)),
 ])
 def test_a_transform_from_far_off_or_rounded_is_taken(message):
-    checks.check_transform(message)
+    take_transform(message)
+
+
+def test_what_is_seen_is_not_stretched_by_a_rounded_rotation_of_a_recorded_bag_either():
+    (taken,) = sound_transforms([transform(turn=(0.0, 0.0, 0.0, 1.004))])
+    assert taken.transform.rotation.w == 1.0
 
 
 @pytest.mark.parametrize("stamp, max_age, words", [

@@ -21,7 +21,7 @@ from tally import how_many, trial  # noqa: E402
 from mbf_relay.localization.cloud_scan import CloudParameters  # noqa: E402
 from mbf_relay.outcomes import NavigationError  # noqa: E402
 from mbf_relay.ros.amcl.cloud_input import scan_of_cloud  # noqa: E402
-from mbf_relay.ros.common import bags, checks, conversions  # noqa: E402
+from mbf_relay.ros.common import bags, conversions  # noqa: E402
 from mbf_relay.ros.costmap.inputs import points_from  # noqa: E402
 from mbf_relay.ros.server import messages  # noqa: E402
 
@@ -46,7 +46,7 @@ def is_sound(made):
 
 def checked_transform(transform):
     """Return a transform as it comes out of tf, which is handed only what was checked."""
-    checks.check_transform(transform)
+    conversions.take_transform(transform)
     return conversions.transform_from_message(transform.transform)
 
 
