@@ -12,13 +12,13 @@ from typing import Any, Callable, Dict, List, Optional, Sequence
 from mbf_relay.lockstep import batch_report
 from mbf_relay.lockstep.command import Progress, without_remappings
 from mbf_relay.lockstep.episodes import EpisodeJob, drive_all
-from mbf_relay.lockstep.options import add_setup_options, add_worker_options, seeds, share
+from mbf_relay.lockstep.options import add_setup_options, add_worker_options, seeds, setup_of, share
 from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.results_file import WORLDS, ResultsFile
-from mbf_relay.lockstep.settings import config_folder, flatten
-from mbf_relay.lockstep.setup import Setup, make_setup, named_robot
+from mbf_relay.lockstep.settings import flatten
+from mbf_relay.lockstep.setup import Setup, named_robot
 from mbf_relay.lockstep.sources import files_of, plugins_of, sources
-from mbf_relay.lockstep.tasks import EpisodeTask, have_maps, load_tasks, not_understood
+from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks, not_understood
 from mbf_relay.lockstep.workers import workers_for
 from mbf_relay.simulation.robot_file import robot_text
 
@@ -33,11 +33,7 @@ def main(arguments: Optional[Sequence[str]] = None, clock: Callable[[], float] =
     try:
         all_tasks = [task.scaled(options.scale) for task in load_tasks(options.worlds)]
         tasks = _chosen(all_tasks, options.only)
-        setup = make_setup(
-            config_folder(), options.localization, options.map, options.controller, options.planner, options.set,
-            have_maps(tasks, bool(options.map)), options.config, options.map_resolution, options.robot,
-            options.after_contact,
-        )
+        setup = setup_of(options, tasks)
         for note in [*setup.notes, *not_understood(tasks)]:
             print(f"batch.py: {note}", file=sys.stderr)
         folder = options.out or Path(f"batch-{Path(options.worlds).stem}")

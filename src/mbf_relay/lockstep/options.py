@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
-from typing import List
+from typing import List, Sequence
 
 from mbf_relay.commands import positive
-from mbf_relay.lockstep.setup import LOCALIZATIONS, MAPS
-from mbf_relay.lockstep.tasks import MAP_RESOLUTION
+from mbf_relay.lockstep.settings import config_folder
+from mbf_relay.lockstep.setup import LOCALIZATIONS, MAPS, Setup, make_setup
+from mbf_relay.lockstep.tasks import MAP_RESOLUTION, EpisodeTask, have_maps
 
 TIME_LIMIT = 900.0
 """Seconds of computing after which an episode counts as hung; a circle takes one to five."""
@@ -51,6 +52,23 @@ def add_setup_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--set", action="append", default=[], metavar="A.B=C", help="change a parameter of the nodes' files"
     )
+
+
+def setup_of(options: argparse.Namespace, tasks: Sequence[EpisodeTask], changes: Sequence[str] = ()) -> Setup:
+    """Return the setup that the options of `add_setup_options` ask for.
+
+    Args:
+        options: As they were given.
+        tasks: The worlds to drive.
+        changes: Changes "a.b=c" after those of the options.
+
+    Raises:
+        ValueError: As of `make_setup` and `have_maps`.
+    """
+    return make_setup(
+        config_folder(), options.localization, options.map, options.controller, options.planner,
+        [*options.set, *changes], have_maps(tasks, bool(options.map)), options.config, options.map_resolution,
+        options.robot, options.after_contact)
 
 
 def add_worker_options(parser: argparse.ArgumentParser) -> None:

@@ -20,12 +20,12 @@ from mbf_relay.lockstep import tune_picture
 from mbf_relay.lockstep.batch import settings_of
 from mbf_relay.lockstep.command import have_alone, say, without_remappings
 from mbf_relay.lockstep.compare_many import contrasts
-from mbf_relay.lockstep.options import add_setup_options, add_worker_options, seeds
+from mbf_relay.lockstep.options import add_setup_options, add_worker_options, seeds, setup_of
 from mbf_relay.lockstep.settings import config_folder, full_name, load_settings, own_part
-from mbf_relay.lockstep.setup import Setup, known_types, make_setup
+from mbf_relay.lockstep.setup import Setup, known_types
 from mbf_relay.lockstep.sources import plugins_of
 from mbf_relay.lockstep.summary import MEASURES, measure_of
-from mbf_relay.lockstep.tasks import EpisodeTask, have_maps, load_tasks, not_understood
+from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks, not_understood
 from mbf_relay.lockstep.trials import Parameters, Plan, Range, Space, TrialDrives, search
 from mbf_relay.lockstep.workers import tell, workers_for
 from mbf_relay.whole_files import write_whole
@@ -45,7 +45,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         if options.metric == "score" and not any(task.reference_path_length for task in tasks):
             raise ValueError("the worlds state no reference_path_length, so that no drive has a score; choose another "
                              "--metric, such as success")
-        setup = _setup(options, tasks, [])
+        setup = setup_of(options, tasks)
         for note in [*setup.notes, *not_understood(tasks)]:
             tell(f"tune.py: {note}")
         space = read_space(options.param, options.space, setup)
@@ -53,19 +53,19 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         count = len(seen) * len(options.seeds) * options.together
         where = options.scheduler, options.scheduler_file
 
-        def setup_of(parameters: Parameters) -> Setup:
-            return _setup(options, tasks, changes_of(parameters))
+        def setup_with(parameters: Parameters) -> Setup:
+            return setup_of(options, tasks, changes_of(parameters))
 
         with _study_in(options.out):
             study = open_study(options, space, setup, tasks)
             with workers_for(count, options.jobs, plugins_of(setup), *where) as workers:
-                drive = TrialDrives(workers, options.seeds, options.time_limit, setup_of)
+                drive = TrialDrives(workers, options.seeds, options.time_limit, setup_with)
                 plan = Plan(options.trials, options.together, options.seed, options.metric)
                 search(study, space, plan, seen, drive, tell)
                 if not math.isfinite(study.best_value):
                     raise ValueError("no trial could drive every world, so that none is the best; batch.py tells why")
                 best, better = dict(study.best_params), measure_of(options.metric).better
-                write_best(options.out, setup_of(best))
+                write_best(options.out, setup_with(best))
                 tune_picture.draw(
                     options.out / "study.png",
                     [(trial.params, better * trial.value) for trial in study.get_trials()
@@ -151,7 +151,7 @@ def _check_ends(options: argparse.Namespace, tasks: Sequence[EpisodeTask], space
     """Raise ValueError where an end of a range is refused, or another value than that would be driven with."""
     for name, between in space.items():
         for end in (between.low, between.high):
-            found = _setup(options, tasks, changes_of({name: int(end) if between.whole else end}))
+            found = setup_of(options, tasks, changes_of({name: int(end) if between.whole else end}))
             others = [note for note in found.notes if note not in setup.notes]
             if others:
                 raise ValueError(f"{name} cannot be tuned in this range: {others[0]}")
@@ -250,14 +250,6 @@ def verdict(
         for c in found if not math.isnan(c.value.value)
     ]
     return "\n".join(lines)
-
-
-def _setup(options: argparse.Namespace, tasks: Sequence[EpisodeTask], changes: Sequence[str]) -> Setup:
-    return make_setup(
-        config_folder(), options.localization, options.map, options.controller, options.planner,
-        [*options.set, *changes], have_maps(tasks, bool(options.map)), options.config, options.map_resolution,
-        options.robot, options.after_contact,
-    )
 
 
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
