@@ -25,8 +25,8 @@ from gymnasium import spaces
 from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.lockstep.driver import path_of_processes
 from mbf_relay.lockstep.environment_parameters import EnvironmentParameters
-from mbf_relay.lockstep.settings import config_folder, own_part
-from mbf_relay.lockstep.setup import ODOMETRY, TRUTH, faults_in, make_setup
+from mbf_relay.lockstep.settings import config_folder, full_name, parse_change
+from mbf_relay.lockstep.setup import ODOMETRY, TRUTH, faults_in, known_names, make_setup
 from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks, task_of
 from mbf_relay.scan import LaserScan
 from mbf_relay.simulation import Simulation
@@ -91,9 +91,9 @@ class NavigationEnvironment(gymnasium.Env):
             raise ValueError(f"localization is '{localization}'; it must be '{TRUTH}' or '{ODOMETRY}'")
         self.parameters = EnvironmentParameters.from_mapping(parameters)
         settings = make_setup(config_folder(), localization, changes=changes, robot=robot, has_map=False).settings
-        if changes:
-            plain = make_setup(config_folder(), localization, robot=robot, has_map=False).settings
-            for node in sorted(set(own_part(settings, plain)) - {"simulator"}):
+        for text in changes:
+            node = full_name(parse_change(text)[0], known_names(settings)).partition(".")[0]
+            if node != "simulator":
                 raise ValueError(f"changes are of {node}, which takes no part here; only the simulator's are used")
         self._simulator = SimulationParameters.from_mapping(settings["simulator"]).replace(
             imu_rate=0.0, joint_state_rate=0.0, cmd_vel_timeout=0.0  # an action holds until the next one
