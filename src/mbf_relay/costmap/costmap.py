@@ -42,7 +42,6 @@ class Costmap:
         notes: What was made of the user's values, one line each, where they could not be taken as they are.
         inputs: Which layers take what each sensor sees; see `inputs_of`.
         failed: Why a layer the user listed is not there, by its name.
-        sizing_layer: Whose map gives it size, resolution and place; None where none does, as of a window that rolls.
     """
 
     def __init__(
@@ -53,7 +52,6 @@ class Costmap:
         self.notes, self.failed = tuple(notes), dict(failed or {})
         self.layers: List[Layer] = list(layers)
         self._floor_layer = next((each for each in self.layers if each.maps_floor), None)
-        self.sizing_layer = None if parameters.rolling_window else self._floor_layer
         self.inputs = inputs_of(self.layers)
         # the only lock: held for an update, for a copy of the snapshot, and while input is handed to the layers
         self._lock = threading.RLock()
@@ -182,6 +180,10 @@ class Costmap:
         with self._lock:
             return any(layer.sees_all_round for layer in self.layers if layer.enabled)
 
+    def is_sized_by(self, layer: str) -> bool:
+        """Return whether the map of the layer of that name gives it size, resolution and place; see `set_map`."""
+        return not self.parameters.rolling_window and self._floor_layer in self._takers_of_map(layer)
+
     def set_map(self, occupancy: OccupancyMap, layer: str = "") -> Optional[str]:
         """Take a map; a costmap that is no rolling window takes the size and resolution of its first one of the floor.
 
@@ -197,7 +199,7 @@ class Costmap:
         """
         grid = occupancy.upright_grid
         takers = self._takers_of_map(layer)
-        is_first, sizes = self._floor_layer in takers, self.sizing_layer in takers
+        is_first, sizes = self._floor_layer in takers, self.is_sized_by(layer)
         notice = None
         if is_first and abs(grid.resolution - self.parameters.resolution) > 1e-6:
             taken = "replaces the costmap's" if sizes else "is sampled at the costmap's"

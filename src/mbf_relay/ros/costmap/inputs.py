@@ -307,10 +307,8 @@ class MapInput:
         One that takes its size of the map takes it to lie in its own frame, as costmap_2d's do.
         """
         said, frame = message.header.frame_id.lstrip("/"), self._costmap.frame
-        rolls, sizing = self._costmap.parameters.rolling_window, self._costmap.sizing_layer
-        sizes = sizing is not None and sizing.name == self.layer
-        lies = frame if sizes or not said else said
-        if said != frame and lies != self.frame and not (said and rolls):
+        lies = frame if self._costmap.is_sized_by(self.layer) or not said else said
+        if said != frame and lies != self.frame and not (said and self._costmap.parameters.rolling_window):
             rospy.logwarn(
                 "%s: the map on topic '%s' is in frame '%s', not in '%s'; %s", self._costmap.name, self._source.topic,
                 checks.shown(said), frame,
