@@ -60,9 +60,6 @@ class CostmapFilter(PlacedLayer):
         self.mask = occupancy
         self.touch(Window.of(self.grid))
 
-    def stale_reason(self, now: float) -> Optional[str]:
-        return self.missing_input()
-
     def missing_input(self) -> Optional[str]:
         return None if self.mask is not None else f"no mask has come on topic '{self.parameters.filter_mask_topic}'"
 

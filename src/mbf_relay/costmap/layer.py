@@ -196,8 +196,8 @@ class Layer(Plugin, abc.ABC):
         return 0.0
 
     def stale_reason(self, now: float) -> Optional[str]:
-        """Return what the layer waits for, or None where it may be relied on."""
-        return None
+        """Return what the layer waits for, or None where it may be relied on; by default what it has never had."""
+        return self.missing_input()
 
     def missing_input(self) -> Optional[str]:
         """Return what the layer has never had and shows nothing without, or None."""

@@ -121,9 +121,6 @@ class StaticLayer(PlacedLayer):
         return (self._map is not None and self.grid == self._map.upright_grid
                 and not self.rolling and self.own_from_costmap == IDENTITY)
 
-    def stale_reason(self, now: float) -> Optional[str]:
-        return self.missing_input()
-
     def missing_input(self) -> Optional[str]:
         return None if self._map is not None else f"no map has come on topic '{self.parameters.map_topic}'"
 
