@@ -56,10 +56,15 @@ def framed_pose(message: PoseStamped) -> FramedPose:
     return FramedPose(pose_from_message(message.pose), message.header.frame_id.lstrip("/"))
 
 
+def check_tolerance(tolerance: float) -> None:
+    """Raise PlanningError where the distance (m) by which a plan may miss its goal means nothing."""
+    if not (math.isfinite(tolerance) and tolerance >= 0.0):
+        raise PlanningError(PlanOutcome.INVALID_GOAL, f"tolerance is {tolerance} m; it must be 0 or above")
+
+
 def plan_goal(goal: GetPathGoal) -> PlanGoal:
     """Return a get_path goal; raise PlanningError where it means nothing."""
-    if not (math.isfinite(goal.tolerance) and goal.tolerance >= 0.0):
-        raise PlanningError(PlanOutcome.INVALID_GOAL, f"tolerance is {goal.tolerance} m; it must be 0 or above")
+    check_tolerance(goal.tolerance)
     start = None
     if goal.use_start_pose:
         start = _checked_pose(goal.start_pose, PlanOutcome.INVALID_START, "start pose")

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from typing import Callable
 
@@ -12,10 +11,10 @@ from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
 
 from mbf_relay.navigation.goals import PlanGoal, PlanResult
 from mbf_relay.navigation.navigator import Navigator
-from mbf_relay.outcomes import PlanningError, PlanOutcome
+from mbf_relay.outcomes import PlanningError
 from mbf_relay.ros.common.conversions import path_to_message
 from mbf_relay.ros.common.get_plan import turned
-from mbf_relay.ros.server.messages import framed_pose
+from mbf_relay.ros.server.messages import check_tolerance, framed_pose
 
 INSTANCE = "make_plan"
 """The instances of the planners that serve here, so that neither goals nor their replanning wait for it."""
@@ -87,7 +86,6 @@ def _goal(request: GetPlanRequest, planner: str) -> PlanGoal:
         InvalidMessage: A pose means nothing.
         PlanningError: The tolerance means nothing.
     """
-    if not (math.isfinite(request.tolerance) and request.tolerance >= 0.0):
-        raise PlanningError(PlanOutcome.INVALID_GOAL, f"tolerance is {request.tolerance} m; it must be 0 or above")
+    check_tolerance(request.tolerance)
     start = framed_pose(turned(request.start)) if request.start.header.frame_id else None
     return PlanGoal(framed_pose(turned(request.goal)), start, request.tolerance, planner)
