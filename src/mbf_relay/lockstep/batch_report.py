@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Dict, List, Sequence
 
 from mbf_relay.lockstep import tables
-from mbf_relay.lockstep.command import Progress, finite, say
+from mbf_relay.lockstep.command import Progress, or_null, say
 from mbf_relay.lockstep.episodes import Lost
 from mbf_relay.lockstep.options import TIME_LIMIT
 from mbf_relay.lockstep.result import ERROR, EpisodeResult
@@ -105,6 +105,6 @@ def as_json(results: Sequence[EpisodeResult]) -> str:
     measures = {measure.name: measure for measure in MEASURES}
     values: Dict[str, Any] = {"episodes": len(results)}
     for name, estimate in summarize(results).items():
-        value, low, high = finite(estimate)
+        value, low, high = or_null(estimate)
         values[name] = {"value": value, "low": low, "high": high, "unit": measures[name].unit}
     return json.dumps(values, indent=1) + "\n"

@@ -15,8 +15,8 @@ def without_remappings(arguments: Sequence[str]) -> List[str]:
     return [argument for argument in arguments if ":=" not in argument]
 
 
-def finite(values: Sequence[float]) -> List[Optional[float]]:
-    """Return the values with None for what JSON has no number for."""
+def or_null(values: Sequence[float]) -> List[Optional[float]]:
+    """Return numbers for JSON: those that are not finite are None, which it writes as null."""
     return [value if math.isfinite(value) else None for value in values]
 
 

@@ -11,7 +11,7 @@ from typing import List, Optional, Sequence
 
 from mbf_relay import statistics
 from mbf_relay.lockstep import compare_many
-from mbf_relay.lockstep.command import finite, without_remappings
+from mbf_relay.lockstep.command import or_null, without_remappings
 from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.lockstep.results_file import LINES, WORLDS, other_worlds, read_lines, read_settings
 from mbf_relay.lockstep.summary import MEASURES, Comparison, compare
@@ -111,9 +111,9 @@ def as_json(comparison: Comparison) -> str:
         "measures": {
             measure.name: {
                 "unit": measure.unit,
-                "first": finite(comparison.first[measure.name]),
-                "second": finite(comparison.second[measure.name]),
-                "difference": finite(comparison.differences[measure.name]),
+                "first": or_null(comparison.first[measure.name]),
+                "second": or_null(comparison.second[measure.name]),
+                "difference": or_null(comparison.differences[measure.name]),
             }
             for measure in MEASURES
         },
