@@ -34,13 +34,15 @@ NEAR = 0.15
 
 PILLARS_OFF = ((-1.1, 1.1), (1.1, 0.0), (0.0, -1.1))
 """A third of the arena's pillars: x, y (m)."""
+DRIVES_SLOWER = "the robot drives slower until that is less"
+"""What the server says where the machine is too slow for its controller, in whose time a drive then takes longer."""
 OFF_THE_MAP = 0.1
 """Metres from the truth that localization may be while they are not on its map."""
 
 
 class TestCircle(unittest.TestCase):
-    trajectories = {}
-    """By client, of those that have driven."""
+    trajectories, kept_up = {}, {}
+    """By client, of those that have driven, and whether the machine had kept up with all of them by then."""
 
     @classmethod
     def setUpClass(cls):
@@ -95,6 +97,7 @@ class TestCircle(unittest.TestCase):
         if poorer:
             self.assert_localized(witness, estimates.messages[before:], reliabilities.messages[before:])
         self.trajectories[client] = witness.trajectory
+        self.kept_up[client] = not any(DRIVES_SLOWER in line for line in witness.complaints())
 
 
 class TestCircleAndLockstep(TestCircle):
@@ -113,7 +116,10 @@ class TestCircleAndLockstep(TestCircle):
         self.assertEqual((result.goals_reached, result.contacts), (len(CIRCLE), 0))
         in_lockstep = np.array(result.trajectory)
 
-        self.assertLess(abs(time_on_the_way(by_nodes) / time_on_the_way(in_lockstep) - 1.0), 0.1)
+        share = time_on_the_way(by_nodes) / time_on_the_way(in_lockstep)
+        self.assertGreater(share, 0.9)
+        if self.kept_up[CLIENT]:
+            self.assertLess(share, 1.1)
         self.assertLess(abs(path_length(by_nodes[:, 1:3]) / result.path_length - 1.0), 0.05)
         self.assertLess(np.median(distances(by_nodes[:, 1:3], in_lockstep[:, 1:3])), 0.1)
 
