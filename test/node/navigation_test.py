@@ -130,7 +130,7 @@ class NavigationTest(unittest.TestCase):
     def await_standing(self):
         """Wait until the last velocity is zero; returns how many there were."""
         wait_until(
-            lambda: self.velocity.last is None or is_zero(self.velocity.last), "a zero as the last velocity", 5.0
+            lambda: self.velocity.last is None or is_zero(self.velocity.last), "a zero as the last velocity"
         )
         return len(self.velocity.messages)
 
@@ -194,6 +194,7 @@ class NavigationTest(unittest.TestCase):
             wait_until(lambda: len(results.messages) >= len(names), f"{len(names)} results of {action}", 60.0)
             self.await_standing()
             self.succeed(action)
+            wait_until(lambda: len(results.messages) > len(names), "the last result")
             ended = {message.status.goal_id.id: message.status.status for message in results.messages}
             self.assertEqual(len(results.messages), len(names) + 1, "some goal ended twice")
             self.assertEqual(ended.pop(names[-1]), GoalStatus.SUCCEEDED)
@@ -273,6 +274,7 @@ class NavigationTest(unittest.TestCase):
             ending = self.end_of(drive)
             self.assertEqual(STATES[ending.status], "ABORTED")
             self.assertIn("shutting down", ending.text)
+            self.odometry.messages.clear()  # the next robot of paper is at the start
             self.start_server()
             self.succeed("move_base")
 

@@ -119,6 +119,10 @@ class RelayCase(unittest.TestCase):
     def reported(self, *words):
         return [m.data for m in self.report.messages if all(str(word) in m.data for word in words)]
 
+    def wait_for_report(self, *words):
+        """Return the server's first report with the words: it comes another way than a goal's end, and maybe later."""
+        return self.report.wait_for(lambda m: all(str(word) in m.data for word in words), f"'{' '.join(words)}'").data
+
     def check_end(self, goal_id, status, text, timeout=10.0):
         end = self.end_of(goal_id, timeout)
         self.assertEqual((GoalStatus.to_string(end.status), end.text), (GoalStatus.to_string(status), text))

@@ -73,10 +73,10 @@ class RelayFaceTest(RelayCase):
         client.update_configuration({"max_planning_retries": 4, "conservative_reset_dist": 1.0})
         wait_until(lambda: self.reported("reconfigure [('planner_max_retries', 4)]"), "the change")
         self.check_end(self.send("arrive", x=81.0), GoalStatus.SUCCEEDED, "Goal reached.")
-        self.assertTrue(self.reported("goal arrive 81.0 GP"))
+        self.wait_for_report("goal arrive 81.0 GP")
         client.update_configuration({"base_global_planner": "navfn/NavfnROS"})
         self.check_end(self.send("arrive", x=82.0), GoalStatus.SUCCEEDED, "Goal reached.")
-        self.assertTrue(self.reported("goal arrive 82.0 navfn"))
+        self.wait_for_report("goal arrive 82.0 navfn")
         refused = client.update_configuration({"base_global_planner": "carrot_planner/CarrotPlanner"})
         self.assertEqual(refused["base_global_planner"], "navfn/NavfnROS")
         self.assertFalse(self.reported("controller_frequency"))
@@ -95,12 +95,12 @@ class RelayFaceTest(RelayCase):
                 {"restore_defaults": True})):
             client.update_configuration({**another, "make_plan_add_unreachable_goal": False})
             self.check_end(self.send("arrive", x=83.0 + number), GoalStatus.SUCCEEDED, "Goal reached.")
-            self.assertTrue(self.reported(f"goal arrive {83.0 + number} GP DWA"))
+            self.wait_for_report(f"goal arrive {83.0 + number} GP DWA")
             after = client.update_configuration(back)
             self.assertEqual(after["base_local_planner"], before["base_local_planner"])
             self.assertTrue(after["make_plan_add_unreachable_goal"])
             self.check_end(self.send("arrive", x=93.0 + number), GoalStatus.SUCCEEDED, "Goal reached.")
-            self.assertFalse(self.reported(f"goal arrive {93.0 + number} GP DWA"))
+            self.assertNotIn("DWA", self.wait_for_report(f"goal arrive {93.0 + number} GP"))
         client.close()
 
     def test_a_goal_in_another_frame_is_shown_in_the_map(self):

@@ -79,7 +79,7 @@ class RelayServerTest(unittest.TestCase):
         handle.cancel()
         self.check_end(handle, GoalStatus.PREEMPTED, "")
         wait_until(lambda: self.odometry.last.twist.twist == Twist(), "the robot to stand")
-        self.assertEqual(self.velocity.last, Twist())
+        wait_until(lambda: self.velocity.last == Twist(), "a zero as the last velocity")
 
     def test_the_newest_of_many_goals_wins(self):
         target = self.x + 0.3
@@ -95,8 +95,9 @@ class RelayServerTest(unittest.TestCase):
         self.wait_until_driving()
         request = GetPlanRequest()  # as rosservice makes it: an empty start frame, all quaternions zero
         request.goal.header.frame_id, request.goal.pose.position.x = "map", -3.0
+        before = self.x
         poses = rospy.ServiceProxy("move_base/make_plan", GetPlan)(request).plan.poses
-        self.assertLess(abs(poses[0].pose.position.x - self.x), 0.3)
+        self.assertTrue(before - 0.1 < poses[0].pose.position.x < self.x + 0.3, (before, poses[0].pose.position.x))
         self.assertAlmostEqual(poses[-1].pose.position.x, -3.0, places=3)
         driven = self.x
         wait_until(lambda: self.x > driven + 0.05, "the robot to drive on")
@@ -136,6 +137,7 @@ class RelayServerTest(unittest.TestCase):
             self.check_end(self.send(1.0, 0.0), GoalStatus.ABORTED, NO_PLAN, 40.0)
         finally:
             rospy.set_param("move_base_flex/script/plan_time", 0.005)
+        wait_until(lambda: len(told.messages) > 1, "both recoveries to be told, which come another way than the end")
         self.assertEqual([(m.recovery_behavior_name, m.current_recovery_number, m.total_number_of_recoveries)
                           for m in told.messages], [("R1", 0, 2), ("R2", 1, 2)])
         self.assertEqual(told.last.pose_stamped.header.frame_id, "map")

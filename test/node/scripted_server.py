@@ -25,6 +25,7 @@ from mbf_msgs.msg import (
     RecoveryGoal,
 )
 from nav_msgs.msg import OccupancyGrid
+from ros_testing import wait_until
 from std_msgs.msg import String
 from std_srvs.srv import Empty, EmptyResponse
 
@@ -51,6 +52,7 @@ class ScriptedServer:
 
     def __init__(self):
         self.report = rospy.Publisher("~report", String, queue_size=1000, latch=False)
+        wait_until(self.report.get_num_connections, "who reads the report, before anything can be told in it")
         self.recoveries = rospy.Publisher("~recovery/goal", RecoveryActionGoal, queue_size=10)
         self.costmap = rospy.Publisher("~global_costmap/costmap", OccupancyGrid, queue_size=1, latch=True)
         grid = OccupancyGrid(data=[0, 100, -1, 50])

@@ -103,8 +103,12 @@ class WaypointFollowerTest(unittest.TestCase):
         ending = self.follow(1.0, 2.0, 3.0, number_of_loops=1)
         self.assertEqual((ending.status, list(ending.result.missed_waypoints)), (GoalStatus.SUCCEEDED, []))
         self.assertEqual(self.move_base.goals, [1.0, 2.0, 3.0] * 2)
-        told = [(m.feedback.current_loop, m.feedback.current_waypoint) for m in self.feedback.messages]
-        self.assertEqual(told[-6:], [(loop, index) for loop in (0, 1) for index in (0, 1, 2)])
+        expected = [(loop, index) for loop in (0, 1) for index in (0, 1, 2)]
+
+        def told():
+            return [(m.feedback.current_loop, m.feedback.current_waypoint) for m in self.feedback.messages]
+
+        wait_until(lambda: told()[-6:] == expected, lambda: f"{expected} in the feedback, which told {told()}")
 
     def test_one_that_is_not_reached_is_left_out_or_ends_it(self):
         ending = self.follow(1.0, WALL, 3.0)

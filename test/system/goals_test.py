@@ -152,6 +152,8 @@ class TestGoals(unittest.TestCase):
         self.assertIsNotNone(ending, f"waited {PATIENCE} s for the end of a goal of {client.name}, in vain")
         after = self.witness.pose
         self.assertLess(math.hypot(after.x - before.x, after.y - before.y), SHIFT)
+        # these come another way than the goal's end
+        wait_until(lambda: len(self.recoveries.messages) >= tried + len(recoveries), f"{recoveries} to be told")
         self.assertEqual([status.recovery_behavior_name for status in self.recoveries.messages[tried:]], recoveries)
         return ending
 
