@@ -93,10 +93,14 @@ class Listener:
 
 
 def connected_publisher(topic: str, message_type: Any, timeout: float = 30.0, **options: Any) -> Any:
-    """Return a publisher that somebody already listens to."""
+    """Return a publisher that another node already listens to; this one may, too, and is sooner there."""
     import rospy
 
     options.setdefault("queue_size", 10)
     publisher = rospy.Publisher(topic, message_type, **options)
-    wait_until(lambda: publisher.get_num_connections() > 0, f"a subscriber of {topic}", timeout)
+
+    def is_heard() -> bool:
+        return any(link.endpoint_id != rospy.get_name() for link in publisher.impl.connections)
+
+    wait_until(is_heard, f"a subscriber of {topic}", timeout)
     return publisher

@@ -202,10 +202,10 @@ class TestAmcl(unittest.TestCase):
 
     def test_a_scan_that_names_no_frame_does_not_end_localization(self):
         scans, others = Listener("scan", LaserScan, connected=True), connected_publisher("scan", LaserScan)
+        self.addCleanup(others.unregister)  # not before the last has arrived
         scan = copy.deepcopy(scans.wait_for(lambda _: True, "a scan"))
         for scan.header.frame_id in ("laser\0", ""):
             others.publish(scan)
-        others.unregister()
         poses = len(self.pose.messages)
         self.drive_until(lambda: len(self.pose.messages) > poses + 2, "updates after a scan without a frame")
 
