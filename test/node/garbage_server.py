@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The real server with real costmaps over scripted plugins, and a robot that goes where it is told.
 
-The service ~hang makes the next step of navigation take three seconds.
+The service ~hang makes the next step of navigation last until ~go_on is asked for.
 """
 
 import os
@@ -32,18 +32,24 @@ def main() -> None:
     config = {**scripted.config(), **read_namespace("~")}
     nodes = make_costmap_nodes(config, transforms)
     server = MoveBaseFlex(config, {side: node.costmap for side, node in nodes.items()}, transforms, nodes)
-    update = server.navigator.update
+    update, told = server.navigator.update, threading.Event()
 
     def hang(_request):
         def once(now):
             server.navigator.update = update
-            threading.Event().wait(3.0)
+            told.wait(60.0)
             update(now)
 
+        told.clear()
         server.navigator.update = once
         return EmptyResponse()
 
+    def go_on(_request):
+        told.set()
+        return EmptyResponse()
+
     rospy.Service("~hang", Empty, hang)
+    rospy.Service("~go_on", Empty, go_on)
     server.start()
     rospy.spin()
     wheels.stop()
