@@ -59,15 +59,10 @@ class AnyAnglePlanner(GridPlanner):
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
         self._potential, self._steps = FastMarchingPotential(), CostToGo()
-        self.reconfigure(parameters)
-
-    def reconfigure(self, parameters: Any) -> None:
-        super().reconfigure(parameters)
-        self._weights = global_planner_weights(
-            parameters.neutral_cost, parameters.cost_factor, parameters.lethal_cost, parameters.allow_unknown)
 
     def weights(self) -> np.ndarray:
-        return self._weights
+        p = self.parameters
+        return global_planner_weights(p.neutral_cost, p.cost_factor, p.lethal_cost, p.allow_unknown)
 
     def orient(self, points: np.ndarray, start: Pose2D, goal: Pose2D) -> np.ndarray:
         return oriented(points, start, goal, self.parameters.orientation_mode)

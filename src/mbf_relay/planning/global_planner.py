@@ -68,22 +68,14 @@ class GlobalPlanner(GridPlanner):
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
         self._potential, self._steps = FastMarchingPotential(), CostToGo()
-        self._take(parameters)
-
-    def reconfigure(self, parameters: Any) -> None:
-        super().reconfigure(parameters)
-        self._take(parameters)
-
-    def _take(self, parameters: GlobalPlannerParameters) -> None:
-        self._weights = global_planner_weights(
-            parameters.neutral_cost, parameters.cost_factor, parameters.lethal_cost, parameters.allow_unknown)
 
     @property
     def potential_display(self) -> PotentialDisplay:
         return PotentialDisplay("grid", self.parameters.publish_potential, self.parameters.publish_scale)
 
     def weights(self) -> np.ndarray:
-        return self._weights
+        p = self.parameters
+        return global_planner_weights(p.neutral_cost, p.cost_factor, p.lethal_cost, p.allow_unknown)
 
     def orient(self, points: np.ndarray, start: Pose2D, goal: Pose2D) -> np.ndarray:
         return oriented(

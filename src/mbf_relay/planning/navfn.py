@@ -37,18 +37,13 @@ class NavfnPlanner(GridPlanner):
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
         self._potential = FastMarchingPotential()
-        self._weights = navfn_weights(parameters.allow_unknown)
-
-    def reconfigure(self, parameters: Any) -> None:
-        super().reconfigure(parameters)
-        self._weights = navfn_weights(parameters.allow_unknown)
 
     @property
     def potential_display(self) -> PotentialDisplay:
         return PotentialDisplay("cloud", self.parameters.visualize_potential)
 
     def weights(self) -> np.ndarray:
-        return self._weights
+        return navfn_weights(self.parameters.allow_unknown)
 
     def potential(self) -> Optional[np.ndarray]:
         return self._potential.field()

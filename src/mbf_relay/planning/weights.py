@@ -19,8 +19,9 @@ NARROW = 6.0
 long as it is then worth a way round of some ten times its width."""
 
 
+@functools.lru_cache(maxsize=2)
 def navfn_weights(allow_unknown: bool) -> np.ndarray:
-    """Return navfn's weight of each cost: shape (256,), float32, 0 where it does not go."""
+    """Return navfn's weight of each cost: shape (256,), float32, 0 where it does not go. Treat as read-only."""
     weights = np.floor(np.minimum(NAVFN_NEUTRAL + NAVFN_FACTOR * np.arange(256), NAVFN_HIGHEST))
     weights[INSCRIBED:] = 0.0
     if allow_unknown:
@@ -28,10 +29,11 @@ def navfn_weights(allow_unknown: bool) -> np.ndarray:
     return np.asarray(weights, dtype=np.float32)
 
 
+@functools.lru_cache(maxsize=16)
 def global_planner_weights(
     neutral_cost: int, cost_factor: float, lethal_cost: int, allow_unknown: bool
 ) -> np.ndarray:
-    """Return global_planner's weight of each cost: shape (256,), float32, 0 where it does not go.
+    """Return global_planner's weight of each cost: shape (256,), float32, 0 where it does not go. Treat as read-only.
 
     Costs are scaled and capped below `lethal_cost`; from one below `lethal_cost` on, cells are not entered.
     """
