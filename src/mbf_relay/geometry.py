@@ -116,6 +116,10 @@ class Twist2D(NamedTuple):
         """Return the translational speed (m/s)."""
         return math.hypot(self.x, self.y)
 
+    def scaled(self, factor: float) -> Twist2D:
+        """Return a velocity along the same arc, so many times as fast."""
+        return Twist2D(factor * self.x, factor * self.y, factor * self.theta)
+
     def held(self, duration: float) -> Pose2D:
         """Return the pose that this velocity, held for `duration` (s), leads to from the origin."""
         turn = self.theta * duration

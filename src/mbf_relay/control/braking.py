@@ -128,7 +128,7 @@ def braked_on_its_arc(parameters: FollowerParameters, cycle: ControlCycle) -> Tw
         left if own >= share else share * speed for left, speed, own in zip(still, velocity, shares)))
     way = arc(cycle.checker, state, command, braking_time(parameters, command, state.period))
     free = cycle.checker.free_steps(way, state.pose) / len(way)
-    return Twist2D(*(free * part for part in command))
+    return command.scaled(free)
 
 
 def where_it_sees(parameters: FollowerParameters, cycle: ControlCycle, command: Twist2D) -> Twist2D:
@@ -154,5 +154,5 @@ def where_it_sees(parameters: FollowerParameters, cycle: ControlCycle, command: 
     braked = braked_on_its_arc(parameters, cycle)
     if braked.speed() > 0.0:
         return braked
-    slower = [Twist2D(*(share * part for part in command)) for share in SLOWER]
+    slower = [command.scaled(share) for share in SLOWER]
     return next(filter(is_seen, slower), slower[-1])

@@ -87,4 +87,4 @@ class SpeedLimit:
         for value, top in zip((velocity.speed(), abs(velocity.theta)), self.of(translation, rotation)):
             if value > top:
                 factor = min(factor, top / value)
-        return velocity if factor == 1.0 else Twist2D(*(factor * part for part in velocity))
+        return velocity.scaled(factor)

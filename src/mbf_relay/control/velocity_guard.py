@@ -276,7 +276,7 @@ class VelocityGuard:
         share, blocked = 0.0, 1.0
         for _ in range(HALVINGS):
             middle = 0.5 * (share + blocked)
-            if self._in_the_way(_scaled(asked, middle), points):
+            if self._in_the_way(asked.scaled(middle), points):
                 blocked = middle
             else:
                 share = middle
@@ -371,8 +371,4 @@ def _moved(held: Iterable[Tuple[Twist2D, float]]) -> Pose2D:
 def _slowed(asked: Twist2D, share: float, cause: str, why: str) -> Verdict:
     if share <= 0.0:
         return Verdict(STOP, cause, f"stopped: {why}")
-    return Verdict(_scaled(asked, share), cause, f"slowed down to {100.0 * share:.0f} %: {why}")
-
-
-def _scaled(velocity: Twist2D, share: float) -> Twist2D:
-    return Twist2D(*(share * component for component in velocity))
+    return Verdict(asked.scaled(share), cause, f"slowed down to {100.0 * share:.0f} %: {why}")

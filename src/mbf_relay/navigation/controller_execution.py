@@ -315,8 +315,7 @@ class ControllerExecution:
                 "the robot drives slower until that is less: lower controller_frequency or the controller's samples",
                 RuntimeWarning, stacklevel=1,
             )
-        factor = self._load.speed_factor
-        return velocity if factor == 1.0 else Twist2D(*(factor * part for part in velocity))
+        return velocity.scaled(self._load.speed_factor)
 
     # cycles without a velocity
 
@@ -353,7 +352,7 @@ class ControllerExecution:
         elif self._patience_exceeded(now):
             self._run_out_of_patience(outcome, message)
         else:
-            slower = Twist2D(*(0.5 * part for part in self._command))
+            slower = self._command.scaled(0.5)
             self._send(STOP if parameters.force_stop_on_retry or slower.speed() < 1e-2 else slower)
             self._report(outcome, message, refused=True)
 

@@ -171,7 +171,7 @@ class FourWheels(Drivetrain):
         held = self._held()
         if slip:
             self._angles += slip * self._period * self._rotation(held)
-            held = Twist2D(*((1.0 - slip) * part for part in held))
+            held = held.scaled(1.0 - slip)
         self._base.push(held, self._grip, self._grip / self._arm)
 
     def _settle(self) -> None:
