@@ -10,6 +10,7 @@ import numpy as np
 from mbf_relay.costmap.factory import SPATIO_TEMPORAL, layer_groups
 from mbf_relay.costmap.outline import parse_footprint, radii
 from mbf_relay.costmap.parameters import CostmapParameters
+from mbf_relay.misspelling import nearest_of
 
 FASTEST = {"max_vel_x": 5.0, "max_vel_y": 5.0, "max_vel_trans": 5.0, "max_trans_vel": 5.0, "max_vel_lin": 5.0}
 """Speeds (m/s) beyond which a value is more likely cm/s: indoor robots are slower, and their scans too slow for more.
@@ -35,6 +36,7 @@ SEE = {
     "costmap_2d::ObstacleLayer": "PointCloud", "costmap_2d::VoxelLayer": "PointCloud", SPATIO_TEMPORAL: "PointCloud2"}
 """Layers that know only what their sensors see, and what messages those are by default."""
 
+IDLE = "so that the layer marks nothing"
 BLIND = "so that nothing is seen there: the robot drives into what is not on the map"
 
 Doubt = Tuple[str, str]
@@ -103,12 +105,19 @@ def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any]) -> Iterator
 
 
 def _of_what_is_driven_by(group: Mapping[str, Any]) -> Iterator[Doubt]:
-    """Doubt a local costmap that shows nothing new."""
-    for name, kind, values in _layers(group):
-        sources = str(values.get("observation_sources", "")).split()
-        if kind in SEE and values.get("enabled") is not False and not sources:
+    """Doubt a local costmap that shows nothing new, or a layer of it that shows nothing."""
+    layers = _layers(group)
+    seeing = [(name, str(values.get("observation_sources", "")).split()) for name, kind, values in layers
+              if kind in SEE and values.get("enabled") is not False]
+    named = {name for name, _kind, _values in layers}
+    strays = [name for name, values in group.items() if isinstance(values, Mapping) and name not in named]
+    for name, sources in seeing:
+        if not sources:
             at = f"{name}/observation_sources" if "plugins" in group else "observation_sources"
-            text = f"is not given, {BLIND}"
+            text = f"is not given, {IDLE if any(others for _name, others in seeing) else BLIND}"
+            nearly = nearest_of(name, strays)
+            if nearly is not None:
+                text += f"; there is a group '{nearly}', and no layer of that name"
             if "observation_sources" in group:
                 text += "; the costmap's own are not read for layers it lists"
             yield at, text

@@ -117,6 +117,18 @@ def test_a_robot_whose_local_costmap_s_file_was_not_loaded_is_not_called_sound(e
     assert not [finding for finding in examine(SERVER).of(DOUBTFUL) if finding.name == "local_costmap"]
 
 
+def test_a_layer_that_sees_nothing_is_not_called_a_robot_that_does():
+    """A robot's keep-out areas were never marked, as their group was called otherwise than their layer."""
+    layers = [{"name": name, "type": "costmap_2d::ObstacleLayer"} for name in ("robots", "keep_out_area")]
+    group = {"observation_sources": "points", "points": {"data_type": "PointCloud2", "topic": "points"}}
+    told = told_of({"local_costmap/plugins": layers, "local_costmap/robots": group,
+                    "local_costmap/keep_out_area_layer": group})
+    kind, text = told["local_costmap/keep_out_area/observation_sources"]
+    assert (kind, text.split(";")[:2]) == (DOUBTFUL, [
+        "is not given, so that the layer marks nothing",
+        " there is a group 'keep_out_area_layer', and no layer of that name"])
+
+
 def test_an_old_name_is_told_with_the_present_one():
     values = {**copy.deepcopy(SERVER), "dwa": {"max_trans_vel": 0.3}}
     told = [(each.kind, each.text) for each in examine_server(values).findings if each.name == "dwa/max_trans_vel"]
