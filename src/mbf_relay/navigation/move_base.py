@@ -205,6 +205,10 @@ class MoveBase:
         self._stop(now, at.drive)
         self._recover_or_end(result.outcome, result.message, result.cause)
 
+    def _plan_anew(self, now: float) -> None:
+        self._at = planning = Planning(self._new_plan(self._ways.tolls(now)))
+        self._update_plan(now, planning)
+
     # driving
 
     def _follow(self, path: Path, same_goal: bool) -> None:
@@ -283,12 +287,18 @@ class MoveBase:
         if self._ways.is_blocked(at.path, self._last.pose):
             self._replan_trouble = ""
             self._stop_driving(now, at)
-            self._recover_or_end(result.outcome, result.message, result.cause)
+            if not self._recover(result.outcome, result.message, result.cause):
+                self._plan_anew(now)  # what a replan lacked was not waited for
 
     # recovering
 
     def _recover_or_end(self, outcome: Enum, message: str, cause: Optional[Enum] = None) -> None:
-        """Begin the next recovery behaviour that can change a failure; end with that where there is none.
+        """Begin the next recovery behaviour that can change a failure; end with that where there is none."""
+        if not self._recover(outcome, message, cause):
+            self._end(Ending.ABORTED, outcome, message)
+
+    def _recover(self, outcome: Enum, message: str, cause: Optional[Enum] = None) -> bool:
+        """Begin the next recovery behaviour that can change a failure; return whether there is one.
 
         Args:
             outcome: How planning or driving ended.
@@ -298,12 +308,12 @@ class MoveBase:
         navigator, where = self._navigator, self._where()[0]
         index = self._next_behavior(outcome, cause, where.pose if where is not None else None)
         if index is None:
-            self._end(Ending.ABORTED, outcome, message)
-            return
+            return False
         name = self._behaviors[index]
         self._at = Recovering(navigator.new_recovery(RecoverGoal(name), self.goal.controller))
         if navigator.recovery_watcher is not None:
             navigator.recovery_watcher(name, index, len(self._behaviors), where, self._why(outcome, message))
+        return True
 
     def _next_behavior(self, outcome: Enum, cause: Optional[Enum], pose: Optional[Pose2D]) -> Optional[int]:
         """Return which of the behaviours comes next after a failure of a robot at `pose`, None where none helps."""
@@ -337,8 +347,7 @@ class MoveBase:
         if result.outcome is RecoveryOutcome.INTERNAL_ERROR:
             self._recovery_fault = result.message
         self._progress.restart(now)
-        self._at = planning = Planning(self._new_plan(self._ways.tolls(now)))
-        self._update_plan(now, planning)
+        self._plan_anew(now)
 
     # ending
 

@@ -9,7 +9,7 @@ from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.navigation.goals import FollowGoal, FramedPose, NavigateGoal, NavigateOutcome, PlanGoal
 from mbf_relay.navigation.path_hysteresis import path_is_blocked
 from mbf_relay.navigation.task import Ending
-from mbf_relay.outcomes import ControlError, ControlOutcome, PlanOutcome, RecoveryOutcome
+from mbf_relay.outcomes import ControlError, ControlOutcome, PlanningError, PlanOutcome, RecoveryOutcome
 
 
 def test_it_plans_and_drives(bench):
@@ -127,6 +127,29 @@ def test_a_failed_replan_over_a_blocked_path_stops_and_recovers(make_bench):
     assert set(bench.robot.sent[count:]) == {STOP}
     result = bench.finish(task)
     assert result.outcome is PlanOutcome.NO_PATH_FOUND and bench.script.calls["R2"] == 1
+
+
+@pytest.mark.parametrize("lacks_way", [False, True])
+def test_a_costmap_that_is_late_or_a_person_in_the_only_way_is_waited_for(make_bench, lacks_way):
+    """The goal was ended at once, by a replan, which waits for nothing: on a busy machine, or without recoveries."""
+    bench = make_bench(planner_frequency=5.0, recovery_enabled=not lacks_way)
+    arrive(bench)
+    task = bench.navigator.move_base(GOAL)
+    bench.step()
+    costmap = bench.costmaps["global"]
+    if lacks_way:
+        bench.script.plan = NO_WAY
+    else:
+        costmap.trouble = PlanningError(PlanOutcome.MAP_ERROR, "global_costmap was last updated 1.10 s ago")
+    costmap.costs[100, 115] = 254
+    bench.run(lambda: bench.robot.sent[-1] == STOP, 2.0)
+    for _ in range(5):
+        bench.step()
+    assert not task.done and bench.robot.sent[-1] == STOP
+    bench.script.plan, costmap.trouble = scripted.line, None
+    costmap.costs[:] = 0
+    assert bench.finish(task).outcome is NavigateOutcome.SUCCESS
+    assert not {"R1", "R2"} & set(bench.script.calls)
 
 
 def test_only_what_lies_ahead_blocks_a_path():
