@@ -161,6 +161,17 @@ def test_an_omnidirectional_robot_goes_aside_without_turning():
     assert commands[-1].y > 0.1 and abs(commands[-1].theta) < 0.5
 
 
+@pytest.mark.parametrize("given, limits", [
+    ({"max_vel_y": 0.2}, (-0.2, 0.2)), ({"min_vel_y": -0.3}, (-0.3, 0.3)),
+    ({"max_vel_y": 0.2, "min_vel_y": 0.0}, (0.0, 0.2)), ({}, (-0.5, 0.5)),
+    ({"max_vel_y": 0.2, "vy_max": 0.1}, (-0.1, 0.1)), ({"max_vel_y": 0.0}, (0.0, 0.0)),
+])
+def test_an_omnidirectional_robot_whose_file_names_one_side_goes_to_either(given, limits):
+    """It went to the left and never to the right."""
+    parameters = MppiParameters.from_mapping({"motion_model": "Omni", "acc_lim_y": 2.5, **given})
+    assert (parameters.min_vel_y, parameters.max_vel_y) == limits
+
+
 def test_names_of_nav2s_files_mean_what_they_mean_there():
     values = {
         "vx_max": 0.4,

@@ -19,7 +19,7 @@ class MppiParameters(FollowerParameters):
 
     max_vel_x: float = parameter(0.5, "top forward velocity", "m/s", aliases=("vx_max",))
     min_vel_x: float = parameter(-0.35, "lowest velocity; below 0 allows driving backwards", "m/s", aliases=("vx_min",))
-    max_vel_y: float = parameter(0.0, "top velocity to the left; vy_max sets both sides, of Omni alone", "m/s")
+    max_vel_y: float = parameter(0.0, "top velocity to the left, alone or as vy_max to either side; Omni only", "m/s")
     min_vel_y: float = parameter(0.0, "lowest velocity to the left", "m/s")
     max_vel_theta: float = parameter(1.9, "top rotational speed", "rad/s", minimum=0.0, aliases=("wz_max",))
     acc_lim_x: float = parameter(
@@ -83,8 +83,9 @@ class MppiParameters(FollowerParameters):
         """
         result = super().known(values)
         is_omni = result.get("motion_model") == OMNI
-        if is_omni and ("vy_max" in values or not {"max_vel_y", "min_vel_y"} & set(result)):
-            sideways = values.get("vy_max", 0.5)
+        if is_omni and ("vy_max" in values or not {"max_vel_y", "min_vel_y"} <= set(result)):
+            lowest = result.get("min_vel_y", -0.5)
+            sideways = values.get("vy_max", result.get("max_vel_y", -lowest if _is_number(lowest) else lowest))
             result.update(max_vel_y=sideways, min_vel_y=-sideways if _is_number(sideways) else sideways)
         elif not is_omni:
             result.update(max_vel_y=0.0, min_vel_y=0.0)
