@@ -10,8 +10,7 @@ import zlib
 import tornado.httpclient
 import tornado.websocket
 from ros_testing import wait_until
-
-from mbf_relay.view.batch import number_of, parts_of
+from view_batches import number_of, parts_of
 
 EVERYTHING = (
     "robot",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import struct
-from typing import Any, Dict, Iterable, Iterator, Tuple
+from typing import Any, Dict, Iterable
 
 _NUMBER = struct.Struct("<I")
 _LENGTHS = struct.Struct("<II")
@@ -23,18 +23,3 @@ def part(header: Dict[str, Any], payload: bytes = b"") -> bytes:
 def batch(number: int, parts: Iterable[bytes]) -> bytes:
     """Return parts as one message with the number by which the page acknowledges it."""
     return _NUMBER.pack(number) + b"".join(parts)
-
-
-def number_of(message: bytes) -> int:
-    """Return the number of a batch."""
-    return int(_NUMBER.unpack_from(message)[0])
-
-
-def parts_of(message: bytes) -> Iterator[Tuple[Dict[str, Any], bytes]]:
-    """Yield the headers and payloads of a batch."""
-    offset = _NUMBER.size
-    while offset < len(message):
-        header_length, payload_length = _LENGTHS.unpack_from(message, offset)
-        begin = offset + _LENGTHS.size
-        offset = begin + header_length + payload_length
-        yield json.loads(message[begin:begin + header_length].decode("utf-8")), message[begin + header_length:offset]

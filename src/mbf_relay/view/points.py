@@ -40,16 +40,6 @@ def points_part(layer: str, points: np.ndarray, limit: int, **more: Any) -> byte
     return part(header, np.clip(np.rint(scaled), -LARGEST, LARGEST).astype("<i2").tobytes())
 
 
-def points_from(header: Dict[str, Any], payload: bytes) -> np.ndarray:
-    """Return the points of a part, as the page does: shape (N, columns)."""
-    if not header["count"]:
-        return np.empty((0, 2))
-    points = np.frombuffer(payload, dtype="<i2").reshape(-1, header["columns"]).astype(float)
-    points[:, :2] = points[:, :2] * header["unit"] + header["origin"]
-    points[:, 2:] *= TURN_UNIT
-    return points
-
-
 def thinned(points: np.ndarray, limit: int) -> np.ndarray:
     """Return at most `limit` rows, evenly spread, the first and the last among them."""
     if len(points) <= limit:

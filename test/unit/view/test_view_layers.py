@@ -5,12 +5,13 @@ import zlib
 
 import numpy as np
 import pytest
+from view_batches import number_of, parts_of, points_from
 
 from mbf_relay.geometry import Pose2D
-from mbf_relay.view.batch import number_of, part, parts_of
+from mbf_relay.view.batch import part
 from mbf_relay.view.feed import WINDOW, Feed
 from mbf_relay.view.layers import Journal, Newest
-from mbf_relay.view.points import points_from, points_part, thinned
+from mbf_relay.view.points import points_part, thinned
 from mbf_relay.view.tiles import PORTION, TILE, GridShape, TiledGrid
 
 SHAPE = GridShape(150, 130, 0.05, Pose2D(-1.0, 2.0, 0.0), "map")
