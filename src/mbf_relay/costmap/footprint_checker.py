@@ -180,8 +180,8 @@ class FootprintChecker:
         whole cell narrower. What lies outside the outermost cells' centres does not count; infinite where nothing else
         is left. Of more than `farthest` (m) any distance beyond may be told, which takes less time.
         """
-        half_width = float(np.abs(self.costmap.footprint[:, 1]).max()) if len(self.costmap.footprint) else 0.0
-        resolution, points = self.costmap.grid.resolution, np.ascontiguousarray(points)
+        half_width, resolution = self.costmap.half_width, self.costmap.grid.resolution
+        points = np.ascontiguousarray(points)
         distances = self._distances_to((farthest + half_width) / resolution + 0.5 + APART)
         least: float = footprint_checker_kernels.least_distance(distances, *self._place, points)
         return (least - 0.5) * resolution - half_width
