@@ -1,8 +1,8 @@
-"""Point clouds out of messages, and transforms in space to move them by."""
+"""Point clouds out of messages and into them, and transforms in space to move them by."""
 
 from __future__ import annotations
 
-from typing import Tuple
+from typing import Any, Sequence, Tuple
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
@@ -10,6 +10,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 
 from mbf_relay.ros.common import checks
 from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.conversions import header
 
 FLOATS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
 
@@ -24,6 +25,23 @@ def rigid(message: TransformStamped) -> Tuple[np.ndarray, np.ndarray]:
         [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
     ])
     return rotation, np.array([t.x, t.y, t.z])
+
+
+def cloud_message(names: Sequence[str], points: np.ndarray, frame: str, stamp: Any) -> PointCloud2:
+    """Return an unordered cloud of float32 fields.
+
+    Args:
+        names: Of the fields.
+        points: Shape (M, len(names)).
+        frame: In which they lie.
+        stamp: In seconds or as rospy.Time.
+    """
+    fields = [PointField(name, 4 * index, PointField.FLOAT32, 1) for index, name in enumerate(names)]
+    return PointCloud2(
+        header=header(frame, stamp), height=1, width=len(points), fields=fields, is_bigendian=False,
+        point_step=4 * len(names), row_step=4 * len(names) * len(points), is_dense=True,
+        data=points.astype(np.float32).tobytes(),
+    )
 
 
 def cloud_points(message: PointCloud2) -> np.ndarray:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, List, Sequence
+from typing import Any, List
 
 import numpy as np
 import rospy
 from nav_msgs.msg import Path as PathMessage
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from mbf_relay.control.controller import Controller
@@ -15,7 +15,8 @@ from mbf_relay.control.report import CycleReport
 from mbf_relay.navigation.registry import Registry
 from mbf_relay.planning.path import Path
 from mbf_relay.ros.common import reconfigure
-from mbf_relay.ros.common.conversions import header, path_to_message
+from mbf_relay.ros.common.clouds import cloud_message
+from mbf_relay.ros.common.conversions import path_to_message
 
 
 class ControllerTopics:
@@ -68,7 +69,8 @@ def _cost_cloud(report: CycleReport) -> PointCloud2:
     """Return what being in each free cell costs: x, y, z, path_cost, goal_cost, occ_cost, total_cost."""
     centers, costs = report.cell_costs()
     points = np.column_stack((centers, np.zeros(len(centers)), costs, costs @ np.array(report.cost_weights)))
-    return point_cloud(("x", "y", "z", "path_cost", "goal_cost", "occ_cost", "total_cost"), points, report)
+    names = ("x", "y", "z", "path_cost", "goal_cost", "occ_cost", "total_cost")
+    return cloud_message(names, points, report.costmap.frame, report.now)
 
 
 def _trajectory_cloud(report: CycleReport) -> PointCloud2:
@@ -81,14 +83,4 @@ def _trajectory_cloud(report: CycleReport) -> PointCloud2:
     steps = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
     poses = batch.poses[rows, steps]
     points = np.column_stack((poses[:, :2], np.zeros(len(poses)), poses[:, 2], totals[rows]))
-    return point_cloud(("x", "y", "z", "theta", "cost"), points, report)
-
-
-def point_cloud(names: Sequence[str], points: np.ndarray, report: CycleReport) -> PointCloud2:
-    """Return an unordered cloud of float32 fields: points of shape (M, len(names))."""
-    fields = [PointField(name, 4 * index, PointField.FLOAT32, 1) for index, name in enumerate(names)]
-    return PointCloud2(
-        header=header(report.costmap.frame, report.now), height=1, width=len(points), fields=fields, is_bigendian=False,
-        point_step=4 * len(names), row_step=4 * len(names) * len(points), is_dense=True,
-        data=points.astype(np.float32).tobytes(),
-    )
+    return cloud_message(("x", "y", "z", "theta", "cost"), points, report.costmap.frame, report.now)

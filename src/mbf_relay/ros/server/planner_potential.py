@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Dict, List, Type
 import numpy as np
 import rospy
 from nav_msgs.msg import OccupancyGrid
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2
 
 from mbf_relay.costmap.cost_grid import CostGrid
 from mbf_relay.geometry import Pose2D
@@ -15,7 +15,8 @@ from mbf_relay.maps import UNKNOWN, OccupancyMap
 from mbf_relay.navigation.registry import Registry
 from mbf_relay.planning.planner import Planner, PotentialWatcher
 from mbf_relay.ros.common import reconfigure
-from mbf_relay.ros.common.conversions import header, map_to_message
+from mbf_relay.ros.common.clouds import cloud_message
+from mbf_relay.ros.common.conversions import map_to_message
 
 CLOUD_SCALE = 20.0
 """Height (m) of the start's point in navfn's cloud, by which the others are scaled."""
@@ -49,10 +50,7 @@ class PotentialCloud(PotentialPublisher):
         points[:, :2] = costmap.grid.centers_of(np.column_stack((columns, rows)))
         points[:, 2] = values / max(float(potential[row, column]), 1e-6) * CLOUD_SCALE
         points[:, 3] = values
-        fields = [PointField(name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(("x", "y", "z", "pot"))]
-        self._publisher.publish(PointCloud2(
-            header(costmap.frame, rospy.get_rostime()), 1, len(points), fields, False, 16, 16 * len(points),
-            points.tobytes(), True))
+        self._publisher.publish(cloud_message(("x", "y", "z", "pot"), points, costmap.frame, rospy.get_rostime()))
 
 
 class PotentialGrid(PotentialPublisher):
