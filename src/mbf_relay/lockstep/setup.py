@@ -144,7 +144,9 @@ def _notes_on(settings: Settings, packages: Settings) -> List[str]:
         settings: With a user's own.
         packages: Without them; what stands there is not the user's to mend.
     """
-    before, now = (examine_server(values[SERVER]).of(IGNORED, CLAMPED, STOOD_IN) for values in (packages, settings))
+    now, before = examine_server(settings[SERVER]).of(IGNORED, CLAMPED, STOOD_IN), []
+    if now:  # it seldom is, and this is asked for every trial of a study
+        before = examine_server(packages[SERVER]).of(IGNORED, CLAMPED, STOOD_IN)
     theirs = set(flatten(packages)) | {f"{SERVER}.{group}" for group in packages[SERVER]}
     notes = []
     for finding in now:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import json
 import math
 import os
@@ -34,6 +35,8 @@ HELD_OUT = 3
 """Every so-manieth world is kept from the tuning, for the verdict."""
 OTHER_SEEDS = 1000
 """Added to the seeds for the verdict."""
+KEPT = 64
+"""Setups kept once made: a trial's is asked for at each look at it, and the best one's once more for the verdict."""
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
@@ -53,8 +56,12 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         count = len(seen) * len(options.seeds) * options.together
         where = options.scheduler, options.scheduler_file
 
+        @functools.lru_cache(maxsize=KEPT)
+        def changed(changes: Tuple[str, ...]) -> Setup:
+            return setup_of(options, tasks, changes)
+
         def setup_with(parameters: Parameters) -> Setup:
-            return setup_of(options, tasks, changes_of(parameters))
+            return changed(tuple(changes_of(parameters)))
 
         with _study_in(options.out):
             study = open_study(options, space, setup, tasks)
