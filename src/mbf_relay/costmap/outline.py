@@ -152,11 +152,12 @@ def are_own(points: np.ndarray, base: Pose2D, outline: np.ndarray) -> np.ndarray
     """
     reach = np.hypot(outline[:, 0], outline[:, 1]).max(initial=0.0)
     squared, y = points[:, 0] - base.x, points[:, 1] - base.y
-    with np.errstate(over="ignore"):  # of what is as far away as no number tells; hypot would take its time for it
+    # of what is as far away as no number tells, or none, which NumPy 1.17 warns of; hypot would take its time for it
+    with np.errstate(over="ignore", invalid="ignore"):
         squared *= squared
         y *= y
         squared += y
-    own: np.ndarray = squared < reach * reach  # False for what is no number
+        own: np.ndarray = squared < reach * reach  # False for what is no number
     if own.any():
         own[own] = clearances(base.inverse().transform_points(points[own]), outline) <= -OWN_DEPTH
     return own
