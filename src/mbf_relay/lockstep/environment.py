@@ -14,9 +14,10 @@ from __future__ import annotations
 
 import functools
 import math
+import operator
 import sys
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
 
 import gymnasium
 import numpy as np
@@ -67,7 +68,7 @@ class NavigationEnvironment(gymnasium.Env):
 
     def __init__(
         self, worlds: str = "barn", seeds: Sequence[int] = (0, 100000), robot: str = "", localization: str = TRUTH,
-        changes: Sequence[str] = (), **parameters: Any,
+        changes: Union[str, Iterable[str]] = (), **parameters: Any,
     ) -> None:
         """Make it; a world is built by `reset`.
 
@@ -78,7 +79,7 @@ class NavigationEnvironment(gymnasium.Env):
                 training can be tested on.
             robot: What drives, as for `batch.py --robot`; the simulator's own where empty.
             localization: Where the robot is thought to be: "truth", or "odometry" from the true start on.
-            changes: Changes "simulator.scan_noise=0" to the simulator's parameters.
+            changes: A change "simulator.scan_noise=0" to the simulator's parameters, or several.
             parameters: Of EnvironmentParameters.
 
         Raises:
@@ -90,6 +91,7 @@ class NavigationEnvironment(gymnasium.Env):
         if localization not in (TRUTH, ODOMETRY):
             raise ValueError(f"localization is '{localization}'; it must be '{TRUTH}' or '{ODOMETRY}'")
         self.parameters = EnvironmentParameters.from_mapping(parameters)
+        changes = [changes] if isinstance(changes, str) else list(changes)
         settings = make_setup(config_folder(), localization, changes=changes, robot=robot, has_map=False).settings
         for text in changes:
             node = full_name(parse_change(text)[0], known_names(settings)).partition(".")[0]
@@ -239,9 +241,12 @@ class _Worlds:
 
     def __init__(self, source: str, seeds: Sequence[int]) -> None:
         self._kind = source if source in KINDS else None
-        self._seeds = int(seeds[0]), int(seeds[1])
-        if not 0 <= self._seeds[0] < self._seeds[1]:
-            raise ValueError(f"seeds are {tuple(seeds)}; they must be a first one, 0 or more, and one above it")
+        try:
+            self._first, self._end = map(operator.index, seeds)
+        except (TypeError, ValueError):  # one number, three, or none at all
+            self._first = self._end = 0
+        if not 0 <= self._first < self._end:
+            raise ValueError(f"seeds are {seeds}; they must be two: a first whole one, 0 or more, and one above it")
         self._tasks: List[EpisodeTask] = [] if self._kind else load_tasks(source)
 
     def choose(self, chance: np.random.Generator, options: Mapping[str, Any]) -> EpisodeTask:
@@ -256,7 +261,7 @@ class _Worlds:
             worlds = "worlds that are generated" if self._kind else "the worlds of a file"
             raise ValueError(f"reset() knows no option '{strange[0]}' of {worlds}; one is chosen by '{known}'")
         if self._kind:
-            seed = options.get("world_seed", int(chance.integers(*self._seeds)))
+            seed = options.get("world_seed", int(chance.integers(self._first, self._end)))
             return _generated(self._kind, int(seed))
         index = int(chance.integers(len(self._tasks)))
         name = options.get("world", self._tasks[index].name)

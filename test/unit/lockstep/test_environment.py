@@ -159,6 +159,10 @@ def test_odometry_that_errs_is_what_a_robot_without_truth_is_told(made):
         ({"control_rate": 7.0}, "control_rate is 7.0 Hz; it must divide"),
         ({"localization": "amcl"}, "must be 'truth' or 'odometry'"),
         ({"seeds": (5, 5)}, r"seeds are \(5, 5\)"),
+        ({"seeds": (5,)}, r"seeds are \(5,\); they must be two"),
+        ({"seeds": 5}, "seeds are 5; they must be two"),
+        ({"seeds": (0, 10, 20)}, r"seeds are \(0, 10, 20\); they must be two"),
+        ({"changes": "simulator.scan_rate=0"}, "needs lidar and odometry"),
         ({"changes": ["simulator.scan_rate=0"]}, "needs lidar and odometry"),
     ],
 )
