@@ -7,7 +7,7 @@ in a building of ten thousand walls. Rays meet what can move alone; what never m
 from __future__ import annotations
 
 from operator import itemgetter
-from typing import Any, List, Sequence, Tuple
+from typing import Any, List, NoReturn, Sequence, Tuple
 
 import numpy as np
 
@@ -96,6 +96,13 @@ class Physics:
         elif client >= 0:
             pybullet.resetSimulation(physicsClientId=client)
             _left.append(client)
+
+    def __getstate__(self) -> NoReturn:
+        """Raise TypeError: a copy would have no world of its own, but move what is in this one, and close it."""
+        raise TypeError(
+            "a simulation cannot be copied or pickled, as its world is PyBullet's; copy before it is built (an "
+            "environment: before reset() or after close()), and let each build its own"
+        )
 
     def step(self) -> None:
         """Advance by one period of the rate."""

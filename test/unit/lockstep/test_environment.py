@@ -1,5 +1,7 @@
 """The gymnasium environment: its contract, one seed one episode, rewards that mean what they say, and learning."""
 
+import copy
+import pickle
 import sys
 import warnings
 from pathlib import Path
@@ -182,6 +184,18 @@ def test_what_cannot_be_done_is_named(made):
         environment.step(np.array([np.nan, 0.0]))
     with pytest.raises(ValueError, match=r"shape \(3,\); it must be \(2,\)"):
         environment.step(np.zeros(3))
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, pickle.dumps])
+def test_a_copy_does_not_drive_the_robot_of_the_environment_it_was_made_of(made, copied):
+    """A search that tried actions on copies drove the one robot on; closed, they left two later worlds in one."""
+    environment = made(NEAR)
+    copied(environment)
+    environment.reset(seed=1)
+    with pytest.raises(TypeError, match=r"cannot be copied or pickled, .*before reset\(\) or after close\(\)"):
+        copied(environment)
+    environment.close()
+    copied(environment)
 
 
 def test_its_processes_find_the_package_where_this_one_does(monkeypatch):
