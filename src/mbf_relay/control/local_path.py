@@ -289,7 +289,7 @@ def _folds(points: np.ndarray, leg: float) -> List[int]:
         for way in (-leg, leg))
     products = ((points[inner] - before) * (after - points[inner])).sum(axis=1) / (leg * leg)
     sharp = np.flatnonzero(products < FOLD)
-    runs = np.split(sharp, np.flatnonzero(np.diff(sharp) > 1) + 1)
+    runs = np.split(sharp, np.flatnonzero(np.diff(arcs[inner[sharp]]) > 0.5 * leg) + 1)  # of one fold each
     return [int(inner[run[np.argmin(products[run])]]) for run in runs if len(run)]
 
 

@@ -93,6 +93,15 @@ def test_what_is_shown_of_a_path_that_turns_back_ends_where_it_does_until_the_ro
     assert tracker.remaining(state(0.5, 0.0)) == pytest.approx(1.5, abs=0.03)
 
 
+@pytest.mark.parametrize("spacing", [0.01, 1.0], ids=["many poses", "its corners"])
+def test_a_path_to_and_fro_is_followed_to_each_of_its_ends_however_many_poses_it_has(spacing):
+    """A client that sends a way to and fro by its corners was led to the first of them, then to the end."""
+    tracker = tracker_on(line((0, 0), (1, 0), (0, 0), (1, 0), (0, 0), spacing=spacing))
+    for x, end in zip((0.5, 0.98, 0.02, 0.98), (1.0, 0.0, 1.0, 0.0)):
+        assert tracker.cut(state(x, 0.0), 0.3, 3.0, 0.2, 0.05).goal[:2] == pytest.approx((end, 0.0), abs=0.02)
+    assert tracker.is_on_last_leg
+
+
 def test_a_robot_that_goes_round_something_on_its_way_back_is_not_taken_for_one_on_its_way_there():
     tracker = tracker_on(line((0, 0), (1, 0), (0, 0)))
     tracker.cut(state(1.0, 0.0), 0.3, 3.0, 0.2, 0.1)
