@@ -68,7 +68,7 @@ def setup_of(options: argparse.Namespace, tasks: Sequence[EpisodeTask], changes:
     return make_setup(
         config_folder(), options.localization, options.map, options.controller, options.planner,
         [*options.set, *changes], have_maps(tasks, bool(options.map)), options.config, options.map_resolution,
-        options.robot, options.after_contact)
+        options.robot, options.after_contact, tasks)
 
 
 def add_worker_options(parser: argparse.ArgumentParser) -> None:

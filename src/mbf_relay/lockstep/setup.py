@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Dict, Iterable, List, Mapping, Optional, Tuple, Type
+from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Type
 
 import numpy as np
 
@@ -43,6 +43,9 @@ FARTHEST = 30.0
 
 LAID = ("static_map", "rolling_window", "track_unknown_space", "origin_x", "origin_y", "width", "height")
 """Parameters of the global costmap that are not the user's where there is no map, see `without_map`."""
+UNHEARD = ("imu_rate", "gyro_noise", "accelerometer_noise", "joint_state_rate")
+"""Parameters of the simulator's sensors that no part of a drive listens to."""
+RESOLUTION = "--map-resolution"
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,7 @@ def make_setup(
     folder: Path, localization: Optional[str] = None, prior_map: Optional[str] = None, controller: str = "",
     planner: str = "", changes: Iterable[str] = (), has_map: bool = True, config: Optional[Path] = None,
     map_resolution: float = MAP_RESOLUTION, robot: str = "", after_contact: bool = False,
+    tasks: Sequence[EpisodeTask] = (),
 ) -> Setup:
     """Return the setup a user asks for.
 
@@ -90,6 +94,7 @@ def make_setup(
         map_resolution: Metres per cell of maps drawn from a world.
         robot: Drives in place of the one in the simulator's file, with all parameters fitted to it; see `load_robot`.
         after_contact: Whether drives go on after a contact.
+        tasks: What is to be driven, where that is known: some of it takes the place of parameters.
 
     Raises:
         ValueError: A file, a name or a change is wrong, or the choices contradict each other.
@@ -118,15 +123,21 @@ def make_setup(
     notes = _notes_on(settings, packages) if settings != packages else []
     notes += [f"robot '{model.name}': {warning}" for warning in model.warnings]
     setup = Setup(settings, localization, prior_map, controller, planner, map_resolution, model, after_contact)
-    return replace(setup, notes=(*notes, *_idle(flatten(own_part(settings, files)), setup)))
+    changed = [*flatten(own_part(settings, files)), *([RESOLUTION] if map_resolution != MAP_RESOLUTION else [])]
+    return replace(setup, notes=(*notes, *_idle(changed, setup, tasks)))
 
 
-def _idle(changed: Iterable[str], setup: Setup) -> List[str]:
+def _idle(changed: Iterable[str], setup: Setup, tasks: Sequence[EpisodeTask]) -> List[str]:
     """Return which of the parameters that somebody changed nothing reads in these drives, and why, for people."""
-    reasons = {}
+    reasons = {f"simulator.{name}": "no part of them listens to that sensor" for name in UNHEARD}
     if setup.localization != AMCL:
         reasons["amcl"] = f"the pose comes from {setup.localization}, not from amcl"
+    elif tasks and all(task.initial_pose is not None for task in tasks):
+        reasons.update({f"amcl.{name}": "the worlds say where the robot starts" for name in INITIAL if "pose" in name})
+    if tasks and all(task.given_map is not None for task in tasks):
+        reasons[RESOLUTION] = "the worlds have maps of their own"
     if setup.map == NONE:
+        reasons[RESOLUTION] = "the robot has no map"
         why = "without a map the global costmap is laid round start and goals"
         reasons.update({f"{SERVER}.global_costmap.{name}": why for name in LAID})
     for kind, asked in (("controllers", setup.controller), ("planners", setup.planner)):

@@ -1,10 +1,16 @@
 """Parameter files and changes to them."""
 
 import re
+import sys
+from pathlib import Path
 
 import pytest
 
-from mbf_relay.lockstep.settings import (
+sys.path.insert(0, str(Path(__file__).parent))
+
+import small_worlds  # noqa: E402
+
+from mbf_relay.lockstep.settings import (  # noqa: E402
     change,
     config_folder,
     flatten,
@@ -13,7 +19,8 @@ from mbf_relay.lockstep.settings import (
     load_settings,
     parse_change,
 )
-from mbf_relay.lockstep.setup import make_setup
+from mbf_relay.lockstep.setup import make_setup  # noqa: E402
+from mbf_relay.lockstep.tasks import load_tasks  # noqa: E402
 
 SETTINGS = {
     "simulator": {"time_step": 0.005},
@@ -144,6 +151,28 @@ def test_who_changes_what_nothing_reads_is_told_before_a_night_of_equal_drives(c
     """compare.py named the parameter as what two batches differ in, and tune.py looked for the best of equal ones."""
     (note,) = make_setup(config_folder(), changes=[change], **options).notes
     assert change.partition("=")[0] in note and "has no effect" in note and why in note
+
+
+@pytest.mark.parametrize("worlds, options, name, why", [
+    ("free", {"changes": ["initial_pose_x=-0.3"], "prior_map": "known"}, "amcl.initial_pose_x", "the worlds say where"),
+    ("free", {"map_resolution": 0.02, "prior_map": "none"}, "--map-resolution", "the robot has no map"),
+    ("circle", {"map_resolution": 0.02}, "--map-resolution", "the worlds have maps of their own"),
+    ("circle", {"changes": ["gyro_noise=0.1"]}, "simulator.gyro_noise", "listens to that sensor"),
+])
+def test_what_a_world_states_or_no_drive_needs_is_not_changed_in_vain_untold(tmp_path, worlds, options, name, why):
+    """A study of a filter that starts wrongly began where the robot was, in each drive."""
+    source = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE) if worlds == "free" else worlds
+    (note,) = make_setup(config_folder(), tasks=load_tasks(source), **options).notes
+    assert note.startswith(f"{name}: has no effect in these drives: ") and why in note
+
+
+@pytest.mark.parametrize("worlds, options", [
+    ("circle", {"changes": ["initial_pose_x=-0.3"]}),
+    ("free", {"changes": ["laser_sigma_hit=0.4"], "prior_map": "known", "map_resolution": 0.02}),
+])
+def test_where_no_world_states_it_the_parameter_counts(tmp_path, worlds, options):
+    source = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE) if worlds == "free" else worlds
+    assert not make_setup(config_folder(), tasks=load_tasks(source), **options).notes
 
 
 @pytest.mark.parametrize(
