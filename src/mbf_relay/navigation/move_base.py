@@ -187,6 +187,7 @@ class MoveBase:
             self._pass_on_feedback(at.drive)
         if not self._pathless.running:
             self._pathless.start(now)
+        self._progress.wait(now)
         at.plan.update(now)
         if at.plan.goal.target is not self.goal.target:  # it is fixed in the global frame now, for every plan to come
             self.goal = replace(self.goal, target=at.plan.goal.target)

@@ -97,6 +97,10 @@ class GoalProgress:
         """Give the robot the whole timeout again."""
         self._oscillation.restart(now)
 
+    def wait(self, now: float) -> None:
+        """Let the time since the last call, of this or of `trouble`, not count: there was no path to drive."""
+        self._oscillation.wait(now)
+
     def trouble(self, now: float, feedback: FollowFeedback, parameters: NavigatorParameters) -> str:
         """Take what a drive tells; return why the goal is to be given up as oscillating, empty where it is not."""
         if feedback.pose is None or parameters.oscillation_timeout <= 0.0:

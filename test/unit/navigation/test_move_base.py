@@ -152,6 +152,22 @@ def test_a_costmap_that_is_late_or_a_person_in_the_only_way_is_waited_for(make_b
     assert not {"R1", "R2"} & set(bench.script.calls)
 
 
+@pytest.mark.parametrize("is_under_way", [False, True])
+def test_a_robot_that_waited_for_a_plan_is_not_said_to_oscillate_once_it_has_one(make_bench, is_under_way):
+    """Whoever had more planner_patience than oscillation_timeout saw the goal end as soon as the way was free."""
+    bench = make_bench(
+        planner_patience=60.0, planner_max_retries=-1, planner_frequency=5.0, oscillation_timeout=5.0,
+        oscillation_distance=0.3, recovery_enabled=False)
+    arrive(bench)
+    bench.script.plan = scripted.line if is_under_way else NO_WAY
+    task = bench.navigator.move_base(GOAL)
+    bench.step()
+    bench.script.plan, bench.costmaps["global"].costs[100, 112:118] = NO_WAY, 254
+    bench.run(lambda: bench.script.calls["plan"] > 40)
+    bench.script.plan, bench.costmaps["global"].costs[:] = scripted.line, 0
+    assert bench.finish(task).outcome is NavigateOutcome.SUCCESS
+
+
 def test_only_what_lies_ahead_blocks_a_path():
     costmap = scripted.PaperCostmap("map")
     poses = scripted.straight_path().poses
