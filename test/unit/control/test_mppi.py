@@ -165,10 +165,12 @@ def test_an_omnidirectional_robot_goes_aside_without_turning():
     ({"max_vel_y": 0.2}, (-0.2, 0.2)), ({"min_vel_y": -0.3}, (-0.3, 0.3)),
     ({"max_vel_y": 0.2, "min_vel_y": 0.0}, (0.0, 0.2)), ({}, (-0.5, 0.5)),
     ({"max_vel_y": 0.2, "vy_max": 0.1}, (-0.1, 0.1)), ({"max_vel_y": 0.0}, (0.0, 0.0)),
+    ({"max_vel_y": "2e-1"}, (-0.2, 0.2)), ({"min_vel_y": " -0.3"}, (-0.3, 0.3)), ({"vy_max": "0.1"}, (-0.1, 0.1)),
 ])
 def test_an_omnidirectional_robot_whose_file_names_one_side_goes_to_either(given, limits):
-    """It went to the left and never to the right."""
-    parameters = MppiParameters.from_mapping({"motion_model": "Omni", "acc_lim_y": 2.5, **given})
+    """It went to the left and never to the right; where YAML takes the number for a text, always to one, at full speed.
+    """
+    parameters, _notes = MppiParameters.read({"motion_model": "Omni", "acc_lim_y": 2.5, **given})
     assert (parameters.min_vel_y, parameters.max_vel_y) == limits
 
 

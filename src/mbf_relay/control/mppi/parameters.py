@@ -84,9 +84,8 @@ class MppiParameters(FollowerParameters):
         result = super().known(values)
         is_omni = result.get("motion_model") == OMNI
         if is_omni and ("vy_max" in values or not {"max_vel_y", "min_vel_y"} <= set(result)):
-            lowest = result.get("min_vel_y", -0.5)
-            sideways = values.get("vy_max", result.get("max_vel_y", -lowest if _is_number(lowest) else lowest))
-            result.update(max_vel_y=sideways, min_vel_y=-sideways if _is_number(sideways) else sideways)
+            sideways = values.get("vy_max", result.get("max_vel_y", _opposite(result.get("min_vel_y", -0.5))))
+            result.update(max_vel_y=sideways, min_vel_y=_opposite(sideways))
         elif not is_omni:
             result.update(max_vel_y=0.0, min_vel_y=0.0)
         if "ax_min" in values:
@@ -146,3 +145,11 @@ NAV2_OF_ITS_OWN = (
 def _is_number(value: Any) -> bool:
     """Return whether a user's value can be reckoned with; what is none is refused under its name afterwards."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _opposite(value: Any) -> Any:
+    """Return a number, or a text that spells one, with the other sign; all else, which is refused, as it is."""
+    if isinstance(value, str):
+        text = value.strip()
+        return text[1:] if text.startswith("-") else f"-{text}"
+    return -value if _is_number(value) else value
