@@ -60,14 +60,14 @@ class NodeEnding:
     """
 
     def __init__(self, interrupted: int = 0) -> None:
+        self._numbers = numbers = ending_signals()
+        signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
         open_standard_streams()
         self.interrupted = interrupted
-        self._numbers = numbers = ending_signals()
         self._lock = threading.Lock()
         self._shut_down: Optional[Callable[[str], None]] = None
         self._done = threading.Event()
         self.begun = False
-        signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
         hold_little()  # before the first thread, whose arena would stay; what this imports no signal can interrupt
         waiting = threading.Thread(target=self._wait, name="ending", daemon=True)
         waiting.start()

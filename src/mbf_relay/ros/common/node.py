@@ -5,20 +5,16 @@ from __future__ import annotations
 import errno
 import gc
 import importlib
-import logging
 import math
 import os
 import resource
 import sys
 import time
-import traceback
 from typing import Any, Callable, Optional, Sequence
 
 from mbf_relay import memory
 from mbf_relay.importing import import_or_exit
-from mbf_relay.ros.common import logs
 from mbf_relay.ros.common.ending import NodeEnding
-from mbf_relay.ros.common.rospy_patches.lazy_modules import spare_what_nobody_uses
 
 INTERRUPTED = 130
 """Exit status of a program that was interrupted, as shells have it: it did not do what it was asked to."""
@@ -53,7 +49,7 @@ def run_node(name: str, place: str, **arguments: Any) -> None:
     ending = NodeEnding()
     os.environ.setdefault(ALGEBRA_THREADS, "1")  # before NumPy is imported
     _start_soon()
-    import rospy  # here and below: only what comes after NodeEnding() can be interrupted without harm
+    import rospy  # what is imported here and below, after NodeEnding(), no signal can interrupt
 
     module_name, _, function = place.rpartition(".")
     importlib.import_module("mbf_relay.ros.common.reconfigure")  # quietens dynamic_reconfigure
@@ -101,6 +97,8 @@ def run_program(place: str) -> None:
     """
     ending = NodeEnding(INTERRUPTED)
     _start_soon()
+    import traceback
+
     import rospy
 
     module_name, _, function = place.rpartition(".")
@@ -124,6 +122,11 @@ def run_program(place: str) -> None:
 
 def _start_soon() -> None:
     """Import rospy, without what nobody uses, and have it start a node sooner, receive with less and log plainly."""
+    import logging
+
+    from mbf_relay.ros.common import logs
+    from mbf_relay.ros.common.rospy_patches.lazy_modules import spare_what_nobody_uses
+
     logging.setLogRecordFactory(logs.PlainRecord)
     logs.complain_once()
     spare_what_nobody_uses()
@@ -142,10 +145,13 @@ def _start_soon() -> None:
 
 def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
     """Return the exit status of a node's life."""
+    import traceback
+
     import rospy
 
     from mbf_relay.kernels import reason_in_process
     from mbf_relay.outcomes import StaleDataError, TransformError
+    from mbf_relay.ros.common import logs
     from mbf_relay.ros.common.master_watch import MasterWatch
     from mbf_relay.ros.common.own_address import warn_where_unreachable
 

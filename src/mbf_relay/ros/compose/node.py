@@ -22,7 +22,7 @@ what they need. A node that ends is started again. Remappings behind a last -- a
 OPTION = "--no-respawn"
 WHEN_NEEDED = (
     "mbf_relay.ros.common.reconfigure",  # quietens dynamic_reconfigure
-    "mbf_relay.ros.common.master_watch", "mbf_relay.ros.common.own_address",
+    "mbf_relay.ros.common.logs", "mbf_relay.ros.common.master_watch", "mbf_relay.ros.common.own_address",
     *(f"mbf_relay.ros.common.rospy_patches.{name}"
       for name in ("accepting", "connecting", "receiving", "sending", "starting")),
     "configparser", "dynamic_reconfigure.server", "encodings.idna", "unicodedata",
