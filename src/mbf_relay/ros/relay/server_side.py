@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import abc
+import dataclasses
 from typing import Any, Callable, Dict, Mapping, Protocol, Tuple
 
+import rospy
 from geometry_msgs.msg import PoseStamped
 
 from mbf_relay.navigation.move_base_parameters import OTHER_MOVE_BASE_NAMES, MoveBaseParameters
@@ -69,9 +71,10 @@ class RemoteServer(ServerSide):
     """A server of another process: it is sent what was set for move_base, and what it offers is passed on."""
 
     def relay_parameters(self, namespace: Mapping[str, Any]) -> RelayParameters:
-        """Return them as they were given; see ServerSide."""
+        """Return them as they were given, with the server's name as it is remapped; see ServerSide."""
         known = MoveBaseParameters.names() + OTHER_MOVE_BASE_NAMES + ros_parameters.groups_in(namespace)
-        self._parameters = ros_parameters.fill(RelayParameters, namespace, "~", known)
+        given = ros_parameters.fill(RelayParameters, namespace, "~", known)
+        self._parameters = dataclasses.replace(given, server=rospy.resolve_name(given.server))
         self._namespace: Dict[str, Any] = dict(namespace)
         return self._parameters
 

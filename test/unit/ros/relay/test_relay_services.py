@@ -1,13 +1,15 @@
-"""~make_plan's requests and answers."""
+"""~make_plan's requests and answers, and whom they are passed on to."""
 
 import pytest
 
 pytest.importorskip("mbf_msgs.msg")
 
+import rospy  # noqa: E402
 from geometry_msgs.msg import PoseStamped  # noqa: E402
 from nav_msgs.msg import Path  # noqa: E402
 from nav_msgs.srv import GetPlanRequest  # noqa: E402
 
+from mbf_relay.ros.relay.server_side import RemoteServer  # noqa: E402
 from mbf_relay.ros.relay.services import PLAN_SLOT, append_goal, path_goal  # noqa: E402
 
 
@@ -47,3 +49,9 @@ def test_an_empty_plan_stays_empty_and_frames_are_not_mixed():
     plan = Path(poses=[pose(0.0)])
     append_goal(plan, pose(1.0, frame="odom"))
     assert len(plan.poses) == 1
+
+
+def test_a_relay_whose_server_is_remapped_sends_goals_where_it_says_it_does(monkeypatch):
+    """It told of the remapped server, read its parameters, and waited for the action of the one by the old name."""
+    monkeypatch.setitem(rospy.names.get_resolved_mappings(), "/move_base_flex", "/robot1/server")
+    assert RemoteServer().relay_parameters({}).server == "/robot1/server"
