@@ -18,7 +18,7 @@ from mbf_relay.lockstep.results_file import WORLDS, ResultsFile
 from mbf_relay.lockstep.settings import flatten
 from mbf_relay.lockstep.setup import Setup, named_robot
 from mbf_relay.lockstep.sources import files_of, plugins_of, sources
-from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks, not_understood
+from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks, warnings_of
 from mbf_relay.lockstep.workers import workers_for
 from mbf_relay.simulation.robot_file import robot_text
 
@@ -34,7 +34,7 @@ def main(arguments: Optional[Sequence[str]] = None, clock: Callable[[], float] =
         all_tasks = [task.scaled(options.scale) for task in load_tasks(options.worlds)]
         tasks = _chosen(all_tasks, options.only)
         setup = setup_of(options, tasks)
-        for note in [*setup.notes, *not_understood(tasks)]:
+        for note in [*setup.notes, *warnings_of(tasks)]:
             print(f"batch.py: {note}", file=sys.stderr)
         folder = options.out or Path(f"batch-{Path(options.worlds).stem}")
         results = ResultsFile(folder, settings_of(Path(options.worlds).name, all_tasks, setup))

@@ -27,7 +27,7 @@ MAP_RESOLUTION = 0.05
 """Metres per cell of maps drawn from a world, where nothing else is asked for."""
 
 MOST_TOLD = 5
-"""Lines on what worlds files say that is not understood: a slip in one is often one in all of a thousand."""
+"""Lines on slips in worlds files that are told one by one: one in a world is often one in all of a thousand."""
 
 
 @dataclass(frozen=True)
@@ -126,12 +126,11 @@ def load_tasks(source: str) -> List[EpisodeTask]:
     return [task_of(world) for world in load_worlds_file(Path(source))]
 
 
-def not_understood(tasks: Sequence[EpisodeTask]) -> List[str]:
-    """Return what of the worlds' files is not understood, for people; beyond MOST_TOLD lines, how many more there are.
-    """
+def warnings_of(tasks: Sequence[EpisodeTask]) -> List[str]:
+    """Return what of the worlds' files is not understood or hardly meant, and how many lines more there are of it."""
     lines = [line for task in tasks for line in task.world.warnings]
     more = len(lines) - MOST_TOLD
-    return lines[:MOST_TOLD] + ([f"and {more} more of the worlds' entries are not understood"] if more > 0 else [])
+    return lines[:MOST_TOLD] + ([f"and {more} more such lines on the worlds"] if more > 0 else [])
 
 
 def have_maps(tasks: Sequence[EpisodeTask], is_said: bool) -> bool:

@@ -26,7 +26,7 @@ from mbf_relay.lockstep.settings import config_folder, full_name, load_settings,
 from mbf_relay.lockstep.setup import Setup, known_types
 from mbf_relay.lockstep.sources import plugins_of
 from mbf_relay.lockstep.summary import MEASURES, measure_of
-from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks, not_understood
+from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks, warnings_of
 from mbf_relay.lockstep.trials import Parameters, Plan, Range, Space, TrialDrives, search
 from mbf_relay.lockstep.workers import tell, workers_for
 from mbf_relay.whole_files import write_whole
@@ -49,7 +49,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
             raise ValueError("the worlds state no reference_path_length, so that no drive has a score; choose another "
                              "--metric, such as success")
         setup = setup_of(options, tasks)
-        for note in [*setup.notes, *not_understood(tasks)]:
+        for note in [*setup.notes, *warnings_of(tasks)]:
             tell(f"tune.py: {note}")
         space = read_space(options.param, options.space, setup)
         _check_ends(options, tasks, space, setup)

@@ -100,7 +100,7 @@ class World:
         reference_path_length: Length (m) of a good way, for scores.
         time_limit: Time (s) allowed.
         map_file: YAML file of the map a robot is given of it, right or wrong; where None, one is drawn of its geometry.
-        warnings: What of its file was not understood, a line each.
+        warnings: What of its file was not understood or is hardly meant, a line each.
     """
 
     name: str

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Dict, Iterator, List, Mapping, Optional, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -31,6 +32,8 @@ KNOWN = {
     "map",
 }
 KNOWN_OF_MOVERS = {"name", "radius", "height", "box", "waypoints", "loop"}
+FULL_TURN = 6.3
+"""Radians: nobody writes a heading beyond, other than in degrees."""
 ORANGE = (0.85, 0.45, 0.20, 1.0)
 
 
@@ -105,7 +108,7 @@ def world_of(path: Path, index: int, entry: Any) -> World:
             raise ValueError("has no name")
         bodies = [_pillar(f"{name}_{i}", values) for i, values in enumerate(_list(entry, "cylinders"))]
         bodies += [_box(f"{name}_box_{i}", values) for i, values in enumerate(_list(entry, "boxes"))]
-        return World(
+        world = World(
             name,
             tuple(bodies),
             _pose(entry, "start"),
@@ -114,9 +117,9 @@ def world_of(path: Path, index: int, entry: Any) -> World:
             _positive(entry, "goal_radius") or 1.0,
             _positive(entry, "reference_path_length"),
             _positive(entry, "time_limit"),
-            tuple(_not_understood(name, entry)),
-            _map_file(path, entry.get("map")),
+            map_file=_map_file(path, entry.get("map")),
         )
+        return replace(world, warnings=(*_not_understood(name, entry), *_hardly_meant(world, _list(entry, "boxes"))))
     except (ValueError, TypeError) as error:
         raise ValueError(f"{where}: {error}") from error
 
@@ -127,6 +130,21 @@ def _not_understood(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
     for index, mover in enumerate(entry.get("movers", [])):
         unknown = (key for key in mover if key not in KNOWN_OF_MOVERS)
         yield from (f"'{key}' of mover {index} of world {name} is not understood" for key in unknown)
+
+
+def _hardly_meant(world: World, boxes: Sequence[Sequence[float]]) -> Iterator[str]:
+    """Yield a line for each thing that a world and the boxes of its entry say and cannot be, or hardly, as they say."""
+    yaws = {"the start": [world.start.theta], "the goal": [world.goal.theta] if world.goal is not None else [],
+            "a box": [box[2] for box in boxes]}
+    for what, values in yaws.items():
+        largest = max(values, key=abs, default=0.0)
+        if abs(largest) > FULL_TURN:
+            yield (f"the yaw of {what} of world {world.name} is {largest:g} rad; if degrees are meant, write "
+                   f"{math.radians(largest):.4f}")
+    least = world.start.distance_to(world.goal) - world.goal_radius if world.goal is not None else 0.0
+    if world.reference_path_length is not None and world.reference_path_length < least:
+        yield (f"reference_path_length of world {world.name} is {world.reference_path_length:g} m; straight from start "
+               f"to within goal_radius of the goal it is {least:g} m, so that score and SPL are too low")
 
 
 def _map_file(path: Path, name: Any) -> Optional[str]:

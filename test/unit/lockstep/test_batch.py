@@ -24,7 +24,7 @@ from mbf_relay.lockstep.episodes import EpisodeJob, drive  # noqa: E402
 from mbf_relay.lockstep.results_file import LINES, read_lines  # noqa: E402
 from mbf_relay.lockstep.settings import config_folder  # noqa: E402
 from mbf_relay.lockstep.setup import make_setup  # noqa: E402
-from mbf_relay.lockstep.tasks import load_tasks, not_understood  # noqa: E402
+from mbf_relay.lockstep.tasks import load_tasks, warnings_of  # noqa: E402
 from mbf_relay.simulation.description import urdf_of  # noqa: E402
 from mbf_relay.simulation.robot_file import load_robot  # noqa: E402
 from mbf_relay.simulation.shapes import Box  # noqa: E402
@@ -353,9 +353,9 @@ def test_what_is_misspelt_in_a_worlds_file_is_told(tmp_path, capsys):
     assert batch.main([worlds, "--out", str(tmp_path / "out"), "--only", "w6", "--jobs", "1"]) == 0
     told = capsys.readouterr().err.splitlines()
     assert [line for line in told if "batch.py" in line] == ["batch.py: 'goal_raduis' of world w6 is not understood"]
-    assert not_understood(load_tasks(worlds)) == [
+    assert warnings_of(load_tasks(worlds)) == [
         *(f"'goal_raduis' of world w{i} is not understood" for i in range(5)),
-        "and 2 more of the worlds' entries are not understood"]
+        "and 2 more such lines on the worlds"]
 
 
 def test_a_reader_of_the_summary_that_has_gone_costs_no_result(tmp_path):
