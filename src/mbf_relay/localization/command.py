@@ -16,7 +16,7 @@ import numpy as np
 
 from mbf_relay import files
 from mbf_relay.geometry import Pose2D
-from mbf_relay.localization.logs import RecordedLog, load_log
+from mbf_relay.localization.logs import RecordedLog, doubts_on_times, load_log
 from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters, initial_pose_from
 from mbf_relay.localization.replay import Replay, replay, require_use, summarize
 from mbf_relay.localization.stress import Stress, parse_stress
@@ -30,9 +30,9 @@ def parse_arguments(arguments: Optional[List[str]] = None) -> argparse.Namespace
     parser = argparse.ArgumentParser(
         prog="localize_log.py",
         description=__doc__,
-        epilog="LOG.npz holds t (N), odom (N, 3: x, y, yaw), ranges (N, B), angle_min, angle_increment, and where "
-        "known ref (N, 3), laser_pose (3), range_min and range_max. bag_to_log.py makes one from a bag. With several "
-        "logs or seeds, or under stress, a table with 95 % intervals is made. Stresses: "
+        epilog="LOG.npz holds t (N, seconds), odom (N, 3: x, y, yaw), ranges (N, B), angle_min, angle_increment, and "
+        "where known ref (N, 3), laser_pose (3), range_min and range_max. bag_to_log.py makes one from a bag. With "
+        "several logs or seeds, or under stress, a table with 95 % intervals is made. Stresses: "
         f"{', '.join(describe_stresses())}.",
     )
     parser.add_argument(
@@ -80,6 +80,14 @@ def pair_up(paths: Sequence[str]) -> List[Tuple[str, str]]:
             f"log {waiting[0]} has no map; name its MAP.yaml after it" if waiting else f"there is no log in {paths[0]}"
         )
     return list(dict.fromkeys(pairs))
+
+
+def read_log(path: str) -> RecordedLog:
+    """Return a log, errors as of `load_log`; tell where its times are not those of a drive."""
+    log = load_log(path)
+    for doubt in doubts_on_times(log):
+        print(f"localize_log.py: log {path}: {doubt}; jumps of its odometry may be taken for driving", file=sys.stderr)
+    return log
 
 
 def read_parameters(path: Optional[str]) -> Tuple[AmclParameters, Mapping[str, Any]]:
@@ -175,7 +183,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
 
 def replay_one(options: argparse.Namespace, log_path: str, map_path: str) -> List[str]:
     """Replay one log once, write everything about it, and return what a person is told."""
-    log, occupancy = load_log(log_path), load_map(map_path)
+    log, occupancy = read_log(log_path), load_map(map_path)
     parameters, values = read_parameters(options.params)
     start, covariance = choose_start(options, values, log)
     result = replay(
@@ -194,7 +202,7 @@ def try_all(options: argparse.Namespace, pairs: Sequence[Tuple[str, str]], stres
     seeds, done = range(options.seed, options.seed + options.seeds), []
     names = [log_path for log_path, _ in pairs]
     for log_path, map_path in pairs:
-        log, occupancy = load_log(log_path), load_map(map_path)
+        log, occupancy = read_log(log_path), load_map(map_path)
         start, covariance = choose_start(options, values, log)
         name = log_path if names.count(log_path) == 1 else f"{log_path} on {map_path}"
         task = LogTask(name, log, occupancy, start, covariance)

@@ -7,7 +7,7 @@ import tokenize
 import zipfile
 import zlib
 from dataclasses import dataclass
-from typing import Any, BinaryIO, Dict, Optional
+from typing import Any, BinaryIO, Dict, List, Optional
 
 import numpy as np
 
@@ -22,6 +22,10 @@ LARGEST_ANGLE = 100.0
 """Radians: angles beyond are none, or degrees."""
 CROWDED = 0.002
 """Share of all readings at one and the same value beyond which it is the sensor's word for "nothing came back"."""
+
+
+SPARSEST = 10.0
+"""Seconds between scans beyond which times are in another unit: of 100 scans a second it is the step in ms."""
 
 
 class LogError(ValueError):
@@ -73,10 +77,24 @@ class RecordedLog:
         return Pose2D(*map(float, self.odom[index]))
 
 
+def doubts_on_times(log: RecordedLog) -> List[str]:
+    """Return a line for each way in which a log's times are not of a drive: by them jumps of odometry are told."""
+    with np.errstate(invalid="ignore"):
+        steps = np.diff(log.times)
+    still, rising = np.flatnonzero(~(steps > 0.0)), steps[steps > 0.0]
+    lines = []
+    if len(still):
+        lines.append(f"{len(still)} of {len(log)} times do not rise; the first is of scan {still[0] + 1}, "
+                     f"{steps[still[0]]:g} s after the one before")
+    if len(rising) and np.median(rising) > SPARSEST:
+        lines.append(f"its scans are {np.median(rising):g} s apart; times must be in seconds")
+    return lines
+
+
 def load_log(path: str) -> RecordedLog:
     """Read a log.
 
-    Its arrays are t (N), odom (N, 3), ranges (N, B), angle_min, angle_increment; ref (N, 3), laser_pose (3),
+    Its arrays are t (N, seconds), odom (N, 3), ranges (N, B), angle_min, angle_increment; ref (N, 3), laser_pose (3),
     range_min and range_max where it has them.
 
     Raises:

@@ -155,6 +155,25 @@ def test_what_a_parameter_file_says_in_vain_is_told(tmp_path, capsys, monkeypatc
     assert capsys.readouterr().err == (f"localize_log.py: {told}\n" if told else "")
 
 
+@pytest.mark.parametrize("times, told", [
+    ([0.0, 0.2, 0.4, 0.0, 0.2], "1 of 5 times do not rise; the first is of scan 3, -0.4 s after the one before"),
+    ([3.0] * 5, "4 of 5 times do not rise; the first is of scan 1, 0 s after the one before"),
+    ([0.0, np.nan, 0.4, 0.6, 0.8], "2 of 5 times do not rise; the first is of scan 1, nan s after the one before"),
+    ([0.0, 200.0, 400.0, 600.0, 900.0], "its scans are 200 s apart; times must be in seconds"),
+    ([0.0, 0.2, 0.5, 0.7, 60.0], ""),
+])
+def test_times_by_which_no_jump_of_odometry_can_be_told_are_told(tmp_path, capsys, monkeypatch, times, told):
+    """In milliseconds, or of two drives in one log, they left a filter metres off where odometry began anew."""
+    monkeypatch.chdir(tmp_path)
+    made = make_drive("hall", 5, Rough(beams=60), np.random.default_rng(1))
+    save_log("one.npz", replace(made.log, times=np.array(times)))
+    save_map("one", made.occupancy)
+    for more in [], ["--seeds", "2"]:
+        assert main(["one.npz", "one.yaml", *more]) == 0
+        assert capsys.readouterr().err == (
+            f"localize_log.py: log one.npz: {told}; jumps of its odometry may be taken for driving\n" if told else "")
+
+
 def test_a_log_on_two_maps_has_a_row_for_each_and_what_is_asked_for_twice_counts_once(tmp_path, monkeypatch):
     """Both maps went into one row by the log's name, half right, and which of them was the better was not to be seen.
 
