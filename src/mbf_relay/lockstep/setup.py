@@ -13,7 +13,7 @@ from mbf_relay.costmap import LAYERS
 from mbf_relay.costmap.factory import build_costmap, layer_groups
 from mbf_relay.costmap.layer import Layer
 from mbf_relay.costmap.parameters import CostmapParameters
-from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters
+from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters, initial_pose_from
 from mbf_relay.lockstep.fitting import fitted
 from mbf_relay.lockstep.settings import Settings, change, flatten, load_own, load_settings, merged, own_part
 from mbf_relay.lockstep.tasks import MAP_RESOLUTION, EpisodeTask
@@ -202,6 +202,9 @@ def _check_values(settings: Settings) -> None:
     SimulationParameters.from_mapping(settings["simulator"])
     faults_in(settings)
     AmclParameters.from_mapping(settings["amcl"])
+    for name in initial_pose_from(settings["amcl"])[2]:
+        given = settings["amcl"][name]
+        raise ValueError(f"parameter {name} is {given!r}; it must be a finite number, of a covariance 0 or more")
     server = settings[SERVER]
     for name in ("global_costmap", "local_costmap"):
         for layer, reason in build_costmap(name, server.get(name, {}), server).failed.items():
@@ -223,6 +226,7 @@ def known_types(settings: Settings) -> Dict[str, Any]:
     declare("simulator", SimulationParameters)
     declare("simulator.faults", Faults)
     declare("amcl", AmclParameters)
+    found.update({f"amcl.{name}": float for name in INITIAL})
     declare(SERVER, NavigatorParameters)
     for listed in PLUGIN_LISTS:
         for name, (type_name, _) in entries_of(listed.kind, server.get(listed.kind, []), listed.costmap).items():

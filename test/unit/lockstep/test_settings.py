@@ -166,9 +166,17 @@ def test_what_a_world_states_or_no_drive_needs_is_not_changed_in_vain_untold(tmp
     assert note.startswith(f"{name}: has no effect in these drives: ") and why in note
 
 
+@pytest.mark.parametrize("change", ["initial_pose_x=here", "initial_cov_aa=-1", "initial_pose_a=.nan"])
+def test_a_start_that_is_none_is_refused_and_not_another_one_taken(change):
+    """The filter began at 0 in its place, or as sure of the pose as by default, and no line said so."""
+    name = change.partition("=")[0]
+    with pytest.raises(ValueError, match=f"parameter {name} is .*; it must be a finite number"):
+        make_setup(config_folder(), changes=[change])
+
+
 @pytest.mark.parametrize("worlds, options", [
     ("circle", {"changes": ["initial_pose_x=-0.3"]}),
-    ("free", {"changes": ["laser_sigma_hit=0.4"], "prior_map": "known", "map_resolution": 0.02}),
+    ("free", {"changes": ["initial_cov_xx=0.5"], "prior_map": "known", "map_resolution": 0.02}),
 ])
 def test_where_no_world_states_it_the_parameter_counts(tmp_path, worlds, options):
     source = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE) if worlds == "free" else worlds
