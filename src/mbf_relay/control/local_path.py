@@ -211,6 +211,7 @@ class PathTracker:
         # the pose before a fold tells the heading it is reached with: its own may be that with which it is left
         goals = [Pose2D(*[*points[fold].tolist(), float(poses[kept[fold] - 1, 2])]) for fold in folds]
         self._legs = [_Leg(slice(*part), goal) for part, goal in zip(zip([0, *ends], ends), [*goals, self.path.goal])]
+        self._leg = min(self._leg, len(self._legs) - 1)  # on a coarser grid than before, fewer folds may be seen
 
     def remaining(self, state: ControlState) -> float:
         """Return how much (m) of the path is left from the robot's place on it."""

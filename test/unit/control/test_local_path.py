@@ -13,6 +13,7 @@ from mbf_relay.control.local_path import PathTracker
 from mbf_relay.control.state import ControlState
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.grid import Grid
 from mbf_relay.outcomes import ControlError, ControlOutcome
 from mbf_relay.planning.path import Path
 
@@ -100,6 +101,18 @@ def test_a_path_to_and_fro_is_followed_to_each_of_its_ends_however_many_poses_it
     for x, end in zip((0.5, 0.98, 0.02, 0.98), (1.0, 0.0, 1.0, 0.0)):
         assert tracker.cut(state(x, 0.0), 0.3, 3.0, 0.2, 0.05).goal[:2] == pytest.approx((end, 0.0), abs=0.02)
     assert tracker.is_on_last_leg
+
+
+def test_a_costmap_that_becomes_coarser_on_the_way_does_not_end_the_drive():
+    """Of short ways to and fro fewer are seen on it; the leg that the robot was on was none any more."""
+    corners = [(0.3 * (number % 2), 0.01 * number) for number in range(6)]
+    tracker = tracker_on(line(*corners))
+    for x, y in corners:
+        tracker.cut(state(x, y), 0.3, 3.0, 0.2, 0.05)
+    coarse = dataclasses.replace(
+        COSTMAP, grid=Grid(0.5, -5.0, -5.0, 20, 20), costs=np.zeros((20, 20), dtype=np.uint8))
+    here = dataclasses.replace(state(*corners[-1]), costmap=coarse)
+    assert tracker.cut(here, 0.3, 3.0, 0.2, 0.05).remaining < 0.1 and tracker.is_on_last_leg
 
 
 def test_a_robot_that_goes_round_something_on_its_way_back_is_not_taken_for_one_on_its_way_there():
