@@ -295,6 +295,14 @@ def _nearest_allowed(value: Any, field: Any) -> Any:
     return field.default
 
 
+def number_spelt(text: str) -> Optional[float]:
+    """Return the number that a text spells, before a comment that YAML takes for none; None where it spells none."""
+    try:
+        return float(text.partition("#")[0])
+    except ValueError:
+        return None
+
+
 def _spelt(name: str, value: Any, hint: Any) -> Tuple[Any, str]:
     """Return what a value of another type spells where a number or a switch is wanted, and a note; else itself.
 
@@ -312,9 +320,8 @@ def _spelt(name: str, value: Any, hint: Any) -> Tuple[Any, str]:
         return whole, f"parameter {name} is {value!r}; it must be a whole number: {whole} is used"
     if not isinstance(value, str) or hint not in (float, int, Optional[float], Optional[int]):
         return value, ""
-    try:
-        number = float(spelt)
-    except ValueError:
+    number = number_spelt(value)
+    if number is None:
         return value, ""
     return number, f"parameter {name} is the text {value!r}: the number {number:g} is used"
 

@@ -174,6 +174,14 @@ def test_an_omnidirectional_robot_whose_file_names_one_side_goes_to_either(given
     assert (parameters.min_vel_y, parameters.max_vel_y) == limits
 
 
+def test_numbers_that_yaml_takes_for_texts_set_what_follows_from_them_too():
+    """A robot that was to drive 1.5 m/s drove 0.5, and one that was to brake by 1 m/s^2 was refused."""
+    texts = {"vx_max": "15e-1", "wz_max": "3e-1", "ax_min": "-1e0"}
+    taken, _notes = MppiParameters.read(texts)
+    assert taken == MppiParameters.read({name: float(text) for name, text in texts.items()})[0]
+    assert (taken.max_vel_trans, taken.min_vel_theta, taken.acc_lim_x) == (1.5, 0.3, 1.0)
+
+
 def test_names_of_nav2s_files_mean_what_they_mean_there():
     values = {
         "vx_max": 0.4,

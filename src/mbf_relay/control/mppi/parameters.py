@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.mppi import CRITICS
-from mbf_relay.parameters import parameter
+from mbf_relay.parameters import number_spelt, parameter
 
 DIFF_DRIVE, OMNI, ACKERMANN = "DiffDrive", "Omni", "Ackermann"
 
@@ -89,11 +89,13 @@ class MppiParameters(FollowerParameters):
         elif not is_omni:
             result.update(max_vel_y=0.0, min_vel_y=0.0)
         if "ax_min" in values:
-            braking = values["ax_min"]
-            result.setdefault("acc_lim_x", 3.0 if _is_number(braking) else braking)
-            if _is_number(braking) and _is_number(result["acc_lim_x"]):
-                result["acc_lim_x"] = min(result["acc_lim_x"], abs(braking))
-        numbers = {name: value for name, value in result.items() if _is_number(value)}
+            braking = _number(values["ax_min"])
+            result.setdefault("acc_lim_x", values["ax_min"] if braking is None else 3.0)
+            starting = _number(result["acc_lim_x"])
+            if braking is not None and starting is not None:
+                result["acc_lim_x"] = min(starting, abs(braking))
+        numbers = {name: number for name, number in ((name, _number(value)) for name, value in result.items())
+                   if number is not None}
         result.setdefault("max_vel_trans", math.hypot(numbers.get("max_vel_x", 0.5), numbers.get("max_vel_y", 0.0)))
         result.setdefault("min_vel_trans", 0.0)
         result.setdefault("min_vel_theta", min(0.4, numbers.get("max_vel_theta", 0.4)))
@@ -142,9 +144,12 @@ NAV2_OF_ITS_OWN = (
 """Names in Nav2's files that ask for what goes by other ways here; they are passed over in silence."""
 
 
-def _is_number(value: Any) -> bool:
-    """Return whether a user's value can be reckoned with; what is none is refused under its name afterwards."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+def _number(value: Any) -> Optional[float]:
+    """Return the number that a user's value is or spells; None where it is none and refused under its name afterwards.
+    """
+    if isinstance(value, str):
+        return number_spelt(value)
+    return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
 
 
 def _opposite(value: Any) -> Any:
@@ -152,4 +157,5 @@ def _opposite(value: Any) -> Any:
     if isinstance(value, str):
         text = value.strip()
         return text[1:] if text.startswith("-") else f"-{text}"
-    return -value if _is_number(value) else value
+    number = _number(value)
+    return value if number is None else -number
