@@ -17,7 +17,13 @@ import numpy as np
 from mbf_relay import files
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.logs import RecordedLog, doubts_on_times, load_log
-from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters, initial_pose_from
+from mbf_relay.localization.node_parameters import (
+    INITIAL,
+    NODE_ONLY,
+    AmclParameters,
+    initial_pose_from,
+    require_initial_pose,
+)
 from mbf_relay.localization.replay import Replay, replay, require_use, summarize
 from mbf_relay.localization.stress import Stress, parse_stress
 from mbf_relay.localization.trials import LogTask, as_json, run, summarize_trials, table
@@ -112,6 +118,7 @@ def read_parameters(path: Optional[str]) -> Tuple[AmclParameters, Mapping[str, A
             hint = AmclParameters.hint(name)
             print(f"localize_log.py: parameter file {path}: {name} is not known here{hint}", file=sys.stderr)
     try:
+        require_initial_pose(values)
         return AmclParameters.from_mapping(values), values
     except ValueError as error:
         raise ValueError(f"parameter file {path}: {error}") from error

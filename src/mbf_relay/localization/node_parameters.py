@@ -81,6 +81,12 @@ def initial_pose_from(values: Mapping[str, Any]) -> Tuple[Pose2D, np.ndarray, Tu
     return pose, covariance, tuple(refused)
 
 
+def require_initial_pose(values: Mapping[str, Any]) -> None:
+    """Raise ValueError where a value of initial pose or covariance is unusable: in a comparison no default is meant."""
+    for name in initial_pose_from(values)[2]:
+        raise ValueError(f"parameter {name} is {values[name]!r}; it must be a finite number, of a covariance 0 or more")
+
+
 def initial_pose_as_parameters(pose: Pose2D, covariance: np.ndarray) -> Dict[str, float]:
     """Return a pose and its covariance, shape (3, 3), by the names they are saved under."""
     values = (pose.x, pose.y, pose.theta, covariance[0, 0], covariance[1, 1], covariance[2, 2])

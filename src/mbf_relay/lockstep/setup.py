@@ -13,7 +13,7 @@ from mbf_relay.costmap import LAYERS
 from mbf_relay.costmap.factory import build_costmap, layer_groups
 from mbf_relay.costmap.layer import Layer
 from mbf_relay.costmap.parameters import CostmapParameters
-from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters, initial_pose_from
+from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters, require_initial_pose
 from mbf_relay.lockstep.fitting import fitted
 from mbf_relay.lockstep.settings import Settings, change, flatten, load_own, load_settings, merged, own_part
 from mbf_relay.lockstep.tasks import MAP_RESOLUTION, EpisodeTask
@@ -202,9 +202,7 @@ def _check_values(settings: Settings) -> None:
     SimulationParameters.from_mapping(settings["simulator"])
     faults_in(settings)
     AmclParameters.from_mapping(settings["amcl"])
-    for name in initial_pose_from(settings["amcl"])[2]:
-        given = settings["amcl"][name]
-        raise ValueError(f"parameter {name} is {given!r}; it must be a finite number, of a covariance 0 or more")
+    require_initial_pose(settings["amcl"])
     server = settings[SERVER]
     for name in ("global_costmap", "local_costmap"):
         for layer, reason in build_costmap(name, server.get(name, {}), server).failed.items():

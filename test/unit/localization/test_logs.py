@@ -141,6 +141,8 @@ def test_a_log_without_a_scan_is_told_so(tmp_path):
      "parameter file amcl.yaml: min_particels is not known here; did you mean 'min_particles'?"),
     ("move_base_flex: {odom_topic: odom}", 0, "parameter file amcl.yaml: move_base_flex is not known here"),
     ("amcl:  # {min_particles: 50}", 0, ""),
+    ("initial_pose_x: here", 1, "parameter file amcl.yaml: parameter initial_pose_x is 'here'; it must be a finite "
+     "number, of a covariance 0 or more"),
     ("amcl: 3", 1, "parameter file amcl.yaml holds int; it must hold names and values"),
 ])
 def test_what_a_parameter_file_says_in_vain_is_told(tmp_path, capsys, monkeypatch, text, status, told):
