@@ -6,7 +6,7 @@ import types
 import pytest
 import rospy
 
-from mbf_relay.ros.common import master_watch, node
+from mbf_relay.ros.common import logs, master_watch, node
 
 
 @pytest.fixture
@@ -17,7 +17,7 @@ def closing(monkeypatch):
     monkeypatch.setattr(rospy.core, "_in_shutdown", False)
     monkeypatch.setattr(rospy.core, "_shutdown_flag", False)
     for name in ("complain_once", "log_without_waiting", "log_without_master"):
-        monkeypatch.setattr(node.logs, name, lambda: None)
+        monkeypatch.setattr(logs, name, lambda: None)
     monkeypatch.setattr(master_watch, "MasterWatch", lambda _start_again: None)
 
     def publish():
