@@ -24,7 +24,7 @@ class RelayLostServerTest(RelayCase):
         end = self.end_of(self.send("arrive"), 25.0)
         if "died" in end.text:  # the relay had not noticed yet when the goal came
             end = self.end_of(self.send("arrive"), 25.0)
-        self.assertIn("'move_base_flex' within 15 s", end.text)
+        self.assertIn("'/move_base_flex' within 15 s", end.text)
         waiting = self.send("arrive")
         self.wait_for_status(waiting, GoalStatus.ACTIVE)
         self.start_server()
