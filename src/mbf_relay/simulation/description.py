@@ -46,12 +46,13 @@ def lidar_elsewhere(description: str, base_frame: str, scan_frame: str, robot: R
         return ""
     return (
         f"robot_description has {scan_frame} at {_place(told)}, and the lidar of {robot.name}, which is simulated, "
-        f"measures from {_place(measured)} (x, y, z, yaw in {base_frame}): all that is seen will seem to be elsewhere; "
-        "give as robot a .yaml that has it there, see config/robot")
+        f"measures from {_place(measured)} (x, y, z, yaw, tilt in {base_frame}): all that is seen will seem to be "
+        "elsewhere; give as robot a .yaml that has it there, see config/robot, where it looks level and upright")
 
 
 def _place(frame: Frame) -> str:
-    return f"({', '.join(f'{value:.3f}' for value in (*frame.position, frame.flat().theta))})"
+    tilt = math.acos(max(-1.0, min(1.0, float(frame.rotation[2, 2]))))
+    return f"({', '.join(f'{value:.3f}' for value in (*frame.position, frame.flat().theta, tilt))})"
 
 
 def urdf_of(robot: RobotModel) -> str:

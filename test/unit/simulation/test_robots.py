@@ -210,9 +210,12 @@ def test_a_description_that_has_the_lidar_elsewhere_than_it_measures_from_is_nam
     turned = told.replace('xyz="-0.032 0 0.172" rpy="0 0 0"', 'xyz="0.1 0 0.172" rpy="0 0 3.14159"')
     assert turned != told
     said = lidar_elsewhere(turned, "base_footprint", "base_scan", burger)
-    assert "base_scan at (0.100, 0.000, 0.182, 3.142)" in said and "from (-0.032, 0.000, 0.182, 0.000)" in said
-    over_head = told.replace('xyz="-0.032 0 0.172" rpy="0 0 0"', 'xyz="-0.032 0 0.172" rpy="3.14159 0 0"')
-    assert lidar_elsewhere(over_head, "robot/base_footprint", "robot/base_scan", burger), "upside down"
+    assert "base_scan at (0.100, 0.000, 0.182, 3.142, 0.000)" in said
+    assert "from (-0.032, 0.000, 0.182, 0.000, 0.000)" in said
+    for tilt in (3.141, 0.209):  # the first is upside down; of either it told the same place twice
+        tilted = told.replace('xyz="-0.032 0 0.172" rpy="0 0 0"', f'xyz="-0.032 0 0.172" rpy="0 {tilt} 0"')
+        said = lidar_elsewhere(tilted, "robot/base_footprint", "robot/base_scan", burger)
+        assert f", {tilt:.3f}), and the lidar of burger" in said
     for elsewhere in ("", "<robot", "<robot/>", told.replace('"0 0 0.01"', '"0 0 zero"')):
         assert lidar_elsewhere(elsewhere, "base_footprint", "base_scan", burger) == ""
 
