@@ -230,6 +230,7 @@ class Runner:
         self._waiting: List[Job] = []
         self._begun: List[Job] = []
         self._running: List[subprocess.Popen] = []
+        self._threads: List[threading.Thread] = []
         self._cores = self._drives = 1
         self._stopped = False
 
@@ -239,21 +240,27 @@ class Runner:
         Of those that drive, and are not patient, `drives` run at a time, beside them as many more that are.
         """
         self._waiting, self._cores, self._drives = list(jobs), workers, drives
-        threads = [threading.Thread(target=self._work, daemon=True) for _ in range(self._most())]
-        for thread in threads:
+        self._threads = [threading.Thread(target=self._work, daemon=True) for _ in range(self._most())]
+        for thread in self._threads:
             thread.start()
-        for thread in threads:
+        for thread in self._threads:
             while thread.is_alive():
                 thread.join(0.2)
 
     def stop(self) -> None:
-        """End what runs and start nothing more."""
+        """End what runs, start nothing more, and return once no thread is at work.
+
+        Python may crash that ends under one.
+        """
         with self._lock:
             self._stopped = True
             self._lock.notify_all()
             running = list(self._running)
         for process in running:
             job_processes.end_group(process)
+        for thread in self._threads:
+            if thread.is_alive():  # the run may have been ended before this one was started
+                thread.join()
 
     def _most(self) -> int:
         return self._cores + MORE * (self._cores > 1)
@@ -290,7 +297,7 @@ class Runner:
             with self._lock:
                 self._begun.remove(job)
                 self._lock.notify_all()
-                if outcome is None:
+                if outcome is None or self._stopped:
                     return
                 self.outcomes.append(outcome)
                 words = "FAILED" if outcome.failed else "passed"

@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 from types import SimpleNamespace
 
 import job_processes
@@ -193,6 +194,44 @@ def test_who_interrupts_a_run_is_told_that_and_sees_no_traceback_of_jobs_that_we
 
 def test_without_a_run_there_is_nothing_to_tell(tmp_path):
     assert "no run" in job_times.table(str(tmp_path))
+
+
+def test_nothing_is_at_work_for_a_run_once_it_was_ended(tmp_path, monkeypatch):
+    """Python ended under the threads that looked for what jobs had left, and the run with a segmentation fault."""
+    ending, ended, look = threading.Event(), [], job_processes.end_what_is_left
+
+    def look_late(group):
+        ending.wait(60.0)
+        ended.append(look(group))
+
+    monkeypatch.setattr(job_processes, "end_what_is_left", look_late)
+    runner = Runner(str(tmp_path), long=False)
+    running = threading.Thread(target=runner.run, args=([job("unit", "input()")],), kwargs={"workers": 1, "drives": 1})
+    running.start()
+    wait_until(lambda: runner._running, "the job")
+    stopping = threading.Thread(target=runner.stop)
+    stopping.start()
+    stopping.join(0.5)
+    assert stopping.is_alive(), "it waits for what is at work"
+    ending.set()
+    stopping.join(60.0)
+    running.join(60.0)
+    assert ended == [""] and runner.outcomes == []
+
+
+def test_a_run_that_is_interrupted_as_it_begins_ends_as_any_other(tmp_path, monkeypatch):
+    begun, start = [], threading.Thread.start
+
+    def interrupted(thread):
+        if begun:
+            raise KeyboardInterrupt
+        begun.append(thread)
+        start(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", interrupted)
+    results = str(tmp_path / "results")
+    assert run_all.run([job("unit", "input()")], results, SimpleNamespace(long=False, jobs=2)) == 130
+    assert not begun[0].is_alive()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
