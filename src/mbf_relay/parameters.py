@@ -298,9 +298,13 @@ def _nearest_allowed(value: Any, field: Any) -> Any:
 def number_spelt(text: str) -> Optional[float]:
     """Return the number that a text spells, before a comment that YAML takes for none; None where it spells none."""
     try:
-        return float(text.partition("#")[0])
+        return float(_before_comment(text))
     except ValueError:
         return None
+
+
+def _before_comment(text: str) -> str:
+    return text.partition("#")[0].strip()
 
 
 def _spelt(name: str, value: Any, hint: Any) -> Tuple[Any, str]:
@@ -310,10 +314,9 @@ def _spelt(name: str, value: Any, hint: Any) -> Tuple[Any, str]:
     full-width blank, as Chinese and Japanese keyboards write it, a # begins no comment and belongs to the value. A
     number with a fraction is rounded where a whole one is wanted, a half away from 0; roscpp does so, too.
     """
-    spelt = value.partition("#")[0].strip() if isinstance(value, str) else value
     if hint in (bool, Optional[bool]) and not isinstance(value, bool):
         for meant, spellings in SWITCHES.items():
-            if str(spelt).lower() in spellings:
+            if _before_comment(str(value)).lower() in spellings:
                 return meant, f"parameter {name} is {value!r}: {str(meant).lower()} is used"
     if hint in (int, Optional[int]) and isinstance(value, float) and math.isfinite(value) and not value.is_integer():
         whole = int(math.copysign(math.floor(abs(value) + 0.5), value))

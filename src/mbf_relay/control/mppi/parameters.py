@@ -153,9 +153,6 @@ def _number(value: Any) -> Optional[float]:
 
 
 def _opposite(value: Any) -> Any:
-    """Return a number, or a text that spells one, with the other sign; all else, which is refused, as it is."""
-    if isinstance(value, str):
-        text = value.strip()
-        return text[1:] if text.startswith("-") else f"-{text}"
+    """Return the number that a user's value is or spells with the other sign; all else, which is refused, as it is."""
     number = _number(value)
     return value if number is None else -number
