@@ -293,7 +293,7 @@ class AmclNode:
             try:
                 scan, laser_pose = message[1:] if isinstance(message, CloudScan) else scan_in_base(
                     message, values.base_frame_id, self.transforms)[:2]
-                scan = self._timings.corrected(scan, laser_pose)
+                scan = self._timings.corrected(scan, laser_pose if isinstance(message, CloudScan) else None)
                 self._odom_pose = self.transforms.lookup(values.odom_frame_id, values.base_frame_id, scan.stamp)
                 self._odom_stamp = scan.stamp
                 self._newest_scan = scan, laser_pose

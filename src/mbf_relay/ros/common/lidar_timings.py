@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import threading
-from typing import Callable, Dict, Tuple
+from typing import Callable, Dict, Optional, Tuple
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.ros.common.checks import shown
+from mbf_relay.ros.common.lidar_geometry import mounting_of
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.scan import LaserScan
 from mbf_relay.scan_timing import ScanTiming
@@ -27,11 +28,16 @@ class LidarTimings:
         self._timings: Dict[str, ScanTiming] = {}  # by frame
         self._lock = threading.Lock()  # guards all timings
 
-    def corrected(self, scan: LaserScan, laser_in_base: Pose2D) -> LaserScan:
-        """Learn from a scan, seen from above, and return it set right, dated by odometry's time."""
+    def corrected(self, scan: LaserScan, laser_in_base: Optional[Pose2D] = None) -> LaserScan:
+        """Learn from a scan, seen from above, and return it set right, dated by odometry's time.
+
+        `laser_in_base` is for what was made to look along the base's axes; a lidar's own frame may turn on the robot.
+        """
         base_frame, odom_frame = self._frames()
 
         def pose_at(time: float) -> Pose2D:
+            if laser_in_base is None:
+                return mounting_of(self._transforms.lookup_message(odom_frame, scan.frame, time).transform)[0]
             return self._transforms.lookup(odom_frame, base_frame, time).compose(laser_in_base)
 
         with self._lock:

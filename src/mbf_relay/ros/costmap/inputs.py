@@ -203,9 +203,8 @@ class SensorInput:
 
     def _set_right(self, scan: LaserScan, mount: Transform) -> LaserScan:
         """Return a scan as if all its beams had been taken at once; `mount` takes its points to the base."""
-        laser_in_base, upside_down = mounting_of(mount)
-        return seen_from_above(
-            self._timings.corrected(seen_from_above(scan, upside_down), laser_in_base), upside_down)
+        _, upside_down = mounting_of(mount)
+        return seen_from_above(self._timings.corrected(seen_from_above(scan, upside_down)), upside_down)
 
     def _require_sight(self, scan: LaserScan, sensor: TransformStamped, mount: Transform, rides: bool) -> None:
         """Raise BlindSensor where a scan shows nothing; `sensor` takes its points to the costmap, `mount` to the base.
