@@ -125,11 +125,6 @@ class MapFileParameters(ParameterSet):
     def check(self) -> None:
         if not self.image:
             raise ValueError("parameter image is empty; it must name the map's image file")
-        if self.free_thresh > self.occupied_thresh:
-            raise ValueError(
-                f"parameter free_thresh is {self.free_thresh}; it must not be above occupied_thresh "
-                f"{self.occupied_thresh}"
-            )
         if not Pose2D(*self.origin).is_finite():
             raise ValueError(f"parameter origin is {self.origin}; it must be finite")
 
@@ -311,7 +306,7 @@ def _value_table(count: int, parameters: MapFileParameters) -> np.ndarray:
         span = max(parameters.occupied_thresh - parameters.free_thresh, 1e-12)
         table = np.clip(1.0 + 98.0 * (share - parameters.free_thresh) / span, 1, 99).astype(np.int8)
     table[share < parameters.free_thresh] = FREE
-    table[share > parameters.occupied_thresh] = OCCUPIED
+    table[share > parameters.occupied_thresh] = OCCUPIED  # last, as in map_server: it wins where thresholds cross
     return table
 
 

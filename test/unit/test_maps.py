@@ -40,6 +40,14 @@ def test_scale_grades_between_the_thresholds(tmp_path):
     assert occupancy.data[0, :3].tolist() == [0, 100, int(1 + 98 * (share - 0.196) / (0.65 - 0.196))]
 
 
+@pytest.mark.parametrize("mode", ["trinary", "scale"])
+def test_a_map_without_unknown_cells_has_its_thresholds_crossed(tmp_path, mode):
+    """Makers of maps write 0.1 and 0.9, or 0.05 and 0.95: what is not occupied is free."""
+    pixels = np.array([[255, 242, 216, 128, 0]], dtype=np.uint8)
+    occupancy = load_map(write(tmp_path, pixels, mode=mode, thresholds=(0.1, 0.9)))
+    assert occupancy.data.tolist() == [[0, 0, 100, 100, 100]]
+
+
 def test_scale_takes_transparent_for_unknown_and_leaves_alpha_out_of_the_average(tmp_path):
     pixels = np.array([[[128, 128, 128, 0], [128, 128, 128, 255], [0, 0, 0, 0]]], dtype=np.uint8)
     occupancy = load_map(write(tmp_path, pixels, mode="scale"))
@@ -148,7 +156,7 @@ def test_saving_keeps_to_the_thresholds(tmp_path):
         (("resolution: 0.1", "resolution: thick"), "resolution is 'thick'"),
         (("trinary", "ternary"), "mode is 'ternary'"),
         (("[0.0, 0.0, 0.0]", "[0.0, 0.0]"), "origin has 2 entries"),
-        (("free_thresh: 0.196", "free_thresh: 0.9"), "free_thresh is 0.9"),
+        (("free_thresh: 0.196", "free_thresh: 1.9"), "free_thresh is 1.9"),
         (("image: map.png", "image: ''"), "image is empty"),
         (("image", "{"), "no YAML"),
     ],
