@@ -38,6 +38,7 @@ SEE = {
 
 IDLE = "so that the layer marks nothing"
 BLIND = "so that nothing is seen there: the robot drives into what is not on the map"
+MAPLESS = "so that paths are planned without the map, and with the defaults of costmap_2d in all else"
 
 Doubt = Tuple[str, str]
 """Name of the parameter below the node, and what there is to say of it."""
@@ -46,8 +47,9 @@ Doubt = Tuple[str, str]
 def doubts(config: Mapping[str, Any]) -> List[Doubt]:
     """Return what can hardly be meant in a server's parameters."""
     found: List[Doubt] = []
-    if "local_costmap" not in config:
-        found.append(("local_costmap", f"is not given, {BLIND}"))
+    for side, follows in (("global_costmap", MAPLESS), ("local_costmap", BLIND)):
+        if side not in config:
+            found.append((side, f"is not given, {follows}"))
     for name, group in config.items():
         if isinstance(group, Mapping):
             if name in ("global_costmap", "local_costmap"):

@@ -109,12 +109,15 @@ def test_of_amcl_s_parameters_none_is_called_used_that_is_without_effect():
 
 
 @pytest.mark.parametrize("examine", [examine_server, examine_move_base])
-def test_a_robot_whose_local_costmap_s_file_was_not_loaded_is_not_called_sound(examine):
-    """It saw nothing and drove into what was not on the map; of a file that lacked its sensors alone that was told."""
-    found = examine({name: values for name, values in SERVER.items() if name != "local_costmap"})
-    (text,) = [finding.text for finding in found.of(DOUBTFUL) if finding.name == "local_costmap"]
-    assert "is not given, so that nothing is seen there" in text
-    assert not [finding for finding in examine(SERVER).of(DOUBTFUL) if finding.name == "local_costmap"]
+@pytest.mark.parametrize("side, follows", [
+    ("local_costmap", "so that nothing is seen there"), ("global_costmap", "so that paths are planned without the map"),
+])
+def test_a_robot_whose_costmap_s_file_was_not_loaded_is_not_called_sound(examine, side, follows):
+    """It saw nothing and drove into what was not on the map, or planned through the walls that are on it."""
+    found = examine({name: values for name, values in SERVER.items() if name != side})
+    (text,) = [finding.text for finding in found.of(DOUBTFUL) if finding.name == side]
+    assert f"is not given, {follows}" in text
+    assert not [finding for finding in examine(SERVER).of(DOUBTFUL) if finding.name == side]
 
 
 def test_a_layer_that_sees_nothing_is_not_called_a_robot_that_does():

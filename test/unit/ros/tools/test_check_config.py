@@ -190,6 +190,7 @@ def test_a_launch_file_is_read_with_its_arguments_includes_and_namespaces(tmp_pa
         <rosparam file="{tmp_path}/common.yaml" command="load" ns="local_costmap"/>
         <param name="DWAPlannerROS/max_vel_x" value="$(arg speed)" if="$(eval speed != '')"/>
         <param name="base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>
+        <param name="global_costmap/width" value="20"/>
       </node></launch>""")
     launch = f"""<launch><arg name="speed" default="0.3"/>
       <include file="{tmp_path}/inner.launch"><arg name="speed" value="$(arg speed)"/></include></launch>"""
@@ -203,7 +204,7 @@ LAUNCH_OF_A_SPEED = """<launch><arg name="speed" default="0.3"/>
   <node pkg="move_base" type="move_base" name="move_base">
     <param name="base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>
     <param name="DWAPlannerROS/max_vel_x" value="$(arg speed)"/>
-    <rosparam ns="local_costmap">{observation_sources: scan, scan: {topic: scan}}</rosparam>
+    <rosparam>{local_costmap: {observation_sources: scan, scan: {topic: scan}}, global_costmap: {width: 20}}</rosparam>
   </node></launch>"""
 
 
@@ -272,7 +273,7 @@ OVERRIDES_BEHIND = """<launch><arg name="overrides" default=""/><arg name="guard
   <node pkg="mbf_relay" type="move_base" name="move_base">
     <param name="base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>
     <param name="DWAPlannerROS/max_vel_x" value="0.2" unless="$(arg guard)"/>
-    <rosparam ns="local_costmap">{observation_sources: scan, scan: {topic: scan}}</rosparam>
+    <rosparam>{local_costmap: {observation_sources: scan, scan: {topic: scan}}, global_costmap: {width: 20}}</rosparam>
   </node>
   <rosparam command="load" file="$(arg overrides)" unless="$(eval overrides == '')"/></launch>"""
 
@@ -346,6 +347,7 @@ def test_a_launch_file_without_a_server_is_told(tmp_path, capsys):
 NODE = """<node pkg="move_base" type="move_base" name="move_base">
   <param name="base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>
   <rosparam file="$(find laptop_robot)/config/common.yaml" command="load" ns="local_costmap"/>
+  <param name="global_costmap/width" value="20"/>
 </node>"""
 
 

@@ -221,7 +221,9 @@ def test_an_expression_that_python_cannot_evaluate_is_told_where_its_value_is_wa
     """It ended in Python's words, without file or text, also where nothing of a server came of it."""
     text = f"""<launch><arg name="model" default=""/><arg name="speed" default="$(eval {expression})"/>
       <node pkg="move_base" type="move_base" name="move_base">
-        <rosparam ns="local_costmap">{{observation_sources: scan, scan: {{topic: scan}}}}</rosparam>
+        <rosparam>
+          {{local_costmap: {{observation_sources: scan, scan: {{topic: scan}}}}, global_costmap: {{width: 20}}}}
+        </rosparam>
         <param name="TrajectoryPlannerROS/max_vel_x" value="{wanted}"/>
       </node></launch>"""
     assert check(tmp_path, text, name="nav.launch")[0] == status
