@@ -148,8 +148,6 @@ def _old_form(values: Mapping[str, Any]) -> List[Tuple[str, str, Dict[str, Any]]
 
 
 def _layer(name: str, type_name: str, group: Mapping[str, Any]) -> Layer:
-    if not isinstance(type_name, str):
-        raise ValueError(f"layer '{name}' has type {type_name!r}; it must be a text")
     try:
         found = _class_of(type_name, group)
     except plugins.PluginError as error:
@@ -161,15 +159,26 @@ def _layer(name: str, type_name: str, group: Mapping[str, Any]) -> Layer:
     return layer
 
 
+def layer_class(type_name: str, group: Mapping[str, Any]) -> Type[Layer]:
+    """Return the class that a layer of a type and of these parameters is made of.
+
+    Raises:
+        ValueError: There is none.
+    """
+    return plugins.find_class(_class_of(type_name, group), Layer, LAYERS)
+
+
 def _class_of(type_name: str, group: Mapping[str, Any]) -> str:
     """Return the type to make a layer of.
 
     Its own, or for an unknown one that lists sensors, the nearest that marks those.
 
     Raises:
-        PluginError: It is a class in Python and cannot be loaded.
+        PluginError: It is no text, or a class in Python and cannot be loaded.
         _UnknownLayer: It is unknown, and lists no sensors.
     """
+    if not isinstance(type_name, str):
+        raise plugins.PluginError(f"its type is {type_name!r}; it must be a text")
     try:
         plugins.find_class(type_name, Layer, LAYERS)
     except plugins.PluginError as error:
@@ -201,11 +210,10 @@ def unknown_names(values: Mapping[str, Any]) -> Dict[str, str]:
     sources: Dict[str, Any] = {}
     for layer_name, type_name, group in groups:
         try:
-            layer_class = plugins.find_class(_class_of(type_name, group), Layer, LAYERS)
-        except (plugins.PluginError, _UnknownLayer):
+            kind = layer_class(type_name, group).Parameters
+        except ValueError:
             continue  # nothing is known of its parameters
         prefix = "" if old_form else f"{layer_name}/"
-        kind = layer_class.Parameters
         for name in kind.unknown_names(group):
             if name not in read:
                 below[f"{prefix}{name}"] = kind.hint(name)

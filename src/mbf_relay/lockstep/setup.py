@@ -9,9 +9,7 @@ from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
-from mbf_relay.costmap import LAYERS
-from mbf_relay.costmap.factory import build_costmap, layer_groups
-from mbf_relay.costmap.layer import Layer
+from mbf_relay.costmap.factory import build_costmap, layer_class, layer_groups
 from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters, require_initial_pose
 from mbf_relay.lockstep.fitting import fitted
@@ -234,9 +232,9 @@ def known_types(settings: Settings) -> Dict[str, Any]:
     for costmap in ("global_costmap", "local_costmap"):
         group = server.get(costmap, {})
         declare(f"{SERVER}.{costmap}", CostmapParameters)
-        for layer, type_name, _ in layer_groups(group):
+        for layer, type_name, values in layer_groups(group):
             prefix = f"{SERVER}.{costmap}" + (f".{layer}" if "plugins" in group else "")
-            declare(prefix, find_class(type_name, Layer, LAYERS).Parameters)
+            declare(prefix, layer_class(type_name, values).Parameters)
     return found
 
 
@@ -259,7 +257,9 @@ def without_map(server: Dict[str, Any], task: EpisodeTask) -> Dict[str, Any]:
     low, high = _extent(task)
     group.update(zip(LAID, (False, False, False, *low, high[0] - low[0], high[1] - low[1])))
     if "plugins" in group:
-        group["plugins"] = [entry for entry in group["plugins"] if "StaticLayer" not in entry["type"]]
+        seeing = [name for name, type_name, values in layer_groups(group)
+                  if not layer_class(type_name, values).maps_floor]
+        group["plugins"] = [entry for entry in group["plugins"] if entry["name"] in seeing]
     return changed
 
 

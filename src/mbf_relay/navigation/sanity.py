@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from typing import Any, Iterator, List, Mapping, Tuple
+from typing import Any, Iterator, List, Mapping, Tuple, Type
 
 import numpy as np
 
-from mbf_relay.costmap.factory import SPATIO_TEMPORAL, layer_groups
+from mbf_relay.costmap.factory import layer_class, layer_groups
+from mbf_relay.costmap.observation_source import SourceParameters
+from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters
 from mbf_relay.costmap.outline import parse_footprint, radii
 from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.misspelling import nearest_of
+from mbf_relay.parameters import ParameterSet
 
 FASTEST = {"max_vel_x": 5.0, "max_vel_y": 5.0, "max_vel_trans": 5.0, "max_trans_vel": 5.0, "max_vel_lin": 5.0}
 """Speeds (m/s) beyond which a value is more likely cm/s: indoor robots are slower, and their scans too slow for more.
@@ -31,10 +35,6 @@ NEVER_MOVES = {
     "max_rot_vel": "turn", "max_rotational_vel": "turn", "max_vel_th": "turn",
 }
 """Top speeds, and what a robot never does where they are 0."""
-
-SEE = {
-    "costmap_2d::ObstacleLayer": "PointCloud", "costmap_2d::VoxelLayer": "PointCloud", SPATIO_TEMPORAL: "PointCloud2"}
-"""Layers that know only what their sensors see, and what messages those are by default."""
 
 IDLE = "so that the layer marks nothing"
 BLIND = "so that nothing is seen there: the robot drives into what is not on the map"
@@ -108,13 +108,12 @@ def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any]) -> Iterator
 
 def _of_what_is_driven_by(group: Mapping[str, Any]) -> Iterator[Doubt]:
     """Doubt a local costmap that shows nothing new, or a layer of it that shows nothing."""
-    layers = _layers(group)
-    seeing = [(name, str(values.get("observation_sources", "")).split()) for name, kind, values in layers
-              if kind in SEE and values.get("enabled") is not False]
-    named = {name for name, _kind, _values in layers}
-    strays = [name for name, values in group.items() if isinstance(values, Mapping) and name not in named]
+    seeing = [(name, kind.groups(values)) for name, kind, values in _layers(group)
+              if issubclass(kind, ObstacleLayerParameters)]
     for name, sources in seeing:
         if not sources:
+            named = {name for name, _type, _values in layer_groups(group)}
+            strays = [name for name, values in group.items() if isinstance(values, Mapping) and name not in named]
             at = f"{name}/observation_sources" if "plugins" in group else "observation_sources"
             text = f"is not given, {IDLE if any(others for _name, others in seeing) else BLIND}"
             nearly = nearest_of(name, strays)
@@ -131,31 +130,33 @@ def _of_what_is_driven_by(group: Mapping[str, Any]) -> Iterator[Doubt]:
 def _of_sources(group: Mapping[str, Any]) -> Iterator[Doubt]:
     """Doubt that a sensor is meant of which only the name is told: it is a point cloud on a topic of that name."""
     for name, kind, values in _layers(group):
-        if kind not in SEE or values.get("enabled") is False:
+        if not issubclass(kind, ObstacleLayerParameters):
             continue
-        for source in str(values.get("observation_sources", "")).split():
+        for source in kind.groups(values):
             if source in values:
                 continue
             at = f"{name}/{source}" if "plugins" in group else source
-            text = f"is not given, so that source '{source}' is a {SEE[kind]} on topic '{source}'"
+            data_type = kind.source_defaults.get("data_type", SourceParameters.data_type)
+            text = f"is not given, so that source '{source}' is a {data_type} on topic '{source}'"
             if source in group:
                 text += "; the costmap's own group of that name is not read for layers it lists"
             yield at, text
 
 
-def _layers(group: Mapping[str, Any]) -> List[Tuple[str, str, Any]]:
-    """Return `layer_groups`, none of a list that is told elsewhere."""
-    try:
-        return layer_groups(group)
-    except ValueError:
-        return []
+def _layers(group: Mapping[str, Any]) -> Iterator[Tuple[str, Type[ParameterSet], Any]]:
+    """Yield name, kind of parameters and values of each layer that takes part; what is none is told elsewhere."""
+    with contextlib.suppress(ValueError):
+        for name, type_name, values in layer_groups(group):
+            with contextlib.suppress(ValueError):
+                if values.get("enabled") is not False:
+                    yield name, layer_class(type_name, values).Parameters, values
 
 
 def _of_inflation(group: Mapping[str, Any], inscribed: float) -> Iterator[Doubt]:
     """Doubt that obstacles are to be inflated by less than the robot's inscribed radius (m), as Nav2 does."""
     for name, kind, values in _layers(group):
         inflation = _number(values.get("inflation_radius"), otherwise=math.inf)
-        if kind == "costmap_2d::InflationLayer" and values.get("enabled") is not False and inflation < inscribed:
+        if "inflation_radius" in kind.names() and inflation < inscribed:
             written = group.get(name)
             at = f"{name}/inflation_radius" if isinstance(written, Mapping) and "inflation_radius" in written else (
                 "inflation_radius")

@@ -200,3 +200,12 @@ def test_who_lets_another_robot_drive_by_a_parameter_alone_is_told_whose_footpri
     assert not make_setup(config_folder(), changes=["simulator.robot=burger", "simulator.scan_noise=0.02"]).notes
     own = "local_costmap.footprint=[[-0.2, -0.2], [-0.2, 0.2], [0.1, 0.2], [0.1, -0.2]]"
     assert not make_setup(config_folder(), changes=["simulator.robot=waffle", own]).notes
+
+
+def test_parameters_of_drives_with_a_layer_in_another_s_place_can_be_changed(tmp_path):
+    """A batch with any change ended with "unknown layer type", where without one it was driven."""
+    layers = "[{name: seen, type: 'costmap_2d::FetchDepthLayer'}]"
+    (tmp_path / "mine.yaml").write_text(
+        f"move_base_flex: {{local_costmap: {{plugins: {layers}, seen: {{observation_sources: scan}}}}}}\n")
+    setup = make_setup(config_folder(), changes=["seen.max_obstacle_height=1.5"], config=tmp_path / "mine.yaml")
+    assert setup.settings["move_base_flex"]["local_costmap"]["seen"]["max_obstacle_height"] == 1.5

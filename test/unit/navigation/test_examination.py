@@ -167,3 +167,14 @@ def test_move_base_s_own_names_are_told_of_alike_and_others_may_be_known_elsewhe
     refused = examine_move_base({**values, "planner_frequency": "often"})
     assert [(each.kind, each.name) for each in refused.findings] == [(REFUSED, "planner_frequency")]
     assert refused.config == {}
+
+
+@pytest.mark.parametrize("kind", ["costmap_2d::FetchDepthLayer", "my_layers::ObstacleLayer", "ObstacleLayer"])
+def test_a_robot_with_a_layer_of_another_name_that_sees_nothing_is_not_called_sound(kind):
+    """A layer in the place of one that is not here took a sensor nobody had described, and that was not told."""
+    told = told_of({"local_costmap/plugins": [{"name": "seen", "type": kind}],
+                    "local_costmap/seen": {"observation_sources": "lidar"}})
+    assert told["local_costmap/seen/lidar"] == (
+        DOUBTFUL, "is not given, so that source 'lidar' is a PointCloud on topic 'lidar'")
+    told = told_of({"local_costmap/plugins": [{"name": "seen", "type": 5}]})
+    assert told["local_costmap"] == (REFUSED, "local_costmap: layer 'seen': its type is 5; it must be a text")
