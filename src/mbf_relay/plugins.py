@@ -49,6 +49,15 @@ class Plugin:
 P = TypeVar("P", bound=Plugin)
 
 
+class StandInNote(str):
+    """A note that a plugin does the job of another, which is not here."""
+
+    @classmethod
+    def of(cls, type_name: str, does: str) -> StandInNote:
+        """Return the note: what is done (`does`) in the place of a plugin of that type."""
+        return cls(f"{type_name} is not available here; {does}")
+
+
 class PluginFailure(RuntimeError):
     """A plugin that is part of another thing, such as a critic or a layer, raised something; the text names it."""
 
@@ -184,5 +193,5 @@ def create(name: str, type_name: str, values: Mapping[str, Any], base: Type[P], 
     meant = _full_name(type_name, known)
     if not stands_in and meant != type_name and type_name != plugin_name(meant):
         stands_in = f"{meant} does its job"
-    plugin.notes = (*([f"{type_name} is not available here; {stands_in}"] if stands_in else []), *notes)
+    plugin.notes = (*([StandInNote.of(type_name, stands_in)] if stands_in else []), *notes)
     return plugin

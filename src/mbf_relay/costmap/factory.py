@@ -72,7 +72,7 @@ def build_costmap(name: str, values: Mapping[str, Any], above: Optional[Mapping[
             except _UnknownLayer as error:
                 failed[layer_name] = str(error)
         notes += _groups_in_vain(values) + _overruled(values)
-        notes += [f"layer '{layer.name}': {note}" for layer in layers for note in layer.notes]
+        notes += [type(note)(f"layer '{layer.name}': {note}") for layer in layers for note in layer.notes]
         return Costmap(name, parameters, layers, notes, failed)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from error
@@ -154,8 +154,8 @@ def _layer(name: str, type_name: str, group: Mapping[str, Any]) -> Layer:
         raise ValueError(f"layer '{name}': {error}") from error
     layer = plugins.create(name, found, group, Layer, LAYERS)
     if found != type_name:
-        layer.notes = (
-            f"{type_name} is not available here; {found} marks what its observation_sources see", *layer.notes)
+        note = plugins.StandInNote.of(type_name, f"{found} marks what its observation_sources see")
+        layer.notes = (note, *layer.notes)
     return layer
 
 

@@ -16,7 +16,7 @@ from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS, PluginList
 from mbf_relay.navigation.registry import entries_of, values_of
 from mbf_relay.navigation.sanity import doubts
 from mbf_relay.parameters import ParameterSet
-from mbf_relay.plugins import PluginError, create, find_class
+from mbf_relay.plugins import PluginError, StandInNote, create, find_class
 
 USED, STOOD_IN, CLAMPED, IGNORED, DOUBTFUL, REFUSED = KINDS = (
     "used", "stood in for", "changed", "ignored", "doubtful", "refused"
@@ -157,8 +157,7 @@ def _examine_costmap(found: Examination, side: str) -> None:
         found.add(REFUSED, _named_in(str(error), side), str(error))
         return
     for note in costmap.notes:
-        name = _named_in(note, side, group)
-        found.add(STOOD_IN if "not available here" in note else CLAMPED, name, f"{side}: {note}")
+        found.add(_kind_of(note), _named_in(note, side, group), f"{side}: {note}")
     for name, reason in costmap.failed.items():
         found.add(REFUSED, f"{side}/{name}", f"the layer is left out: {reason}")
     for layer in costmap.layers:
@@ -186,7 +185,7 @@ def _examine_plugins(found: Examination, listed: PluginList[Any]) -> List[str]:
         for warning in said:
             found.add(CLAMPED, name, str(warning.message))
         for note in plugin.notes:
-            found.add(STOOD_IN if "not available here" in note else CLAMPED, _named_in(note, name), note)
+            found.add(_kind_of(note), _named_in(note, name), note)
         for unknown in plugin.Parameters.unknown_names(values):
             _note_unknown(found, f"{name}/{unknown}", plugin.Parameters)
         _note_in_vain(found, f"{name}/", plugin.parameters)
@@ -250,6 +249,10 @@ def _read(
 def _note_in_vain(found: Examination, prefix: str, parameters: ParameterSet) -> None:
     for name, description in parameters.set_in_vain().items():
         found.add(IGNORED, prefix + name, f"is {description}")
+
+
+def _kind_of(note: str) -> str:
+    return STOOD_IN if isinstance(note, StandInNote) else CLAMPED
 
 
 def _named_in(note: str, where: str, group: Mapping[str, Any] = NOTHING) -> str:
