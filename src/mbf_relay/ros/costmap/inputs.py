@@ -89,7 +89,7 @@ class SensorInput:
         self._used_last: Optional[float] = None
         self._topic = rospy.resolve_name(parameters.topic)
         self._subscriber = rospy.Subscriber(
-            parameters.topic, MESSAGE_TYPES[parameters.data_type], self._keep, queue_size=MOST_OF_ONE,
+            parameters.topic, MESSAGE_TYPES[parameters.data_type], self._keep, queue_size=MOST_WAITING,
             buff_size=BUFFER_BYTES, tcp_nodelay=True)
 
     @property
