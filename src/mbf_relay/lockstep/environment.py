@@ -16,6 +16,7 @@ import functools
 import math
 import operator
 import sys
+import warnings
 from pathlib import Path
 from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
 
@@ -28,7 +29,7 @@ from mbf_relay.lockstep.driver import path_of_processes
 from mbf_relay.lockstep.environment_parameters import EnvironmentParameters
 from mbf_relay.lockstep.settings import config_folder, full_name, parse_change
 from mbf_relay.lockstep.setup import ODOMETRY, TRUTH, faults_in, known_names, make_setup
-from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks, task_of
+from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks, task_of, warnings_of
 from mbf_relay.scan import LaserScan
 from mbf_relay.simulation import Simulation
 from mbf_relay.simulation.drive import Odometry
@@ -83,7 +84,8 @@ class NavigationEnvironment(gymnasium.Env):
             parameters: Of EnvironmentParameters.
 
         Raises:
-            ValueError: A file, a name or a value is wrong; the text says which.
+            ValueError: A file, a name or a value is wrong; the text says which. Of what is not understood or has no
+                effect in them Python warns.
         """
         for name in EnvironmentParameters.unknown_names(parameters):
             hint = EnvironmentParameters.hint(name)
@@ -92,7 +94,8 @@ class NavigationEnvironment(gymnasium.Env):
             raise ValueError(f"localization is '{localization}'; it must be '{TRUTH}' or '{ODOMETRY}'")
         self.parameters = EnvironmentParameters.from_mapping(parameters)
         changes = [changes] if isinstance(changes, str) else list(changes)
-        settings = make_setup(config_folder(), localization, changes=changes, robot=robot, has_map=False).settings
+        setup = make_setup(config_folder(), localization, changes=changes, robot=robot, has_map=False)
+        settings = setup.settings
         for text in changes:
             node = full_name(parse_change(text)[0], known_names(settings)).partition(".")[0]
             if node != "simulator":
@@ -105,6 +108,8 @@ class NavigationEnvironment(gymnasium.Env):
         self._faults = faults_in(settings)
         self._steps = steps_between("control_rate", self.parameters.control_rate, self._simulator.physics_rate)
         self._worlds = _Worlds(worlds, seeds)
+        for note in [*setup.notes, *warnings_of(self._worlds.tasks)]:
+            warnings.warn(note, stacklevel=2)
         self._follows_truth = localization == TRUTH
         self._simulation: Optional[Simulation] = None
         self._distance = 0.0
@@ -237,7 +242,11 @@ class NavigationEnvironment(gymnasium.Env):
 
 
 class _Worlds:
-    """Where episodes' worlds come from."""
+    """Where episodes' worlds come from.
+
+    Attributes:
+        tasks: Those of a file; none where they are generated.
+    """
 
     def __init__(self, source: str, seeds: Sequence[int]) -> None:
         self._kind = source if source in KINDS else None
@@ -247,7 +256,7 @@ class _Worlds:
             self._first = self._end = 0
         if not 0 <= self._first < self._end:
             raise ValueError(f"seeds are {seeds}; they must be two: a first whole one, 0 or more, and one above it")
-        self._tasks: List[EpisodeTask] = [] if self._kind else load_tasks(source)
+        self.tasks: List[EpisodeTask] = [] if self._kind else load_tasks(source)
 
     def choose(self, chance: np.random.Generator, options: Mapping[str, Any]) -> EpisodeTask:
         """Return the task asked for, else one by chance.
@@ -263,11 +272,11 @@ class _Worlds:
         if self._kind:
             seed = options.get("world_seed", int(chance.integers(self._first, self._end)))
             return _generated(self._kind, int(seed))
-        index = int(chance.integers(len(self._tasks)))
-        name = options.get("world", self._tasks[index].name)
-        found = [task for task in self._tasks if task.name == name]
+        index = int(chance.integers(len(self.tasks)))
+        name = options.get("world", self.tasks[index].name)
+        found = [task for task in self.tasks if task.name == name]
         if not found:
-            raise ValueError(f"there is no world '{name}'; there are {', '.join(t.name for t in self._tasks)}")
+            raise ValueError(f"there is no world '{name}'; there are {', '.join(t.name for t in self.tasks)}")
         return found[0]
 
 

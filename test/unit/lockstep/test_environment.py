@@ -53,6 +53,14 @@ def run(environment, action, seed=1, **options):
             return rewards, terminated, truncated, info
 
 
+def test_a_policy_is_not_trained_untold_in_a_world_that_lacks_what_its_file_misspells(made):
+    """`cylindres` were nowhere, and the policy learnt to drive without them; batch.py told of it."""
+    with pytest.warns(UserWarning, match="cylindres"):
+        made({**NEAR, "cylindres": [[0.3, 0.0, 0.0, 0.1, 0.5]]})
+    with pytest.warns(UserWarning, match="imu_rate: has no effect in these drives"):
+        made(NEAR, changes="simulator.imu_rate=40")
+
+
 def test_an_episode_that_was_not_asked_for_is_not_driven_in_its_place(made):
     """A policy was judged in worlds by chance, where its author had misspelt the one, or asked for a number of a file.
     """
