@@ -12,6 +12,7 @@ import numpy as np
 from mbf_relay.costmap.factory import build_costmap, layer_class, layer_groups
 from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters, require_initial_pose
+from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.lockstep.fitting import fitted
 from mbf_relay.lockstep.settings import Settings, change, flatten, load_own, load_settings, merged, own_part
 from mbf_relay.lockstep.tasks import MAP_RESOLUTION, EpisodeTask
@@ -43,6 +44,8 @@ LAID = ("static_map", "rolling_window", "track_unknown_space", "origin_x", "orig
 """Parameters of the global costmap that are not the user's where there is no map, see `without_map`."""
 UNHEARD = ("imu_rate", "gyro_noise", "accelerometer_noise", "joint_state_rate")
 """Parameters of the simulator's sensors that no part of a drive listens to."""
+OF_THE_NODE = {*AmclParameters.names(), *NODE_ONLY} - {*LocalizerParameters.names(), "odom_frame_id", "global_frame_id"}
+"""Parameters of amcl's that no part of a drive reads: of its topics, of what it sends and of when it starts."""
 RESOLUTION = "--map-resolution"
 
 
@@ -130,8 +133,11 @@ def _idle(changed: Iterable[str], setup: Setup, tasks: Sequence[EpisodeTask]) ->
     reasons = {f"simulator.{name}": "no part of them listens to that sensor" for name in UNHEARD}
     if setup.localization != AMCL:
         reasons["amcl"] = f"the pose comes from {setup.localization}, not from amcl"
-    elif tasks and all(task.initial_pose is not None for task in tasks):
-        reasons.update({f"amcl.{name}": "the worlds say where the robot starts" for name in INITIAL if "pose" in name})
+    else:
+        reasons.update({f"amcl.{name}": "it is of amcl as a node, and its filter alone drives" for name in OF_THE_NODE})
+        if tasks and all(task.initial_pose is not None for task in tasks):
+            why = "the worlds say where the robot starts"
+            reasons.update({f"amcl.{name}": why for name in INITIAL if "pose" in name})
     if tasks and all(task.given_map is not None for task in tasks):
         reasons[RESOLUTION] = "the worlds have maps of their own"
     if setup.map == NONE:

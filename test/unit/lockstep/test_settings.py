@@ -143,6 +143,7 @@ def test_a_list_of_plugins_written_wrongly_is_refused_before_anything_is_driven(
 
 @pytest.mark.parametrize("change, options, why", [
     ("amcl.laser_sigma_hit=0.4", {"has_map": False}, "the pose comes from odometry, not from amcl"),
+    ("amcl.tf_broadcast=false", {"has_map": False}, "the pose comes from odometry, not from amcl"),
     ("global_costmap.width=30", {"has_map": False}, "without a map"),
     ("DWAPlannerROS.sim_time=3.0", {"controller": "MPPI"}, "MPPI takes its place"),
     ("PurePursuit.lookahead_dist=0.5", {}, "DWAPlannerROS takes its place"),
@@ -158,6 +159,8 @@ def test_who_changes_what_nothing_reads_is_told_before_a_night_of_equal_drives(c
     ("free", {"map_resolution": 0.02, "prior_map": "none"}, "--map-resolution", "the robot has no map"),
     ("circle", {"map_resolution": 0.02}, "--map-resolution", "the worlds have maps of their own"),
     ("circle", {"changes": ["gyro_noise=0.1"]}, "simulator.gyro_noise", "listens to that sensor"),
+    ("circle", {"changes": ["amcl.use_map_topic=true"]}, "amcl.use_map_topic", "it is of amcl as a node"),
+    ("circle", {"changes": ["amcl.transform_tolerance=1"]}, "amcl.transform_tolerance", "it is of amcl as a node"),
 ])
 def test_what_a_world_states_or_no_drive_needs_is_not_changed_in_vain_untold(tmp_path, worlds, options, name, why):
     """A study of a filter that starts wrongly began where the robot was, in each drive."""
