@@ -92,7 +92,7 @@ class GoalChecker:
 
 
 class StuckChecker:
-    """Compares what was commanded with how the robot moved; turning on the spot is motion."""
+    """Compares what the wheels were told with how the robot moved; turning on the spot is motion."""
 
     def __init__(self) -> None:
         self._reference: Optional[Tuple[float, Pose2D]] = None
@@ -109,7 +109,7 @@ class StuckChecker:
 
         Args:
             state: Now.
-            last_command: What was commanded until now.
+            last_command: What the wheels were told since the last cycle.
             timeout: Seconds without motion that mean stuck; 0 switches this off.
 
         Raises:

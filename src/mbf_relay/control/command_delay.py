@@ -100,6 +100,20 @@ class CommandDelay:
         if unexplained[best] < min(believed - GAIN, EXPLAINED * min(believed, stood)):
             self.seconds = float(DELAYS[best]) if DELAYS[best] >= LATE else 0.0
 
+    def told_lately(self) -> Twist2D:
+        """Return what it was told between the last two cycles, on the mean: less than the last where that came late."""
+        seen, told = list(self._seen)[-2:], list(self._told)
+        if len(seen) < 2:
+            return told[-1][1] if told else STOP
+        (begin, _), (end, _) = seen
+        motion, until = np.zeros(3), end
+        for since, velocity in reversed(told):
+            motion += np.multiply(velocity, max(0.0, until - max(since, begin)))
+            until = min(since, until)
+            if until <= begin:
+                break
+        return Twist2D(*map(float, motion / (end - begin)))
+
     def caught_up(self, pose: Pose2D, age: float) -> Pose2D:
         """Return where a robot is in the last cycle that was at `pose` `age` (s) before, as its velocities tell."""
         seen = list(self._seen)

@@ -189,7 +189,8 @@ class PathFollower(Controller, abc.ABC):
             )
         cycle = self._cycle = self.look_around(state)
         self._back_out.trail.note(state.pose, cycle.checker)
-        self._stuck_checker.check(state, self.command, parameters.stuck_timeout)
+        told = self.command if state.told is None else state.told
+        self._stuck_checker.check(state, told, parameters.stuck_timeout)
         tolerance = self._goal_checker.tolerance_of(parameters).distance
         is_occupied = self._tracker.is_on_last_leg and self._blocked_goal_checker.check(
             state, cycle.path, cycle.checker, parameters, tolerance)

@@ -26,6 +26,8 @@ class ControlState:
         delay: Seconds from a command to the motion it leads to, which lie between `now` and the time of `pose`; 0.0
             where that is little.
         pose_now: The robot in the costmap's frame at `now`; None where that is `pose`.
+        told: What the wheels were told since the last cycle, on the mean, where known: less than the controller said
+            where that came late, was slowed down or was held back.
     """
 
     now: float
@@ -37,6 +39,7 @@ class ControlState:
     commanded: Optional[Twist2D] = None
     delay: float = 0.0
     pose_now: Optional[Pose2D] = None
+    told: Optional[Twist2D] = None
 
 
 @dataclass(frozen=True)

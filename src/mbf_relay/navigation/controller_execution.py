@@ -208,7 +208,7 @@ class ControllerExecution:
         here = self._robot.caught_up(pose, frame)
         state = ControlState(
             now, self._robot.expected_in(here, snapshot), velocity, snapshot, costmap_from_path, period,
-            self._robot.commanded, self._robot.delay.seconds, here,
+            self._robot.commanded, self._robot.delay.seconds, here, self._robot.delay.told_lately(),
         )
         goal = path.goal
         return ControlView(

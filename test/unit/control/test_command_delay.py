@@ -201,3 +201,17 @@ def test_a_recovery_goes_on_that_asks_where_the_robot_will_be_while_the_wheels_a
     assert ask(lambda: watched.caught_up(here, 0.3)).x == pytest.approx(0.06)
     assert ask(lambda: watched.way(here, 0.05, 0.1))[-1, 0] == pytest.approx(0.1)
     assert ask(lambda: watched._told_at(np.array([0.55]))).tolist() == [[0.2, 0.0, 0.0]]
+
+
+def test_what_was_told_lately_counts_each_velocity_for_as_long_as_it_held():
+    delay = CommandDelay()
+    delay.note(1.0, STOP)
+    assert delay.told_lately() == STOP
+    delay.tell(1.1, Twist2D(0.4, 0.0, 0.0))
+    assert delay.told_lately() == Twist2D(0.4, 0.0, 0.0), "between no two cycles yet"
+    delay.tell(1.2, STOP)
+    delay.note(1.4, STOP)
+    assert delay.told_lately() == pytest.approx(Twist2D(0.1, 0.0, 0.0))
+    delay.tell(1.4, Twist2D(0.0, 0.0, -1.0))
+    delay.note(1.5, STOP)
+    assert delay.told_lately() == pytest.approx(Twist2D(0.0, 0.0, -1.0))

@@ -1,5 +1,6 @@
 """Drives by controllers whose cycles take long, or hang."""
 
+import numpy as np
 import pytest
 import scripted
 from scripted import FORWARD
@@ -70,3 +71,37 @@ def test_a_robot_whose_computer_falls_behind_drives_slower_and_says_so_once(held
 
 def test_a_robot_whose_computer_keeps_up_is_not_slowed(held_bench):
     assert set(drive_with_cycles_of(held_bench, 0.05, 40)) == {FORWARD}
+
+
+def slow_drive(make_bench, monkeypatch):
+    """Let a robot follow a path, by a controller that thinks for 0.8 s a cycle; return its bench and task."""
+    bench = make_bench(
+        scripted.HeldWorker(), controller_patience=5.0, C1={"max_vel_x": 0.22, "max_vel_trans": 0.22},
+        controllers=[{"name": "C1", "type": "regulated_pure_pursuit"}])
+    bench.worker.delays = [8] * 100
+    for costmap in bench.costmaps.values():
+        costmap.footprint = 0.1 * np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
+    command = bench.robot.command
+
+    def told(velocity):
+        bench.robot.delay.tell(bench.now, velocity)
+        command(velocity)
+
+    monkeypatch.setattr(bench.robot, "command", told)
+    return bench, bench.navigator.exe_path(FollowGoal(PATH))
+
+
+@pytest.mark.filterwarnings("ignore:.*drives slower:RuntimeWarning")
+def test_a_robot_that_creeps_as_its_busy_computer_tells_it_is_not_taken_for_stuck(make_bench, monkeypatch):
+    """Its goal was aborted: of the 0.22 m/s asked for, the wheels were told a tenth, and to stand most of the time."""
+    bench, task = slow_drive(make_bench, monkeypatch)
+    bench.run(lambda: task.done or bench.robot.pose.x > 0.4, 60.0)
+    assert not task.done, task.result.message
+
+
+@pytest.mark.filterwarnings("ignore:.*drives slower:RuntimeWarning")
+def test_one_whose_wheels_stand_meanwhile_is_stuck(make_bench, monkeypatch):
+    bench, task = slow_drive(make_bench, monkeypatch)
+    bench.robot.held = True
+    assert bench.finish(task).outcome is ControlOutcome.ROBOT_STUCK
+    assert "has not moved for" in task.result.message
