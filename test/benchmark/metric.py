@@ -89,7 +89,7 @@ def describe_machine() -> Dict[str, Any]:
         "memory_gib": round(_memory_bytes() / 2**30, 1),
         "system": _from_file("/etc/os-release", "PRETTY_NAME", "=") or platform.platform(),
         "python": platform.python_version(),
-        **{module: _version(module) for module in ("numpy", "numba", "cv2", "pybullet")},
+        **{module: _version(module) for module in ("numpy", "numba", "pybullet")},
     }
 
 
@@ -139,7 +139,7 @@ def round_for_people(value: Optional[float]) -> str:
 
 def machine_line(machine: Mapping[str, Any]) -> str:
     """Return one sentence about the machine `describe_machine` described."""
-    libraries = ", ".join(f"{name} {machine[name]}" for name in ("numpy", "numba", "cv2", "pybullet") if machine[name])
+    libraries = ", ".join(f"{name} {machine[name]}" for name in ("numpy", "numba", "pybullet") if machine[name])
     return (
         f"Measured on {machine['processor']}, {machine['cores']} cores, {machine['memory_gib']} GiB, "
         f"{machine['system']}, Python {machine['python']}, {libraries}."

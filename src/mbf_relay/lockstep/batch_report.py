@@ -60,7 +60,7 @@ def leave(
 
 def draw(folder: Path, shown: Sequence[pictures.Shown], processes: int) -> List[str]:
     """Draw the contact sheet and a picture of each failure; return why of each piece of that which was lost."""
-    from mbf_relay.lockstep import pictures  # not before all is driven: OpenCV takes 75 MiB
+    from mbf_relay.lockstep import pictures  # drives do not need Pillow
 
     failures = [[pair] for pair in shown if not pair[1].success and pair[1].outcome != ERROR]
     pieces = [list(shown[first:first + TILES]) for first in range(0, len(shown), TILES)]

@@ -7,8 +7,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import List, Sequence, Tuple
 
-import cv2
 import numpy as np
+from PIL import Image, ImageDraw, ImageFont
 
 from mbf_relay.geometry import Pose2D
 from mbf_relay.lockstep.result import EpisodeResult
@@ -19,14 +19,17 @@ from mbf_relay.whole_files import write_whole
 TILE, CAPTION, GAP = 220, 34, 6
 """Pixels: side of a tile's picture, height of the text under it, space between tiles."""
 
-WALL, TRACK, START, GOAL, BAD, INK = (
+WALL, WAY, TRACK, START, GOAL, BAD, INK = (
     (60, 60, 60),
-    (200, 110, 30),
-    (200, 110, 30),
-    (62, 138, 43),
-    (42, 42, 201),
+    (220, 170, 170),
+    (30, 110, 200),
+    (30, 110, 200),
+    (43, 138, 62),
+    (201, 42, 42),
     (40, 40, 40),
 )
+FINER = 4
+"""Drawn in a pixel's width and then averaged, because Pillow draws lines with steps."""
 HEIGHT = 0.1
 """Height (m) above the ground at which the world is shown."""
 
@@ -50,7 +53,9 @@ def contact_sheet(drawn: Sequence[np.ndarray], path: Path) -> None:
         row, column = divmod(index, columns)
         top, left = GAP + row * height, GAP + column * width
         sheet[top:top + TILE + CAPTION, left:left + TILE] = picture
-    write_whole(path, _encoded(sheet))
+    encoded = BytesIO()
+    Image.fromarray(sheet).save(encoded, "png")
+    write_whole(path, encoded.getvalue())
 
 
 def tiles(shown: Sequence[Shown]) -> List[np.ndarray]:
@@ -59,27 +64,29 @@ def tiles(shown: Sequence[Shown]) -> List[np.ndarray]:
 
 
 def tile(task: EpisodeTask, result: EpisodeResult) -> np.ndarray:
-    """Return the picture of one episode, framed red where it failed, shape (TILE + CAPTION, TILE, 3), blue first."""
-    image = np.full((TILE + CAPTION, TILE, 3), 255, dtype=np.uint8)
-    view = _View(task, result)
-    cv2.polylines(image, list(view.pixels(task.world.outline(HEIGHT))), False, WALL, 1, cv2.LINE_AA, _View.SHIFT)
+    """Return the picture of one episode, framed red where it failed, shape (TILE + CAPTION, TILE, 3)."""
+    view, colour = _View(task, result), _colour(result)
+    drawing = Image.new("RGB", (FINER * TILE, FINER * TILE), "white")
+    pen = ImageDraw.Draw(drawing)
+    for wall in view.pixels(task.world.outline(HEIGHT)).reshape(-1, 4).tolist():
+        pen.line(wall, WALL, FINER)
     for mover in task.world.movers:
-        cv2.polylines(
-            image, [view.pixels(mover.poses[:, :2])], mover.loop, (170, 170, 220), 1, cv2.LINE_AA, _View.SHIFT
-        )
-    track = result.trajectory
-    if len(track):
-        cv2.polylines(image, [view.pixels(track[:, 1:3])], False, TRACK, 2, cv2.LINE_AA, _View.SHIFT)
-        _dot(image, view, Pose2D(*track[-1, 1:4]), _colour(result))
-    _dot(image, view, task.world.start, START)
+        way = np.concatenate((mover.poses, mover.poses[:1])) if mover.loop else mover.poses
+        pen.line(view.pixels(way[:, :2]).ravel().tolist(), WAY, FINER)
+    if len(result.trajectory):
+        pen.line(view.pixels(result.trajectory[:, 1:3]).ravel().tolist(), TRACK, 3 * FINER)
+        _dot(pen, view, Pose2D(*result.trajectory[-1, 1:4]), colour)
+    _dot(pen, view, task.world.start, START)
     for index, goal in enumerate(task.goals):
-        _dot(image, view, goal, GOAL if index < result.goals_reached else BAD)
-    image[TILE:] = 255
-    _caption(image, f"{result.world} #{result.seed}", TILE + 13, INK)
+        _dot(pen, view, goal, GOAL if index < result.goals_reached else BAD)
+    image = Image.new("RGB", (TILE, TILE + CAPTION), "white")
+    image.paste(drawing.resize((TILE, TILE), Image.BOX))
+    pen = ImageDraw.Draw(image)
+    _caption(pen, f"{result.world} #{result.seed}", TILE + 3, INK)
     words = f"{result.time:.1f} s" + (f", score {result.score:.2f}" if result.score is not None else "")
-    _caption(image, words if result.success else f"{result.outcome} {words}", TILE + 28, _colour(result))
-    cv2.rectangle(image, (0, 0), (TILE - 1, TILE + CAPTION - 1), _colour(result), 1 if result.success else 3)
-    return image
+    _caption(pen, words if result.success else f"{result.outcome} {words}", TILE + 18, colour)
+    pen.rectangle((0, 0, TILE - 1, TILE + CAPTION - 1), outline=colour, width=1 if result.success else 3)
+    return np.asarray(image)
 
 
 def failure(shown: Sequence[Shown]) -> bytes:
@@ -114,37 +121,29 @@ def drive_of(task: EpisodeTask, result: EpisodeResult) -> Drive:
 class _View:
     """Takes metres to pixels so that the whole drive fits into a tile."""
 
-    SHIFT = 4
     MARGIN = 0.6
 
     def __init__(self, task: EpisodeTask, result: EpisodeResult) -> None:
         points = [task.world.start[:2]] + [goal[:2] for goal in task.goals] + [row[1:3] for row in result.trajectory]
         low, high = np.min(points, axis=0) - self.MARGIN, np.max(points, axis=0) + self.MARGIN
-        self._scale = TILE / max(high - low)
-        self._left, self._top = (low + high) / 2.0 + np.array([-1.0, 1.0]) * TILE / 2.0 / self._scale
+        self._scale = FINER * TILE / max(high - low)
+        self._left, self._top = (low + high) / 2.0 + np.array([-1.0, 1.0]) * FINER * TILE / 2.0 / self._scale
 
     def pixels(self, points: np.ndarray) -> np.ndarray:
-        """Return points (m), shape (..., 2), as OpenCV takes them, with SHIFT bits of fraction."""
-        flipped = (points - (self._left, self._top)) * (self._scale, -self._scale)
-        fixed_point: np.ndarray = np.round(flipped * (1 << self.SHIFT)).astype(np.int32)
-        return fixed_point
+        """Return where points (m), shape (..., 2), are in the drawing, x to the right, y down, FINER to a pixel."""
+        return np.asarray((points - (self._left, self._top)) * (self._scale, -self._scale))
 
 
-def _dot(image: np.ndarray, view: _View, pose: Pose2D, colour: Tuple[int, int, int]) -> None:
-    center = view.pixels(np.array(pose[:2]))
-    cv2.circle(image, tuple(int(value) for value in center), 4 << _View.SHIFT, colour, -1, cv2.LINE_AA, _View.SHIFT)
+def _dot(pen: ImageDraw.ImageDraw, view: _View, pose: Pose2D, colour: Tuple[int, int, int]) -> None:
+    x, y = view.pixels(np.array(pose[:2])).tolist()
+    radius = 4 * FINER
+    pen.ellipse((x - radius, y - radius, x + radius, y + radius), colour)
 
 
-def _caption(image: np.ndarray, text: str, baseline: int, colour: Tuple[int, int, int]) -> None:
-    cv2.putText(image, text, (6, baseline), cv2.FONT_HERSHEY_SIMPLEX, 0.42, colour, 1, cv2.LINE_AA)
+def _caption(pen: ImageDraw.ImageDraw, text: str, top: int, colour: Tuple[int, int, int]) -> None:
+    known = text.encode("latin-1", "replace").decode("latin-1")  # Pillow's own font has no other letters
+    pen.text((6, top), known, colour, ImageFont.load_default())
 
 
 def _colour(result: EpisodeResult) -> Tuple[int, int, int]:
     return GOAL if result.success else BAD
-
-
-def _encoded(image: np.ndarray) -> bytes:
-    encoded, data = cv2.imencode(".png", image)
-    if not encoded:
-        raise ValueError(f"a picture of shape {image.shape} could not be encoded")
-    return bytes(data)

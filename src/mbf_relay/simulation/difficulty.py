@@ -6,8 +6,10 @@ import heapq
 import math
 from typing import NamedTuple, Optional, Tuple
 
-import cv2
 import numpy as np
+from scipy import ndimage
+
+from mbf_relay.distances import distances_to_zeros
 
 CELL = 0.15
 """Side (m) of a cell of generated walls, as in BARN's worlds: a burger is a cell and a half wide."""
@@ -48,7 +50,7 @@ def difficulty_of(
     fine = np.kron(walls, np.ones((FINER, FINER), bool))
     side = CELL / FINER
     # From the centre of a cell to that of the nearest wall's; the wall begins half a cell before.
-    room = side * (cv2.distanceTransform((~fine).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) - 0.5)
+    room = side * (_distances_to_walls(~fine) - 0.5)
     passable = room >= ROBOT_RADIUS
     ends = [tuple(int(value / side) for value in place[1::-1]) for place in (start, goal)]
     way = _shortest(passable, (ends[0][0], ends[0][1]), (ends[1][0], ends[1][1]))
@@ -61,6 +63,11 @@ def difficulty_of(
         length * side, max(1.0, length * side / straight), 2.0 * _widest(walls, start, goal),
         float(clearances.mean()),
     )
+
+
+def _distances_to_walls(free: np.ndarray) -> np.ndarray:
+    """Return the distance (cells) from each cell to the nearest that is not free, at most the grid's diagonal."""
+    return np.minimum(distances_to_zeros(free), np.float32(math.hypot(*free.shape)))
 
 
 def _widest(walls: np.ndarray, start: Tuple[float, ...], goal: Tuple[float, ...]) -> float:
@@ -76,12 +83,12 @@ def _widest(walls: np.ndarray, start: Tuple[float, ...], goal: Tuple[float, ...]
     free = np.ones((2 * rows + 1, 2 * columns + 1), np.uint8)
     for row, column in np.ndindex(3, 3):
         free[row:row + 2 * rows:2, column:column + 2 * columns:2][walls] = 0
-    room = 0.5 * CELL * cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    room = 0.5 * CELL * _distances_to_walls(free)
     ends = [tuple(int(np.rint(2.0 * value / CELL)) for value in place[1::-1]) for place in (start, goal)]
     low, high = 0.0, float(min(room[end] for end in ends))
     while high - low > FINEST:
         middle = 0.5 * (low + high)
-        _, regions = cv2.connectedComponents((room >= middle).astype(np.uint8), connectivity=8)
+        regions, _ = ndimage.label(room >= middle, np.ones((3, 3)))
         joined = regions[ends[0]] == regions[ends[1]] != 0
         low, high = (middle, high) if joined else (low, middle)
     return low

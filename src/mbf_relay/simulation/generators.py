@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import Any, Callable, Dict, List, NamedTuple, Tuple
 
-import cv2
 import numpy as np
+from scipy import ndimage
 
 from mbf_relay.simulation.difficulty import CELL, Difficulty, difficulty_of
 
@@ -48,8 +48,7 @@ def barn_like(rng: np.random.Generator) -> Drawn:
     columns, rows, edge = 30, 40, 8
     field = rng.random((rows, columns)) < rng.uniform(0.10, 0.30)
     for _ in range(int(rng.integers(2, 5))):
-        around = cv2.filter2D(field.astype(np.float32), -1, np.ones((3, 3), np.float32), borderType=cv2.BORDER_CONSTANT)
-        neighbours = np.round(around - field)
+        neighbours = ndimage.convolve(field.astype(int), np.ones((3, 3), int), mode="constant") - field
         field = (field | (neighbours >= 5)) & (neighbours > 1)
     walls = np.zeros((rows + 2 * edge, columns), bool)
     walls[edge:-edge] = field

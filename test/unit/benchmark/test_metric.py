@@ -90,7 +90,7 @@ def test_a_section_of_which_nothing_was_measured_stays_as_it_is(names, tmp_path,
             "relay": [Metric(name, 1.0, "ms") for name in (
                 "goal through the relay", "cancel through the relay", "idle relay, share of one core")]}
     machine = {"cores": 2, **dict.fromkeys(
-        ("processor", "memory_gib", "system", "python", "numpy", "numba", "cv2", "pybullet"), "")}
+        ("processor", "memory_gib", "system", "python", "numpy", "numba", "pybullet"), "")}
     report.write_sections(machine, [(name, metric) for name in names for metric in made[name]])
     for path in (tmp_path / "README.md", here / "README.md"):
         text = path.read_text(encoding="utf-8")

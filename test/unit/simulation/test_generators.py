@@ -62,6 +62,10 @@ def test_a_door_is_measured_and_a_wall_has_no_way():
     assert measured.path_length_ratio == pytest.approx(1.0, abs=0.05)
 
 
+def test_a_world_without_a_wall_is_measured_in_numbers_that_a_file_can_hold():
+    assert np.isfinite(difficulty_of(np.zeros((20, 20), bool), (0.5, 0.5), (2.0, 2.0))).all()
+
+
 def test_worlds_in_barns_form_are_read(tmp_path):
     places = [(-4.5, 0.3 * i) for i in range(50)] + [(0.0, 0.3 * i) for i in range(50)] + [(-2.25, 8.0)]
     path = tmp_path / "world_7.world"

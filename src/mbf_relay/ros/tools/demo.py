@@ -270,7 +270,7 @@ def versions() -> Dict[str, str]:
     import rospkg
 
     found = {"python": platform.python_version(), "ROS": os.environ.get("ROS_DISTRO", "unknown")}
-    for name in ("numpy", "numba", "cv2", "scipy", "matplotlib"):
+    for name in ("numpy", "numba", "scipy", "matplotlib"):
         try:
             found[name] = str(getattr(importlib.import_module(name), "__version__", "unknown"))
         except ImportError:  # numba is only needed where kernels are compiled
