@@ -119,6 +119,57 @@ def _tell_master(values: Mapping[str, Any]) -> None:
             raise rospy.ROSException(f"the master refused a parameter: {text}")
 
 
+class _Values:
+    """A set's values in force, and how a change to them is taken; arguments as for `serve`."""
+
+    def __init__(
+        self, config_type: Any, parameters: ParameterSet, apply: Callable[[Any], None],
+        defaults: Optional[Callable[[], Any]],
+    ) -> None:
+        self._config_type, self._apply = config_type, apply
+        self._current, self._defaults = parameters, defaults or (lambda: parameters)
+        self._asked = False
+
+    def take(self, config: Any, _level: int) -> Any:
+        """Take what dynamic_reconfigure's server is asked for, and return what holds then.
+
+        Its first question, as it is made, is what to begin with: the values in force.
+        """
+        import rospy
+
+        names = [name for name in self._current.names() if name in config]
+        if self._asked:
+            try:
+                for note in self._change({name: config[name] for name in names}, config.get(RESTORE_DEFAULTS)):
+                    rospy.logwarn("reconfigured: %s", note)
+            except ValueError as error:
+                rospy.logerr("reconfigure refused: %s", error)
+        self._asked = True
+        config.update({name: getattr(self._current, name) for name in names})
+        if RESTORE_DEFAULTS in config:
+            config[RESTORE_DEFAULTS] = False
+        return config
+
+    def _change(self, values: Mapping[str, Any], restore: bool) -> List[str]:
+        """Put other values, or the defaults, in force; return notes on what was made of them."""
+        notes: List[str] = []
+        if restore:
+            wanted = self._defaults()
+        else:
+            # the server takes all values into their sliders' ranges, also those nobody asked to change
+            changes = {n: value for n, value in values.items() if value != self._within(n, getattr(self._current, n))}
+            _check_texts(changes)
+            wanted, notes = self._current.reconfigured(changes)
+        self._apply(wanted)
+        self._current = wanted
+        return notes
+
+    def _within(self, name: str, value: Any) -> Any:
+        """Return a number taken to the range that is offered, anything else as it is."""
+        lowest, highest = self._config_type.min.get(name), self._config_type.max.get(name)
+        return value if isinstance(value, (bool, str)) else min(max(value, lowest), highest)
+
+
 def serve(
     config_type: Any, parameters: ParameterSet, apply: Callable[[Any], None], namespace: str = "",
     defaults: Optional[Callable[[], Any]] = None,
@@ -138,44 +189,11 @@ def serve(
     import rospy
     from dynamic_reconfigure.server import Server
 
-    state: Dict[str, Any] = {"current": parameters, "started": False}
-
-    def within(value: Any, name: str) -> Any:
-        """Return a number taken to the range that is offered, anything else as it is."""
-        lowest, highest = config_type.min.get(name), config_type.max.get(name)
-        return value if isinstance(value, (bool, str)) else min(max(value, lowest), highest)
-
-    def take(config: Any, _level: int) -> Any:
-        names = [name for name in parameters.names() if name in config]
-        if not state["started"]:
-            state["started"] = True
-            config.update({name: getattr(parameters, name) for name in names})
-            return config
-        try:
-            notes: List[str] = []
-            if config.get(RESTORE_DEFAULTS):
-                wanted = parameters if defaults is None else defaults()
-            else:
-                # the server takes all values into their sliders' ranges, also those nobody asked to change
-                changes = {n: config[n] for n in names if config[n] != within(getattr(state["current"], n), n)}
-                _check_texts(changes)
-                wanted, notes = state["current"].reconfigured(changes)
-            apply(wanted)
-            state["current"] = wanted
-            for note in notes:
-                rospy.logwarn("reconfigured: %s", note)
-        except ValueError as error:
-            rospy.logerr("reconfigure refused: %s", error)
-        config.update({name: getattr(state["current"], name) for name in names})
-        if RESTORE_DEFAULTS in config:
-            config[RESTORE_DEFAULTS] = False
-        return config
-
     class StartsWithOurs(Server):
         """Starts with the values in force, not with what stands on the parameter server, of which some was refused."""
 
         def _copy_from_parameter_server(self) -> None:
-            self.config.update({name: getattr(parameters, name) for name in parameters.names() if name in self.config})
+            pass
 
         def _copy_to_parameter_server(self) -> None:
             from dynamic_reconfigure.encoding import extract_params
@@ -185,4 +203,4 @@ def serve(
                 for parameter in extract_params(self.type.config_description)
             })
 
-    return StartsWithOurs(config_type, take, namespace=namespace)
+    return StartsWithOurs(config_type, _Values(config_type, parameters, apply, defaults).take, namespace=namespace)
