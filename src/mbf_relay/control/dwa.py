@@ -87,11 +87,10 @@ class DwaController(PathFollower):
                 return instead
         winner = self.explanation.winner
         if cycle.window.can_stand:
-            self.explanation = self._that_gets_on(self.explanation, turns, cycle)
-            winner = self.explanation.winner if self._is_worthwhile(self.explanation, data.width) else None
+            self.explanation, winner = self._that_gets_on(self.explanation, turns, cycle)
         once_passed = self.explanation.once_passed()
         if winner is None:
-            if self._is_worthwhile(once_passed, data.width):  # somebody crosses: wait
+            if self._worthwhile(once_passed, cycle) is not None:  # somebody crosses: wait
                 return cycle.window.still
             raise self.nothing_left(cycle, str(self.explanation))
         command = Twist2D(*map(float, self.trajectories.commands[winner]))
@@ -145,44 +144,44 @@ class DwaController(PathFollower):
             return cycle.window.still
         return None
 
-    def _that_gets_on(self, explanation: Explanation, turns: bool, cycle: ControlCycle) -> Explanation:
-        """Return the explanation that a standing robot goes by.
+    def _that_gets_on(
+        self, explanation: Explanation, turns: bool, cycle: ControlCycle
+    ) -> Tuple[Explanation, Optional[int]]:
+        """Return the explanation that a standing robot goes by, and its winner; None where that is not worthwhile.
 
         Where all critics together would have it stay, or just turn (`turns`), those that yield where they hold it are
         left out: the winner is then what gets it on. Where it still would, though it faces its path, because that is
         narrower than where it is, but free, so is what the way costs: base_local_planner's robot has no choice to stay.
         """
-        width = cycle.checker.costmap.width
-        is_worthwhile = self._is_worthwhile(explanation, width)
-        if is_worthwhile and not turns:
-            return explanation
+        winner = self._worthwhile(explanation, cycle)
+        if winner is not None and not turns:
+            return explanation, winner
         getting_on = explanation.where_held()
-        if not self._is_worthwhile(getting_on, width) and self._is_free_ahead(cycle):
+        other = self._worthwhile(getting_on, cycle)
+        if other is None and self._is_free_ahead(cycle):
             getting_on = getting_on.without_charges_for_the_way()
-        return getting_on if self._is_worthwhile(getting_on, width) or not is_worthwhile else explanation
+            other = self._worthwhile(getting_on, cycle)
+        return (explanation, winner) if other is None and winner is not None else (getting_on, other)
 
     def _is_free_ahead(self, cycle: ControlCycle) -> bool:
         """Return whether nothing stands on the path, and the robot faces it or can turn to it."""
         return cycle.path.first_blocked(cycle.checker) is None and not self._no_room_to_turn(cycle)
 
-    def _is_worthwhile(self, explanation: Explanation, width: float) -> bool:
-        """Return whether the winner ends at a better place than the robot is at, by the critics that judge places.
+    def _worthwhile(self, explanation: Explanation, cycle: ControlCycle) -> Optional[int]:
+        """Return the winner, None where it ends at no better place than the robot is at.
 
-        A robot that creeps to and fro before an obstacle is not on its way; whoever sent it should hear of that. Where
-        no critic judges places, every winner counts.
-
-        Args:
-            explanation: Has the winner.
-            width: The robot's (m).
+        That is for the critics that judge places to say; where there is none, every winner counts. A robot that creeps
+        to and fro before an obstacle is not on its way; whoever sent it should hear of that.
         """
         if explanation.winner is None:
-            return False
+            return None
         costs = explanation.scores[explanation.judges_place]
         if len(costs) == 0:
-            return True
+            return explanation.winner
         gain = costs[:, -1].sum() - costs[:, explanation.winner].sum()
         reach = float(np.hypot(*explanation.velocities[:, :2].T).max()) * self.parameters.sim_time
-        return bool(gain > min(LEAST_GAIN * width, LEAST_SHARE * reach) * self.parameters.path_distance_bias)
+        least = min(LEAST_GAIN * cycle.checker.costmap.width, LEAST_SHARE * reach) * self.parameters.path_distance_bias
+        return explanation.winner if gain > least else None
 
     def report(self, cycle: ControlCycle, drove: bool) -> CycleReport:
         """Return the batch of trajectories, their costs and why the winner won."""
