@@ -24,6 +24,7 @@ from mbf_relay.localization.resampling import AverageLikelihood, particle_limits
 from mbf_relay.localization.scan_search import Places
 from mbf_relay.localization.tracker import FEWEST_BEAMS, Corrected, HypothesisTracker
 from mbf_relay.maps import OccupancyMap
+from mbf_relay.median import median
 from mbf_relay.scan import LaserScan
 
 OWN_MODEL = "likelihood_field"
@@ -297,7 +298,7 @@ class Localizer:
         both = seen & is_hit(scan.ranges, limits)
         if np.count_nonzero(both) < max(FEWEST_BEAMS, 0.5 * np.count_nonzero(seen)):
             return 0.0
-        return float(np.median(np.abs(scan.ranges[both] - before[both])))
+        return float(median(np.abs(scan.ranges[both] - before[both])))
 
     def _propagate(self, before: Pose2D, after: Pose2D, shown: float) -> None:
         """Sample where each particle went (table 8.2, line 4); `shown` is the way (m) that the scan shows at least."""

@@ -8,6 +8,7 @@ from typing import Deque, Optional, Tuple
 import numpy as np
 
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D, angle_between
+from mbf_relay.median import median
 
 REPEATED_FOR = 0.5
 """Seconds for which odometry may repeat a pose to the last bit and tell of motion: what moves changes its last bits."""
@@ -142,8 +143,8 @@ class TwistMonitor:
         moved, told = np.array(self._seen).swapaxes(0, 1)
         off = moved - told
         # what jitters adds nothing to the mean, one jump nothing to the median
-        errors = np.minimum(_sizes(np.mean(off, axis=0)), np.median(_sizes(off), axis=0))
-        sizes = np.median(np.maximum(_sizes(moved), _sizes(told)), axis=0)
+        errors = np.minimum(_sizes(np.mean(off, axis=0)), median(_sizes(off)))
+        sizes = median(np.maximum(_sizes(moved), _sizes(told)))
         told_of = sizes > TELLS
         if not told_of.any():
             return

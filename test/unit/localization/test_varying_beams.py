@@ -45,6 +45,14 @@ def test_a_robot_that_stands_is_not_taken_to_move():
     assert not any(made.process(odom, turn_of(truth, rng), IDENTITY) for _ in range(40))
 
 
+def test_a_robot_that_stands_does_not_fill_its_memory_with_numpys_masked_arrays(monkeypatch):
+    """NumPy's median reads them: a MiB of amcl, from the second scan on."""
+    rng = np.random.default_rng(3)
+    made, truth, odom = driven(rng)
+    monkeypatch.delattr(np, "ma")
+    assert not any(made.process(odom, turn_of(truth, rng), IDENTITY) for _ in range(2))
+
+
 def test_a_lidar_that_sees_nothing_does_not_keep_another_from_finding_the_robot():
     """A camera before which nothing stands: its cloud has no point, and each time it took the way for itself."""
     empty = LaserScan(np.full(90, np.nan), -0.5, 1.0 / 90.0, 0.1, 6.0, 0.0, "camera")

@@ -120,3 +120,10 @@ def test_a_robot_that_drove_while_its_radio_was_silent_is_not_said_to_tell_false
         pose = pose.compose(Pose2D(0.05, 0.0, 0.1))
         assert monitor.believed(0.6 * count, pose, STOP) == STOP
     assert not monitor.doubt
+
+
+def test_a_robot_that_drives_does_not_fill_its_memory_with_numpys_masked_arrays(monkeypatch):
+    """NumPy's median reads them: a MiB of the server, once a second of the first goal is driven."""
+    monkeypatch.delattr(np, "ma")
+    _, monitor = driven(lambda pose: CURVE)
+    assert not monitor.doubt
