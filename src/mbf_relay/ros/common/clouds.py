@@ -62,8 +62,9 @@ def cloud_points(message: PointCloud2) -> np.ndarray:
         formats.append(order + FLOATS[fields[name].datatype])
     checks.check_cloud(message)
     shape, strides = (message.height, message.width), (checks.row_step(message), message.point_step)
-    points = np.empty((*shape, 3))
-    if points.size:
+    points = np.empty((message.height * message.width, 3))
+    if points.size:  # numpy 1.17 has no array of 0 rows of 2^32 - 1 points
+        rows = points.reshape(*shape, 3)
         for column, (name, kind) in enumerate(zip("xyz", formats)):
-            points[..., column] = np.ndarray(shape, kind, message.data, fields[name].offset, strides)
-    return points.reshape(-1, 3)
+            rows[..., column] = np.ndarray(shape, kind, message.data, fields[name].offset, strides)
+    return points

@@ -66,6 +66,13 @@ def test_a_cloud_with_fewer_bytes_than_its_rows_take_is_refused_with_both():
             cloud_points(read)
 
 
+def test_a_cloud_of_no_rows_has_no_points_however_wide_it_says_they_are():
+    """Ubuntu 20.04's numpy has no such array: the callback ended in a MemoryError."""
+    read = QuickCloud().deserialize(cloud(0, 3)[0])
+    read.width, read.row_step = 2 ** 32 - 1, 0
+    assert cloud_points(read).shape == (0, 3)
+
+
 def test_its_points_are_no_copy():
     text = bytearray(cloud(4, 3)[0])
     read = QuickCloud().deserialize(memoryview(text))
