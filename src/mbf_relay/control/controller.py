@@ -37,8 +37,8 @@ class Controller(Plugin, abc.ABC):
         """Drive no faster than `limit` until the robot has moved its distance; SpeedLimit() lifts it.
 
         Args:
-            limit: That.
-            source: Whose it is; each has one limit, and all of them hold.
+            limit: Top speeds, and the distance for which they hold.
+            source: Who sets it. Each source has one limit, and the lowest holds.
         """
         self._speed_limits[source] = (limit, None)
 
@@ -59,13 +59,12 @@ class Controller(Plugin, abc.ABC):
 
     @property
     def top_speeds(self) -> Tuple[float, float]:
-        """Its own top speeds (m/s, rad/s), of which a zone of so many percent leaves a share; infinite where unknown.
-        """
+        """Its own top speeds (m/s, rad/s), to which a speed zone's percentage refers; infinite where unknown."""
         return math.inf, math.inf
 
     @property
     def goal_tolerance(self) -> Optional[GoalTolerance]:
-        """How near is there where the action does not say; None for a controller that has no such measure."""
+        """Tolerance of a goal whose action names none; None for a controller that has none."""
         return None
 
     @abc.abstractmethod

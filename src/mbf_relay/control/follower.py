@@ -28,23 +28,24 @@ from mbf_relay.outcomes import ControlError, ControlOutcome
 from mbf_relay.parameters import ParameterSet
 from mbf_relay.planning.path import Path
 
-TURNED = 0.15  # rad: a turn towards the path ends here
-LEAST_HORIZON_SCALE = 0.4
+TURNED = 0.15  # heading error (rad) at which a turn towards the path ends
+LEAST_HORIZON_SCALE = 0.4  # in a passage as narrow as NARROW: long arcs ahead would touch its sides
 ROUND_GOAL = 2.0 * math.pi
-"""Tolerances, and the robot's width, that a path may be longer than the way straight to the goal which counts as it."""
+"""Goal tolerances of path that may be left, besides the robot's width, where a robot within the tolerance has arrived:
+a circle round the goal. A path that passes its goal first and comes back to it has more left."""
 
 # in robot's widths
-# between the sides of the footprint and obstacles: where the horizon scale is least, and where 1
+# gap between footprint and obstacles in which the horizon scale is least, and from which it is 1
 NARROW, WIDE = 0.1, 0.65
 BEHIND = 3.0  # path kept behind the robot
-BEYOND = 4.5  # path kept beyond what is looked ahead
-EXTENSION = 2.0  # how far the path goes on beyond the goal, besides what is looked ahead
-MISSED = 2.0  # so far from the path it can be rejoined in any case
-HERE = 0.1  # a point so near has no direction
+BEYOND = 4.5  # path kept beyond the lookahead
+EXTENSION = 2.0  # by which the path is extended beyond the goal, besides the lookahead
+MISSED = 2.0  # distance from the path up to which it can always be rejoined
+HERE = 0.1  # distance below which the direction to a point is not used: it is noise
 ODOMETRY_LAG = 0.1
 """Time (s) by which wheels may lag behind a command, and odometry behind the wheels: three readings of 30 Hz.
 
-Where cycles are shorter than that, a robot slow to accelerate would never get going by two of them.
+With two cycles alone, where these are shorter, a robot that accelerates slowly would never get going.
 """
 
 
@@ -133,7 +134,7 @@ class PathFollower(Controller, abc.ABC):
             state, self._tracker.remaining(state))
 
     def _ends_here(self, state: ControlState, remaining: float) -> bool:
-        """Return whether what is left (m) of the path leads no farther than round the goal: some come by it before."""
+        """Return whether the path ends here, by what is left (m) of it; see ROUND_GOAL."""
         tolerance = self._goal_checker.tolerance_of(self.parameters).distance
         return self._goal_checker.turns or (
             self._tracker.is_on_last_leg and remaining <= ROUND_GOAL * tolerance + state.costmap.width)
@@ -159,7 +160,7 @@ class PathFollower(Controller, abc.ABC):
         return CycleReport(cycle.state.now, cycle.state.costmap, cycle.path, np.zeros((0, 3)))
 
     def _foreseen(self, state: ControlState) -> Twist2D:
-        """Return the command decided on, or where somebody comes along the robot's place what Evasion makes of it."""
+        """Return the command decided on; where a track comes towards the robot, what Evasion makes of that command."""
         trouble: Optional[ControlError] = None
         try:
             command = self._decide(state)
@@ -278,9 +279,9 @@ class PathFollower(Controller, abc.ABC):
     def _velocity_now(self, state: ControlState, parameters: FollowerParameters) -> Twist2D:
         """Return the last command where the robot is on its way to it, component by component, else what was measured.
 
-        Odometry lags; a window built on it alone makes every acceleration come late and every stop overshoot. One that
-        does more than it is told is told less and less: from what it does, slower by what it can brake would be more
-        than it was told last, and one that turns 1.4 times as fast as it is told would turn for good.
+        Odometry lags: with a window built on it alone every acceleration comes late and every stop overshoots. A robot
+        that moves faster than it is told counts as moving as told: else the slowest velocity in reach could be faster
+        than the last command, and a robot that turns 1.4 times as fast as it is told would never stop turning.
         """
         if state.delay > 0.0 and state.commanded is not None:
             return commandable(parameters, state.commanded, state.commanded)
@@ -325,8 +326,8 @@ class PathFollower(Controller, abc.ABC):
     def _turn(self, cycle: ControlCycle, way: float, still: Twist2D) -> Twist2D:
         """Return the command that turns by `way` (rad) on the spot, braking otherwise as `still` does.
 
-        One that still rolls brakes first, on the arc it is on, where it would swing into something on its way: that the
-        turn is free tells of the spot alone.
+        A turn that is free on the spot may not be while the robot still rolls: where it would swing into something, the
+        robot first brakes on the arc it is on.
         """
         if self.parameters.max_vel_theta == 0.0:
             raise ControlError(

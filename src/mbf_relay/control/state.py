@@ -44,7 +44,7 @@ class ControlState:
 
 @dataclass(frozen=True)
 class GoalTolerance:
-    """How near is there.
+    """How near to the goal counts as reached.
 
     Attributes:
         distance: Metres.
@@ -58,7 +58,7 @@ class GoalTolerance:
     def of(given: Optional[GoalTolerance], distance: float, angle: float) -> GoalTolerance:
         """Return a goal's own tolerance where it has one, with these (m, rad) in the place of a part that is 0.
 
-        No robot stands anywhere that exactly, and in a message that is what nobody filled in.
+        No robot stands anywhere that exactly: in a message, 0 is a field that nobody filled in.
         """
         return GoalTolerance(*((given.distance or distance, given.angle or angle) if given else (distance, angle)))
 

@@ -12,10 +12,10 @@ from mbf_relay.grid import Grid
 from mbf_relay.tracking.track import Track
 
 FREE_SPACE = 0
-INSCRIBED = 253  # the robot's centre here means its inscribed circle touches an obstacle
+INSCRIBED = 253  # with the robot's centre here, its inscribed circle touches an obstacle
 LETHAL = 254
 NO_INFORMATION = 255
-# of a cell: at 0.05 m as far as the footprint is padded by default, so that no margin is negative
+# default share of a cell: 0.01 m of 0.05 m, the footprint's default padding, which makes up for it
 OBSTACLE_OVERLAP = 0.2
 
 
@@ -97,9 +97,11 @@ class CostGrid:
         history: The latest changes, oldest first: the revision each led to, and the cells it touched.
         obstacle_overlap: Share of a cell by which the footprint's outline may reach into an obstacle's cell.
         tracks: What moves, in `frame`; None where no layer looks for that.
-        side_cost, turning_cost: Costs that stand where an obstacle is so near that the robot's sides touch it, and so
-            near that a corner does where the robot turns; INSCRIBED where costs do not tell.
-        sees_all_round: Whether sensors look in all directions at once, where something moves; else nobody has asked.
+        side_cost, turning_cost: Inflation's cost at half the robot's width, and at its circumscribed radius, from an
+            obstacle: below the first its sides touch nothing, below the second no corner does however it turns.
+            INSCRIBED where costs do not tell.
+        sees_all_round: Whether sensors look in all directions at once; true where there are no tracks, as it is asked
+            for their sake alone.
     """
 
     grid: Grid
@@ -119,7 +121,7 @@ class CostGrid:
 
     @cached_property
     def half_width(self) -> float:
-        """How far (m) the footprint reaches to the sides of a robot that drives ahead; a round robot has none drawn."""
+        """How far (m) the footprint reaches to the sides; the inscribed radius where a round robot has no corners."""
         return half_width_of(self.footprint, self.inscribed_radius)
 
     @cached_property
@@ -152,10 +154,7 @@ class CostGrid:
 
 
 def without_tracks(costmap: CostGrid, now: float) -> CostGrid:
-    """Return a snapshot in which nothing is marked where something that moves is at a time (s), give or take two cells.
-
-    It will have gone from there: who asks what stands in the way later on is to ask this one.
-    """
+    """Return a snapshot without obstacles where tracks are at a time (s), give or take two cells: they will be gone."""
     grid, costs = costmap.grid, costmap.costs.copy()
     for track in costmap.tracks or ():
         there = track.at(now)

@@ -109,7 +109,7 @@ class Costmap:
         """Take other values of RECONFIGURABLE; they show from the next update on.
 
         Raises:
-            ValueError: They ask for a grid other than that of its map, or for what the outline in force cannot have.
+            ValueError: They change the grid of a costmap sized by its map, or the padding does not fit the outline.
         """
         with self._lock:
             old = self.parameters
@@ -147,7 +147,7 @@ class Costmap:
         Args:
             source: One of `sources`.
             observation: In the costmap's frame.
-            now: Time (s) at which it is handed over, which is its stamp where that is 0; the stamp where None.
+            now: Time (s) of the hand-over, which replaces a stamp of 0; the observation's stamp where None.
 
         Raises:
             ValueError: There is no such source.

@@ -151,11 +151,10 @@ class TriedHere(NamedTuple):
 class TriedBehaviors:
     """Remembers what was tried where, for one goal.
 
-    The list starts over where the robot has got elsewhere, and goes on where it comes back to. Move Base Flex starts it
-    over with every path that is found; a path that cannot be driven then leads through the first behaviours for ever.
-    As there are but so many places within reach, a goal that cannot be reached ends. What was tried while odometry
-    could not be believed is tried again when it can: costmaps cleared then are drawn full of ghosts again, for what is
-    seen is entered where odometry says.
+    The list starts over at each new place, and is continued where the robot comes back to one. Move Base Flex starts it
+    over with every path that is found: with a path that cannot be driven, the first behaviours alternate for ever. As
+    the places within reach are finite, a goal that cannot be reached ends. When odometry becomes credible again,
+    everything may be tried again: costmaps cleared before were filled again with obstacles at wrong places.
 
     Args:
         behaviors: Names, in the order to try.

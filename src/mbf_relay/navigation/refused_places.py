@@ -1,4 +1,4 @@
-"""Places where the robot was refused on the spot: for a while they are worth a way round."""
+"""Places where the controller found no way through: for a while, plans that lead there count as longer."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from mbf_relay.planning.passage import checker_on, touching_cells
 from mbf_relay.planning.path import Path
 
 TOLL = 10.0
-"""Robot's widths that a way round may be longer for a place that was refused once; twice that for one refused twice."""
+"""Detour (robot's widths) that is worth taking round a place refused once; each further refusal doubles it."""
 DOUBLINGS = 5
 """Refusals of one place after which its toll rises no more."""
 HALF_LIFE = 30.0
-"""Seconds in which a toll falls to its half: what stood there may be gone."""
+"""Seconds in which a toll falls by half: what stood there may be gone."""
 FORGOTTEN = 1.0
-"""Robot's widths below which a toll is none."""
+"""Detour (robot's widths) below which a toll is dropped."""
 MOST_PLANS = 5
-"""Plans for one path: on a large map each takes its time, and a robot is refused at many places where none is good."""
+"""Plans made for one path at most: where no way is good many places are refused, and on a large map each plan is slow.
+"""
 
 Point = Tuple[float, float]
 
@@ -83,13 +84,14 @@ def refusing_place(costmap: CostGrid, poses: np.ndarray) -> Optional[Point]:
 def plan_round(
     tolls: Sequence[Toll], costmap: CostGrid, start: Pose2D, goal: Pose2D, plan: Callable[[CostGrid], Path]
 ) -> Path:
-    """Return a path whose length and tolls are together the least of those looked at.
+    """Return a path whose length and tolls together are the least of those looked at.
 
-    The path there is comes first; then what it passes is closed, and again on the path found then, till one passes
-    nothing or there is none. What is closed is only what paths lead through: all of it at once walls the robot in.
+    The first path is planned on the snapshot as it is. Then the places it passes are closed and another one is planned,
+    and so on, until a path passes none or none is found. Only places on a path are closed: all at once might wall the
+    robot in.
 
     Args:
-        tolls: In the costmap's frame. A place that the robot's side would reach from start or goal costs none.
+        tolls: In the costmap's frame. A place within half the robot's width of start or goal has no toll.
         costmap: The snapshot as it is.
         start, goal: Of the plan.
         plan: Plans on a snapshot.
@@ -125,9 +127,9 @@ def _passes(path: Path, place: Point, reach: float) -> bool:
 
 
 def _closed(costmap: CostGrid, places: Sequence[Point], ends: Sequence[Point]) -> CostGrid:
-    """Return a snapshot in which nothing as near to some places as the robot is wide may be passed.
+    """Return a snapshot with discs as wide as two robots closed round some places.
 
-    What is nearer to an end of the path stays open, or a robot right before a place would have no way from there.
+    Cells nearer to an end of the path stay open, or a robot right before a place could not leave it.
     """
     costs, grid, reach = costmap.costs.copy(), costmap.grid, costmap.width
     cells = math.ceil(reach / grid.resolution)

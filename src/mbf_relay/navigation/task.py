@@ -24,7 +24,7 @@ class Task(Generic[R]):
     cancel therefore takes effect at the next look, and the last look comes right before a velocity goes out.
 
     Args:
-        owner: The goal it is a part of, if any: with that it is called off.
+        owner: The goal it is a part of, if any; cancelling that cancels this one.
     """
 
     def __init__(self, owner: Optional[Task[Any]] = None) -> None:
@@ -59,13 +59,13 @@ class Task(Generic[R]):
         return self._result
 
     def ended_with(self) -> R:
-        """Return what came of it; only once it ended."""
+        """Return what came of it; RuntimeError before it ended."""
         if self._result is None:
             raise RuntimeError("the goal still runs; ask `done` first")
         return self._result
 
     def end(self, ending: Ending, result: R) -> None:
-        """End the goal; a second end is a mistake of the caller."""
+        """End the goal; RuntimeError where it has ended already."""
         if self._ending is not None:
             raise RuntimeError(f"a goal that ended {self._ending.name} cannot end {ending.name}")
         self._result, self._ending = result, ending

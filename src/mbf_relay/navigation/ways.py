@@ -1,4 +1,4 @@
-"""Which way to go on for one goal: whether a new path is taken, and which places are gone round."""
+"""Whether a goal's drive switches to a new path, and which places its plans avoid."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from mbf_relay.outcomes import StaleDataError, TransformError
 from mbf_relay.planning.path import Path
 
 STOOD_FOR = 2.0
-"""Seconds of cycles in which a controller found no velocity after which the place ahead counts as refused, once more
-each time."""
+"""Seconds' worth of cycles without a velocity from the controller that count as one refusal of the place ahead."""
 
 
 class _Ahead(NamedTuple):
@@ -34,7 +33,7 @@ class _Ahead(NamedTuple):
 
 
 class Ways:
-    """What one goal's drive knows of the ways there: the last change between two, and where it was refused.
+    """What one goal's drive has learnt: when it last switched to another way, and where it did not get through.
 
     Args:
         robot: Tells frames.
@@ -47,15 +46,15 @@ class Ways:
         self._failures = 0
 
     def restart(self) -> None:
-        """Go a way anew, on which no change was waited for; where the robot was refused stays known."""
+        """Begin a new path: forget a pending switch, but not the refused places."""
         self._hysteresis.restart()
 
     def tolls(self, now: float) -> Tuple[Toll, ...]:
-        """Return what plans should go round at `now` (s)."""
+        """Return the places that plans should avoid at `now` (s), each with its toll."""
         return self._refused.tolls(now, self._costmap.snapshot().width)
 
     def takes(self, now: float, old: Path, new: Path, robot: Optional[FramedPose]) -> bool:
-        """Return whether to go over at `now` (s) to a path found while driving along another one."""
+        """Return whether to switch, at `now` (s), from the path driven to a replanned one."""
         if robot is None or robot.frame != new.frame or old.frame != new.frame:
             return True
         width = self._costmap.snapshot().width
@@ -71,7 +70,7 @@ class Ways:
         return True
 
     def watch(self, now: float, feedback: FollowFeedback, path: Path, frequency: float) -> None:
-        """Take what the controller, asked so often (Hz), says at `now` (s) of a path."""
+        """Take the feedback at `now` (s) of a controller that is asked at `frequency` (Hz), along a path."""
         if not feedback.refused:
             return
         self._failures += 1
@@ -85,7 +84,7 @@ class Ways:
         return ahead is not None and ahead.is_blocked
 
     def _refuse(self, now: float, path: Path, robot: Optional[FramedPose]) -> None:
-        """Remember at `now` (s) where the robot did not get on along a path: where it does not fit, or just ahead."""
+        """Remember, at `now` (s), the first place on a path where the robot does not fit, else the one just ahead."""
         ahead = self._ahead(path, robot)
         if ahead is not None and len(ahead.rest):
             arcs = np.hypot(*(ahead.rest[:, :2] - ahead.rest[0, :2]).T)
