@@ -47,6 +47,8 @@ _PILLOW = threading.Lock()
 FREE = 0
 OCCUPIED = 100
 UNKNOWN = -1
+CHECK_THRESHOLDS = "check its image, and free_thresh, occupied_thresh and negate in its YAML file"
+"""What to do about a map in which no cell is free."""
 
 
 def too_large(width: int, height: int, what: str = "cells") -> str:

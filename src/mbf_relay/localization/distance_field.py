@@ -10,7 +10,7 @@ import numpy as np
 
 from mbf_relay.distances import around, distances_to_zeros
 from mbf_relay.geometry import Pose2D
-from mbf_relay.maps import OccupancyMap
+from mbf_relay.maps import CHECK_THRESHOLDS, OccupancyMap
 
 OCCUPIED_FROM = 65
 FREE_TO = 25
@@ -123,7 +123,7 @@ class DistanceField:
             ValueError: The map has no free cell.
         """
         if not self.has_free_cells and count > 0:
-            raise ValueError("the map has no free cell; poses cannot be spread over it")
+            raise ValueError(f"the map has no free cell to spread poses over; {CHECK_THRESHOLDS}")
         chosen = rng.integers(0, max(1, self._free_in_rows[-1]), count)
         rows = np.searchsorted(self._free_in_rows, chosen, side="right")
         columns = np.empty(count, dtype=np.int64)

@@ -11,7 +11,7 @@ from mbf_relay.geometry import Pose2D, normalize_angles
 from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.logs import RecordedLog
 from mbf_relay.localization.parameters import LocalizerParameters
-from mbf_relay.maps import OccupancyMap
+from mbf_relay.maps import CHECK_THRESHOLDS, OccupancyMap
 
 LOST_FROM = 1.0
 """Error (m) from which a robot counts as lost."""
@@ -56,7 +56,7 @@ def replay(
     if start is not None:
         localizer.set_initial_pose(start, covariance)
     elif not localizer.field.has_free_cells:
-        raise ValueError("the map has no free cell; there is nowhere to start")
+        raise ValueError(f"the map has no free cell to start on; {CHECK_THRESHOLDS}")
     poses, updated, seconds = np.empty((len(log), 3)), np.zeros(len(log), dtype=bool), np.zeros(len(log))
     unusable = np.zeros(len(log), dtype=bool)
     pose = start if start is not None else Pose2D(0.0, 0.0, 0.0)

@@ -151,7 +151,7 @@ class Registry(Generic[P]):
             PluginError: There is none of that name, or it could not be made; the text says which there are, or why.
         """
         if not self._entries:
-            raise PluginError(f"No plugins loaded at all: the list '{self.kind}' is empty")
+            raise PluginError(f"No plugins loaded at all: the list '{self.kind}' is empty; name one there")
         chosen = name or next(iter(self._entries))
         if chosen in self.failed:
             raise PluginError(f'No plugin loaded with the given name "{chosen}"! {self.failed[chosen]}')

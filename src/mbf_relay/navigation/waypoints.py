@@ -47,7 +47,7 @@ class WaypointFollower:
             ValueError: There is none, or `first` is none of them, or the pause is no time.
         """
         if count == 0:
-            raise ValueError("there are no poses")
+            raise ValueError("there are no poses; give at least one")
         if first >= count:
             raise ValueError(f"goal_index is {first}; there are {count} poses, counted from 0")
         if not 0.0 <= pause < float("inf"):

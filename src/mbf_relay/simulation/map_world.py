@@ -9,7 +9,7 @@ import numpy as np
 
 from mbf_relay.distances import distances_to_zeros
 from mbf_relay.geometry import Pose2D
-from mbf_relay.maps import FREE, OccupancyMap, load_map
+from mbf_relay.maps import CHECK_THRESHOLDS, FREE, OccupancyMap, load_map
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.shapes import Body, Mesh
 from mbf_relay.simulation.world import World
@@ -42,7 +42,7 @@ def map_world(name: str, occupancy: OccupancyMap) -> World:
     """
     free = occupancy.data == FREE
     if not free.any():
-        raise ValueError("the map has no free cell, so there is no place for the robot")
+        raise ValueError(f"the map has no free cell for the robot; {CHECK_THRESHOLDS}")
     walls = occupancy.data >= OCCUPIED_FROM
     bodies: Tuple[Body, ...] = ()
     if walls.any():

@@ -85,7 +85,7 @@ def _robot_of_text(name: str, text: str) -> RobotModel:
     """Return the robot that a file describes; a thousand episodes read one file, which takes long to parse."""
     values = files.parse_yaml(text)
     if not isinstance(values, Mapping):
-        raise ValueError("it holds no names and values")
+        raise ValueError("it holds no names and values; see config/robot/burger.yaml for those of a robot")
     return robot_of(name, values)
 
 

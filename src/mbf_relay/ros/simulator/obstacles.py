@@ -93,7 +93,7 @@ class Obstacles:
             if key not in self._simulation.scene.obstacles and self._simulation.scene.obstructs(
                 body, self._simulation.true_pose
             ):
-                raise ValueError("it would stand in the robot")
+                raise ValueError("it would stand in the robot; set it down farther away")
             self._simulation.scene.set_obstacle(key, body)
             self._ends.pop(key, None)
             if marker.lifetime.to_sec() > 0.0:

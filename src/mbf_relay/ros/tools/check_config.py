@@ -115,7 +115,7 @@ def _read(options: argparse.Namespace) -> Launch:
                 f"'{path}' holds parameters by node, such as {node}'s, and not those of one: check the launch file "
                 f"that loads it; as for overrides, $(rospack find mbf_relay)/launch/demo.launch overrides:={path}")
     if not source.values:
-        raise ValueError("the files hold no parameters")
+        raise ValueError("the files hold no parameters; name a launch file, or YAML files with one node's parameters")
     return Launch([LaunchedNode("the files", _type_of(source.values, options.node), source)], [])
 
 
