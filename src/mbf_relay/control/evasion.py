@@ -1,4 +1,4 @@
-"""Evasion: whoever comes along the robot's place is let past."""
+"""Evasion: the robot gives way to what moves towards it."""
 
 from __future__ import annotations
 
@@ -40,15 +40,14 @@ def _manoeuvres(width: float, backwards: bool, on_the_spot: bool) -> np.ndarray:
 class Evasion:
     """Looks for ways out: turn towards any side, on the spot or on the way, drive a little, forward or back, and stand.
 
-    Each is driven ahead for a moment, as is what the robot is about to do, held or broken off. It pays for every second
-    in somebody's way, or in an obstacle, and for what the place it leads to is worth by then: the cost to go. The
-    cheapest is begun where it is cheaper than what the robot is about to do; in the next cycle all is asked anew.
+    Each way out is simulated for a moment, and so is the controller's command, kept or broken off. It costs every
+    second in somebody's way or in an obstacle, and the cost to go from the place it leads to. The cheapest is begun if
+    it is cheaper than the command; the next cycle decides anew.
 
-    What stands may be nearer than the robot can brake within that moment. So none is begun, but to stand, from which it
-    could not brake before that, or by which it could run into somebody, and none at all where nobody comes near any
-    place that it could be at. Nor does a robot flee backwards that does not look there.
-
-    What moves does not stand in the way where it is marked: it will have gone.
+    Left out are ways out from which the robot could not brake before a standing obstacle beyond that moment, or on
+    which it could run into somebody (standing still is never left out); and backward ones of a robot that does not look
+    there. Where nobody comes near any place it could be at, none is looked for. Obstacles marked where something moves
+    are ignored: it will have gone.
 
     Source: Petti, Fraichard, "Safe motion planning in dynamic environments" (2005), for a part of a way at a time;
     Bertsekas, Tsitsiklis, Wu, "Rollout algorithms for combinatorial optimization" (1997), for judging it.
@@ -64,7 +63,7 @@ class Evasion:
             parameters: Of the controller.
             foresight: What moves.
             state: The robot.
-            limit: How fast it may go here; it may do so however slowly its path was to be followed.
+            limit: Top speeds here; evading may use them even where the path is to be followed more slowly.
             turning_radius: Least radius (m) of its curves.
             path: Where it wants to go.
         """

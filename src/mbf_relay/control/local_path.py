@@ -31,10 +31,10 @@ FOLD = -0.7  # the inner product of both, in squares of FOLD_LEG, below which it
 
 @dataclass(frozen=True)
 class LocalPath:
-    """What lies ahead: up to the path's next fold, if there is one; the goal is that fold then.
+    """The path round the robot up to its goal, or up to the next fold, which is the goal until the robot is there.
 
-    A path that turns back on itself lies beside the robot twice. A controller that saw both ways would stand where it
-    is near both.
+    A fold is where the path turns back on itself. Beside it both legs are near the robot, and a controller that saw
+    both would stop between them.
 
     Attributes:
         points: Shape (K, 2), K >= 2, metres in the costmap's frame; it goes on straight beyond the goal.
@@ -82,9 +82,9 @@ class LocalPath:
         return result
 
     def first_blocked(self, checker: FootprintChecker) -> Optional[float]:
-        """Return the arc length ahead at which the robot's centre could not be, None where the stretch is free.
+        """Return the arc length (m) ahead at which the robot's centre cannot be, None where the stretch is free.
 
-        Of what lies beyond the costmap nothing is known here.
+        Points beyond the costmap count as free.
         """
         ahead = np.flatnonzero((self.arcs >= self.robot_arc) & (self.arcs <= self.goal_arc))
         for index in ahead:

@@ -1,16 +1,21 @@
 """The last look at a velocity before it reaches the wheels: may the robot still brake before what the lidar shows?
 
-It knows neither costmaps, goals nor a map, and keeps no memory beyond the newest scans, what it has let pass since, and
-how late the wheels did that. A velocity passes while time goes on, its sender goes on sending, the scan is fresh, and
-the footprint, carried along the arc on which the robot would react and brake, keeps a margin from every point of the
-scan and stays where a lidar looks. So it must along the spiral on which a differential drive comes to a stand whose
-wheels are told to stop at once, where these are known. Else it is slowed down along the same arc, or zero. What is
-nearer than the margin already may not come nearer still, so a robot may always drive away from it. Of several lidars on
-the topic, told apart by their frames, each must be fresh, and the newest scan of each counts. Where odometry shows that
-the wheels hear late, the arc begins where the robot will be by then: what has passed cannot be taken back. Nor may it
-meet anything from where it is, for that is only believed, and late odometry or wheels that hear in time again leave it
-believed for a while; nor from where it is if the wheels hear so little late that odometry does not show it.
-(The idea is that of Nav2's collision monitor, here with the footprint on the braking arc in place of zones.)
+It knows neither costmaps, goals nor a map. It remembers the newest scan of each lidar (told apart by their frames), the
+velocities it let pass since, and how late the wheels follow. A velocity passes unchanged while
+
+- time goes on, its sender keeps sending, and the newest scan of each lidar is fresh;
+- the footprint, moved along the arc on which the robot reacts and brakes, keeps `margin` from every point of the scans;
+  with known wheels also along the spiral on which a differential drive stops when both wheels brake at once;
+- the robot can stop within what a lidar looks at.
+
+Else it is slowed down along the same arc, or stopped. Points within the margin already may not come nearer, so that a
+robot can always drive away from them.
+
+Where odometry shows that the wheels follow late, the arc begins where the robot will be by then, since what has passed
+cannot be taken back. The delay is an estimate, so two more arcs must be free: one without delay, and one with the
+largest that odometry cannot show.
+
+The idea is that of Nav2's collision monitor, with the footprint on the braking arc in place of zones.
 """
 
 from __future__ import annotations
@@ -119,7 +124,7 @@ class VelocityGuard:
     def take_scan(self, scan: LaserScan, laser_in_base: Pose2D, rides: bool = True) -> None:
         """Take a scan as seen from above, where the lidar sits, and whether it moves with the robot.
 
-        The last one again, though the robot drives, is no news.
+        The same readings again, although the robot has moved, do not count as a new scan: the lidar is frozen.
         """
         self._lidars.hear(scan.frame, scan.stamp, is_guest=not rides)
         changed_at = self._changed_at(scan)
@@ -247,7 +252,7 @@ class VelocityGuard:
     def _points_ahead(self, sights: List[Sight], now: float) -> np.ndarray:
         """Return the points of scans from where the robot does what passes now, shape (N, 2) in metres.
 
-        As it is where it is late by nothing, by as little as nobody can tell, and by what it is thought to be.
+        Three times over: without delay, with the largest that odometry cannot show, and with the estimated one.
         """
         return np.vstack([
             _moved(self._passed_between(sight.scan.stamp - delay, now)).inverse().transform_points(sight.points)

@@ -39,20 +39,20 @@ class FreeWay(NamedTuple):
 class FootprintChecker:
     """Where the robot's footprint touches: the one answer for planner, controller and recovery.
 
-    The outline touches where one of its points, a third of a cell apart, lies on a lethal or unknown cell, or outside
-    the grid, deeper than the costmap's `obstacle_overlap` from a free cell beside it: what is marked there lies
-    somewhere within, half a cell deep on the mean. costmap_2d's own check, which draws lines between the cells of the
-    corners, is off by as much either way. What is asked many times of one snapshot is computed when it is asked first.
+    The outline is sampled every third of a cell. It touches where a point lies in a lethal or unknown cell, or outside
+    the grid, by more than the costmap's `obstacle_overlap` beyond the nearest free cell: an obstacle lies anywhere in
+    its cell, half a cell deep on average. (costmap_2d draws lines between the corners' cells, and is off by as much
+    either way.) What a snapshot is asked many times is computed once, at the first question.
 
     Args:
         costmap: The snapshot.
         unknown_touches: False where the robot may be in unknown cells, and beyond the grid, of which nothing is known.
 
     Attributes:
-        step: Distance (m) at which consecutive poses are best checked: a fifth of a cell.
-        turn_step: Angle (rad) at which headings on one spot are: the outermost corner moves by as much meanwhile.
-        longest_step, longest_turn: The same at most (m, rad): what is in the way of a lone cell is no longer, and an
-            edge of the footprint that is moved by more may pass across that between two poses.
+        step: Best distance (m) between poses to check: a fifth of a cell.
+        turn_step: Best angle (rad) between headings on one spot, by which the outermost corner moves a `step`.
+        longest_step, longest_turn: Longest distance (m) and angle (rad) between poses to check: farther apart, an edge
+            of the footprint may pass over a single lethal cell unnoticed.
     """
 
     def __init__(self, costmap: CostGrid, unknown_touches: bool = True) -> None:

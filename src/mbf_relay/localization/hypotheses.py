@@ -2,12 +2,12 @@
 
 The particles hold one hypothesis. Where scans stop fitting, odometry may have slipped or the robot may have been
 carried; where it was started anywhere, many places may look alike. Each such place is a normal distribution of its own
-that goes along with odometry, is pulled to where scans fit, and gathers evidence (Jensfelt and Kristensen 2001). It
-enters at the odds of what must have happened, the scan that brought it up not counted, and takes the place of the one
-held when it has the better evidence over several scans and a way: never on one scan, since something always looks like
-something else. Who is deposed becomes a rival and may come back. Each has its own probability of being right, which
-goes by how scans fitted where it was, and takes that along; but the robot is in one place only, so that two places that
-both fit are each half as likely, however sure either would be alone.
+that moves with odometry, is pulled to where scans fit, and gathers evidence (Jensfelt and Kristensen 2001). It enters
+at the prior odds of a slip or of having been carried; the scan that brought it up is not counted. It replaces the
+hypothesis held when it has the better evidence over several scans and some distance: never on one scan, since something
+always looks like something else. The one replaced becomes a rival and may come back. Each keeps its own probability of
+being right, by how scans fitted where it was; but the robot is in one place only, so that two places that both fit are
+each half as likely, however sure either would be alone.
 """
 
 from __future__ import annotations
@@ -93,8 +93,8 @@ class Hypotheses:
     def reliability(self, deviation: float) -> float:
         """Return the probability that the pose held is right, which no more than one of the hypotheses is.
 
-        What rivals leave to it is the less of two shares: by the evidence since they came up, whose map may lack walls
-        here and have them there, and by how well scans fit at each.
+        Its share beside the rivals is the smaller of two: by the evidence since they came up, which errs where the map
+        lacks walls at one place and not at the other, and by how well scans fit at each.
 
         Args:
             deviation: Of its position (m), of one axis.
@@ -155,7 +155,7 @@ class Hypotheses:
         return judged
 
     def add(self, poses: np.ndarray, covariances: np.ndarray, held: np.ndarray, log_carried: float = -math.inf) -> None:
-        """Add rivals at the odds of a slip so large, or of having been carried; those of one scan share them evenly.
+        """Add rivals at the prior odds of so large a slip, or of having been carried; those of one scan share them.
 
         Args:
             poses: Places, shape (K, 3); only those that none holds yet are new.

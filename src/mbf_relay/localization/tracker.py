@@ -48,10 +48,12 @@ RECOVERING_ASTRAY, RECOVERING_LOG_CARRIED = 0.5, -7.0
 WRONG = 0.05
 """Probability of being right below which a pose is taken for wrong, however well the newest scan fits."""
 ANYWHERE = np.array([100.0, 100.0, 10.0])
+"""Deviations (m, m, rad) of a rival looked for on the whole map: no prior to speak of."""
 START_MARGIN = 0.2
+"""Share of the best place's score by which others may fall short and still be hypotheses at a start anywhere."""
 VIEW = 1.0
-"""Way (m) after which a lidar's scan is all news. Those on the way hit the same walls, and err alike where the map
-lacks some: counted in full, a robot that looks every few centimetres would be sure, and pulled astray, many times."""
+"""Way (m) after which a lidar's scan is all news. Scans before that hit the same walls and err alike where the map
+lacks some: counted in full every few centimetres, they would make the filter too sure and pull it astray."""
 STANDING = 0.02
 """Way (m) that any scan counts as that nobody asked for, such as one after a turn on the spot."""
 BELIEVED = 0.8
