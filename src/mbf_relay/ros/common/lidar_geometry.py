@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import replace
 from typing import NamedTuple, Optional, Tuple
@@ -11,6 +12,7 @@ from geometry_msgs.msg import Transform, TransformStamped
 from sensor_msgs.msg import LaserScan as LaserScanMessage
 
 from mbf_relay.geometry import Pose2D
+from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common.checks import InvalidMessage, shown
 from mbf_relay.ros.common.clouds import rigid
 from mbf_relay.ros.common.conversions import scan_from_message
@@ -34,9 +36,9 @@ class MountedScan(NamedTuple):
 def scan_in_base(
     message: LaserScanMessage, base_frame: str, transforms: Transforms, max_age: Optional[float] = None
 ) -> MountedScan:
-    """Return a scan with where its lidar sits now: upstream amcl asks once and keeps to it, whatever tf says later.
+    """Return a scan with where its lidar sat when it was taken, or sits now where that is not told yet.
 
-    A lidar may hang upside down.
+    Upstream amcl asks once and keeps to it, whatever tf says later. A lidar may hang upside down.
 
     Args:
         message: The scan.
@@ -50,6 +52,10 @@ def scan_in_base(
     """
     scan = scan_from_message(message)
     placed = transforms.lookup_message(base_frame, scan.frame, max_age=max_age)
+    is_fixed = placed.header.stamp.to_sec() == 0.0 or scan.frame.lstrip("/") == base_frame.lstrip("/")
+    if not is_fixed:
+        with contextlib.suppress(TransformError):
+            placed = transforms.lookup_message(base_frame, scan.frame, scan.stamp)
     upright = _upright(placed.transform)
     if abs(upright) < LEAST_LEVEL:
         raise InvalidMessage(
@@ -58,7 +64,6 @@ def scan_in_base(
     if abs(upright) < LEVEL:
         scan = _seen_along_the_floor(scan, placed)
     pose, upside_down = mounting_of(placed.transform)
-    is_fixed = placed.header.stamp.to_sec() == 0.0 or scan.frame.lstrip("/") == base_frame.lstrip("/")
     return MountedScan(seen_from_above(scan, upside_down), pose, is_fixed)
 
 

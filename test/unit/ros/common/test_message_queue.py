@@ -15,6 +15,7 @@ from hypothesis import strategies as st  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 from sensor_msgs.msg import LaserScan as LaserScanMessage  # noqa: E402
 
+from mbf_relay.outcomes import TransformError  # noqa: E402
 from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
 from mbf_relay.ros.common.lidar_geometry import mounting_of, scan_in_base, seen_from_above  # noqa: E402
 from mbf_relay.ros.common.message_queue import MessageQueue  # noqa: E402
@@ -142,6 +143,23 @@ def test_a_lidar_that_is_moved_on_its_robot_is_seen_from_where_it_sits_now():
         scan, pose, is_fixed = scan_in_base(message(1.0), "base_link", lookups)
         assert scan.angle_increment == -message(1.0).angle_increment
         assert pose.theta == pytest.approx(lookups.yaw) and is_fixed
+
+
+@pytest.mark.parametrize("told_until, looked_at", [(1.2, 1.0), (0.9, 0.9)])
+def test_a_lidar_that_pans_is_seen_from_where_it_looked_when_its_scan_was_taken(told_until, looked_at):
+    """By amcl and by the guard walls stood as far aside as it had turned since, a scan's time and more."""
+
+    class Pan:
+        def lookup_message(self, _base, _frame, stamp=None, **_):
+            if stamp is not None and stamp > told_until:
+                raise TransformError("extrapolation into the future")
+            time = told_until if stamp is None else stamp
+            placed = TransformStamped(transform=rotation(0.0, time))
+            placed.header.stamp = rospy.Time.from_sec(time)
+            return placed
+
+    mounted = scan_in_base(message(1.0), "base_link", Pan())
+    assert mounted.laser_in_base.theta == pytest.approx(looked_at) and not mounted.is_fixed
 
 
 @pytest.mark.parametrize("roll", [math.pi / 2.0, -math.pi / 2.0, 1.2, 2.0])
