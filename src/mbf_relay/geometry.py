@@ -13,6 +13,9 @@ FASTEST = 1000.0
 FARTHEST = 1e7
 """Metres from a frame's origin: a quarter of the way round the earth, for those who navigate in UTM."""
 
+FULL_TURN = 6.3
+"""Radians: nobody writes a heading beyond, other than in degrees."""
+
 
 def normalize_angle(angle: float) -> float:
     """Return `angle` (rad) wrapped to [-pi, pi)."""
@@ -27,6 +30,13 @@ def normalize_angles(angles: np.ndarray) -> np.ndarray:
 def angle_between(start: float, end: float) -> float:
     """Return the signed shortest turn (rad) that leads from `start` to `end`."""
     return normalize_angle(end - start)
+
+
+def degrees_told(yaw: float) -> str:
+    """Return what a yaw (rad) is and what to write, where degrees are meant more likely; empty for others."""
+    if abs(yaw) <= FULL_TURN:
+        return ""
+    return f"is {yaw:g} rad; if degrees are meant, write {math.radians(yaw):.4f}"
 
 
 class Pose2D(NamedTuple):

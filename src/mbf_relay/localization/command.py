@@ -15,7 +15,7 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 import numpy as np
 
 from mbf_relay import files
-from mbf_relay.geometry import Pose2D
+from mbf_relay.geometry import Pose2D, degrees_told
 from mbf_relay.localization.logs import RecordedLog, doubts_on_times, load_log
 from mbf_relay.localization.node_parameters import (
     INITIAL,
@@ -174,6 +174,9 @@ def describe(figures: Mapping[str, Any]) -> List[str]:
 def main(arguments: Optional[List[str]] = None) -> int:
     """Run the command; return its exit status."""
     options = parse_arguments(arguments)
+    told = degrees_told(options.start[2]) if options.start is not None else ""
+    if told:
+        print(f"localize_log.py: the yaw of --start {told}", file=sys.stderr)
     try:
         pairs = pair_up(options.files)
         stresses = list(dict.fromkeys([Stress(), *map(parse_stress, options.stress)]))

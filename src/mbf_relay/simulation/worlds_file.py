@@ -12,7 +12,7 @@ from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
 import numpy as np
 
 from mbf_relay import files
-from mbf_relay.geometry import Pose2D
+from mbf_relay.geometry import Pose2D, degrees_told
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.shapes import Body, Box, Cylinder, Shape
 from mbf_relay.simulation.world import Mover, World
@@ -32,8 +32,6 @@ KNOWN = {
     "map",
 }
 KNOWN_OF_MOVERS = {"name", "radius", "height", "box", "waypoints", "loop"}
-FULL_TURN = 6.3
-"""Radians: nobody writes a heading beyond, other than in degrees."""
 ORANGE = (0.85, 0.45, 0.20, 1.0)
 
 
@@ -137,10 +135,9 @@ def _hardly_meant(world: World, boxes: Sequence[Sequence[float]]) -> Iterator[st
     yaws = {"the start": [world.start.theta], "the goal": [world.goal.theta] if world.goal is not None else [],
             "a box": [box[2] for box in boxes]}
     for what, values in yaws.items():
-        largest = max(values, key=abs, default=0.0)
-        if abs(largest) > FULL_TURN:
-            yield (f"the yaw of {what} of world {world.name} is {largest:g} rad; if degrees are meant, write "
-                   f"{math.radians(largest):.4f}")
+        told = degrees_told(max(values, key=abs, default=0.0))
+        if told:
+            yield f"the yaw of {what} of world {world.name} {told}"
     least = world.start.distance_to(world.goal) - world.goal_radius if world.goal is not None else 0.0
     if world.reference_path_length is not None and world.reference_path_length < least:
         yield (f"reference_path_length of world {world.name} is {world.reference_path_length:g} m; straight from start "

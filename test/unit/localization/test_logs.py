@@ -157,6 +157,18 @@ def test_what_a_parameter_file_says_in_vain_is_told(tmp_path, capsys, monkeypatc
     assert capsys.readouterr().err == (f"localize_log.py: {told}\n" if told else "")
 
 
+@pytest.mark.parametrize("yaw, told", [("90", "is 90 rad; if degrees are meant, write 1.5708"), ("-3.1", "")])
+def test_a_start_that_is_turned_by_degrees_is_told(tmp_path, capsys, monkeypatch, yaw, told):
+    """A filter set out 117 degrees off, and was called bad."""
+    monkeypatch.chdir(tmp_path)
+    made = make_drive("hall", 5, Rough(beams=60), np.random.default_rng(1))
+    save_log("one.npz", made.log)
+    save_map("one", made.occupancy)
+    place = map(str, made.log.reference[0, :2])
+    assert main(["one.npz", "one.yaml", "--seeds", "2", "--start", *place, yaw]) == 0
+    assert capsys.readouterr().err == (f"localize_log.py: the yaw of --start {told}\n" if told else "")
+
+
 @pytest.mark.parametrize("times, told", [
     ([0.0, 0.2, 0.4, 0.0, 0.2], "1 of 5 times do not rise; the first is of scan 3, -0.4 s after the one before"),
     ([3.0] * 5, "4 of 5 times do not rise; the first is of scan 1, 0 s after the one before"),
