@@ -288,7 +288,11 @@ class MoveBase:
         if self._ways.is_blocked(at.path, self._last.pose):
             self._replan_trouble = ""
             self._stop_driving(now, at)
-            if not self._recover(result.outcome, result.message, result.cause):
+            if self._recover(result.outcome, result.message, result.cause):
+                return
+            if 0.0 < self._navigator.parameters.controller_patience <= self._ways.refused_for:
+                self._end(Ending.ABORTED, result.outcome, result.message)
+            else:
                 self._plan_anew(now)  # what a replan lacked was not waited for
 
     # recovering

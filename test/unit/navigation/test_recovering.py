@@ -299,6 +299,18 @@ def test_who_stands_in_a_doorway_has_the_time_of_one_patience_to_leave_it(make_b
     assert "R1" not in bench.script.calls
 
 
+@pytest.mark.parametrize("refused, outcome", [(10000, PlanOutcome.NO_PATH_FOUND), (20, NavigateOutcome.SUCCESS)])
+def test_a_goal_behind_what_the_planner_finds_a_way_through_now_and_then_ends(make_bench, refused, outcome):
+    """It went on for ever: each path found gave the controller, which drove none of them, its whole patience again."""
+    bench = make_bench(planner_patience=5.0, planner_frequency=5.0, planner_max_retries=-1, controller_patience=5.0)
+    arrive(bench)
+    bench.script.plan = lambda *ends: failing(NO_WAY, int(bench.script.calls["plan"] % 9 != 1), scripted.line)(*ends)
+    bench.script.velocity = failing(STUCK, refused, FORWARD)
+    bench.costmaps["global"].costs[100, 112:118] = 254
+    task = bench.navigator.move_base(GOAL)
+    assert bench.finish(task, 300.0).outcome is outcome
+
+
 def test_a_planner_is_asked_about_what_a_recovery_left_not_about_what_was_seen_before(make_bench):
     bench = make_bench(planner_patience=1.0)
     arrive(bench)
