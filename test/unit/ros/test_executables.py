@@ -133,7 +133,7 @@ def test_a_robots_memory_is_not_filled_with_libraries_no_node_needs():
         "print(*(name for name, module in sys.modules.items() if type(module) is not LazyModule))"
     )
     done = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, check=True, timeout=60.0)
-    unused = {"matplotlib", "numba", "llvmlite", "scipy", "pyparsing", "numpy.ma", "numpy.polynomial"}
+    unused = {"cv2", "matplotlib", "numba", "llvmlite", "scipy", "pyparsing", "numpy.ma", "numpy.polynomial"}
     assert unused & set(done.stdout.decode().split()) == set()
 
 
