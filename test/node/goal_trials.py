@@ -118,12 +118,16 @@ class Face:
 
 
 class GoalTrials:
-    """The graph and its trials; every trial leaves everything running and the robot standing."""
+    """The graph and its trials; every trial leaves everything running and the robot standing.
 
-    def __init__(self) -> None:
+    Args:
+        silence: Wall time (s) of silence after which the relay takes a server that is connected for hung.
+    """
+
+    def __init__(self, silence: float = 0.7) -> None:
         rospy.set_param("move_base_flex", {"tf_timeout": 0.3, "recovery_enabled": False,
                                            "script": {"plan_time": 0.03, "recovery_steps": 40}})
-        rospy.set_param("move_base/server_timeout", 30.0)
+        rospy.set_param("move_base", {"server_timeout": 30.0, "silence_timeout": silence})
         self._moves: List[float] = []
         self._zeros: List[float] = []
         rospy.Subscriber("cmd_vel", Twist, self._take_velocity, queue_size=1000, tcp_nodelay=True)

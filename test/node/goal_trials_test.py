@@ -28,6 +28,8 @@ LOAD = 10
 """Processes that compute beside it."""
 SOON = 1.0
 """Wall time (s) within which a robot that nobody has a goal for must stand, beside what processes wait for a core."""
+SILENCE = 0.7 if LONG else 3.0
+"""Wall time (s) of silence that is a hang: for figures the relay's own, else more than a busy machine has one wait."""
 
 
 class Waits:
@@ -54,7 +56,7 @@ class GoalTrialsTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         rospy.init_node("goal_trials")
-        cls.trials = GoalTrials()
+        cls.trials = GoalTrials(SILENCE)
 
     @classmethod
     def tearDownClass(cls):
@@ -119,7 +121,7 @@ class GoalTrialsTest(unittest.TestCase):
                 waits = Waits(self.trials)
                 outcome = self.trials.lose_server(how)
                 made.measure("last velocity after", 1e3 * outcome.stopped_after, "ms")
-                self.assertLess(outcome.stopped_after, 1.5 * SOON + waits.of_all(), f"{how.name}: {outcome}")
+                self.assertLess(outcome.stopped_after, SILENCE + 0.8 * SOON + waits.of_all(), f"{how.name}: {outcome}")
                 self.assertEqual(outcome.states, [GoalStatus.ABORTED])
                 self.assertIn(words[how], outcome.text)
 
