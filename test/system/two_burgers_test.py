@@ -65,9 +65,13 @@ class TwoBurgersTest(unittest.TestCase):
 
     def test_stamps_of_both_keep_to_one_clock(self):
         for name, truth in self.truth.items():
-            stamp = truth.last.header.stamp.to_sec()
-            wait_until(lambda: truth.last.header.stamp.to_sec() > stamp, f"newer odometry of {name}")
-            self.assertLess(abs(truth.last.header.stamp.to_sec() - rospy.get_time()), 1.0)
+            before = truth.last.header.stamp.to_sec()
+
+            def is_of_now(truth=truth, before=before):  # the clock comes another way, on a busy machine sooner or later
+                stamp = truth.last.header.stamp.to_sec()
+                return stamp > before and abs(stamp - rospy.get_time()) < 1.0
+
+            wait_until(is_of_now, f"newer odometry of {name}, by the clock that all go by")
 
 
 if __name__ == "__main__":
