@@ -1,0 +1,58 @@
+"""What a user reads when scripts/run cannot install: the reason, in a few lines."""
+
+import re
+import subprocess
+from pathlib import Path
+
+RUN = Path(__file__).resolve().parents[3] / "scripts" / "run"
+PACKAGES = [f"package{number}" for number in range(60)]
+NO_NETWORK = """
+apt-get() {
+  case " $* " in
+    *" update "*)
+      echo "E: Failed to fetch http://deb.debian.org/  Temporary failure resolving 'deb.debian.org'"
+      case "$*" in *Error-Mode=any*) return 100 ;; esac ;;
+    *) printf 'E: Unable to locate package %s\\n' $MISSING; return 100 ;;
+  esac
+}
+"""
+FULL = """
+apt-get() {
+  case " $* " in *" update "*) return 0 ;; esac
+  echo "dpkg: error processing archive /var/cache/apt/archives/gcc.deb (--unpack):"
+  echo " cannot copy extracted data for './usr/bin/gcc': failed to write (No space left on device)"
+  printf 'Errors were encountered while processing:\\n /var/cache/apt/archives/gcc.deb\\n'
+  echo "E: Sub-process /usr/bin/dpkg returned an error code (1)"
+  return 100
+}
+"""
+
+
+def told(tmp_path, program, call):
+    """Return what the script's own functions say with others in the place of what they call."""
+    text = RUN.read_text(encoding="utf-8")
+    functions = [re.search(rf"^{name}\(\) \{{.*?\}}$", text, re.MULTILINE | re.DOTALL).group()
+                 for name in ("say", "fail", "install_packages")]
+    stand_ins = "sudo() { \"$@\"; }\nenv() { shift; \"$@\"; }\nmissing_packages() { printf '%s\\n' $MISSING; }"
+    done = subprocess.run(
+        ["bash", "-uc", "\n".join([*functions, stand_ins, program, call])], stderr=subprocess.PIPE, text=True,
+        env={"PATH": "/usr/bin:/bin", "cache": str(tmp_path), "MISSING": " ".join(PACKAGES)}, timeout=60.0)
+    assert done.returncode == 1
+    return done.stderr
+
+
+def test_who_has_no_network_reads_that_and_not_each_package_that_is_missing(tmp_path):
+    """apt called the update a success, and sixty lines said that packages cannot be located."""
+    said = told(tmp_path, NO_NETWORK, "install_packages")
+    assert "Temporary failure resolving" in said and said.count("Unable to locate") < 10, said
+
+
+def test_who_has_no_room_for_packages_reads_that(tmp_path):
+    """All that was shown is that a sub-process of apt returned an error code."""
+    assert "No space left on device" in told(tmp_path, FULL, "install_packages")
+
+
+def test_who_has_no_room_for_the_build_reads_that_although_no_log_can_be_written(tmp_path):
+    for left, is_full in (("   0", True), (" 999", True), ("1000", False)):
+        said = told(tmp_path, f"df() {{ printf 'Avail\\n{left}\\n'; }}", "fail 'the build failed'")
+        assert ("lies is full" in said) == is_full, said
