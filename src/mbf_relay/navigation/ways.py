@@ -105,9 +105,11 @@ class Ways:
         """Return what is seen along a path, None where that cannot be told now."""
         try:
             snapshot = self._costmap.snapshot()
-            frame_from_path = self._robot.transform(self._costmap.frame, path.frame)
+            frame = self._costmap.frame
+            frame_from_path = self._robot.transform(frame, path.frame)
+            pose = None if robot is None else self._robot.transform(frame, robot.frame).compose(robot.pose)
         except (TransformError, StaleDataError):
             return None
-        poses, pose = frame_from_path.transform_poses(path.poses), robot.pose if robot is not None else None
+        poses = frame_from_path.transform_poses(path.poses)
         nearest = 0 if pose is None else int(np.hypot(*(poses[:, :2] - pose[:2]).T).argmin())
         return _Ahead(snapshot, poses[nearest:], path_is_blocked(snapshot, poses, pose))

@@ -216,13 +216,16 @@ def test_a_new_goal_in_the_middle_of_a_replan_stops_the_robot_only_where_the_pla
     assert (STOP in bench.robot.sent) == stops
 
 
-def test_a_new_goal_without_a_path_stops_the_old_drive(make_bench):
+@pytest.mark.parametrize("plan, outcome", [
+    (NO_WAY, PlanOutcome.NO_PATH_FOUND), (RuntimeError("it broke"), PlanOutcome.INTERNAL_ERROR),
+])
+def test_a_new_goal_without_a_path_stops_the_old_drive(make_bench, plan, outcome):
     bench = make_bench(planner_max_retries=0, recovery_enabled=False)
     bench.navigator.move_base(GOAL)
     bench.step()
-    bench.script.plan = NO_WAY
+    bench.script.plan = plan
     second = bench.navigator.move_base(NavigateGoal(FramedPose(Pose2D(2.0, 0.0, 0.0), "map")))
-    assert bench.finish(second).outcome is PlanOutcome.NO_PATH_FOUND
+    assert bench.finish(second).outcome is outcome
     assert bench.robot.sent[-1] == STOP
 
 

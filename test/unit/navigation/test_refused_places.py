@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from scripted import FORWARD, GOAL, STUCK, bowed_path
+from scripted import FORWARD, GOAL, STUCK, PaperCostmap, bowed_path
 
 from mbf_relay import plugins
 from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, CostGrid
-from mbf_relay.geometry import Pose2D
+from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.grid import Grid
 from mbf_relay.navigation.goals import FollowFeedback, FramedPose
 from mbf_relay.navigation.refused_places import (
@@ -250,3 +250,17 @@ def test_a_robot_whose_frames_are_lost_remembers_nothing_and_goes_on(bench):
     for cycle in range(100):
         ways.watch(0.1 * cycle, refused, bowed_path(0.4), 10.0)
     assert ways.tolls(10.0) == () and not ways.is_blocked(bowed_path(0.4), pose)
+
+
+@pytest.mark.parametrize("frame, offset", [("map", 0.0), ("odom", 1.0)])
+def test_an_obstacle_behind_the_robot_blocks_no_path_whatever_frame_the_costmap_has(bench, monkeypatch, frame, offset):
+    """A robot drove on to a person before it, or turned back for one behind, whose costmap was not in global_frame."""
+    def transform(target, source):
+        return Pose2D(offset if target == "odom" else 0.0, 0.0, 0.0) if target != source else IDENTITY
+
+    monkeypatch.setattr(bench.robot, "transform", transform)
+    costmap = PaperCostmap(frame)
+    ways, path = Ways(bench.robot, costmap), Path(np.linspace((0.0, 0.0, 0.0), (3.0, 0.0, 0.0), 61), "map")
+    costmap.costs[:, costmap.grid.cell_at(1.0 + offset, 0.0)[0]] = LETHAL
+    assert ways.is_blocked(path, FramedPose(Pose2D(0.2, 0.0, 0.0), "map"))
+    assert not ways.is_blocked(path, FramedPose(Pose2D(1.5, 0.0, 0.0), "map"))
