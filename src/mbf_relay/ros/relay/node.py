@@ -70,14 +70,21 @@ def serve(action: bool = True, topic: bool = True, side: Optional[ServerSide] = 
     diagnostics = Diagnostics()
     diagnostics.add("relay", lambda: report(relay, client, parameters.server, publishers))
     spare_what_stays()
-    # goals come last: all above takes its time on a busy machine, and a goal's lease is renewed by the loop below
+    # goals come last: all above takes its time on a busy machine, and a goal's lease is renewed by _attend
     if server is not None:
         server.start()
         check_alone("move_base")
     poses = SimpleGoals(relay, through_action=action) if topic else None
     rospy.loginfo("move_base is here, carried out by %s", rospy.resolve_name(parameters.server))
+    _attend(client, relay, side, poses)
+
+
+def _attend(client: ActionClient, relay: Relay, side: ServerSide, poses: Optional[SimpleGoals]) -> None:
+    """Look after the server and what waits until the node ends.
+
+    Nothing here may wait for anybody: it renews the lease of what the robot drives for.
+    """
     was_up = False
-    # nothing here may wait for anybody: it renews the lease of what the robot drives for
     while not rospy.is_shutdown():
         client.check()
         is_up = client.server_is_up
