@@ -7,14 +7,17 @@ ended, and what it said. ROS_MASTER_URI names the master.
 """
 
 import faulthandler
+import importlib
 import json
 import os
+import pkgutil
 import re
 import select
 import signal
 import sys
 import time
 
+import mbf_relay
 from mbf_relay.ros.compose.node import MEMBERS, Member, live, preload
 
 PLACES = {
@@ -23,6 +26,8 @@ PLACES = {
     "waypoint_follower": "mbf_relay.ros.waypoint_follower.node.main", "web_view": "mbf_relay.ros.web.node.main",
     "move_base": "mbf_relay.ros.move_base.node.main",
 }
+NAMED = ("cfg", "control", "costmap", "navigation", "planning", "recovery", "tracking")
+"""Rooms of which a node imports what its parameters name."""
 UP = re.compile(
     "serving a map|localizing on a map|move_base_flex is ready|move_base is here|move_base waits|simulating world|"
     "see the robot at|waypoint_follower is ready|velocity_guard is ready|fake_localization is ready")
@@ -88,6 +93,9 @@ def main(work, results):
     with open(work, encoding="utf-8") as stream:
         cases = json.load(stream)
     preload(sorted({node for node, _, _ in cases}))
+    for module in pkgutil.walk_packages(mbf_relay.__path__, "mbf_relay."):
+        if module.name.split(".")[1] in NAMED:
+            importlib.import_module(module.name)
     master = rosgraph.Master("/started_nodes")
     with open(results, "w", encoding="utf-8") as stream:
         for node, parameters, arguments in cases:

@@ -9,7 +9,6 @@ import select
 import signal
 import sys
 import time
-import traceback
 from typing import Callable, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Set
 
 from mbf_relay.ros.common.ending import adopt_orphans, ending_signals, interrupt_at_death_of
@@ -110,6 +109,8 @@ class Family:
             else:
                 status = int(end.code or 0)
         except BaseException:
+            import traceback  # the parent, which lives as long as its children, needs none
+
             traceback.print_exc()
         finally:
             sys.stdout.flush()

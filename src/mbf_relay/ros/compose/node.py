@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import functools
-import importlib
 import os
-import pkgutil
 import sys
 from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple
 
@@ -28,8 +26,6 @@ WHEN_NEEDED = (
     "configparser", "dynamic_reconfigure.server", "encodings.idna", "unicodedata",
 )
 """Modules that nodes import once they run."""
-COMMON_ROOMS = ("cfg", "control", "costmap", "navigation", "planning", "recovery", "tracking")
-"""Rooms of which nodes import what their parameters name."""
 
 
 class Member(NamedTuple):
@@ -99,8 +95,10 @@ def read_arguments(arguments: Sequence[str]) -> Tuple[bool, List[List[str]]]:
 def preload(names: Sequence[str]) -> None:
     """Import what nodes will import, in a process without threads, and leave it to no child to collect.
 
+    What its parameters name a node imports by itself: no other one uses it.
+
     Args:
-        names: Of their executables; one by itself imports what its parameters name when it has read them.
+        names: Of their executables.
     """
     from mbf_relay.ros.common.node import ALGEBRA_THREADS, spare_what_stays
     from mbf_relay.ros.common.rospy_patches.lazy_modules import spare_what_nobody_uses
@@ -109,10 +107,6 @@ def preload(names: Sequence[str]) -> None:
     spare_what_nobody_uses()
     for name in (*WHEN_NEEDED, *(MEMBERS[name].place.rpartition(".")[0] for name in names)):
         import_or_exit(name)
-    package = importlib.import_module("mbf_relay")
-    for module in pkgutil.walk_packages(package.__path__, "mbf_relay.", onerror=lambda name: None):
-        if len(names) > 1 and module.name.split(".")[1] in COMMON_ROOMS:
-            importlib.import_module(module.name)
     spare_what_stays()  # a collection writes to all it looks at, and a page that is written to is shared no more
 
 

@@ -49,10 +49,32 @@ def test_a_member_is_what_its_executable_is(executable):
     assert MEMBERS[executable] == (name, place, arguments)
 
 
+def modules_after(code):
+    """Return the modules that there are after some lines of Python."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}\nimport sys; print(*sys.modules)"], stdout=subprocess.PIPE, text=True,
+        check=True)
+    return set(done.stdout.split())
+
+
 def test_what_every_node_imports_lies_in_memory_once():
     tree = ast.parse(Path(node.__file__).read_text(encoding="utf-8"))
     imported = {found.module for found in ast.walk(tree) if isinstance(found, ast.ImportFrom)} - {"__future__"}
-    prepared = subprocess.run(
-        [sys.executable, "-c", "import sys; from mbf_relay.ros.compose.node import preload; preload(['amcl']); "
-         "print(*sys.modules)"], stdout=subprocess.PIPE, text=True, check=True)
-    assert sorted(imported - set(prepared.stdout.split())) == []
+    prepared = modules_after("from mbf_relay.ros.compose.node import preload; preload(['amcl'])")
+    assert sorted(imported - prepared) == []
+
+
+def test_what_the_servers_parameters_name_lies_in_no_other_nodes_memory():
+    """All plugins that there are lay in each node's, 3 MiB in the robot's, of which the server alone used a half."""
+    prepared = modules_after(
+        "from mbf_relay.ros.compose.node import preload\n"
+        "preload(['map_server', 'amcl', 'move_base_flex', 'move_base_relay'])")
+    assert "mbf_relay.ros.server.node" in prepared
+    plugins = ("mbf_relay.control.critics.", "mbf_relay.control.mppi.", "mbf_relay.planning.navfn")
+    assert not [name for name in prepared if name.startswith(plugins)]
+
+
+def test_who_watches_the_nodes_holds_no_library_that_it_does_not_use():
+    idle = modules_after("import mbf_relay.ros.compose.node") - modules_after("")
+    assert "select" in idle
+    assert not {"linecache", "textwrap", "traceback"} & idle
