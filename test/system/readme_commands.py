@@ -42,6 +42,8 @@ class TestReadme(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
         cls.master = rosgraph.Master("/readme")
+        # At four times real time it would tell of the wheels, and ask the master twice each time, 120 times a second.
+        cls.master.setParam("/robot_state_publisher/publish_frequency", 1.0)  # of simulated time (Hz)
 
     @classmethod
     def tearDownClass(cls):
