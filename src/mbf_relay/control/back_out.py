@@ -19,19 +19,19 @@ from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D, Twist2D, angle_between, normalize_angles
 
 PATIENCE = 0.25  # s without a velocity before it begins
-ASKEW = 0.5  # rad off the path's direction: one that faces along it and cannot go on has nothing to turn for
-TRIES = 4  # without progress, before it is left to whoever sent the robot
-SPEED, SLOWEST = 0.45, 0.15  # of the top speed
+ASKEW = 0.5  # rad off the path's direction from which turning helps; a robot that faces along it gains nothing by it
+TRIES = 4  # without progress, after which driving fails and recovery behaviours follow
+SPEED, SLOWEST = 0.45, 0.15  # shares of the top speed
 
 # in robot's widths
 REACH = 1.5  # the longest way
 LEAST = 0.13  # the shortest, and how far ends that are looked at lie apart
-PROGRESS = 1.3  # how much nearer to the goal makes the next try a first one
-ANOTHER_WAY = 2.0 * REACH  # how much farther from it does, too, or twice as far as it backed out
-AHEAD = 0.9  # where on the path the direction lies that it turns to
-FAR = 4.5  # so far it looks along the arc, and beyond its end, for what it has to brake for
-TURN_WORTH = 3.0  # of way that a radian counts as by which it could not turn to the path's direction at an arc's end
-CURVATURES = np.array([0.0, 0.35, -0.35, 0.7, -0.7, 1.15, -1.15])  # of the arcs tried, one over a width
+PROGRESS = 1.3  # gained on the nearest to the goal so far, from which tries are counted anew
+ANOTHER_WAY = 2.0 * REACH  # lost on it, from which they are, too; or twice as far as the robot backed out
+AHEAD = 0.9  # point on the path that it turns to
+FAR = 4.5  # looked along the arc, and beyond its end, for obstacles to brake for
+TURN_WORTH = 3.0  # of way that each radian costs by which it could not turn to the path's direction at an arc's end
+CURVATURES = np.array([0.0, 0.35, -0.35, 0.7, -0.7, 1.15, -1.15])  # of the arcs tried, in 1 / width
 
 
 def direction_of(path: LocalPath, pose: Pose2D, width: float) -> Tuple[np.ndarray, float]:
@@ -43,9 +43,9 @@ def direction_of(path: LocalPath, pose: Pose2D, width: float) -> Tuple[np.ndarra
 class BackOut:
     """Decides when to back out, along which arc or how far the way it came, and when that is enough.
 
-    It begins when driving has failed for a moment, and takes the shortest way at whose end the robot is free to turn to
-    where the path leads, or as near to that as it gets; where that brought no progress, one twice as long. A car, which
-    never is free to turn, takes the several moves of `multi_point_turn`.
+    It begins when driving has failed for PATIENCE. It takes the shortest way from whose end the robot can turn to the
+    path's direction, or nearly; where that brought no progress, one twice as long. A car, which never turns on the
+    spot, takes the several moves of `multi_point_turn`.
 
     Attributes:
         end: Where the way ends that is driven, or was last.
