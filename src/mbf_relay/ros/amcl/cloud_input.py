@@ -14,6 +14,7 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.cloud_scan import CloudParameters, scan_of_points
 from mbf_relay.ros.common.checks import check_frames
 from mbf_relay.ros.common.clouds import cloud_points, rigid
+from mbf_relay.ros.common.lidar_geometry import placed_when
 from mbf_relay.ros.common.message_queue import MessageQueue
 from mbf_relay.ros.common.quick_clouds import QuickCloud
 from mbf_relay.ros.common.transforms import Transforms
@@ -68,7 +69,7 @@ def scan_of_cloud(
     """Return what a cloud has for localization.
 
     Args:
-        message: The cloud, in the frame of a sensor that is fixed to the robot.
+        message: The cloud, in the frame of a sensor that rides on the robot.
         values: What of it is taken.
         transforms: Where frames are looked up.
         base_frame: The robot's.
@@ -79,8 +80,9 @@ def scan_of_cloud(
     """
     check_frames(message.header.frame_id)
     points = cloud_points(message)
-    rotation, place = rigid(transforms.lookup_message(base_frame, message.header.frame_id))
+    stamp, frame = message.header.stamp.to_sec(), message.header.frame_id
+    rotation, place = rigid(placed_when(stamp, frame, base_frame, transforms)[0])
     with np.errstate(invalid="ignore", over="ignore"):  # rows that are no numbers; they are left out
         in_base = points @ rotation.T + place
-        scan = scan_of_points(in_base, place, values, message.header.stamp.to_sec(), message.header.frame_id)
+        scan = scan_of_points(in_base, place, values, stamp, frame)
     return CloudScan(message.header, scan, Pose2D(float(place[0]), float(place[1]), 0.0))

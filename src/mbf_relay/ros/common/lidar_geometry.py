@@ -51,11 +51,7 @@ def scan_in_base(
         TransformError: The sensor's frame is not connected to the base's.
     """
     scan = scan_from_message(message)
-    placed = transforms.lookup_message(base_frame, scan.frame, max_age=max_age)
-    is_fixed = placed.header.stamp.to_sec() == 0.0 or scan.frame.lstrip("/") == base_frame.lstrip("/")
-    if not is_fixed:
-        with contextlib.suppress(TransformError):
-            placed = transforms.lookup_message(base_frame, scan.frame, scan.stamp)
+    placed, is_fixed = placed_when(scan.stamp, scan.frame, base_frame, transforms, max_age)
     upright = _upright(placed.transform)
     if abs(upright) < LEAST_LEVEL:
         raise InvalidMessage(
@@ -65,6 +61,21 @@ def scan_in_base(
         scan = _seen_along_the_floor(scan, placed)
     pose, upside_down = mounting_of(placed.transform)
     return MountedScan(seen_from_above(scan, upside_down), pose, is_fixed)
+
+
+def placed_when(
+    stamp: float, frame: str, base_frame: str, transforms: Transforms, max_age: Optional[float] = None
+) -> Tuple[TransformStamped, bool]:
+    """Return where a sensor sat at a time (s), or sits now where that is not told yet, and whether for good.
+
+    Arguments and errors are those of `scan_in_base`.
+    """
+    placed = transforms.lookup_message(base_frame, frame, max_age=max_age)
+    is_fixed = placed.header.stamp.to_sec() == 0.0 or frame.lstrip("/") == base_frame.lstrip("/")
+    if not is_fixed:
+        with contextlib.suppress(TransformError):
+            placed = transforms.lookup_message(base_frame, frame, stamp)
+    return placed, is_fixed
 
 
 def mounting_of(transform: Transform) -> Tuple[Pose2D, bool]:

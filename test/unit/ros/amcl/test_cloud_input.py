@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-pytest.importorskip("rospy")
+rospy = pytest.importorskip("rospy")
 
 from geometry_msgs.msg import TransformStamped  # noqa: E402
 from sensor_msgs.msg import PointCloud2, PointField  # noqa: E402
@@ -21,11 +21,22 @@ VALUES = CloudParameters(angle_increment=math.pi / 4.0, min_height=0.2, max_heig
 class Tilted:
     """A camera half a metre up that looks straight ahead: z forward, x to the right, y down, as cameras have it."""
 
-    def lookup_message(self, _target, _source):
+    def lookup_message(self, _target, _source, **_):
         made = TransformStamped()
         turned, moved = made.transform.rotation, made.transform.translation
         turned.x, turned.y, turned.z, turned.w = -0.5, 0.5, -0.5, 0.5
         moved.x, moved.z = 0.1, 0.5
+        return made
+
+
+class Panning:
+    """A camera, level with its x axis ahead, that is panned to the left by 1 rad/s and now looks there."""
+
+    def lookup_message(self, _target, _source, stamp=10.0, **_):
+        made = TransformStamped()
+        made.header.stamp = rospy.Time.from_sec(stamp)
+        yaw = 0.5 * math.pi + stamp - 10.0
+        made.transform.rotation.z, made.transform.rotation.w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
         return made
 
 
@@ -47,6 +58,15 @@ def test_a_camera_that_looks_ahead_sees_a_wall_ahead(kind):
     assert abs(made.scan.angles[ahead[0]]) <= math.pi / 8.0 + 1e-9
     assert made.laser_pose[:] == pytest.approx((0.1, 0.0, 0.0))
     assert made.scan.frame == made.header.frame_id == "camera"
+
+
+def test_a_camera_that_is_panned_sees_a_wall_where_it_looked_when_the_cloud_was_taken():
+    """What it saw counted as aside by as much as it had been turned until the cloud came."""
+    message = cloud([(2.0, 0.0, 0.5)])
+    message.header.stamp = rospy.Time.from_sec(10.0 - 0.25 * math.pi)
+    made = scan_of_cloud(message, VALUES, Panning(), "base_link")
+    seen, = np.nonzero(np.isfinite(made.scan.ranges))[0]
+    assert abs(made.scan.angles[seen] - 0.25 * math.pi) <= math.pi / 8.0 + 1e-6
 
 
 def test_clouds_in_rows_are_read_row_by_row():
