@@ -16,8 +16,9 @@ from mbf_relay.misspelling import did_you_mean, nearest_of
 from mbf_relay.parameters import ParameterSet
 
 STATIC_NAMES = ("map_topic", "unknown_cost_value", "lethal_cost_threshold", "track_unknown_space")
-OBSTACLE_NAMES = ("max_obstacle_height", "raytrace_range", "obstacle_range", "track_unknown_space")
-VOXEL_NAMES = OBSTACLE_NAMES + (
+RANGE_NAMES = ("raytrace_range", "obstacle_range", "track_unknown_space")
+OBSTACLE_NAMES = ("max_obstacle_height",) + RANGE_NAMES
+VOXEL_NAMES = RANGE_NAMES + (
     "origin_z", "z_resolution", "z_voxels", "unknown_threshold", "mark_threshold", "publish_voxel_map")
 SPATIO_TEMPORAL_NAMES = ("obstacle_range", "track_unknown_space")
 INFLATION_NAMES = ("cost_scaling_factor", "inflation_radius")
@@ -30,7 +31,7 @@ PARENT_NAMES = {
     "costmap_2d::InflationLayer": INFLATION_NAMES,
 }
 """What costmap_2d takes for a layer from the costmap's own level."""
-WHERE_LACKING = {"costmap_2d::VoxelLayer": OBSTACLE_NAMES, SPATIO_TEMPORAL: SPATIO_TEMPORAL_NAMES}
+WHERE_LACKING = {"costmap_2d::VoxelLayer": RANGE_NAMES, SPATIO_TEMPORAL: SPATIO_TEMPORAL_NAMES}
 """What of it gives way to the layer's group; of all else costmap_2d copies the costmap's value over the group's."""
 
 COSTMAPS = ("global_costmap", "local_costmap")
@@ -133,7 +134,8 @@ def _old_form(values: Mapping[str, Any]) -> List[Tuple[str, str, Dict[str, Any]]
         result.append(("static_layer", "costmap_2d::StaticLayer", group("static_layer", STATIC_NAMES)))
     sources = tuple(str(values.get("observation_sources", "")).split())
     obstacle_type = "costmap_2d::VoxelLayer" if values.get("map_type") == "voxel" else "costmap_2d::ObstacleLayer"
-    obstacles = group("obstacle_layer", PARENT_NAMES[obstacle_type] + ("observation_sources",) + sources)
+    obstacles = group(
+        "obstacle_layer", OBSTACLE_NAMES + PARENT_NAMES[obstacle_type] + ("observation_sources",) + sources)
     result.append(("obstacle_layer", obstacle_type, obstacles))
     if isinstance(values.get("track_layer"), Mapping):  # costmap_2d has none: only for who asks
         result.append(
@@ -204,6 +206,7 @@ def unknown_names(values: Mapping[str, Any]) -> Dict[str, str]:
     groups = layer_groups(values)
     old_form = values.get("plugins") is None
     read = set(OLD_FORM_NAMES + SEARCHED_NAMES + ("plugins", "observation_sources"))
+    read.update(OBSTACLE_NAMES if old_form else ())
     for _, type_name, _ in groups:
         read.update(PARENT_NAMES.get(type_name, ()))
     below: Dict[str, str] = {}

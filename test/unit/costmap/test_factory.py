@@ -85,6 +85,16 @@ def test_what_stands_at_both_levels_is_the_costmap_s_where_costmap_2d_copies_it(
     assert len(told) == (holds == "costmap")
 
 
+@pytest.mark.parametrize("form, tallest", [({"plugins": listed(seen="costmap_2d::VoxelLayer")}, 2.0),
+                                           ({"map_type": "voxel"}, 0.6)])
+def test_a_table_above_a_height_that_costmap_2d_passes_over_stays_an_obstacle(form, tallest):
+    """A robot with a depth camera drove below it: a VoxelLayer in a list reads its own group's alone."""
+    costmap = build_costmap("local_costmap", {**form, "max_obstacle_height": 0.6})
+    assert costmap.layers[0].parameters.max_obstacle_height == tallest
+    told = unknown_names({**form, "max_obstacle_height": 0.6})
+    assert list(told) == ([] if tallest == 0.6 else ["max_obstacle_height"])
+
+
 def test_a_costmap_that_could_not_see_is_refused():
     """A known layer with a value nobody can make sense of: without it the robot would drive blind."""
     with pytest.raises(ValueError, match="local_costmap.*obstacles.*data_type"):
