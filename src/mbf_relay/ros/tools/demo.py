@@ -6,7 +6,7 @@ Exits 0 only if every goal was reached without a contact, 130 when interrupted.
 from __future__ import annotations
 
 import argparse
-import importlib
+import importlib.metadata
 import math
 import os
 import platform
@@ -272,8 +272,8 @@ def versions() -> Dict[str, str]:
     found = {"python": platform.python_version(), "ROS": os.environ.get("ROS_DISTRO", "unknown")}
     for name in ("numpy", "numba", "scipy", "matplotlib"):
         try:
-            found[name] = str(getattr(importlib.import_module(name), "__version__", "unknown"))
-        except ImportError:  # numba is only needed where kernels are compiled
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:  # numba is only needed where kernels are compiled
             found[name] = "not installed"
     packages = rospkg.RosPack()
     for name in ("mbf_relay", "mbf_msgs", "rospy", "actionlib"):

@@ -1,5 +1,6 @@
 """The demo's hold on its processes."""
 
+import importlib.metadata
 import signal
 import subprocess
 import sys
@@ -107,9 +108,19 @@ def test_the_relay_s_reasons_are_found_in_the_log_of_the_nodes(tmp_path):
 
 
 def test_a_report_is_written_where_kernels_came_compiled_and_numba_is_not_installed(monkeypatch):
-    monkeypatch.setitem(sys.modules, "numba", None)
-    found = versions()
-    assert found["numba"] == "not installed" and found["numpy"][0].isdigit()
+    def none(name):
+        raise importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", none)
+    assert versions()["numba"] == "not installed"
+
+
+def test_nobody_waits_at_the_end_of_a_drive_for_libraries_that_are_only_named():
+    code = (
+        "import sys; from mbf_relay.ros.tools.demo import versions; found = versions(); "
+        "print(found['numpy'][0].isdigit(), {'numba', 'scipy', 'matplotlib', 'cv2'} & set(sys.modules))")
+    done = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, check=True, timeout=60.0)
+    assert done.stdout.decode().strip() == "True set()"
 
 
 STARTS_NODES = """
