@@ -102,17 +102,18 @@ class CommandDelay:
 
     def told_lately(self) -> Twist2D:
         """Return what it was told between the last two cycles, on the mean: less than the last where that came late."""
-        seen, told = list(self._seen)[-2:], list(self._told)
+        seen, told = self._seen, list(self._told)
         if len(seen) < 2:
             return told[-1][1] if told else STOP
-        (begin, _), (end, _) = seen
-        motion, until = np.zeros(3), end
+        begin, end = seen[-2][0], seen[-1][0]
+        x, y, theta, until = 0.0, 0.0, 0.0, end
         for since, velocity in reversed(told):
-            motion += np.multiply(velocity, max(0.0, until - max(since, begin)))
+            share = max(0.0, until - max(since, begin)) / (end - begin)
+            x, y, theta = x + share * velocity.x, y + share * velocity.y, theta + share * velocity.theta
             until = min(since, until)
             if until <= begin:
                 break
-        return Twist2D(*map(float, motion / (end - begin)))
+        return Twist2D(x, y, theta)
 
     def caught_up(self, pose: Pose2D, age: float) -> Pose2D:
         """Return where a robot is in the last cycle that was at `pose` `age` (s) before, as its velocities tell."""
