@@ -10,6 +10,8 @@ from sensor_msgs.msg import LaserScan
 
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.common.conversions import scan_from_message
+from mbf_relay.ros.common.lidar_timings import LidarTimings
 from mbf_relay.ros.costmap import inputs
 
 PERIOD, BEAMS, HALF = 0.2, 360, 0.8
@@ -61,6 +63,16 @@ class PanningFrames(TurningFrames):
 
     def lookup(self, _target, _source, _when=None):
         return IDENTITY
+
+
+class BroadcastFrames(TurningFrames):
+    """Those of a robot that turns, whose lidar a node of its own tells tf of, ten times a second."""
+
+    def lookup_message(self, target, source, when=None):
+        newest = math.floor(10.0 * self.now) / 10.0
+        if when is not None and when > newest:
+            raise TransformError("extrapolation into the future")
+        return super().lookup_message(target, source, newest if when is None else when)
 
 
 def scan_at(middle, order, upside_down, late):
@@ -124,3 +136,18 @@ def test_a_lidar_that_takes_all_beams_at_once_is_believed_as_it_is(monkeypatch):
 def test_a_lidar_that_pans_on_the_robot_is_not_taken_for_one_with_another_clock(monkeypatch, order):
     """Its walls were marked up to a quarter of a metre aside as soon as enough scans had told when they were taken."""
     assert max(bends_of(monkeypatch, order, frames_of=PanningFrames)[-50:]) < 0.025
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_walls_are_straight_to_amcl_though_tf_tells_of_the_lidar_later_than_of_the_robot(order):
+    """It takes a scan once odometry is known; each was left bent for which tf had not told of the lidar by then."""
+    frames, bends = BroadcastFrames(), []
+    timings = LidarTimings(frames, lambda: ("base_link", "odom"))
+    for middle in np.arange(2.03, 42.0, PERIOD):
+        frames.now = middle + 0.05
+        scan = timings.corrected(scan_from_message(scan_at(middle, order, False, 0.0)))
+        directions = heading(scan.stamp) + scan.angles
+        aside = np.maximum(np.abs(np.cos(directions)), np.abs(np.sin(directions))) * scan.ranges - HALF
+        bends.append(np.nanpercentile(np.abs(aside), 90))
+    assert max(bends[:10]) > 0.05  # not known yet
+    assert max(bends[-50:]) < 0.025

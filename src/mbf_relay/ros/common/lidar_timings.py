@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from typing import Callable, Dict, Optional, Tuple
 
 from mbf_relay.geometry import Pose2D
+from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common.checks import shown
 from mbf_relay.ros.common.lidar_geometry import mounting_of
 from mbf_relay.ros.common.transforms import Transforms
@@ -40,9 +42,16 @@ class LidarTimings:
                 return mounting_of(self._transforms.lookup_message(odom_frame, scan.frame, time).transform)[0]
             return self._transforms.lookup(odom_frame, base_frame, time).compose(laser_in_base)
 
+        def pose_known(time: float) -> Pose2D:
+            with contextlib.suppress(TransformError):
+                return pose_at(time)
+            # tf may tell of a lidar that moves, or seems to, later than of the robot
+            placed = self._transforms.lookup_message(base_frame, scan.frame)
+            return self._transforms.lookup(odom_frame, base_frame, time).compose(mounting_of(placed.transform)[0])
+
         with self._lock:
             timing = self._timings.setdefault(scan.frame, ScanTiming())
-            corrected = timing.corrected(scan, pose_at)  # by what `taken_at` told
+            corrected = timing.corrected(scan, pose_known)  # by what `taken_at` told
             timing.take(scan, pose_at)
             return corrected
 
