@@ -54,7 +54,7 @@ class CloudInput:
         """
         self._values, self._queue, self._transforms, self._base_frame = values, queue, transforms, base_frame
         self._subscriber = rospy.Subscriber(
-            "cloud_in", QuickCloud, self._take, queue_size=1, buff_size=BUFFER_BYTES, tcp_nodelay=True
+            "cloud_in", QuickCloud, self._take, queue_size=10, buff_size=BUFFER_BYTES, tcp_nodelay=True
         )
 
     def _take(self, message: PointCloud2) -> None:

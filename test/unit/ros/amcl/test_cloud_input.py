@@ -1,6 +1,7 @@
 """Point clouds as localization takes them: judged, turned into the robot's frame, and refused in one line."""
 
 import math
+from io import BytesIO
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from geometry_msgs.msg import TransformStamped  # noqa: E402
 from sensor_msgs.msg import PointCloud2, PointField  # noqa: E402
 
 from mbf_relay.localization.cloud_scan import CloudParameters  # noqa: E402
+from mbf_relay.ros.amcl import cloud_input  # noqa: E402
 from mbf_relay.ros.amcl.cloud_input import scan_of_cloud  # noqa: E402
 from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
 from mbf_relay.ros.common.message_queue import MessageQueue  # noqa: E402
@@ -89,3 +91,19 @@ def test_two_cameras_count_as_two_lidars():
     for frame in ("front", "rear", "front"):
         queue.put(scan_of_cloud(cloud([(0.0, 0.0, 1.0)], frame=frame), VALUES, Tilted(), "base_link"))
     assert sorted(one.header.frame_id for one in queue.take(lambda _: True, 0.0)) == ["front", "rear"]
+
+
+def test_each_radar_of_a_ring_whose_clouds_come_in_one_piece_is_heard(monkeypatch):
+    """Of what comes in one piece rospy keeps as many as the queue is long: all radars but the last saw nothing."""
+    options, queue, piece, came = {}, MessageQueue(), BytesIO(), []
+    monkeypatch.setattr(cloud_input.rospy, "Subscriber", lambda *_, **given: options.update(given))
+    monkeypatch.setattr(cloud_input.rospy, "get_time", lambda: 1.0)
+    heard = cloud_input.CloudInput(VALUES, queue, Tilted(), lambda: "base_link")
+    for frame in ("ahead", "astern", "port", "starboard"):
+        echoes = cloud([(0.0, 0.0, 1.0)], frame)
+        echoes.header.stamp = rospy.Time(1)
+        rospy.msg.serialize_message(piece, 0, echoes)
+    rospy.msg.deserialize_messages(piece, came, PointCloud2, queue_size=options["queue_size"])
+    for message in came:
+        heard._take(message)
+    assert [one.header.frame_id for one in queue.take(lambda _: True, 0.0)] == ["ahead", "astern", "port", "starboard"]
