@@ -112,15 +112,19 @@ class OccupancyMap:
 
 @dataclass(frozen=True)
 class MapFileParameters(ParameterSet):
-    """What a map's YAML file holds (map_server's format)."""
+    """Entries of a map's YAML file (map_server's format)."""
 
-    image: str = parameter("", "file of the image, relative to the YAML file or absolute")
-    resolution: float = parameter(0.05, "side of a cell", unit="m", minimum=FINEST, maximum=COARSEST, clamped=False)
-    origin: Tuple[float, float, float] = parameter((0.0, 0.0, 0.0), "pose of the lower left corner: x, y, yaw")
-    negate: bool = parameter(False, "white is occupied instead of black")
-    occupied_thresh: float = parameter(0.65, "cells darker than this share are occupied", minimum=0.0, maximum=1.0)
-    free_thresh: float = parameter(0.196, "cells darker than less than this share are free", minimum=0.0, maximum=1.0)
-    mode: str = parameter("trinary", "how values become occupancy", choices=("trinary", "scale", "raw"))
+    image: str = parameter("", "file of the image, absolute or relative to the YAML file")
+    resolution: float = parameter(
+        0.05, "side length of a cell", unit="m", minimum=FINEST, maximum=COARSEST, clamped=False)
+    origin: Tuple[float, float, float] = parameter(
+        (0.0, 0.0, 0.0), "pose of the lower left corner: x (m), y (m), yaw (rad)")
+    negate: bool = parameter(False, "swap black and white: white is occupied")
+    occupied_thresh: float = parameter(
+        0.65, "pixels darker than this share of black are occupied", minimum=0.0, maximum=1.0)
+    free_thresh: float = parameter(0.196, "pixels lighter than this share of black are free", minimum=0.0, maximum=1.0)
+    mode: str = parameter(
+        "trinary", "how pixels become occupancy, as in map_server", choices=("trinary", "scale", "raw"))
 
     REQUIRED = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 

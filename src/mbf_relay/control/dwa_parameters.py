@@ -15,68 +15,64 @@ D = TypeVar("D", bound="DwaParameters")
 class DwaParameters(FollowerParameters):
     """Parameters of DwaController, as dwa_local_planner/DWAPlannerROS reads them (ROS Noetic)."""
 
-    max_vel_y: float = parameter(
-        0.1, "top velocity to the left; 0 where a file gives neither this nor min_vel_y", "m/s")
+    max_vel_y: float = parameter(0.1, "highest velocity to the left; 0 if neither this nor min_vel_y is given", "m/s")
     min_vel_y: float = parameter(
-        -0.1, "lowest velocity to the left; 0 where a file gives neither this nor max_vel_y above 0", "m/s")
-    sim_time: float = parameter(1.7, "how far ahead trajectories reach", "s", above=0.0)
-    sim_granularity: float = parameter(0.025, "distance between checked points of a trajectory", "m", above=0.0)
-    angular_sim_granularity: float = parameter(0.1, "turn between checked points of a trajectory", "rad", above=0.0)
+        -0.1, "lowest velocity to the left; 0 if neither this nor a max_vel_y above 0 is given", "m/s")
+    sim_time: float = parameter(1.7, "how far ahead trajectories are simulated", "s", above=0.0)
+    sim_granularity: float = parameter(
+        0.025, "distance between the points of a trajectory that are checked for collision", "m", above=0.0)
+    angular_sim_granularity: float = parameter(
+        0.1, "turn between the points of a trajectory that are checked for collision", "rad", above=0.0)
     use_dwa: bool = parameter(
-        True, "sample velocities reached within one period; otherwise all reached within sim_time, with acceleration"
-    )
-    vx_samples: int = parameter(3, "samples along x; 0 counts as 1", minimum=0)
-    vy_samples: int = parameter(10, "samples along y; 0 counts as 1", minimum=0)
-    vth_samples: int = parameter(20, "samples of the turn; 0 counts as 1", minimum=0)
+        True, "sample velocities that can be reached within one control period; false samples all that can be reached "
+        "within sim_time, and trajectories accelerate to them")
+    vx_samples: int = parameter(3, "number of velocities tried along x; 0 counts as 1", minimum=0)
+    vy_samples: int = parameter(10, "number of velocities tried along y; 0 counts as 1", minimum=0)
+    vth_samples: int = parameter(20, "number of rotational velocities tried; 0 counts as 1", minimum=0)
 
-    path_distance_bias: float = parameter(0.6, "weight of the distance to the path", minimum=0.0)
-    goal_distance_bias: float = parameter(0.8, "weight of the distance left to the goal", minimum=0.0)
-    occdist_scale: float = parameter(0.01, "weight of the highest cost passed", minimum=0.0)
-    twirling_scale: float = parameter(0.0, "weight of the rotational speed", minimum=0.0)
+    path_distance_bias: float = parameter(
+        0.6, "weight of the distance from the path; higher keeps closer to it", minimum=0.0)
+    goal_distance_bias: float = parameter(
+        0.8, "weight of the distance left to the goal; higher drives faster", minimum=0.0)
+    occdist_scale: float = parameter(
+        0.01, "weight of the highest costmap cost along a trajectory; higher keeps farther from obstacles", minimum=0.0)
+    twirling_scale: float = parameter(0.0, "weight of the rotational speed; higher turns less; 0 for none", minimum=0.0)
     prefer_forward_scale: float = parameter(
-        0.5, "what driving backwards at full speed costs, as metres off the path", "m", minimum=0.0
-    )
+        0.5, "cost of driving backwards at full speed, as metres off the path; 0 for none", "m", minimum=0.0)
     steady_scale: float = parameter(
-        0.01, "what a change of the turn by 1 rad/s costs, as metres off the path", "m", minimum=0.0
-    )
+        0.01, "cost of changing the rotational velocity by 1 rad/s, as metres off the path; 0 for none", "m",
+        minimum=0.0)
     counter_steering_scale: float = parameter(
-        0.12, "what turning to the other side than last costs, as metres off the path; less where it is narrow", "m",
-        minimum=0.0,
-    )
+        0.12, "cost of turning to the other side than before, as metres off the path, less in narrow places; 0 for "
+        "none", "m", minimum=0.0)
     slow_scale: float = parameter(
-        0.1,
-        "what a velocity below both min_vel_trans and min_vel_theta costs, as metres off the path",
-        "m",
-        minimum=0.0,
-    )
+        0.1, "cost of a velocity below both min_vel_trans and min_vel_theta, as metres off the path; 0 for none", "m",
+        minimum=0.0)
     foresight_scale: float = parameter(
-        2.0,
-        "what meeting something that moves costs, as metres off the path: all of it now, nothing at foresight_horizon",
-        "m",
-        minimum=0.0,
-    )
-    sum_scores: bool = parameter(False, "sum the costs along a trajectory instead of taking the highest")
+        2.0, "cost of meeting a moving obstacle at once, as metres off the path; falls to nothing at foresight_horizon "
+        "(only with foresight)", "m", minimum=0.0)
+    sum_scores: bool = parameter(False, "sum the costmap's costs along a trajectory instead of taking the highest")
     forward_point_distance: float = parameter(
-        0.325, "how far ahead of the robot its forward point lies, which is scored, too", "m"
-    )
+        0.325, "distance of the scored forward point ahead of the robot's centre, which keeps the robot facing along "
+        "the path", "m")
     cheat_factor: float = parameter(
-        1.0,
-        "the forward point is no longer held to the path nearer to the goal than forward_point_distance times its root",
-        minimum=0.0,
-    )
-    scaling_speed: float = parameter(0.25, "speed above which the footprint grows", "m/s", minimum=0.0)
-    max_scaling_factor: float = parameter(0.2, "growth of the footprint at max_vel_trans", minimum=0.0)
-    oscillation_reset_dist: float = parameter(0.05, "distance that lifts the ban on turning back", "m", minimum=0.0)
-    oscillation_reset_angle: float = parameter(0.2, "turn that lifts the ban on turning back", "rad", minimum=0.0)
+        1.0, "nearer to the goal than forward_point_distance * sqrt(cheat_factor), the forward point need not be on "
+        "the path", minimum=0.0)
+    scaling_speed: float = parameter(0.25, "speed above which the footprint is enlarged", "m/s", minimum=0.0)
+    max_scaling_factor: float = parameter(
+        0.2, "how much the footprint is enlarged at max_vel_trans; 0.2 makes it 1.2 times as large", minimum=0.0)
+    oscillation_reset_dist: float = parameter(
+        0.05, "distance the robot must drive before it may reverse the direction of its motion again", "m", minimum=0.0)
+    oscillation_reset_angle: float = parameter(
+        0.2, "angle the robot must turn before it may reverse the direction of its motion again", "rad", minimum=0.0)
 
     heading_scale: float = parameter(
-        0.0, "what a radian off the farthest point of the path in sight costs, where `heading` is among the critics",
-        "1/rad", minimum=0.0,
-    )
-    heading_time: float = parameter(0.8, "how far along a trajectory its heading is scored", "s", minimum=0.0)
+        0.0, "cost per radian between the heading and the direction of the farthest visible point of the path (only "
+        "with `heading` among the critics)", "1/rad", minimum=0.0)
+    heading_time: float = parameter(0.8, "time along a trajectory at which its heading is scored", "s", minimum=0.0)
     turn_to_path_angle: float = parameter(
-        1.0, "heading error beyond which the robot turns on the spot before it drives; above pi never", "rad", above=0.0
-    )
+        1.0, "angle to the path above which the robot first turns on the spot; above pi it never does", "rad",
+        above=0.0)
     critics: Tuple[str, ...] = parameter(
         (
             "oscillation",
@@ -92,12 +88,10 @@ class DwaParameters(FollowerParameters):
             "steady",
             "counter_steering",
         ),
-        "critics in the order they are asked; package.module.Class for one of your own",
-    )
-    publish_traj_pc: bool = parameter(False, "publish trajectory_cloud")
-    publish_cost_grid_pc: bool = parameter(False, "publish cost_cloud")
-    odom_topic: str = parameter(
-        "", "topic of the robot's odometry, where the server's own odom_topic is not given; read at start")
+        "critics in the order in which they are evaluated; package.module.Class adds one of your own")
+    publish_traj_pc: bool = parameter(False, "publish the sampled trajectories on trajectory_cloud")
+    publish_cost_grid_pc: bool = parameter(False, "publish the costs of the local costmap's cells on cost_cloud")
+    odom_topic: str = parameter("", "topic of odometry, if the server's own odom_topic is not given; read at start")
     global_frame_id: str = parameter("odom", "read, and without effect: the clouds are in the costmap's frame")
 
     @classmethod

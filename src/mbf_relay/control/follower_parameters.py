@@ -34,52 +34,57 @@ class FollowerParameters(ParameterSet):
     """Limits and tolerances by the names and with the defaults of base_local_planner's LocalPlannerLimits (ROS Noetic).
     """
 
-    max_vel_trans: float = parameter(0.55, "top translational speed", "m/s", minimum=0.0, aliases=("max_trans_vel",))
+    max_vel_trans: float = parameter(
+        0.55, "highest translational speed", "m/s", minimum=0.0, aliases=("max_trans_vel",))
     min_vel_trans: float = parameter(
-        0.1, "slowest translation worth commanding, except to start, to brake, together with a turn of at least "
-        "min_vel_theta, or where nothing faster serves", "m/s", minimum=0.0, aliases=("min_trans_vel",),
-    )
-    max_vel_x: float = parameter(0.55, "top forward velocity", "m/s")
+        0.1, "lowest translational speed commanded, except to start, to brake, together with a turn of at least "
+        "min_vel_theta, or if nothing faster is possible", "m/s", minimum=0.0, aliases=("min_trans_vel",))
+    max_vel_x: float = parameter(0.55, "highest forward velocity", "m/s")
     min_vel_x: float = parameter(0.0, "lowest forward velocity; below 0 allows driving backwards", "m/s")
-    max_vel_y: float = parameter(0.1, "top velocity to the left", "m/s")
-    min_vel_y: float = parameter(-0.1, "lowest velocity to the left; below 0 is to the right", "m/s")
-    max_vel_theta: float = parameter(1.0, "top rotational speed", "rad/s", minimum=0.0, aliases=("max_rot_vel",))
+    max_vel_y: float = parameter(0.1, "highest velocity to the left", "m/s")
+    min_vel_y: float = parameter(-0.1, "lowest velocity to the left; below 0 allows driving to the right", "m/s")
+    max_vel_theta: float = parameter(1.0, "highest rotational speed", "rad/s", minimum=0.0, aliases=("max_rot_vel",))
     min_vel_theta: float = parameter(
-        0.4, "slowest turn on the spot worth commanding, except to start and to brake", "rad/s", minimum=0.0,
-        aliases=("min_rot_vel",),
-    )
+        0.4, "lowest rotational speed of a turn on the spot, except to start and to brake", "rad/s", minimum=0.0,
+        aliases=("min_rot_vel",))
     acc_lim_x: float = parameter(2.5, "acceleration limit along x", "m/s^2", minimum=0.0, maximum=20.0)
-    acc_lim_y: float = parameter(2.5, "acceleration limit along y", "m/s^2", minimum=0.0, maximum=20.0)
+    acc_lim_y: float = parameter(
+        2.5, "acceleration limit along y; with 0 the robot never drives sideways", "m/s^2", minimum=0.0, maximum=20.0)
     acc_lim_theta: float = parameter(
         3.2, "rotational acceleration limit", "rad/s^2", minimum=0.0, maximum=20.0, aliases=("acc_lim_th",)
     )
     acc_lim_trans: float = parameter(
         0.1, "read, and without effect, as in dwa_local_planner", "m/s^2", minimum=0.0, aliases=("acc_limit_trans",)
     )
-    prune_plan: bool = parameter(
-        False, "read, and without effect: the path is always followed from the nearest point on"
-    )
-    xy_goal_tolerance: float = parameter(0.1, "distance to the goal that counts as there", "m", above=0.0)
-    yaw_goal_tolerance: float = parameter(0.1, "angle to the goal's heading that counts as there", "rad", above=0.0)
-    trans_stopped_vel: float = parameter(0.1, "translation below this is standing", "m/s", minimum=0.0)
+    prune_plan: bool = parameter(False, "read, and without effect: the path is always followed from its nearest point")
+    xy_goal_tolerance: float = parameter(
+        0.1, "distance to the goal at which its position counts as reached", "m", above=0.0)
+    yaw_goal_tolerance: float = parameter(
+        0.1, "angle to the goal's heading at which it counts as reached", "rad", above=0.0)
+    trans_stopped_vel: float = parameter(
+        0.1, "translational speed below which the robot counts as stopped", "m/s", minimum=0.0)
     theta_stopped_vel: float = parameter(
-        0.1, "rotation below this is standing", "rad/s", minimum=0.0, aliases=("rot_stopped_vel",)
-    )
-    latch_xy_goal_tolerance: bool = parameter(False, "once at the goal's position only turn, until the goal changes")
+        0.1, "rotational speed below which the robot counts as stopped", "rad/s", minimum=0.0,
+        aliases=("rot_stopped_vel",))
+    latch_xy_goal_tolerance: bool = parameter(
+        False, "once within xy_goal_tolerance, only turn to the goal's heading until a new goal comes, even if the "
+        "robot leaves it")
     stop_time_buffer: float = parameter(
-        0.2, "time before braking in which a collision rules a velocity out", "s", minimum=0.0
-    )
+        0.2, "a velocity is chosen only if the robot can keep it this long and then brake without a collision", "s",
+        minimum=0.0)
 
     foresight: bool = parameter(
-        False, "meet nothing that moves where it will be when the robot gets there; upstream's controllers see what is")
-    foresight_horizon: float = parameter(2.0, "how far ahead in time it looks", "s", above=0.0)
+        False, "predict how moving obstacles go on and avoid them there; false avoids them where they are now, as "
+        "upstream does")
+    foresight_horizon: float = parameter(2.0, "how far ahead moving obstacles are predicted", "s", above=0.0)
     missed_path_distance: float = parameter(
-        0.5, "distance to the path beyond which it is missed; twice the robot's width at least", "m", above=0.0
-    )
+        0.5, "distance from the path beyond which the controller gives up (MISSED_PATH); at least twice the robot's "
+        "width is used", "m", above=0.0)
     stuck_timeout: float = parameter(
-        2.0, "time without any of the motion commanded that means stuck; 0 never", "s", minimum=0.0
-    )
-    blocked_timeout: float = parameter(0.5, "time the goal must be occupied to be given up", "s", minimum=0.0)
+        2.0, "time without any motion, although commanded, after which the robot counts as stuck; 0 for never", "s",
+        minimum=0.0)
+    blocked_timeout: float = parameter(
+        0.5, "time an obstacle must stand on the goal before the controller gives up (BLOCKED_GOAL)", "s", minimum=0.0)
 
     ORDERED: ClassVar[Tuple[Tuple[str, str], ...]] = (
         ("min_vel_x", "max_vel_x"), ("min_vel_y", "max_vel_y"), ("min_vel_trans", "max_vel_trans"),

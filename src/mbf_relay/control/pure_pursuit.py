@@ -28,29 +28,35 @@ class PurePursuitParameters(FollowerParameters):
     """Parameters of RegulatedPurePursuit, by the names of Nav2's controller of that name; lengths suit a small robot.
     """
 
-    desired_linear_vel: float = parameter(0.5, "speed on a straight and open path", "m/s", above=0.0)
-    lookahead_dist: float = parameter(0.3, "distance to the point steered for", "m", above=0.0)
-    use_velocity_scaled_lookahead_dist: bool = parameter(False, "look ahead farther the faster the robot is")
-    lookahead_time: float = parameter(1.5, "time ahead that gives the distance then", "s", above=0.0)
-    min_lookahead_dist: float = parameter(0.2, "least such distance", "m", above=0.0)
-    max_lookahead_dist: float = parameter(0.9, "largest such distance", "m", above=0.0)
+    desired_linear_vel: float = parameter(0.5, "speed on a straight path without obstacles", "m/s", above=0.0)
+    lookahead_dist: float = parameter(
+        0.3, "distance along the path to the point steered for, if it does not depend on speed", "m", above=0.0)
+    use_velocity_scaled_lookahead_dist: bool = parameter(
+        False, "look ahead by lookahead_time instead of lookahead_dist, between min_lookahead_dist and "
+        "max_lookahead_dist")
+    lookahead_time: float = parameter(
+        1.5, "the lookahead distance is the speed times this, if it depends on speed", "s", above=0.0)
+    min_lookahead_dist: float = parameter(0.2, "shortest lookahead distance, if it depends on speed", "m", above=0.0)
+    max_lookahead_dist: float = parameter(0.9, "longest lookahead distance, if it depends on speed", "m", above=0.0)
     use_regulated_linear_velocity_scaling: bool = parameter(True, "slow down in curves")
-    regulated_linear_scaling_min_radius: float = parameter(0.3, "radius below which a curve slows", "m", above=0.0)
+    regulated_linear_scaling_min_radius: float = parameter(
+        0.3, "radius of a curve below which the robot slows down", "m", above=0.0)
     regulated_linear_scaling_min_speed: float = parameter(
-        0.1, "speed that curves and obstacles leave", "m/s", minimum=0.0
-    )
-    use_cost_regulated_linear_velocity_scaling: bool = parameter(True, "slow down beside obstacles")
-    cost_scaling_dist: float = parameter(0.15, "distance to an obstacle below which it slows", "m", above=0.0)
-    cost_scaling_gain: float = parameter(1.0, "factor on that slowing; 1 is proportional", above=0.0, maximum=1.0)
+        0.1, "lowest speed to which curves and obstacles slow the robot", "m/s", minimum=0.0)
+    use_cost_regulated_linear_velocity_scaling: bool = parameter(True, "slow down near obstacles")
+    cost_scaling_dist: float = parameter(
+        0.15, "distance to an obstacle below which the robot slows down", "m", above=0.0)
+    cost_scaling_gain: float = parameter(
+        1.0, "factor on the speed near obstacles; 1 makes it proportional to the distance, less is slower", above=0.0,
+        maximum=1.0)
     approach_velocity_scaling_dist: float = parameter(
-        0.1, "distance to the goal below which it slows", "m", minimum=0.0
-    )
-    min_approach_linear_velocity: float = parameter(0.05, "speed that the approach leaves", "m/s", above=0.0)
+        0.1, "distance to the goal below which the robot slows down", "m", minimum=0.0)
+    min_approach_linear_velocity: float = parameter(0.05, "lowest speed on the approach to the goal", "m/s", above=0.0)
     max_allowed_time_to_collision_up_to_carrot: float = parameter(
-        1.0, "time for which the arc must be free", "s", minimum=0.0
-    )
-    use_rotate_to_heading: bool = parameter(True, "turn on the spot where the path begins far off the heading")
-    rotate_to_heading_min_angle: float = parameter(0.785, "heading error beyond which it does", "rad", above=0.0)
+        1.0, "time for which the arc to the lookahead point must be free of collision", "s", minimum=0.0)
+    use_rotate_to_heading: bool = parameter(True, "turn on the spot first if the path starts in another direction")
+    rotate_to_heading_min_angle: float = parameter(
+        0.785, "angle to the path above which the robot turns on the spot", "rad", above=0.0)
 
     def check(self) -> None:
         """Refuse limits that contradict each other."""

@@ -35,35 +35,31 @@ class _StandInParameters(ParameterSet):
 
 @dataclass(frozen=True)
 class TebParameters(_StandInParameters):
-    """What is read of teb_local_planner/TebLocalPlannerROS, by its names and with its defaults (ROS Noetic)."""
+    """Parameters of teb_local_planner/TebLocalPlannerROS that are used, with its defaults (ROS Noetic)."""
 
-    max_vel_x: float = parameter(0.4, "top forward velocity", "m/s", minimum=0.01, maximum=100.0)
-    max_vel_x_backwards: float = parameter(0.2, "top speed backwards", "m/s", minimum=0.0, maximum=100.0)
+    max_vel_x: float = parameter(0.4, "highest forward velocity", "m/s", minimum=0.01, maximum=100.0)
+    max_vel_x_backwards: float = parameter(0.2, "highest speed backwards", "m/s", minimum=0.0, maximum=100.0)
     max_vel_y: float = parameter(
-        0.0, "top speed sideways; 0 for wheels that only roll", "m/s", minimum=0.0, maximum=100.0
-    )
+        0.0, "highest speed sideways; 0 for a robot that cannot drive sideways", "m/s", minimum=0.0, maximum=100.0)
     max_vel_trans: float = parameter(
-        0.0,
-        "top translational speed of a robot that drives sideways; 0 for max_vel_x",
-        "m/s",
-        minimum=0.0,
-        maximum=100.0,
-    )
-    max_vel_theta: float = parameter(0.3, "top rotational speed", "rad/s", minimum=0.01, maximum=100.0)
+        0.0, "highest translational speed of a robot that drives sideways; 0 for max_vel_x", "m/s", minimum=0.0,
+        maximum=100.0)
+    max_vel_theta: float = parameter(0.3, "highest rotational speed", "rad/s", minimum=0.01, maximum=100.0)
     acc_lim_x: float = parameter(0.5, "acceleration limit along x", "m/s^2", above=0.0, maximum=20.0)
     acc_lim_y: float = parameter(0.5, "acceleration limit along y", "m/s^2", minimum=0.0, maximum=20.0)
     acc_lim_theta: float = parameter(0.5, "rotational acceleration limit", "rad/s^2", above=0.0, maximum=20.0)
     min_turning_radius: float = parameter(
-        0.0, "smallest circle a car-like robot drives; 0 turns on the spot", "m", minimum=0.0
-    )
+        0.0, "smallest turning radius of a car-like robot; 0 for one that turns on the spot", "m", minimum=0.0)
     cmd_angle_instead_rotvel: bool = parameter(
-        False, "the robot's driver takes the steering angle (rad) in the place of a rotational velocity")
+        False, "command the steering angle (rad) in angular.z in place of a rotational velocity")
     wheelbase: float = parameter(
-        1.0, "distance from the rear axle to the front one, for that angle; below 0 steers with the rear wheels", "m")
-    xy_goal_tolerance: float = parameter(0.2, "distance to the goal that counts as there", "m", above=0.0, maximum=10.0)
-    yaw_goal_tolerance: float = parameter(0.2, "angle to the goal's heading that counts as there", "rad", above=0.0)
-    odom_topic: str = parameter(
-        "", "topic of the robot's odometry, where the server's own odom_topic is not given; read at start")
+        1.0, "distance from the rear to the front axle, for cmd_angle_instead_rotvel; below 0 for rear-wheel steering",
+        "m")
+    xy_goal_tolerance: float = parameter(
+        0.2, "distance to the goal at which its position counts as reached", "m", above=0.0, maximum=10.0)
+    yaw_goal_tolerance: float = parameter(
+        0.2, "angle to the goal's heading at which it counts as reached", "rad", above=0.0)
+    odom_topic: str = parameter("", "topic of odometry, if the server's own odom_topic is not given; read at start")
 
     def check(self) -> None:
         """Raise ValueError for a car that could not be steered."""
@@ -117,23 +113,24 @@ class TebStandIn(TranslatedController):
 
 @dataclass(frozen=True)
 class EBandParameters(_StandInParameters):
-    """What is read of eband_local_planner/EBandPlannerROS and pose_follower/PoseFollower, by their names."""
+    """Parameters of eband_local_planner/EBandPlannerROS and pose_follower/PoseFollower that are used."""
 
-    max_vel_lin: float = parameter(0.75, "top translational speed", "m/s", minimum=0.0, maximum=100.0)
-    min_vel_lin: float = parameter(0.1, "slowest translation worth commanding", "m/s", minimum=0.0)
-    max_vel_th: float = parameter(1.0, "top rotational speed", "rad/s", minimum=0.0, maximum=100.0)
-    min_in_place_vel_th: float = parameter(0.0, "slowest turn on the spot worth commanding", "rad/s", minimum=0.0)
+    max_vel_lin: float = parameter(0.75, "highest translational speed", "m/s", minimum=0.0, maximum=100.0)
+    min_vel_lin: float = parameter(0.1, "lowest translational speed commanded", "m/s", minimum=0.0)
+    max_vel_th: float = parameter(1.0, "highest rotational speed", "rad/s", minimum=0.0, maximum=100.0)
+    min_in_place_vel_th: float = parameter(0.0, "lowest rotational speed of a turn on the spot", "rad/s", minimum=0.0)
     max_translational_acceleration: float = parameter(
         0.5, "acceleration limit along x and y", "m/s^2", above=0.0, maximum=20.0
     )
     max_rotational_acceleration: float = parameter(
         1.5, "rotational acceleration limit", "rad/s^2", above=0.0, maximum=20.0
     )
-    differential_drive: bool = parameter(True, "the robot does not drive sideways")
+    differential_drive: bool = parameter(True, "true: the robot does not drive sideways")
     xy_goal_tolerance: float = parameter(
-        0.1, "distance to the goal that counts as there", "m", above=0.0, aliases=("tolerance_trans",))
+        0.1, "distance to the goal at which its position counts as reached", "m", above=0.0,
+        aliases=("tolerance_trans",))
     yaw_goal_tolerance: float = parameter(
-        0.05, "angle to the goal's heading that counts as there", "rad", above=0.0, aliases=("tolerance_rot",))
+        0.05, "angle to the goal's heading at which it counts as reached", "rad", above=0.0, aliases=("tolerance_rot",))
 
 
 class EBandStandIn(TranslatedController):
@@ -161,33 +158,36 @@ class EBandStandIn(TranslatedController):
 
 @dataclass(frozen=True)
 class DwbParameters(_StandInParameters):
-    """What is read of dwb_local_planner's DWBLocalPlanner, by its names and with its defaults."""
+    """Parameters of dwb_local_planner's DWBLocalPlanner that are used, with its defaults."""
 
-    max_vel_x: float = parameter(0.55, "top forward velocity", "m/s", minimum=0.0, maximum=100.0)
-    min_vel_x: float = parameter(0.0, "lowest velocity; below 0 allows driving backwards", "m/s")
-    max_vel_y: float = parameter(0.1, "top velocity to the left", "m/s")
-    min_vel_y: float = parameter(-0.1, "lowest velocity to the left", "m/s")
+    max_vel_x: float = parameter(0.55, "highest forward velocity", "m/s", minimum=0.0, maximum=100.0)
+    min_vel_x: float = parameter(0.0, "lowest forward velocity; below 0 allows driving backwards", "m/s")
+    max_vel_y: float = parameter(0.1, "highest velocity to the left", "m/s")
+    min_vel_y: float = parameter(-0.1, "lowest velocity to the left; below 0 allows driving to the right", "m/s")
     max_speed_xy: float = parameter(
-        0.55, "top translational speed", "m/s", minimum=0.0, maximum=100.0, aliases=("max_trans_vel", "max_vel_trans"))
+        0.55, "highest translational speed", "m/s", minimum=0.0, maximum=100.0,
+        aliases=("max_trans_vel", "max_vel_trans"))
     min_speed_xy: float = parameter(
-        0.1, "slowest translation worth commanding", "m/s", minimum=0.0, aliases=("min_trans_vel", "min_vel_trans"))
+        0.1, "lowest translational speed commanded", "m/s", minimum=0.0, aliases=("min_trans_vel", "min_vel_trans"))
     max_vel_theta: float = parameter(
-        1.0, "top rotational speed", "rad/s", minimum=0.0, maximum=100.0, aliases=("max_rot_vel",))
+        1.0, "highest rotational speed", "rad/s", minimum=0.0, maximum=100.0, aliases=("max_rot_vel",))
     min_speed_theta: float = parameter(
-        0.4, "slowest turn on the spot worth commanding", "rad/s", minimum=0.0, aliases=("min_rot_vel",))
+        0.4, "lowest rotational speed of a turn on the spot", "rad/s", minimum=0.0, aliases=("min_rot_vel",))
     acc_lim_x: float = parameter(2.5, "acceleration limit along x", "m/s^2", above=0.0, maximum=20.0)
     acc_lim_y: float = parameter(2.5, "acceleration limit along y", "m/s^2", minimum=0.0, maximum=20.0)
     acc_lim_theta: float = parameter(3.2, "rotational acceleration limit", "rad/s^2", above=0.0, maximum=20.0)
-    xy_goal_tolerance: float = parameter(0.25, "distance to the goal that counts as there", "m", above=0.0)
-    yaw_goal_tolerance: float = parameter(0.25, "angle to the goal's heading that counts as there", "rad", above=0.0)
+    xy_goal_tolerance: float = parameter(
+        0.25, "distance to the goal at which its position counts as reached", "m", above=0.0)
+    yaw_goal_tolerance: float = parameter(
+        0.25, "angle to the goal's heading at which it counts as reached", "rad", above=0.0)
 
 
 @dataclass(frozen=True)
 class NeoParameters(DwbParameters):
-    """What is read of neo_local_planner/NeoLocalPlanner, by its names."""
+    """Parameters of neo_local_planner/NeoLocalPlanner that are used."""
 
-    max_vel_y: float = parameter(0.0, "top velocity to the left", "m/s")
-    min_vel_y: float = parameter(0.0, "lowest velocity to the left", "m/s")
+    max_vel_y: float = parameter(0.0, "highest velocity to the left", "m/s")
+    min_vel_y: float = parameter(0.0, "lowest velocity to the left; below 0 allows driving to the right", "m/s")
 
 
 class DwbStandIn(TranslatedController):
@@ -221,15 +221,15 @@ STEERED = ("simple_car", "kinematic_bicycle_vel_input")
 
 @dataclass(frozen=True)
 class MpcParameters(_StandInParameters):
-    """What is read of mpc_local_planner/MpcLocalPlannerROS, by its names."""
+    """Parameters of mpc_local_planner/MpcLocalPlannerROS that are used."""
 
     robot: Dict[str, Any] = parameter(
-        {}, f"`type` (unicycle, {' or '.join(STEERED)}), and in a group of that name max_vel_x, max_vel_x_backwards, "
-        "max_vel_theta, acc_lim_x, acc_lim_theta; of a car wheelbase, or length_rear and length_front, and "
-        "max_steering_angle")
-    controller: Dict[str, Any] = parameter({}, "xy_goal_tolerance (0.2 m) and yaw_goal_tolerance (0.1 rad)")
-    odom_topic: str = parameter(
-        "", "topic of the robot's odometry, where the server's own odom_topic is not given; read at start")
+        {}, "`type` (unicycle, simple_car or kinematic_bicycle_vel_input) and a group of that name with max_vel_x, "
+        "max_vel_x_backwards, max_vel_theta, acc_lim_x, acc_lim_theta; for a car also max_steering_angle and either "
+        "wheelbase or length_rear and length_front")
+    controller: Dict[str, Any] = parameter(
+        {}, "group with xy_goal_tolerance (default 0.2 m) and yaw_goal_tolerance (default 0.1 rad)")
+    odom_topic: str = parameter("", "topic of odometry, if the server's own odom_topic is not given; read at start")
 
     def check(self) -> None:
         """Raise ValueError for what cannot be driven."""

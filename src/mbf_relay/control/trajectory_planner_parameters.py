@@ -51,64 +51,72 @@ class TrajectoryPlannerParameters(ParameterSet):
     acc_lim_y: float = parameter(2.5, "acceleration limit along y", "m/s^2", 0.0, 20.0, aliases=("acc_limit_y",))
     acc_lim_theta: float = parameter(
         3.2, "rotational acceleration limit", "rad/s^2", 0.0, 20.0, aliases=("acc_lim_th", "acc_limit_th"))
-    max_vel_x: float = parameter(0.55, "top forward velocity", "m/s", 0.0, 20.0)
-    min_vel_x: float = parameter(0.0, "slowest forward velocity worth commanding", "m/s", 0.0, 20.0)
+    max_vel_x: float = parameter(0.55, "highest forward velocity", "m/s", 0.0, 20.0)
+    min_vel_x: float = parameter(0.0, "lowest forward velocity commanded", "m/s", 0.0, 20.0)
     max_vel_theta: float = parameter(
-        1.0, "top rotational velocity to the left", "rad/s", 0.0, 20.0, aliases=("max_rotational_vel", "max_vel_th"))
+        1.0, "highest rotational velocity to the left", "rad/s", 0.0, 20.0,
+        aliases=("max_rotational_vel", "max_vel_th"))
     min_vel_theta: float = parameter(
-        -1.0, "top rotational velocity to the right, below 0; of both the lesser holds", "rad/s", -20.0, 0.0,
-        aliases=("min_vel_th",))
+        -1.0, "highest rotational velocity to the right, below 0; the smaller of both magnitudes limits both sides",
+        "rad/s", -20.0, 0.0, aliases=("min_vel_th",))
     min_in_place_vel_theta: float = parameter(
-        0.4, "slowest turn on the spot worth commanding", "rad/s", 0.0, 20.0, aliases=("min_in_place_rotational_vel",))
-    sim_time: float = parameter(1.7, "how far ahead trajectories reach", "s", above=0.0, maximum=10.0)
+        0.4, "lowest rotational speed of a turn on the spot", "rad/s", 0.0, 20.0,
+        aliases=("min_in_place_rotational_vel",))
+    sim_time: float = parameter(1.7, "how far ahead trajectories are simulated", "s", above=0.0, maximum=10.0)
     sim_granularity: float = parameter(
-        0.025, "distance between checked points of a trajectory", "m", above=0.0, maximum=5.0)
+        0.025, "distance between the points of a trajectory that are checked for collision", "m", above=0.0,
+        maximum=5.0)
     angular_sim_granularity: float = parameter(
-        0.025, "turn between checked points of a trajectory", "rad", above=0.0, maximum=math.pi / 2.0)
+        0.025, "turn between the points of a trajectory that are checked for collision", "rad", above=0.0,
+        maximum=math.pi / 2.0)
     path_distance_bias: float = parameter(
-        0.6, "weight of the distance to the path, per cell or with meter_scoring per metre", "", 0.0, 5.0,
+        0.6, "weight of the distance from the path, per cell, or per metre with meter_scoring", "", 0.0, 5.0,
         aliases=("pdist_scale",))
     goal_distance_bias: float = parameter(
-        0.8, "weight of the distance left to the goal, likewise", "", 0.0, 5.0, aliases=("gdist_scale",))
+        0.8, "weight of the distance left to the goal, per cell, or per metre with meter_scoring", "", 0.0, 5.0,
+        aliases=("gdist_scale",))
     occdist_scale: float = parameter(
-        0.01, "weight of the highest cost passed; with meter_scoring times the resolution", "", 0.0, 5.0)
-    meter_scoring: bool = parameter(False, "the biases count metres instead of cells")
-    oscillation_reset_dist: float = parameter(0.05, "distance that lifts the ban on turning back", "m", 0.0, 5.0)
+        0.01, "weight of the highest costmap cost along a trajectory; with meter_scoring it is multiplied by the "
+        "resolution", "", 0.0, 5.0)
+    meter_scoring: bool = parameter(
+        False, "path_distance_bias and goal_distance_bias are per metre instead of per cell")
+    oscillation_reset_dist: float = parameter(
+        0.05, "distance the robot must drive before it may reverse the direction of its motion again", "m", 0.0, 5.0)
     escape_reset_dist: float = parameter(
-        0.1, "read, and without effect: backing out ends where the robot can go on", "m", 0.0, 5.0)
+        0.1, "read, and without effect: backing out ends once the robot can go on", "m", 0.0, 5.0)
     escape_reset_theta: float = parameter(
-        math.pi / 2.0, "read, and without effect: backing out ends where the robot can go on", "rad", 0.0, 5.0)
+        math.pi / 2.0, "read, and without effect: backing out ends once the robot can go on", "rad", 0.0, 5.0)
     escape_vel: float = parameter(
-        -0.1,
-        "velocity of backing out, below 0, of which at most 0.45 of the top speed is used; 0 and above never backs out",
-        "m/s",
-        -2.0,
-        2.0,
-        aliases=("backup_vel",),
-    )
-    vx_samples: int = parameter(20, "samples along x", "", 1, 300)
-    vtheta_samples: int = parameter(20, "samples of the turn", "", 1, 300)
-    holonomic_robot: bool = parameter(True, "the robot can drive sideways, as fast as y_vels say")
-    y_vels: str = parameter("-0.3,-0.1,0.1,-0.3", "velocities sideways, separated by commas", "m/s")
+        -0.1, "velocity of backing out, below 0, limited to 0.45 of the top speed; 0 or above never backs out", "m/s",
+        -2.0, 2.0, aliases=("backup_vel",))
+    vx_samples: int = parameter(20, "number of velocities tried along x", "", 1, 300)
+    vtheta_samples: int = parameter(20, "number of rotational velocities tried", "", 1, 300)
+    holonomic_robot: bool = parameter(True, "the robot can drive sideways, at the velocities in y_vels")
+    y_vels: str = parameter(
+        "-0.3,-0.1,0.1,-0.3", "sideways velocities, separated by commas; the largest magnitude is the limit", "m/s")
     dwa: bool = parameter(
-        False, "sample velocities reached within one period; otherwise all reached within sim_time, with acceleration")
+        False, "sample velocities that can be reached within one control period; false samples all that can be reached "
+        "within sim_time, and trajectories accelerate to them")
     heading_lookahead: float = parameter(
-        0.325, "how far ahead of the robot its scored forward point lies", "m", 0.0, 5.0
-    )
-    heading_scoring: bool = parameter(False, "score the heading towards the farthest point of the path in sight")
-    heading_scoring_timestep: float = parameter(0.1, "how far along a trajectory its heading is scored", "s", 0.0, 1.0)
-    simple_attractor: bool = parameter(
-        False, "read, and without effect: the goal is always approached along the path")
+        0.325, "distance of the scored forward point ahead of the robot's centre", "m", 0.0, 5.0)
+    heading_scoring: bool = parameter(False, "also score the heading towards the farthest visible point of the path")
+    heading_scoring_timestep: float = parameter(
+        0.1, "time along a trajectory at which its heading is scored", "s", 0.0, 1.0)
+    simple_attractor: bool = parameter(False, "read, and without effect: the goal is always approached along the path")
 
-    xy_goal_tolerance: float = parameter(0.1, "distance to the goal that counts as there", "m", above=0.0)
-    yaw_goal_tolerance: float = parameter(0.05, "angle to the goal's heading that counts as there", "rad", above=0.0)
-    latch_xy_goal_tolerance: bool = parameter(False, "once at the goal's position only turn, until the goal changes")
+    xy_goal_tolerance: float = parameter(
+        0.1, "distance to the goal at which its position counts as reached", "m", above=0.0)
+    yaw_goal_tolerance: float = parameter(
+        0.05, "angle to the goal's heading at which it counts as reached", "rad", above=0.0)
+    latch_xy_goal_tolerance: bool = parameter(
+        False, "once within xy_goal_tolerance, only turn to the goal's heading until a new goal comes, even if the "
+        "robot leaves it")
     stop_time_buffer: float = parameter(
-        0.2, "time before braking in which a collision rules a velocity out", "s", minimum=0.0)
-    publish_cost_grid_pc: bool = parameter(False, "publish cost_cloud", aliases=("publish_cost_grid",))
-    prune_plan: bool = parameter(
-        True, "read, and without effect: the path is always followed from the nearest point on"
-    )
+        0.2, "a velocity is chosen only if the robot can keep it this long and then brake without a collision", "s",
+        minimum=0.0)
+    publish_cost_grid_pc: bool = parameter(
+        False, "publish the costs of the local costmap's cells on cost_cloud", aliases=("publish_cost_grid",))
+    prune_plan: bool = parameter(True, "read, and without effect: the path is always followed from its nearest point")
     world_model: str = parameter("costmap", "read, and without effect: obstacles are the local costmap's")
     controller_frequency: float = parameter(
         20.0, "read, and without effect: the server's controller_frequency is the rate", "Hz")

@@ -23,10 +23,11 @@ PERCENT, ABSOLUTE = 1, 2
 class CostmapFilterParameters(ParameterSet):
     """Parameters of a filter; ROS 1 has no message for what Nav2 tells by one, so it stands here."""
 
-    enabled: bool = parameter(True, "take part in the costmap")
-    filter_mask_topic: str = parameter("filter_mask", "topic of the mask, a map as map_server publishes one")
-    filter_mask_file: str = parameter("", "the mask's YAML file, read once, in place of the topic")
-    filter_mask_frame: str = parameter("map", "frame of a mask out of a file", is_frame=True)
+    enabled: bool = parameter(True, "use this filter")
+    filter_mask_topic: str = parameter("filter_mask", "topic of the mask, a map as map_server publishes it")
+    filter_mask_file: str = parameter(
+        "", "the mask's YAML file, read once instead of filter_mask_topic; empty for the topic")
+    filter_mask_frame: str = parameter("map", "frame of a mask read from filter_mask_file", is_frame=True)
 
     def check(self) -> None:
         if not self.filter_mask_file and not TOPIC.fullmatch(self.filter_mask_topic):
@@ -104,10 +105,10 @@ class SpeedFilterParameters(CostmapFilterParameters):
     """Parameters of the speed filter: a zone's limit is base + multiplier * the mask's value."""
 
     type: int = parameter(
-        PERCENT, "1: limits are percent of the controller's top speed; 2: m/s", choices=(PERCENT, ABSOLUTE)
-    )
-    base: float = parameter(100.0, "limit where the mask's value were 0")
-    multiplier: float = parameter(-1.0, "how much of it a step of the mask's value, 1 to 100, adds")
+        PERCENT, "unit of the limits: 1 for percent of the controller's top speed, 2 for m/s",
+        choices=(PERCENT, ABSOLUTE))
+    base: float = parameter(100.0, "limit where the mask is 0, in the unit of `type`")
+    multiplier: float = parameter(-1.0, "added to the limit for each step of the mask's value (1 to 100)")
 
 
 class SpeedFilter(CostmapFilter):

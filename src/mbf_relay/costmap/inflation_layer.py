@@ -24,12 +24,14 @@ FARTHEST_CELLS = 2048
 class InflationLayerParameters(ParameterSet):
     """Parameters of the inflation layer, by costmap_2d's names."""
 
-    enabled: bool = parameter(True, "take part in the costmap")
+    enabled: bool = parameter(True, "use this layer")
     inflation_radius: float = parameter(
-        0.55, "obstacles bear on cells no farther than this", unit="m", minimum=0.0, maximum=50.0
-    )
-    cost_scaling_factor: float = parameter(10.0, "how fast costs fall off", unit="1/m", minimum=0.0, maximum=100.0)
-    inflate_unknown: bool = parameter(False, "unknown cells take costs as free ones do")
+        0.55, "distance from an obstacle up to which cells get a cost", unit="m", minimum=0.0, maximum=50.0)
+    cost_scaling_factor: float = parameter(
+        10.0, "exponential rate at which costs fall with the distance from the inscribed radius; higher is steeper",
+        unit="1/m", minimum=0.0, maximum=100.0)
+    inflate_unknown: bool = parameter(
+        False, "unknown cells get every inflated cost; false for only those of the inscribed radius")
 
 
 class InflationLayer(Layer):

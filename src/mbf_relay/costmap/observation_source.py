@@ -31,39 +31,34 @@ ROUNDING = 1e-6
 class SourceParameters(ParameterSet):
     """Parameters of one sensor of an obstacle layer, by costmap_2d's names."""
 
-    topic: str = parameter("", "topic; the source's name where empty")
-    sensor_frame: str = parameter("", "frame the rays start from; the message's own where empty", is_frame=True)
+    topic: str = parameter("", "topic of the sensor; empty for the source's name")
+    sensor_frame: str = parameter("", "frame the rays start from; empty for the message's frame", is_frame=True)
     data_type: str = parameter(
-        "PointCloud", "type of message; Range is for a range sensor layer's alone, which names its topics itself",
+        "PointCloud", "type of message; Range only in a range sensor layer, which sets it itself",
         choices=("LaserScan", "PointCloud", "PointCloud2", RANGE))
     observation_persistence: float = parameter(
-        0.0, "how long observations count; 0 for the newest alone", unit="s", minimum=0.0
-    )
+        0.0, "how long an observation is kept; 0 for only the newest", unit="s", minimum=0.0)
     expected_update_rate: float = parameter(
-        0.0, "longest time between two messages before the costmap is stale; 0 for more than one of its scans",
-        unit="s", minimum=0.0)
-    min_obstacle_height: float = parameter(0.0, "points below are left out", unit="m")
-    max_obstacle_height: float = parameter(2.0, "points above are left out", unit="m")
+        0.0, "longest time between two messages before the costmap is stale; 0 derives it from the scans' period (see "
+        "source_timeout)", unit="s", minimum=0.0)
+    min_obstacle_height: float = parameter(0.0, "points lower than this, in the costmap's frame, are ignored", unit="m")
+    max_obstacle_height: float = parameter(
+        2.0, "points higher than this, in the costmap's frame, are ignored", unit="m")
     inf_is_valid: bool = parameter(
-        True, "beams without a return free the cells they pass, up to range_max; costmap_2d's default is false, with "
-        "which what once stood in the open stays for ever")
+        True, "beams without a return clear cells up to range_max; with costmap_2d's default, false, obstacles that "
+        "have left an open space stay for ever")
     largest_gap: float = parameter(
-        LARGEST_GAP,
-        "widest angle ahead in which a LaserScan may measure nothing (NaN, or below range_min) and still count; "
-        "0 where that means nothing is there, as it is taken in scans of six gaps or more, of a lidar that never said "
-        "inf",
-        unit="rad",
-        minimum=0.0,
-        maximum=2.0 * math.pi,
-    )
+        LARGEST_GAP, "widest angle ahead without any valid reading (NaN, or below range_min) at which a LaserScan is "
+        "still used; 0 for a lidar whose invalid readings mean that nothing is there, which is assumed of scans with "
+        "six gaps or more if no scan has had an inf", unit="rad", minimum=0.0, maximum=2.0 * math.pi)
     marking: bool = parameter(
-        True, "points become obstacles; what one beam of a LaserScan alone hits, beside none that sees as near, does "
-        "where one of the last two scans hit something there, too, and two of the last four where dust fills the air")
-    clearing: bool = parameter(False, "rays free the cells they pass")
+        True, "add points as obstacles; a point seen by a single beam of a LaserScan only if one of the last two scans "
+        "saw it too, or two of the last four if there is dust in the air")
+    clearing: bool = parameter(False, "free the cells that rays pass")
     obstacle_range: float = parameter(
-        2.5, "points farther from the sensor do not become obstacles", unit="m", minimum=0.0
-    )
-    raytrace_range: float = parameter(3.0, "rays free cells no farther than this", unit="m", minimum=0.0)
+        2.5, "greatest distance from the sensor at which points are added as obstacles", unit="m", minimum=0.0)
+    raytrace_range: float = parameter(
+        3.0, "greatest distance from the sensor up to which rays free cells", unit="m", minimum=0.0)
 
     def check(self) -> None:
         if self.min_obstacle_height > self.max_obstacle_height:

@@ -32,22 +32,21 @@ RECONFIGURABLE = ("enabled", "footprint_clearing_enabled", "max_obstacle_height"
 class ObstacleLayerParameters(ParameterSet):
     """Parameters of the obstacle layer, by costmap_2d's names; each source has a group of its own beside them."""
 
-    enabled: bool = parameter(True, "take part in the costmap")
-    observation_sources: str = parameter("", "names of the sensors, separated by blanks")
-    footprint_clearing_enabled: bool = parameter(True, "free the cells the robot stands on")
+    enabled: bool = parameter(True, "use this layer")
+    observation_sources: str = parameter("", "names of the sensors, separated by spaces; each has a group of its name")
+    footprint_clearing_enabled: bool = parameter(True, "free the cells under the robot's footprint")
     max_obstacle_height: float = parameter(
-        2.0, "points above do not become obstacles", unit="m", minimum=0.0, maximum=50.0
-    )
-    combination_method: int = parameter(1, "0 overwrites earlier layers, 1 takes the higher cost, 99 does nothing",
-                                        choices=(OVERWRITE, MAXIMUM, NOTHING))
-    track_unknown_space: bool = parameter(False, "cells no ray has passed are unknown; otherwise they are free")
+        2.0, "points higher than this are not added as obstacles", unit="m", minimum=0.0, maximum=50.0)
+    combination_method: int = parameter(
+        1, "0: overwrite the layers before; 1: keep the higher cost; 99: change nothing",
+        choices=(OVERWRITE, MAXIMUM, NOTHING))
+    track_unknown_space: bool = parameter(False, "cells that no ray has passed are unknown; false for free")
     transform_tolerance: float = parameter(
-        0.2, "how long an observation waits for its transform", unit="s", minimum=0.0, maximum=10.0
-    )
+        0.2, "how long an observation waits for its transform", unit="s", minimum=0.0, maximum=10.0)
     source_timeout: float = parameter(
-        1.0, "a LaserScan source without expected_update_rate is stale where it misses more than one of its scans, "
-        "and after this at the latest; 0 for never", unit="s", minimum=0.0)
-    source_parameters: Mapping[str, SourceParameters] = parameter({}, "sources by name; filled from the groups beside")
+        1.0, "longest time without a scan before the costmap is stale, for LaserScan sources with expected_update_rate "
+        "0; it is stale earlier if more than one scan is missing; 0 for never", unit="s", minimum=0.0)
+    source_parameters: Mapping[str, SourceParameters] = parameter({}, "read from the sources' groups; not to be set")
 
     source_defaults: ClassVar[Mapping[str, Any]] = {}
     """What a source of such a layer has where its group does not say, and SourceParameters has otherwise."""
@@ -259,13 +258,14 @@ VOXEL_RECONFIGURABLE = RECONFIGURABLE + (
 class VoxelLayerParameters(ObstacleLayerParameters):
     """Parameters of the obstacle layer and, from `origin_z` on, the voxel layer; each source has its own group."""
 
-    origin_z: float = parameter(0.0, "height of the lowest voxel's floor", unit="m")
+    origin_z: float = parameter(0.0, "height of the lowest voxel's lower side", unit="m")
     z_resolution: float = parameter(0.2, "height of a voxel", unit="m", above=0.0, maximum=50.0)
-    z_voxels: int = parameter(10, "how many voxels; points above the highest do not become obstacles", minimum=0)
+    z_voxels: int = parameter(
+        10, "number of voxels in a column; points above the highest are not added as obstacles", minimum=0)
     unknown_threshold: int = parameter(
-        15, "read, and without effect: cells here are known or not, whatever the height", minimum=0)
+        15, "read, and without effect: a cell is known or unknown as a whole column", minimum=0)
     mark_threshold: int = parameter(
-        0, "read, and without effect: one point makes an obstacle, as with 0 in costmap_2d", minimum=0)
+        0, "read, and without effect: one point is enough for an obstacle, as with 0 in costmap_2d", minimum=0)
     publish_voxel_map: bool = parameter(False, "read, and without effect: there are no voxels to publish")
 
 

@@ -34,38 +34,36 @@ class CostmapParameters(ParameterSet):
 
     global_frame: str = parameter("map", "frame of the costmap", is_frame=True)
     robot_base_frame: str = parameter("base_link", "frame of the robot's base", is_frame=True)
-    update_frequency: float = parameter(5.0, "updates per second", unit="Hz", minimum=0.0, maximum=100.0)
+    update_frequency: float = parameter(5.0, "how often the costmap is updated", unit="Hz", minimum=0.0, maximum=100.0)
     publish_frequency: float = parameter(
-        0.0, "publications per second; 0 for the one alone that whoever begins to listen gets", unit="Hz", minimum=0.0,
-        maximum=100.0
-    )
-    transform_tolerance: float = parameter(0.3, "oldest robot pose to update with", unit="s", minimum=0.0, maximum=10.0)
-    rolling_window: bool = parameter(False, "the costmap is a window that moves with the robot")
-    track_unknown_space: bool = parameter(False, "cells no layer knows of are unknown; otherwise they are free")
-    always_send_full_costmap: bool = parameter(False, "publish the whole costmap each time instead of what changed")
+        0.0, "how often the costmap is published; 0 for only once to each new subscriber", unit="Hz", minimum=0.0,
+        maximum=100.0)
+    transform_tolerance: float = parameter(
+        0.3, "largest age of the robot's pose with which the costmap is still updated", unit="s", minimum=0.0,
+        maximum=10.0)
+    rolling_window: bool = parameter(False, "the costmap moves with the robot")
+    track_unknown_space: bool = parameter(False, "cells that no layer knows are unknown; false for free")
+    always_send_full_costmap: bool = parameter(
+        False, "publish the whole costmap each time; false for only what has changed")
     width: float = parameter(10.0, "width of the costmap", unit="m", above=0.0)
     height: float = parameter(10.0, "height of the costmap", unit="m", above=0.0)
-    resolution: float = parameter(0.05, "side of a cell", unit="m", above=0.0, maximum=COARSEST, clamped=False)
+    resolution: float = parameter(0.05, "side length of a cell", unit="m", above=0.0, maximum=COARSEST, clamped=False)
     origin_x: float = parameter(0.0, "x of the lower left corner", unit="m")
     origin_y: float = parameter(0.0, "y of the lower left corner", unit="m")
-    footprint: Any = parameter((), "outline of the robot in its base frame, [[x, y], ...]", unit="m")
+    footprint: Any = parameter(
+        (), "outline of the robot in its base frame, [[x, y], ...]; empty for a circle of robot_radius", unit="m")
     robot_radius: float = parameter(
-        0.46, "radius of a round robot, where no footprint is given", unit="m", minimum=0.0, maximum=10.0, clamped=False
-    )
+        0.46, "radius of a round robot, used if no footprint is given", unit="m", minimum=0.0, maximum=10.0,
+        clamped=False)
     footprint_padding: float = parameter(
-        0.01, "how much the footprint is widened", unit="m", minimum=-10.0, maximum=10.0, clamped=False
-    )
+        0.01, "how far the footprint is extended on every side", unit="m", minimum=-10.0, maximum=10.0, clamped=False)
     obstacle_overlap: float = parameter(
-        OBSTACLE_OVERLAP,
-        "share of a cell by which the footprint may reach into an obstacle's cell, which is filled by half "
-        "on the mean; for planner, controller and recovery alike",
-        minimum=0.0,
-        maximum=0.5,
-    )
-    footprint_topic: str = parameter("footprint", "topic on which another footprint may come", is_topic=True)
+        OBSTACLE_OVERLAP, "share of a cell by which the footprint may overlap an obstacle's cell, since obstacles fill "
+        "half of it on average; for planner, controller and recovery alike", minimum=0.0, maximum=0.5)
+    footprint_topic: str = parameter("footprint", "topic on which the footprint can be changed", is_topic=True)
     published_footprint_topic: str = parameter(
-        "footprint", "topic of the footprint at the robot's pose", aliases=("published_footprint",), is_topic=True,
-    )
+        "footprint", "topic on which the footprint at the robot's pose is published", aliases=("published_footprint",),
+        is_topic=True)
 
     def check(self) -> None:
         parse_footprint(self.footprint)

@@ -21,12 +21,12 @@ MOST_CORNERS = 10000
 class ProhibitionLayerParameters(ParameterSet):
     """Parameters of the prohibition layer, by costmap_prohibition_layer's names."""
 
-    enabled: bool = parameter(True, "take part in the costmap")
+    enabled: bool = parameter(True, "use this layer")
     prohibition_areas: Any = parameter(
-        (), "list of points [x, y], lines [[x, y], [x, y]] and polygons of three corners or more, in metres")
-    fill_polygons: bool = parameter(True, "the inside of a polygon is prohibited, not its outline alone")
+        (), "list of points [x, y], lines [[x, y], [x, y]] and polygons of three or more corners, in metres")
+    fill_polygons: bool = parameter(True, "prohibit the inside of polygons too; false for only their outlines")
     prohibition_frame: str = parameter(
-        "map", "frame of the areas; the C++ layer takes them in the costmap's own, where that of odom drifts",
+        "map", "frame of the areas; the C++ layer takes the costmap's, in which they drift if it is odom",
         is_frame=True)
 
     def check(self) -> None:

@@ -37,19 +37,23 @@ FADES = 2.0
 class RangeSensorLayerParameters(ParameterSet):
     """Parameters of the range sensor layer, by range_sensor_layer's names."""
 
-    enabled: bool = parameter(True, "take part in the costmap")
-    ns: str = parameter("", "namespace of the topics, put before each with a slash between")
-    topics: Tuple[str, ...] = parameter(("/sonar",), "topics of sensor_msgs/Range; several rangers may share one")
+    enabled: bool = parameter(True, "use this layer")
+    ns: str = parameter("", "namespace put before each topic; empty for none")
+    topics: Tuple[str, ...] = parameter(("/sonar",), "topics of sensor_msgs/Range; several sensors may share one")
     input_sensor_type: str = parameter(
-        "ALL", "read, and without effect: a message with a min_range of its max_range is a fixed ranger's",
-        choices=("VARIABLE", "FIXED", "ALL"))
+        "ALL", "read, and without effect: a message whose min_range equals its max_range is from a fixed-distance "
+        "sensor", choices=("VARIABLE", "FIXED", "ALL"))
     no_readings_timeout: float = parameter(
-        0.0, "longest time between two readings of a topic before the costmap is stale; 0 for ever", "s", minimum=0.0)
+        0.0, "longest time between two readings of a topic before the costmap is stale; 0 for no limit", "s",
+        minimum=0.0)
     clear_on_max_reading: bool = parameter(False, "a reading of max_range or more frees the whole cone")
-    clear_threshold: float = parameter(0.2, "probability below which a cell is free", minimum=0.0, maximum=1.0)
-    mark_threshold: float = parameter(0.8, "probability above which a cell is an obstacle", minimum=0.0, maximum=1.0)
-    phi: float = parameter(1.2, "distance at which a reading weighs half", "m", minimum=0.0)
-    inflate_cone: float = parameter(1.0, "share of the cone's width that is looked at", minimum=0.0, maximum=1.0)
+    clear_threshold: float = parameter(
+        0.2, "probability of an obstacle below which a cell is free", minimum=0.0, maximum=1.0)
+    mark_threshold: float = parameter(
+        0.8, "probability of an obstacle above which a cell is lethal", minimum=0.0, maximum=1.0)
+    phi: float = parameter(1.2, "distance at which a reading has half its weight", "m", minimum=0.0)
+    inflate_cone: float = parameter(
+        1.0, "share of the sensor's cone, in width, that is updated", minimum=0.0, maximum=1.0)
 
     def check(self) -> None:
         """Raise ValueError where a cell could be free and an obstacle at once."""

@@ -27,17 +27,18 @@ class SpatioTemporalLayerParameters(ObstacleLayerParameters):
         "data_type": "PointCloud2", "obstacle_range": 3.0, "max_obstacle_height": 3.0}
 
     voxel_decay: float = parameter(
-        -1.0, "how long an obstacle stays that is seen no more, where decay_model is 0; below 0 until a ray frees it",
-        unit="s")
+        -1.0, "how long an obstacle out of sight is kept, with decay_model 0; below 0 until a ray frees it", unit="s")
     decay_model: int = parameter(
-        LINEAR, "0 forgets after voxel_decay; 1 and -1 until a ray frees it", choices=(LINEAR, EXPONENTIAL, PERSISTENT))
+        LINEAR, "0: forget an obstacle after voxel_decay; 1 and -1: keep it until a ray frees it",
+        choices=(LINEAR, EXPONENTIAL, PERSISTENT))
     footprint_clearing_enabled: bool = parameter(
-        True, "free the cells the robot stands on", aliases=("update_footprint_enabled",))
+        True, "free the cells under the robot's footprint", aliases=("update_footprint_enabled",))
     max_obstacle_height: float = parameter(
-        50.0, "points above do not become obstacles; sources have a limit each", unit="m", minimum=0.0, maximum=50.0)
-    voxel_size: float = parameter(0.05, "read, and without effect: cells have the costmap's size", unit="m")
+        50.0, "points higher than this are not added as obstacles; each source has its own limit too", unit="m",
+        minimum=0.0, maximum=50.0)
+    voxel_size: float = parameter(0.05, "read, and without effect: cells have the costmap's resolution", unit="m")
     mark_threshold: int = parameter(
-        0, "read, and without effect: one point makes an obstacle, as with 0 in C++", minimum=0)
+        0, "read, and without effect: one point is enough for an obstacle, as with 0 in C++", minimum=0)
     publish_voxel_map: bool = parameter(False, "read, and without effect: there are no voxels to publish")
     mapping_mode: bool = parameter(False, "read, and without effect: there are no voxels to save")
     map_save_duration: float = parameter(60.0, "read, and without effect: there are no voxels to save", unit="s")

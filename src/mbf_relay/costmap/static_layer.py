@@ -20,16 +20,17 @@ from mbf_relay.parameters import ParameterSet, parameter
 class StaticLayerParameters(ParameterSet):
     """Parameters of the static layer, by costmap_2d's names."""
 
-    enabled: bool = parameter(True, "take part in the costmap")
+    enabled: bool = parameter(True, "use this layer")
     map_topic: str = parameter("map", "topic of the map", is_topic=True)
-    first_map_only: bool = parameter(False, "keep the first map, whatever is published later")
-    subscribe_to_updates: bool = parameter(False, "take changed parts of the map from MAP_TOPIC_updates")
-    track_unknown_space: bool = parameter(True, "unknown cells of the map stay unknown; otherwise they are free")
-    use_maximum: bool = parameter(False, "raise the costs of earlier layers instead of replacing them")
+    first_map_only: bool = parameter(False, "keep the first map and ignore later ones")
+    subscribe_to_updates: bool = parameter(False, "also take partial updates of the map from MAP_TOPIC_updates")
+    track_unknown_space: bool = parameter(True, "unknown cells of the map stay unknown; false for free")
+    use_maximum: bool = parameter(False, "keep the higher cost of this and earlier layers; false replaces theirs")
     lethal_cost_threshold: int = parameter(
-        100, "map values from here on are lethal", minimum=0, maximum=100, aliases=("lethal_threshold",))
+        100, "map value from which on a cell is lethal", minimum=0, maximum=100, aliases=("lethal_threshold",))
     unknown_cost_value: int = parameter(-1, "map value that means unknown", minimum=-128, maximum=255)
-    trinary_costmap: bool = parameter(True, "only free, lethal and unknown; otherwise costs grow with the map's values")
+    trinary_costmap: bool = parameter(
+        True, "cells are only free, lethal or unknown; false scales costs with the map's values")
 
 
 class StaticLayer(PlacedLayer):

@@ -30,17 +30,17 @@ REACH = 3.0  # deviations beyond which personal space costs nothing worth writin
 class TrackLayerParameters(TrackerParameters):
     """Parameters of the track layer; each source has a group of its own, as in the obstacle layer."""
 
-    enabled: bool = parameter(True, "follow what moves")
-    observation_sources: str = parameter("", "names of the lidars, separated by blanks")
+    enabled: bool = parameter(True, "track moving obstacles")
+    observation_sources: str = parameter("", "names of the lidars, separated by spaces; each has a group of its name")
     mark_movers: bool = parameter(
-        True, "what moves stands in the costmap as an obstacle; false leads paths through where somebody walks")
+        True, "mark moving obstacles in the costmap; false lets paths lead through where somebody is walking")
     personal_space: float = parameter(
-        0.0, "deviation of the cost round a thing that moves, from its edge outward; 0 for no cost", "m", minimum=0.0)
-    personal_space_cost: int = parameter(150, "cost at its edge", minimum=0, maximum=INSCRIBED - 1)
+        0.0, "standard deviation of the cost around a moving obstacle, from its edge outward; 0 for no such cost", "m",
+        minimum=0.0)
+    personal_space_cost: int = parameter(150, "cost at the edge of a moving obstacle", minimum=0, maximum=INSCRIBED - 1)
     personal_space_ahead: float = parameter(
-        2.0, "time of its motion that the cost reaches farther ahead of it", "s", minimum=0.0
-    )
-    source_parameters: Mapping[str, SourceParameters] = parameter({}, "sources by name; filled from the groups beside")
+        2.0, "the cost extends ahead by the obstacle's speed times this", "s", minimum=0.0)
+    source_parameters: Mapping[str, SourceParameters] = parameter({}, "read from the sources' groups; not to be set")
 
     @classmethod
     def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:

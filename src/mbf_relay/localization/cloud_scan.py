@@ -20,23 +20,17 @@ class CloudParameters(ParameterSet):
     """Parameters of point clouds that localization takes as scans (group `cloud` of amcl)."""
 
     min_height: float = parameter(
-        0.1, "points below are left out, such as the floor; above the base frame's origin", unit="m"
-    )
+        0.1, "points lower than this above the base frame's origin are ignored, such as the floor", unit="m")
     max_height: float = parameter(
-        1.0, "points above are left out; the map is one of what stands between the two", unit="m"
-    )
+        1.0, "points higher than this are ignored; the map should show what stands between both heights", unit="m")
     angle_min: float = parameter(
-        -math.pi, "first direction, from the base's x axis", unit="rad", minimum=-math.pi, maximum=math.pi
-    )
+        -math.pi, "first direction, from the base frame's x axis", unit="rad", minimum=-math.pi, maximum=math.pi)
     angle_max: float = parameter(math.pi, "last direction", unit="rad", minimum=-math.pi, maximum=math.pi)
     angle_increment: float = parameter(
-        math.pi / 360.0, "width of a direction, of which the nearest point is taken", unit="rad", minimum=1e-3,
-        maximum=math.pi / 2.0,
-    )
-    range_min: float = parameter(0.0, "nearer points are left out, such as the robot's own", unit="m", minimum=0.0)
-    range_max: float = parameter(
-        100.0, "farther points are left out", unit="m", above=0.0, maximum=1e4
-    )
+        math.pi / 360.0, "angle between two directions; the nearest point of each is taken", unit="rad", minimum=1e-3,
+        maximum=math.pi / 2.0)
+    range_min: float = parameter(0.0, "nearer points are ignored, such as the robot's own", unit="m", minimum=0.0)
+    range_max: float = parameter(100.0, "farther points are ignored", unit="m", above=0.0, maximum=1e4)
 
     def check(self) -> None:
         for low, high in (("min_height", "max_height"), ("angle_min", "angle_max"), ("range_min", "range_max")):

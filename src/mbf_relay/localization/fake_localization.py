@@ -11,16 +11,17 @@ from mbf_relay.parameters import ParameterSet, parameter
 
 @dataclass(frozen=True)
 class FakeLocalizationParameters(ParameterSet):
-    """Parameters by fake_localization's names and with its defaults."""
+    """Parameters of fake_localization, with its names and defaults."""
 
     odom_frame_id: str = parameter("odom", "frame of the odometry", is_frame=True)
-    base_frame_id: str = parameter("base_link", "frame of the robot, whose true pose comes", is_frame=True)
+    base_frame_id: str = parameter("base_link", "frame of the robot whose true pose is received", is_frame=True)
     global_frame_id: str = parameter("map", "frame of the map", is_frame=True)
-    delta_x: float = parameter(0.0, "the map's origin in the world of the true pose", unit="m")
-    delta_y: float = parameter(0.0, "the same", unit="m")
-    delta_yaw: float = parameter(0.0, "heading of the map's x axis in that world", unit="rad")
+    delta_x: float = parameter(0.0, "x of the map's origin in the frame of the true pose", unit="m")
+    delta_y: float = parameter(0.0, "y of the map's origin in the frame of the true pose", unit="m")
+    delta_yaw: float = parameter(0.0, "direction of the map's x axis in the frame of the true pose", unit="rad")
     transform_tolerance: float = parameter(
-        0.1, "how far map -> odom is dated ahead", unit="s", minimum=0.0, maximum=2.0)
+        0.1, "how far into the future map -> odom is stamped, for which it stays valid", unit="s", minimum=0.0,
+        maximum=2.0)
 
 
 class FakeLocalization:

@@ -16,26 +16,30 @@ from mbf_relay.parameters import convert, parameter
 
 @dataclass(frozen=True)
 class AmclParameters(LocalizerParameters):
-    """Everything that can be changed while the node runs, by amcl's names and with its defaults."""
+    """Parameters of amcl that can be changed while it runs, with its names and defaults."""
 
     transform_tolerance: float = parameter(
-        0.1, "how far map -> odom is dated ahead", unit="s", minimum=0.0, maximum=2.0
-    )
-    gui_publish_rate: float = parameter(-1.0, "read, and without effect: amcl's files have it", unit="Hz")
+        0.1, "how far into the future map -> odom is stamped, for which it stays valid", unit="s", minimum=0.0,
+        maximum=2.0)
+    gui_publish_rate: float = parameter(-1.0, "read, and without effect, as in amcl", unit="Hz")
     save_pose_rate: float = parameter(
-        0.5, "how often the pose is kept on the parameter server; -1 for never", unit="Hz"
-    )
-    tf_broadcast: bool = parameter(True, "send map -> odom")
-    use_map_topic: bool = parameter(False, "take the map from the topic 'map' instead of the service")
-    first_map_only: bool = parameter(False, "take only the first map from the topic")
-    force_update_after_initialpose: bool = parameter(False, "update with the next scan after an initial pose")
-    force_update_after_set_map: bool = parameter(False, "update with the next scan after a new map by service")
+        0.5, "how often the pose is stored on the parameter server, for the next start; -1 for never", unit="Hz")
+    tf_broadcast: bool = parameter(True, "publish map -> odom on /tf")
+    use_map_topic: bool = parameter(False, "take the map from the topic 'map' instead of from the service static_map")
+    first_map_only: bool = parameter(False, "use only the first map of the topic and ignore later ones")
+    force_update_after_initialpose: bool = parameter(
+        False, "update with the next scan after an initial pose, even if the robot stands")
+    force_update_after_set_map: bool = parameter(
+        False, "update with the next scan after the service set_map, even if the robot stands")
     odom_frame_id: str = parameter("odom", "frame of the odometry", is_frame=True)
     base_frame_id: str = parameter("base_link", "frame of the robot", is_frame=True)
     global_frame_id: str = parameter("map", "frame of the map", is_frame=True)
-    std_warn_level_x: float = parameter(0.2, "deviation in x from which diagnostics warn", unit="m", minimum=0.0)
-    std_warn_level_y: float = parameter(0.2, "deviation in y from which diagnostics warn", unit="m", minimum=0.0)
-    std_warn_level_yaw: float = parameter(0.1, "deviation in yaw from which diagnostics warn", unit="rad", minimum=0.0)
+    std_warn_level_x: float = parameter(
+        0.2, "standard deviation in x above which diagnostics warn", unit="m", minimum=0.0)
+    std_warn_level_y: float = parameter(
+        0.2, "standard deviation in y above which diagnostics warn", unit="m", minimum=0.0)
+    std_warn_level_yaw: float = parameter(
+        0.1, "standard deviation in yaw above which diagnostics warn", unit="rad", minimum=0.0)
 
 
 NODE_ONLY = ("seed", "bag_scan_period", "start_anywhere", "cloud", SAVED_ODOM)

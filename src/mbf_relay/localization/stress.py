@@ -22,20 +22,19 @@ SLIP_SIZE = 0.3
 
 @dataclass(frozen=True)
 class Stress(ParameterSet):
-    """What is made worse; the defaults leave a drive as it was recorded."""
+    """Stress put on a recorded drive; the defaults leave it as it was recorded."""
 
     odometry: float = parameter(
-        0.0, "further error of odometry after one metre; it grows with the root of the way", unit="m", minimum=0.0,
-        maximum=1.0,
-    )
+        0.0, "standard deviation added to odometry after one metre; grows with the square root of the distance",
+        unit="m", minimum=0.0, maximum=1.0)
     slips: float = parameter(
-        0.0, "slips to a metre, at each of which the wheels spin on for 0.3 m, about", unit="1/m", minimum=0.0,
-        maximum=10.0,
-    )
-    unmapped: float = parameter(0.0, "share of the map's blocks of 2 m that are taken out", minimum=0.0, maximum=1.0)
-    range_max: float = parameter(0.0, "readings from here on are none; 0 for all", unit="m", minimum=0.0)
-    beams: int = parameter(0, "beams left of a scan, evenly spread; 0 for all", minimum=0)
-    every: int = parameter(1, "every which scan is left", minimum=1)
+        0.0, "number of slips per metre, in each of which the wheels spin on for about 0.3 m", unit="1/m", minimum=0.0,
+        maximum=10.0)
+    unmapped: float = parameter(0.0, "share of the map's 2 m blocks that are removed", minimum=0.0, maximum=1.0)
+    range_max: float = parameter(
+        0.0, "readings of this and more count as no return; 0 for no limit", unit="m", minimum=0.0)
+    beams: int = parameter(0, "number of evenly spaced beams kept of each scan; 0 for all", minimum=0)
+    every: int = parameter(1, "keep one scan in so many", minimum=1)
 
     def __str__(self) -> str:
         changed = [f for f in fields(self) if getattr(self, f.name) != f.default]

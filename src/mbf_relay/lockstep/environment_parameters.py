@@ -12,10 +12,12 @@ class EnvironmentParameters(ParameterSet):
     """Parameters of `NavigationEnvironment`: how often it is asked, what it is shown and what it earns."""
 
     control_rate: float = parameter(5.0, "actions per second of simulated time", unit="Hz", above=0.0)
-    beams: int = parameter(36, "sectors of the scan; each tells its nearest reading", minimum=1, maximum=16384)
-    goal_radius: float = parameter(0.3, "distance at which a goal of the circle counts as reached; a world has its own",
-                                   unit="m", above=0.0)
-    reward_progress: float = parameter(1.0, "for each metre nearer to the goal, in a straight line")
-    reward_goal: float = parameter(5.0, "for each goal reached")
-    reward_contact: float = parameter(-5.0, "for touching something, which ends the episode")
-    reward_time: float = parameter(-0.02, "for each second")
+    beams: int = parameter(
+        36, "number of sectors of the scan; each gives its nearest reading", minimum=1, maximum=16384)
+    goal_radius: float = parameter(
+        0.3, "distance at which a goal of the circle counts as reached; worlds files give their own", unit="m",
+        above=0.0)
+    reward_progress: float = parameter(1.0, "reward per metre nearer to the goal, in a straight line")
+    reward_goal: float = parameter(5.0, "reward for each goal reached")
+    reward_contact: float = parameter(-5.0, "reward for a collision, which ends the episode")
+    reward_time: float = parameter(-0.02, "reward per second")

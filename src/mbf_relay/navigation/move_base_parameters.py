@@ -23,30 +23,26 @@ class MoveBaseParameters(ParameterSet):
     base_global_planner: str = parameter("navfn/NavfnROS", "type of the global planner")
     base_local_planner: str = parameter("base_local_planner/TrajectoryPlannerROS", "type of the local planner")
     planner_frequency: float = parameter(
-        0.0, "rate of replanning, 0 to plan when needed", unit="Hz", minimum=0.0, maximum=100.0
-    )
+        0.0, "rate of replanning; 0 to plan only for a new goal or when the controller fails", unit="Hz", minimum=0.0,
+        maximum=100.0)
     controller_frequency: float = parameter(20.0, "rate of the control loop", unit="Hz", minimum=0.0, maximum=100.0)
     planner_patience: float = parameter(
-        5.0, "time without a plan before recovery", unit="s", minimum=0.0, maximum=100.0
-    )
+        5.0, "time without a valid plan before recovery", unit="s", minimum=0.0, maximum=100.0)
     controller_patience: float = parameter(
-        5.0, "time without a command before recovery; the executable move_base starts with 15 where no file gives it",
-        unit="s", minimum=0.0, maximum=100.0
-    )
+        5.0, "time without a valid velocity before recovery; 15 if no file gives it and the executable move_base is "
+        "run", unit="s", minimum=0.0, maximum=100.0)
     max_planning_retries: int = parameter(
-        -1, "planning retries before recovery, -1 for no limit", minimum=-1, maximum=1000
-    )
+        -1, "how often planning is retried before recovery; -1 for no limit", minimum=-1, maximum=1000)
     conservative_reset_dist: float = parameter(
-        3.0, "distance beyond which costmaps are cleared", unit="m", minimum=0.0, maximum=50.0)
+        3.0, "side of the square around the robot outside which the first recovery clears the costmaps", unit="m",
+        minimum=0.0, maximum=50.0)
     recovery_behavior_enabled: bool = parameter(True, "run recovery behaviours")
-    clearing_rotation_allowed: bool = parameter(True, "turn in place to clear space")
-    shutdown_costmaps: bool = parameter(False, "stop the costmaps while idle")
+    clearing_rotation_allowed: bool = parameter(True, "turn in place as a recovery")
+    shutdown_costmaps: bool = parameter(False, "stop updating the costmaps while there is no goal")
     oscillation_timeout: float = parameter(
-        0.0, "time of oscillation before recovery, 0 for ever", unit="s", minimum=0.0, maximum=60.0
-    )
-    oscillation_distance: float = parameter(0.5, "motion that ends oscillation", unit="m", minimum=0.0, maximum=10.0)
-    make_plan_clear_costmap: bool = parameter(
-        True, "read, and without effect: make_plan plans in the costmap as it is")
+        0.0, "time of oscillation before recovery; 0 to switch the check off", unit="s", minimum=0.0, maximum=60.0)
+    oscillation_distance: float = parameter(
+        0.5, "distance the robot must move not to count as oscillating", unit="m", minimum=0.0, maximum=10.0)
+    make_plan_clear_costmap: bool = parameter(True, "read, and without effect: make_plan plans in the costmap as it is")
     make_plan_add_unreachable_goal: bool = parameter(
-        True, "end make_plan's plan with the goal though it is unreachable"
-    )
+        True, "append the goal to make_plan's plan even if the plan ends short of it")

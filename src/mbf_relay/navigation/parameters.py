@@ -16,60 +16,59 @@ USUAL_AGE = 1.0
 
 @dataclass(frozen=True)
 class NavigatorParameters(ParameterSet):
-    """Rates, patience and retries, and what counts as arrived, stuck and oscillating."""
+    """Parameters of the navigation server, by Move Base Flex's names."""
 
-    planner_frequency: float = parameter(0.0, "Rate of replanning while driving; 0 for none", "Hz", 0.0, 100.0)
+    planner_frequency: float = parameter(0.0, "rate of replanning while driving; 0 to plan only once", "Hz", 0.0, 100.0)
     planner_patience: float = parameter(
-        5.0, "Time to wait for a path, before recovery and after it together; 0 for ever", "s", 0.0, 100.0
-    )
-    planner_max_retries: int = parameter(-1, "Times a failed plan is tried again; -1 until patience ends", "", -1, 1000)
-    controller_frequency: float = parameter(20.0, "Rate of the control loop", "Hz", 0.1, 100.0)
+        5.0, "time to try for a path before giving up, where planning before and after recovery counts together; 0 for "
+        "no limit", "s", 0.0, 100.0)
+    planner_max_retries: int = parameter(
+        -1, "how often failed planning is retried; -1 until planner_patience ends", "", -1, 1000)
+    controller_frequency: float = parameter(20.0, "rate of the control loop", "Hz", 0.1, 100.0)
     controller_patience: float = parameter(
-        5.0, "Time to wait for a velocity before giving up; 0 for ever", "s", 0.0, 100.0
-    )
+        5.0, "time without a valid velocity before giving up; 0 for no limit", "s", 0.0, 100.0)
     controller_max_retries: int = parameter(
-        -1, "Times a failed cycle is tried again; -1 until patience ends", "", -1, 1000
-    )
-    recovery_enabled: bool = parameter(True, "Whether move_base runs recovery behaviours")
-    recovery_patience: float = parameter(15.0, "Time a recovery behaviour may take; 0 for ever", "s", 0.0, 100.0)
+        -1, "how often a failed control cycle is retried; -1 until controller_patience ends", "", -1, 1000)
+    recovery_enabled: bool = parameter(True, "run recovery behaviours in the action move_base")
+    recovery_patience: float = parameter(
+        15.0, "longest time for one recovery behaviour; 0 for no limit", "s", 0.0, 100.0)
     oscillation_timeout: float = parameter(
-        0.0, "Time without progress that counts as oscillating; 0 for none", "s", 0.0, 60.0
-    )
-    oscillation_distance: float = parameter(0.5, "Distance that counts as progress", "m", 0.0, 10.0)
-    oscillation_angle: float = parameter(3.14, "Turn that counts as progress", "rad", 0.0, 6.28)
-    shutdown_costmaps: bool = parameter(False, "Whether costmaps rest while nothing is asked of them")
-    shutdown_costmaps_delay: float = parameter(1.0, "Time after the last goal before costmaps rest", "s", 0.0, 60.0)
+        0.0, "time without progress (see oscillation_distance) that counts as oscillating; 0 to switch the check off",
+        "s", 0.0, 60.0)
+    oscillation_distance: float = parameter(0.5, "distance that counts as progress", "m", 0.0, 10.0)
+    oscillation_angle: float = parameter(3.14, "turn that counts as progress", "rad", 0.0, 6.28)
+    shutdown_costmaps: bool = parameter(False, "stop updating the costmaps while there is no goal")
+    shutdown_costmaps_delay: float = parameter(1.0, "time after the last goal before the costmaps stop", "s", 0.0, 60.0)
 
-    global_frame: str = parameter("map", "Frame of paths and of reported poses", is_frame=True)
-    map_frame: str = parameter("map", "Older name of global_frame, read where that is not given", is_frame=True)
-    robot_frame: str = parameter("base_link", "Frame of the robot's base", is_frame=True)
+    global_frame: str = parameter("map", "frame of paths and of reported poses", is_frame=True)
+    map_frame: str = parameter("map", "older name of global_frame, read if that is not given", is_frame=True)
+    robot_frame: str = parameter("base_link", "frame of the robot's base", is_frame=True)
     odom_topic: str = parameter(
-        "odom", "Topic of odometry; where given, before any that a controller's parameters name; empty to do without")
+        "odom", "topic of odometry; if given, it is used instead of one in a controller's parameters; empty to do "
+        "without odometry")
     tf_timeout: Optional[float] = parameter(
-        None, "How long to wait for a transform, standing; if not given, planner_patience or controller_patience",
-        "s", 0.0)
+        None, "how long to wait, standing, for a transform; if not given, planner_patience (at least 3 s) or "
+        "controller_patience", "s", 0.0)
     pose_timeout: Optional[float] = parameter(
-        None, "Age beyond which a pose is not driven on; 1, or a costmap's transform_tolerance if longer, by default",
-        "s", above=0.0)
-    odom_timeout: float = parameter(1.0, "Age beyond which odometry is not driven on", "s", above=0.0)
-    force_stop_at_goal: bool = parameter(False, "read, and without effect: driving always ends with a zero velocity")
-    force_stop_on_retry: bool = parameter(True, "Stop while a failed cycle is tried again; else slow down")
+        None, "age of the robot's pose above which it stops; if not given, 1 or the longest transform_tolerance of the "
+        "costmaps", "s", above=0.0)
+    odom_timeout: float = parameter(1.0, "age of odometry above which the robot stops", "s", above=0.0)
+    force_stop_at_goal: bool = parameter(False, "read, and without effect: a zero velocity always ends the drive")
+    force_stop_on_retry: bool = parameter(True, "stop at once while a failed cycle is retried; false slows down")
     force_stop_on_cancel: bool = parameter(
-        False, "Stop also where another goal takes over at once; a cancel always stops"
-    )
-    mbf_tolerance_check: bool = parameter(False, "Whether the server, besides the controller, judges arrival")
-    dist_tolerance: float = parameter(0.1, "Distance to the goal that is arrival for the server", "m", 0.0)
-    angle_tolerance: float = parameter(math.pi / 18.0, "Angle to the goal that is arrival for the server", "rad", 0.0)
+        False, "stop also when another goal follows at once; a cancel without one always stops")
+    mbf_tolerance_check: bool = parameter(False, "the server checks arrival too, by dist_tolerance and angle_tolerance")
+    dist_tolerance: float = parameter(
+        0.1, "distance to the goal that counts as arrived, with mbf_tolerance_check", "m", 0.0)
+    angle_tolerance: float = parameter(
+        math.pi / 18.0, "angle to the goal that counts as arrived, with mbf_tolerance_check", "rad", 0.0)
     cmd_vel_ignored_tolerance: float = parameter(
-        5.0, "Time a robot may stand still against commands before it counts as stuck; 0 or less for ever", "s"
-    )
+        5.0, "how long the robot may stand still against the commands before it counts as stuck; 0 or below for no "
+        "limit", "s")
     client_timeout: float = parameter(
-        0.0,
-        "Time after which goals of a client that disconnected end; 0 for never; a relay's end within 1 s in any case",
-        "s",
-        0.0,
-    )
-    clear_on_shutdown: bool = parameter(False, "Whether resting costmaps forget obstacles")
+        0.0, "time after a client disconnects at which its goals are ended; 0 for never; goals of a relay end within 1 "
+        "s in any case", "s", 0.0)
+    clear_on_shutdown: bool = parameter(False, "clear obstacles when the costmaps stop (see shutdown_costmaps)")
 
     def oldest_pose(self, costmaps: Iterable[Any]) -> float:
         """Return the age (s) beyond which a pose is not driven on: move_base drives on as old ones as its costmaps do.

@@ -16,12 +16,14 @@ class WaypointFollowerParameters(ParameterSet):
     They hold for what comes by its topics; goals of the action say theirs.
     """
 
-    goal_frame_id: str = parameter("map", "frame of poses that name none", is_frame=True)
+    goal_frame_id: str = parameter("map", "frame of poses whose header names none", is_frame=True)
     addpose_topic: str = parameter(
-        "initialpose", "topic whose poses are waypoints, in RViz that of 2D Pose Estimate", is_topic=True)
-    wait_duration: float = parameter(0.0, "how long to stand at each", unit="s", minimum=0.0)
-    number_of_loops: int = parameter(0, "how often to begin again after the last", minimum=0)
-    stop_on_failure: bool = parameter(False, "end at the first that is not reached; otherwise go on to the next")
+        "initialpose", "topic on which waypoints are added; initialpose is RViz's 2D Pose Estimate", is_topic=True)
+    wait_duration: float = parameter(
+        0.0, "how long to stand at each waypoint; 0 to go on at once", unit="s", minimum=0.0)
+    number_of_loops: int = parameter(0, "how often to drive the waypoints again after the first time", minimum=0)
+    stop_on_failure: bool = parameter(
+        False, "stop at the first waypoint that is not reached; false goes on to the next")
 
 
 class WaypointFollower:

@@ -32,17 +32,16 @@ class AnyAngleParameters(ParameterSet):
 
     allow_unknown: bool = parameter(True, "plan through unknown cells")
     default_tolerance: float = parameter(
-        0.0, "how far the goal may be missed, where a request says no more", unit="m", minimum=0.0
-    )
-    neutral_cost: int = parameter(50, "weight of a cell without cost", minimum=1, maximum=255)
-    cost_factor: float = parameter(0.8, "by what costs are multiplied", minimum=0.0, maximum=5.0)
-    lethal_cost: int = parameter(253, "costs from one below it on are not entered", minimum=1, maximum=255)
+        0.0, "how far from the goal a path may end, if the request gives no tolerance", unit="m", minimum=0.0)
+    neutral_cost: int = parameter(50, "weight of a free cell", minimum=1, maximum=255)
+    cost_factor: float = parameter(
+        0.8, "factor on the costmap's costs, added to neutral_cost", minimum=0.0, maximum=5.0)
+    lethal_cost: int = parameter(
+        253, "cells whose cost is at least this minus one are never entered", minimum=1, maximum=255)
     spacing: float = parameter(0.05, "distance between the poses of a path", unit="m", above=0.0)
     orientation_mode: int = parameter(
-        1,
-        "headings: 0 none, 1 forward, 2 interpolate, 3 forward then interpolate, 4 backward, 5 leftward, 6 rightward",
-        choices=tuple(int(mode) for mode in OrientationMode),
-    )
+        1, "headings along the path: 0 none, 1 forward, 2 interpolate, 3 forward then interpolate, 4 backward, 5 "
+        "leftward, 6 rightward", choices=tuple(int(mode) for mode in OrientationMode))
 
 
 class AnyAnglePlanner(GridPlanner):

@@ -19,17 +19,13 @@ from mbf_relay.planning.planner import Cancellation, Planner
 
 @dataclass(frozen=True)
 class CarrotParameters(ParameterSet):
-    """Parameters of CarrotPlanner, by carrot_planner's names; costmap resolutions where 0."""
+    """Parameters of CarrotPlanner, by carrot_planner's names."""
 
     step_size: float = parameter(
-        0.0,
-        "distance between places tried on the line to the goal; 0 for the costmap's resolution",
-        unit="m",
-        minimum=0.0,
-    )
+        0.0, "distance between the points tried from the goal back to the robot; 0 for the costmap's resolution",
+        unit="m", minimum=0.0)
     min_dist_from_robot: float = parameter(
-        0.1, "places nearer to the robot than this are not gone to", unit="m", minimum=0.0
-    )
+        0.1, "points nearer to the robot than this are not used as goals", unit="m", minimum=0.0)
 
 
 class CarrotPlanner(Planner):

@@ -28,32 +28,26 @@ class GlobalPlannerParameters(ParameterSet):
 
     allow_unknown: bool = parameter(True, "plan through unknown cells")
     default_tolerance: float = parameter(
-        0.0, "how far the goal may be missed, where a request says no more", unit="m", minimum=0.0
-    )
-    use_dijkstra: bool = parameter(True, "where the potential is published, fill it all around; paths are the same")
-    use_quadratic: bool = parameter(
-        True, "read, and without effect: the potential is always interpolated, as slopes need it"
-    )
-    use_grid_path: bool = parameter(
-        False, "go from cell to cell by 8-connected steps; otherwise down the potential's slope"
-    )
-    old_navfn_behavior: bool = parameter(False, "read, and without effect: paths are right without")
-    outline_map: bool = parameter(True, "read, and without effect: nothing leaves the map without")
+        0.0, "how far from the goal a path may end, if the request gives no tolerance", unit="m", minimum=0.0)
+    use_dijkstra: bool = parameter(
+        True, "compute the published potential in all directions, not only towards the goal; paths are the same")
+    use_quadratic: bool = parameter(True, "read, and without effect: the potential is always interpolated")
+    use_grid_path: bool = parameter(False, "follow cells in 8 directions; false descends the potential's gradient")
+    old_navfn_behavior: bool = parameter(False, "read, and without effect: paths do not need it")
+    outline_map: bool = parameter(True, "read, and without effect: paths never leave the map")
     lethal_cost: int = parameter(
-        253, "costs from one below it on are not entered, weights end below it", minimum=1, maximum=255
-    )
-    neutral_cost: int = parameter(50, "weight of a cell without cost", minimum=1, maximum=255)
-    cost_factor: float = parameter(3.0, "by what costs are multiplied", minimum=0.01, maximum=5.0)
-    publish_potential: bool = parameter(True, "publish the potential, where somebody listens")
-    publish_scale: int = parameter(100, "value of the highest potential published", minimum=1, maximum=127)
+        253, "cells whose cost is at least this minus one are never entered; weights are limited to less than this",
+        minimum=1, maximum=255)
+    neutral_cost: int = parameter(50, "weight of a free cell", minimum=1, maximum=255)
+    cost_factor: float = parameter(
+        3.0, "factor on the costmap's costs, added to neutral_cost", minimum=0.01, maximum=5.0)
+    publish_potential: bool = parameter(True, "publish the potential if there is a subscriber")
+    publish_scale: int = parameter(100, "published value of the highest potential", minimum=1, maximum=127)
     orientation_mode: int = parameter(
-        1,
-        "headings: 0 none, 1 forward, 2 interpolate, 3 forward then interpolate, 4 backward, 5 leftward, 6 rightward",
-        choices=tuple(int(mode) for mode in OrientationMode),
-    )
+        1, "headings along the path: 0 none, 1 forward, 2 interpolate, 3 forward then interpolate, 4 backward, 5 "
+        "leftward, 6 rightward", choices=tuple(int(mode) for mode in OrientationMode))
     orientation_window_size: int = parameter(
-        1, "points before and after over which headings are taken", minimum=1, maximum=255
-    )
+        1, "number of points before and after each from which its heading is computed", minimum=1, maximum=255)
     planner_window_x: float = parameter(0.0, "read, and without effect, as in global_planner", unit="m")
     planner_window_y: float = parameter(0.0, "read, and without effect, as in global_planner", unit="m")
 

@@ -21,8 +21,7 @@ class NavfnParameters(ParameterSet):
 
     allow_unknown: bool = parameter(True, "plan through unknown cells")
     default_tolerance: float = parameter(
-        0.0, "how far the goal may be missed, where a request says no more", unit="m", minimum=0.0
-    )
+        0.0, "how far from the goal a path may end, if the request gives no tolerance", unit="m", minimum=0.0)
     visualize_potential: bool = parameter(False, "publish the potential as a point cloud")
     planner_window_x: float = parameter(0.0, "read, and without effect, as in navfn", unit="m")
     planner_window_y: float = parameter(0.0, "read, and without effect, as in navfn", unit="m")

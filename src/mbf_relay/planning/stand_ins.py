@@ -10,7 +10,7 @@ from mbf_relay.planning.navfn import NavfnParameters, NavfnPlanner
 
 @dataclass(frozen=True)
 class StandInParameters(NavfnParameters):
-    """NavfnPlanner's, where the group of another planner holds any."""
+    """Parameters of NavfnPlanner where it replaces another planner, read from that one's group."""
 
     @classmethod
     def unknown_names(cls, values: Mapping[str, Any]) -> List[str]:

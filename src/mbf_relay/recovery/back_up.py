@@ -23,8 +23,8 @@ class BackUpParameters(ParameterSet):
     """Parameters of BackUp."""
 
     distance: float = parameter(0.15, "how far to drive back", "m", above=0.0)
-    speed: float = parameter(0.1, "top speed", "m/s", above=0.0)
-    acceleration: float = parameter(1.0, "acceleration", "m/s^2", above=0.0)
+    speed: float = parameter(0.1, "highest speed", "m/s", above=0.0)
+    acceleration: float = parameter(1.0, "acceleration and deceleration", "m/s^2", above=0.0)
     timeout: float = parameter(10.0, "time after which it gives up", "s", above=0.0)
 
 

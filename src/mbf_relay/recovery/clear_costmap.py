@@ -23,12 +23,14 @@ NAMES_BY_DEFAULT = ("obstacles", "obstacle_layer")
 class ClearCostmapParameters(ParameterSet):
     """Parameters of ClearCostmap, by clear_costmap_recovery's names and defaults."""
 
-    reset_distance: float = parameter(3.0, "side of the square round the robot", "m", minimum=0.0)
+    reset_distance: float = parameter(
+        3.0, "side of the square around the robot outside which (or with invert_area_to_clear inside which) costmaps "
+        "are cleared", "m", minimum=0.0)
     invert_area_to_clear: bool = parameter(False, "clear inside the square instead of outside of it")
     force_updating: bool = parameter(False, "update the costmaps at once instead of waiting for their next update")
     affected_maps: str = parameter(
-        "both", "costmaps to clear", choices=("local", "global", "both"), else_default=True)
-    layer_names: Tuple[str, ...] = parameter(NAMES_BY_DEFAULT, "layers to clear")
+        "both", "which costmaps to clear", choices=("local", "global", "both"), else_default=True)
+    layer_names: Tuple[str, ...] = parameter(NAMES_BY_DEFAULT, "names of the layers to clear")
 
 
 class ClearCostmap(Recovery):

@@ -16,17 +16,21 @@ from mbf_relay.recovery.recovery import Recovery, RecoveryContext
 class MoveSlowParameters(ParameterSet):
     """Parameters of MoveSlowAndClear, by move_slow_and_clear's names and defaults."""
 
-    clearing_distance: float = parameter(0.5, "half the side of the square round the robot to clear", "m", minimum=0.0)
-    limited_trans_speed: float = parameter(0.25, "top translational speed for a while", "m/s", minimum=0.0)
-    limited_rot_speed: float = parameter(0.45, "top rotational speed for a while", "rad/s", minimum=0.0)
-    limited_distance: float = parameter(0.3, "distance after which the limits are lifted", "m", minimum=0.0)
+    clearing_distance: float = parameter(
+        0.5, "half the side of the square around the robot in which costmaps are cleared", "m", minimum=0.0)
+    limited_trans_speed: float = parameter(
+        0.25, "highest translational speed until limited_distance is driven", "m/s", minimum=0.0)
+    limited_rot_speed: float = parameter(
+        0.45, "highest rotational speed until limited_distance is driven", "rad/s", minimum=0.0)
+    limited_distance: float = parameter(0.3, "distance after which the speed limits end", "m", minimum=0.0)
     layer_names: Tuple[str, ...] = parameter(
-        (), "layers to clear; empty for obstacle_layer and all with 'obstacles' in their names")
-    max_trans_param_name: str = parameter("max_trans_vel", "read, and without effect: the controller is told directly")
-    max_rot_param_name: str = parameter("max_rot_vel", "read, and without effect: the controller is told directly")
+        (), "names of the layers to clear; empty for obstacle_layer and all whose names contain 'obstacles'")
+    max_trans_param_name: str = parameter(
+        "max_trans_vel", "read, and without effect: limits are set in the controller itself")
+    max_rot_param_name: str = parameter(
+        "max_rot_vel", "read, and without effect: limits are set in the controller itself")
     planner_namespace: str = parameter(
-        "DWAPlannerROS", "read, and without effect: the limits are the failed controller's"
-    )
+        "DWAPlannerROS", "read, and without effect: the controller that failed is limited")
 
 
 class MoveSlowAndClear(Recovery):

@@ -20,20 +20,21 @@ FULL = 2.0 * math.pi
 
 @dataclass(frozen=True)
 class RotateParameters(ParameterSet):
-    """Parameters of Rotate, by rotate_recovery's names and defaults; as there, what lacks is TrajectoryPlannerROS's."""
+    """Parameters of Rotate, by rotate_recovery's names; missing ones are read from TrajectoryPlannerROS's group."""
 
-    sim_granularity: float = parameter(0.017, "turn between checked headings", "rad", above=0.0)
-    frequency: float = parameter(20.0, "read, and without effect: steps come at the server's rate", "Hz", above=0.0)
-    acc_lim_theta: float = parameter(3.2, "rotational acceleration", "rad/s^2", above=0.0, aliases=("acc_lim_th",))
-    max_vel_theta: float = parameter(1.0, "top rotational speed", "rad/s", above=0.0, aliases=("max_rotational_vel",))
+    sim_granularity: float = parameter(
+        0.017, "angle between the headings that are checked for collision", "rad", above=0.0)
+    frequency: float = parameter(
+        20.0, "read, and without effect: velocities are sent at the server's rate", "Hz", above=0.0)
+    acc_lim_theta: float = parameter(
+        3.2, "rotational acceleration limit", "rad/s^2", above=0.0, aliases=("acc_lim_th",))
+    max_vel_theta: float = parameter(
+        1.0, "highest rotational speed", "rad/s", above=0.0, aliases=("max_rotational_vel",))
     min_in_place_vel_theta: float = parameter(
-        0.4,
-        "slowest turn, except to start and to brake",
-        "rad/s",
-        minimum=0.0,
-        aliases=("min_in_place_rotational_vel",),
-    )
-    yaw_goal_tolerance: float = parameter(0.1, "how exactly it comes back to its first heading", "rad", above=0.0)
+        0.4, "lowest rotational speed, except to start and to brake", "rad/s", minimum=0.0,
+        aliases=("min_in_place_rotational_vel",))
+    yaw_goal_tolerance: float = parameter(
+        0.1, "angle to the first heading at which the turn counts as complete", "rad", above=0.0)
 
     ORDERED: ClassVar[Tuple[Tuple[str, str], ...]] = (("min_in_place_vel_theta", "max_vel_theta"),)
 

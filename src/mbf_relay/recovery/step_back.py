@@ -13,10 +13,10 @@ from mbf_relay.recovery.recovery import Recovery, RecoveryContext
 
 @dataclass(frozen=True)
 class StepBackParameters(ParameterSet):
-    """What is read of step_back_and_max_steer_recovery and stepback_and_steerturn_recovery, by their names."""
+    """Parameters of step_back_and_max_steer_recovery and stepback_and_steerturn_recovery that are used."""
 
     step_back_length: float = parameter(1.0, "how far to drive back", "m", above=0.0)
-    linear_vel_back: float = parameter(-0.3, "velocity to drive back with, of either sign", "m/s")
+    linear_vel_back: float = parameter(-0.3, "velocity of driving back; its sign does not matter", "m/s")
     step_back_timeout: float = parameter(10.0, "time after which it gives up", "s", above=0.0)
 
     @classmethod

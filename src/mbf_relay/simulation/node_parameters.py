@@ -18,44 +18,37 @@ class SimulatorParameters(SimulationParameters):
     """Parameters of the `simulator` node."""
 
     world: str = parameter(
-        "arena", "arena, empty, or a file: map YAML, SDF or Gazebo world, URDF, or worlds file (JSON)"
-    )
-    world_name: str = parameter("", "which world, in a file of several")
+        "arena", "arena, empty, or a file: map YAML, SDF or Gazebo world, URDF, or worlds file (JSON)")
+    world_name: str = parameter("", "name of the world, in a file with several; empty for the first")
     x_pos: Optional[float] = parameter(
-        None, "where the robot starts, map frame; the world's own start where not set", unit="m"
-    )
-    y_pos: Optional[float] = parameter(None, "likewise", unit="m")
-    yaw: Optional[float] = parameter(None, "its heading there; likewise", unit="rad")
-    seed: int = parameter(1, "of all chance; equal seeds give equal readings", minimum=0)
+        None, "x of the robot's start in the map frame; if not set, the world's own start", unit="m")
+    y_pos: Optional[float] = parameter(
+        None, "y of the robot's start in the map frame; if not set, the world's own start", unit="m")
+    yaw: Optional[float] = parameter(
+        None, "heading at the robot's start in the map frame; if not set, the world's own start", unit="rad")
+    seed: int = parameter(1, "seed of all noise; equal seeds give equal readings", minimum=0)
     gui: bool = parameter(False, "open PyBullet's window")
 
-    real_time_factor: float = parameter(1.0, "simulated seconds per second; 0 for as fast as it goes", minimum=0.0)
-    follow_clock: bool = parameter(False, "keep to another simulator's /clock instead of making one")
+    real_time_factor: float = parameter(
+        1.0, "simulated seconds per second of wall time; 0 for as fast as possible", minimum=0.0)
+    follow_clock: bool = parameter(False, "follow the /clock of another simulator instead of publishing it")
     neighbours: str = parameter(
-        "", "namespaces of other simulators whose robots stand in this world too, blanks between them"
-    )
-    clock_rate: float = parameter(60.0, "messages on /clock per simulated second", unit="Hz", above=0.0)
-    truth_rate: float = parameter(
-        30.0, "messages with the true pose per simulated second; 0 for none", unit="Hz", minimum=0.0
-    )
+        "", "namespaces of other simulators whose robots are obstacles in this world, separated by spaces")
+    clock_rate: float = parameter(60.0, "rate of /clock, in simulated time", unit="Hz", above=0.0)
+    truth_rate: float = parameter(30.0, "rate of the true pose, in simulated time; 0 for none", unit="Hz", minimum=0.0)
     command_patience: float = parameter(
-        0.0,
-        "wall time to wait, before a scan, for the velocity command that answers the last one; 0 for none",
-        unit="s",
-        minimum=0.0,
-        aliases=("hold",),
-    )
+        0.0, "longest wall time to wait before a scan for the velocity command that answers the last one; 0 to not "
+        "wait", unit="s", minimum=0.0, aliases=("hold",))
 
-    picture_folder: str = parameter("", "where take_pictures leaves its files; empty for the folder ROS logs to")
+    picture_folder: str = parameter("", "folder of take_pictures' files; empty for ROS's log folder")
 
     world_frame: str = parameter(
-        "map", "frame of the true pose, of obstacles and of poses to be set down at", is_frame=True
-    )
+        "map", "frame of the true pose, of obstacles and of poses the robot is set to", is_frame=True)
     odom_frame: str = parameter("odom", "frame of the odometry", is_frame=True)
-    base_frame: str = parameter("base_footprint", "frame of the robot on the ground", is_frame=True)
+    base_frame: str = parameter("base_footprint", "frame of the robot's base on the ground", is_frame=True)
     scan_frame: str = parameter("base_scan", "frame of the lidar", is_frame=True)
     imu_frame: str = parameter("imu_link", "frame of the inertial sensor", is_frame=True)
-    publish_odom_tf: bool = parameter(True, "send the odometry on /tf too")
+    publish_odom_tf: bool = parameter(True, "publish odometry on /tf too")
 
     @classmethod
     def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:

@@ -21,58 +21,52 @@ class SimulationParameters(ParameterSet):
     What a user does not set is taken from the robot's file, and only then from here.
     """
 
-    robot: str = parameter("burger", "a file in config/robot without its ending, or the path of a robot's YAML or URDF")
+    robot: str = parameter(
+        "burger", "name of a file in config/robot without its ending, or path of a robot's YAML or URDF file")
     physics_rate: int = parameter(
         120, "physics steps per second of simulated time", unit="Hz", minimum=20, maximum=2000
     )
-    start_time: float = parameter(1.0, "what the clock shows at first", unit="s", above=0.0)
+    start_time: float = parameter(1.0, "time on the clock at start", unit="s", above=0.0)
     solver_iterations: int = parameter(40, "iterations of the contact solver per step", minimum=5, maximum=500)
 
-    max_speed: float = parameter(0.22, "top speed forward and back", unit="m/s", above=0.0)
-    max_turn_rate: float = parameter(2.84, "top speed of turning", unit="rad/s", above=0.0)
-    wheel_acceleration: float = parameter(1.0, "top acceleration at the rim of a wheel", unit="m/s^2", above=0.0)
-    wheel_torque: float = parameter(0.5, "top torque of a wheel's motor", unit="N m", above=0.0)
+    max_speed: float = parameter(0.22, "highest speed forward and backward", unit="m/s", above=0.0)
+    max_turn_rate: float = parameter(2.84, "highest rotational speed", unit="rad/s", above=0.0)
+    wheel_acceleration: float = parameter(1.0, "highest acceleration at the rim of a wheel", unit="m/s^2", above=0.0)
+    wheel_torque: float = parameter(0.5, "highest torque of a wheel's motor", unit="N m", above=0.0)
     wheel_friction: float = parameter(1.0, "friction coefficient of the tyres on the ground", above=0.0, maximum=10.0)
     wheel_slip: float = parameter(
-        0.0, "share of its rotation by which a wheel fails to carry the robot on", minimum=0.0, maximum=1.0
-    )
+        0.0, "share of the wheels' rotation that does not move the robot", minimum=0.0, maximum=1.0)
     cmd_vel_timeout: float = parameter(
-        0.5, "age of the velocity command beyond which the robot stops; 0 for none", unit="s", minimum=0.0
-    )
+        0.5, "age of the velocity command above which the robot stops; 0 for no limit", unit="s", minimum=0.0)
 
-    odom_rate: float = parameter(30.0, "readings of the wheel encoders; 0 for none", unit="Hz", minimum=0.0)
+    odom_rate: float = parameter(30.0, "rate of odometry; 0 for none", unit="Hz", minimum=0.0)
     odom_noise: float = parameter(
-        0.001,
-        "deviation of a wheel's measured way after one metre; grows with the root of the way",
-        unit="m",
-        minimum=0.0,
-    )
+        0.001, "standard deviation of a wheel's measured distance after one metre; grows with the square root of the "
+        "distance", unit="m", minimum=0.0)
     odom_bias: Tuple[float, float] = parameter(
-        (0.0, 0.0), "error of the left and right wheel's measured way, as a share of it", minimum=-0.5, maximum=0.5
-    )
-    joint_state_rate: float = parameter(30.0, "joint states; 0 for none", unit="Hz", minimum=0.0)
+        (0.0, 0.0), "relative error of the distance measured by the left and the right wheel; 0.1 reads 10 % too far",
+        minimum=-0.5, maximum=0.5)
+    joint_state_rate: float = parameter(30.0, "rate of joint states; 0 for none", unit="Hz", minimum=0.0)
 
-    imu_rate: float = parameter(60.0, "readings of the inertial sensor; 0 for none", unit="Hz", minimum=0.0)
-    gyro_noise: float = parameter(0.002, "deviation of the turn rate", unit="rad/s", minimum=0.0)
-    accelerometer_noise: float = parameter(0.017, "deviation of the acceleration", unit="m/s^2", minimum=0.0)
+    imu_rate: float = parameter(60.0, "rate of the inertial sensor; 0 for none", unit="Hz", minimum=0.0)
+    gyro_noise: float = parameter(0.002, "standard deviation of the rotational velocity", unit="rad/s", minimum=0.0)
+    accelerometer_noise: float = parameter(0.017, "standard deviation of the acceleration", unit="m/s^2", minimum=0.0)
 
-    scan_rate: float = parameter(5.0, "turns of the lidar; 0 for none", unit="Hz", minimum=0.0)
-    scan_beams: int = parameter(360, "beams of a full turn", minimum=1, maximum=16384)
+    scan_rate: float = parameter(5.0, "rate of scans, one per turn of the lidar; 0 for none", unit="Hz", minimum=0.0)
+    scan_beams: int = parameter(360, "number of beams in a full turn", minimum=1, maximum=16384)
     scan_view: float = parameter(
-        2.0 * math.pi, "angle in which it measures, half of it to each side of ahead; a full turn begins ahead",
+        2.0 * math.pi, "field of view, half of it to each side of straight ahead; a full turn starts straight ahead",
         unit="rad", above=0.0, maximum=2.0 * math.pi)
     scan_range_min: float = parameter(
-        0.12, "nearest distance that is measured; what is nearer reads 0", unit="m", minimum=0.0
-    )
+        0.12, "shortest measured distance; nearer obstacles read 0", unit="m", minimum=0.0)
     scan_range_max: float = parameter(
-        3.5, "farthest distance that is measured; what is farther reads +inf", unit="m", above=0.0
-    )
-    scan_resolution: float = parameter(0.015, "step of the readings; 0 for none", unit="m", minimum=0.0)
-    scan_noise: float = parameter(0.01, "deviation of the readings", unit="m", minimum=0.0)
+        3.5, "longest measured distance; farther obstacles read +inf", unit="m", above=0.0)
+    scan_resolution: float = parameter(
+        0.015, "readings are rounded to multiples of this; 0 for no rounding", unit="m", minimum=0.0)
+    scan_noise: float = parameter(0.01, "standard deviation of the readings", unit="m", minimum=0.0)
     scan_skew: bool = parameter(
-        False, "take each beam where the robot is when the turning sensor looks its way, not all at once"
-    )
-    scan_dropout: float = parameter(0.0, "share of the beams that read +inf by chance", minimum=0.0, maximum=1.0)
+        False, "measure each beam from where the robot is at that beam's time; false measures all at once")
+    scan_dropout: float = parameter(0.0, "share of random beams that read +inf", minimum=0.0, maximum=1.0)
 
     @classmethod
     def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:

@@ -27,15 +27,16 @@ LOWEST_LOOK, STEP_BETWEEN_LOOKS = 0.005, 0.04
 class Wheels(ParameterSet):
     """Wheels: two on one axle, or four at the corners of a rectangle, the front ones of a car steering."""
 
-    radius: float = parameter(0.05, "of each", unit="m", above=0.0)
-    width: float = parameter(0.02, "of each", unit="m", above=0.0)
-    mass: float = parameter(0.05, "of each", unit="kg", above=0.0)
-    separation: float = parameter(0.2, "between left and right, middle to middle", unit="m", above=0.0)
-    base: float = parameter(0.0, "between front and rear axle; 0 for a differential drive's one", unit="m", minimum=0.0)
+    radius: float = parameter(0.05, "radius of a wheel", unit="m", above=0.0)
+    width: float = parameter(0.02, "width of a wheel", unit="m", above=0.0)
+    mass: float = parameter(0.05, "mass of a wheel", unit="kg", above=0.0)
+    separation: float = parameter(0.2, "distance between the middles of left and right wheels", unit="m", above=0.0)
+    base: float = parameter(
+        0.0, "distance between front and rear axle; 0 for a differential drive, which has one", unit="m", minimum=0.0)
     turning_radius: float = parameter(
-        0.0, "smallest circle of a car's rear axle's middle; 0 for what turns on the spot", unit="m", minimum=0.0
-    )
-    steering_rate: float = parameter(1.5, "how fast a car's front wheels swing", unit="rad/s", above=0.0)
+        0.0, "smallest turning radius of a car, at the middle of its rear axle; 0 for a robot that turns on the spot",
+        unit="m", minimum=0.0)
+    steering_rate: float = parameter(1.5, "how fast a car's front wheels are steered", unit="rad/s", above=0.0)
 
 
 class Part(NamedTuple):

@@ -64,8 +64,8 @@ class Rollouts:
 class CriticParameters(ParameterSet):
     """What every critic of MPPI has."""
 
-    enabled: bool = parameter(True, "take part")
-    cost_weight: float = parameter(1.0, "weight", minimum=0.0)
+    enabled: bool = parameter(True, "use this critic")
+    cost_weight: float = parameter(1.0, "weight of this critic in the sum of costs", minimum=0.0)
     cost_power: int = parameter(1, "power to which the weighted cost is raised", minimum=1, maximum=10)
 
 

@@ -17,7 +17,7 @@ from mbf_relay.parameters import parameter
 class ConstraintCriticParameters(CriticParameters):
     """Parameters of MPPI's ConstraintCritic."""
 
-    cost_weight: float = parameter(4.0, "weight", minimum=0.0)
+    cost_weight: float = parameter(4.0, "weight of this critic in the sum of costs", minimum=0.0)
 
 
 class ConstraintCritic(CriticFunction):
@@ -44,8 +44,9 @@ class ConstraintCritic(CriticFunction):
 class PreferForwardCriticParameters(CriticParameters):
     """Parameters of MPPI's PreferForwardCritic."""
 
-    cost_weight: float = parameter(5.0, "weight", minimum=0.0)
-    threshold_to_consider: float = parameter(0.5, "distance to the goal below which it is silent", "m", minimum=0.0)
+    cost_weight: float = parameter(5.0, "weight of this critic in the sum of costs", minimum=0.0)
+    threshold_to_consider: float = parameter(
+        0.5, "distance to the goal below which this critic is off", "m", minimum=0.0)
 
 
 class PreferForwardCritic(CriticFunction):
@@ -65,7 +66,7 @@ class PreferForwardCritic(CriticFunction):
 class TwirlingCriticParameters(CriticParameters):
     """Parameters of MPPI's TwirlingCritic."""
 
-    cost_weight: float = parameter(10.0, "weight", minimum=0.0)
+    cost_weight: float = parameter(10.0, "weight of this critic in the sum of costs", minimum=0.0)
 
 
 class TwirlingCritic(CriticFunction):
@@ -85,9 +86,10 @@ class TwirlingCritic(CriticFunction):
 class VelocityDeadbandCriticParameters(CriticParameters):
     """Parameters of MPPI's VelocityDeadbandCritic."""
 
-    cost_weight: float = parameter(35.0, "weight", minimum=0.0)
+    cost_weight: float = parameter(35.0, "weight of this critic in the sum of costs", minimum=0.0)
     deadband_velocities: Tuple[float, float, float] = parameter(
-        (0.0, 0.0, 0.0), "speeds x, y (m/s) and theta (rad/s) below which the robot does not move")
+        (0.0, 0.0, 0.0), "velocities x, y (m/s) and theta (rad/s) below which the robot does not move; lower ones are "
+        "charged")
 
 
 class VelocityDeadbandCritic(CriticFunction):

@@ -17,50 +17,49 @@ DIFF_DRIVE, OMNI, ACKERMANN = "DiffDrive", "Omni", "Ackermann"
 class MppiParameters(FollowerParameters):
     """Parameters of MppiController, as Nav2's MPPIController reads them; limits go by either family's names."""
 
-    max_vel_x: float = parameter(0.5, "top forward velocity", "m/s", aliases=("vx_max",))
-    min_vel_x: float = parameter(-0.35, "lowest velocity; below 0 allows driving backwards", "m/s", aliases=("vx_min",))
-    max_vel_y: float = parameter(0.0, "top velocity to the left, alone or as vy_max to either side; Omni only", "m/s")
-    min_vel_y: float = parameter(0.0, "lowest velocity to the left", "m/s")
-    max_vel_theta: float = parameter(1.9, "top rotational speed", "rad/s", minimum=0.0, aliases=("wz_max",))
+    max_vel_x: float = parameter(0.5, "highest forward velocity", "m/s", aliases=("vx_max",))
+    min_vel_x: float = parameter(
+        -0.35, "lowest forward velocity; below 0 allows driving backwards", "m/s", aliases=("vx_min",))
+    max_vel_y: float = parameter(
+        0.0, "highest velocity to the left, or with the name vy_max to either side; Omni only", "m/s")
+    min_vel_y: float = parameter(0.0, "lowest velocity to the left; Omni only", "m/s")
+    max_vel_theta: float = parameter(1.9, "highest rotational speed", "rad/s", minimum=0.0, aliases=("wz_max",))
     acc_lim_x: float = parameter(
-        3.0, "acceleration limit along x, forward and braking; of ax_max and ax_min the lesser", "m/s^2", minimum=0.0,
-        maximum=20.0, aliases=("ax_max",))
+        3.0, "acceleration limit along x, forward and braking; the smaller of ax_max and ax_min, if both are given",
+        "m/s^2", minimum=0.0, maximum=20.0, aliases=("ax_max",))
     acc_lim_y: float = parameter(
         3.0, "acceleration limit along y", "m/s^2", minimum=0.0, maximum=20.0, aliases=("ay_max",)
     )
     acc_lim_theta: float = parameter(
         3.5, "rotational acceleration limit", "rad/s^2", minimum=0.0, maximum=20.0, aliases=("az_max",))
 
-    motion_model: str = parameter(DIFF_DRIVE, "how the robot can move", choices=(DIFF_DRIVE, OMNI, ACKERMANN))
+    motion_model: str = parameter(DIFF_DRIVE, "kinematics of the robot", choices=(DIFF_DRIVE, OMNI, ACKERMANN))
     min_turning_r: float = parameter(
-        0.2,
-        "smallest turning circle of Ackermann; in the group AckermannConstraints, as Nav2 has it, or here",
-        "m",
-        above=0.0,
-    )
-    batch_size: int = parameter(1000, "drives imagined", minimum=10, maximum=100000)
-    time_steps: int = parameter(56, "steps of each", minimum=2, maximum=1000)
-    model_dt: float = parameter(0.05, "length of a step", "s", above=0.0, maximum=1.0)
-    iteration_count: int = parameter(
-        1, "batches imagined per cycle, each round the mean of the one before", minimum=1, maximum=20
-    )
-    vx_std: float = parameter(0.2, "standard deviation of the noise on the velocity ahead", "m/s", above=0.0)
-    vy_std: float = parameter(0.2, "likewise to the side, of Omni alone", "m/s", above=0.0)
-    wz_std: float = parameter(0.4, "likewise on the turn", "rad/s", above=0.0)
+        0.2, "smallest turning radius of an Ackermann robot; read here or, as in Nav2, from the group "
+        "AckermannConstraints", "m", above=0.0)
+    batch_size: int = parameter(1000, "number of sampled trajectories", minimum=10, maximum=100000)
+    time_steps: int = parameter(56, "steps of each trajectory", minimum=2, maximum=1000)
+    model_dt: float = parameter(0.05, "time between two steps of a trajectory", "s", above=0.0, maximum=1.0)
+    iteration_count: int = parameter(1, "optimization rounds per control cycle", minimum=1, maximum=20)
+    vx_std: float = parameter(0.2, "standard deviation of the noise on the forward velocity", "m/s", above=0.0)
+    vy_std: float = parameter(
+        0.2, "standard deviation of the noise on the sideways velocity; Omni only", "m/s", above=0.0)
+    wz_std: float = parameter(0.4, "standard deviation of the noise on the rotational velocity", "rad/s", above=0.0)
     noise_time: float = parameter(
-        0.5, "time over which the noise of a drive is alike; 0 draws each step anew, as Nav2 does, and strays less far",
-        "s", minimum=0.0)
-    temperature: float = parameter(0.3, "cost by which a drive counts less by a factor of e", above=0.0)
-    gamma: float = parameter(0.015, "weight of staying near the mean of the cycle before", minimum=0.0)
+        0.5, "correlation time of the noise along a trajectory; 0 draws each step independently, as Nav2 does, and "
+        "explores less", "s", minimum=0.0)
+    temperature: float = parameter(
+        0.3, "a trajectory whose cost is higher by this weighs less by a factor of e; lower trusts the best ones more",
+        above=0.0)
+    gamma: float = parameter(0.015, "weight of staying near the previous cycle's solution; 0 for none", minimum=0.0)
     retry_attempt_limit: int = parameter(
-        1, "attempts from a standing robot's mean where no drive is free", minimum=0, maximum=20
-    )
-    regenerate_noises: bool = parameter(False, "draw the noise anew in each cycle instead of once")
-    seed: int = parameter(0, "of the noise", minimum=0)
-    prune_distance: float = parameter(1.5, "how much of the path ahead is looked at", "m", above=0.0)
+        1, "further attempts, starting from standstill, if no trajectory is free of collision", minimum=0, maximum=20)
+    regenerate_noises: bool = parameter(False, "draw new noise in each cycle instead of once")
+    seed: int = parameter(0, "seed of the noise", minimum=0)
+    prune_distance: float = parameter(1.5, "length of the path ahead that is considered", "m", above=0.0)
     turn_to_path_angle: float = parameter(
-        1.0, "heading error beyond which the robot turns on the spot before it drives, as behind Nav2's rotation shim; "
-        "above pi never", "rad", above=0.0)
+        1.0, "angle to the path above which the robot first turns on the spot, like Nav2's rotation shim; above pi it "
+        "never does", "rad", above=0.0)
     critics: Tuple[str, ...] = parameter(
         (
             "ConstraintCritic",
@@ -72,10 +71,9 @@ class MppiParameters(FollowerParameters):
             "PathAngleCritic",
             "PreferForwardCritic",
         ),
-        "critics whose costs are summed; package.module.Class for one of your own; each has a group of parameters of "
-        "its name",
-    )
-    critic_parameters: Any = parameter({}, "critics by name; filled from the groups beside")
+        "critics whose costs are summed; package.module.Class adds one of your own; each has a group of parameters of "
+        "its name")
+    critic_parameters: Any = parameter({}, "read from the critics' groups; not to be set")
 
     @classmethod
     def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:

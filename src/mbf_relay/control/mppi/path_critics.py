@@ -22,18 +22,17 @@ drive up to it later."""
 class PathAlignCriticParameters(CriticParameters):
     """Parameters of MPPI's PathAlignCritic."""
 
-    cost_weight: float = parameter(10.0, "weight", minimum=0.0)
-    threshold_to_consider: float = parameter(0.5, "distance to the goal below which it is silent", "m", minimum=0.0)
+    cost_weight: float = parameter(10.0, "weight of this critic in the sum of costs", minimum=0.0)
+    threshold_to_consider: float = parameter(
+        0.5, "distance to the goal below which this critic is off", "m", minimum=0.0)
     offset_from_furthest: int = parameter(
-        20, "points of the path, 5 cm apart, that some drive must get along for it to be asked", minimum=0)
-    trajectory_point_step: int = parameter(4, "steps of a drive between points that are looked at", minimum=1)
+        20, "this critic is off until a trajectory reaches this many points (5 cm apart) along the path", minimum=0)
+    trajectory_point_step: int = parameter(4, "every how many steps a trajectory is compared with the path", minimum=1)
     max_path_occupancy_ratio: float = parameter(
-        0.07,
-        "share of the path ahead that may be blocked; above it drives are free to go round",
-        minimum=0.0,
-        maximum=1.0,
-    )
-    use_path_orientations: bool = parameter(False, "count radians off the path's direction like metres")
+        0.07, "share of the path ahead that may be blocked before this critic is off, so that trajectories may leave "
+        "the path", minimum=0.0, maximum=1.0)
+    use_path_orientations: bool = parameter(
+        False, "also charge the angle to the path's direction, a radian as much as a metre")
 
 
 class PathAlignCritic(CriticFunction):
@@ -66,10 +65,12 @@ class PathAlignCritic(CriticFunction):
 class PathFollowCriticParameters(CriticParameters):
     """Parameters of MPPI's PathFollowCritic."""
 
-    cost_weight: float = parameter(5.0, "weight", minimum=0.0)
-    threshold_to_consider: float = parameter(1.4, "distance to the goal below which it is silent", "m", minimum=0.0)
+    cost_weight: float = parameter(5.0, "weight of this critic in the sum of costs", minimum=0.0)
+    threshold_to_consider: float = parameter(
+        1.4, "distance to the goal below which this critic is off", "m", minimum=0.0)
     offset_from_furthest: int = parameter(
-        6, "points of the path, 5 cm apart, beyond what the farthest drive reaches, to head for", minimum=0)
+        6, "how many points (5 cm apart) beyond the one reached by the farthest trajectory the aimed-at point lies",
+        minimum=0)
 
 
 class PathFollowCritic(CriticFunction):
@@ -100,16 +101,17 @@ class PathFollowCritic(CriticFunction):
 class PathAngleCriticParameters(CriticParameters):
     """Parameters of MPPI's PathAngleCritic."""
 
-    cost_weight: float = parameter(2.2, "weight", minimum=0.0)
-    threshold_to_consider: float = parameter(0.5, "distance to the goal below which it is silent", "m", minimum=0.0)
+    cost_weight: float = parameter(2.2, "weight of this critic in the sum of costs", minimum=0.0)
+    threshold_to_consider: float = parameter(
+        0.5, "distance to the goal below which this critic is off", "m", minimum=0.0)
     offset_from_furthest: int = parameter(
-        4, "points of the path, 5 cm apart, beyond what the farthest drive reaches, to face", minimum=0)
+        4, "how many points (5 cm apart) beyond the one reached by the farthest trajectory the faced point lies",
+        minimum=0)
     max_angle_to_furthest: float = parameter(
-        0.785398, "angle to that point below which it is silent", "rad", minimum=0.0
-    )
+        0.785398, "angle to the faced point below which this critic is off", "rad", minimum=0.0)
     mode: int = parameter(
-        FORWARD, "0 faces the point, 1 with front or back, 2 with whichever end the path's direction asks for",
-        choices=(FORWARD, EITHER_WAY, AS_PLANNED))
+        FORWARD, "0: face the point with the front; 1: with front or back; 2: with the end the path's direction asks "
+        "for", choices=(FORWARD, EITHER_WAY, AS_PLANNED))
 
 
 class PathAngleCritic(CriticFunction):

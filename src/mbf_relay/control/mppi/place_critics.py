@@ -18,15 +18,17 @@ from mbf_relay.parameters import parameter
 class CostCriticParameters(CriticParameters):
     """Parameters of MPPI's CostCritic."""
 
-    cost_weight: float = parameter(3.81, "weight", minimum=0.0)
-    consider_footprint: bool = parameter(True, "read, and without effect: the footprint is always laid along the drive")
-    critical_cost: float = parameter(300.0, "cost of passing a cell in which the inscribed circle touches", minimum=0.0)
-    collision_cost: float = parameter(1000000.0, "cost of touching anything", minimum=0.0)
+    cost_weight: float = parameter(3.81, "weight of this critic in the sum of costs", minimum=0.0)
+    consider_footprint: bool = parameter(
+        True, "read, and without effect: the footprint is always checked along the trajectory")
+    critical_cost: float = parameter(
+        300.0, "cost added where the robot's centre passes a cell of inscribed cost", minimum=0.0)
+    collision_cost: float = parameter(1000000.0, "cost of a trajectory that collides", minimum=0.0)
     near_goal_distance: float = parameter(
-        0.5, "distance to the goal below which only touching counts", "m", minimum=0.0
-    )
+        0.5, "distance to the goal below which costs are not charged, only critical_cost and collision_cost", "m",
+        minimum=0.0)
     inflation_layer_name: str = parameter("", "read, and without effect: costs are the costmap's")
-    trajectory_point_step: int = parameter(2, "read, and without effect: every step is looked at", minimum=1)
+    trajectory_point_step: int = parameter(2, "read, and without effect: every step is checked", minimum=1)
 
 
 class CostCritic(CriticFunction):
@@ -47,14 +49,23 @@ class CostCritic(CriticFunction):
 class ObstaclesCriticParameters(CriticParameters):
     """Parameters of MPPI's ObstaclesCritic."""
 
-    cost_weight: float = parameter(1.0, "factor on both weights", minimum=0.0)
-    repulsion_weight: float = parameter(1.5, "weight of keeping away", minimum=0.0)
-    critical_weight: float = parameter(20.0, "weight of what comes nearer than collision_margin_distance", minimum=0.0)
-    collision_cost: float = parameter(100000.0, "cost of touching anything", minimum=0.0)
-    collision_margin_distance: float = parameter(0.1, "distance of a near miss", "m", minimum=0.0)
-    inflation_radius: float = parameter(0.55, "distance within which it keeps away", "m", above=0.0)
-    near_goal_distance: float = parameter(0.5, "distance to the goal below which it does not", "m", minimum=0.0)
-    consider_footprint: bool = parameter(True, "read, and without effect: the footprint is always laid along the drive")
+    cost_weight: float = parameter(1.0, "factor on repulsion_weight and critical_weight", minimum=0.0)
+    repulsion_weight: float = parameter(
+        1.5, "weight of the mean distance by which a trajectory is nearer to obstacles than inflation_radius",
+        minimum=0.0)
+    critical_weight: float = parameter(
+        20.0, "weight of the distances by which it is nearer to obstacles than collision_margin_distance", minimum=0.0)
+    collision_cost: float = parameter(100000.0, "cost of a trajectory that collides", minimum=0.0)
+    collision_margin_distance: float = parameter(
+        0.1, "distance to an obstacle, from the inscribed circle, below which critical_weight applies", "m",
+        minimum=0.0)
+    inflation_radius: float = parameter(
+        0.55, "distance to an obstacle, from the inscribed circle, below which repulsion_weight applies", "m",
+        above=0.0)
+    near_goal_distance: float = parameter(
+        0.5, "distance to the goal below which repulsion_weight does not apply", "m", minimum=0.0)
+    consider_footprint: bool = parameter(
+        True, "read, and without effect: the footprint is always checked along the trajectory")
     inflation_layer_name: str = parameter("", "read, and without effect: distances are the costmap's")
 
 
@@ -79,8 +90,9 @@ class ObstaclesCritic(CriticFunction):
 class GoalCriticParameters(CriticParameters):
     """Parameters of MPPI's GoalCritic."""
 
-    cost_weight: float = parameter(5.0, "weight", minimum=0.0)
-    threshold_to_consider: float = parameter(1.4, "distance to the goal above which it is silent", "m", minimum=0.0)
+    cost_weight: float = parameter(5.0, "weight of this critic in the sum of costs", minimum=0.0)
+    threshold_to_consider: float = parameter(
+        1.4, "distance to the goal above which this critic is off", "m", minimum=0.0)
 
 
 class GoalCritic(CriticFunction):
@@ -100,8 +112,9 @@ class GoalCritic(CriticFunction):
 class GoalAngleCriticParameters(CriticParameters):
     """Parameters of MPPI's GoalAngleCritic."""
 
-    cost_weight: float = parameter(3.0, "weight", minimum=0.0)
-    threshold_to_consider: float = parameter(0.5, "distance to the goal above which it is silent", "m", minimum=0.0)
+    cost_weight: float = parameter(3.0, "weight of this critic in the sum of costs", minimum=0.0)
+    threshold_to_consider: float = parameter(
+        0.5, "distance to the goal above which this critic is off", "m", minimum=0.0)
 
 
 class GoalAngleCritic(CriticFunction):

@@ -53,20 +53,18 @@ class RelayParameters(ParameterSet):
     """Parameters of the relay itself; move_base's own are MoveBaseParameters."""
 
     server: str = parameter("move_base_flex", "name of the Move Base Flex node")
-    server_timeout: float = parameter(20.0, "how long a goal waits for the server to appear", unit="s", minimum=0.0)
+    server_timeout: float = parameter(20.0, "how long a goal waits for an absent server", unit="s", minimum=0.0)
     silence_timeout: float = parameter(
-        0.7, "silence after which a connected server counts as hung", unit="s", above=0.0
-    )
-    service_timeout: float = parameter(5.0, "how long services wait for a server that is there", unit="s", above=0.0)
-    cancel_timeout: float = parameter(20.0, "how long a cancelled goal waits for the server", unit="s", above=0.0)
+        0.7, "time without a message after which a connected server counts as hung", unit="s", above=0.0)
+    service_timeout: float = parameter(
+        5.0, "how long a service call waits for a server that is running", unit="s", above=0.0)
+    cancel_timeout: float = parameter(
+        20.0, "how long a cancelled goal waits for the server to end it", unit="s", above=0.0)
     arrival_tolerance: float = parameter(
-        0.5,
-        "distance to the goal, by the server's own account, beyond which no arrival is believed",
-        unit="m",
-        above=0.0,
-    )
+        0.5, "distance to the goal, by the server's own report, above which its success is not accepted", unit="m",
+        above=0.0)
     stop_on_server_loss: bool = parameter(
-        True, "send zero velocity when a goal has ended and none follows, also where its server was lost")
+        True, "send zero velocity when a goal ends and no other follows, also if the server was lost")
     global_frame: str = parameter("map", "frame of ~current_goal", is_frame=True)
 
     @property
