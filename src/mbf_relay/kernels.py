@@ -23,8 +23,8 @@ from typing import Any, Callable, Dict, List, Optional, Union
 
 SWITCH = "MBF_RELAY_KERNELS"
 """Environment variable: IN_PROCESS has numba compile all, as if nothing were built; TO_BUILD the same, uncached; PLAIN
-takes of what was built that for any processor, where this one can more."""
-IN_PROCESS, TO_BUILD, PLAIN = "in process", "to build", "plain"
+takes of what was built that for any processor, where this one can more; UNCOMPILED leaves all as Python."""
+IN_PROCESS, TO_BUILD, PLAIN, UNCOMPILED = "in process", "to build", "plain", "uncompiled"
 _reasons: List[str] = []
 
 
@@ -40,6 +40,8 @@ def kernel(signature: Union[str, List[str]], **options: Any) -> Callable:
     """
 
     def find_or_compile(function: Callable) -> Callable:
+        if os.environ.get(SWITCH) == UNCOMPILED:
+            return function
         found = _built(function.__module__, function.__code__.co_filename).get(function.__name__)
         return _compile(function, signature, options) if found is None else found
 

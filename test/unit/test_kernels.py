@@ -148,6 +148,13 @@ def test_kernels_for_any_processor_give_the_bits_of_those_for_wide_vectors():
     assert len(told) == 1
 
 
+def test_who_builds_does_not_wait_for_kernels_compiled_for_a_list_of_parameters():
+    told = f"{kernels.SWITCH}={kernels.UNCOMPILED}"
+    assert told in (TEST.parent / "CMakeLists.txt").read_text(encoding="utf-8")
+    program = "import sys; sys.modules['numba'] = None; import mbf_relay.planning.global_planner"
+    subprocess.run(["env", told, sys.executable, "-c", program], check=True)
+
+
 def test_a_module_that_cannot_be_loaded_fails_the_build_and_not_the_nodes(tmp_path):
     from mbf_relay.kernel_build.__main__ import _require_loadable
 
