@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip("mbf_msgs.msg")
 
-from fake_server import ABORTED, ACTIVE, SUCCEEDED, Setup  # noqa: E402
+from fake_server import ABORTED, ACTIVE, PREEMPTED, SUCCEEDED, Setup  # noqa: E402
 from mbf_msgs.msg import MoveBaseResult  # noqa: E402
 
 from mbf_relay.ros.relay import answers  # noqa: E402
@@ -51,3 +51,11 @@ def test_a_robot_that_is_sent_again_after_a_long_drive_has_a_server_s_whole_pati
     setup.wait(0.1)
     arrive(setup.server.sent[1], where=4.9)
     assert goal.state == SUCCEEDED
+
+
+def test_a_client_that_called_its_robot_back_is_answered_at_once_though_its_server_claims_an_arrival_elsewhere(setup):
+    goal = setup.goal(x=5.0)
+    setup.cancel(goal)
+    arrive(setup.server.sent[0], where=1.0)
+    assert goal.state == PREEMPTED and len(setup.server.sent) == 1, "or it waits for a cancel nobody is to answer"
+    assert setup.observer.stops == 1
