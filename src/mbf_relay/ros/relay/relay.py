@@ -222,7 +222,6 @@ class Relay:
             if now >= self._zero_due_at:
                 self._zero_due_at = math.inf
                 self._observer.stop_robot()
-            self._advance()
             if active is not None:
                 self._lose_patience(active, now)
             for sent in list(self._at_server):
