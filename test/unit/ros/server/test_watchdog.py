@@ -26,9 +26,11 @@ class PaperRobot:
 
     def __init__(self):
         self.blocked, self.held, self.before_block = False, False, lambda: None
+        self.looks = 0
 
     def hold(self, is_held):
         self.held = is_held
+        self.looks += 1
 
     def block(self):
         self.before_block()
@@ -68,6 +70,7 @@ def test_a_computer_that_did_nothing_for_a_while_stops_the_robot_and_the_drive_g
     def goes_on():
         stepping.step_time = 0.0
 
+    wait_until(lambda: robot.looks > 2 * watchdog.LOOKS, "looks at quick steps, which count for none that hangs")
     robot.before_block = goes_on
     stepping.step_time = stepper.STEP_PATIENCE + 1.0
     wait_until(lambda: robot.blocked, "the robot to be stopped")
