@@ -93,8 +93,8 @@ def _overruled(values: Mapping[str, Any]) -> List[str]:
     return [
         f"layer '{layer}': parameter {name} is {values[layer][name]!r}, and {used[name]!r} at the costmap's level; the "
         "latter is used, as by costmap_2d"
-        for layer, kind, used in layer_groups(values) if isinstance(values.get(layer), Mapping)
-        for name in PARENT_NAMES.get(kind, ()) if name in values[layer] and values[layer][name] != used[name]
+        for layer, _type_name, used in layer_groups(values) if isinstance(values.get(layer), Mapping)
+        for name in values[layer] if values[layer][name] != used[name]
     ]
 
 

@@ -95,6 +95,17 @@ def test_a_table_above_a_height_that_costmap_2d_passes_over_stays_an_obstacle(fo
     assert list(told) == ([] if tallest == 0.6 else ["max_obstacle_height"])
 
 
+@pytest.mark.parametrize("name, costmaps, layers", [
+    ("max_obstacle_height", 0.6, 2.0), ("observation_sources", "scan", "scan camera"),
+    ("scan", {"topic": "front"}, {"topic": "rear"}),
+])
+def test_a_camera_in_a_layers_group_that_gives_way_is_missed_by_who_starts_the_robot(name, costmaps, layers):
+    """Without a list of layers all of the costmap's level is moved over the group's; only of a range was that told."""
+    costmap = build_costmap("local_costmap", {
+        "map_type": "voxel", "observation_sources": "scan", name: costmaps, "obstacle_layer": {name: layers}})
+    assert [note for note in costmap.notes if f"layer 'obstacle_layer': parameter {name} is {layers!r}" in note]
+
+
 def test_a_costmap_that_could_not_see_is_refused():
     """A known layer with a value nobody can make sense of: without it the robot would drive blind."""
     with pytest.raises(ValueError, match="local_costmap.*obstacles.*data_type"):
