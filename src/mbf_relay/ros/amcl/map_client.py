@@ -8,12 +8,12 @@ import xmlrpc.client  # nosec B411: what the ROS master speaks
 
 import rospy
 from nav_msgs.msg import OccupancyGrid
-from nav_msgs.srv import GetMap
 
 from mbf_relay.localization.distance_field import check_map
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.ros.common.checks import shown
 from mbf_relay.ros.common.conversions import map_from_message
+from mbf_relay.ros.common.quick_map_services import QuickGetMap
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 
 AGAIN_AFTER = 0.5
@@ -43,7 +43,7 @@ def request_map(frame: str) -> OccupancyMap:
         try:
             _look_for_service(rospy.resolve_name("static_map"))
             rospy.wait_for_service("static_map", timeout=5.0)
-            message = rospy.ServiceProxy("static_map", GetMap)().map
+            message = rospy.ServiceProxy("static_map", QuickGetMap)().map
             occupancy = map_from_message(message)
             check_map(occupancy)
             warn_of_frame(message, frame)

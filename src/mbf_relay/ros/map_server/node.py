@@ -9,7 +9,7 @@ from typing import Sequence
 
 import rospy
 from nav_msgs.msg import MapMetaData, OccupancyGrid
-from nav_msgs.srv import GetMap, GetMapResponse, LoadMap, LoadMapRequest, LoadMapResponse
+from nav_msgs.srv import GetMap, LoadMap, LoadMapRequest, LoadMapResponse
 
 from mbf_relay.maps import (
     MapFileError,
@@ -23,6 +23,7 @@ from mbf_relay.maps import (
 from mbf_relay.ros.common.conversions import map_to_message
 from mbf_relay.ros.common.diagnostics import OK, Diagnostics, Report
 from mbf_relay.ros.common.node import spare_what_stays
+from mbf_relay.ros.common.quick_map_services import QuickLoadResponse, QuickMapResponse
 from mbf_relay.ros.common.rospy_patches.receiving import look_at_clock_seldom
 
 USAGE = "usage: map_server MAP.yaml (or, as it was long ago: map_server IMAGE RESOLUTION)"
@@ -63,9 +64,9 @@ class MapServer:
         }
         return OK, "serving a map", values
 
-    def _give(self, _request: object) -> GetMapResponse:
+    def _give(self, _request: object) -> QuickMapResponse:
         with self._lock:
-            return GetMapResponse(self._message)
+            return QuickMapResponse(self._message)
 
     def _change(self, request: LoadMapRequest) -> LoadMapResponse:
         path = request.map_url[len("file://"):] if request.map_url.startswith("file://") else request.map_url
@@ -83,7 +84,7 @@ class MapServer:
             return self._refuse(LoadMapResponse.RESULT_INVALID_MAP_METADATA, error)
         self._publish(occupancy)
         with self._lock:
-            return LoadMapResponse(self._message, LoadMapResponse.RESULT_SUCCESS)
+            return QuickLoadResponse(self._message, LoadMapResponse.RESULT_SUCCESS)
 
     @staticmethod
     def _refuse(result: int, error: object) -> LoadMapResponse:
