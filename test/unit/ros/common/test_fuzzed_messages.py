@@ -63,7 +63,7 @@ def coloured(cloud):
 class Mounted:
     """A tree of transforms in which every sensor sits half a metre above the base."""
 
-    def lookup_message(self, _target, _source):
+    def lookup_message(self, _target, _source, **_):
         mounted = TransformStamped()
         mounted.transform.rotation.w, mounted.transform.translation.z = 1.0, 0.5
         return mounted
