@@ -267,3 +267,30 @@ def test_a_goal_is_looked_at_from_nearby_and_not_is_given_up_within_tolerance(di
 
 def test_a_robot_whose_goal_is_free_or_off_the_map_is_told_nothing():
     assert Goal(free_from=-0.1).check(1.0) is False and Goal().check(1.0, is_on_map=False) is False
+
+
+@pytest.mark.parametrize("stands, expected", [(True, 3.0), (False, None)])
+def test_a_robot_of_late_wheels_is_stuck_by_where_it_is_and_not_before_they_can_have_heard(stands, expected):
+    """Where it is expected moves with each command, whether the wheels turn or not."""
+    checker, stuck = StuckChecker(), None
+    for cycle in range(50):
+        expected_at = Pose2D(0.2 + 0.02 * cycle, 0.0, 0.0)
+        here = IDENTITY if stands else expected_at
+        state = SimpleNamespace(now=0.1 * cycle, pose=expected_at, pose_now=here, delay=1.0, costmap=WIDE)
+        try:
+            checker.check(state, AHEAD, 2.0)
+        except ControlError:
+            stuck = state.now
+            break
+    assert stuck == (None if expected is None else pytest.approx(expected, abs=0.11))
+
+
+def test_a_robot_that_was_stuck_has_all_its_time_again():
+    checker, stuck_at = StuckChecker(), []
+    for cycle in range(50):
+        state = SimpleNamespace(now=0.1 * cycle, pose=IDENTITY, costmap=WIDE, **IN_TIME)
+        try:
+            checker.check(state, AHEAD, 2.0)
+        except ControlError:
+            stuck_at.append(state.now)
+    assert stuck_at == pytest.approx([2.0, 4.1], abs=0.11)
