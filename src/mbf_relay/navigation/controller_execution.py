@@ -141,8 +141,6 @@ class ControllerExecution:
     def _stand_by(self, now: float) -> None:
         """Stand and let no time count while the robot is paused."""
         self._job_task = Task()  # no drive's: the answer of a cycle that is under way is dropped, see _collect
-        if self._job is not None and self._job.done:
-            self._job = None
         if self._command != STOP:  # once: somebody may drive it by hand meanwhile
             self._send(STOP)
         for watch in (self._since_start, self._since_valid, self._since_call):
