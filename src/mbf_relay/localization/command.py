@@ -42,23 +42,24 @@ def parse_arguments(arguments: Optional[List[str]] = None) -> argparse.Namespace
         f"{', '.join(describe_stresses())}.",
     )
     parser.add_argument(
-        "files", metavar="FILE", nargs="+", help="LOG.npz ... MAP.yaml: logs, and then the map they belong to; again "
-        "for further maps",
+        "files", metavar="FILE", nargs="+", help="LOG.npz ... MAP.yaml: one or more logs followed by their map; "
+        "repeat for further maps",
     )
-    parser.add_argument("--params", metavar="FILE", help="amcl's parameters (YAML); its defaults where not given")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the filter's chance (default 0)")
-    parser.add_argument("--seeds", type=int, default=1, metavar="N", help="how many, from --seed on (default 1)")
+    parser.add_argument("--params", metavar="FILE", help="amcl's parameters, a YAML file (default: amcl's defaults)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the filter (default 0)")
+    parser.add_argument(
+        "--seeds", type=int, default=1, metavar="N", help="number of seeds to run, from --seed on (default 1)")
     parser.add_argument(
         "--stress", action="append", default=[], metavar="NAME=NUMBER,...",
-        help="also try the logs made harder, e.g. unmapped=0.3,range_max=3.5; may be given several times",
+        help="also replay the logs under stress, e.g. unmapped=0.3,range_max=3.5; may be repeated",
     )
-    parser.add_argument("--out", metavar="DIR", help="where to write (default: LOG_localized)")
+    parser.add_argument("--out", metavar="DIR", help="folder for results (default: LOG_localized)")
     start = parser.add_mutually_exclusive_group()
     start.add_argument(
         "--start", type=float, nargs=3, metavar=("X", "Y", "YAW"),
         help="pose at the first scan (default: the log's first ref, else initial_pose_* of the parameters)",
     )
-    start.add_argument("--global-localization", action="store_true", help="start anywhere on the map")
+    start.add_argument("--global-localization", action="store_true", help="start with particles all over the map")
     return parser.parse_args(arguments)
 
 

@@ -134,21 +134,23 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("worlds", metavar="WORLDS", help="a worlds file (JSON), or 'circle' for the tutorial's circle")
     add_setup_options(parser)
     parser.add_argument(
-        "--only", action="append", metavar="WORLD", help="drive this world of the file; may be repeated"
+        "--only", action="append", metavar="WORLD", help="drive only this world of the file; may be repeated"
     )
     parser.add_argument(
-        "--seeds", type=seeds, default=[1], metavar="N|A-B", help="drive each world with seeds 1 to N, or A to B"
+        "--seeds", type=seeds, default=[1], metavar="N|A-B",
+        help="drive each world with seeds 1 to N, or A to B (default 1)"
     )
     add_worker_options(parser)
     parser.add_argument(
-        "--retry-failed", action="store_true", help="drive again what crashed, hung or could not be driven"
+        "--retry-failed", action="store_true", help="repeat drives that crashed, hung or could not be started"
     )
     parser.add_argument(
         "--require", type=share, default=0.0, metavar="SHARE",
-        help="exit with 1 where less than this share of the drives succeeded, 0 to 1 (default 0: 0 however they went)",
+        help="exit with status 1 if a smaller share of the drives, 0 to 1, succeeded (default 0: never)",
     )
-    parser.add_argument("--trajectories", action="store_true", help="also leave an .npz file of each drive")
+    parser.add_argument("--trajectories", action="store_true", help="also write an .npz file of each drive")
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="where results go, and are resumed from (default batch-WORLDS)"
+        "--out", type=Path, metavar="DIR",
+        help="folder for results, from which a batch is also resumed (default batch-WORLDS)"
     )
     return parser.parse_args(arguments)

@@ -26,14 +26,17 @@ MOST_NAMES = 5
 def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Run the command; return its exit status: 0, or 1 where there is nothing to compare."""
     parser = argparse.ArgumentParser(prog="compare.py", description="Set the results of batches side by side.")
-    parser.add_argument("first", metavar="A", type=Path, help="folder (or episodes.jsonl) of a batch")
+    parser.add_argument("first", metavar="A", type=Path, help="folder (or episodes.jsonl) of the batch to compare with")
     parser.add_argument(
-        "others", metavar="B", type=Path, nargs="+", help="the same of others; several are each set against A"
+        "others", metavar="B", type=Path, nargs="+", help="folders of other batches; each is compared with A"
     )
-    parser.add_argument("--json", metavar="FILE", type=Path, help="write the comparison of A and B there, too")
-    parser.add_argument("--plot", metavar="FILE", type=Path, help="draw success against difficulty; needs --worlds")
-    parser.add_argument("--worlds", metavar="FILE", type=Path, help="worlds file that states difficulties")
-    parser.add_argument("--by", metavar="MEASURE", default="path_length_ratio", help="of difficulty, for --plot")
+    parser.add_argument("--json", metavar="FILE", type=Path, help="also write the comparison of A and B to this file")
+    parser.add_argument(
+        "--plot", metavar="FILE", type=Path, help="draw success against difficulty into this file; needs --worlds")
+    parser.add_argument("--worlds", metavar="FILE", type=Path, help="worlds file with the difficulties")
+    parser.add_argument(
+        "--by", metavar="MEASURE", default="path_length_ratio",
+        help="measure of difficulty for --plot (default %(default)s)")
     options = parser.parse_args(without_remappings(sys.argv[1:] if arguments is None else arguments))
     if options.plot and options.worlds is None:
         parser.error("--plot needs --worlds FILE, the worlds file that states how hard its worlds are")

@@ -72,9 +72,14 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Run the command; return its exit status: 0, or 1 for what a user can mend."""
     parser = argparse.ArgumentParser(prog="train_policy.py", description="Teach a linear policy to drive.")
     parser.add_argument("--worlds", default="barn", help="a kind of make_worlds.py, or a worlds file (default barn)")
-    for name, value, kind in (("generations", 15, positive), ("policies", 20, positive), ("episodes", 3, positive),
-                              ("seed", 1, int)):
-        parser.add_argument(f"--{name}", type=kind, default=value, metavar="N", help=f"default {value}")
+    for name, value, kind, meaning in (
+        ("generations", 15, positive, "rounds of drawing policies and keeping the best"),
+        ("policies", 20, positive, "policies drawn in each round"),
+        ("episodes", 3, positive, "episodes each policy drives"),
+        ("seed", 1, int, "seed of worlds and policies"),
+    ):
+        parser.add_argument(
+            f"--{name}", type=kind, default=value, metavar="N", help=f"{meaning} (default {value})")
     options = parser.parse_args(arguments)
     try:
         from mbf_relay.lockstep.environment import NavigationEnvironment

@@ -19,38 +19,42 @@ TIME_LIMIT = 900.0
 def add_setup_options(parser: argparse.ArgumentParser) -> None:
     """Add what says how an episode is driven."""
     parser.add_argument(
-        "--localization", choices=LOCALIZATIONS, help="where the pose comes from (default amcl; odometry without a map)"
+        "--localization", choices=LOCALIZATIONS,
+        help="source of the robot's pose; truth is the simulator's (default amcl; odometry without a map)",
     )
     parser.add_argument(
         "--map",
         choices=MAPS,
-        help="whether the robot has a map of the world beforehand (default none for a worlds file without maps)",
+        help="known: the robot starts with a map of the world (default; none for a worlds file without maps)",
     )
     parser.add_argument(
-        "--map-resolution", type=float, default=MAP_RESOLUTION, metavar="M", help="cells of maps drawn from worlds"
+        "--map-resolution", type=float, default=MAP_RESOLUTION, metavar="M",
+        help="side of a cell, in metres, in maps drawn from worlds (default %(default)s)",
     )
     parser.add_argument(
-        "--controller", default="", metavar="NAME", help="of move_base_flex.yaml; its first where not given"
+        "--controller", default="", metavar="NAME", help="controller of move_base_flex.yaml (default: its first)"
     )
-    parser.add_argument("--planner", default="", metavar="NAME", help="likewise")
+    parser.add_argument(
+        "--planner", default="", metavar="NAME", help="planner of move_base_flex.yaml (default: its first)")
     parser.add_argument(
         "--robot", default="", metavar="ROBOT",
-        help="what drives, by a file of config/robot, a .yaml or a .urdf; all parameters are fitted to it",
+        help="the robot: a file in config/robot without its ending, or a .yaml or .urdf file; parameters fit it",
     )
     parser.add_argument(
         "--scale", type=float, default=1.0, metavar="S", help="make the worlds S times as large, for a larger robot"
     )
     parser.add_argument(
         "--after-contact", action="store_true",
-        help="go on after the robot touched something, which fails the drive all the same, and count contacts",
+        help="drive on after a collision and count contacts; the drive counts as failed all the same",
     )
     parser.add_argument(
         "--config", type=Path, metavar="FILE",
-        help="own parameters over the package's: a node's file (move_base_flex.yaml), one with the nodes' names as its "
-        "first level, or a folder of such",
+        help="your own parameters, which override the package's: a file named like a node's (move_base_flex.yaml), a "
+        "file with parameters by node, or a folder of such files",
     )
     parser.add_argument(
-        "--set", action="append", default=[], metavar="A.B=C", help="change a parameter of the nodes' files"
+        "--set", action="append", default=[], metavar="A.B=C",
+        help="set a parameter of the nodes' files; may be repeated",
     )
 
 
@@ -75,14 +79,15 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
     """Add what says where work is done."""
     parser.add_argument(
         "--jobs", type=positive, default=os.cpu_count() or 1, metavar="N",
-        help="processes on this machine (default: cores); 1 works in this process alone",
+        help="processes on this machine (default: number of cores); 1 works in this process",
     )
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--scheduler", default="", metavar="tcp://HOST:PORT", help="a Dask cluster instead")
-    where.add_argument("--scheduler-file", type=Path, metavar="FILE", help="the same by the scheduler's file")
+    where.add_argument("--scheduler", default="", metavar="tcp://HOST:PORT", help="run on this Dask cluster instead")
+    where.add_argument(
+        "--scheduler-file", type=Path, metavar="FILE", help="the same, with the file Dask's scheduler writes")
     parser.add_argument(
         "--time-limit", type=_above_zero, default=TIME_LIMIT, metavar="S",
-        help=f"seconds of computing after which an episode counts as hung (default {TIME_LIMIT:g})",
+        help=f"computing time in seconds after which an episode counts as hung (default {TIME_LIMIT:g})",
     )
 
 

@@ -263,20 +263,23 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     metrics = [measure.name for measure in MEASURES if measure.better]
     parser = argparse.ArgumentParser(prog="tune.py", description="Look for parameters that drive worlds better.")
     parser.add_argument("worlds", metavar="WORLDS", help="a worlds file (JSON), or 'circle'")
-    parser.add_argument("--param", action="append", default=[], metavar="A.B=LOW:HIGH", help="tune this; repeatable")
-    parser.add_argument("--space", type=Path, metavar="FILE", help="YAML of ranges, {A.B: [LOW, HIGH]}")
-    parser.add_argument("--trials", type=positive, default=40, metavar="N", help="default 40")
+    parser.add_argument(
+        "--param", action="append", default=[], metavar="A.B=LOW:HIGH", help="tune this parameter; may be repeated")
+    parser.add_argument("--space", type=Path, metavar="FILE", help="YAML file of ranges, {A.B: [LOW, HIGH]}")
+    parser.add_argument("--trials", type=positive, default=40, metavar="N", help="number of trials (default 40)")
     parser.add_argument(
         "--metric", metavar="NAME", choices=metrics, default="score",
-        help=f"to be more where more is better, less where less is (default score); of {'; '.join(metrics)}"
+        help=f"what to improve (default score), one of: {'; '.join(metrics)}"
     )
     parser.add_argument(
         "--together", type=positive, default=1, metavar="N",
-        help="trials side by side, drawn without each other's outcome: for more cores than a trial has episodes",
+        help="trials at a time, for more cores than episodes; they do not learn from each other (default 1)",
     )
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the search")
-    parser.add_argument("--seeds", type=seeds, default=[1], metavar="N|A-B", help="that each world is driven with")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the search (default 1)")
+    parser.add_argument("--seeds", type=seeds, default=[1], metavar="N|A-B",
+                        help="drive each world with seeds 1 to N, or A to B (default 1)")
     add_setup_options(parser)
     add_worker_options(parser)
-    parser.add_argument("--out", type=Path, default=Path("tuned"), metavar="DIR", help="study and best parameters")
+    parser.add_argument(
+        "--out", type=Path, default=Path("tuned"), metavar="DIR", help="folder for the study and the best parameters")
     return parser.parse_args(arguments)

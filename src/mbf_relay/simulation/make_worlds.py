@@ -124,12 +124,19 @@ def _measured(world: World, start: Sequence[float], goal: Sequence[float]) -> Op
 
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="make_worlds.py", description="Write a worlds file for batch.py.")
-    parser.add_argument("worlds", nargs="*", type=Path, metavar="FILE.world", help="Gazebo worlds, such as BARN's")
-    parser.add_argument("--kind", choices=sorted(KINDS), default="barn", help="what is generated without a file")
-    parser.add_argument("--count", type=positive, default=100, metavar="N", help="how many (default 100)")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the first; equal seeds give equal worlds")
+    parser.add_argument(
+        "worlds", nargs="*", type=Path, metavar="FILE.world", help="Gazebo worlds to convert, such as BARN's")
+    parser.add_argument(
+        "--kind", choices=sorted(KINDS), default="barn",
+        help="kind of worlds to generate if no file is given (default barn)")
+    parser.add_argument(
+        "--count", type=positive, default=100, metavar="N", help="number of worlds to generate (default 100)")
+    parser.add_argument(
+        "--seed", type=int, default=1, metavar="N",
+        help="seed of the first world (default 1); equal seeds give equal worlds")
     for name, pose in (("start", BARN_START), ("goal", BARN_GOAL)):
         parser.add_argument(f"--{name}", type=float, nargs=3, default=pose, metavar=("X", "Y", "YAW"),
-                            help="in the given files (default: the BARN challenge's)")
-    parser.add_argument("--out", type=Path, default=Path("worlds.json"), metavar="FILE", help="default worlds.json")
+                            help=f"{name} in converted worlds, in m and rad (default: the BARN challenge's)")
+    parser.add_argument(
+        "--out", type=Path, default=Path("worlds.json"), metavar="FILE", help="file to write (default worlds.json)")
     return parser.parse_args(arguments)

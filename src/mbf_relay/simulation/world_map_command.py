@@ -50,22 +50,24 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="world_to_map.py", description="Draw the map of a world from its geometry.")
     parser.add_argument("world", help="arena, empty, or a world's file, as the simulator takes it")
     parser.add_argument("output", help="the map's path without ending; NAME.yaml and NAME.pgm are written")
-    parser.add_argument("--world-name", default="", help="which world, in a file of several")
+    parser.add_argument(
+        "--world-name", default="", help="name of the world, in a file with several (default: the first)")
     parser.add_argument(
         "--start", type=finite, nargs=2, metavar=("X", "Y"),
-        help="where the robot starts in metres, with free space round it; without it, where the world says, or 0 0",
+        help="robot's start in metres, which is free space; default: the world's own start, or 0 0",
     )
-    parser.add_argument("--resolution", type=float, default=0.05, help="side of a cell in metres (0.05)")
+    parser.add_argument("--resolution", type=float, default=0.05, help="side of a cell in metres (default 0.05)")
     parser.add_argument(
         "--origin",
         type=finite,
         nargs=2,
         default=(-10.0, -10.0),
         metavar=("X", "Y"),
-        help="lower left corner (m), with --size",
+        help="lower left corner in metres, with --size (default -10 -10)",
     )
     parser.add_argument(
-        "--size", type=positive, nargs=2, metavar=("COLUMNS", "ROWS"), help="cells; without it, the map fits the world"
+        "--size", type=positive, nargs=2, metavar=("COLUMNS", "ROWS"),
+        help="number of cells; default: the map fits the world"
     )
     parser.add_argument(
         "--height",

@@ -7,7 +7,10 @@ from typing import Sequence
 
 USAGE = """usage: amcl [--run-from-bag BAG [--global-localization]]
 
-The particle filter under amcl's topics, services and parameters; with a bag, on its scans and /tf."""
+Localize a robot on a map by a particle filter, with amcl's topics, services and parameters.
+
+  --run-from-bag BAG      read scans and /tf from a bag instead of from topics
+  --global-localization   start with particles all over the map; needs --run-from-bag"""
 
 
 def check_arguments(arguments: Sequence[str]) -> argparse.Namespace:

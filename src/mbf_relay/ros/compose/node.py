@@ -14,7 +14,7 @@ from mbf_relay.ros.compose.family import Family  # what else nodes need is impor
 USAGE = """usage: compose [--no-respawn] -- NODE [ARGUMENT...] [-- NODE [ARGUMENT...]]... [-- [REMAPPING...]]
 
 Run several of the package's nodes as rosrun would run each of them, but as children of one process that has imported
-what they need. A node that ends is started again. Remappings behind a last -- are for all of them.
+what they need. A node that ends is started again. Remappings after the last -- apply to all nodes.
 
   compose -- map_server map.yaml -- amcl scan:=laser -- move_base_flex -- move_base_relay --"""
 OPTION = "--no-respawn"

@@ -26,7 +26,7 @@ from mbf_relay.ros.common.node import spare_what_stays
 from mbf_relay.ros.common.quick_map_services import QuickLoadResponse, QuickMapResponse
 from mbf_relay.ros.common.rospy_patches.receiving import look_at_clock_seldom
 
-USAGE = "usage: map_server MAP.yaml (or, as it was long ago: map_server IMAGE RESOLUTION)"
+USAGE = "usage: map_server MAP.yaml (or, deprecated: map_server IMAGE RESOLUTION)"
 
 
 class MapServer:

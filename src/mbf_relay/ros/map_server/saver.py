@@ -18,9 +18,13 @@ def make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="map_saver", description="Write the map on the topic 'map' to NAME.pgm and NAME.yaml."
     )
-    parser.add_argument("-f", dest="name", metavar="NAME", default="map", help="files to write, without ending")
-    parser.add_argument("--occ", type=int, default=65, help="cells from this value on are occupied, 1 to 100")
-    parser.add_argument("--free", type=int, default=25, help="cells up to this value are free, 0 to 100")
+    parser.add_argument(
+        "-f", dest="name", metavar="NAME", default="map",
+        help="path of the files to write, without ending (default map)")
+    parser.add_argument(
+        "--occ", type=int, default=65, help="cells of at least this value, 1 to 100, are occupied (default 65)")
+    parser.add_argument(
+        "--free", type=int, default=25, help="cells of at most this value, 0 to 100, are free (default 25)")
     return parser
 
 

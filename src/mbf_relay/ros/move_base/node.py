@@ -1,7 +1,7 @@
 """The node move_base by itself: a launch file written for move_base needs `pkg="mbf_relay"` and nothing else.
 
-Topics, services, actions, parameters and dynamic_reconfigure stand under the names they have there, and beside them
-what a Move Base Flex server has.
+Topics, services, actions, parameters and dynamic_reconfigure have the names they have in move_base; those of a Move
+Base Flex server are there too.
 """
 
 from __future__ import annotations

@@ -80,13 +80,14 @@ class BagReader:
 def main(arguments: Optional[List[str]] = None) -> int:
     """Run the command; return its exit status: 0, or 1 where there is no log to be made."""
     parser = argparse.ArgumentParser(prog="bag_to_log.py", description=__doc__)
-    parser.add_argument("bag", metavar="BAG")
-    parser.add_argument("log", metavar="LOG.npz")
-    parser.add_argument("--scan", help="topic of the scans, where the bag has several")
-    parser.add_argument("--base-frame", default="base_link", help="(default base_link)")
-    parser.add_argument("--odom-frame", default="odom", help="(default odom)")
+    parser.add_argument("bag", metavar="BAG", help="the recorded bag")
+    parser.add_argument("log", metavar="LOG.npz", help="the log to write")
+    parser.add_argument("--scan", help="topic of the scans; needed if the bag has several")
+    parser.add_argument("--base-frame", default="base_link", help="frame of the robot's base (default base_link)")
+    parser.add_argument("--odom-frame", default="odom", help="frame of odometry (default odom)")
     parser.add_argument(
-        "--ref", nargs=2, metavar=("MAP", "FRAME"), help="frames whose relation in the bag is taken for the truth"
+        "--ref", nargs=2, metavar=("MAP", "FRAME"),
+        help="take the pose of FRAME in MAP, from the bag's /tf, as the true pose (`ref`)",
     )
     options = parser.parse_args(arguments)
     try:

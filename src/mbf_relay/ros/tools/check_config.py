@@ -138,22 +138,23 @@ def _pair(text: str) -> List[str]:
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="check_config.py",
-        description="Tell what of a launch file or of parameter files is used, changed, stood in for and ignored.",
+        description="Tell which parameters of a launch file or of YAML files are used, changed, replaced or ignored.",
     )
     parser.add_argument(
         "files", nargs="+", metavar="FILE",
-        help="launch files with their arguments (name:=value), or YAML files in the order they are loaded; FILE@NS for "
-        "one loaded with ns=NS",
+        help="launch files with their arguments (name:=value), or YAML files in the order in which they are loaded; "
+        "FILE@NS for one loaded with ns=NS",
     )
     parser.add_argument(
-        "--arg", action="append", default=[], metavar="NAME:=VALUE", help="an argument of the launch file, too"
+        "--arg", action="append", default=[], metavar="NAME:=VALUE",
+        help="argument of the launch file; the same as NAME:=VALUE alone"
     )
     parser.add_argument(
         "--node", default="", choices=("", *EXAMINERS),
-        help="what reads the YAML files; told by the names in them where not given",
+        help="node that reads the YAML files (default: judged by the names in them)",
     )
     parser.add_argument(
-        "--strict", action="store_true", help="exit status 1 also for what is changed, ignored or not read"
+        "--strict", action="store_true", help="exit with status 1 also if a parameter is changed, ignored or not read"
     )
-    parser.add_argument("--quiet", action="store_true", help="leave out what is used as it stands")
+    parser.add_argument("--quiet", action="store_true", help="do not list parameters that are used as they are")
     return parser.parse_intermixed_args(arguments)

@@ -73,9 +73,12 @@ def mbf_path_client() -> None:
 def movebase_client() -> None:
     """Send one goal to move_base and wait until the robot is there."""
     arguments = argparse.ArgumentParser(description=movebase_client.__doc__)
-    arguments.add_argument("x", type=finite, nargs="?", default=0.5, help="metres in `map`, default %(default)s")
-    arguments.add_argument("y", type=finite, nargs="?", default=0.0, help="metres in `map`, default %(default)s")
-    arguments.add_argument("yaw", type=finite, nargs="?", default=0.0, help="radians, default %(default)s")
+    arguments.add_argument(
+        "x", type=finite, nargs="?", default=0.5, help="x of the goal in `map` (m), default %(default)s")
+    arguments.add_argument(
+        "y", type=finite, nargs="?", default=0.0, help="y of the goal in `map` (m), default %(default)s")
+    arguments.add_argument(
+        "yaw", type=finite, nargs="?", default=0.0, help="heading at the goal (rad), default %(default)s")
     common_arguments(arguments, "move_base")
     options = parse(arguments)
     rospy.init_node("movebase_client", anonymous=True, disable_signals=True)
@@ -201,17 +204,18 @@ def circle_arguments(description: Optional[str], server: str, via: bool = False)
     arguments.add_argument("--laps", type=int, default=1, help="rounds to drive, default %(default)s")
     if via:
         arguments.add_argument("--via", choices=("auto", "action", "topic", "waypoints"), default="auto",
-                               help="how to send goals, default: the action where there is one; waypoints: all at once "
-                                    "to waypoint_follower")
+                               help="how to send goals; auto, the default: by the action if there is one, else by the "
+                                    "topic; waypoints: all at once to waypoint_follower")
     common_arguments(arguments, server)
     return arguments
 
 
 def common_arguments(arguments: argparse.ArgumentParser, server: str) -> None:
     """Add what every client takes."""
-    arguments.add_argument("--server", default=server, help="name of the node to ask, default %(default)s")
+    arguments.add_argument(
+        "--server", default=server, help="name of the node that takes the goals, default %(default)s")
     arguments.add_argument("--timeout", type=not_negative, default=60.0,
-                           help="seconds to wait for it and for the ROS master to appear, default %(default)s")
+                           help="seconds to wait for that node and for the ROS master, default %(default)s")
 
 
 def parse(arguments: argparse.ArgumentParser, argv: Optional[Sequence[str]] = None) -> argparse.Namespace:

@@ -54,21 +54,22 @@ def parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="demo", description="Drive the tutorial's circle in the simulated arena.")
     parser.add_argument("--laps", type=int, default=1, metavar="N", help="rounds to drive (default: %(default)s)")
     parser.add_argument(
-        "--speed", type=float, default=1.0, metavar="F", help="simulated seconds per second (default: 1)"
+        "--speed", type=float, default=1.0, metavar="F", help="simulated seconds per second of wall time (default: 1)"
     )
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all random numbers (default: %(default)s)")
     parser.add_argument(
-        "--rviz", dest="rviz", action="store_true", default=None, help="open RViz (default: where there is a display)"
+        "--seed", type=int, default=1, metavar="N", help="seed of all random numbers (default: %(default)s)")
+    parser.add_argument(
+        "--rviz", dest="rviz", action="store_true", default=None, help="open RViz (default: if there is a display)"
     )
     parser.add_argument("--no-rviz", dest="rviz", action="store_false", help="do not open RViz")
     parser.add_argument("--web", action="store_true", help="show it in a browser instead of RViz, and take goals there")
     parser.add_argument(
         "--relay", choices=("server", "subscriber", "both"), default="both",
-        help="which relay takes the goals: the action, the topic, or one with both (default: %(default)s)",
+        help="how the relay takes goals: by the action, the topic or both (default: %(default)s)",
     )
     parser.add_argument(
         "--report", default="demo_report", metavar="DIR",
-        help="where report.json, report.png, report.html and the logs go (default: %(default)s)",
+        help="folder for report.json, report.png, report.html and the logs (default: %(default)s)",
     )
     options = parser.parse_args(arguments)
     if options.laps < 1:

@@ -24,7 +24,8 @@ def main(arguments: Optional[Sequence[str]] = None) -> None:
         "where it has them."
     )
     parser.add_argument("bag", help="the bag file")
-    parser.add_argument("--namespace", metavar="NAME", default="", help="whose drive, of several robots")
+    parser.add_argument(
+        "--namespace", metavar="NAME", default="", help="namespace of the robot, if the bag has several")
     parser.add_argument("--out", metavar="DIR", help="folder for the report (default: beside the bag)")
     options = parser.parse_args(arguments)
     try:

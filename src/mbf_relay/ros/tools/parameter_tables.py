@@ -22,7 +22,7 @@ from mbf_relay.parameters import ParameterSet
 def main() -> None:
     """Print the tables, or write them between their markers in a file."""
     parser = argparse.ArgumentParser(description="Print the tables of all parameters, as Markdown.")
-    parser.add_argument("--write", metavar="FILE", help="make the tables between the markers in this file anew")
+    parser.add_argument("--write", metavar="FILE", help="regenerate the tables between the markers in this file")
     arguments = parser.parse_args()
     if not arguments.write:
         print(tables())

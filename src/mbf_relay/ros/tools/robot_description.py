@@ -16,7 +16,8 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Print the URDF of a robot; return the exit status: 0, or 1 for what a user can mend."""
     parser = argparse.ArgumentParser(prog="robot_description.py", description="Print a robot's URDF.")
     parser.add_argument(
-        "robot", metavar="ROBOT", help="a file in config/robot without its ending, a robot's .yaml, or a .urdf as it is"
+        "robot", metavar="ROBOT",
+        help="name of a file in config/robot without its ending, or a robot's .yaml or .urdf file (printed as it is)"
     )
     robot = parser.parse_args(without_remappings(sys.argv[1:] if arguments is None else arguments)).robot
     try:

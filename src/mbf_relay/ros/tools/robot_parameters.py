@@ -67,7 +67,8 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     parser = argparse.ArgumentParser(
         prog="robot_parameters.py", description="Print navigation's parameters for a robot, by node, for overrides:=.")
     parser.add_argument(
-        "robot", metavar="ROBOT", help="a file in config/robot without its ending, or a robot's .yaml or .urdf")
+        "robot", metavar="ROBOT",
+        help="name of a file in config/robot without its ending, or a robot's .yaml or .urdf file")
     robot = parser.parse_args(without_remappings(sys.argv[1:] if arguments is None else arguments)).robot
     try:
         print(yaml.safe_dump(parameters_for(load_robot(robot)), default_flow_style=None, sort_keys=False), end="")

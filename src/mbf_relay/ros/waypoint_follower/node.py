@@ -1,8 +1,8 @@
-"""The node waypoint_follower: drives to poses one after the other by move_base.
+"""The waypoint_follower node: sends poses to move_base as goals, one after the other.
 
 Poses come as goals of the action `follow_waypoints`, or one by one on `addpose_topic` until `path_ready`; `path_reset`
-forgets them and ends the drive. `waypoints` shows them. What becomes of each is move_base's; where somebody else sends
-it a goal meanwhile, the robot is his.
+forgets them and ends the drive. `waypoints` shows them. move_base drives to each; if another client sends it a goal
+meanwhile, the drive to the waypoints ends and that goal goes on.
 """
 
 from __future__ import annotations
