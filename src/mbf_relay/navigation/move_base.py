@@ -352,6 +352,7 @@ class MoveBase:
         if result.outcome is RecoveryOutcome.INTERNAL_ERROR:
             self._recovery_fault = result.message
         self._progress.restart(now)
+        self._ways.refused_for = 0.0
         self._plan_anew(now)
 
     # ending

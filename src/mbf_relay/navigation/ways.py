@@ -40,7 +40,7 @@ class Ways:
         costmap: The global one.
 
     Attributes:
-        refused_for: Seconds of the cycles, over all drives, since the controller last found a velocity.
+        refused_for: Seconds of the cycles, over all drives, since the last recovery, or the controller's last velocity.
     """
 
     def __init__(self, robot: Robot, costmap: Any) -> None:

@@ -311,6 +311,20 @@ def test_a_goal_behind_what_the_planner_finds_a_way_through_now_and_then_ends(ma
     assert bench.finish(task, 300.0).outcome is outcome
 
 
+def test_who_stands_in_the_way_after_the_last_recovery_has_the_time_of_one_patience_to_leave_it(make_bench):
+    """The goal ended with the first replan in vain: what the controller had refused before the recovery counted."""
+    bench = make_bench(planner_patience=5.0, planner_frequency=5.0, planner_max_retries=-1, controller_patience=5.0)
+    arrive(bench)
+    bench.script.velocity = STUCK
+    bench.costmaps["global"].costs[100, 112:118] = 254
+    task = bench.navigator.move_base(GOAL)
+    bench.run(lambda: "R2" in bench.script.calls)
+    planned = bench.script.calls["plan"]
+    bench.run(lambda: bench.script.calls["plan"] > planned)
+    bench.script.plan, bench.script.velocity = failing(NO_WAY, 10, scripted.line), failing(STUCK, 10, FORWARD)
+    assert bench.finish(task).outcome is NavigateOutcome.SUCCESS
+
+
 def test_a_planner_is_asked_about_what_a_recovery_left_not_about_what_was_seen_before(make_bench):
     bench = make_bench(planner_patience=1.0)
     arrive(bench)
