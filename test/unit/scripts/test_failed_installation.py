@@ -4,6 +4,8 @@ import re
 import subprocess
 from pathlib import Path
 
+import pytest
+
 RUN = Path(__file__).resolve().parents[3] / "scripts" / "run"
 PACKAGES = [f"package{number}" for number in range(60)]
 NO_NETWORK = """
@@ -33,6 +35,15 @@ apt-get() {
   return 100
 }
 """
+UPDATES_ITS_LISTS = """
+sleep() { rm -f "$cache/held"; }
+apt-get() {
+  case " $* " in *" install "*) [ ! -e "$cache/updated" ] || return 0 ;; esac
+  case " $* " in *" update "*) [ -e "$cache/held" ] || { touch "$cache/updated"; return 0; } ;; esac
+  echo "E: Could not get lock /var/lib/apt/lists/lock. It is held by process 412 (apt-get)"
+  return 100
+}
+"""
 
 
 def told(tmp_path, program, call, status=1):
@@ -57,6 +68,22 @@ def test_who_has_no_network_reads_that_and_not_each_package_that_is_missing(tmp_
 def test_who_has_just_started_the_machine_waits_until_it_has_updated_itself(tmp_path):
     """The first minutes belong to unattended-upgrades; whoever tried in these had nothing installed."""
     told(tmp_path, UPDATES_ITSELF, "install_packages", status=0)
+
+
+def test_who_has_just_started_the_machine_waits_until_it_knows_what_packages_there_are(tmp_path):
+    """apt waits for nobody who holds its lists: none of the packages was located on a machine without any."""
+    (tmp_path / "held").touch()
+    assert "update failed" not in told(tmp_path, UPDATES_ITS_LISTS, "install_packages", status=0)
+
+
+@pytest.mark.parametrize("reason, waits", [
+    ("Could not get lock /var/lib/apt/lists/lock. It is held by process 412 (apt-get)", 60),
+    ("Could not open lock file /var/lib/apt/lists/lock - open (30: Read-only file system)", 0),
+])
+def test_who_waits_for_lists_of_packages_in_vain_is_told_why(tmp_path, reason, waits):
+    fails = f"sleep() {{ say slept; }}\napt-get() {{ echo 'E: {reason}'; return 100; }}"
+    said = told(tmp_path, fails, "install_packages")
+    assert reason in said and "going on without" in said and said.count("slept") == waits
 
 
 def test_who_has_no_room_for_packages_reads_that(tmp_path):
