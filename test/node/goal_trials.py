@@ -118,7 +118,7 @@ class Face:
 
 
 class GoalTrials:
-    """The graph and its trials; every trial leaves everything running and the robot standing.
+    """The graph and its trials; every trial leaves the robot standing, and `start` starts again what one has ended.
 
     Args:
         silence: Wall time (s) of silence after which the relay takes a server that is connected for hung.
@@ -200,7 +200,6 @@ class GoalTrials:
         else:
             self.relay.wait()
             self.relay = None
-        self.start()
         return trial
 
     def lose_server(self, how: signal.Signals) -> Trial:
@@ -216,7 +215,6 @@ class GoalTrials:
         else:
             self.server.wait()
             self.server = None
-        self.start()
         return trial
 
     def crowd(self, clients: int, rate: float, seconds: float) -> Dict[str, int]:

@@ -62,6 +62,9 @@ class GoalTrialsTest(unittest.TestCase):
     def tearDownClass(cls):
         cls.trials.close()
 
+    def setUp(self):
+        self.trials.start()  # what a test that failed has left ended
+
     def check(self, made, outcome, what, allowed, waits):
         """Expect one result of those allowed, nothing after it, and a robot that stands; note how soon."""
         made.measure("last velocity after", 1e3 * outcome.stopped_after, "ms")
@@ -113,6 +116,7 @@ class GoalTrialsTest(unittest.TestCase):
                     self.assertIn("has not renewed it", outcome.text)
                 else:
                     made.measure("last velocity after", 1e3 * outcome.stopped_after, "ms")
+                self.trials.start()  # not before: what it takes to start is no wait of a robot
 
     def test_4_a_robot_whose_server_is_gone_is_stopped_and_the_next_goal_works(self):
         words = {signal.SIGKILL: "died", signal.SIGSTOP: "hangs"}
@@ -124,6 +128,7 @@ class GoalTrialsTest(unittest.TestCase):
                 self.assertLess(outcome.stopped_after, SILENCE + 0.8 * SOON + waits.of_all(), f"{how.name}: {outcome}")
                 self.assertEqual(outcome.states, [GoalStatus.ABORTED])
                 self.assertIn(words[how], outcome.text)
+                self.trials.start()
 
     def test_5_every_goal_of_twenty_stock_clients_has_one_end(self):
         threads = threading.active_count()
