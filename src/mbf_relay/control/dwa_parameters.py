@@ -105,5 +105,5 @@ class DwaParameters(FollowerParameters):
             return super().read(values)
         parameters, notes = super().read({**values, "max_vel_y": 0.0, "min_vel_y": 0.0})
         if "max_vel_y" not in given:
-            notes = [*notes, "parameter max_vel_y is not given: 0 is used, for wheels that only roll"]
+            notes = [*notes, "parameter max_vel_y is not given: 0 is used, for a robot that cannot drive sideways"]
         return parameters, notes

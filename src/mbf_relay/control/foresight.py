@@ -40,7 +40,7 @@ class Foresight:
         self._tracks = as_array((costmap.tracks or ()) if parameters.foresight else (), now)
         if parameters.foresight and costmap.tracks is None:
             warnings.warn(
-                "foresight is on, but no layer of the local costmap looks for what moves; give it "
+                "foresight is on, but no layer of the local costmap tracks moving obstacles; give it "
                 "'track_layer: {enabled: true}', or a layer of type mbf_relay::TrackLayer where it lists its plugins",
                 RuntimeWarning, stacklevel=1)
         self.is_blind = len(self._tracks) == 0

@@ -135,7 +135,7 @@ class TrajectoryPlannerParameters(ParameterSet):
             told.append(f"parameter y_vels is {values['y_vels']!r} and no text: '{given['y_vels']}' is used")
         if "holonomic_robot" not in given:
             given["holonomic_robot"] = False
-            told.append("parameter holonomic_robot is not given: false is used, for wheels that only roll")
+            told.append("parameter holonomic_robot is not given: false is used, for a robot that cannot drive sideways")
         parameters, notes = super().read(given)
         return parameters, notes + told
 

@@ -80,7 +80,7 @@ class RangeSensorLayer(CellLayer):
     Parameters = RangeSensorLayerParameters
     parameters: RangeSensorLayerParameters
     default_cost = NO_INFORMATION
-    notice = "takes a reading of max_range for no obstacle; the C++ layer draws one where clear_on_max_reading is false"
+    notice = "takes a reading of max_range for no obstacle; the C++ layer adds one if clear_on_max_reading is false"
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)

@@ -268,7 +268,7 @@ class ControllerExecution:
                 told = f"controller '{self.instance.name}' returned velocity {tuple(velocity)}, which no robot drives"
                 self._fail(now, ControlOutcome.NO_VALID_CMD, told)
             elif self._since_call.elapsed(now) > TOO_OLD:
-                late = f"thought for {self._since_call.elapsed(now):.1f} s, and what it saw is too old to drive by"
+                late = f"computed for {self._since_call.elapsed(now):.1f} s, and what it saw is too old to drive by"
                 self._no_command(now, ControlOutcome.NO_VALID_CMD, f"controller '{self.instance.name}' {late}")
             else:
                 self._drive(now, velocity)
@@ -309,7 +309,7 @@ class ControllerExecution:
         period, thinking = 1.0 / self._parameters().controller_frequency, self._since_call.elapsed(now)
         if self._load.note(thinking, period):
             warnings.warn(
-                f"controller '{self.instance.name}' thinks for {self._load.share:.0%} of its period of {period:.2f} s; "
+                f"controller '{self.instance.name}' computes for {self._load.share:.0%} of its {period:.2f} s period; "
                 "the robot drives slower until that is less: lower controller_frequency or the controller's samples",
                 RuntimeWarning, stacklevel=1,
             )

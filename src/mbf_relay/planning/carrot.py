@@ -58,8 +58,8 @@ class CarrotPlanner(Planner):
         if len(free) == 0:
             raise PlanningError(
                 PlanOutcome.NO_PATH_FOUND,
-                f"the robot's footprint lies free nowhere on the line from ({start.x:.2f}, {start.y:.2f}) to "
-                f"({goal.x:.2f}, {goal.y:.2f}) in {costmap.frame}")
+                f"the robot's footprint is free nowhere on the line from ({start.x:.2f}, {start.y:.2f}) "
+                f"to ({goal.x:.2f}, {goal.y:.2f}) in {costmap.frame}")
         way = float(tried[free[0]])
         ways = np.linspace(0.0, way, max(2, int(way / grid.resolution) + 1))
         poses = np.column_stack((

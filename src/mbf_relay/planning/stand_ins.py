@@ -23,4 +23,4 @@ class NavfnStandIn(NavfnPlanner):
 
     Parameters = StandInParameters
     parameters: StandInParameters
-    stands_in = "the planner in navfn's place finds the path, and controllers see to how the robot can turn"
+    stands_in = "NavfnPlanner finds the path, and controllers see to how the robot can turn"

@@ -197,7 +197,7 @@ class SdfReader:
         try:
             return frames.placed(element)
         except KeyError as error:
-            self._warn("pose of {} is relative to what is not known, and taken as relative to its parent",
+            self._warn("pose of {} is relative to an unknown frame, and taken as relative to its parent",
                        f"'{element.get('name', element.tag)}' ({error})")
             return frames.parent.compose(pose_of(element))
 
@@ -233,13 +233,13 @@ class SdfReader:
     def _model(self, model: Element, frame: Frame, folder: str, prefix: str, static: bool) -> None:
         name = prefix + model.get("name", "model")
         if not prefix and any(part in _letters(plugin) for plugin in model.iter("plugin") for part in DRIVES):
-            self._warn("model {} is a robot; it is left out, for the simulator brings its own", f"'{name}'")
+            self._warn("model {} is a robot; it is left out, since the simulator adds its own", f"'{name}'")
             return
         static = static or (model.findtext("static") or "").strip().lower() in ("1", "true")
         links = model.findall("link")
         loose = not static and len(links) == 1 and not model.findall("joint") and not model.findall("model")
         if not static and not loose and links:
-            self._warn("model {} has several links; it stands still, for joints are not simulated", f"'{name}'")
+            self._warn("model {} has several links; it stands still, since joints are not simulated", f"'{name}'")
         frames = _Frames(model, frame)
         for link in links:
             self._link(link, self._placed(link, frames), folder, f"{name}/{link.get('name', 'link')}", loose, name)

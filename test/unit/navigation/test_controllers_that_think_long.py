@@ -34,7 +34,7 @@ def test_a_robot_does_not_set_off_by_what_its_controller_saw_before_it_hung(make
     task = bench.navigator.exe_path(FollowGoal(PATH))
     bench.run(lambda: bench.robot.sent[-1:] == [STOP], 2.0)
     sent = len(bench.robot.sent)
-    bench.run(lambda: any("thought for" in told.message for told in task.take_feedback()), 3.0)
+    bench.run(lambda: any("computed for" in told.message for told in task.take_feedback()), 3.0)
     assert set(bench.robot.sent[sent:]) <= {STOP}
     bench.run(lambda: bench.robot.sent[-1] == FORWARD, 1.0)
 
@@ -63,7 +63,7 @@ def drive_with_cycles_of(bench, seconds, count):
 
 
 def test_a_robot_whose_computer_falls_behind_drives_slower_and_says_so_once(held_bench):
-    with pytest.warns(RuntimeWarning, match=r"thinks for \d+% of its period of 0\.10 s; the robot drives slow") as said:
+    with pytest.warns(RuntimeWarning, match=r"computes for \d+% of its 0\.10 s period; the robot drives") as said:
         sent = drive_with_cycles_of(held_bench, 0.1, 40)  # as long as the period
     assert len(said) == 1
     assert sent[0] == FORWARD and sent[-1].x == pytest.approx(0.7 * FORWARD.x, rel=0.01)
@@ -74,7 +74,7 @@ def test_a_robot_whose_computer_keeps_up_is_not_slowed(held_bench):
 
 
 def slow_drive(make_bench, monkeypatch):
-    """Let a robot follow a path, by a controller that thinks for 0.8 s a cycle; return its bench and task."""
+    """Let a robot follow a path, by a controller that computes for 0.8 s a cycle; return its bench and task."""
     bench = make_bench(
         scripted.HeldWorker(), controller_patience=5.0, C1={"max_vel_x": 0.22, "max_vel_trans": 0.22},
         controllers=[{"name": "C1", "type": "regulated_pure_pursuit"}])

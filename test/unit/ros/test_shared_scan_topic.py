@@ -197,7 +197,7 @@ def test_a_guard_that_nobody_listens_to_says_why_the_robot_does_not_move(guard, 
     assert asked(guard, 0.2, scan_of("front", 3.0)) == 0.2
     level, text, _values = guard._report()
     assert level == node.diagnostics.WARN
-    assert text == "passing (to nobody: nothing that can be reached listens to /cmd_vel)"
+    assert text == "passing (to nobody: no reachable node subscribes to /cmd_vel)"
     assert asked(guard, 0.0) == 0.0 and guard._report()[0] == node.diagnostics.OK, "one that stands needs nobody"
 
 

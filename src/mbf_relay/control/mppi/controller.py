@@ -147,18 +147,18 @@ class MppiController(PathFollower):
             for _ in range(p.iteration_count):
                 best = self._optimize(cycle)
             if best == STANDING:
-                reason = "no drive that was imagined is better than standing here"
+                reason = "no sampled trajectory is better than standing"
                 break
             self._smooth()
             if self._puts_off(cycle):
-                reason = "the best drives that were imagined begin with standing here"
+                reason = "the best sampled trajectories begin with standing"
                 break
             for controls in (self.controls, self._samples[best]):
                 command = self._checked(cycle, controls)
                 if command is not None:
                     self._driven_at = cycle.state.now
                     return command
-            reason = f"none of {p.batch_size} drives can be begun and braked from without touching"
+            reason = f"none of {p.batch_size} sampled trajectories can be started and braked from without a collision"
             self._forget()
         self._forget()
         turn = self.turn_to_path(cycle, 0.0) if p.motion_model != ACKERMANN else None

@@ -107,6 +107,6 @@ class _Player:
         newest = self._waiting[-1].header.stamp if self._waiting else rospy.Time(0)
         while self._waiting and (newest - self._waiting[0].header.stamp).to_sec() > BAG_CACHE_TIME:
             rospy.logwarn(
-                "no transform at the time of a scan (%.3f s); it is left out",
+                "scan of %.3f s is left out: the bag has no transform at its time",
                 self._waiting.pop(0).header.stamp.to_sec(),
             )

@@ -60,8 +60,8 @@ def stands_in_the_world(transforms: Transforms, values: AmclParameters, message:
     frame, base_frame = message.header.frame_id, values.base_frame_id
     if values.odom_frame_id.lstrip("/") not in transforms.frames_above(base_frame, frame):
         return False
-    rospy.logwarn_throttle(5.0, f"scan ignored: its frame '{frame}' does not move with '{base_frame}', so that it "
-                                "tells nothing of where the robot is")
+    rospy.logwarn_throttle(5.0, f"scan ignored: its frame '{frame}' does not move with the robot ('{base_frame}'); "
+                                "see the sensor's transform")
     return True
 
 
@@ -98,8 +98,8 @@ class ScanWatch:
         """Say where odometry has begun anew at `odom_pose`, once for each of its jumps so far."""
         if jumps > self._jumps:
             rospy.logwarn(
-                "odometry is at x %.2f, y %.2f, yaw %.2f all at once, farther than the robot can have come since the "
-                "last scan, and the scan fits where it was: odometry began anew, and the robot is left where it was",
+                "odometry has jumped to x %.2f, y %.2f, yaw %.2f, farther than the robot can have driven since the "
+                "last scan, and the scan still fits the pose before: odometry began anew, and the pose is kept",
                 *odom_pose)
         self._jumps = jumps
 
@@ -159,6 +159,7 @@ class ScanWatch:
             return
         waiting, topic = queue.oldest(), rospy.resolve_name("scan")
         if waiting is None:
-            rospy.logwarn_throttle(SILENCE, f"no scan on {topic} for {silence:.0f} s; no pose comes without")
+            rospy.logwarn_throttle(
+                SILENCE, f"no scan on {topic} for {silence:.0f} s, so no pose comes: see the lidar and the topic name")
         else:
             rospy.logwarn_throttle(SILENCE, f"scans on {topic} wait for {silence:.0f} s: {why(waiting)}")

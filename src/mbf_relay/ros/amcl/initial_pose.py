@@ -19,7 +19,7 @@ def check_frame(message: PoseWithCovarianceStamped, global_frame: str) -> None:
     """Raise InvalidMessage where a pose is in another frame than the map's; without a frame it is taken, as in amcl."""
     frame = message.header.frame_id.lstrip("/")
     if not frame:
-        rospy.logwarn("initial pose without a frame, taken in '%s'; always give one", global_frame)
+        rospy.logwarn("initial pose has no frame_id and is taken in '%s'; have its sender set one", global_frame)
     elif frame != global_frame:
         raise InvalidMessage(f"it is in frame '{shown(frame)}'; it must be in '{global_frame}'")
 
@@ -53,6 +53,6 @@ def motion_since(stamp: rospy.Time, transforms: Transforms, odom_frame: str, bas
     try:
         then = transforms.lookup(odom_frame, base_frame, stamp.to_sec())
     except TransformError as error:
-        rospy.logwarn("initial pose taken for the present one, as odometry does not reach back to its time: %s", error)
+        rospy.logwarn("initial pose is taken as the pose now: the motion since its stamp is not known: %s", error)
         return IDENTITY
     return transform_from_message(newest.transform).relative_to(then)

@@ -26,7 +26,8 @@ def warn_of_frame(message: OccupancyGrid, frame: str) -> None:
     said = message.header.frame_id.lstrip("/")
     if said != frame:
         rospy.logwarn(
-            "the map is in frame '%s', not in global_frame_id '%s', where it is taken to lie", shown(said), frame)
+            "the map is in frame '%s', not in global_frame_id '%s'; it is used as if it were in the latter",
+            shown(said), frame)
 
 
 def request_map(frame: str) -> OccupancyMap:

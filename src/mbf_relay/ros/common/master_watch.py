@@ -61,7 +61,7 @@ class MasterWatch:
                     f"the master at {self._uri} is another one and does not know {self._name}; it must start again")
             except NO_ANSWER as error:
                 if not self._silent:
-                    rospy.logwarn("the master at %s does not answer (%s); what is connected stays so", self._uri, error)
+                    rospy.logwarn("the master at %s does not answer (%s); open connections go on", self._uri, error)
                 self._silent = True
                 continue
             self._silent = self._silent and not known

@@ -173,7 +173,7 @@ def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
         warn_where_unreachable()
         reason = reason_in_process()
         if reason:
-            rospy.logwarn("numba compiles kernels in this process, which takes 100 MiB of it: %s", reason)
+            rospy.logwarn("numba compiles kernels in this process, which takes 100 MiB more memory: %s", reason)
         main()
     except rospy.ROSInterruptException:
         pass

@@ -88,7 +88,7 @@ class OdometryInput:
             velocity, doubt = self._twists.believed(stamp, planar_pose(odometry), velocity), self._twists.doubt
         if doubt:
             rospy.logwarn_throttle(
-                DOUBT_PERIOD, f"{doubt}, which the robot is driven by instead; have the driver that publishes on "
+                DOUBT_PERIOD, f"{doubt}, and the latter is used; have the driver that publishes on "
                 f"{self.topic} fill in twist, in the frame of child_frame_id")
         return odometry, stamp, velocity
 
@@ -97,7 +97,7 @@ class OdometryInput:
         speaks = now - self._heard_at <= FALLEN_SILENT and self._subscriber is not None
         if teller != self._teller and speaks and self._teller in connected_nodes(self._subscriber):
             rospy.logwarn_throttle(
-                WARN_PERIOD, f"odometry on {self.topic} comes from {self._teller} and from {teller}: the first alone "
+                WARN_PERIOD, f"odometry on {self.topic} comes from {self._teller} and from {teller}: only the first "
                 "is heard; have the other publish elsewhere, or end it")
             return
         self._teller, self._heard_at, self._newest = teller, now, (message, rospy.get_time())

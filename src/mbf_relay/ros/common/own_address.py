@@ -31,5 +31,5 @@ def look(address: str) -> None:
     except NO_ANSWER as error:
         if not rospy.core.is_shutdown_requested():
             rospy.logwarn(
-                "others are told to reach this node at %s, where it cannot reach itself (%s); what they send will not "
-                "come unless they can: see ROS_HOSTNAME and ROS_IP", address, error)
+                "this node advertises the address %s, where it cannot be reached from here (%s); other nodes may not "
+                "reach it either: see ROS_HOSTNAME and ROS_IP", address, error)

@@ -80,8 +80,8 @@ def warn_of_own_file_beside(names: Iterable[str]) -> None:
     if len(beside) >= OWN_FILE:
         node = rospy.get_name().rpartition("/")[2]
         rospy.logwarn(
-            "parameters %s, ... stand beside %s, which reads nothing there: in a file of overrides a node's parameters "
-            "stand below a line with its name, '%s:'",
+            "parameters %s, ... stand beside %s, which does not read them there: in a file of overrides, "
+            "put a node's parameters below a line with its name, '%s:'",
             ", ".join(above + name for name in beside[:OWN_FILE]), rospy.get_name(), node)
 
 
@@ -95,8 +95,8 @@ def warn_of_tf_prefix(base_frame: str) -> None:
     prefix = str(rospy.get_param(found, "")).strip("/") if found else ""
     if prefix and not base_frame.startswith(f"{prefix}/"):
         rospy.logwarn(
-            "%s is '%s', and frames are taken as they are named all the same: the robot's is '%s'; if it is '%s', name "
-            "it so, and odometry's and its sensors' likewise", found, prefix, base_frame, f"{prefix}/{base_frame}")
+            "%s is '%s' and is ignored, as by every node that uses tf2: the robot's frame is '%s'; if you mean '%s', "
+            "put the prefix into the parameters of all frames", found, prefix, base_frame, f"{prefix}/{base_frame}")
 
 
 def groups_in(values: Mapping[str, Any]) -> List[str]:

@@ -216,8 +216,8 @@ class SensorInput:
         trouble = monitor.trouble(seen_from_above(scan, upside_down), -mounting.theta, pose)
         if monitor.takes_gaps_for_far:
             rospy.loginfo_once(
-                "the lidar in frame '%s' never says inf, and measures nothing in many directions: what lies there is "
-                "taken to be too far away to be measured", frame)
+                "the lidar in frame '%s' has never sent inf and has no valid reading in many directions: they are "
+                "taken for out of range (largest_gap)", frame)
         self._senders.hear(frame, scan.stamp, is_guest=not rides)
         self._blind.pop(frame, None)
         if trouble is not None:
@@ -311,7 +311,7 @@ class MapInput:
             rospy.logwarn(
                 "%s: the map on topic '%s' is in frame '%s', not in '%s'; %s", self._costmap.name, self._source.topic,
                 checks.shown(said), frame,
-                f"it is taken to lie in '{frame}'" if lies == frame else "it is placed by their transform",
+                f"it is used as if it were in '{frame}'" if lies == frame else "it is placed by their transform",
             )
         return lies
 

@@ -88,7 +88,7 @@ class MapServer:
 
     @staticmethod
     def _refuse(result: int, error: object) -> LoadMapResponse:
-        rospy.logerr("the map stays as it is: %s", error)
+        rospy.logerr("the map was not changed: %s", error)
         return LoadMapResponse(result=result)
 
 
@@ -129,9 +129,9 @@ def read_arguments(arguments: Sequence[str]) -> OccupancyMap:
             occupancy = load_map(path)
         except MapFileError as error:
             raise MapFileError(f"resolution '{given}' is no number above 0, and {error}") from error
-        rospy.logwarn("'%s' is no resolution and passed over: the map's YAML file has one", given)
+        rospy.logwarn("'%s' is no resolution and is ignored: the map's YAML file has one", given)
         return occupancy
-    rospy.logwarn("an image with a resolution is the old way to name a map; give a YAML file instead")
+    rospy.logwarn("naming a map by an image and a resolution is deprecated; give its YAML file instead")
     values = dict(rospy.get_param("~", {}) or {})
     values.update(image=path, resolution=resolution, mode="trinary")
     if values.get("negate") in (0, 1):

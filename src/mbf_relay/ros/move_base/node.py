@@ -85,7 +85,7 @@ class MoveBaseServer(ServerSide):
             if not missing:
                 break
             if time.monotonic() - said > SAY_PERIOD:
-                rospy.logwarn("move_base waits: %s", "; ".join(dict.fromkeys(missing)))
+                rospy.logwarn("move_base waits for what it needs: %s", "; ".join(dict.fromkeys(missing)))
                 said = time.monotonic()
             time.sleep(LOOK_PERIOD)
 

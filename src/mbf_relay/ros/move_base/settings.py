@@ -68,7 +68,7 @@ class OwnSettings:
                 self._server.add_plugin(kind, plugin_name(type_name), type_name)
         for name in WITHOUT_COUNTERPART:
             if getattr(new, name) != getattr(old, name):
-                rospy.logwarn("%s holds from the next start on", name)
+                rospy.logwarn("%s takes effect at the next start", name)
         retries = {"controller_max_retries": self._namespace.get("controller_max_retries", -1)}
         before, wanted = ({**retries, **server_values(values)} for values in (old, new))
         changes = {name: value for name, value in wanted.items() if value != before[name]}

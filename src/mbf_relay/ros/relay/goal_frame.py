@@ -86,7 +86,7 @@ class GoalFrame:
             return False
 
     def _show_as_it_came(self, pose: PoseStamped, why: str) -> None:
-        rospy.logwarn("goal shown in its own frame: %s", why)
+        rospy.logwarn("~current_goal is shown in the goal's own frame: %s", why)
         self._newest = None
         self._publish(pose)
 

@@ -202,7 +202,7 @@ class MoveBaseSettings:
             try:
                 values = self.values.replace(**shown)
             except ValueError as error:
-                rospy.logwarn("the server's settings are not move_base's: %s", error)
+                rospy.logwarn("the server's settings cannot be shown as move_base's parameters: %s", error)
                 return
             untouched = {name: value for name, value in shown.items() if SERVER_NAMES[name] not in self._wanted}
             self._started_with = self._started_with.replace(**untouched)
@@ -262,7 +262,7 @@ class MoveBaseSettings:
                 self._send(service, {name: value})
             return
         for name, value in refused.items():
-            rospy.logwarn("%s does not take %s = %s and goes on with %s", self._server, name, value, theirs[name])
+            rospy.logwarn("%s refused %s = %s and keeps %s", self._server, name, value, theirs[name])
         if refused:
             self._show(theirs, refused)
         else:
@@ -275,7 +275,8 @@ def tell_of_misplaced(values: Mapping[str, Any], server: str) -> None:
         name for name, value in values.items() if isinstance(value, Mapping) or name == "recovery_behaviors"
     )
     if groups:
-        rospy.logwarn("of no use to the relay, load them for %s: %s", rospy.resolve_name(server), ", ".join(groups))
+        rospy.logwarn("parameters the relay does not use, to be loaded for %s instead: %s", rospy.resolve_name(server),
+                      ", ".join(groups))
 
 
 def server_plugins(server: str, kind: str) -> List[Mapping[str, str]]:

@@ -250,7 +250,7 @@ def _log_plugins(registry: Registry[Any]) -> None:
         ros_parameters.warn_of_unknown(made.Parameters, registry.values(name), f"~{name}")
         ros_parameters.warn_of(registry.plugin(name).notes, f"~{name}")
     for name, reason in registry.failed.items():
-        rospy.logerr("%s: '%s' is not there, and goals that need it will be rejected: %s", registry.kind, name, reason)
+        rospy.logerr("%s: '%s' was not loaded; goals that need it will be rejected: %s", registry.kind, name, reason)
     if not registry.names and not registry.failed:
         rospy.logwarn("%s: none are configured; goals that need one will be rejected", registry.kind)
 

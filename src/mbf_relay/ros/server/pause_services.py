@@ -35,5 +35,5 @@ class PauseServices:
         self._robot.paused = paused
         self._wake()
         self._told.publish(Bool(paused))
-        rospy.loginfo("paused: goals stay, the robot stands until ~resume" if paused else "resumed")
+        rospy.loginfo("paused: goals stay active and the robot stands until ~resume" if paused else "resumed")
         return TriggerResponse(True, "paused" if paused else "resumed")

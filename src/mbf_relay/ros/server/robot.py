@@ -108,8 +108,8 @@ class RosRobot(Robot):
         topic = self._odometry.topic
         if not self._odometry.is_expected:
             rospy.logwarn_once(
-                "nobody publishes odometry on %s: the last command stands in for the robot's velocity; name the "
-                "robot's topic by a remapping of odom, or by ~odom_topic", topic)
+                "nobody publishes odometry on %s: the last command is taken for the robot's velocity; remap odom to "
+                "the robot's topic, or set ~odom_topic", topic)
             return self.commanded or STOP
         odometry, stamp, velocity = self._odometry.read(rospy.get_time(), self._odom_timeout)
         pose = planar_pose(odometry)

@@ -170,7 +170,7 @@ class Simulator:
                     f"position ({pose.x}, {pose.y}); it must be within {WORLD:g} m of the world's middle"
                 )
         except InvalidMessage as error:
-            rospy.logwarn("pose to set the robot down at refused: %s", error)
+            rospy.logwarn("refused to set the robot to a pose: %s", error)
             return
         self._requests.put(lambda: self._set_pose(pose))
 
@@ -278,10 +278,10 @@ class Simulator:
         self._slow_reports = self._slow_reports + 1 if slow else 0
         if self._slow_reports == SLOW_REPORTS:
             rospy.logwarn(
-                "the simulation runs at %.2f of real time, asked for %g: the machine is too slow for it", factor, asked
+                "the simulation runs at %.2f of real time instead of %g: the machine is too slow for it", factor, asked
             )
         if slow:
-            return diagnostics.WARN, f"runs at {factor:.2f} of real time, asked for {asked:g}", values
+            return diagnostics.WARN, f"runs at {factor:.2f} of real time instead of {asked:g}", values
         return diagnostics.OK, "paused" if self._paused else "running", values
 
     def _look_at_footprints(self) -> None:

@@ -68,7 +68,7 @@ class DriveEvents:
         Where the clock was set back the drive begins anew, with the goals that run: to one time belong two places.
         """
         if now < self._now:
-            rospy.logwarn("the clock was set back by %.2f s: the drive's report begins anew", self._now - now)
+            rospy.logwarn("the clock was set back by %.2f s: the report begins again from there", self._now - now)
             self._log = self._log.begun_anew(now)
             self._goal_logs = {action: log.begun_anew(now) for action, log in self._goal_logs.items()}
             self._buffer.clear()  # but for what never moves
@@ -81,7 +81,7 @@ class DriveEvents:
             except InvalidMessage:
                 pass
             except AttributeError as error:
-                rospy.logwarn_once(f"left out {topic}: nothing is told by messages of {message._type}, as {error}")
+                rospy.logwarn_once(f"left out {topic}: messages of type {message._type} are not understood: {error}")
 
     def drive(self) -> Drive:
         """Return the drive so far."""

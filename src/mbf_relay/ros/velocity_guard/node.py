@@ -198,7 +198,7 @@ class VelocityGuardNode:
         """Say where nobody takes the velocities that pass, empty where somebody does or none passes."""
         if self._verdict.velocity == STOP or self._velocity.get_num_connections():
             return ""
-        return f"to nobody: nothing that can be reached listens to {self._velocity.resolved_name}"
+        return f"to nobody: no reachable node subscribes to {self._velocity.resolved_name}"
 
     def _unasked(self) -> str:
         """Say where nobody can ask for a velocity, empty where somebody can."""

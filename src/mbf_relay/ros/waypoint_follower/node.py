@@ -183,7 +183,7 @@ class WaypointTopics:
         pose = PoseStamped(pose=message.pose.pose)
         pose.header.frame_id = message.header.frame_id or self._parameters.goal_frame_id
         self._gathered.append(pose)
-        rospy.loginfo("waypoint %d taken; path_ready starts, path_reset forgets", len(self._gathered))
+        rospy.loginfo("waypoint %d added; path_ready starts the drive, path_reset removes all", len(self._gathered))
         self.show([])
 
     def _start(self, _message: Empty) -> None:
@@ -195,7 +195,7 @@ class WaypointTopics:
         if goal.goal.poses:
             self._goals.publish(goal)
         else:
-            rospy.logwarn("path_ready has come, and there are no waypoints; %s takes them",
+            rospy.logwarn("path_ready was received, but there are no waypoints; add them on %s",
                           rospy.resolve_name(parameters.addpose_topic))
 
     def _reset(self, _message: Empty) -> None:

@@ -118,7 +118,7 @@ class Browser(tornado.websocket.WebSocketHandler):
     def _take_hello(self, wish: Wish) -> None:
         rights = self._tokens.rights(wish.values["token"])
         if not rights.view:
-            rospy.logwarn("a browser at %s came with a wrong token", self.request.remote_ip)
+            rospy.logwarn("a browser at %s was turned away: its token is wrong or missing", self.request.remote_ip)
             self._turn_away("the token is wrong or missing", POLICY)
             return
         self.rights = rights

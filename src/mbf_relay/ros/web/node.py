@@ -180,7 +180,7 @@ def main() -> None:
         rospy.loginfo("the tokens are kept in %s", path)
     if not is_loopback(settings.address):
         rospy.logwarn(
-            "listening beyond this machine without encryption: whoever can read the network can read the token"
+            "listening beyond this machine without encryption: anybody on the network can read the token"
         )
     spare_what_stays()
     rospy.spin()

@@ -63,7 +63,7 @@ def test_it_is_told_once_where_odometry_begins_anew(monkeypatch):
     monkeypatch.setattr(rospy, "logwarn", lambda text, *values: told.append(text % values))
     for jumps in 0, 1, 1, 2:
         made.warn_of_jumps(jumps, Pose2D(0.1, 0.0, -0.3))
-    assert len(told) == 2 and "odometry is at x 0.10, y 0.00, yaw -0.30 all at once" in told[0]
+    assert len(told) == 2 and "odometry has jumped to x 0.10, y 0.00, yaw -0.30" in told[0]
 
 
 def transforms_of(*known):

@@ -51,8 +51,8 @@ def test_localization_says_so_as_upstream_s_does(said, frame, monkeypatch):
 
 
 @pytest.mark.parametrize("frame, layer, words, lies", [
-    ("odom", "static", "taken to lie in 'map'", "map"), ("", "static", "taken to lie in 'map'", "map"),
-    ("odom", "another", "placed by their transform", "odom"), ("", "another", "taken to lie in 'map'", "map"),
+    ("odom", "static", "used as if it were in 'map'", "map"), ("", "static", "used as if it were in 'map'", "map"),
+    ("odom", "another", "placed by their transform", "odom"), ("", "another", "used as if it were in 'map'", "map"),
 ])
 def test_a_costmap_says_so_once(said, frame, layer, words, lies):
     """One that takes its size of the map lies where that does: no transform between the two is looked for."""

@@ -53,7 +53,7 @@ def test_a_robot_drives_on_by_its_own_odometry_where_a_stranger_sends_some_as_we
         assert graph.sends("/stranger", -1000.0) == 0.2
         assert graph.sends("/driver", 0.2) == 0.2
     assert set(graph.warnings) == {
-        "odometry on /odom comes from /driver and from /stranger: the first alone is heard; have the other publish "
+        "odometry on /odom comes from /driver and from /stranger: only the first is heard; have the other publish "
         "elsewhere, or end it"}
 
 

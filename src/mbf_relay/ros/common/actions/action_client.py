@@ -128,8 +128,8 @@ class ActionClient:
             take(message)
         else:
             rospy.logwarn_throttle(
-                STRANGERS_PERIOD, f"{message._connection_header.get('callerid', '')} speaks as the action server "
-                f"{self.name}, which it is not: what it says is ignored")
+                STRANGERS_PERIOD, f"{message._connection_header.get('callerid', '')} publishes as the action server "
+                f"{self.name} without being it: its messages are ignored")
 
     def _keep_up(self) -> bool:
         self.check()
