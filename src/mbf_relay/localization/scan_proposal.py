@@ -23,21 +23,24 @@ from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, indice
 Weigh = Callable[[np.ndarray], np.ndarray]
 """Poses in, (N, 3), log-likelihoods of a scan out, (N,)."""
 CLUSTERS = 40
-"""Clusters, heaviest first, that are looked into; a tracked robot has one or two, a lost one many."""
+"""Clusters of particles, heaviest first, that are redrawn; a tracked robot has one or two, a lost one many."""
 STARTS = 8
+"""Particles of a cluster from which the climb to its maxima starts."""
 MANY_STARTS = 150
+"""The same for a cluster that spreads over several places (see AT_LARGE), each of which needs a start of its own."""
 LOOKED_AT = 60
-"""Particles for each start, about, that are looked at to choose it."""
+"""Particles whose likelihood is computed for each start, about, to choose the best for starts."""
 AT_LARGE = (1.0, 1.0, 0.7)
-"""Deviations (m, m, rad) from which a cluster is more than one place, and is climbed from many."""
+"""Standard deviations (x m, y m, heading rad) of a cluster above which it gets MANY_STARTS."""
 DRAWN = 0.5
-"""Share of a cluster that is drawn around its maxima by a scan that is all news; the rest stays where odometry put it.
-"""
+"""Share of a cluster that is redrawn around its maxima when the whole scan is new information; the rest stays where
+odometry put it."""
 
 PREVIEWED = 40
-"""Beams, about, that choose where to climb from."""
+"""Beams, about, by which starts are chosen; the climb itself uses all."""
 FULL_CREDIT = 0.6
-"""Share of the beams the map must explain for a scan to be believed in full; below, with the third power."""
+"""Share of the beams that the map must explain for a scan to have its full weight; below it the weight falls with the
+third power of the share."""
 
 
 class Proposed(NamedTuple):

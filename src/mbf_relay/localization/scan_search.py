@@ -17,19 +17,21 @@ from mbf_relay.localization.scan_likelihood import apart, thin_out
 from mbf_relay.localization.search_kernels import bound_all, descend
 
 BEAMS = 60
+"""Ends of beams that are searched with, at most; evenly chosen, as more take longer and tell little more."""
 FEWEST_BEAMS = 5
+"""Beams with a return below which no place is told: so few fit almost anywhere."""
 TURNS = 180
-"""Headings tried: at 10 m a beam's end moves by 0.35 m from one to the next, about as wide as a score."""
+"""Headings tried, 2 degrees apart: at 10 m a beam's end moves by 0.35 m, about the width of a score (see SIGMA)."""
 SIGMA = 0.15
-"""Deviation (m) of an end from the map that the search takes for a fit; the climb afterwards is finer."""
+"""Standard deviation (m) of a beam's end from the map's nearest obstacle; coarse, as the climb afterwards is finer."""
 PLACE = 0.1
-"""Side (m) of the blocks that count as one place, about."""
+"""Side (m) of the smallest blocks, about, each of which gives one place."""
 TOP = 0.8
 """Side (m) of the blocks the search begins with; each may give one place for each heading."""
 MOST_VISITS = 3_000_000
-"""Blocks looked into before the search ends with what it has; some seconds."""
+"""Blocks examined, in some seconds, after which the search ends with the places found so far."""
 MARGIN = 0.1
-"""Share of the beams' scores by which a place may fall short of the best and still be told."""
+"""How far below the best a place's score, 0 to 1, may be for it still to be returned."""
 
 
 class Places(NamedTuple):
@@ -71,7 +73,7 @@ class ScanSearch:
         Args:
             hits: Ends of the beams that came back, shape (B, 2), in the base's frame.
             most: How many places to return.
-            margin: How far below the best score, as a share, a place may be.
+            margin: How far below the best a place's score, 0 to 1, may be.
         """
         endpoints = thin_out(hits, BEAMS)
         blocks = self._blocks()

@@ -28,8 +28,9 @@ from mbf_relay.ros.common.actions.action_server import ActionServer
 from mbf_relay.ros.common.actions.goal_tracker import TrackedGoal
 from mbf_relay.ros.server import messages
 
-AT_ONCE = 5
-"""Goals begun in one step of navigation."""
+BEGUN_PER_STEP = 5
+"""Goals begun in one step of navigation, at most: the others wait for the next, so that a client that sends hundreds at
+once does not keep a driving robot waiting for its velocity."""
 
 
 class Request:
@@ -112,14 +113,11 @@ class Action:
     # the stepping thread
 
     def take_up(self) -> bool:
-        """Begin what was asked for since the last call, in the order it came; returns whether there is more to begin.
-
-        Of many at once only some are begun, so that a step of navigation stays short and a driving robot is looked
-        after.
+        """Begin goals that came since the last call, in their order, up to BEGUN_PER_STEP; return whether more wait.
         """
         taken: List[Request] = []
         with self._lock:
-            while self._is_ready() and len(taken) < AT_ONCE:
+            while self._is_ready() and len(taken) < BEGUN_PER_STEP:
                 taken.append(self._inbox.popleft())
             more = self._is_ready()
         for request in taken:

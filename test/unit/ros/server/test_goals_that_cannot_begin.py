@@ -19,7 +19,7 @@ import scripted  # noqa: E402
 from scripted_bench import Bench  # noqa: E402
 
 from mbf_relay.ros.common.actions.goal_tracker import GoalTracker  # noqa: E402
-from mbf_relay.ros.server.actions import AT_ONCE, make_actions  # noqa: E402
+from mbf_relay.ros.server.actions import BEGUN_PER_STEP, make_actions  # noqa: E402
 
 
 class Lonely:
@@ -169,7 +169,7 @@ def test_goals_that_wait_for_their_turn_survive_a_step_that_hung_and_those_calle
 
 def test_of_many_goals_at_once_some_are_begun_in_each_step_and_none_is_forgotten(served):
     bench, actions = served
-    for slot in range(2 * AT_ONCE + 1):
+    for slot in range(2 * BEGUN_PER_STEP + 1):
         send(actions["get_path"], f"{slot}", GetPathGoal(target_pose=goal_at(1.0), concurrency_slot=slot))
     begun, told = [], actions["get_path"].server.told
     while len(begun) < 3:
@@ -177,7 +177,7 @@ def test_of_many_goals_at_once_some_are_begun_in_each_step_and_none_is_forgotten
         bench.step()
         actions["get_path"].report()
         begun.append((len(told), more))
-    assert begun == [(AT_ONCE, True), (2 * AT_ONCE, True), (2 * AT_ONCE + 1, False)]
+    assert begun == [(BEGUN_PER_STEP, True), (2 * BEGUN_PER_STEP, True), (2 * BEGUN_PER_STEP + 1, False)]
 
 
 def test_a_client_that_is_gone_is_named_as_why_its_goal_ended(served):
