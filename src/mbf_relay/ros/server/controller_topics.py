@@ -52,12 +52,12 @@ class ControllerTopics:
 
 
 def serve_controllers(controllers: Registry[Controller]) -> List[Any]:
-    """Give every controller its topics, and its reconfigure server where it has one; keep the result."""
+    """Advertise the topics and reconfigure servers of all controllers; return them for the caller to keep."""
     return [part for name in controllers.names for part in serve_controller(controllers, name)]
 
 
 def serve_controller(controllers: Registry[Controller], name: str) -> List[Any]:
-    """Give one controller its topics, and its reconfigure server where it has one; keep the result."""
+    """Advertise the topics and, where it has one, the reconfigure server of a controller, as `serve_controllers`."""
     return [ControllerTopics(controllers.plugin(name)), *reconfigure.serve_plugin(controllers, name)]
 
 
@@ -66,7 +66,7 @@ def _heard(publisher: rospy.Publisher) -> bool:
 
 
 def _cost_cloud(report: CycleReport) -> PointCloud2:
-    """Return what being in each free cell costs: x, y, z, path_cost, goal_cost, occ_cost, total_cost."""
+    """Return the cost of each free cell: x, y, z, path_cost, goal_cost, occ_cost, total_cost."""
     centers, costs = report.cell_costs()
     points = np.column_stack((centers, np.zeros(len(centers)), costs, costs @ np.array(report.cost_weights)))
     names = ("x", "y", "z", "path_cost", "goal_cost", "occ_cost", "total_cost")

@@ -1,4 +1,4 @@
-"""Costmaps that rest while nothing is asked of the server, where the user wants that."""
+"""Stopping the costmaps while the server has nothing to do (shutdown_costmaps)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class CostmapRest:
         self._idle_since = Stopwatch()
 
     def attend(self, now: float, idle: bool, parameters: NavigatorParameters) -> float:
-        """Look whether to rest or to wake; returns the time (s) to look again."""
+        """Rest or wake the costmaps as needed; return the time (s) to call again."""
         if not idle or not parameters.shutdown_costmaps:
             self.wake()
             return math.inf

@@ -1,4 +1,4 @@
-"""The server's services about its costmaps: what lies there, where the robot would fit, update, clear."""
+"""The server's costmap services: costs of points, poses and paths, a free pose nearby, updating, clearing."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class CostmapServices:
         return response
 
     def rouse(self, side: str) -> None:
-        """Have a costmap that rests updated; raise ValueError where that is not done in time."""
+        """Wake a resting costmap and have it updated; raise ValueError where that takes too long."""
         if self._wake():
             self._await_updates(side)
 
@@ -141,7 +141,7 @@ class CostmapServices:
         return EmptyResponse()
 
     def _costmap(self, number: int) -> Costmap:
-        """Return the costmap asked for; raise ValueError where nothing is to be planned on, or told, by it."""
+        """Return the costmap asked for; raise ValueError where it is unknown, or not fit to be used."""
         if number not in SIDES:
             raise ValueError(f"costmap is {number}; it must be LOCAL_COSTMAP (1) or GLOBAL_COSTMAP (2)")
         side = SIDES[number]

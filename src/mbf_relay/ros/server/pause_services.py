@@ -1,4 +1,4 @@
-"""~pause and ~resume: stand for a while without giving up the goal, and go on; ~paused tells."""
+"""~pause and ~resume: stop the robot without ending its goal, and go on; ~paused tells which."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mbf_relay.navigation.robot import Robot
 
 
 class PauseServices:
-    """Offers them. Goals stay active meanwhile, their patience does not run, and nothing is sent to the wheels."""
+    """Offers them. While paused, goals stay active, no patience runs, and nothing is sent to the wheels."""
 
     def __init__(self, robot: Robot, wake: Callable[[], None]) -> None:
         """Advertise.

@@ -1,4 +1,4 @@
-"""Plans for whoever asks, at the speed of planning: `~make_plan` and each planner's own, such as `~NavfnROS/make_plan`.
+"""Plans as a service, without driving: `~make_plan` and each planner's own, such as `~NavfnROS/make_plan`.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class PlanServices:
         return response
 
     def _plan(self, goal: PlanGoal) -> PlanResult:
-        """Return what comes of one try."""
+        """Return the result of planning once."""
         with self._one_at_a_time:
             execution = self._navigator.new_plan(goal, retry=False, instance=INSTANCE, announced=False)
             if not execution.task.done:

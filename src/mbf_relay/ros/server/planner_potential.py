@@ -73,12 +73,12 @@ PUBLISHERS: Dict[str, Type[PotentialPublisher]] = {"cloud": PotentialCloud, "gri
 
 
 def serve_planners(planners: Registry[Planner]) -> List[Any]:
-    """Give planners their potential's topic and their reconfigure server, each that has one; keep the result."""
+    """Advertise the potentials and reconfigure servers of the planners; return them for the caller to keep."""
     return [each for name in planners.names for each in serve_planner(planners, name)]
 
 
 def serve_planner(planners: Registry[Planner], name: str) -> List[Any]:
-    """Give one planner its own of these; keep the result."""
+    """Advertise the potential and the reconfigure server of one planner, as `serve_planners`."""
     planner = planners.plugin(name)
     served: List[Any] = []
     if planner.potential_display is not None:

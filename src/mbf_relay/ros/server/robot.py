@@ -39,7 +39,7 @@ class _Wheels(rospy.SubscribeListener):
         self._robot = robot
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Callable[[Twist], None]) -> None:
-        """Send zero to who has come, where nothing else was sent last."""
+        """Send zero to a new subscriber, unless another velocity was sent last."""
         if self._robot.told == STOP:
             peer_publish(twist_to_message(STOP))
 
@@ -133,12 +133,12 @@ class RosRobot(Robot):
 
     @property
     def unheard(self) -> str:
-        """Say where nobody takes velocities: a driver or a velocity_guard that is gone."""
+        """Return that nobody subscribes to velocities, such as a driver that has ended; empty where somebody does."""
         return "" if self._publisher.get_num_connections() else f"nobody listens to {self._publisher.resolved_name}"
 
     @property
     def held_back(self) -> str:
-        """Say what the velocity_guard has against what it was sent last."""
+        """Return why the velocity_guard stopped or slowed the last velocity, empty where it did not."""
         return self._objection
 
     def _hear_guard(self, state: String) -> None:
@@ -159,7 +159,7 @@ class RosRobot(Robot):
                 self._publish(STOP if self._held else velocity)
 
     def hold(self, is_held: bool) -> None:
-        """Let the wheels stand, whatever velocity is in force, or give it back to them; from any thread."""
+        """Hold the wheels at zero, or send them the current velocity again; from any thread."""
         with self._closing:
             if is_held == self._held or self._closed:
                 return

@@ -1,4 +1,4 @@
-"""What the server tells of its work beside the actions: the goals in pursuit, and the recoveries it begins."""
+"""The server's topics beside its actions: the current goals, and the recoveries that begin."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sees to it that a server whose navigation hangs neither drives on nor looks alive."""
+"""Stops the robot, and reports the server as not alive, where navigation hangs."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Watchdog:
         self._stop.set()
 
     def is_alive(self) -> bool:
-        """Return whether navigation is stepped; whoever tells others that it is asks here."""
+        """Return whether navigation is being stepped; asked before the server reports itself alive."""
         return self._stepper.step_time <= STEP_PATIENCE
 
     def settle(self) -> str:
