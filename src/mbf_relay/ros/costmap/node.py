@@ -62,7 +62,7 @@ class CostmapNode:
         self._resting = False
         self._next_publication = 0.0
         self._last: Optional[float] = None
-        self._pose_warnings = ThrottledWarnings()
+        self._pose_warnings, self._stale_warnings = ThrottledWarnings(), ThrottledWarnings()
         self.timings = timings or LidarTimings(transforms, lambda: (self.costmap.robot_frame, self.costmap.frame))
         parameters = self.costmap.parameters
         self._publisher = CostmapPublisher(
@@ -188,6 +188,11 @@ class CostmapNode:
             if layer.map_frame:
                 self._place_map(layer.name, layer.map_frame)
         self.costmap.update(now, pose)
+        stale = self.costmap.stale_reason(now)  # a sensor that has died sends nothing that could be complained of
+        if stale is None:
+            self._stale_warnings.worked()
+        else:
+            self._stale_warnings.say(stale)
         self._updates.tick(now)
         self._publisher.publish_footprint(self.costmap.oriented_footprint(pose), self.costmap.frame, now)
         self._tracks.publish(tracks_of(self.costmap.layers) or (), self.costmap.frame)
