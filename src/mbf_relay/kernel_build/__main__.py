@@ -105,6 +105,7 @@ def _compile(sources: Dict[str, str], objects: Path) -> Dict[str, List[List[Kern
     for features in sorted({each for name in sources for each in features_of(name)}):
         places = {name: _object(objects, sources, name, features) for name in sources if features in features_of(name)}
         missing = [name for name in places if not places[name].with_suffix(".json").exists()]
+        missing.sort(key=lambda name: -Path(_source_of(name)).stat().st_size)  # what takes long does not come last
         os.environ.update(environment(features))
         processes = max(1, min(MOST_PROCESSES, os.cpu_count() or 1, len(missing)))
         with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
