@@ -1,4 +1,4 @@
-"""The abstract critic of imagined drives, and what it is shown."""
+"""The abstract critic of sampled trajectories, and what it is shown."""
 
 from __future__ import annotations
 
