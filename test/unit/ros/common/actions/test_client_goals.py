@@ -168,3 +168,35 @@ def test_a_server_that_is_there_is_given_time_to_tell_of_a_goal_however_short_an
     links.now += 100.0
     goals.check()
     assert sent.ending is None
+
+
+def test_a_goal_is_dated_so_that_its_server_can_tell_which_of_two_is_the_newer_one():
+    links = Links()
+    goals = make(links)
+    for _ in range(2):
+        goals.send(MoveBaseGoal())
+        links.now += 1.0
+    assert [message.goal_id.stamp.to_sec() for message in links.goals] == [100.0, 101.0]
+    assert [message.header.stamp.to_sec() for message in links.goals] == [100.0, 101.0]
+
+
+def test_who_waits_for_a_robot_hears_how_its_goal_ended_and_waits_neither_past_its_time_nor_past_the_node_s_end():
+    links, kept_up = Links(), []
+    goals = make(links)
+
+    def keep_up():
+        kept_up.append(True)
+        if len(kept_up) == 3:
+            goals.take_status(status((sent.goal_id, GoalStatus.ACTIVE)))
+            goals.take_result(MoveBaseActionResult(status=GoalStatus(
+                goal_id=GoalID(id=sent.goal_id), status=GoalStatus.SUCCEEDED, text="there")))
+        return True
+
+    sent = goals.send(MoveBaseGoal())
+    assert sent.wait() is None, "of a node that ends"
+    goals.keep_up = lambda: True
+    assert sent.wait(0.0) is None
+    goals.keep_up = keep_up
+    ending = sent.wait(10.0)
+    assert (ending.status, ending.text) == (GoalStatus.SUCCEEDED, "there") and len(kept_up) == 3
+    assert sent.wait() is ending

@@ -250,3 +250,42 @@ def test_only_who_takes_goals_and_tells_of_them_speaks_for_the_server_and_one_th
     world.links.clear()
     assert world.watch.is_from_server(server), "its result came after it had closed the connection for goals"
     assert not any(map(world.watch.is_from_server, strangers))
+
+
+def test_a_robot_drives_on_for_hours_by_a_server_whose_status_comes_and_whose_node_answers_late(world):
+    """What it is silent between two of its words must not be summed up until it counts as hung."""
+    world.mute.add("http://here:1")
+    world.links.append(Link("http://here:1"))
+    for _ in range(40):
+        world.watch._subscriber.hear()
+        assert looks(world, 0.4) is None
+    assert world.asked == []
+
+
+def test_a_server_whose_connection_is_cut_and_made_again_while_the_clock_stands_is_not_lost(world):
+    connect(world)
+    assert looks(world, 20.0, clock_runs=False) is None
+    link = world.links.pop()
+    assert looks(world, 0.2, clock_runs=False) is None
+    world.links.append(link)
+    assert looks(world, 1.0, clock_runs=False) is None
+    world.links.clear()
+    assert "closed the connection" in looks(world, 0.5, clock_runs=False)
+
+
+def test_no_goal_is_sent_for_the_status_of_a_node_that_takes_none(monkeypatch):
+    monkeypatch.setattr(server_watch.rospy, "Subscriber", Subscriber)
+    monkeypatch.setattr(server_watch.rospy, "get_rostime", lambda: SimpleNamespace(to_sec=lambda: 0.0))
+    heard = []
+    watch = ServerWatch("move_base_flex/move_base", lambda node: node != NODE, 5.0, heard.append)
+    watch._subscriber.hear()
+    assert not heard and not watch.is_up and watch.silence == float("inf")
+
+
+def test_a_server_that_was_started_again_at_another_address_has_all_its_time_to_speak(world):
+    connect(world)
+    world.alive, world.mute = set(), {"http://here:1", "http://here:2"}
+    assert looks(world, 4.5) is None
+    world.links[:] = [Link("http://here:2")]
+    assert looks(world, 4.5) is None
+    assert "hangs" in looks(world, 2.0)
