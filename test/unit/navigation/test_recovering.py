@@ -1,6 +1,7 @@
 """What move_base recovers from, with which behaviours, and when it starts them over."""
 
 import itertools
+from types import SimpleNamespace
 
 import pytest
 import scripted
@@ -8,7 +9,7 @@ from scripted import FORWARD, GOAL, NO_WAY, STUCK, arrive, failing
 
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.navigation.goals import FramedPose, NavigateGoal, NavigateOutcome
-from mbf_relay.navigation.recovery_policy import POLICIES, TriedBehaviors
+from mbf_relay.navigation.recovery_policy import BY_SEEING, POLICIES, TriedBehaviors, can_change
 from mbf_relay.navigation.task import Ending
 from mbf_relay.outcomes import ControlError, ControlOutcome, PlanningError, PlanOutcome
 
@@ -346,3 +347,34 @@ def test_a_planner_is_asked_about_what_a_recovery_left_not_about_what_was_seen_b
         bench.step()
     assert bench.finish(task).outcome is NavigateOutcome.SUCCESS
     assert bench.script.calls["R1"] == 1 and "R2" not in bench.script.calls
+
+
+def test_a_robot_that_sees_all_round_still_clears_its_costmaps_where_no_way_leads_to_its_goal():
+    """Of what it may do there only a turn on the spot shows it nothing new."""
+    clears, turns, leaves = (
+        SimpleNamespace(leaves_place=leaves, only_looks_round=looks)
+        for leaves, looks in ((False, False), (False, True), (True, False)))
+    for sees_all_round in (False, True):
+        costmap = SimpleNamespace(sees_all_round=sees_all_round)
+        assert can_change(BY_SEEING, clears, costmap) and can_change(BY_SEEING, leaves, costmap)
+        assert can_change(BY_SEEING, turns, costmap) is not sees_all_round
+
+
+def test_a_robot_that_hardly_moved_does_not_recover_in_the_same_way_for_ever():
+    trials = TriedBehaviors(["a", "b"])
+    tried = [trials.next(Pose2D(0.05 * (step % 2), 0.0, 0.0), 0.0, bool) for step in range(4)]
+    assert tried == [0, 1, None, None]
+    assert trials.next(Pose2D(0.4, 0.0, 0.0), 0.5, bool) is None, "no progress as yet"
+    assert trials.next(Pose2D(0.6, 0.0, 0.0), 0.5, bool) == 0
+
+
+def test_what_was_tried_by_odometry_nobody_could_believe_is_tried_again_at_the_same_place():
+    trials, here = TriedBehaviors(["a", "b"]), Pose2D(0.0, 0.0, 0.0)
+    for is_certain, expected in ((True, 0), (False, 1), (False, None), (True, 0), (True, 1), (True, None)):
+        assert trials.next(here, 0.5, bool, is_certain) == expected
+
+
+def test_a_robot_that_knows_where_it_is_after_a_first_failure_without_a_pose_is_recovered_there():
+    trials = TriedBehaviors(["a", "b"])
+    for pose, expected in ((None, 0), (None, 1), (Pose2D(0.0, 0.0, 0.0), 0), (None, 1)):
+        assert trials.next(pose, 0.5, bool) == expected
