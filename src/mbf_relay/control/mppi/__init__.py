@@ -1,4 +1,4 @@
-"""Model predictive path integral control: many noisy trajectories are sampled, and their mean weighted by cost is driven."""
+"""Model predictive path integral control: many noisy trajectories are sampled, and their weighted mean is driven."""
 
 CRITICS = {
     "ConstraintCritic": "mbf_relay.control.mppi.motion_critics.ConstraintCritic",

@@ -227,7 +227,7 @@ class MppiController(PathFollower):
         if self._is_tight:
             noises[:, :, 2] *= self._turns[:, None]
         if p.min_vel_x >= 0.0 and p.motion_model != ACKERMANN:
-            # past its goal it cannot come back: sampled as long as ever, nearly all trajectories end there, and it stands
+            # past its goal it cannot come back: sampled as far as ever, nearly all trajectories end there and it stands
             left = max(cycle.path.remaining, cycle.state.pose.distance_to(cycle.path.goal))
             noises[:, :, 0] *= min(1.0, left / (p.vx_std * p.time_steps * p.model_dt))
         noises[STANDING] = -self.controls
