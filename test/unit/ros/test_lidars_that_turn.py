@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import rospy
 from geometry_msgs.msg import TransformStamped
 from scan_source import scan_source
 from sensor_msgs.msg import LaserScan
@@ -43,7 +44,7 @@ class TurningFrames:
     def lookup(self, target, _source, when=None):
         return Pose2D(0.0, 0.0, self._yaw(target, when))
 
-    def lookup_message(self, target, source, when=None):
+    def lookup_message(self, target, source, when=None, max_age=None):
         message, half = TransformStamped(), 0.5 * self._yaw(target, when)
         if source == "laser" and self.upside_down:  # turned about x, then about z
             message.transform.rotation.x, message.transform.rotation.y = math.cos(half), math.sin(half)
@@ -64,11 +65,16 @@ class PanningFrames(TurningFrames):
     def lookup(self, _target, _source, _when=None):
         return IDENTITY
 
+    def lookup_message(self, target, source, when=None, max_age=None):
+        message = super().lookup_message(target, source, when)
+        message.header.stamp = rospy.Time.from_sec(self.now if when is None else when)  # of no static transform
+        return message
+
 
 class BroadcastFrames(TurningFrames):
     """Those of a robot that turns, whose lidar a node of its own tells tf of, ten times a second."""
 
-    def lookup_message(self, target, source, when=None):
+    def lookup_message(self, target, source, when=None, max_age=None):
         newest = math.floor(10.0 * self.now) / 10.0
         if when is not None and when > newest:
             raise TransformError("extrapolation into the future")

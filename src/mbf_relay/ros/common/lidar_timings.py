@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import threading
 from typing import Callable, Dict, Optional, Tuple
 
 from mbf_relay.geometry import Pose2D
-from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common.checks import shown
-from mbf_relay.ros.common.lidar_geometry import mounting_of
+from mbf_relay.ros.common.lidar_geometry import mounting_of, placed_when
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.scan import LaserScan
 from mbf_relay.scan_timing import ScanTiming
@@ -43,10 +41,10 @@ class LidarTimings:
             return self._transforms.lookup(odom_frame, base_frame, time).compose(laser_in_base)
 
         def pose_known(time: float) -> Pose2D:
-            with contextlib.suppress(TransformError):
+            """Return what `pose_at` does, also where tf tells of a moving lidar later than of the robot."""
+            if laser_in_base is not None:
                 return pose_at(time)
-            # tf may tell of a lidar that moves, or seems to, later than of the robot
-            placed = self._transforms.lookup_message(base_frame, scan.frame)
+            placed, _ = placed_when(time, scan.frame, base_frame, self._transforms)
             return self._transforms.lookup(odom_frame, base_frame, time).compose(mounting_of(placed.transform)[0])
 
         with self._lock:
