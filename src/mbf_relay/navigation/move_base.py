@@ -290,7 +290,7 @@ class MoveBase:
             self._stop_driving(now, at)
             if self._recover(result.outcome, result.message, result.cause):
                 return
-            if 0.0 < self._navigator.parameters.controller_patience <= self._ways.refused_for:
+            if self._navigator.parameters.ends_a_drive(self._ways.refused):
                 self._end(Ending.ABORTED, result.outcome, result.message)
             else:
                 self._plan_anew(now)  # what a replan lacked was not waited for
@@ -352,7 +352,7 @@ class MoveBase:
         if result.outcome is RecoveryOutcome.INTERNAL_ERROR:
             self._recovery_fault = result.message
         self._progress.restart(now)
-        self._ways.refused_for = 0.0
+        self._ways.refused = 0
         self._plan_anew(now)
 
     # ending

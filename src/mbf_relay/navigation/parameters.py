@@ -77,6 +77,11 @@ class NavigatorParameters(ParameterSet):
             return self.pose_timeout
         return max([USUAL_AGE, *(float(costmap.parameters.transform_tolerance) for costmap in costmaps)])
 
+    def ends_a_drive(self, refused: int) -> bool:
+        """Return whether so many cycles without a velocity are more than a controller may need for one."""
+        patience, retries = self.controller_patience, self.controller_max_retries
+        return 0.0 < patience * self.controller_frequency <= refused or 0 <= retries < refused
+
     @property
     def planning_tf_timeout(self) -> float:
         """How long (s) planning waits for a transform: no shorter than for a path, nor than Move Base Flex does."""

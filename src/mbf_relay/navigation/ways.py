@@ -40,14 +40,14 @@ class Ways:
         costmap: The global one.
 
     Attributes:
-        refused_for: Seconds of the cycles, over all drives, since the last recovery, or the controller's last velocity.
+        refused: Cycles, over all drives, without a velocity since the last recovery, or the controller's last velocity.
     """
 
     def __init__(self, robot: Robot, costmap: Any) -> None:
         self._robot, self._costmap = robot, costmap
         self._hysteresis, self._refused = PathHysteresis(), RefusedPlaces()
         self._failures = 0
-        self.refused_for = 0.0
+        self.refused = 0
 
     def restart(self) -> None:
         """Begin a new path: forget a pending switch, but not the refused places."""
@@ -76,10 +76,10 @@ class Ways:
     def watch(self, now: float, feedback: FollowFeedback, path: Path, frequency: float) -> None:
         """Take the feedback at `now` (s) of a controller that is asked at `frequency` (Hz), along a path."""
         if not feedback.refused:
-            self.refused_for = self.refused_for if feedback.is_unasked else 0.0
+            self.refused = self.refused if feedback.is_unasked else 0
             return
         self._failures += 1
-        self.refused_for += 1.0 / frequency
+        self.refused += 1
         if self._failures >= STOOD_FOR * frequency:
             self._failures = 0
             self._refuse(now, path, feedback.pose)

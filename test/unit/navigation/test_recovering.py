@@ -300,10 +300,15 @@ def test_who_stands_in_a_doorway_has_the_time_of_one_patience_to_leave_it(make_b
     assert "R1" not in bench.script.calls
 
 
+@pytest.mark.parametrize("patience, retries", [(5.0, -1), (0.0, 50)])
 @pytest.mark.parametrize("refused, outcome", [(10000, PlanOutcome.NO_PATH_FOUND), (20, NavigateOutcome.SUCCESS)])
-def test_a_goal_behind_what_the_planner_finds_a_way_through_now_and_then_ends(make_bench, refused, outcome):
-    """It went on for ever: each path found gave the controller, which drove none of them, its whole patience again."""
-    bench = make_bench(planner_patience=5.0, planner_frequency=5.0, planner_max_retries=-1, controller_patience=5.0)
+def test_a_goal_behind_what_the_planner_finds_a_way_through_now_and_then_ends(
+    make_bench, refused, outcome, patience, retries
+):
+    """It went on for ever: each path found gave the controller, which drove none, all patience and retries again."""
+    bench = make_bench(
+        planner_patience=5.0, planner_frequency=5.0, planner_max_retries=-1, controller_patience=patience,
+        controller_max_retries=retries)
     arrive(bench)
     bench.script.plan = lambda *ends: failing(NO_WAY, int(bench.script.calls["plan"] % 9 != 1), scripted.line)(*ends)
     bench.script.velocity = failing(STUCK, refused, FORWARD)
