@@ -28,9 +28,6 @@ FAR_BEYOND = 10 ** 18
 """What a whole number beyond it is taken for: out of every range as well, and one that a float can be."""
 SPEED_UNITS = ("m/s", "rad/s")
 """Units of what is refused beyond LARGEST and not taken to a nearer end: who writes that wants no limit at all."""
-WITHOUT_EFFECT = "read, and without effect:"
-"""How the description begins of a parameter that has an effect upstream and none here; of one without an effect in
-either it goes on ", as in" and upstream's name."""
 TOPIC = re.compile(r"[~/a-zA-Z][\w/]*", re.ASCII)
 """What may name a topic."""
 SWITCHES = {True: ("true", "yes", "on", "1", "1.0"), False: ("false", "no", "off", "0", "0.0")}
@@ -50,6 +47,7 @@ def parameter(
     else_default: bool = False,
     is_frame: bool = False,
     is_topic: bool = False,
+    has_effect: bool = True,
 ) -> Any:
     """Declare a parameter as a dataclass field.
 
@@ -65,15 +63,21 @@ def parameter(
         else_default: True where a text that is none of the choices stands for the default, as upstream has it.
         is_frame: It names a frame, as tf2 does: the slash is taken off with which tf's names began.
         is_topic: It names a topic, and cannot be empty.
+        has_effect: False where it has none here but has one upstream; see `without_effect`.
     """
     metadata = dict(
         description=description, unit=unit, minimum=minimum, maximum=maximum, above=above, choices=choices,
         aliases=tuple(aliases), clamped=clamped, else_default=else_default, is_frame=is_frame, is_topic=is_topic,
-        largest=math.inf if default == math.inf else LARGEST,
+        has_effect=has_effect, largest=math.inf if default == math.inf else LARGEST,
     )
     if isinstance(default, (list, dict)):
         return dataclasses.field(default_factory=lambda: type(default)(default), metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
+
+
+def without_effect(default: Any, why: str, *arguments: Any, **options: Any) -> Any:
+    """Declare a parameter that has an effect upstream and, for a reason, none here; else as `parameter`."""
+    return parameter(default, f"read, and without effect: {why}", *arguments, has_effect=False, **options)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -169,10 +173,9 @@ class ParameterSet:
 
     def set_in_vain(self) -> Dict[str, str]:
         """Return the parameters that are not at their defaults and without effect, each with its description."""
-        told = {field: field.metadata.get("description", "") for field in dataclasses.fields(self)}
         return {
-            field.name: description for field, description in told.items()
-            if description.startswith(WITHOUT_EFFECT) and getattr(self, field.name) != field.default
+            field.name: field.metadata["description"] for field in dataclasses.fields(self)
+            if not field.metadata.get("has_effect", True) and getattr(self, field.name) != field.default
         }
 
     @classmethod

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, List, Mapping, Tuple, Type, TypeVar
 
 from mbf_relay.control.follower_parameters import FollowerParameters
-from mbf_relay.parameters import parameter
+from mbf_relay.parameters import parameter, without_effect
 
 D = TypeVar("D", bound="DwaParameters")
 
@@ -92,7 +92,7 @@ class DwaParameters(FollowerParameters):
     publish_traj_pc: bool = parameter(False, "publish the sampled trajectories on trajectory_cloud")
     publish_cost_grid_pc: bool = parameter(False, "publish the costs of the local costmap's cells on cost_cloud")
     odom_topic: str = parameter("", "topic of odometry, if the server's own odom_topic is not given; read at start")
-    global_frame_id: str = parameter("odom", "read, and without effect: the clouds are in the costmap's frame")
+    global_frame_id: str = without_effect("odom", "the clouds are in the costmap's frame")
 
     @classmethod
     def read(cls: Type[D], values: Mapping[str, Any]) -> Tuple[D, List[str]]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, List, Mapping, Tuple, Type, TypeVar
 
 from mbf_relay.outcomes import ControlError, ControlOutcome
-from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.parameters import ParameterSet, parameter, without_effect
 
 F = TypeVar("F", bound="FollowerParameters")
 
@@ -56,7 +56,7 @@ class FollowerParameters(ParameterSet):
     acc_lim_trans: float = parameter(
         0.1, "read, and without effect, as in dwa_local_planner", "m/s^2", minimum=0.0, aliases=("acc_limit_trans",)
     )
-    prune_plan: bool = parameter(False, "read, and without effect: the path is always followed from its nearest point")
+    prune_plan: bool = without_effect(False, "the path is always followed from its nearest point")
     xy_goal_tolerance: float = parameter(
         0.1, "distance to the goal at which its position counts as reached", "m", above=0.0)
     yaw_goal_tolerance: float = parameter(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, List, Mapping, Tuple, Type, TypeVar
 
 from mbf_relay.control.follower_parameters import check_acceleration
-from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.parameters import ParameterSet, parameter, without_effect
 
 T = TypeVar("T", bound="TrajectoryPlannerParameters")
 
@@ -82,10 +82,9 @@ class TrajectoryPlannerParameters(ParameterSet):
         False, "path_distance_bias and goal_distance_bias are per metre instead of per cell")
     oscillation_reset_dist: float = parameter(
         0.05, "distance the robot must drive before it may reverse the direction of its motion again", "m", 0.0, 5.0)
-    escape_reset_dist: float = parameter(
-        0.1, "read, and without effect: backing out ends once the robot can go on", "m", 0.0, 5.0)
-    escape_reset_theta: float = parameter(
-        math.pi / 2.0, "read, and without effect: backing out ends once the robot can go on", "rad", 0.0, 5.0)
+    escape_reset_dist: float = without_effect(0.1, "backing out ends once the robot can go on", "m", 0.0, 5.0)
+    escape_reset_theta: float = without_effect(
+        math.pi / 2.0, "backing out ends once the robot can go on", "rad", 0.0, 5.0)
     escape_vel: float = parameter(
         -0.1, "velocity of backing out, below 0, limited to 0.45 of the top speed; 0 or above never backs out", "m/s",
         -2.0, 2.0, aliases=("backup_vel",))
@@ -102,7 +101,7 @@ class TrajectoryPlannerParameters(ParameterSet):
     heading_scoring: bool = parameter(False, "also score the heading towards the farthest visible point of the path")
     heading_scoring_timestep: float = parameter(
         0.1, "time along a trajectory at which its heading is scored", "s", 0.0, 1.0)
-    simple_attractor: bool = parameter(False, "read, and without effect: the goal is always approached along the path")
+    simple_attractor: bool = without_effect(False, "the goal is always approached along the path")
 
     xy_goal_tolerance: float = parameter(
         0.1, "distance to the goal at which its position counts as reached", "m", above=0.0)
@@ -116,11 +115,10 @@ class TrajectoryPlannerParameters(ParameterSet):
         minimum=0.0)
     publish_cost_grid_pc: bool = parameter(
         False, "publish the costs of the local costmap's cells on cost_cloud", aliases=("publish_cost_grid",))
-    prune_plan: bool = parameter(True, "read, and without effect: the path is always followed from its nearest point")
-    world_model: str = parameter("costmap", "read, and without effect: obstacles are the local costmap's")
-    controller_frequency: float = parameter(
-        20.0, "read, and without effect: the server's controller_frequency is the rate", "Hz")
-    global_frame_id: str = parameter("odom", "read, and without effect: the cloud is in the costmap's frame")
+    prune_plan: bool = without_effect(True, "the path is always followed from its nearest point")
+    world_model: str = without_effect("costmap", "obstacles are the local costmap's")
+    controller_frequency: float = without_effect(20.0, "the server's controller_frequency is the rate", "Hz")
+    global_frame_id: str = without_effect("odom", "the cloud is in the costmap's frame")
 
     @classmethod
     def read(cls: Type[T], values: Mapping[str, Any]) -> Tuple[T, List[str]]:

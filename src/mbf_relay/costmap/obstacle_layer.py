@@ -15,7 +15,7 @@ from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.observation_source import RANGE, ObservationSource, RayBundle, SourceParameters
 from mbf_relay.geometry import Pose2D
 from mbf_relay.grid import Grid
-from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.parameters import ParameterSet, parameter, without_effect
 
 OVERWRITE, MAXIMUM, NOTHING = 0, 1, 99
 
@@ -262,11 +262,9 @@ class VoxelLayerParameters(ObstacleLayerParameters):
     z_resolution: float = parameter(0.2, "height of a voxel", unit="m", above=0.0, maximum=50.0)
     z_voxels: int = parameter(
         10, "number of voxels in a column; points above the highest are not added as obstacles", minimum=0)
-    unknown_threshold: int = parameter(
-        15, "read, and without effect: a cell is known or unknown as a whole column", minimum=0)
-    mark_threshold: int = parameter(
-        0, "read, and without effect: one point is enough for an obstacle, as with 0 in costmap_2d", minimum=0)
-    publish_voxel_map: bool = parameter(False, "read, and without effect: there are no voxels to publish")
+    unknown_threshold: int = without_effect(15, "a cell is known or unknown as a whole column", minimum=0)
+    mark_threshold: int = without_effect(0, "one point is enough for an obstacle, as with 0 in costmap_2d", minimum=0)
+    publish_voxel_map: bool = without_effect(False, "there are no voxels to publish")
 
 
 class VoxelLayer(ObstacleLayer):

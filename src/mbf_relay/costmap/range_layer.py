@@ -20,7 +20,7 @@ from mbf_relay.costmap.layer import CellLayer, LayerContext, changed_window, shi
 from mbf_relay.costmap.observation import Observation
 from mbf_relay.costmap.observation_source import RANGE, SourceParameters
 from mbf_relay.grid import Grid
-from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.parameters import ParameterSet, parameter, without_effect
 
 UNDECIDED = 0.5
 SUREST = 0.95
@@ -40,9 +40,9 @@ class RangeSensorLayerParameters(ParameterSet):
     enabled: bool = parameter(True, "use this layer")
     ns: str = parameter("", "namespace put before each topic; empty for none")
     topics: Tuple[str, ...] = parameter(("/sonar",), "topics of sensor_msgs/Range; several sensors may share one")
-    input_sensor_type: str = parameter(
-        "ALL", "read, and without effect: a message whose min_range equals its max_range is from a fixed-distance "
-        "sensor", choices=("VARIABLE", "FIXED", "ALL"))
+    input_sensor_type: str = without_effect(
+        "ALL", "a message whose min_range equals its max_range is from a fixed-distance sensor",
+        choices=("VARIABLE", "FIXED", "ALL"))
     no_readings_timeout: float = parameter(
         0.0, "longest time between two readings of a topic before the costmap is stale; 0 for no limit", "s",
         minimum=0.0)

@@ -11,7 +11,7 @@ from mbf_relay.costmap.cost_grid import LETHAL, Window
 from mbf_relay.costmap.layer import LayerContext, shifted
 from mbf_relay.costmap.obstacle_layer import ObstacleLayer, ObstacleLayerParameters
 from mbf_relay.grid import Grid
-from mbf_relay.parameters import parameter
+from mbf_relay.parameters import parameter, without_effect
 from mbf_relay.timing import SET_BACK
 
 LINEAR, EXPONENTIAL, PERSISTENT = 0, 1, -1
@@ -36,12 +36,11 @@ class SpatioTemporalLayerParameters(ObstacleLayerParameters):
     max_obstacle_height: float = parameter(
         50.0, "points higher than this are not added as obstacles; each source has its own limit too", unit="m",
         minimum=0.0, maximum=50.0)
-    voxel_size: float = parameter(0.05, "read, and without effect: cells have the costmap's resolution", unit="m")
-    mark_threshold: int = parameter(
-        0, "read, and without effect: one point is enough for an obstacle, as with 0 in C++", minimum=0)
-    publish_voxel_map: bool = parameter(False, "read, and without effect: there are no voxels to publish")
-    mapping_mode: bool = parameter(False, "read, and without effect: there are no voxels to save")
-    map_save_duration: float = parameter(60.0, "read, and without effect: there are no voxels to save", unit="s")
+    voxel_size: float = without_effect(0.05, "cells have the costmap's resolution", unit="m")
+    mark_threshold: int = without_effect(0, "one point is enough for an obstacle, as with 0 in C++", minimum=0)
+    publish_voxel_map: bool = without_effect(False, "there are no voxels to publish")
+    mapping_mode: bool = without_effect(False, "there are no voxels to save")
+    map_save_duration: float = without_effect(60.0, "there are no voxels to save", unit="s")
 
     @classmethod
     def deprecated_names(cls, values: Mapping[str, Any]) -> Dict[str, str]:

@@ -11,7 +11,7 @@ import numpy as np
 from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.kept_pose import SAVED_ODOM
 from mbf_relay.localization.parameters import LocalizerParameters
-from mbf_relay.parameters import convert, parameter
+from mbf_relay.parameters import convert, parameter, without_effect
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class AmclParameters(LocalizerParameters):
     transform_tolerance: float = parameter(
         0.1, "how far into the future map -> odom is stamped, for which it stays valid", unit="s", minimum=0.0,
         maximum=2.0)
-    gui_publish_rate: float = parameter(-1.0, "read, and without effect: amcl's files have it", unit="Hz")
+    gui_publish_rate: float = without_effect(-1.0, "amcl's files have it", unit="Hz")
     save_pose_rate: float = parameter(
         0.5, "how often the pose is stored on the parameter server, for the next start; -1 for never", unit="Hz")
     tf_broadcast: bool = parameter(True, "publish map -> odom on /tf")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import List
 
-from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.parameters import ParameterSet, parameter, without_effect
 
 OTHER_MOVE_BASE_NAMES: List[str] = [
     "recovery_behaviors",
@@ -43,6 +43,6 @@ class MoveBaseParameters(ParameterSet):
         0.0, "time of oscillation before recovery; 0 to switch the check off", unit="s", minimum=0.0, maximum=60.0)
     oscillation_distance: float = parameter(
         0.5, "distance the robot must move not to count as oscillating", unit="m", minimum=0.0, maximum=10.0)
-    make_plan_clear_costmap: bool = parameter(True, "read, and without effect: make_plan plans in the costmap as it is")
+    make_plan_clear_costmap: bool = without_effect(True, "make_plan plans in the costmap as it is")
     make_plan_add_unreachable_goal: bool = parameter(
         True, "append the goal to make_plan's plan even if the plan ends short of it")

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, Iterable, Optional, Tuple
 
-from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.parameters import ParameterSet, parameter, without_effect
 
 USUAL_WAIT = 3.0
 """Seconds that Move Base Flex waits for a transform where tf_timeout is not given."""
@@ -53,7 +53,7 @@ class NavigatorParameters(ParameterSet):
         None, "age of the robot's pose above which it stops; if not given, 1 or the longest transform_tolerance of the "
         "costmaps", "s", above=0.0)
     odom_timeout: float = parameter(1.0, "age of odometry above which the robot stops", "s", above=0.0)
-    force_stop_at_goal: bool = parameter(False, "read, and without effect: a zero velocity always ends the drive")
+    force_stop_at_goal: bool = without_effect(False, "a zero velocity always ends the drive")
     force_stop_on_retry: bool = parameter(True, "stop at once while a failed cycle is retried; false slows down")
     force_stop_on_cancel: bool = parameter(
         False, "stop also when another goal follows at once; a cancel without one always stops")

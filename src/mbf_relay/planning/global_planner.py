@@ -8,7 +8,7 @@ from typing import Any, Optional, Tuple
 import numpy as np
 
 from mbf_relay.geometry import Pose2D
-from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.parameters import ParameterSet, parameter, without_effect
 from mbf_relay.planning.grid_planner import GridPlanner, SearchQuery
 from mbf_relay.planning.navfn import descend_potential
 from mbf_relay.planning.orientation import OrientationMode, oriented
@@ -31,10 +31,10 @@ class GlobalPlannerParameters(ParameterSet):
         0.0, "how far from the goal a path may end, if the request gives no tolerance", unit="m", minimum=0.0)
     use_dijkstra: bool = parameter(
         True, "compute the published potential in all directions, not only towards the goal; paths are the same")
-    use_quadratic: bool = parameter(True, "read, and without effect: the potential is always interpolated")
+    use_quadratic: bool = without_effect(True, "the potential is always interpolated")
     use_grid_path: bool = parameter(False, "follow cells in 8 directions; false descends the potential's gradient")
-    old_navfn_behavior: bool = parameter(False, "read, and without effect: paths do not need it")
-    outline_map: bool = parameter(True, "read, and without effect: paths never leave the map")
+    old_navfn_behavior: bool = without_effect(False, "paths do not need it")
+    outline_map: bool = without_effect(True, "paths never leave the map")
     lethal_cost: int = parameter(
         253, "cells whose cost is at least this minus one are never entered; weights are limited to less than this",
         minimum=1, maximum=255)

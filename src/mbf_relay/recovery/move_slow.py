@@ -7,7 +7,7 @@ from typing import Iterator, Tuple
 
 from mbf_relay.control.state import SpeedLimit
 from mbf_relay.geometry import Twist2D
-from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.parameters import ParameterSet, parameter, without_effect
 from mbf_relay.recovery.clear_costmap import NAMES_BY_DEFAULT, clear_round_robot, stand_until_updated
 from mbf_relay.recovery.recovery import Recovery, RecoveryContext
 
@@ -25,12 +25,9 @@ class MoveSlowParameters(ParameterSet):
     limited_distance: float = parameter(0.3, "distance after which the speed limits end", "m", minimum=0.0)
     layer_names: Tuple[str, ...] = parameter(
         (), "names of the layers to clear; empty for obstacle_layer and all whose names contain 'obstacles'")
-    max_trans_param_name: str = parameter(
-        "max_trans_vel", "read, and without effect: limits are set in the controller itself")
-    max_rot_param_name: str = parameter(
-        "max_rot_vel", "read, and without effect: limits are set in the controller itself")
-    planner_namespace: str = parameter(
-        "DWAPlannerROS", "read, and without effect: the controller that failed is limited")
+    max_trans_param_name: str = without_effect("max_trans_vel", "limits are set in the controller itself")
+    max_rot_param_name: str = without_effect("max_rot_vel", "limits are set in the controller itself")
+    planner_namespace: str = without_effect("DWAPlannerROS", "the controller that failed is limited")
 
 
 class MoveSlowAndClear(Recovery):

@@ -11,7 +11,7 @@ import numpy as np
 from mbf_relay.control.trajectories import speed_to_stop_within
 from mbf_relay.geometry import Twist2D, angle_between
 from mbf_relay.outcomes import RecoveryError, RecoveryOutcome
-from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.parameters import ParameterSet, parameter, without_effect
 from mbf_relay.recovery.maneuver import CheckedPose, look, measured
 from mbf_relay.recovery.recovery import Recovery, RecoveryContext
 
@@ -24,8 +24,7 @@ class RotateParameters(ParameterSet):
 
     sim_granularity: float = parameter(
         0.017, "angle between the headings that are checked for collision", "rad", above=0.0)
-    frequency: float = parameter(
-        20.0, "read, and without effect: velocities are sent at the server's rate", "Hz", above=0.0)
+    frequency: float = without_effect(20.0, "velocities are sent at the server's rate", "Hz", above=0.0)
     acc_lim_theta: float = parameter(
         3.2, "rotational acceleration limit", "rad/s^2", above=0.0, aliases=("acc_lim_th",))
     max_vel_theta: float = parameter(

@@ -11,7 +11,7 @@ from mbf_relay.control.mppi.critic import CriticFunction, CriticParameters, Roll
 from mbf_relay.control.mppi.parameters import DIFF_DRIVE
 from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL
 from mbf_relay.geometry import normalize_angles
-from mbf_relay.parameters import parameter
+from mbf_relay.parameters import parameter, without_effect
 
 
 @dataclass(frozen=True)
@@ -19,16 +19,15 @@ class CostCriticParameters(CriticParameters):
     """Parameters of MPPI's CostCritic."""
 
     cost_weight: float = parameter(3.81, "weight of this critic in the sum of costs", minimum=0.0)
-    consider_footprint: bool = parameter(
-        True, "read, and without effect: the footprint is always checked along the trajectory")
+    consider_footprint: bool = without_effect(True, "the footprint is always checked along the trajectory")
     critical_cost: float = parameter(
         300.0, "cost added where the robot's centre passes a cell of inscribed cost", minimum=0.0)
     collision_cost: float = parameter(1000000.0, "cost of a trajectory that collides", minimum=0.0)
     near_goal_distance: float = parameter(
         0.5, "distance to the goal below which costs are not charged, only critical_cost and collision_cost", "m",
         minimum=0.0)
-    inflation_layer_name: str = parameter("", "read, and without effect: costs are the costmap's")
-    trajectory_point_step: int = parameter(2, "read, and without effect: every step is checked", minimum=1)
+    inflation_layer_name: str = without_effect("", "costs are the costmap's")
+    trajectory_point_step: int = without_effect(2, "every step is checked", minimum=1)
 
 
 class CostCritic(CriticFunction):
@@ -64,9 +63,8 @@ class ObstaclesCriticParameters(CriticParameters):
         above=0.0)
     near_goal_distance: float = parameter(
         0.5, "distance to the goal below which repulsion_weight does not apply", "m", minimum=0.0)
-    consider_footprint: bool = parameter(
-        True, "read, and without effect: the footprint is always checked along the trajectory")
-    inflation_layer_name: str = parameter("", "read, and without effect: distances are the costmap's")
+    consider_footprint: bool = without_effect(True, "the footprint is always checked along the trajectory")
+    inflation_layer_name: str = without_effect("", "distances are the costmap's")
 
 
 class ObstaclesCritic(CriticFunction):
