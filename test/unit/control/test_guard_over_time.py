@@ -30,6 +30,20 @@ def test_a_robot_that_drives_on_as_time_is_set_back_does_not_forget_how_far_it_c
     assert shares[0] == 1.0 and shares[-1] < 1.0
 
 
+def test_a_robot_is_not_slowed_for_what_it_drove_at_that_time_before_the_clock_was_set_back():
+    verdicts = []
+    for drove_before in (True, False):
+        guard = VelocityGuard(parameters())
+        for stamp in (10.0, 20.0) if drove_before else ():
+            guard.take_scan(scan_with(3.0, 0, 10, stamp=stamp), LASER)
+            assert judged(guard, AHEAD if stamp == 10.0 else STOP, stamp).cause in (guards.PASSING, guards.STANDING)
+        for now in (1.0, 15.0):
+            guard.take_scan(scan_with(0.24, -50, 50, stamp=now - 0.4), LASER)
+            verdict = judged(guard, AHEAD if now > 1.0 else STOP, now)
+        verdicts.append(verdict)
+    assert verdicts[0] == verdicts[1] and verdicts[0].cause == guards.PASSING
+
+
 def test_a_frozen_lidar_is_found_out_as_soon_as_late_wheels_must_have_moved():
     guard = guard_that_saw(scan_with(2.0, 0, 90))
     guard.delay.seconds = 0.5
