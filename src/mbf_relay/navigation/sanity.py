@@ -103,6 +103,7 @@ def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any]) -> Iterator
     if not len(corners) and _is_zero(radius):
         yield "robot_radius", f"is {radius}, and there is no footprint: what takes no room fits through every gap"
     yield from _of_inflation(group, radii(corners)[0] if len(corners) else _number(radius))
+    yield from _of_order(group)
     yield from _of_sources(group)
 
 
@@ -162,6 +163,20 @@ def _of_inflation(group: Mapping[str, Any], inscribed: float) -> Iterator[Doubt]
                 "inflation_radius")
             yield at, (f"is {inflation:g} m, less than the {inscribed:.2f} m from the robot's middle to its nearest "
                        "edge: paths lead closer to obstacles than it can drive")
+
+
+def _of_order(group: Mapping[str, Any]) -> Iterator[Doubt]:
+    """Doubt that obstacles are to be left without inflation, which reaches what layers listed before it have marked."""
+    late: List[str] = []
+    inflation = ""
+    for name, kind, _values in _layers(group):
+        if "inflation_radius" in kind.names():
+            late, inflation = [], name
+        elif inflation and issubclass(kind, ObstacleLayerParameters):
+            late.append(name)
+    if late:
+        yield "plugins", (f"lists {', '.join(map(repr, late))} after '{inflation}', which inflates only what layers "
+                          "before it have marked: paths lead right beside what is seen; list it last")
 
 
 def _of_controller(group: Mapping[str, Any]) -> Iterator[Doubt]:

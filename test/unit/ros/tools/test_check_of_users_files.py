@@ -229,3 +229,17 @@ def test_an_expression_that_python_cannot_evaluate_is_told_where_its_value_is_wa
     assert check(tmp_path, text, name="nav.launch")[0] == status
     said = capsys.readouterr().err
     assert (f"$(eval {expression})" in said and "nav.launch" in said) == bool(status), said
+
+
+@pytest.mark.parametrize("order, doubted", [
+    (("inflated", "seen"), True), (("seen", "inflated"), False), (("inflated", "seen", "inflated_too"), False),
+    (("seen",), False),
+])
+def test_a_robot_led_right_beside_what_it_sees_is_doubted(tmp_path, order, doubted):
+    """A public quadruped's files list the inflation first, and costmap_2d inflates in that order."""
+    types = {"seen": "ObstacleLayer", "inflated": "InflationLayer", "inflated_too": "InflationLayer"}
+    listed = ", ".join(f"{{name: {name}, type: 'costmap_2d::{types[name]}'}}" for name in order)
+    layers = f"plugins: [{listed}], seen: {{observation_sources: scan, scan: {{topic: scan}}}}, "
+    status, told = check(tmp_path, COSTMAPS.replace("observation_sources: scan, ", layers))
+    assert ("doubtful: local_costmap/plugins: lists 'seen' after 'inflated', which inflates only" in told) == doubted
+    assert status == int(doubted), told
