@@ -139,6 +139,7 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="check_config.py",
         description="Tell which parameters of a launch file or of YAML files are used, changed, replaced or ignored.",
+        epilog="Exit status: 1 where something is refused or doubtful, 2 where nothing could be read, else 0.",
     )
     parser.add_argument(
         "files", nargs="+", metavar="FILE",
@@ -154,7 +155,7 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
         help="node that reads the YAML files (default: judged by the names in them)",
     )
     parser.add_argument(
-        "--strict", action="store_true", help="exit with status 1 also if a parameter is changed, ignored or not read"
+        "--strict", action="store_true", help="exit with status 1 also where anything is not used as it is, or not read"
     )
     parser.add_argument("--quiet", action="store_true", help="do not list parameters that are used as they are")
     return parser.parse_intermixed_args(arguments)
